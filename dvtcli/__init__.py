@@ -1,0 +1,3 @@
+"""dvtcli: a PDO configurator for CANopen devices."""
+
+__version__ = "0.1.0"

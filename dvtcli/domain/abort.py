@@ -1,0 +1,72 @@
+"""SDO abort codes with their meaning (CiA 301, table 22). Does not know what a maker means by one."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+
+class Abort(IntEnum):
+    """The codes that dvtcli itself reasons about."""
+
+    TOGGLE_BIT = 0x0503_0000
+    TIME_OUT = 0x0504_0000
+    COMMAND_SPECIFIER = 0x0504_0001
+    UNSUPPORTED_ACCESS = 0x0601_0000
+    WRITE_ONLY = 0x0601_0001
+    READ_ONLY = 0x0601_0002
+    NO_OBJECT = 0x0602_0000
+    NOT_MAPPABLE = 0x0604_0041
+    PDO_LENGTH = 0x0604_0042
+    HARDWARE = 0x0606_0000
+    LENGTH = 0x0607_0010
+    TOO_LONG = 0x0607_0012
+    TOO_SHORT = 0x0607_0013
+    NO_SUB_INDEX = 0x0609_0011
+    VALUE_RANGE = 0x0609_0030
+    VALUE_HIGH = 0x0609_0031
+    VALUE_LOW = 0x0609_0032
+    NO_DATA = 0x060A_0023
+    GENERAL = 0x0800_0000
+    CANNOT_STORE = 0x0800_0020
+    LOCAL_CONTROL = 0x0800_0021
+    DEVICE_STATE = 0x0800_0022
+
+
+_TEXTS = {
+    0x0503_0000: "toggle bit not alternated",
+    0x0504_0000: "SDO protocol timed out",
+    0x0504_0001: "command specifier not valid or unknown",
+    0x0504_0002: "invalid block size",
+    0x0504_0003: "invalid sequence number",
+    0x0504_0004: "CRC error",
+    0x0504_0005: "out of memory",
+    0x0601_0000: "unsupported access to an object",
+    0x0601_0001: "attempt to read a write-only object",
+    0x0601_0002: "attempt to write a read-only object",
+    0x0602_0000: "object does not exist in the object dictionary",
+    0x0604_0041: "object cannot be mapped to the PDO",
+    0x0604_0042: "number and length of the mapped objects would exceed the PDO's length",
+    0x0604_0043: "general parameter incompatibility",
+    0x0604_0047: "general internal incompatibility in the device",
+    0x0606_0000: "access failed due to a hardware error",
+    0x0607_0010: "data type or length does not match",
+    0x0607_0012: "data type does not match, parameter too long",
+    0x0607_0013: "data type does not match, parameter too short",
+    0x0609_0011: "sub-index does not exist",
+    0x0609_0030: "invalid value for the parameter",
+    0x0609_0031: "value written is too high",
+    0x0609_0032: "value written is too low",
+    0x0609_0036: "maximum value is less than the minimum value",
+    0x060A_0023: "resource not available: SDO connection",
+    0x0800_0000: "general error",
+    0x0800_0020: "data cannot be transferred or stored to the application",
+    0x0800_0021: "data cannot be transferred or stored because of local control",
+    0x0800_0022: "data cannot be transferred or stored because of the present device state",
+    0x0800_0023: "no object dictionary is present",
+    0x0800_0024: "no data available",
+}
+
+
+def abort_text(code: int) -> str:
+    """What an abort *code* means, in words; unknown codes are said to be unknown."""
+    return _TEXTS.get(code, "unknown abort code")

@@ -1,0 +1,205 @@
+"""A device's object dictionary as a file describes it.
+
+Knows names, types, access and limits. Does not know the file format, and never what a device holds now.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from enum import IntEnum, StrEnum
+
+from dvtcli.domain.datatypes import DataType
+
+
+class Access(StrEnum):
+    """Access types of CiA 306; `rwr` may feed a TPDO, `rww` may be an RPDO's target."""
+
+    RO = "ro"
+    WO = "wo"
+    RW = "rw"
+    RWR = "rwr"
+    RWW = "rww"
+    CONST = "const"
+
+    @property
+    def readable(self) -> bool:
+        """Whether an SDO upload is possible."""
+        return self is not Access.WO
+
+    @property
+    def writable(self) -> bool:
+        """Whether an SDO download is possible."""
+        return self not in (Access.RO, Access.CONST)
+
+
+class ObjectType(IntEnum):
+    """Object codes of CiA 301, table 42."""
+
+    NULL = 0
+    DOMAIN = 2
+    DEFTYPE = 5
+    DEFSTRUCT = 6
+    VAR = 7
+    ARRAY = 8
+    RECORD = 9
+
+
+@dataclass(frozen=True, slots=True)
+class OdEntry:
+    """One sub-index of an object.
+
+    *data_type* and *pdo_mapping* are None where the file does not say. *pdo_mapping* is the
+    file's PDOMapping; the direction follows from *access*. *default* and *value* (a DCF's ParameterValue) are the
+    bytes for node-ID 0; where *…_relative* is set the node-ID is added. *low* and *high* are the file's
+    limits in the object's own type. *line* is the section's first line in the file, 1 and up.
+    """
+
+    index: int
+    sub_index: int
+    name: str
+    data_type: DataType | None = None
+    access: Access = Access.RW
+    pdo_mapping: bool | None = None
+    default: bytes | None = None
+    default_relative: bool = False
+    value: bytes | None = None
+    value_relative: bool = False
+    low: int | float | None = None
+    high: int | float | None = None
+    unit: str = ""
+    object_flags: int = 0
+    line: int | None = None
+
+    @property
+    def object(self) -> str:
+        """The object as it is printed and typed: `6C01:01`."""
+        return f"{self.index:04X}:{self.sub_index:02X}"
+
+    @property
+    def bits(self) -> int | None:
+        """Length in bits when mapped, None where unknown or varying."""
+        return None if self.data_type is None else self.data_type.bits
+
+    def initial(self, node_id: int) -> bytes | None:
+        """What the object holds at power-on of node *node_id*: ParameterValue, else DefaultValue, else None."""
+        data, relative = (self.default, self.default_relative)
+        if self.value is not None:
+            data, relative = self.value, self.value_relative
+        if data is None or not relative:
+            return data
+        modulus = 1 << 8 * len(data)
+        return ((int.from_bytes(data, "little") + node_id) % modulus).to_bytes(len(data), "little")
+
+
+@dataclass(frozen=True, slots=True)
+class OdObject:
+    """One index with its sub-indices, by sub-index; a VAR has sub-index 0 only."""
+
+    index: int
+    name: str
+    object_type: int
+    entries: Mapping[int, OdEntry]
+    line: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceInfo:
+    """What a file says about the device as a whole; None or empty where it is silent."""
+
+    vendor_name: str = ""
+    product_name: str = ""
+    vendor_id: int | None = None
+    product_code: int | None = None
+    revision_number: int | None = None
+    granularity: int | None = None
+    rpdo_count: int | None = None
+    tpdo_count: int | None = None
+    node_id: int | None = None
+    bit_rates_kbit: tuple[int, ...] = ()
+    dummies: frozenset[int] | None = None
+
+
+class ObjectDictionary(Mapping[int, OdObject]):
+    """The objects of a file by index, ascending; an object is built when it is first looked at.
+
+    *objects* holds OdObjects or functions that build one. *source* is the file's name for messages.
+    """
+
+    def __init__(
+        self,
+        objects: Mapping[int, OdObject | Callable[[], OdObject]],
+        info: DeviceInfo | None = None,
+        source: str = "",
+    ) -> None:
+        self._objects: dict[int, OdObject | Callable[[], OdObject]] = {i: objects[i] for i in sorted(objects)}
+        self.info = info or DeviceInfo()
+        self.source = source
+        self._names: dict[str, list[OdEntry]] | None = None
+
+    def __getitem__(self, index: int) -> OdObject:
+        found = self._objects[index]
+        if not isinstance(found, OdObject):
+            found = self._objects[index] = found()
+        return found
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(self._objects)
+
+    def __len__(self) -> int:
+        return len(self._objects)
+
+    def entry(self, index: int, sub_index: int) -> OdEntry | None:
+        """The entry at *index*:*sub_index*, or None."""
+        if index not in self._objects:
+            return None
+        return self[index].entries.get(sub_index)
+
+    def entries(self) -> Iterator[OdEntry]:
+        """Every entry, ascending by index and sub-index."""
+        for index in self:
+            yield from self[index].entries.values()
+
+    def place(self, entry: OdEntry) -> str:
+        """Where *entry* stands: `drive.eds:812`."""
+        return f"{self.source}:{entry.line}" if entry.line else self.source
+
+    def display_name(self, index: int, sub_index: int) -> str:
+        """A name for a person: the entry's own, with its object's in front where several entries share it."""
+        entry = self.entry(index, sub_index)
+        if entry is None:
+            return ""
+        parent = self[index].name
+        if len(self[index].entries) == 1 or entry.name == parent:
+            return entry.name
+        return f"{parent}.{entry.name}"
+
+    def find(self, name: str) -> list[OdEntry]:
+        """Entries whose name a user means by *name*: case, blanks and punctuation do not matter.
+
+        `statusword`, `Velocity actual value`, `velocity_actual_value` and `Analogue input.Channel 1` all find
+        theirs. A full `object.entry` name is tried first, then an entry's or a one-entry object's own name.
+        """
+        if self._names is None:
+            self._names = self._index_names()
+        return self._names.get(normalised(name), [])
+
+    def _index_names(self) -> dict[str, list[OdEntry]]:
+        names: dict[str, list[OdEntry]] = {}
+        for entry in self.entries():
+            parent = self[entry.index].name
+            keys = {normalised(entry.name), normalised(f"{parent}.{entry.name}")}
+            if len(self[entry.index].entries) == 1:
+                keys.add(normalised(parent))
+            for key in keys - {""}:
+                names.setdefault(key, []).append(entry)
+        return names
+
+
+_SEPARATOR = re.compile(r"[^0-9a-zà-ÿ.]+")
+
+
+def normalised(name: str) -> str:
+    """*name* in lower case with every run of blanks and punctuation (but `.`) as one `_`."""
+    return _SEPARATOR.sub("_", name.lower()).strip("_")

@@ -1,0 +1,150 @@
+"""PDOs: where they stand in the dictionary and what a configuration of one is.
+
+Knows the standard's indices and defaults. Does not know what a device allows (`rules`, `profile`).
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from enum import StrEnum
+
+from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.mapping import DAM_MPDO, SAM_MPDO, PdoMappingEntry, total_bits
+
+MAX_PDO_NUMBER = 512
+EVENT_DRIVEN = 255
+
+
+class Direction(StrEnum):
+    """Seen from the device: a TPDO is sent by it, an RPDO received."""
+
+    RPDO = "rpdo"
+    TPDO = "tpdo"
+
+
+_COMMUNICATION = {Direction.RPDO: 0x1400, Direction.TPDO: 0x1800}
+_MAPPING = {Direction.RPDO: 0x1600, Direction.TPDO: 0x1A00}
+_DEFAULT_CAN_ID = {Direction.RPDO: 0x200, Direction.TPDO: 0x180}
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Pdo:
+    """One PDO of a node; *number* is 1..512 as the field counts."""
+
+    direction: Direction
+    number: int
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.number <= MAX_PDO_NUMBER:
+            raise ValueError(f"{self.direction}{self.number}: PDO numbers are 1..{MAX_PDO_NUMBER}")
+
+    @classmethod
+    def parse(cls, text: str) -> Pdo:
+        """Read `tpdo1` … `tpdo512`, `rpdo1` …, in any case; ValueError says what is wrong."""
+        match = re.fullmatch(r"([rt])(?:x)?pdo(\d{1,9})", text.strip(), re.IGNORECASE | re.ASCII)
+        if not match:
+            raise ValueError(f"{text!r} is not a PDO; write tpdo1…tpdo512 or rpdo1…rpdo512")
+        return cls(Direction.TPDO if match[1] in "tT" else Direction.RPDO, int(match[2]))
+
+    @classmethod
+    def at(cls, index: int) -> Pdo | None:
+        """The PDO whose communication or mapping parameter is at *index*, or None."""
+        for direction in Direction:
+            for base in (_COMMUNICATION[direction], _MAPPING[direction]):
+                if base <= index < base + MAX_PDO_NUMBER:
+                    return cls(direction, index - base + 1)
+        return None
+
+    @property
+    def is_tpdo(self) -> bool:
+        """Whether the device sends it."""
+        return self.direction is Direction.TPDO
+
+    @property
+    def communication_index(self) -> int:
+        """Index of the communication parameter: 0x1400 or 0x1800 plus number - 1."""
+        return _COMMUNICATION[self.direction] + self.number - 1
+
+    @property
+    def mapping_index(self) -> int:
+        """Index of the mapping parameter: 0x1600 or 0x1A00 plus number - 1."""
+        return _MAPPING[self.direction] + self.number - 1
+
+    def default_can_id(self, node_id: int) -> int | None:
+        """CAN-ID of the pre-defined connection set for PDO 1..4 of *node_id* (1..127), else None."""
+        if self.number > 4:
+            return None
+        return _DEFAULT_CAN_ID[self.direction] + 0x100 * (self.number - 1) + node_id
+
+    @property
+    def label(self) -> str:
+        """As it is shown: `TPDO1`."""
+        return f"{self.direction.upper()}{self.number}"
+
+    def __str__(self) -> str:
+        return f"{self.direction}{self.number}"
+
+
+@dataclass(frozen=True, slots=True)
+class PdoCommunicationParameter:
+    """A communication parameter; None means that the device has no such sub-index.
+
+    *transmission_type* is 0..255, *inhibit_time* counts 100 µs, *event_timer* counts 1 ms,
+    *sync_start_value* is a SYNC counter value 0..255 (CiA 301, 7.5.2.35 and 7.5.2.37).
+    """
+
+    cob_id: CobId
+    transmission_type: int | None = None
+    inhibit_time: int | None = None
+    event_timer: int | None = None
+    sync_start_value: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class PdoConfig:
+    """What a PDO is set to: its communication parameter and its active mapping, in frame order.
+
+    *count* is the mapping's sub-index 0; it differs from the number of entries only for MPDOs
+    (0xFE, 0xFF), which are shown and never written.
+    """
+
+    communication: PdoCommunicationParameter
+    mapping: tuple[PdoMappingEntry, ...]
+    mpdo: int | None = None
+
+    @property
+    def enabled(self) -> bool:
+        """Whether the PDO exists on the bus (bit 31 clear)."""
+        return self.communication.cob_id.valid
+
+    @property
+    def count(self) -> int:
+        """Mapping sub-index 0 as the device holds it."""
+        return len(self.mapping) if self.mpdo is None else self.mpdo
+
+    @property
+    def bits(self) -> int:
+        """Summed length of the mapping, in bits."""
+        return total_bits(self.mapping)
+
+
+def is_mpdo(count: int) -> bool:
+    """Whether a mapping count marks a multiplexed PDO (0xFE source, 0xFF destination addressing)."""
+    return count in (SAM_MPDO, DAM_MPDO)
+
+
+def transmission_type_text(value: int, direction: Direction) -> str:
+    """What transmission type *value* (0..255) means for *direction*, in a few words (CiA 301, table 71 ff.)."""
+    tpdo = direction is Direction.TPDO
+    if value == 0:
+        return "acyclic, synchronous" if tpdo else "synchronous"
+    if value <= 240:
+        if not tpdo:
+            return "synchronous"
+        return "every SYNC" if value == 1 else f"every {value} SYNCs"
+    if value >= 254:
+        return "event-driven" if tpdo else "immediate"
+    if tpdo and value >= 252:
+        return "on RTR, synchronous" if value == 252 else "on RTR"
+    return "reserved"

@@ -1,0 +1,173 @@
+"""Plans: what will be written, in which order and why; the only source of action.
+
+Knows how CiA 301 wants a PDO changed. Does not know whether the result is legal (`rules`) nor how it is run
+(`device.transaction`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.mapping import PdoMappingEntry
+from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
+
+TRANSMISSION_TYPE, INHIBIT_TIME, EVENT_TIMER, SYNC_START = 2, 3, 5, 6
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One SDO download: *before* is what the object holds at that moment (None where it does not matter)."""
+
+    index: int
+    sub_index: int
+    before: bytes | None
+    after: bytes
+    reason: str
+
+    @property
+    def object(self) -> str:
+        """The object as it is printed and typed: `1A00:01`."""
+        return f"{self.index:04X}:{self.sub_index:02X}"
+
+
+@dataclass(frozen=True, slots=True)
+class PdoChange:
+    """One PDO from *before* to *after*, with the steps between."""
+
+    pdo: Pdo
+    before: PdoConfig
+    after: PdoConfig
+    steps: tuple[Step, ...]
+
+    @property
+    def label(self) -> str:
+        """What is changed, for a person: `TPDO1`."""
+        return self.pdo.label
+
+    def reversed(self) -> PdoChange:
+        """The change that puts *before* back."""
+        return plan_pdo(self.pdo, self.after, self.before)
+
+
+@dataclass(frozen=True, slots=True)
+class ValueChange:
+    """One object that is not part of a PDO, in one step."""
+
+    step: Step
+
+    @property
+    def label(self) -> str:
+        """What is changed, for a person: `1006:00`."""
+        return self.step.object
+
+    @property
+    def steps(self) -> tuple[Step, ...]:
+        """The one step, as of every change."""
+        return (self.step,)
+
+    def reversed(self) -> ValueChange:
+        """The change that puts the old value back; ValueError where it is not known."""
+        if self.step.before is None:
+            raise ValueError(f"the value of 0x{self.step.object} before the change is not known")
+        step = replace(self.step, before=self.step.after, after=self.step.before, reason="put the old value back")
+        return ValueChange(step)
+
+
+Change = PdoChange | ValueChange
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """The changes for one node, in order."""
+
+    node_id: int
+    changes: tuple[Change, ...]
+
+    @property
+    def steps(self) -> Iterator[Step]:
+        """Every step of every change, in order."""
+        for change in self.changes:
+            yield from change.steps
+
+    def __len__(self) -> int:
+        return sum(len(change.steps) for change in self.changes)
+
+    def reversed(self) -> Plan:
+        """The plan that undoes this one."""
+        return Plan(self.node_id, tuple(change.reversed() for change in reversed(self.changes)))
+
+
+def plan_pdo(pdo: Pdo, now: PdoConfig, want: PdoConfig) -> PdoChange:
+    """The fewest writes that take *pdo* from *now* to *want* in the order CiA 301 demands (7.5.2.36, 7.5.2.38).
+
+    Disable (bit 31 of the word that was read, bits 30 and 29 kept), communication parameters that differ,
+    mapping count 0, all entries, count, enable. Only what needs a disabled PDO disables it; a PDO that is
+    disabled already gets no disabling write.
+    """
+    return PdoChange(pdo, now, want, tuple(_pdo_steps(pdo, now, want)))
+
+
+def _pdo_steps(pdo: Pdo, now: PdoConfig, want: PdoConfig) -> Iterator[Step]:
+    index = pdo.communication_index
+    held = now.communication.cob_id
+    wanted = want.communication.cob_id
+    if held.valid and _needs_disabling(now, want):
+        off = wanted if wanted == held.disabled() else held.disabled()
+        yield _cob_id_step(index, held, off, "disable the PDO (bit 31)")
+        held = off
+    yield from _communication_steps(index, now.communication, want.communication)
+    if _mapping_differs(now, want):
+        yield from _mapping_steps(pdo.mapping_index, now, want)
+    if held != wanted:
+        what = "enable" if wanted.valid else "stays disabled"
+        yield _cob_id_step(index, held, wanted, f"COB-ID {wanted}, {what}")
+
+
+def _needs_disabling(now: PdoConfig, want: PdoConfig) -> bool:
+    """Whether the change touches what CiA 301 freezes while a PDO is valid."""
+    a, b = now.communication, want.communication
+    return (
+        a.cob_id != b.cob_id
+        or a.inhibit_time != b.inhibit_time
+        or a.sync_start_value != b.sync_start_value
+        or _mapping_differs(now, want)
+    )
+
+
+def _mapping_differs(now: PdoConfig, want: PdoConfig) -> bool:
+    return now.mapping != want.mapping or now.mpdo != want.mpdo
+
+
+def _cob_id_step(index: int, before: CobId, after: CobId, reason: str) -> Step:
+    return Step(index, 1, before.raw.to_bytes(4, "little"), after.raw.to_bytes(4, "little"), reason)
+
+
+def _communication_steps(
+    index: int, now: PdoCommunicationParameter, want: PdoCommunicationParameter
+) -> Iterator[Step]:
+    rows = (
+        (TRANSMISSION_TYPE, 1, now.transmission_type, want.transmission_type, "transmission type {}"),
+        (INHIBIT_TIME, 2, now.inhibit_time, want.inhibit_time, "inhibit time {} x 100 us"),
+        (EVENT_TIMER, 2, now.event_timer, want.event_timer, "event timer {} ms"),
+        (SYNC_START, 1, now.sync_start_value, want.sync_start_value, "SYNC start value {}"),
+    )
+    for sub_index, size, before, after, reason in rows:
+        if after is not None and before != after:
+            held = None if before is None else before.to_bytes(size, "little")
+            yield Step(index, sub_index, held, after.to_bytes(size, "little"), reason.format(after))
+
+
+def _mapping_steps(index: int, now: PdoConfig, want: PdoConfig) -> Iterator[Step]:
+    if now.count:
+        yield Step(index, 0, bytes([now.count]), b"\0", "open the mapping (count 0)")
+    for number, entry in enumerate(want.mapping, 1):
+        held = now.mapping[number - 1].raw.to_bytes(4, "little") if number <= len(now.mapping) else None
+        yield Step(index, number, held, entry.raw.to_bytes(4, "little"), _entry_reason(entry))
+    if want.count:
+        yield Step(index, 0, b"\0", bytes([want.count]), f"close the mapping (count {want.count})")
+
+
+def _entry_reason(entry: PdoMappingEntry) -> str:
+    return f"skip {entry.bits} bits" if entry.is_dummy else f"map {entry}"

@@ -1,0 +1,85 @@
+"""The two seams to the world: one node's dictionary, and the network.
+
+Everything above is written against these protocols; `transports` implements them. Errors that implementations
+raise are those of `dvtcli.errors`: SdoAborted, NoAnswer, BusUnavailable, SdoProtocolError.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Protocol
+
+from dvtcli.domain.nmt import NmtCommand, NmtState
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """A CAN data or remote frame; *timestamp_s* is the bus's clock in seconds."""
+
+    can_id: int
+    data: bytes
+    extended: bool = False
+    remote: bool = False
+    timestamp_s: float = 0.0
+
+
+class SdoTransport(Protocol):
+    """Access to one node's object dictionary."""
+
+    def upload(self, index: int, sub_index: int) -> bytes:
+        """Read an object; raises SdoAborted where the device refuses, NoAnswer where it is silent."""
+        ...
+
+    def download(self, index: int, sub_index: int, data: bytes, *, timeout_s: float | None = None) -> None:
+        """Write an object; *timeout_s* overrides the usual time-out (a store takes seconds)."""
+        ...
+
+
+class CanopenBus(Protocol):
+    """The network that nodes live on."""
+
+    @property
+    def name(self) -> str:
+        """How the bus is called on screens, for example `socketcan:can0`."""
+        ...
+
+    @property
+    def simulated(self) -> bool:
+        """Whether nothing leaves this process."""
+        ...
+
+    def sdo(self, node_id: int) -> SdoTransport:
+        """The default SDO channel of *node_id* (1..127); the same object for the same node."""
+        ...
+
+    def send_nmt(self, command: NmtCommand, node_id: int) -> None:
+        """Send an NMT command to *node_id*, or to all nodes with 0."""
+        ...
+
+    def nmt_state(self, node_id: int, timeout_s: float = 0.0) -> NmtState | None:
+        """The state last heard of *node_id* (heartbeat, boot-up); waits up to *timeout_s* for a *new* sign of life.
+
+        With 0 nothing is waited for. None: nothing was ever heard.
+        """
+        ...
+
+    def boot_ups(self, node_id: int) -> int:
+        """How many boot-up messages of *node_id* were seen so far."""
+        ...
+
+    def wait_boot_up(self, node_id: int, seen: int, timeout_s: float) -> bool:
+        """Wait until more than *seen* boot-ups of *node_id* were received; False after *timeout_s*."""
+        ...
+
+    def send(self, frame: Frame) -> None:
+        """Send one frame (SYNC, a PDO)."""
+        ...
+
+    def receive(self, duration_s: float) -> Iterator[Frame]:
+        """Yield every frame that arrives within *duration_s*, as it arrives."""
+        ...
+
+    def close(self) -> None:
+        """Leave the bus; returns promptly and may be called twice."""
+        ...

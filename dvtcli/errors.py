@@ -1,0 +1,138 @@
+"""Every expected failure, as one small tree; the shell renders them at one boundary.
+
+    DvtcliError                    1
+    ├── UsageError                 2   unknown name, malformed argument
+    ├── InputFileError             4   a file exists, its content is invalid
+    ├── RuleError                  1   our rules refused it before any write
+    ├── SdoAborted                 1   the device refused one SDO
+    ├── DeviceRefused              1   a change was refused by the device, or read back differently; undone
+    ├── NoAnswer                   5   a node is silent
+    ├── SdoProtocolError           5   a node answers nonsense
+    ├── BusUnavailable             5   the bus cannot be opened, or died
+    ├── SafetyRefusal              6   identity differs, stale plan, unanswered question
+    └── LeftChanged                7   roll-back failed too
+
+The number is the exit code. Does not know how errors look on a screen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Literal
+
+from dvtcli.domain.abort import abort_text
+
+if TYPE_CHECKING:
+    from dvtcli.domain.rules import Finding
+
+State = Literal["unchanged", "rolled_back", "left_changed", "unknown"]
+
+
+class DvtcliError(Exception):
+    """A failure that the user can act on.
+
+    *text* says what and where; *why* gives the reason, *hint* the next step, *state* in which state the
+    device is; *node* is a node-ID, *place* an object (`1A00:03`) or a `FILE:LINE`, *abort* an SDO abort code.
+    """
+
+    exit_code = 1
+    slug = "failed"
+
+    def __init__(
+        self,
+        text: str,
+        *,
+        node: int | None = None,
+        place: str | None = None,
+        abort: int | None = None,
+        why: str | None = None,
+        hint: str | None = None,
+        state: State = "unchanged",
+    ) -> None:
+        super().__init__(text)
+        self.text = text
+        self.node = node
+        self.place = place
+        self.abort = abort
+        self.why = why
+        self.hint = hint
+        self.state: State = state
+        #: further labelled lines for the screen, e.g. ("step", "0x1A00:03 <- 0x27030120")
+        self.details: list[tuple[str, str]] = []
+
+
+class UsageError(DvtcliError):
+    """What was typed is not understood."""
+
+    exit_code = 2
+    slug = "usage"
+
+
+class InputFileError(DvtcliError):
+    """A file's content is invalid; *place* is `FILE:LINE` or `FILE:LINE:COLUMN`."""
+
+    exit_code = 4
+    slug = "input_file"
+
+
+class RuleError(DvtcliError):
+    """Our rules refused a change before anything was written; *findings* say which."""
+
+    slug = "rules"
+
+    def __init__(self, text: str, findings: Sequence[Finding], *, node: int | None = None) -> None:
+        first = findings[0]
+        super().__init__(text, node=node, place=first.place, abort=first.abort, hint=first.hint)
+        self.findings = tuple(findings)
+
+
+class SdoAborted(DvtcliError):
+    """The device answered an SDO request with an abort code."""
+
+    slug = "sdo_abort"
+
+    def __init__(self, index: int, sub_index: int, code: int, *, node: int | None = None) -> None:
+        self.index, self.sub_index, self.code = index, sub_index, code
+        place = f"{index:04X}:{sub_index:02X}"
+        super().__init__(f"0x{place} refused: {abort_text(code)} (0x{code:08X})", node=node, place=place, abort=code)
+
+
+class DeviceRefused(DvtcliError):
+    """The device refused a step, or reads back differently from what was written."""
+
+    slug = "device_refused"
+
+
+class NoAnswer(DvtcliError):
+    """A node did not answer within the time-out."""
+
+    exit_code = 5
+    slug = "no_answer"
+
+
+class SdoProtocolError(DvtcliError):
+    """A node's answers break the SDO protocol."""
+
+    exit_code = 5
+    slug = "sdo_protocol"
+
+
+class BusUnavailable(DvtcliError):
+    """The bus cannot be opened, or it died."""
+
+    exit_code = 5
+    slug = "bus"
+
+
+class SafetyRefusal(DvtcliError):
+    """Refused for safety; nothing was written."""
+
+    exit_code = 6
+    slug = "safety"
+
+
+class LeftChanged(DvtcliError):
+    """Roll-back failed too: the device is left changed."""
+
+    exit_code = 7
+    slug = "left_changed"
