@@ -1,0 +1,121 @@
+"""Getting at a device: its NMT state, the pre-operational gate, and the reasons it gives.
+
+Knows behaviours that a profile names. Does not write PDO parameters.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from dvtcli.domain.abort import Abort
+from dvtcli.domain.nmt import NmtCommand, NmtState
+from dvtcli.domain.ports import CanopenBus
+from dvtcli.domain.profile import DeviceProfile
+from dvtcli.errors import DeviceRefused, DvtcliError, SafetyRefusal, SdoAborted
+
+#: How long a node may take to confirm a state change, in seconds.
+CONFIRM_TIMEOUT_S = 2.0
+
+
+@dataclass(slots=True)
+class Access:
+    """One node's state and reasons, read the way its *profile* says."""
+
+    bus: CanopenBus
+    node_id: int
+    profile: DeviceProfile
+
+    def state(self, timeout_s: float = 0.0) -> NmtState | None:
+        """The node's NMT state: from its own state object where it has one, else from heartbeats; None if unknown."""
+        if self.profile.state_object is None:
+            return self.bus.nmt_state(self.node_id, timeout_s)
+        heard = self.bus.nmt_state(self.node_id)
+        if heard is NmtState.STOPPED:
+            return heard
+        data = self.bus.sdo(self.node_id).upload(*self.profile.state_object)
+        value = int.from_bytes(data, "little")
+        return NmtState(value) if value in list(NmtState) else None
+
+    def explain(self, aborted: SdoAborted) -> None:
+        """Add the device's own reason to a general abort (0x08000000), where the profile knows one."""
+        if aborted.code != Abort.GENERAL or self.profile.extended_error is None:
+            return
+        index, sub_index = self.profile.extended_error
+        try:
+            reason = int.from_bytes(self.bus.sdo(self.node_id).upload(index, sub_index), "little")
+        except DvtcliError as failed:
+            aborted.why = f"the device's reason at 0x{index:04X}:{sub_index:02X} could not be read: {failed.text}"
+            return
+        text = self.profile.reasons.get(reason, "a reason that the profile does not name")
+        aborted.why = f"the device says {reason} at 0x{index:04X}:{sub_index:02X}: {text}"
+
+    def request(self, state: NmtState) -> None:
+        """Bring the node to PRE-OPERATIONAL or OPERATIONAL and confirm it; DeviceRefused where it stays.
+
+        A node that is a master takes its state from an object of its own, a slave from NMT.
+        """
+        if self._is_master() and self.profile.state_request is not None:
+            index, sub_index = self.profile.state_request
+            value = 1 if state is NmtState.PRE_OPERATIONAL else 0
+            self.bus.sdo(self.node_id).download(index, sub_index, bytes([value]))
+        else:
+            command = NmtCommand.ENTER_PRE_OPERATIONAL if state is NmtState.PRE_OPERATIONAL else NmtCommand.START
+            self.bus.send_nmt(command, self.node_id)
+        self._confirm(state)
+
+    def _is_master(self) -> bool:
+        if self.profile.master_object is None:
+            return False
+        return any(self.bus.sdo(self.node_id).upload(*self.profile.master_object))
+
+    def _confirm(self, wanted: NmtState) -> None:
+        deadline = time.monotonic() + CONFIRM_TIMEOUT_S
+        state = None
+        while time.monotonic() < deadline:
+            state = self.state(timeout_s=deadline - time.monotonic())
+            if state is wanted or state is None:
+                return
+            time.sleep(0.01)
+        raise DeviceRefused(
+            f"node {self.node_id} did not reach {wanted.label}",
+            node=self.node_id,
+            why=f"it says {state.label if state is not None else 'nothing'} after {CONFIRM_TIMEOUT_S:.0f} s",
+            hint="a vehicle that is active may refuse; stop it and try again",
+        )
+
+
+@dataclass(slots=True)
+class Gate:
+    """PRE-OPERATIONAL for as long as a node is worked on, where its profile demands that.
+
+    *consent* is asked before a node leaves OPERATIONAL; it returns or raises.
+    """
+
+    access: Access
+    consent: Callable[[str], None]
+    found: NmtState | None = None
+    entered: bool = False
+
+    def enter(self) -> None:
+        """Make PDO writes possible; remembers the state that was found."""
+        if self.entered or not self.access.profile.pre_operational_gate:
+            return
+        node_id = self.access.node_id
+        state = self.access.state()
+        if state is NmtState.STOPPED:
+            raise SafetyRefusal(
+                f"node {node_id} is STOPPED: it answers no SDO", node=node_id, hint=f"nmt preop {node_id}"
+            )
+        if state is NmtState.OPERATIONAL:
+            self.consent(f"node {node_id} is OPERATIONAL and must be PRE-OPERATIONAL for this; go there and back?")
+            self.access.request(NmtState.PRE_OPERATIONAL)
+            self.found = state
+        self.entered = True
+
+    def leave(self) -> None:
+        """Return to the state that was found; to be called only after everything succeeded."""
+        if self.found is NmtState.OPERATIONAL:
+            self.access.request(NmtState.OPERATIONAL)
+        self.found, self.entered = None, False

@@ -1,0 +1,198 @@
+"""One node as a command sees it: its PDOs, what was changed, and the way to change it.
+
+Joins reading, rules, plan and transaction. Does not print, ask, or know what a file or an option is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from threading import Event
+
+from dvtcli.device.access import Access, Gate
+from dvtcli.device.read import present_pdos, read_optional, read_pdo
+from dvtcli.device.transaction import Transaction
+from dvtcli.domain.object_dictionary import ObjectDictionary
+from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.plan import Change, PdoChange, Plan, plan_pdo
+from dvtcli.domain.ports import CanopenBus, SdoTransport
+from dvtcli.domain.profile import GENERIC, DeviceProfile
+from dvtcli.domain.rules import Finding, Proposal, check_pdo, errors_in
+from dvtcli.errors import RuleError, SdoAborted, UsageError
+
+
+@dataclass(frozen=True, slots=True)
+class Applied:
+    """A plan that the device took, with what the rules said beforehand."""
+
+    plan: Plan
+    findings: tuple[Finding, ...] = ()
+
+
+@dataclass(slots=True)
+class Node:
+    """A node on a bus, with its dictionary (None without an EDS) and profile.
+
+    *cancel* stops a change at a safe point; *consent* is asked before the node leaves OPERATIONAL.
+    """
+
+    bus: CanopenBus
+    node_id: int
+    dictionary: ObjectDictionary | None = None
+    profile: DeviceProfile = GENERIC
+    cancel: Event = field(default_factory=Event)
+    consent: Callable[[str], None] = lambda _question: None
+    #: plans that were applied, oldest first: what `undo` puts back
+    history: list[Plan] = field(default_factory=list)
+    #: the wanted state of what this session changed: what `verify` compares with
+    wanted: dict[Pdo, PdoConfig] = field(default_factory=dict)
+    #: labels of what changed since the last store, in order
+    unstored: dict[str, None] = field(default_factory=dict)
+    _gate: Gate | None = None
+    _pdos: dict[Pdo, PdoConfig] = field(default_factory=dict)
+    _present: list[Pdo] | None = None
+    _boot_ups: int = 0
+
+    @property
+    def sdo(self) -> SdoTransport:
+        """The node's SDO channel."""
+        return self.bus.sdo(self.node_id)
+
+    @property
+    def access(self) -> Access:
+        """The node's state and reasons."""
+        return Access(self.bus, self.node_id, self.profile)
+
+    @property
+    def gate(self) -> Gate:
+        """The node's pre-operational gate; one for as long as the caller keeps it open."""
+        if self._gate is None:
+            self._gate = Gate(self.access, lambda question: self.consent(question))
+        return self._gate
+
+    @property
+    def title(self) -> str:
+        """What the device calls itself in its file, or its family's name."""
+        return (self.dictionary.info.product_name if self.dictionary else "") or self.profile.title
+
+    def present(self) -> list[Pdo]:
+        """The PDOs the node has, TPDOs first."""
+        if self._present is None:
+            self._present = present_pdos(self.sdo, self.dictionary)
+        return self._present
+
+    def pdos(self) -> dict[Pdo, PdoConfig]:
+        """Every PDO as the device holds it now; a PDO that the EDS lists and the device lacks is left out."""
+        found: dict[Pdo, PdoConfig] = {}
+        for pdo in self.present():
+            try:
+                found[pdo] = read_pdo(self.sdo, pdo)
+            except SdoAborted as aborted:
+                if aborted.index not in (pdo.communication_index, pdo.mapping_index):
+                    raise
+        self._pdos = found
+        return found
+
+    def pdo(self, pdo: Pdo) -> PdoConfig:
+        """One PDO as the device holds it now; UsageError where the node has no such PDO."""
+        try:
+            config = read_pdo(self.sdo, pdo)
+        except SdoAborted as aborted:
+            raise self._no_pdo(pdo, aborted) from aborted
+        self._pdos[pdo] = config
+        return config
+
+    def _no_pdo(self, pdo: Pdo, aborted: SdoAborted) -> Exception:
+        same = [other for other in self.present() if other.direction is pdo.direction]
+        if pdo in same:
+            return aborted
+        have = f"it has {same[0]}…{same[-1]}" if same else f"it has no {pdo.direction.upper()}s"
+        error = UsageError(f"node {self.node_id} has no {pdo.label}: {have}", node=self.node_id, place=aborted.place)
+        error.abort = aborted.abort
+        error.hint = "pdo --all lists what it has"
+        error.exit_code = 1
+        return error
+
+    def known_pdos(self) -> Mapping[Pdo, PdoConfig]:
+        """The node's PDOs as last read; read anew once a boot-up was seen, since a reset changes them."""
+        boot_ups = self.bus.boot_ups(self.node_id)
+        if boot_ups != self._boot_ups or not self._pdos.keys() >= set(self.present()):
+            self._boot_ups = boot_ups
+            self.pdos()
+        return self._pdos
+
+    def forget(self) -> None:
+        """Drop what was read: the device may hold something else now."""
+        self._pdos.clear()
+
+    def proposal(self, pdo: Pdo, now: PdoConfig, want: PdoConfig) -> Proposal:
+        """What the rules look at before *pdo* may become *want*."""
+        others = {other: config for other, config in self.known_pdos().items() if other != pdo}
+        sync = read_optional(self.sdo, 0x1005, 0, 4)
+        emcy = read_optional(self.sdo, 0x1014, 0, 4)
+        return Proposal(
+            self.node_id,
+            pdo,
+            now,
+            want,
+            others,
+            self.profile,
+            self.dictionary,
+            self._lengths(want),
+            0x080 if sync is None else sync & 0x7FF,
+            None if emcy is None else emcy & 0x7FF,
+        )
+
+    def _lengths(self, want: PdoConfig) -> dict[tuple[int, int], int]:
+        """Lengths in bits of mapped objects that no file describes, learnt by reading them."""
+        lengths = {}
+        for entry in want.mapping:
+            if not entry.is_dummy and (self.dictionary is None):
+                bits = self.length_of(entry.index, entry.sub_index)
+                if bits is not None:
+                    lengths[entry.index, entry.sub_index] = bits
+        return lengths
+
+    def length_of(self, index: int, sub_index: int) -> int | None:
+        """An object's length in bits: the EDS's, else eight times what an upload brings; None if neither tells."""
+        entry = self.dictionary.entry(index, sub_index) if self.dictionary else None
+        if entry is not None and entry.bits is not None:
+            return entry.bits
+        try:
+            return 8 * len(self.sdo.upload(index, sub_index))
+        except SdoAborted:
+            return None
+
+    def configure(self, pdo: Pdo, want: PdoConfig, *, force: bool = False) -> Applied:
+        """Make *pdo* what *want* says: check, write the least, read back; on any fault put the old one back."""
+        now = self.pdo(pdo)
+        findings = check_pdo(self.proposal(pdo, now, want)) if now != want else ()
+        change = plan_pdo(pdo, now, want)
+        refuse(findings, f"{pdo.label} was not changed", self.node_id, force=force)
+        return self.apply(Plan(self.node_id, (change,)), findings)
+
+    def apply(self, plan: Plan, findings: tuple[Finding, ...] = ()) -> Applied:
+        """Run a checked *plan* inside the gate and remember it."""
+        if len(plan):
+            self.gate.enter()
+            try:
+                Transaction(self.sdo, plan, self.cancel, self.access.explain).run()
+            finally:
+                self.forget()
+            self.history.append(plan)
+        self._remember(plan.changes)
+        return Applied(plan, findings)
+
+    def _remember(self, changes: tuple[Change, ...]) -> None:
+        for change in changes:
+            if isinstance(change, PdoChange):
+                self.wanted[change.pdo] = change.after
+            if change.steps:
+                self.unstored[change.label] = None
+
+
+def refuse(findings: tuple[Finding, ...], text: str, node_id: int, *, force: bool) -> None:
+    """Raise RuleError where *findings* hold an error and *force* is not given."""
+    stopping = errors_in(findings)
+    if stopping and not force:
+        raise RuleError(f"{text}: {stopping[0].text}", stopping, node=node_id)

@@ -1,0 +1,177 @@
+"""Running a plan so that the device ends as planned, or as it was.
+
+The only place that writes a plan to a device. Does not decide what is legal and asks nobody anything.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from threading import Event
+
+from dvtcli.device.read import read_pdo
+from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, plan_pdo
+from dvtcli.domain.ports import SdoTransport
+from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, SdoAborted
+
+
+class Interrupted(DvtcliError):
+    """The user stopped a command; what it had changed was put back."""
+
+    exit_code = 130
+    slug = "interrupted"
+
+
+@dataclass(slots=True)
+class Transaction:
+    """One plan on its way to a device.
+
+    *cancel* is looked at between two SDO downloads; *explain* may add the device's own reason to an abort;
+    *on_step* is told of every step that the device took.
+    """
+
+    sdo: SdoTransport
+    plan: Plan
+    cancel: Event = field(default_factory=Event)
+    explain: Callable[[SdoAborted], None] = lambda _aborted: None
+    on_step: Callable[[Step], None] = lambda _step: None
+    _started: list[Change] = field(default_factory=list)
+
+    def run(self) -> None:
+        """Write every step, read everything back; on any fault put the old configuration back and say so.
+
+        Raises DeviceRefused, NoAnswer and their kin with state `rolled_back`; LeftChanged where the roll-back
+        failed too; Interrupted after *cancel*.
+        """
+        total, done = len(self.plan), 0
+        try:
+            for change in self.plan.changes:
+                self._started.append(change)
+                for step in change.steps:
+                    self._stop_if_cancelled(done, total)
+                    done += 1
+                    self._download(step, change, done, total)
+            self._verify()
+        except (DvtcliError, KeyboardInterrupt) as fault:
+            self._roll_back(fault)
+            raise
+
+    def _stop_if_cancelled(self, done: int, total: int) -> None:
+        if self.cancel.is_set():
+            raise Interrupted(f"stopped after step {done} of {total}", node=self.plan.node_id)
+
+    def _download(self, step: Step, change: Change, number: int, total: int) -> None:
+        try:
+            self.sdo.download(step.index, step.sub_index, step.after)
+        except SdoAborted as aborted:
+            self.explain(aborted)
+            raise refused(aborted, step, self.plan.node_id, f"step {number} of {total} of {change.label}") from aborted
+        except DvtcliError as fault:
+            fault.details.insert(0, ("step", step_text(step)))
+            raise
+        self.on_step(step)
+
+    def _verify(self) -> None:
+        """Read back what the plan set; what differs is a refusal that came without an abort."""
+        for change in self.plan.changes:
+            difference = first_difference(self.sdo, change)
+            if difference:
+                raise DeviceRefused(
+                    f"node {self.plan.node_id} took {change.label} without an error, but reads back differently",
+                    node=self.plan.node_id,
+                    place=change.steps[-1].object,
+                    why=difference,
+                    hint="the device corrects or ignores the value: its manual says which values it takes",
+                )
+
+    def _roll_back(self, fault: BaseException) -> None:
+        try:
+            restore(self.sdo, self._started)
+        except (DvtcliError, KeyboardInterrupt) as second:
+            raise left_changed(self.plan, fault, second) from fault
+        if isinstance(fault, DvtcliError):
+            fault.state = "rolled_back" if self._started else "unchanged"
+            fault.node = self.plan.node_id
+
+
+def step_text(step: Step) -> str:
+    """A step for a person: `0x1A00:03 <- 0x27030120  map 2703:01/32`."""
+    value = (
+        f"0x{int.from_bytes(step.after, 'little'):0{2 * len(step.after)}X}"
+        if len(step.after) <= 4
+        else step.after.hex(" ")
+    )
+    return f"0x{step.object} <- {value}    {step.reason}"
+
+
+def refused(aborted: SdoAborted, step: Step, node_id: int, what: str) -> DeviceRefused:
+    """The device's refusal of one *step*, with everything the abort said."""
+    error = DeviceRefused(
+        f"node {node_id} refused {what}",
+        node=node_id,
+        place=step.object,
+        abort=aborted.code,
+        why=aborted.why,
+        hint=aborted.hint,
+    )
+    error.details.append(("step", step_text(step)))
+    return error
+
+
+def restore(sdo: SdoTransport, changes: Sequence[Change]) -> None:
+    """Put every change's *before* back, last change first, and verify it.
+
+    The device is read anew first: after a time-out nobody knows whether the last write arrived.
+    """
+    for change in reversed(changes):
+        for step in _steps_back(sdo, change):
+            sdo.download(step.index, step.sub_index, step.after)
+        difference = first_difference(sdo, change, wanted_before=True)
+        if difference:
+            raise DeviceRefused(f"{change.label} does not read back as it was", place=change.label, why=difference)
+
+
+def _steps_back(sdo: SdoTransport, change: Change) -> Sequence[Step]:
+    if isinstance(change, PdoChange):
+        return plan_pdo(change.pdo, read_pdo(sdo, change.pdo), change.before).steps
+    step = change.step
+    if step.before is None or sdo.upload(step.index, step.sub_index) == step.before:
+        return ()
+    return change.reversed().steps
+
+
+def first_difference(sdo: SdoTransport, change: Change, *, wanted_before: bool = False) -> str | None:
+    """Read *change* back and name the first difference to what it wanted (or had *before*), or None."""
+    if isinstance(change, ValueChange):
+        wanted = change.step.before if wanted_before else change.step.after
+        held = None if wanted is None else sdo.upload(change.step.index, change.step.sub_index)
+        if held == wanted or held is None or wanted is None:
+            return None
+        return f"0x{change.step.object} is {held.hex(' ')}, expected {wanted.hex(' ')}"
+    wanted_config = change.before if wanted_before else change.after
+    differing = plan_pdo(change.pdo, read_pdo(sdo, change.pdo), wanted_config).steps
+    if not differing:
+        return None
+    step = (
+        differing[0]
+        if len(differing) == 1
+        else next(s for s in differing if s.index != change.pdo.communication_index or s.sub_index != 1)
+    )
+    return f"0x{step.object} is {_hex(step.before)}, expected {_hex(step.after)}"
+
+
+def _hex(data: bytes | None) -> str:
+    return "unset" if data is None else f"0x{int.from_bytes(data, 'little'):0{2 * len(data)}X}"
+
+
+def left_changed(plan: Plan, fault: BaseException, second: BaseException) -> LeftChanged:
+    """The worst case: say what failed twice and what the device may be left with."""
+    labels = ", ".join(change.label for change in plan.changes)
+    return LeftChanged(
+        f"{labels} of node {plan.node_id} could not be put back",
+        node=plan.node_id,
+        why=f"{fault}; then, while rolling back: {second}",
+        hint=f"look at it with `pdo {plan.changes[0].label.lower()}`; nothing was stored, a power cycle brings "
+        "the stored settings back",
+        state="left_changed",
+    )

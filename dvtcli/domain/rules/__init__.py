@@ -1,0 +1,32 @@
+"""What is legal: every rule that is checked before the first write.
+
+A rule looks at one `Proposal` and yields findings; it judges only what the change touches, so that a device
+with an odd factory setting can still be changed elsewhere. Knows no transport and never writes.
+"""
+
+from __future__ import annotations
+
+from dvtcli.domain.profile import Severity
+from dvtcli.domain.rules.can_id import can_id_findings
+from dvtcli.domain.rules.communication import communication_findings
+from dvtcli.domain.rules.finding import Finding, Proposal
+from dvtcli.domain.rules.mapping import mapping_findings
+
+__all__ = ["Finding", "Proposal", "check_pdo", "errors_in"]
+
+_RANK = {Severity.ERROR: 0, Severity.WARNING: 1, Severity.NOTE: 2}
+
+
+def check_pdo(proposal: Proposal) -> tuple[Finding, ...]:
+    """Everything the rules say about *proposal*: errors first, each kind in frame order."""
+    findings = [
+        *mapping_findings(proposal),
+        *communication_findings(proposal),
+        *can_id_findings(proposal),
+    ]
+    return tuple(sorted(findings, key=lambda finding: _RANK[finding.severity]))
+
+
+def errors_in(findings: tuple[Finding, ...]) -> tuple[Finding, ...]:
+    """Those of *findings* that stop a change."""
+    return tuple(finding for finding in findings if finding.severity is Severity.ERROR)

@@ -1,0 +1,135 @@
+"""Rules about CAN-IDs and the flag bits of a COB-ID (CiA 301, 7.3.5 and table 'restricted CAN-IDs')."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from dvtcli.domain.abort import Abort
+from dvtcli.domain.pdo import Direction, Pdo
+from dvtcli.domain.profile import BitPolicy
+from dvtcli.domain.rules.finding import Finding, Proposal, error, note, warning
+
+#: First and last 11-bit CAN-ID of a range that CiA 301 restricts, with what it is for.
+RESTRICTED = (
+    (0x000, 0x000, "NMT"),
+    (0x001, 0x07F, "reserved"),
+    (0x101, 0x180, "reserved"),
+    (0x581, 0x5FF, "SDO answers"),
+    (0x601, 0x67F, "SDO requests"),
+    (0x6E0, 0x6FF, "reserved"),
+    (0x701, 0x77F, "heartbeats"),
+    (0x780, 0x7FF, "reserved"),
+)
+#: Where `auto` looks for a free CAN-ID once the pre-defined connection set has none: no node's defaults lie there.
+FREE_POOL = range(0x680, 0x6E0)
+
+
+def restricted_use(can_id: int) -> str | None:
+    """What an 11-bit *can_id* is restricted for, or None where a PDO may have it."""
+    for first, last, use in RESTRICTED:
+        if first <= can_id <= last:
+            return use
+    return None
+
+
+def can_id_findings(proposal: Proposal) -> Iterator[Finding]:
+    """Judge the wanted COB-ID where it changes, and where the PDO becomes valid."""
+    now, want = proposal.now.communication.cob_id, proposal.want.communication.cob_id
+    if now == want:
+        return
+    place = proposal.communication_place(1)
+    yield from _flag_findings(proposal, place)
+    if not want.fits_frame:
+        yield error(
+            "can-id-length",
+            place,
+            f"CAN-ID 0x{want.can_id:X} does not fit 11 bits",
+            Abort.VALUE_RANGE,
+            "--extended asks for a 29-bit CAN-ID",
+        )
+    if not want.valid:
+        return
+    if not want.extended and (use := restricted_use(want.can_id)):
+        yield error(
+            "can-id-restricted",
+            place,
+            f"CAN-ID {want} is restricted by CiA 301: {use}",
+            Abort.VALUE_RANGE,
+            "take one within 0x181..0x57F or 0x680..0x6DF, or --cob-id auto",
+        )
+    yield from _service_clashes(proposal, place)
+    yield from _pdo_clashes(proposal, place)
+
+
+def _flag_findings(proposal: Proposal, place: str) -> Iterator[Finding]:
+    want, profile = proposal.want.communication.cob_id, proposal.profile
+    if want.extended and not profile.extended_ids:
+        yield error("extended-id", place, f"a {profile.title} takes 11-bit CAN-IDs only", Abort.VALUE_RANGE)
+    policy = profile.rtr_bit[proposal.pdo.direction]
+    if policy is BitPolicy.SET and want.rtr_allowed:
+        yield error(
+            "rtr-bit", place, f"a {profile.title} wants bit 30 (no RTR) set", Abort.VALUE_RANGE, "leave --rtr out"
+        )
+    if policy is BitPolicy.CLEAR and not want.rtr_allowed:
+        yield error(
+            "rtr-bit", place, f"a {profile.title} wants bit 30 (no RTR) clear", Abort.VALUE_RANGE, "leave --no-rtr out"
+        )
+
+
+def _service_clashes(proposal: Proposal, place: str) -> Iterator[Finding]:
+    """CAN-IDs that are not restricted but in use: SYNC, EMCY, TIME."""
+    want = proposal.want.communication.cob_id
+    if want.extended:
+        return
+    own_emcy = proposal.emcy_can_id if proposal.emcy_can_id is not None else 0x080 + proposal.node_id
+    if want.can_id in (0x080, proposal.sync_can_id):
+        yield error("can-id-in-use", place, f"CAN-ID {want} is SYNC", hint="take another CAN-ID, or --cob-id auto")
+    elif want.can_id == own_emcy:
+        yield error(
+            "can-id-in-use", place, f"CAN-ID {want} is this node's EMCY", hint="take another CAN-ID, or --cob-id auto"
+        )
+    elif 0x081 <= want.can_id <= 0x0FF:
+        yield warning("can-id-in-use", place, f"CAN-ID {want} is the EMCY of node {want.can_id - 0x080} by default")
+    elif want.can_id == 0x100:
+        yield warning("can-id-in-use", place, f"CAN-ID {want} is TIME by default")
+
+
+def _pdo_clashes(proposal: Proposal, place: str) -> Iterator[Finding]:
+    want = proposal.want.communication.cob_id
+    for other, config in proposal.others.items():
+        held = config.communication.cob_id
+        if (held.can_id, held.extended) != (want.can_id, want.extended) or other == proposal.pdo:
+            continue
+        if config.enabled:
+            yield error(
+                "can-id-clash",
+                place,
+                f"CAN-ID {want} is already used by {other.label} of this node",
+                hint=f"disable {other} first, take another CAN-ID, or --cob-id auto",
+            )
+        else:
+            yield note("can-id-default", place, f"{want} is also set at {other.label}, which is off: no clash now")
+    owner = default_owner(want.can_id)
+    if owner and owner != (proposal.pdo, proposal.node_id) and not want.extended:
+        pdo, node_id = owner
+        yield note("can-id-default", place, f"{want} is the default COB-ID of {pdo.label} of node {node_id}")
+
+
+def default_owner(can_id: int) -> tuple[Pdo, int] | None:
+    """The PDO and node-ID that the pre-defined connection set gives *can_id* to, or None."""
+    for direction in Direction:
+        for number in range(1, 5):
+            pdo = Pdo(direction, number)
+            base = pdo.default_can_id(0)
+            if base is not None and base < can_id <= base + 127:
+                return pdo, can_id - base
+    return None
+
+
+def automatic_can_id(proposal: Proposal) -> int | None:
+    """The CAN-ID that `auto` means: the pre-defined one for PDO 1..4, else the lowest free one, else None."""
+    default = proposal.pdo.default_can_id(proposal.node_id)
+    if default is not None:
+        return default
+    used = {config.communication.cob_id.can_id for config in proposal.others.values() if config.enabled}
+    return next((can_id for can_id in FREE_POOL if can_id not in used), None)

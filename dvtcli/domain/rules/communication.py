@@ -1,0 +1,128 @@
+"""Rules about transmission type, inhibit time, event timer and SYNC start value (CiA 301, 7.5.2.35/37)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from dvtcli.domain.abort import Abort
+from dvtcli.domain.rules.finding import Finding, Proposal, error, warning
+
+_NAMES = {1: "COB-ID", 2: "transmission type", 3: "inhibit time", 5: "event timer", 6: "SYNC start value"}
+_LARGEST = {2: 0xFF, 3: 0xFFFF, 5: 0xFFFF, 6: 0xFF}
+
+
+def communication_findings(proposal: Proposal) -> Iterator[Finding]:
+    """Judge every communication parameter that changes."""
+    for sub_index, before, after in _changed(proposal):
+        place = proposal.communication_place(sub_index)
+        if after is not None and before is None:
+            yield error(
+                "parameter-exists",
+                place,
+                f"{proposal.pdo.label} has no {_NAMES[sub_index]} on this device",
+                Abort.NO_SUB_INDEX,
+            )
+            continue
+        if after is not None:
+            yield from _file_findings(proposal, sub_index, after)
+        if sub_index == 2 and after is not None:
+            yield from _type_findings(proposal, place, after)
+    yield from _combination_findings(proposal)
+
+
+def _changed(proposal: Proposal) -> Iterator[tuple[int, int | None, int | None]]:
+    now, want = proposal.now.communication, proposal.want.communication
+    rows = (
+        (1, now.cob_id.raw, want.cob_id.raw),
+        (2, now.transmission_type, want.transmission_type),
+        (3, now.inhibit_time, want.inhibit_time),
+        (5, now.event_timer, want.event_timer),
+        (6, now.sync_start_value, want.sync_start_value),
+    )
+    return ((sub_index, before, after) for sub_index, before, after in rows if before != after)
+
+
+def _file_findings(proposal: Proposal, sub_index: int, value: int) -> Iterator[Finding]:
+    """What the EDS says of this parameter: access type and limits."""
+    place, name = proposal.communication_place(sub_index), _NAMES[sub_index]
+    if value > _LARGEST.get(sub_index, 0xFFFF_FFFF):
+        yield error(
+            "parameter-range",
+            place,
+            f"{name} {value} does not fit its object (0..{_LARGEST[sub_index]} counts)",
+            Abort.VALUE_HIGH,
+        )
+        return
+    dictionary = proposal.dictionary
+    entry = dictionary.entry(proposal.pdo.communication_index, sub_index) if dictionary else None
+    if entry is None or dictionary is None:
+        return
+    if not entry.access.writable:
+        yield error(
+            "parameter-static",
+            place,
+            f"{name} of {proposal.pdo.label} is {entry.access} in {dictionary.place(entry)}",
+            Abort.READ_ONLY,
+            "this device fixes it; leave the option out",
+        )
+    if not _sane(entry.low, entry.high):
+        return
+    if entry.high is not None and value > entry.high:
+        yield error(
+            "parameter-range",
+            place,
+            f"{name} {_shown(sub_index, value)} is above the limit "
+            f"{_shown(sub_index, int(entry.high))} in {dictionary.place(entry)}",
+            Abort.VALUE_HIGH,
+        )
+    if entry.low is not None and value < entry.low:
+        yield error(
+            "parameter-range",
+            place,
+            f"{name} {_shown(sub_index, value)} is below the limit "
+            f"{_shown(sub_index, int(entry.low))} in {dictionary.place(entry)}",
+            Abort.VALUE_LOW,
+        )
+
+
+def _sane(low: float | None, high: float | None) -> bool:
+    """Limits count only where they leave a choice: real files carry 0..0 and reversed ones."""
+    return low is None or high is None or low < high
+
+
+def _shown(sub_index: int, value: int) -> str:
+    if sub_index == 1:
+        return f"0x{value:08X}"
+    return f"{value / 10:.1f} ms ({value} x 100 us)" if sub_index == 3 else str(value)
+
+
+def _type_findings(proposal: Proposal, place: str, value: int) -> Iterator[Finding]:
+    tpdo, profile = proposal.pdo.is_tpdo, proposal.profile
+    if 241 <= value <= 251 or (not tpdo and value in (252, 253)):
+        yield error(
+            "transmission-type",
+            place,
+            f"transmission type {value} is reserved for {'a TPDO' if tpdo else 'an RPDO'}",
+            Abort.VALUE_RANGE,
+            "0..240 synchronous, 254 or 255 on event",
+        )
+    elif not any(first <= value <= last for first, last in profile.transmission_types):
+        allowed = ", ".join(f"{a}..{b}" if a != b else str(a) for a, b in profile.transmission_types)
+        yield error(
+            "transmission-type", place, f"a {profile.title} takes types {allowed}, not {value}", Abort.VALUE_RANGE
+        )
+    if value in profile.type_texts:
+        yield warning("transmission-type", place, f"type {value} on a {profile.title}: {profile.type_texts[value]}")
+
+
+def _combination_findings(proposal: Proposal) -> Iterator[Finding]:
+    now, want = proposal.now.communication, proposal.want.communication
+    touched = (now.transmission_type, now.cob_id) != (want.transmission_type, want.cob_id)
+    if proposal.pdo.is_tpdo and want.transmission_type in (252, 253) and not want.cob_id.rtr_allowed and touched:
+        yield error(
+            "transmission-type",
+            proposal.communication_place(2),
+            f"type {want.transmission_type} answers RTR, but bit 30 of the COB-ID forbids RTR",
+            Abort.VALUE_RANGE,
+            "--rtr, or another type",
+        )

@@ -1,0 +1,75 @@
+"""What a rule says, and what it looks at."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from dvtcli.domain.object_dictionary import ObjectDictionary
+from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.profile import DeviceProfile, Severity
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One thing a rule noticed.
+
+    *rule* is its short name, *place* an object (`0x1A00:03`) or `FILE:LINE`, *abort* the SDO abort code the
+    device would give, or None.
+    """
+
+    rule: str
+    severity: Severity
+    place: str
+    text: str
+    abort: int | None = None
+    hint: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Proposal:
+    """One PDO as it is and as it is wanted, with everything the rules may look at.
+
+    *others* are the node's other PDOs as they will be; *dictionary* is None without an EDS; *lengths* are
+    object lengths in bits that were learnt by reading the device; *sync_can_id* and *emcy_can_id* are what
+    0x1005 and 0x1014 say, or the defaults.
+    """
+
+    node_id: int
+    pdo: Pdo
+    now: PdoConfig
+    want: PdoConfig
+    others: Mapping[Pdo, PdoConfig]
+    profile: DeviceProfile
+    dictionary: ObjectDictionary | None = None
+    lengths: Mapping[tuple[int, int], int] = field(default_factory=dict)
+    sync_can_id: int = 0x080
+    emcy_can_id: int | None = None
+
+    def name(self, index: int, sub_index: int) -> str:
+        """The object with its name where one is known: `6041:00 "Statusword"`."""
+        known = self.dictionary.display_name(index, sub_index) if self.dictionary else ""
+        return f'{index:04X}:{sub_index:02X} "{known}"' if known else f"{index:04X}:{sub_index:02X}"
+
+    def communication_place(self, sub_index: int) -> str:
+        """A communication sub-index for a person: `0x1800:03`."""
+        return f"0x{self.pdo.communication_index:04X}:{sub_index:02X}"
+
+    def mapping_place(self, sub_index: int) -> str:
+        """A mapping sub-index for a person: `0x1A00:03`."""
+        return f"0x{self.pdo.mapping_index:04X}:{sub_index:02X}"
+
+
+def error(rule: str, place: str, text: str, abort: int | None = None, hint: str | None = None) -> Finding:
+    """A finding that stops the change unless it is forced."""
+    return Finding(rule, Severity.ERROR, place, text, abort, hint)
+
+
+def warning(rule: str, place: str, text: str, hint: str | None = None) -> Finding:
+    """A finding that is shown and stops nothing."""
+    return Finding(rule, Severity.WARNING, place, text, None, hint)
+
+
+def note(rule: str, place: str, text: str) -> Finding:
+    """A finding that only explains."""
+    return Finding(rule, Severity.NOTE, place, text)

@@ -1,0 +1,291 @@
+"""Rules about what may be mapped where, and how much of it (CiA 301, 7.5.2.36/38; CiA 306)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from dvtcli.domain.abort import Abort
+from dvtcli.domain.mapping import DUMMY_BITS, MAX_ENTRIES, MAX_PDO_BITS, PdoMappingEntry
+from dvtcli.domain.object_dictionary import Access, ObjectDictionary, OdEntry
+from dvtcli.domain.profile import Severity
+from dvtcli.domain.rules.finding import Finding, Proposal, error, note, warning
+
+#: Access types whose objects may feed a TPDO, and be an RPDO's target (CiA 306, 4.6.3).
+FEEDS_TPDO = frozenset({Access.RO, Access.RWR, Access.CONST, Access.RW})
+TAKES_RPDO = frozenset({Access.WO, Access.RWW, Access.RW})
+
+
+def mapping_findings(proposal: Proposal) -> Iterator[Finding]:
+    """Judge the wanted mapping where it changes, and an empty one where the PDO becomes valid."""
+    want = proposal.want
+    if proposal.now.mpdo is not None and proposal.now != want:
+        yield error(
+            "mpdo",
+            proposal.mapping_place(0),
+            f"{proposal.pdo.label} is a multiplexed PDO (count 0x{proposal.now.mpdo:02X}); dvtcli shows MPDOs "
+            "and never writes them",
+        )
+    if want.enabled and not want.count and (not proposal.now.enabled or proposal.now.count):
+        yield error(
+            "empty-mapping",
+            proposal.communication_place(1),
+            f"{proposal.pdo.label} maps nothing: an empty PDO cannot be enabled",
+            Abort.VALUE_RANGE,
+            f"map {proposal.pdo} OBJECT…, or --off",
+        )
+    if want.mapping == proposal.now.mapping:
+        return
+    yield from _static_findings(proposal)
+    yield from _size_findings(proposal)
+    for number, entry in enumerate(want.mapping, 1):
+        place = proposal.mapping_place(number)
+        yield from (_dummy if entry.is_dummy else _object)(proposal, place, entry)
+        yield from _length(proposal, place, entry)
+    yield from _double_targets(proposal)
+
+
+def _static_findings(proposal: Proposal) -> Iterator[Finding]:
+    """A mapping is static where its sub-indices are read-only; Granularity says nothing about it."""
+    dictionary, index = proposal.dictionary, proposal.pdo.mapping_index
+    for sub_index in range(len(proposal.want.mapping) + 1):
+        entry = dictionary.entry(index, sub_index) if dictionary else None
+        if dictionary and entry and not entry.access.writable:
+            yield error(
+                "static-mapping",
+                proposal.mapping_place(sub_index),
+                f"the mapping of {proposal.pdo.label} is static: {proposal.mapping_place(sub_index)} is "
+                f"{entry.access} in {dictionary.place(entry)}",
+                Abort.READ_ONLY,
+                "this device fixes what the PDO carries; choose another PDO (pdo --all)",
+            )
+            return
+
+
+def _size_findings(proposal: Proposal) -> Iterator[Finding]:
+    want, place = proposal.want, proposal.mapping_place(0)
+    limit = _entry_limit(proposal)
+    if len(want.mapping) > limit:
+        yield error(
+            "entry-count",
+            place,
+            f"{len(want.mapping)} entries are wanted, {proposal.pdo.label} of this device takes {limit}",
+            Abort.PDO_LENGTH,
+            "spread the objects over more PDOs",
+        )
+    if want.bits > MAX_PDO_BITS:
+        parts = " + ".join(f"{entry.object} {entry.bits}" for entry in want.mapping)
+        over = want.bits - MAX_PDO_BITS
+        yield error(
+            "pdo-length",
+            place,
+            f"{proposal.pdo.label} would need {want.bits} bits, a PDO holds {MAX_PDO_BITS}: {parts} = {want.bits}",
+            Abort.PDO_LENGTH,
+            f"{over} bits too many: drop {want.mapping[-1].object}, or put it into another PDO",
+        )
+
+
+def _entry_limit(proposal: Proposal) -> int:
+    """The fewest of what the standard, the profile and the EDS's mapping sub-indices allow."""
+    limits = [MAX_ENTRIES]
+    if proposal.profile.max_entries is not None:
+        limits.append(proposal.profile.max_entries)
+    if proposal.dictionary and proposal.pdo.mapping_index in proposal.dictionary:
+        subs = proposal.dictionary[proposal.pdo.mapping_index].entries.keys() - {0}
+        limits.extend([len(subs)] if subs else [])
+    return min(limits)
+
+
+def _dummy(proposal: Proposal, place: str, entry: PdoMappingEntry) -> Iterator[Finding]:
+    if proposal.pdo.is_tpdo:
+        yield error(
+            "dummy-direction",
+            place,
+            "a TPDO cannot skip bits: dummies are for RPDOs",
+            Abort.NOT_MAPPABLE,
+            "map an object there, or reorder the entries",
+        )
+        return
+    usable = usable_dummies(proposal)
+    if usable is None:
+        yield warning("dummy-unknown", place, f"no file says whether this device takes the dummy {entry}")
+    elif entry.index not in usable:
+        have = ", ".join(f"{index:04X}/{DUMMY_BITS[index]}" for index in sorted(usable)) or "none"
+        yield error("dummy-supported", place, f"this device has no dummy {entry} (it has {have})", Abort.NOT_MAPPABLE)
+    if entry.bits != DUMMY_BITS[entry.index]:
+        yield error(
+            "dummy-length",
+            place,
+            f"the dummy {entry.object} is {DUMMY_BITS[entry.index]} bits long, not {entry.bits}",
+            Abort.NOT_MAPPABLE,
+        )
+
+
+def usable_dummies(proposal: Proposal) -> frozenset[int] | None:
+    """The dummy indices the device takes: the profile's, else the EDS's; None where nothing says."""
+    if proposal.profile.dummies is not None:
+        return proposal.profile.dummies
+    return proposal.dictionary.info.dummies if proposal.dictionary else None
+
+
+def _object(proposal: Proposal, place: str, entry: PdoMappingEntry) -> Iterator[Finding]:
+    dictionary = proposal.dictionary
+    if dictionary is None:
+        yield note("no-dictionary", place, f"no EDS: nothing is known about {entry.object} beforehand")
+        return
+    found = dictionary.entry(entry.index, entry.sub_index)
+    if found is None:
+        yield _missing(dictionary, place, entry)
+        return
+    yield from _direction(proposal, dictionary, place, found)
+    yield from _access_advice(proposal, dictionary, place, found)
+
+
+def _missing(dictionary: ObjectDictionary, place: str, entry: PdoMappingEntry) -> Finding:
+    if entry.index not in dictionary:
+        return error(
+            "object-exists",
+            place,
+            f"0x{entry.index:04X} is not in {dictionary.source}",
+            Abort.NO_OBJECT,
+            "objects TEXT searches the dictionary",
+        )
+    subs = ", ".join(f"{sub:02X}" for sub in list(dictionary[entry.index].entries)[:12])
+    text = (
+        f'0x{entry.object} is not in {dictionary.source}; {entry.index:04X} "{dictionary[entry.index].name}" has {subs}'
+    )
+    return error(
+        "object-exists", place, text, Abort.NO_SUB_INDEX, decimal_hint(dictionary, entry.index, entry.sub_index)
+    )
+
+
+def decimal_hint(dictionary: ObjectDictionary, index: int, sub_index: int) -> str | None:
+    """A hint where *sub_index*, read as decimal digits, would be an object of *dictionary*."""
+    digits = f"{sub_index:X}"
+    if digits.isdigit() and dictionary.entry(index, int(digits)) and int(digits) != sub_index:
+        return f"sub-indices are hexadecimal: decimal {digits} is {index:04X}:{int(digits):02X}"
+    return None
+
+
+def _direction(proposal: Proposal, dictionary: ObjectDictionary, place: str, found: OdEntry) -> Iterator[Finding]:
+    name = proposal.name(found.index, found.sub_index)
+    tpdo = proposal.pdo.is_tpdo
+    if found.access not in (FEEDS_TPDO if tpdo else TAKES_RPDO):
+        role = "feed a TPDO" if tpdo else "be an RPDO's target"
+        yield error(
+            "direction",
+            place,
+            f"{name} is {found.access} in {dictionary.place(found)}: it cannot {role}",
+            Abort.NOT_MAPPABLE,
+            f"objects --mappable {proposal.pdo.direction}",
+        )
+    elif found.pdo_mapping is None and not any(entry.pdo_mapping is not None for entry in dictionary.entries()):
+        yield warning("mappable-unknown", place, f"{dictionary.source} does not say whether {name} can be mapped")
+    elif not found.pdo_mapping:
+        yield error(
+            "mappable",
+            place,
+            f"{name} is not mappable: {dictionary.place(found)} has PDOMapping=0",
+            Abort.NOT_MAPPABLE,
+            f"objects --mappable {proposal.pdo.direction}",
+        )
+
+
+def _access_advice(proposal: Proposal, dictionary: ObjectDictionary, place: str, found: OdEntry) -> Iterator[Finding]:
+    """What a device family makes of objects that are read/write (Sevcon 3.3, Trinamic 6.3)."""
+    if found.access is not Access.RW:
+        return
+    tpdo = proposal.pdo.is_tpdo
+    severity = proposal.profile.rw_in_tpdo if tpdo else proposal.profile.rw_in_rpdo
+    if severity is None:
+        return
+    name = proposal.name(found.index, found.sub_index)
+    text = f"{name} is read/write ({dictionary.place(found)}): a {proposal.profile.title} "
+    text += (
+        "may not send what it really uses"
+        if severity is not Severity.ERROR
+        else ("takes it in an RPDO only" if tpdo else "takes it in a TPDO only")
+    )
+    yield Finding(
+        "read-write-object", severity, place, text, Abort.NOT_MAPPABLE if severity is Severity.ERROR else None
+    )
+
+
+def _length(proposal: Proposal, place: str, entry: PdoMappingEntry) -> Iterator[Finding]:
+    profile = proposal.profile
+    if not 1 <= entry.bits <= MAX_PDO_BITS:
+        yield error("entry-length", place, f"{entry} has {entry.bits} bits; an entry has 1..64", Abort.NOT_MAPPABLE)
+        return
+    granularity = _granularity(proposal)
+    if entry.bits % granularity:
+        yield error(
+            "granularity",
+            place,
+            f"{entry} has {entry.bits} bits; this device maps multiples of {granularity}",
+            Abort.NOT_MAPPABLE,
+        )
+    if entry.bits > profile.max_entry_bits:
+        yield error(
+            "entry-length",
+            place,
+            f"{entry} is longer than the {profile.max_entry_bits} bits that a {profile.title} takes per entry",
+            Abort.NOT_MAPPABLE,
+        )
+    known = _object_bits(proposal, entry)
+    if known is None or entry.is_dummy or entry.bits == known:
+        return
+    name = proposal.name(entry.index, entry.sub_index)
+    if entry.bits > known:
+        yield error(
+            "entry-length",
+            place,
+            f"{name} has {known} bits, {entry.bits} are wanted",
+            Abort.NOT_MAPPABLE,
+            f"write {entry.object} or {entry.object}/{known}",
+        )
+    elif not profile.partial_entries:
+        yield error(
+            "entry-length",
+            place,
+            f"{name} has {known} bits, only {entry.bits} are wanted: what a device sends then is not defined",
+            None,
+            f"write {entry.object} or {entry.object}/{known}",
+        )
+
+
+def _granularity(proposal: Proposal) -> int:
+    """The profile's, else the EDS's where it is 1 or 8 (real files also hold 0 and 64, which mean nothing)."""
+    if proposal.profile.granularity is not None:
+        return proposal.profile.granularity
+    stated = proposal.dictionary.info.granularity if proposal.dictionary else None
+    return 8 if stated == 8 else 1
+
+
+def _object_bits(proposal: Proposal, entry: PdoMappingEntry) -> int | None:
+    found = proposal.dictionary.entry(entry.index, entry.sub_index) if proposal.dictionary else None
+    if found is not None and found.bits is not None:
+        return found.bits
+    return proposal.lengths.get((entry.index, entry.sub_index))
+
+
+def _double_targets(proposal: Proposal) -> Iterator[Finding]:
+    """An RPDO target should have one writer."""
+    if proposal.pdo.is_tpdo:
+        return
+    seen: dict[tuple[int, int], int] = {}
+    for number, entry in enumerate(proposal.want.mapping, 1):
+        if entry.is_dummy:
+            continue
+        place, key = proposal.mapping_place(number), (entry.index, entry.sub_index)
+        name = proposal.name(*key)
+        if key in seen:
+            yield error(
+                "double-target",
+                place,
+                f"{name} is mapped twice (entry {seen[key]} and {number})",
+                hint="an RPDO target has one place in the frame",
+            )
+        seen[key] = number
+        for other, config in proposal.others.items():
+            mapped = {(held.index, held.sub_index) for held in config.mapping}
+            if not other.is_tpdo and other != proposal.pdo and config.enabled and key in mapped:
+                yield warning("double-target", place, f"{name} is also written by {other.label}")
