@@ -1,18 +1,24 @@
 """What a family of devices allows and asks for, as data named by behaviour.
 
-A profile file is TOML with exactly these keys. Knows no vendor, and not where profiles are kept.
+Knows no vendor, and neither where profiles are kept nor how they are written (`formats.profile_toml`).
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from enum import StrEnum
 
 from dvtcli.domain.pdo import Direction
 
+#: An inclusive range: lowest and highest.
+Range = tuple[int, int]
+#: Index and sub-index of an object.
+ObjectAddress = tuple[int, int]
+
 
 class BitPolicy(StrEnum):
-    """What becomes of bit 30 or 29 of a COB-ID when it is written."""
+    """What becomes of bit 30 of a COB-ID when it is written."""
 
     KEEP = "keep"
     SET = "set"
@@ -27,32 +33,97 @@ class Severity(StrEnum):
     NOTE = "note"
 
 
+class Gate(StrEnum):
+    """Whether PDO parameters are written in PRE-OPERATIONAL: the device insists, its maker advises, or neither."""
+
+    REQUIRED = "required"
+    ADVISED = "advised"
+    NO = "no"
+
+
 @dataclass(frozen=True, slots=True)
 class StorePolicy:
-    """How a device is told to keep its settings: sub-indices of 0x1010 in order of preference, time-out in s."""
+    """How a device is told to keep its settings.
+
+    *sub_indices* of 0x1010 in order of preference, none where the device has no such object (*instead* then says
+    what its way is); *timeout_s* seconds to wait for the answer; *covers* the indices that are lost without a
+    store, all others save themselves; *never_after* abort codes of a change after which nothing may be stored.
+    """
 
     sub_indices: tuple[int, ...] = (1,)
     timeout_s: float = 20.0
     only_pre_operational: bool = False
+    covers: Range = (0x0000, 0xFFFF)
+    never_after: tuple[int, ...] = ()
+    instead: str = ""
+
+    def needed_for(self, index: int) -> bool:
+        """Whether a change of the object at *index* is lost at power-off unless it is stored."""
+        return self.covers[0] <= index <= self.covers[1]
+
+
+@dataclass(frozen=True, slots=True)
+class LoginPolicy:
+    """How a device is logged in to: write *user_id* (u16), then *passcode* (u16), read *level* (u8) back.
+
+    *needed* is the level that PDO work and a store ask for, *highest* the highest there is; 0 is logged out.
+    """
+
+    level: ObjectAddress
+    passcode: ObjectAddress
+    user_id: ObjectAddress
+    needed: int
+    highest: int
+
+
+@dataclass(frozen=True, slots=True)
+class VpdoGroup:
+    """One list of virtual PDOs: sub-index k of the object at *index* holds (u16) what pin k stands for.
+
+    *values* are the ranges of allowed object indices, *none* the value of an unused pin.
+    """
+
+    index: int
+    values: tuple[Range, ...]
+    none: int
+
+    def allows(self, value: int) -> bool:
+        """Whether a pin may hold *value* (0x0000..0xFFFF), "none" included."""
+        return value == self.none or within(value, self.values)
+
+
+@dataclass(frozen=True, slots=True)
+class MappingAdvice:
+    """Why the objects from index *first* to *last* should not feed a TPDO."""
+
+    first: int
+    last: int
+    text: str
 
 
 @dataclass(frozen=True, slots=True)
 class DeviceProfile:
     """A device family's behaviours; None means: as the EDS says, or the standard where it is silent.
 
-    *pdo_count* PDOs each way; *max_entries* a mapping; *max_entry_bits* an entry; *granularity* bits;
-    *rtr_bit* the policy for bit 30 by direction; *extended_ids* whether 29-bit CAN-IDs are allowed;
-    *transmission_types* the allowed values; *partial_entries* whether an entry may be shorter than its object;
-    *rw_in_tpdo*/*rw_in_rpdo* how an object of access rw is judged; *pre_operational_gate* whether PDO writes
-    need PRE-OPERATIONAL; *state_object*/*state_request* where the device tells and takes its state;
-    *extended_error* where the reason after 0x08000000 stands and *reasons* its texts; *dummies* the supported
-    dummy indices; *aliases* names a human types → objects; *warn_mapped* object → why not to map it into a TPDO.
+    *vendor_ids*, *product_codes* and *product_masks* (mask, value) tell which identities (0x1018) belong to it.
+    *pdo_count* PDOs each way; *max_entries* a mapping; *max_entry_bits* an entry; *granularity* bits; *rtr_bit* the
+    policy for bit 30 by direction; *extended_ids* whether 29-bit CAN-IDs are allowed; *transmission_types* the
+    allowed ranges; *event_timer_types* those of a TPDO on which the event timer works; *max_time_count* the highest
+    inhibit time (100 µs) and event timer (ms), if the EDS is silent; *partial_entries* whether an entry may be
+    shorter than its object; *rw_in_tpdo*/*rww_in_tpdo*/*rw_in_rpdo* how an object of that access is judged in that
+    direction (None: fine); *pre_operational_gate* whether PDO writes need PRE-OPERATIONAL; *state_object* where the
+    device tells its NMT state; *state_request* where a master takes one (u8: 1 pre-operational, 0 operational),
+    *master_object* where it says that it is one (1); *extended_error* where the reason after 0x08000000 stands and
+    *reasons* its texts; *dummies* the supported dummy indices; *login* how access is unlocked, if it is locked;
+    *aliases* names a human types → objects; *type_texts* the maker's words for a transmission type and *type_notes*
+    what to know about one; *warn_mapped* what should not feed a TPDO; *vpdo* its virtual PDOs.
     """
 
     name: str = "generic"
     title: str = "CiA 301 device"
     vendor_ids: tuple[int, ...] = ()
     product_codes: tuple[int, ...] = ()
+    product_masks: tuple[tuple[int, int], ...] = ()
     pdo_count: int | None = None
     max_entries: int | None = None
     max_entry_bits: int = 64
@@ -61,21 +132,52 @@ class DeviceProfile:
         default_factory=lambda: {Direction.TPDO: BitPolicy.KEEP, Direction.RPDO: BitPolicy.KEEP}
     )
     extended_ids: bool = True
-    transmission_types: tuple[tuple[int, int], ...] = ((0, 255),)
+    transmission_types: tuple[Range, ...] = ((0, 240), (252, 255))
+    event_timer_types: tuple[Range, ...] = ((0, 255),)
+    max_time_count: int = 0xFFFF
     partial_entries: bool = False
-    rw_in_tpdo: Severity | None = Severity.WARNING
+    rw_in_tpdo: Severity | None = None
+    rww_in_tpdo: Severity | None = Severity.ERROR
     rw_in_rpdo: Severity | None = None
-    pre_operational_gate: bool = False
-    state_object: tuple[int, int] | None = None
-    state_request: tuple[int, int] | None = None
-    master_object: tuple[int, int] | None = None
-    extended_error: tuple[int, int] | None = None
+    pre_operational_gate: Gate = Gate.NO
+    state_object: ObjectAddress | None = None
+    state_request: ObjectAddress | None = None
+    master_object: ObjectAddress | None = None
+    extended_error: ObjectAddress | None = None
     reasons: dict[int, str] = field(default_factory=dict)
     dummies: frozenset[int] | None = None
     store: StorePolicy = StorePolicy()
+    login: LoginPolicy | None = None
     aliases: dict[str, str] = field(default_factory=dict)
     type_texts: dict[int, str] = field(default_factory=dict)
     type_notes: dict[int, str] = field(default_factory=dict)
+    warn_mapped: tuple[MappingAdvice, ...] = ()
+    vpdo: dict[str, VpdoGroup] = field(default_factory=dict)
+
+    def matches(self, vendor_id: int, product_code: int) -> bool:
+        """Whether a device of this identity (0x1018:1 and :2) belongs to the family.
+
+        A profile without product codes and masks takes all of its vendors' products; one without vendors none.
+        """
+        if vendor_id not in self.vendor_ids:
+            return False
+        if not self.product_codes and not self.product_masks:
+            return True
+        masked = any(product_code & mask == value for mask, value in self.product_masks)
+        return masked or product_code in self.product_codes
+
+    def allows_type(self, transmission_type: int) -> bool:
+        """Whether the family knows *transmission_type* (0..255)."""
+        return within(transmission_type, self.transmission_types)
+
+    def why_not_in_tpdo(self, index: int) -> str | None:
+        """Why the object at *index* should not feed a TPDO, or None."""
+        return next((advice.text for advice in self.warn_mapped if advice.first <= index <= advice.last), None)
+
+
+def within(value: int, ranges: Iterable[Range]) -> bool:
+    """Whether *value* lies in one of the inclusive *ranges*."""
+    return any(low <= value <= high for low, high in ranges)
 
 
 GENERIC = DeviceProfile()
