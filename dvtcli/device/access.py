@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import CanopenBus
-from dvtcli.domain.profile import DeviceProfile
+from dvtcli.domain.profile import DeviceProfile, PreOperational
 from dvtcli.errors import DeviceRefused, DvtcliError, SafetyRefusal, SdoAborted
 
 #: How long a node may take to confirm a state change, in seconds.
@@ -100,7 +100,7 @@ class Gate:
 
     def enter(self) -> None:
         """Make PDO writes possible; remembers the state that was found."""
-        if self.entered or not self.access.profile.pre_operational_gate:
+        if self.entered or self.access.profile.pre_operational_gate is not PreOperational.REQUIRED:
             return
         node_id = self.access.node_id
         state = self.access.state()

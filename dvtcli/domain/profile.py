@@ -33,8 +33,11 @@ class Severity(StrEnum):
     NOTE = "note"
 
 
-class Gate(StrEnum):
-    """Whether PDO parameters are written in PRE-OPERATIONAL: the device insists, its maker advises, or neither."""
+class PreOperational(StrEnum):
+    """Whether PDO parameters want the node in PRE-OPERATIONAL: the device insists, its maker advises it, or neither.
+
+    Every member is true as a condition: compare with `is`.
+    """
 
     REQUIRED = "required"
     ADVISED = "advised"
@@ -139,7 +142,7 @@ class DeviceProfile:
     rw_in_tpdo: Severity | None = None
     rww_in_tpdo: Severity | None = Severity.ERROR
     rw_in_rpdo: Severity | None = None
-    pre_operational_gate: Gate = Gate.NO
+    pre_operational_gate: PreOperational = PreOperational.NO
     state_object: ObjectAddress | None = None
     state_request: ObjectAddress | None = None
     master_object: ObjectAddress | None = None

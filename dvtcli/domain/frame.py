@@ -1,0 +1,146 @@
+"""A PDO's bytes: where each object lies, and bytes ↔ values.
+
+CiA 301, 7.4.7: the first mapped object starts at bit 0 of byte 0, the next one follows without a gap, the least
+significant bit first. Does not know what a device may map, nor which type an object has: callers say that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from dvtcli.domain.datatypes import DataType, Kind, Value
+from dvtcli.domain.mapping import PdoMappingEntry
+
+#: Tells the data type of a mapped object, None where it is not known.
+TypeOf = Callable[[PdoMappingEntry], DataType | None]
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """Where an entry lies in the frame: *start_bit* counts from the least significant bit of byte 0."""
+
+    start_bit: int
+    bits: int
+    entry: PdoMappingEntry
+
+    @property
+    def end_bit(self) -> int:
+        """The first bit behind the field."""
+        return self.start_bit + self.bits
+
+    @property
+    def bytes(self) -> range:
+        """The bytes of the frame that the field touches."""
+        return range(self.start_bit // 8, byte_length(self.end_bit))
+
+    @property
+    def shares_byte(self) -> bool:
+        """Whether the field begins or ends inside a byte."""
+        return bool(self.start_bit % 8 or self.end_bit % 8)
+
+
+class Decoded(NamedTuple):
+    """One object in a frame: its *raw* bits as an unsigned number and its *value*, None where the frame ends before."""
+
+    entry: PdoMappingEntry
+    raw: int | None
+    value: Value | None
+
+
+def byte_length(bits: int) -> int:
+    """How many bytes a frame of *bits* bits has."""
+    return (bits + 7) // 8
+
+
+def layout(entries: Iterable[PdoMappingEntry]) -> tuple[Field, ...]:
+    """Where each of *entries* lies, dummies included, in frame order."""
+    fields: list[Field] = []
+    start = 0
+    for entry in entries:
+        fields.append(Field(start, entry.bits, entry))
+        start += entry.bits
+    return tuple(fields)
+
+
+def unpack(entries: Iterable[PdoMappingEntry], data: bytes) -> list[tuple[PdoMappingEntry, int | None]]:
+    """The raw bits of every entry but dummies; None for an entry that does not lie in *data* completely."""
+    word, length = int.from_bytes(data, "little"), 8 * len(data)
+    return [
+        (field.entry, word >> field.start_bit & (1 << field.bits) - 1 if field.end_bit <= length else None)
+        for field in layout(entries)
+        if not field.entry.is_dummy
+    ]
+
+
+def pack(entries: Iterable[PdoMappingEntry], raw_of: Callable[[PdoMappingEntry], int]) -> bytes:
+    """The frame that holds the lowest bits of *raw_of* each entry; the bits of dummies are 0."""
+    fields = layout(entries)
+    word = 0
+    for field in fields:
+        if not field.entry.is_dummy:
+            word |= (raw_of(field.entry) & (1 << field.bits) - 1) << field.start_bit
+    return word.to_bytes(byte_length(fields[-1].end_bit if fields else 0), "little")
+
+
+def decode(entries: Iterable[PdoMappingEntry], data: bytes, type_of: TypeOf) -> list[Decoded]:
+    """The values of every entry but dummies in a frame's *data*; of an unknown type: unsigned numbers.
+
+    A frame shorter than the mapping is legal to look at: what is missing is None. Bytes past the mapping are
+    ignored.
+    """
+    return [
+        Decoded(entry, raw, None if raw is None else _value(raw, entry.bits, type_of(entry)))
+        for entry, raw in unpack(entries, data)
+    ]
+
+
+def encode(entries: Iterable[PdoMappingEntry], values: Mapping[tuple[int, int], Value], type_of: TypeOf) -> bytes:
+    """The frame that carries *values*, by index and sub-index; dummies are sent as 0.
+
+    Raises ValueError where a mapped object has no value, or one that does not fit its type or its bits.
+    """
+
+    def raw_of(entry: PdoMappingEntry) -> int:
+        value = values.get((entry.index, entry.sub_index))
+        if value is None:
+            raise ValueError(f"there is no value for {entry.object}")
+        return _raw(value, entry, type_of(entry))
+
+    return pack(entries, raw_of)
+
+
+def _value(raw: int, bits: int, data_type: DataType | None) -> Value:
+    match data_type.kind if data_type else Kind.UNSIGNED:
+        case Kind.BOOLEAN:
+            return bool(raw)
+        case Kind.INTEGER:
+            return raw - (1 << bits) if bits and raw >> bits - 1 else raw
+        case Kind.UNSIGNED:
+            return raw
+    if data_type is None or bits % 8 or data_type.bits not in (None, bits):
+        return raw  # a part of a REAL or TIME means nothing by itself
+    return data_type.decode(raw.to_bytes(bits // 8, "little"))
+
+
+def _raw(value: Value, entry: PdoMappingEntry, data_type: DataType | None) -> int:
+    if data_type is None or data_type.limits is not None:
+        return _raw_number(value, entry, data_type)
+    data = data_type.encode(value)
+    if 8 * len(data) > entry.bits or (data_type.bits is not None and 8 * len(data) != entry.bits):
+        raise ValueError(f"{value!r} takes {8 * len(data)} bits, {entry} has {entry.bits}")
+    return int.from_bytes(data, "little")
+
+
+def _raw_number(value: Value, entry: PdoMappingEntry, data_type: DataType | None) -> int:
+    """Numbers are held to their type's limits and to the bits that are mapped of it."""
+    if not isinstance(value, int):
+        raise ValueError(f"{value!r} is not a number, as {entry.object} needs")
+    if data_type is not None:
+        data_type.encode(value)
+    half = 1 << max(entry.bits - 1, 0)
+    low, high = (-half, half - 1) if data_type and data_type.kind is Kind.INTEGER else (0, (1 << entry.bits) - 1)
+    if not low <= value <= high:
+        raise ValueError(f"{int(value)} does not fit the {entry.bits} bits of {entry.object} ({low}..{high})")
+    return int(value)
