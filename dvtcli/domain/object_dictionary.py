@@ -53,7 +53,8 @@ class OdEntry:
     *data_type* and *pdo_mapping* are None where the file does not say. *pdo_mapping* is the
     file's PDOMapping; the direction follows from *access*. *default* and *value* (a DCF's ParameterValue) are the
     bytes for node-ID 0; where *…_relative* is set the node-ID is added. *low* and *high* are the file's
-    limits in the object's own type. *line* is the section's first line in the file, 1 and up.
+    limits in the object's own type, for node-ID 0 (`limits` adds it). *line* is the section's first line in the
+    file, 1 and up.
     """
 
     index: int
@@ -71,6 +72,8 @@ class OdEntry:
     unit: str = ""
     object_flags: int = 0
     line: int | None = None
+    low_relative: bool = False
+    high_relative: bool = False
 
     @property
     def object(self) -> str:
@@ -91,6 +94,15 @@ class OdEntry:
             return data
         modulus = 1 << 8 * len(data)
         return ((int.from_bytes(data, "little") + node_id) % modulus).to_bytes(len(data), "little")
+
+    def limits(self, node_id: int) -> tuple[int | float | None, int | float | None]:
+        """LowLimit and HighLimit on node *node_id*, None where the file has none."""
+        low, high = self.low, self.high
+        if low is not None and self.low_relative:
+            low += node_id
+        if high is not None and self.high_relative:
+            high += node_id
+        return low, high
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,162 @@
+"""Numbers and typed values as EDS and DCF files write them (CiA 306, 4.2).
+
+Knows decimal, hexadecimal, octal, `$NODEID+x`, two's complement written as unsigned, REAL bit patterns and
+hexadecimal byte strings. Does not know which key a value comes from, nor where it stands.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import struct
+from dataclasses import dataclass
+
+from dvtcli.domain.datatypes import DataType, Kind, parse_number
+
+_NODE_ID = re.compile(r"\$(?:NODE_?ID|(MY_NODE_?ID))", re.IGNORECASE)
+_LONGEST_NUMBER = 40
+_TEXT_KINDS = (Kind.VISIBLE_STRING, Kind.UNICODE_STRING)
+
+
+@dataclass(frozen=True, slots=True)
+class EncodedValue:
+    """A value's bytes for node-ID 0; *relative* says that the node-ID is added. *remark* is empty or an oddity."""
+
+    data: bytes
+    relative: bool = False
+    remark: str = ""
+
+
+def without_comment(text: str) -> str:
+    """*text* up to a `;`, for every value that is not itself text."""
+    return text.partition(";")[0].strip() if ";" in text else text
+
+
+def read_number(text: str) -> int:
+    """Read a whole number: `16`, `0x10` and `020` are the same (CiA 306 writes octal with a leading 0).
+
+    ValueError where it is none; `08` is no octal number and means 8.
+    """
+    text = without_comment(text).removeprefix("+")
+    digits = text.removeprefix("-")
+    if len(digits) > 1 and digits[0] == "0" and len(digits) <= _LONGEST_NUMBER and _is_octal(digits):
+        return int(text, 8)
+    return parse_number(text)
+
+
+def leading_zero_remark(text: str) -> str:
+    """What to say about *text* where a reader of decimals would have understood another number."""
+    digits = without_comment(text).lstrip("+-")
+    if len(digits) < 2 or digits[0] != "0" or not digits.isdecimal() or len(digits) > _LONGEST_NUMBER:
+        return ""
+    if not _is_octal(digits):
+        return f"{digits} has a leading 0 but is not octal; taken as {int(digits)}"
+    octal = int(digits, 8)
+    return f"{digits} is octal (leading 0): {octal}" if octal != int(digits) else ""
+
+
+def _is_octal(digits: str) -> bool:
+    return all(digit in "01234567" for digit in digits)
+
+
+def encode_value(data_type: DataType, text: str) -> EncodedValue:
+    """Turn a DefaultValue or ParameterValue, not empty, into bytes; ValueError where it does not fit *data_type*."""
+    if data_type.kind in _TEXT_KINDS:
+        return EncodedValue(_encode_text(data_type, text))
+    text = without_comment(text)
+    if data_type.kind is Kind.REAL:
+        return EncodedValue(_encode_real(data_type, text))
+    if data_type.kind is Kind.OCTETS:
+        return EncodedValue(_encode_octets(text))
+    if data_type.kind is Kind.TIME and ":" in text:
+        return EncodedValue(data_type.parse(text))
+    return _encode_integer(data_type, text)
+
+
+def read_limit(data_type: DataType, text: str) -> tuple[int | float, bool]:
+    """Read a LowLimit or HighLimit in the object's own type and say whether the node-ID is added; ValueError else."""
+    text = without_comment(text)
+    if data_type.kind is Kind.REAL:
+        (limit,) = struct.unpack("<f" if data_type.bits == 32 else "<d", _encode_real(data_type, text))
+        if not math.isfinite(limit):
+            raise ValueError(f"{text} is not a finite number")
+        return float(limit), False
+    if data_type.limits is None:
+        raise ValueError(f"a {data_type.name} has no limits")
+    number, relative, _ = _sum_of_terms(text)
+    return _in_range(data_type, number), relative
+
+
+def _encode_text(data_type: DataType, text: str) -> bytes:
+    try:
+        return data_type.encode(text)
+    except UnicodeEncodeError:
+        raise ValueError(f"not a {data_type.name}") from None
+
+
+def _encode_real(data_type: DataType, text: str) -> bytes:
+    if text[:2].lower() == "0x":
+        try:
+            return parse_number(text).to_bytes(data_type.size or 0, "little")
+        except OverflowError:
+            raise ValueError(f"more than the {data_type.bits} bits of a {data_type.name}") from None
+    if "_" in text:
+        raise ValueError("not a number")
+    return data_type.encode(float(text))
+
+
+def _encode_octets(text: str) -> bytes:
+    digits = text[2:] if text[:2].lower() == "0x" else text
+    # `0x0` is what many tools write for nothing or one zero byte; without the prefix an odd count is a mistake.
+    if len(digits) % 2 and digits is not text:
+        digits = "0" + digits
+    try:
+        return bytes.fromhex(digits)
+    except ValueError:
+        raise ValueError("not a string of hexadecimal bytes") from None
+
+
+def _encode_integer(data_type: DataType, text: str) -> EncodedValue:
+    if data_type.kind is Kind.BOOLEAN and text.lower() in ("true", "false"):
+        return EncodedValue(data_type.encode(text.lower() == "true"))
+    number, relative, remark = _sum_of_terms(text)
+    if data_type.kind is Kind.TIME:
+        if not 0 <= number < 1 << 48:
+            raise ValueError(f"more than the 48 bits of a {data_type.name}")
+        return EncodedValue(number.to_bytes(6, "little"), relative, remark)
+    return EncodedValue(data_type.encode(_in_range(data_type, number)), relative, remark)
+
+
+def _in_range(data_type: DataType, number: int) -> int:
+    """*number*, where a signed type's bits were written as an unsigned number: as the number meant.
+
+    Some tools write 32 or 64 bits whatever the type: 0xFFFFFFFE is -2 for an INTEGER8 too.
+    """
+    low, high = data_type.limits or (0, 0)
+    if low < 0 and number > high:
+        for bits in (data_type.bits or 0, 32, 64):
+            if low <= number - (1 << bits) < 0:
+                return number - (1 << bits)
+    if not low <= number <= high:
+        raise ValueError(f"does not fit {data_type.name} ({low}..{high})")
+    return number
+
+
+def _sum_of_terms(text: str) -> tuple[int, bool, str]:
+    """Add up `$NODEID+0x180`, `0x180+$NODEID`, `$NODEID` or a plain number; at most one term is the node-ID."""
+    if "$" not in text:
+        return read_number(text), False, leading_zero_remark(text)
+    number, relative, remark = 0, False, ""
+    for part in text.split("+"):
+        term = part.strip()
+        node_id = _NODE_ID.fullmatch(term)
+        if node_id is None:
+            number += read_number(term)
+        elif relative:
+            raise ValueError("names the node-ID twice")
+        else:
+            relative = True
+            remark = f"{term} is not the standard's $NODEID; taken for it" if node_id[1] else ""
+    if not relative:
+        raise ValueError("not understood")
+    return number, True, remark

@@ -1,0 +1,100 @@
+"""What CiA 301 says about its communication objects, for files that do not say it themselves.
+
+Knows data types, access and names of the standard's objects. Does not know any file.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from dvtcli.domain.datatypes import U8, U16, U32, VISIBLE_STRING, DataType
+from dvtcli.domain.object_dictionary import Access
+
+
+@dataclass(frozen=True, slots=True)
+class StandardEntry:
+    """Data type and access of one sub-index in CiA 301; *access* is None where the standard leaves a choice."""
+
+    data_type: DataType
+    access: Access | None
+
+
+_RO, _RW, _CONST = Access.RO, Access.RW, Access.CONST
+
+#: VAR objects (CiA 301, 7.5.2).
+_VARIABLES = {
+    0x1000: StandardEntry(U32, _RO),
+    0x1001: StandardEntry(U8, _RO),
+    0x1002: StandardEntry(U32, _RO),
+    0x1005: StandardEntry(U32, _RW),
+    0x1006: StandardEntry(U32, _RW),
+    0x1007: StandardEntry(U32, _RW),
+    0x1008: StandardEntry(VISIBLE_STRING, _CONST),
+    0x1009: StandardEntry(VISIBLE_STRING, _CONST),
+    0x100A: StandardEntry(VISIBLE_STRING, _CONST),
+    0x100C: StandardEntry(U16, _RW),
+    0x100D: StandardEntry(U8, _RW),
+    0x1012: StandardEntry(U32, _RW),
+    0x1013: StandardEntry(U32, _RW),
+    0x1014: StandardEntry(U32, None),
+    0x1015: StandardEntry(U16, _RW),
+    0x1017: StandardEntry(U16, _RW),
+    0x1019: StandardEntry(U8, _RW),
+}
+
+#: ARRAY objects: sub-index 0, every other sub-index.
+_ARRAYS = {
+    0x1003: (StandardEntry(U8, _RW), StandardEntry(U32, _RO)),
+    0x1010: (StandardEntry(U8, _CONST), StandardEntry(U32, _RW)),
+    0x1011: (StandardEntry(U8, _CONST), StandardEntry(U32, _RW)),
+    0x1016: (StandardEntry(U8, _CONST), StandardEntry(U32, _RW)),
+    0x1018: (StandardEntry(U8, _CONST), StandardEntry(U32, _RO)),
+    0x1029: (StandardEntry(U8, _CONST), StandardEntry(U8, _RW)),
+}
+
+#: SDO parameter records (7.5.2.33 and 7.5.2.34); a server's COB-IDs may be ro or rw.
+_SDO_PARAMETER = (
+    StandardEntry(U8, _CONST),
+    StandardEntry(U32, None),
+    StandardEntry(U32, None),
+    StandardEntry(U8, _RW),
+)
+
+#: PDO communication parameter records (7.5.2.35 and 7.5.2.37), by sub-index.
+PDO_COMMUNICATION = (
+    StandardEntry(U8, _CONST),
+    StandardEntry(U32, _RW),
+    StandardEntry(U8, _RW),
+    StandardEntry(U16, _RW),
+    StandardEntry(U8, _RW),
+    StandardEntry(U16, _RW),
+    StandardEntry(U8, _RW),
+)
+
+#: PDO mapping parameter records (7.5.2.36 and 7.5.2.38): sub-index 0, and 1..64.
+PDO_MAPPING = (StandardEntry(U8, _RW), StandardEntry(U32, _RW))
+
+
+def is_pdo_communication(index: int) -> bool:
+    """Whether *index* is an RPDO's or TPDO's communication parameter."""
+    return 0x1400 <= index <= 0x15FF or 0x1800 <= index <= 0x19FF
+
+
+def is_pdo_mapping(index: int) -> bool:
+    """Whether *index* is an RPDO's or TPDO's mapping parameter."""
+    return 0x1600 <= index <= 0x17FF or 0x1A00 <= index <= 0x1BFF
+
+
+def standard_entry(index: int, sub_index: int) -> StandardEntry | None:
+    """What CiA 301 says about *index*:*sub_index*, or None where it says nothing."""
+    if sub_index == 0 and index in _VARIABLES:
+        return _VARIABLES[index]
+    if index in _ARRAYS:
+        return _ARRAYS[index][min(sub_index, 1)]
+    if 0x1200 <= index <= 0x12FF:
+        return _SDO_PARAMETER[sub_index] if sub_index < len(_SDO_PARAMETER) else None
+    if is_pdo_communication(index):
+        return PDO_COMMUNICATION[sub_index] if sub_index < len(PDO_COMMUNICATION) else None
+    if is_pdo_mapping(index) and sub_index <= 64:
+        return PDO_MAPPING[min(sub_index, 1)]
+    return None
