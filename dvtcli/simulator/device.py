@@ -1,0 +1,236 @@
+"""The strict simulated device: one node's state machine, without I/O and without a clock of its own.
+
+Knows the order in which a CANopen device judges a request. Does not know SDO frames (`sdo_server`), CAN
+(`network`), files, nor the tool's rules: what it refuses is decided here a second time, on purpose.
+"""
+
+from __future__ import annotations
+
+from dvtcli.domain.abort import Abort
+from dvtcli.domain.nmt import NmtCommand, NmtState
+from dvtcli.domain.object_dictionary import ObjectDictionary
+from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.ports import Frame
+from dvtcli.simulator.exchange import PdoExchange
+from dvtcli.simulator.family import Family
+from dvtcli.simulator.gates import Gates
+from dvtcli.simulator.limits import check_limits
+from dvtcli.simulator.memory import Backing, Memory
+from dvtcli.simulator.pdo_guard import PdoGuard
+from dvtcli.simulator.refusal import Refusal
+from dvtcli.simulator.store import ParameterStore
+from dvtcli.simulator.vpdo import VirtualPdos
+
+ERROR_REGISTER, SYNC_COB_ID, SYNC_PERIOD, EMCY_COB_ID = 0x1001, 0x1005, 0x1006, 0x1014
+HEARTBEAT_TIME, SYNC_OVERFLOW = 0x1017, 0x1019
+_COMMUNICATION_ERROR = 0x11
+_STATES = {
+    NmtCommand.START: NmtState.OPERATIONAL,
+    NmtCommand.STOP: NmtState.STOPPED,
+    NmtCommand.ENTER_PRE_OPERATIONAL: NmtState.PRE_OPERATIONAL,
+}
+
+
+class StrictDevice:
+    """A simulated node that refuses what CiA 301 and its family refuse.
+
+    *dictionary* says which objects exist, *family* how the device behaves, *node_id* is 1..127. With *backing* the
+    device is a twin of a real node: an object that was not written yet is fetched by `backing(index, sub_index)`,
+    which raises Refusal where the node refuses; existence is what the node says, the dictionary (it may be empty) adds
+    types, access, limits and mappability, and what nobody knows is not refused. Nothing is ever written through it.
+
+    A new device is INITIALISING until `boot_up`. Frames that it sends of its own accord collect in `outbox`.
+    """
+
+    def __init__(
+        self, dictionary: ObjectDictionary, family: Family, node_id: int, *, backing: Backing | None = None
+    ) -> None:
+        if not 1 <= node_id <= 127:
+            raise ValueError(f"node-ID {node_id} is not within 1..127")
+        self.dictionary = dictionary
+        self.family = family
+        self.node_id = node_id
+        self.outbox: list[Frame] = []
+        self._state = NmtState.INITIALISING
+        self._memory = Memory(dictionary, node_id, family.store_capability, backing)
+        self._guard = PdoGuard(self._memory, family)
+        self._gates = Gates(self._memory, family)
+        self._store = ParameterStore(self._memory, family)
+        self._vpdos = VirtualPdos(self._memory, family)
+        self._exchange = PdoExchange(self._memory, family, self.emergency)
+        self._heartbeat_ms = 0
+        self._heartbeat_due_s = 0.0
+        self._vpdos.copy()
+
+    @property
+    def state(self) -> NmtState:
+        """The NMT state; a twin's is set to what the real node's was."""
+        return self._state
+
+    @state.setter
+    def state(self, state: NmtState) -> None:
+        if state is not self._state:
+            self._state = state
+            self._exchange.forget()
+
+    @property
+    def store_fails(self) -> bool:
+        """Whether the non-volatile memory is broken: a store then answers 06060000."""
+        return self._store.fails
+
+    @store_fails.setter
+    def store_fails(self, fails: bool) -> None:
+        self._store.fails = fails
+
+    def upload(self, index: int, sub_index: int) -> bytes:
+        """What an SDO upload answers; Refusal where the device refuses it."""
+        self._memory.require(index, sub_index)
+        entry = self._memory.entry(index, sub_index)
+        if entry is not None and not entry.access.readable:
+            raise Refusal(Abort.WRITE_ONLY)
+        if (index, sub_index) == self.family.state_object:
+            return bytes([self._state])
+        return self._memory.read(index, sub_index)
+
+    def download(self, index: int, sub_index: int, data: bytes) -> None:
+        """Write *data* as an SDO download does; Refusal where the device refuses it, then nothing has changed."""
+        try:
+            self._check_download(index, sub_index, len(data))
+            self._check_value(index, sub_index, data)
+            self._accept(index, sub_index, bytes(data))
+        except Refusal as refusal:
+            raise self._gates.explained(refusal) from None
+
+    def begin_download(self, index: int, sub_index: int, size: int | None) -> None:
+        """Refuse what is hopeless whatever the value: existence, access, and *size* in bytes where it is known."""
+        try:
+            self._check_download(index, sub_index, size)
+        except Refusal as refusal:
+            raise self._gates.explained(refusal) from None
+
+    def size_of(self, index: int, sub_index: int) -> int | None:
+        """The object's length in bytes, None where it varies or is not known."""
+        return self._memory.size(index, sub_index)
+
+    def value(self, index: int, sub_index: int = 0) -> bytes:
+        """What the object holds, whatever its access; Refusal where it does not exist."""
+        self._memory.require(index, sub_index)
+        return self._memory.read(index, sub_index)
+
+    def set_value(self, index: int, sub_index: int, data: bytes) -> None:
+        """Let the device's own application change an object: a sensor moved, a status changed."""
+        self._memory.require(index, sub_index)
+        self._memory.write(index, sub_index, data)
+        self._vpdos.copy()
+
+    def nmt(self, command: int) -> None:
+        """Obey an NMT command specifier; unknown ones are ignored, and so is everything by a node that is master."""
+        if self._gates.is_master or command not in list(NmtCommand):
+            return
+        if command in _STATES:
+            self.state = _STATES[NmtCommand(command)]
+        else:
+            self._reset(communication_only=command == NmtCommand.RESET_COMMUNICATION)
+
+    def boot_up(self) -> None:
+        """Finish initialising: the boot-up frame goes to the outbox, the state is the family's."""
+        self.outbox.append(Frame(0x700 + self.node_id, b"\0"))
+        self.state = self.family.boot_state
+        self._heartbeat_ms = 0
+
+    def take_outbox(self) -> list[Frame]:
+        """The frames that the device has to send now; empties the outbox."""
+        frames, self.outbox = self.outbox, []
+        return frames
+
+    def sync(self, counter: int | None = None) -> list[Frame]:
+        """Obey a SYNC, with its *counter* (1..240) where it carries one; returns the TPDO frames due."""
+        if self._state is not NmtState.OPERATIONAL:
+            return []
+        frames = self._exchange.sync(counter)
+        self._vpdos.copy()
+        return frames
+
+    def receive(self, frame: Frame) -> list[Frame]:
+        """Take a frame that may be one of the device's RPDOs; returns what it sends in answer."""
+        if self._state is not NmtState.OPERATIONAL or frame.remote:
+            return []
+        answers = self._exchange.receive(frame)
+        self._vpdos.copy()
+        return answers
+
+    def hears_sync(self, frame: Frame) -> bool:
+        """Whether *frame* is a SYNC to this device (0x1005, else 0x080)."""
+        raw = self._memory.number(SYNC_COB_ID, 0, missing=0x80)
+        return not frame.remote and (frame.can_id, frame.extended) == (raw & 0x1FFF_FFFF, bool(raw & 1 << 29))
+
+    def poll(self, now_s: float) -> list[Frame]:
+        """The frames due by themselves at *now_s*, a monotonic time in seconds: heartbeats (0x1017)."""
+        period_ms = 0 if self._state is NmtState.INITIALISING else self._memory.number(HEARTBEAT_TIME, 0)
+        if period_ms != self._heartbeat_ms:
+            self._heartbeat_ms, self._heartbeat_due_s = period_ms, now_s
+        if not period_ms or now_s < self._heartbeat_due_s:
+            return []
+        self._heartbeat_due_s = max(self._heartbeat_due_s + period_ms / 1000, now_s)
+        return [Frame(0x700 + self.node_id, bytes([self._state]))]
+
+    def next_poll_s(self) -> float | None:
+        """When `poll` has something to send next, on the same clock; None for never."""
+        return self._heartbeat_due_s if self._heartbeat_ms else None
+
+    def emergency(self, code: int) -> list[Frame]:
+        """Raise an error: the EMCY frame for *code* (0x0000..0xFFFF), none where 0x1014 switches EMCY off."""
+        raw = self._memory.number(EMCY_COB_ID, 0, missing=0x80 + self.node_id)
+        if raw & 1 << 31:
+            return []
+        register = self._memory.number(ERROR_REGISTER, 0) | _COMMUNICATION_ERROR
+        data = code.to_bytes(2, "little") + bytes([register & 0xFF]) + bytes(5)
+        return [Frame(raw & 0x1FFF_FFFF, data, extended=bool(raw & 1 << 29))]
+
+    def _check_download(self, index: int, sub_index: int, size: int | None) -> None:
+        self._memory.require(index, sub_index)
+        entry = self._memory.entry(index, sub_index)
+        if entry is not None and not entry.access.writable:
+            raise Refusal(Abort.READ_ONLY)
+        wanted = self._memory.size(index, sub_index)
+        if wanted is None or size is None or size == wanted:
+            return
+        raise Refusal(Abort.TOO_LONG if size > wanted else Abort.TOO_SHORT)
+
+    def _check_value(self, index: int, sub_index: int, data: bytes) -> None:
+        """State and PDO rules come before the file's limits: their abort codes say more."""
+        self._gates.check(index, self._state)
+        self._guard.check(index, sub_index, data)
+        if index == SYNC_OVERFLOW:
+            self._check_sync_overflow(data)
+        entry = self._memory.entry(index, sub_index)
+        if entry is not None and not self._store.handles(index, sub_index):
+            check_limits(entry, data)
+        self._gates.check_selection(index, sub_index, data)
+
+    def _check_sync_overflow(self, data: bytes) -> None:
+        """CiA 301, 7.5.2.22: not to be changed while the SYNC period is not 0."""
+        if data != self._memory.read(SYNC_OVERFLOW, 0) and self._memory.number(SYNC_PERIOD, 0):
+            raise Refusal(Abort.DEVICE_STATE)
+
+    def _accept(self, index: int, sub_index: int, data: bytes) -> None:
+        if self._store.handles(index, sub_index):
+            self._store.command(index, sub_index, data)
+            return
+        if self._gates.is_passcode(index, sub_index):
+            self._gates.log_in(data)
+            return
+        self._memory.write(index, sub_index, data)
+        self._store.keep_written(index)
+        pdo = Pdo.at(index)
+        if pdo is not None:
+            self._exchange.forget(pdo)
+        self._vpdos.copy()
+        self.state = self._gates.forced_state(index, sub_index) or self._state
+
+    def _reset(self, *, communication_only: bool) -> None:
+        self._store.reset(communication_only=communication_only)
+        self._state = NmtState.INITIALISING
+        self._exchange.forget()
+        self._vpdos.copy()
+        self.boot_up()

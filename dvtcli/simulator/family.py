@@ -1,0 +1,199 @@
+"""Families of simulated devices, as data: what one allows, demands and does differently.
+
+A family is `families/NAME.toml` (behaviours, read here) beside `families/NAME.eds` (its object dictionary, read
+elsewhere). Does not know how a behaviour is carried out, and no maker.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields
+from functools import cache
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from dvtcli.domain.nmt import NmtState
+from dvtcli.domain.object_dictionary import Access
+from dvtcli.domain.pdo import Direction
+from dvtcli.domain.profile import BitPolicy
+
+Object = tuple[int, int]
+Range = tuple[int, int]
+
+_FOLDER = Path(__file__).parent / "families"
+_KEEP = MappingProxyType({Direction.TPDO: BitPolicy.KEEP, Direction.RPDO: BitPolicy.KEEP})
+
+
+@dataclass(frozen=True, slots=True)
+class PinCopy:
+    """One group of virtual PDOs: sub-index k of *selector* names the object that physical pin k is tied to.
+
+    *pins* are the objects of the physical side, in order of the pins; with *bitwise* each holds eight pins, a bit
+    each. *to_pin* tells the direction: from the selected object to the pin, else from the pin to it.
+    """
+
+    selector: int
+    pins: tuple[Object, ...]
+    to_pin: bool
+    bitwise: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class MotorCopy:
+    """The virtual PDOs of the motors: *down* copies selected:sub → profile object, *up* the other way."""
+
+    selector: int
+    down: Mapping[int, Object]
+    up: Mapping[int, Object]
+
+
+@dataclass(frozen=True, slots=True)
+class Login:
+    """Access levels: sub 1 of *index* is the level, 2 takes a passcode, 3 a user ID.
+
+    *passcodes* maps a passcode (0..0xFFFF) to the level it gives; writes to the ranges in *writes* need *level*.
+    """
+
+    index: int
+    level: int
+    writes: tuple[Range, ...]
+    passcodes: Mapping[int, int]
+
+
+@dataclass(frozen=True, slots=True)
+class Family:
+    """How a family of devices behaves; the defaults are a plain CiA 301 device.
+
+    - *granularity* (bits), *dummies*: None means as the EDS says; *max_entries* a PDO, *max_entry_bits* an entry.
+    - *rtr_bit*: what bit 30 of a COB-ID must be, by direction; *extended_ids*: whether bit 29 may be set.
+    - *transmission_types*: ranges of accepted values; *rpdo_counts_syncs*: an RPDO of type n acts at the n-th SYNC
+      instead of the next one.
+    - *tpdo_access*, *rpdo_access*: access types whose objects may be mapped in that direction.
+    - *pre_operational_writes*: ranges of indices that refuse downloads outside PRE-OPERATIONAL.
+    - *needs_store*: range of indices that a reset reverts unless they were stored, everything outside keeps itself;
+      None means that everything must be stored. *save_command*: an object that stores everything when written.
+      *store_capability*: what 0x1010:s and 0x1011:s read.
+    - *login*: access levels, None for none. *extended_error*: the object that explains abort 0x08000000;
+      *reasons*: abort code → reason, for codes that this family hides behind 0x08000000.
+    - *state_object* reads the NMT state; *state_request* forces it (1 PRE-OPERATIONAL, 0 OPERATIONAL) where
+      *master_object* is 1; such a master ignores NMT commands.
+    - *pins*, *motors*: virtual PDOs. *boot_state*: the state after boot-up.
+    """
+
+    name: str = "generic"
+    title: str = "CiA 301 device"
+    granularity: int | None = None
+    max_entries: int = 64
+    max_entry_bits: int = 64
+    dummies: frozenset[int] | None = None
+    rtr_bit: Mapping[Direction, BitPolicy] = field(default_factory=lambda: _KEEP)
+    extended_ids: bool = True
+    transmission_types: tuple[Range, ...] = ((0, 240), (252, 255))
+    rpdo_counts_syncs: bool = False
+    tpdo_access: frozenset[Access] = frozenset({Access.RO, Access.RWR, Access.CONST, Access.RW})
+    rpdo_access: frozenset[Access] = frozenset({Access.WO, Access.RWW, Access.RW})
+    pre_operational_writes: tuple[Range, ...] = ()
+    needs_store: Range | None = None
+    save_command: Object | None = None
+    store_capability: int = 1
+    login: Login | None = None
+    extended_error: Object | None = None
+    reasons: Mapping[int, int] = field(default_factory=dict)
+    state_object: Object | None = None
+    state_request: Object | None = None
+    master_object: Object | None = None
+    pins: tuple[PinCopy, ...] = ()
+    motors: MotorCopy | None = None
+    boot_state: NmtState = NmtState.PRE_OPERATIONAL
+
+
+GENERIC = Family()
+
+
+def within(index: int, ranges: tuple[Range, ...]) -> bool:
+    """Whether *index* lies in one of *ranges*, ends included."""
+    return any(first <= index <= last for first, last in ranges)
+
+
+def family_names() -> tuple[str, ...]:
+    """The families that come with dvtcli, in alphabetical order."""
+    return tuple(sorted(path.stem for path in _FOLDER.glob("*.toml")))
+
+
+def family_eds(name: str) -> Path:
+    """The EDS file of family *name*; KeyError where there is no such family."""
+    return _file(name, "eds")
+
+
+@cache
+def load_family(name: str) -> Family:
+    """Read family *name*; KeyError where there is no such family, ValueError where its file is wrong."""
+    table = tomllib.loads(_file(name, "toml").read_text(encoding="utf-8"))
+    return family_from_table(name, table)
+
+
+def family_from_table(name: str, table: Mapping[str, Any]) -> Family:
+    """Turn the keys of a family file into a Family; ValueError names a key that no family has."""
+    unknown = set(table) - {each.name for each in fields(Family)} | set(table) & {"name"}
+    if unknown:
+        raise ValueError(f"family {name}: unknown key {sorted(unknown)[0]!r}")
+    values = {key: _CONVERTERS[key](value) if key in _CONVERTERS else value for key, value in table.items()}
+    return Family(name=name, **values)
+
+
+def _file(name: str, suffix: str) -> Path:
+    if name not in family_names():
+        raise KeyError(name)
+    return _FOLDER / f"{name}.{suffix}"
+
+
+def _object(value: list[int]) -> Object:
+    index, sub_index = value
+    return index, sub_index
+
+
+def _ranges(value: list[list[int]]) -> tuple[Range, ...]:
+    return tuple(_object(each) for each in value)
+
+
+def _accesses(value: list[str]) -> frozenset[Access]:
+    return frozenset(Access(each) for each in value)
+
+
+def _numbered(value: Mapping[str, Any], convert: Callable[[Any], Any] = int) -> dict[int, Any]:
+    return {int(key, 0): convert(each) for key, each in value.items()}
+
+
+def _login(value: Mapping[str, Any]) -> Login:
+    return Login(value["index"], value["level"], _ranges(value["writes"]), _numbered(value["passcodes"]))
+
+
+def _pin_copy(value: Mapping[str, Any]) -> PinCopy:
+    return PinCopy(value["selector"], _ranges(value["pins"]), value["to_pin"], value.get("bitwise", False))
+
+
+def _motor_copy(value: Mapping[str, Any]) -> MotorCopy:
+    return MotorCopy(value["selector"], _numbered(value["down"], _object), _numbered(value["up"], _object))
+
+
+_CONVERTERS: dict[str, Callable[[Any], Any]] = {
+    "dummies": frozenset,
+    "rtr_bit": lambda value: {way: BitPolicy(value[way.value]) for way in Direction},
+    "transmission_types": _ranges,
+    "tpdo_access": _accesses,
+    "rpdo_access": _accesses,
+    "pre_operational_writes": _ranges,
+    "needs_store": _object,
+    "save_command": _object,
+    "login": _login,
+    "extended_error": _object,
+    "reasons": _numbered,
+    "state_object": _object,
+    "state_request": _object,
+    "master_object": _object,
+    "pins": lambda value: tuple(_pin_copy(each) for each in value),
+    "motors": _motor_copy,
+    "boot_state": lambda value: NmtState[value],
+}

@@ -1,0 +1,113 @@
+"""Simulated nodes on a python-can bus, served by one thread.
+
+The only file of the simulator that imports `can`. Does not own the bus: who opened it shuts it down, after `stop`.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Sequence
+
+import can
+
+from dvtcli.domain.ports import Frame
+from dvtcli.simulator.device import StrictDevice
+from dvtcli.simulator.station import SimulatedNode
+
+#: Longest wait for a frame, in seconds: bounds how long `stop` takes, never how long an answer takes.
+_LONGEST_WAIT_S = 0.05
+
+
+class SimulatedNetwork:
+    """Serves *devices* on *bus* between `start` and `stop`; also a context manager.
+
+    Nodes hear each other as well as the bus. *lock* is held while a frame is dealt with; take it to look at a
+    device or to change it from another thread. *error* is what ended the thread early, None otherwise.
+    """
+
+    def __init__(self, bus: can.BusABC, devices: Sequence[StrictDevice]) -> None:
+        self.bus = bus
+        self.nodes = [SimulatedNode(device) for device in devices]
+        self.lock = threading.Lock()
+        self.error: can.CanError | None = None
+        self._stopping = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    def __enter__(self) -> SimulatedNetwork:
+        self.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+
+    def start(self) -> None:
+        """Boot every node, then serve until `stop`; the boot-ups are on the bus when this returns."""
+        for node in self.nodes:
+            node.device.boot_up()
+            self._send(node, node.poll(time.monotonic()))
+        self._stopping.clear()
+        self._thread = threading.Thread(target=self._serve, name="simulated nodes", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End the thread within 50 ms; may be called twice."""
+        self._stopping.set()
+        if self._thread is not None and self._thread is not threading.current_thread():
+            self._thread.join()
+            self._thread = None
+
+    def _serve(self) -> None:
+        try:
+            while not self._stopping.is_set():
+                message = self.bus.recv(self._wait_s())
+                with self.lock:
+                    if message is not None and not message.is_error_frame:
+                        self._deliver(_frame(message), sender=None)
+                    self._poll()
+        except can.CanError as error:
+            self.error = error
+
+    def _wait_s(self) -> float:
+        """Seconds until a node has something to send by itself, at most 0.05."""
+        times = [due for node in self.nodes if (due := node.device.next_poll_s()) is not None]
+        return min(_LONGEST_WAIT_S, max(0.0, min(times) - time.monotonic())) if times else _LONGEST_WAIT_S
+
+    def _poll(self) -> None:
+        now_s = time.monotonic()
+        for node in self.nodes:
+            self._send(node, node.poll(now_s))
+
+    def _deliver(self, frame: Frame, sender: SimulatedNode | None) -> None:
+        """Hand *frame* to every node but its sender, and what they send to the bus and to each other."""
+        waiting = deque([(frame, sender)])
+        while waiting:
+            heard, source = waiting.popleft()
+            for node in self.nodes:
+                if node is source:
+                    continue
+                for answer in node.handle(heard):
+                    self.bus.send(_message(answer))
+                    waiting.append((answer, node))
+
+    def _send(self, node: SimulatedNode, frames: list[Frame]) -> None:
+        for frame in frames:
+            self.bus.send(_message(frame))
+            self._deliver(frame, sender=node)
+
+
+def _frame(message: can.Message) -> Frame:
+    return Frame(
+        message.arbitration_id,
+        bytes(message.data),
+        extended=message.is_extended_id,
+        remote=message.is_remote_frame,
+        timestamp_s=message.timestamp,
+    )
+
+
+def _message(frame: Frame) -> can.Message:
+    return can.Message(
+        arbitration_id=frame.can_id, data=frame.data, is_extended_id=frame.extended, is_remote_frame=frame.remote
+    )

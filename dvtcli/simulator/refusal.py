@@ -1,0 +1,12 @@
+"""How a simulated device says no. Does not know what an abort code means to a person."""
+
+from __future__ import annotations
+
+
+class Refusal(Exception):
+    """The device answers an SDO request with abort *code*; *reason* is what its extended error object then holds."""
+
+    def __init__(self, code: int, reason: int | None = None) -> None:
+        super().__init__(f"0x{code:08X}")
+        self.code = int(code)
+        self.reason = reason
