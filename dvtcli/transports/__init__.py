@@ -1,0 +1,42 @@
+"""Ways to reach a CANopen network. Importing this package imports no CAN library: opening a bus does."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from dvtcli.simulator.device import StrictDevice
+    from dvtcli.transports.canbus import CanBus
+
+DEFAULT_TIMEOUT_S = 0.5
+DEFAULT_RETRIES = 1
+
+
+def open_canbus(
+    interface: str | None = None,
+    channel: str | None = None,
+    bitrate: int | None = None,
+    extra: Mapping[str, object] | None = None,
+    *,
+    timeout_s: float = DEFAULT_TIMEOUT_S,
+    retries: int = DEFAULT_RETRIES,
+) -> CanBus:
+    """Open a CAN interface; raises BusUnavailable with the reason and a hint.
+
+    *interface*, *channel*, *bitrate* (bit/s) and *extra* have python-can's names and meaning; what is None
+    comes from python-can's own configuration. *timeout_s* is the SDO time-out, *retries* (0..) how often a
+    read's first request is repeated after it.
+    """
+    from dvtcli.transports.opening import open_bus  # noqa: PLC0415 - imports python-can
+
+    return open_bus(interface, channel, bitrate, extra or {}, timeout_s=timeout_s, retries=retries)
+
+
+def open_simulation(
+    devices: Sequence[StrictDevice], *, timeout_s: float = DEFAULT_TIMEOUT_S, retries: int = DEFAULT_RETRIES
+) -> CanBus:
+    """Open a bus on which only the simulated *devices* live; nothing leaves this process."""
+    from dvtcli.transports.simulated import simulate  # noqa: PLC0415 - imports python-can
+
+    return simulate(devices, timeout_s=timeout_s, retries=retries)

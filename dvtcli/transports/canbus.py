@@ -1,0 +1,266 @@
+"""A CANopen network on any python-can bus.
+
+Does not know how a bus is opened (see opening), nor what a PDO or an object means.
+"""
+
+from __future__ import annotations
+
+import errno
+import threading
+from collections.abc import Callable, Iterator
+from queue import SimpleQueue
+from time import monotonic, sleep
+from weakref import WeakSet
+
+import can
+
+from dvtcli.domain.nmt import NmtCommand, NmtState
+from dvtcli.domain.ports import Frame
+from dvtcli.errors import BusUnavailable, UsageError
+from dvtcli.transports import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S
+from dvtcli.transports.node_events import EMERGENCY, HEARTBEAT, Emergency, NodeEvent, NodeWatch
+from dvtcli.transports.receiver import Receiver, Wake, bus_closed
+from dvtcli.transports.sdo_channel import SdoChannel
+from dvtcli.transports.sdo_client import StrictSdoClient
+from dvtcli.transports.sdo_link import ANSWER_ID, REQUEST_ID, Inbox, SdoSettings
+from dvtcli.transports.traffic import Tap, Traffic, frame_of
+
+#: what python-can's drivers raise when a bus fails in use; a closed socket is a ValueError in select()
+BUS_FAILURES = (can.CanError, OSError, ValueError, RuntimeError)
+#: how long a full transmit buffer is waited for (s)
+SEND_PATIENCE_S = 0.1
+
+_SDO_IDS = (ANSWER_ID, REQUEST_ID)
+
+
+class CanBus:
+    """A CANopenBus on a python-can *bus*, called *name* on screens; *on_close* is called after the bus was left.
+
+    No thread of its own: whoever waits reads the bus. *timeout_s* (s) and *retries* are those of `SdoSettings`.
+    """
+
+    def __init__(
+        self,
+        bus: can.BusABC,
+        name: str,
+        *,
+        simulated: bool = False,
+        timeout_s: float = DEFAULT_TIMEOUT_S,
+        retries: int = DEFAULT_RETRIES,
+        on_close: Callable[[], None] | None = None,
+    ) -> None:
+        self._bus = bus
+        self._name = name
+        self._simulated = simulated
+        self.settings = SdoSettings(timeout_s, retries)
+        self._on_close = on_close
+        self._receiver: Receiver[can.Message] = Receiver(self._read, self._deliver)
+        self._send_lock = threading.Lock()
+        self._setup_lock = threading.Lock()
+        self._clients: dict[int, StrictSdoClient] = {}
+        self._channels: dict[int, SdoChannel] = {}
+        self._watch = NodeWatch()
+        self._life_waiters: WeakSet[SimpleQueue[bool | Wake]] = WeakSet()
+        self._traffic = Traffic()
+        self._closed = False
+
+    @property
+    def name(self) -> str:
+        """How the bus is called on screens, for example `socketcan:can0`."""
+        return self._name
+
+    @property
+    def simulated(self) -> bool:
+        """Whether nothing leaves this process."""
+        return self._simulated
+
+    def sdo(self, node_id: int) -> SdoChannel:
+        """The default SDO channel of *node_id* (1..127); the same object for the same node."""
+        channel = self._channels.get(node_id)
+        if channel is not None:
+            return channel
+        if not 1 <= node_id <= 127:
+            raise UsageError(f"node-ID {node_id} is outside 1..127")
+        with self._setup_lock:
+            if node_id not in self._channels:
+                client = self._clients[node_id] = StrictSdoClient(node_id, self, self.settings)
+                self._channels[node_id] = SdoChannel(client)
+        return self._channels[node_id]
+
+    def send_nmt(self, command: NmtCommand, node_id: int) -> None:
+        """Send an NMT command to *node_id*, or to all nodes with 0; what was heard of their states is forgotten."""
+        if not 0 <= node_id <= 127:
+            raise UsageError(f"node-ID {node_id} is outside 0..127")
+        self._receiver.drain()
+        self._watch.forget_state(node_id)
+        self.send(Frame(0x000, bytes([command, node_id])))
+
+    def nmt_state(self, node_id: int, timeout_s: float = 0.0) -> NmtState | None:
+        """The state last heard of *node_id* since its last NMT command; waits up to *timeout_s* for a *new* one.
+
+        None: nothing was heard. A node that said boot-up is PRE-OPERATIONAL (CiA 301, 7.2.8.3.3).
+        """
+        self._receiver.drain()
+        signs = self._watch.signs_of_life
+        seen = signs.get(node_id, 0)
+        if timeout_s > 0:
+            self._wait_for(lambda: signs.get(node_id, 0) > seen, timeout_s)
+        return self._watch.states.get(node_id)
+
+    def boot_ups(self, node_id: int) -> int:
+        """How many boot-up messages of *node_id* were seen so far."""
+        self._receiver.drain()
+        return self._watch.boot_ups.get(node_id, 0)
+
+    def wait_boot_up(self, node_id: int, seen: int, timeout_s: float) -> bool:
+        """Wait until more than *seen* boot-ups of *node_id* were received; False after *timeout_s*."""
+        return self._wait_for(lambda: self._watch.boot_ups.get(node_id, 0) > seen, timeout_s)
+
+    def heard_nodes(self) -> dict[int, NmtState]:
+        """Every node whose state is known, from heartbeats and boot-ups."""
+        self._receiver.drain()
+        return dict(self._watch.states)
+
+    def emergency(self, node_id: int) -> Emergency | None:
+        """The last emergency message of *node_id*."""
+        self._receiver.drain()
+        return self._watch.emergencies.get(node_id)
+
+    def emergency_count(self, node_id: int) -> int:
+        """How many emergency messages of *node_id* were seen so far."""
+        self._receiver.drain()
+        return self._watch.emergency_counts.get(node_id, 0)
+
+    def on_event(self, callback: Callable[[NodeEvent], None]) -> Callable[[], None]:
+        """Call *callback* for each boot-up, state change and emergency; returns what ends that.
+
+        It is called by the thread that happens to read the bus: it must be quick and must not use the bus.
+        """
+        self._watch.listeners.append(callback)
+        return lambda: self._watch.listeners.remove(callback)
+
+    def tap(self, callback: Tap) -> Callable[[], None]:
+        """Call *callback*(frame, sent) for each frame received or sent here; returns what ends that. As `on_event`."""
+        return self._traffic.tap(callback)
+
+    def send(self, frame: Frame) -> None:
+        """Send one frame (SYNC, a PDO); frames that answer it are kept for a `receive` within the next second."""
+        self._receiver.drain()
+        self._traffic.keep_answers()
+        self._send(frame.can_id, frame.data, extended=frame.extended, remote=frame.remote)
+
+    def receive(self, duration_s: float) -> Iterator[Frame]:
+        """Yield every frame that arrives within *duration_s* of this call, and those since the last `send`."""
+        self._receiver.drain()
+        inbox = self._traffic.listen()
+        return self._frames(inbox, monotonic() + duration_s)
+
+    def idle(self, duration_s: float) -> None:
+        """Read the bus for *duration_s* on behalf of the callbacks, as a background thread does in a loop.
+
+        Gives way to any thread that waits for something. Raises BusUnavailable if the bus fails or was closed.
+        """
+        if self._closed:
+            raise bus_closed()
+        self._receiver.idle(duration_s)
+
+    def close(self) -> None:
+        """Leave the bus, within some 20 ms; whoever waits for something gets BusUnavailable. May be called twice."""
+        with self._setup_lock:
+            if self._closed:
+                return
+            self._closed = True
+        self._receiver.close()
+        try:
+            self._bus.shutdown()
+        except BUS_FAILURES:
+            pass  # it is gone either way, and nobody uses it any more
+        finally:
+            if self._on_close is not None:
+                self._on_close()
+
+    # What an SDO client needs (SdoLink) -------------------------------------------------------------------------
+
+    def send_sdo(self, can_id: int, data: bytes) -> None:
+        """Send one SDO frame."""
+        self._send(can_id, data)
+
+    def take(self, inbox: Inbox, deadline_s: float) -> bytes | None:
+        """Wait for an answer in *inbox* until *deadline_s* (time.monotonic)."""
+        return self._receiver.take(inbox, deadline_s)
+
+    def drain(self) -> None:
+        """Deliver what has already arrived."""
+        self._receiver.drain()
+
+    def _send(self, can_id: int, data: bytes, *, extended: bool = False, remote: bool = False) -> None:
+        message = can.Message(
+            arbitration_id=can_id, data=data, is_extended_id=extended, is_remote_frame=remote, is_rx=False
+        )
+        patience_end_s = monotonic() + SEND_PATIENCE_S
+        while True:
+            if self._closed:
+                raise bus_closed()
+            try:
+                with self._send_lock:
+                    self._bus.send(message)
+                break
+            except BUS_FAILURES as error:
+                if getattr(error, "error_code", None) != errno.ENOBUFS or monotonic() > patience_end_s:
+                    raise self._failed("send", error) from error
+                sleep(0.002)
+        self._traffic.sent(message)
+
+    def _read(self, wait_s: float) -> can.Message | None:
+        try:
+            return self._bus.recv(wait_s)
+        except BUS_FAILURES as error:
+            raise self._failed("receive", error) from error
+
+    def _failed(self, what: str, error: Exception) -> BusUnavailable:
+        reason = str(error) or type(error).__name__
+        hint = "is the adapter still plugged in, and the interface up?"
+        return BusUnavailable(f"{self._name} failed ({what})", why=reason, hint=hint)
+
+    def _deliver(self, message: can.Message) -> None:
+        if message.is_error_frame:
+            return
+        self._traffic.received(message)
+        function, node_id = message.arbitration_id & ~0x7F, message.arbitration_id & 0x7F
+        if message.is_remote_frame:
+            return
+        if function in _SDO_IDS:
+            if node_id in self._clients:
+                self._deliver_sdo(self._clients[node_id], message)
+        elif message.is_extended_id:
+            return
+        elif function == HEARTBEAT and self._watch.heartbeat(frame_of(message)):
+            for waiter in tuple(self._life_waiters):
+                waiter.put(True)
+        elif function == EMERGENCY:
+            self._watch.emergency(frame_of(message))
+
+    def _deliver_sdo(self, client: StrictSdoClient, message: can.Message) -> None:
+        data = bytes(message.data)
+        if message.is_extended_id:
+            client.receive_extended()
+        elif message.arbitration_id & ~0x7F == ANSWER_ID:
+            client.inbox.put(data)
+        elif message.is_rx:  # else a driver's copy of our own
+            client.receive_request(data)
+
+    def _frames(self, inbox: SimpleQueue[Frame | Wake], deadline_s: float) -> Iterator[Frame]:
+        while (frame := self._receiver.take(inbox, deadline_s)) is not None:
+            yield frame
+
+    def _wait_for(self, condition: Callable[[], bool], timeout_s: float) -> bool:
+        """Wait until *condition* holds, which signs of life may bring about."""
+        deadline_s = monotonic() + timeout_s
+        inbox: SimpleQueue[bool | Wake] = SimpleQueue()
+        self._life_waiters.add(inbox)
+        self._receiver.drain()
+        while not condition():
+            if self._receiver.take(inbox, deadline_s) is None:
+                return condition()
+        return True
+

@@ -1,0 +1,180 @@
+"""Who reads the bus: whichever thread is waiting for something, so that an answer needs no hand-over.
+
+One waiting thread at a time leads: it reads messages and delivers them, until its own is there; then it
+promotes one of the threads that wait meanwhile. Does not know what a message means, nor who gets it.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from queue import Empty, SimpleQueue
+from time import monotonic
+from typing import Any, Generic, TypeVar
+
+from dvtcli.errors import BusUnavailable
+
+#: longest time in one read (s): how late a closing bus or a waiting SDO client is noticed by a silent bus's reader
+SLICE_S = 0.02
+#: how long nobody must have waited (s) before a background thread reads again
+QUIET_S = 0.02
+#: most messages read at once without waiting: a busy bus has no end
+BACKLOG = 4096
+
+M = TypeVar("M")
+T = TypeVar("T")
+
+
+class Wake:
+    """A note to a waiting thread among its items: you may lead now, or the bus has failed."""
+
+    __slots__ = ("failure",)
+
+    def __init__(self, failure: BusUnavailable | None = None) -> None:
+        self.failure = failure
+
+
+_LEAD = Wake()
+
+
+def bus_closed() -> BusUnavailable:
+    """The error of whoever uses a bus that was closed."""
+    return BusUnavailable("the bus is closed")
+
+
+class Receiver(Generic[M]):
+    """Reads messages with *read* (seconds to wait -> message or None) and passes each one to *deliver*.
+
+    *read* raises BusUnavailable if the bus fails; everyone who waits then gets it.
+    """
+
+    def __init__(self, read: Callable[[float], M | None], deliver: Callable[[M], None]) -> None:
+        self._read = read
+        self._deliver = deliver
+        self._mutex = threading.Lock()
+        self._leader: object | None = None
+        self._followers: dict[SimpleQueue[Any], None] = {}
+        self._no_leader = threading.Condition(self._mutex)
+        self._closing = threading.Event()
+        self._closed = False
+        self._last_wait_s = 0.0
+
+    def take(self, inbox: SimpleQueue[T | Wake], deadline_s: float) -> T | None:
+        """The next item that was delivered into *inbox*; None at *deadline_s* (of time.monotonic).
+
+        An inbox is waited for by one thread at a time. Raises BusUnavailable if the bus fails or is closed.
+        """
+        try:
+            while True:
+                item = (self._lead if self._join(inbox) else self._follow)(inbox, deadline_s)
+                if not isinstance(item, Wake):
+                    return item
+                if item.failure is not None:
+                    raise BusUnavailable(item.failure.text, why=item.failure.why, hint=item.failure.hint)
+        finally:
+            self._last_wait_s = monotonic()
+            self._leave(inbox)
+
+    def drain(self) -> None:
+        """Deliver what has already arrived, without waiting; leaves it to the reading thread if there is one."""
+        me = object()
+        if not self._lead_if(me, lambda: True):
+            return
+        try:
+            self._read_waiting()
+        finally:
+            self._leave(me)
+
+    def idle(self, duration_s: float) -> None:
+        """Deliver what arrives within *duration_s*, as a background thread does: anyone who waits goes first."""
+        me = object()
+        end_s = monotonic() + duration_s
+        while not self._closed and (left_s := end_s - monotonic()) > 0:
+            if not self._lead_if(me, lambda: monotonic() - self._last_wait_s > QUIET_S):
+                self._closing.wait(min(left_s, QUIET_S))
+                continue
+            try:
+                while not self._followers and not self._closed and (left_s := end_s - monotonic()) > 0:
+                    self._read_one(min(left_s, SLICE_S))
+            finally:
+                self._leave(me)
+
+    def close(self) -> None:
+        """Send everyone away; on return nobody reads any more (a read that does not end is waited for 0.1 s)."""
+        self._closed = True
+        self._closing.set()
+        self._fail(bus_closed())
+        with self._no_leader:
+            self._no_leader.wait_for(lambda: self._leader is None, timeout=0.1)
+
+    def _join(self, inbox: SimpleQueue[T | Wake]) -> bool:
+        """Wait for *inbox* from now on; whether as the leader."""
+        with self._mutex:
+            if self._closed:
+                raise bus_closed()
+            if self._leader is None or self._leader is inbox:
+                self._followers.pop(inbox, None)
+                self._leader = inbox
+                return True
+            self._followers[inbox] = None
+            return False
+
+    def _lead_if(self, me: object, wanted: Callable[[], bool]) -> bool:
+        """Lead on nobody's behalf, if nobody leads."""
+        with self._mutex:
+            if self._closed or self._leader is not None or not wanted():
+                return False
+            self._leader = me
+            return True
+
+    def _lead(self, inbox: SimpleQueue[T | Wake], deadline_s: float) -> T | Wake | None:
+        while inbox.empty():
+            if self._closed:
+                raise bus_closed()
+            left_s = deadline_s - monotonic()
+            if left_s <= 0:
+                self._read_waiting()  # a late thread is no late answer
+                break
+            self._read_one(min(left_s, SLICE_S))
+        return None if inbox.empty() else inbox.get_nowait()
+
+    def _follow(self, inbox: SimpleQueue[T | Wake], deadline_s: float) -> T | Wake | None:
+        try:
+            return inbox.get(timeout=max(deadline_s - monotonic(), 0))
+        except Empty:
+            return None
+
+    def _leave(self, who: object) -> None:
+        """Stop waiting; a leader promotes a follower whose item is not there yet."""
+        with self._mutex:
+            self._followers.pop(who, None)  # type: ignore[call-overload]
+            if self._leader is not who:
+                return
+            heir = next((follower for follower in self._followers if follower.empty()), None)
+            self._leader = heir
+            if heir is not None:
+                del self._followers[heir]
+                heir.put(_LEAD)
+            elif self._closed:
+                self._no_leader.notify_all()
+
+    def _read_one(self, wait_s: float) -> bool:
+        try:
+            message = self._read(wait_s)
+        except BusUnavailable as failure:
+            self._fail(failure)
+            raise
+        if message is None:
+            return False
+        self._deliver(message)
+        return True
+
+    def _read_waiting(self) -> None:
+        for _ in range(BACKLOG):
+            if not self._read_one(0.0):
+                return
+
+    def _fail(self, failure: BusUnavailable) -> None:
+        with self._mutex:
+            for follower in self._followers:
+                follower.put(Wake(failure))
