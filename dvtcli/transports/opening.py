@@ -10,6 +10,7 @@ import logging
 import socket
 from collections.abc import Mapping
 from difflib import get_close_matches
+from typing import Any
 
 import can
 from can import util
@@ -80,7 +81,8 @@ def open_bus(
         config = _completed(given)
         if config["interface"] == "socketcand":
             _probe(config)
-        bus = can.Bus(**config, ignore_config=True)
+        options: dict[str, Any] = {**config, "ignore_config": True}
+        bus = can.Bus(**options)
     except OPEN_FAILURES as error:
         raise _unavailable(config, error) from error
     return CanBus(bus, _name(config), timeout_s=timeout_s, retries=retries)
@@ -144,12 +146,15 @@ def _hint(config: Mapping[str, object], error: Exception) -> str:
         return _ERRNO_HINTS[errno.ETIMEDOUT]
     if isinstance(error, socket.gaierror):
         return "no such host"
-    if isinstance(error, TypeError):
-        return "a setting is missing or unknown: --bus-kwargs key=value, see python-can's page of this interface"
+    if interface == "socketcand" and isinstance(error, ValueError):
+        return "for example --bus-kwargs host=127.0.0.1 --bus-kwargs port=29536 -c can0"
+    if isinstance(error, ImportError | can.CanInterfaceNotImplementedError):
+        package = _DRIVER_PACKAGES.get(interface)
+        return f"its driver is missing: pip install '{package}'" if package else "is the maker's driver installed?"
     if channel is None:
         return "which channel? give -c/--channel"
-    if interface in _DRIVER_PACKAGES and isinstance(error, ImportError | can.CanInterfaceNotImplementedError):
-        return f"its driver may be missing: pip install '{_DRIVER_PACKAGES[interface]}'"
+    if isinstance(error, TypeError):
+        return "a setting is missing or unknown: --bus-kwargs key=value, see python-can's page of this interface"
     return f"is the maker's driver installed? {_NO_CHANNEL}"
 
 
