@@ -1,6 +1,6 @@
 """Virtual PDOs: copies inside one node between physical pins, motors and application objects.
 
-The rules are Sevcon's *PDO Fundamentals*, section 2; which objects take part is the family's data. Does not know
+The rules are those of the application note *PDO Fundamentals* rev 2, section 2; which objects take part is the family's data. Does not know
 what a pin is wired to.
 """
 
