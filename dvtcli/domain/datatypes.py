@@ -5,6 +5,7 @@ Knows encodings only. Does not know which object has which type.
 
 from __future__ import annotations
 
+import re
 import struct
 from dataclasses import dataclass
 from enum import Enum, auto
@@ -125,19 +126,16 @@ class DataType:
                 return self.encode(CanopenTime(parse_number(milliseconds), parse_number(days)))
 
 
+_NUMBER = re.compile(r"(?P<sign>-?)(?:(?P<decimal>[0-9]{1,40})|0[xX](?P<hex>[0-9a-fA-F]{1,38}))")
+
+
 def parse_number(text: str) -> int:
     """Read `1500`, `-1500`, `0x5DC` or `-0x5DC`; ValueError otherwise (no octal, no underscores)."""
-    sign, digits = (-1, text[1:]) if text.startswith("-") else (1, text)
-    if not digits.isascii() or "_" in digits or len(digits) > 40:
-        raise ValueError(f"{text!r} is not a number")
-    try:
-        if digits[:2].lower() == "0x" and digits[2:3].isalnum():
-            return sign * int(digits[2:], 16)
-        if digits.isdigit():
-            return sign * int(digits)
-    except ValueError:
-        pass
-    raise ValueError(f"{text!r} is not a number; write it decimal or 0x… in hexadecimal")
+    match = _NUMBER.fullmatch(text)
+    if not match:
+        raise ValueError(f"{text!r} is not a number; write it decimal or 0x… in hexadecimal")
+    number = int(match["decimal"]) if match["decimal"] else int(match["hex"], 16)
+    return -number if match["sign"] else number
 
 
 def _integers(codes: dict[int, int], kind: Kind) -> list[DataType]:

@@ -123,7 +123,8 @@ def _severity(item: Item) -> Severity | None:
 
 
 def _rtr_bit(item: Item) -> dict[Direction, BitPolicy]:
-    given = item.table({direction.value: one_of(BitPolicy) for direction in Direction}, required=list(Direction))
+    names = [direction.value for direction in Direction]
+    given = item.table(dict.fromkeys(names, one_of(BitPolicy)), required=names)
     return {direction: given[direction.value] for direction in Direction}
 
 
@@ -131,7 +132,8 @@ def _aliases(item: Item) -> dict[str, str]:
     for member in item.items():
         object_address(member)
         if normalised(member.key) != member.key:
-            member.fail("an alias is written in small letters, digits and _", f"did you mean {normalised(member.key)}?")
+            hint = f"did you mean {normalised(member.key)!r}?"
+            member.fail("an alias is written in small letters, digits and _", hint)
     return {member.key: string(member) for member in item.items()}
 
 

@@ -1,0 +1,131 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from dvtcli.domain.mapping import PdoMappingEntry
+from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.plan import Plan, Step, ValueChange, plan_pdo
+from tests.domain.configs import ModelDevice, config_pairs, configs, mappings, pdos
+
+Pair = tuple[PdoConfig, PdoConfig]
+
+
+def is_mapping(step: Step) -> bool:
+    return 0x1600 <= step.index <= 0x17FF or 0x1A00 <= step.index <= 0x1BFF
+
+
+@given(pdos, configs)
+def test_nothing_to_change_is_no_step(pdo: Pdo, a: PdoConfig) -> None:
+    assert plan_pdo(pdo, a, a).steps == ()
+
+
+@given(pdos, config_pairs())
+def test_a_device_gets_from_a_to_b_and_back(pdo: Pdo, pair: Pair) -> None:
+    """The device's own rules hold the order laws: frozen mapping, count 0 first, frozen COB-ID, inhibit time."""
+    a, b = pair
+    change = plan_pdo(pdo, a, b)
+    device = ModelDevice(pdo, a)
+    device.run(change.steps)
+    assert device.holds(b)
+    device.run(change.reversed().steps)
+    assert device.holds(a)
+
+
+@given(pdos, config_pairs())
+def test_the_count_comes_last_before_the_enabling_write(pdo: Pdo, pair: Pair) -> None:
+    a, b = pair
+    assume(a.mapping != b.mapping)
+    steps = [step for step in plan_pdo(pdo, a, b).steps if is_mapping(step)]
+    subs = [step.sub_index for step in steps]
+    assert subs == [0] * bool(a.mapping) + list(range(1, len(b.mapping) + 1)) + [0] * bool(b.mapping)
+    every = plan_pdo(pdo, a, b).steps
+    assert [is_mapping(step) for step in every[every.index(steps[0]) :]][: len(steps)] == [True] * len(steps)
+    if b.enabled:
+        last = every[-1]
+        assert (last.index, last.sub_index, last.after) == (
+            pdo.communication_index,
+            1,
+            b.communication.cob_id.raw.to_bytes(4, "little"),
+        )
+
+
+@given(pdos, config_pairs())
+def test_disabling_is_needed_or_left_out_and_keeps_every_other_bit(pdo: Pdo, pair: Pair) -> None:
+    a, b = pair
+    steps = plan_pdo(pdo, a, b).steps
+    cob_id_steps = [step for step in steps if (step.index, step.sub_index) == (pdo.communication_index, 1)]
+    if not a.enabled:
+        assert len(cob_id_steps) == (a.communication.cob_id != b.communication.cob_id)
+        return
+    live = replace(a.communication, transmission_type=0, event_timer=0)
+    frozen = live != replace(b.communication, transmission_type=0, event_timer=0) or a.mapping != b.mapping
+    assert bool(cob_id_steps) == frozen
+    if frozen:
+        first = steps[0]
+        assert first is cob_id_steps[0]
+        held = a.communication.cob_id.raw
+        assert int.from_bytes(first.after, "little") == held | 0x8000_0000
+
+
+@given(pdos, configs, st.integers(0, 0xFFFF))
+def test_another_event_timer_is_one_step(pdo: Pdo, a: PdoConfig, timer: int) -> None:
+    assume(a.communication.event_timer not in (None, timer))
+    b = replace(a, communication=replace(a.communication, event_timer=timer))
+    (step,) = plan_pdo(pdo, a, b).steps
+    assert (step.object, step.after) == (f"{pdo.communication_index:04X}:05", timer.to_bytes(2, "little"))
+
+
+@given(pdos, configs, st.integers(0, 0xFF))
+def test_another_transmission_type_is_one_step(pdo: Pdo, a: PdoConfig, transmission_type: int) -> None:
+    assume(a.communication.transmission_type not in (None, transmission_type))
+    b = replace(a, communication=replace(a.communication, transmission_type=transmission_type))
+    (step,) = plan_pdo(pdo, a, b).steps
+    assert (step.object, step.after) == (f"{pdo.communication_index:04X}:02", bytes([transmission_type]))
+
+
+@given(pdos, configs)
+def test_switching_on_and_off_is_one_step(pdo: Pdo, a: PdoConfig) -> None:
+    cob_id = a.communication.cob_id
+    flipped = cob_id.disabled() if cob_id.valid else cob_id.enabled()
+    b = replace(a, communication=replace(a.communication, cob_id=flipped))
+    (step,) = plan_pdo(pdo, a, b).steps
+    assert int.from_bytes(step.after, "little") == cob_id.raw ^ 0x8000_0000
+
+
+@given(pdos, configs, mappings, st.booleans())
+def test_a_plan_that_is_cut_leaves_the_pdo_disabled_or_as_it_was(
+    pdo: Pdo, a: PdoConfig, mapping: tuple[PdoMappingEntry, ...], enabled: bool
+) -> None:
+    cob_id = a.communication.cob_id
+    a = replace(a, communication=replace(a.communication, cob_id=replace(cob_id, valid=enabled)))
+    steps = plan_pdo(pdo, a, replace(a, mapping=mapping)).steps
+    for cut in range(1, len(steps)):
+        device = ModelDevice(pdo, a)
+        device.run(steps[:cut])
+        assert not device.valid
+
+
+@given(st.lists(st.tuples(pdos, config_pairs()), max_size=3, unique_by=lambda item: item[0]))
+def test_a_whole_plan_is_undone_in_the_opposite_order(items: list[tuple[Pdo, Pair]]) -> None:
+    plan = Plan(5, tuple(plan_pdo(pdo, a, b) for pdo, (a, b) in items))
+    back = plan.reversed()
+    assert back.node_id == 5
+    assert len(plan) == len(list(plan.steps))
+    assert [change.label for change in back.changes] == [change.label for change in plan.changes][::-1]
+    for pdo, (a, _) in items:
+        device = ModelDevice(pdo, a)
+        for whole in (plan, back):
+            device.run(s for s in whole.steps if s.index in (pdo.communication_index, pdo.mapping_index))
+        assert device.holds(a)
+
+
+def test_one_value_is_undone_only_where_the_old_one_is_known() -> None:
+    change = ValueChange(Step(0x1006, 0, bytes(4), bytes.fromhex("204E0000"), "SYNC every 20 ms"))
+    assert (change.reversed().step.before, change.reversed().step.after) == (bytes.fromhex("204E0000"), bytes(4))
+    assert (change.label, change.reversed().reversed().step.after) == ("1006:00", change.step.after)
+    with pytest.raises(ValueError, match="0x1006:00"):
+        ValueChange(replace(change.step, before=None)).reversed()
