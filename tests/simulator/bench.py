@@ -1,0 +1,88 @@
+"""A work bench: simulated devices by family, and an SDO client of its own that speaks frames to them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from dvtcli.formats.eds import read_eds
+from dvtcli.simulator.device import StrictDevice
+from dvtcli.simulator.family import family_eds, load_family
+from dvtcli.simulator.sdo_server import SdoServer
+
+
+class Aborted(Exception):
+    def __init__(self, code: int) -> None:
+        super().__init__(f"0x{code:08X}")
+        self.code = code
+
+
+class Silent(Exception):
+    """The server did not answer."""
+
+
+def booted(family: str = "generic", node_id: int = 1) -> StrictDevice:
+    device = StrictDevice(read_eds(family_eds(family)).dictionary, load_family(family), node_id)
+    device.boot_up()
+    device.take_outbox()
+    return device
+
+
+def multiplexer(index: int, sub_index: int) -> bytes:
+    return index.to_bytes(2, "little") + bytes([sub_index])
+
+
+@dataclass
+class Client:
+    """An SDO client straight on a server: expedited where it fits, else (or on demand) segmented."""
+
+    server: SdoServer
+
+    @classmethod
+    def on(cls, device: StrictDevice) -> Client:
+        return cls(SdoServer(device))
+
+    def ask(self, request: bytes) -> bytes:
+        response = self.server.handle(request.ljust(8, b"\0"))
+        if response is None:
+            raise Silent
+        assert len(response) == 8
+        if response[0] == 0x80:
+            raise Aborted(int.from_bytes(response[4:], "little"))
+        return response
+
+    def read(self, index: int, sub_index: int = 0) -> bytes:
+        response = self.ask(b"\x40" + multiplexer(index, sub_index))
+        assert response[1:4] == multiplexer(index, sub_index)
+        if response[0] & 0x02:
+            return response[4 : 8 - (response[0] >> 2 & 3)]
+        size, data, toggle = int.from_bytes(response[4:], "little"), b"", 0
+        while True:
+            segment = self.ask(bytes([0x60 | toggle]))
+            assert segment[0] & 0x10 == toggle
+            data += segment[1 : 8 - (segment[0] >> 1 & 7)]
+            if segment[0] & 1:
+                assert len(data) == size
+                return data
+            toggle ^= 0x10
+
+    def number(self, index: int, sub_index: int = 0) -> int:
+        return int.from_bytes(self.read(index, sub_index), "little")
+
+    def write(self, index: int, sub_index: int, value: int, size: int) -> None:
+        self.write_bytes(index, sub_index, value.to_bytes(size, "little"))
+
+    def write_bytes(self, index: int, sub_index: int, data: bytes) -> None:
+        if not 1 <= len(data) <= 4:
+            self.write_segmented(index, sub_index, data)
+            return
+        head = bytes([0x23 | (4 - len(data)) << 2])
+        assert self.ask(head + multiplexer(index, sub_index) + data)[0] == 0x60
+
+    def write_segmented(self, index: int, sub_index: int, data: bytes) -> None:
+        self.ask(b"\x21" + multiplexer(index, sub_index) + len(data).to_bytes(4, "little"))
+        toggle = 0
+        for start in range(0, max(len(data), 1), 7):
+            part = data[start : start + 7]
+            head = toggle | (7 - len(part)) << 1 | (start + 7 >= len(data))
+            assert self.ask(bytes([head]) + part)[0] == 0x20 | toggle
+            toggle ^= 0x10
