@@ -62,11 +62,11 @@ class EdsFile:
         findings = Findings(list(self.first_findings))
         section_values([self.text.preamble], findings)
         report_stray(self.layout, findings)
-        report_repeated(self.layout, findings)
+        report_repeated(self.layout.device.values(), findings)
         for name in ("fileinfo", "comments"):
             section_values(self.layout.device.get(name, ()), findings)
         check_lists(self.layout, findings)
-        for index in self.layout.indices():
+        for index in self.layout.objects:
             build_object(self.layout, index, findings)
         return findings.in_order()
 
@@ -100,10 +100,10 @@ def parse_eds(data: bytes, source: str) -> EdsFile:
         raise _not_an_eds(data, source)
     findings = Findings()
     device = section_values(layout.device.get("deviceinfo", ()), findings)
-    identity = _build(layout, _IDENTITY) if _IDENTITY in layout.indices() else None
+    identity = _build(layout, _IDENTITY) if _IDENTITY in layout.objects else None
     info = read_device_info(device, layout, identity, findings)
     objects: dict[int, OdObject | Callable[[], OdObject]] = {
-        index: partial(_build, layout, index) for index in layout.indices()
+        index: partial(_build, layout, index) for index in layout.objects
     }
     objects |= _compact_pdos(device, set(objects), info.rpdo_count or 0, info.tpdo_count or 0, findings)
     return EdsFile(ObjectDictionary(objects, info, source), text, layout, tuple(findings.found))

@@ -58,8 +58,8 @@ def _count_entry(member: OdEntry, count: int, findings: Findings) -> OdEntry:
     )
 
 
-def with_mapping_count(entries: dict[int, OdEntry]) -> dict[int, OdEntry]:
-    """A compact PDO mapping whose sub-index 0 counts the entries that map something.
+def mapping_count(entries: dict[int, OdEntry]) -> OdEntry:
+    """Sub-index 0 of a compact PDO mapping: how many of its *entries*, from the first, map something.
 
     CiA 306 gives sub-index 0 the number of sub-indices, but in a mapping it is the number of mapped objects
     (CiA 301, 7.5.2.36). Not known (None) where the file has no mapping entry at all.
@@ -67,7 +67,7 @@ def with_mapping_count(entries: dict[int, OdEntry]) -> dict[int, OdEntry]:
     held = [entry.initial(0) for sub_index, entry in sorted(entries.items()) if sub_index]
     mapped = next((n for n, data in enumerate(held) if data is None or not any(data)), len(held))
     unknown = all(data is None for data in held)
-    return entries | {0: replace(entries[0], default=None if unknown else bytes([mapped]))}
+    return replace(entries[0], default=None if unknown else bytes([mapped]))
 
 
 def compact_pdo_indices(present: set[int], rpdo_count: int, tpdo_count: int) -> list[int]:

@@ -40,9 +40,7 @@ def read_device_info(values: Values, layout: Layout, identity: OdObject | None, 
     )
 
 
-def _identity(
-    values: Values, key: str, identity: OdObject | None, sub_index: int, findings: Findings
-) -> int | None:
+def _identity(values: Values, key: str, identity: OdObject | None, sub_index: int, findings: Findings) -> int | None:
     """A number of DeviceInfo, else the default of 1018:*sub_index*; where both are there and differ, a warning."""
     given = number_key(values, key, 0, _U32, findings)
     entry = None if identity is None else identity.entries.get(sub_index)
@@ -87,18 +85,22 @@ def check_lists(layout: Layout, findings: Findings) -> None:
     for name in OBJECT_LISTS:
         listed |= _check_list(layout, name, listed, findings)
     if listed:
-        for index in sorted(layout.indices() - listed):
-            findings.note(layout.line(index), "not-listed", f"no list of objects names {index:04X}; read all the same")
+        for index in sorted(layout.objects.keys() - listed):
+            line = layout.object_sections(index).line
+            findings.note(line, "not-listed", f"no list of objects names {index:04X}; read all the same")
 
 
 def _check_list(layout: Layout, name: str, listed: set[int], findings: Findings) -> set[int]:
     parts = layout.device.get(name, [])
     values = section_values(parts, findings)
-    rows = [value for key, value in values.items() if key != "supportedobjects"]
-    count = number_key(values, "supportedobjects", 0, 0xFFFF, findings)
-    if count is not None and count != len(rows):
-        text = f"SupportedObjects={count}, but [{parts[0].name}] lists {len(rows)}"
-        findings.note(values["supportedobjects"].line, "sub-number", text)
+    # "Supported Objects" with a blank is seen in real files; it must not be taken for an entry of the list.
+    counts = [key for key in values if key.replace(" ", "") == "supportedobjects"]
+    rows = [value for key, value in values.items() if key not in counts]
+    for key in counts:
+        count = number_key(values, key, 0, 0xFFFF, findings)
+        if count is not None and count != len(rows):
+            text = f"{values[key].key}={count}, but [{parts[0].name}] lists {len(rows)}"
+            findings.note(values[key].line, "sub-number", text)
     found = set()
     for row in rows:
         try:
@@ -108,7 +110,7 @@ def _check_list(layout: Layout, name: str, listed: set[int], findings: Findings)
             continue
         if index in listed or index in found:
             findings.note(row.line, "listed-twice", f"{index:04X} is listed twice")
-        elif index not in layout.indices():
+        elif index not in layout.objects:
             findings.warning(row.line, "no-section", f"{index:04X} is listed but has no section: it is left out")
         found.add(index)
     return found

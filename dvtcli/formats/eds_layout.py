@@ -6,7 +6,7 @@ Knows section names (CiA 306, 4.5 to 4.8). Does not look into a section.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
 from dvtcli.formats.eds_findings import NOT_UNDERSTOOD, Findings
@@ -15,7 +15,7 @@ from dvtcli.formats.eds_text import IniSection, IniText
 #: The lists of objects, in the standard's order.
 OBJECT_LISTS = ("mandatoryobjects", "optionalobjects", "manufacturerobjects")
 
-_OBJECT = re.compile(r"([0-9a-f]{4})(?:sub([0-9a-f]{1,2})|(name|value))?", re.IGNORECASE)
+_OBJECT = re.compile(r"([0-9a-f]{4})(?:sub[0-9a-f]{1,2}|(name|value))?", re.IGNORECASE)
 _DEVICE = {"fileinfo", "deviceinfo", "dummyusage", "comments", "devicecomissioning", *OBJECT_LISTS}
 #: CiA 306 spells it with one m; some tools correct that.
 _SAME = {"devicecommissioning": "devicecomissioning"}
@@ -25,50 +25,73 @@ Parts = list[IniSection]
 
 
 @dataclass(slots=True)
+class ObjectSections:
+    """The sections of one object: *own*, by sub-index, and the tables of names and of values of a compact one."""
+
+    own: Parts = field(default_factory=list)
+    sub_indices: dict[int, Parts] = field(default_factory=dict)
+    names: Parts = field(default_factory=list)
+    values: Parts = field(default_factory=list)
+
+    @property
+    def line(self) -> int:
+        """The line where the object begins: its own section, else the first of its sub-indices."""
+        return self.own[0].line if self.own else min(parts[0].line for parts in self.sub_indices.values())
+
+    def each(self) -> Iterator[Parts]:
+        """Every section with its repetitions."""
+        yield from (self.own, self.names, self.values)
+        yield from self.sub_indices.values()
+
+
+@dataclass(slots=True)
 class Layout:
-    """A file's sections by meaning; *stray* holds those without one."""
+    """A file's sections by meaning; *stray* holds those without one. *objects* is by index, not yet by sub-index."""
 
     device: dict[str, Parts] = field(default_factory=dict)
     objects: dict[int, Parts] = field(default_factory=dict)
-    sub_indices: dict[int, dict[int, Parts]] = field(default_factory=dict)
-    names: dict[int, Parts] = field(default_factory=dict)
-    values: dict[int, Parts] = field(default_factory=dict)
     stray: Parts = field(default_factory=list)
 
     @property
     def recognised(self) -> bool:
         """Whether anything in the file makes it an EDS."""
-        return bool(self.objects or self.sub_indices or self.device.keys() - {"comments"})
+        return bool(self.objects or self.device.keys() - {"comments"})
 
-    def indices(self) -> set[int]:
-        """Every index that a section describes."""
-        return self.objects.keys() | self.sub_indices.keys()
-
-    def line(self, index: int) -> int:
-        """The line where object *index* begins: its own section, else the first of its sub-indices."""
-        if index in self.objects:
-            return self.objects[index][0].line
-        return min(parts[0].line for parts in self.sub_indices[index].values())
+    def object_sections(self, index: int) -> ObjectSections:
+        """The sections of object *index*, which the file has, sorted by what they describe."""
+        found = ObjectSections()
+        for section in self.objects[index]:
+            name = section.name[4:].lower()
+            if not name:
+                found.own.append(section)
+            elif name.startswith("sub"):
+                found.sub_indices.setdefault(int(name[3:], 16), []).append(section)
+            else:
+                (found.names if name == "name" else found.values).append(section)
+        return found
 
 
 def lay_out(text: IniText) -> Layout:
     """Sort a file's sections by meaning; names in any case."""
     layout = Layout()
-    match_object = _OBJECT.fullmatch
+    objects, match_object = layout.objects, _OBJECT.fullmatch
+    described = set()
     for section in text.sections:
         found = match_object(section.name)
         if found is None:
             _add_device_section(layout, section)
             continue
-        digits, sub_index, table = found.groups()
+        digits, table = found.groups()
         index = int(digits, 16)
-        if sub_index:
-            layout.sub_indices.setdefault(index, {}).setdefault(int(sub_index, 16), []).append(section)
-        elif table is None:
-            layout.objects.setdefault(index, []).append(section)
+        if table is None:
+            described.add(index)
+        if index in objects:
+            objects[index].append(section)
         else:
-            (layout.names if table.lower() == "name" else layout.values).setdefault(index, []).append(section)
-    _move_orphans(layout)
+            objects[index] = [section]
+    # A `[xxxxName]` or `[xxxxValue]` whose object the file does not have tells us nothing.
+    for index in objects.keys() - described:
+        layout.stray += objects.pop(index)
     return layout
 
 
@@ -81,14 +104,6 @@ def _add_device_section(layout: Layout, section: IniSection) -> None:
         layout.stray.append(section)
 
 
-def _move_orphans(layout: Layout) -> None:
-    """A `[xxxxName]` or `[xxxxValue]` whose object the file does not have tells us nothing."""
-    known = layout.indices()
-    for tables in (layout.names, layout.values):
-        for index in tables.keys() - known:
-            layout.stray += tables.pop(index)
-
-
 def report_stray(layout: Layout, findings: Findings) -> None:
     """One note for each section that was not understood; its text is kept."""
     for section in layout.stray:
@@ -96,19 +111,12 @@ def report_stray(layout: Layout, findings: Findings) -> None:
         findings.note(section.line, NOT_UNDERSTOOD, f"section [{section.name}] {kind}: not understood, kept as it is")
 
 
-def report_repeated(layout: Layout, findings: Findings) -> None:
+def report_repeated(every: Iterable[Parts], findings: Findings) -> None:
     """A warning for each section that occurs again."""
-    for parts in _all_parts(layout):
+    for parts in every:
         for part in parts[1:]:
             findings.warning(
                 part.line,
                 "duplicate-section",
                 f"[{part.name}] stands in line {parts[0].line} too; where both have a key, the later one counts",
             )
-
-
-def _all_parts(layout: Layout) -> Iterator[Parts]:
-    for table in (layout.device, layout.objects, layout.names, layout.values):
-        yield from table.values()
-    for sub_indices in layout.sub_indices.values():
-        yield from sub_indices.values()

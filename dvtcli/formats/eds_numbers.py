@@ -10,6 +10,7 @@ import math
 import re
 import struct
 from dataclasses import dataclass
+from functools import lru_cache
 
 from dvtcli.domain.datatypes import DataType, Kind, parse_number
 
@@ -32,6 +33,7 @@ def without_comment(text: str) -> str:
     return text.partition(";")[0].strip() if ";" in text else text
 
 
+@lru_cache(maxsize=4096)
 def read_number(text: str) -> int:
     """Read a whole number: `16`, `0x10` and `020` are the same (CiA 306 writes octal with a leading 0).
 
@@ -44,6 +46,7 @@ def read_number(text: str) -> int:
     return parse_number(text)
 
 
+@lru_cache(maxsize=4096)
 def leading_zero_remark(text: str) -> str:
     """What to say about *text* where a reader of decimals would have understood another number."""
     digits = without_comment(text).lstrip("+-")
@@ -59,6 +62,7 @@ def _is_octal(digits: str) -> bool:
     return all(digit in "01234567" for digit in digits)
 
 
+@lru_cache(maxsize=4096)
 def encode_value(data_type: DataType, text: str) -> EncodedValue:
     """Turn a DefaultValue or ParameterValue, not empty, into bytes; ValueError where it does not fit *data_type*."""
     if data_type.kind in _TEXT_KINDS:
@@ -73,6 +77,7 @@ def encode_value(data_type: DataType, text: str) -> EncodedValue:
     return _encode_integer(data_type, text)
 
 
+@lru_cache(maxsize=4096)
 def read_limit(data_type: DataType, text: str) -> tuple[int | float, bool]:
     """Read a LowLimit or HighLimit in the object's own type and say whether the node-ID is added; ValueError else."""
     text = without_comment(text)

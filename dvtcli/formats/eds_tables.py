@@ -12,28 +12,26 @@ from dvtcli.domain.object_dictionary import OdEntry
 from dvtcli.formats.eds_entry import read_value
 from dvtcli.formats.eds_findings import Findings
 from dvtcli.formats.eds_keys import number_key, quoted
-from dvtcli.formats.eds_layout import Layout, Parts
+from dvtcli.formats.eds_layout import ObjectSections, Parts
 from dvtcli.formats.eds_numbers import read_number
 from dvtcli.formats.eds_text import IniValue, section_values
 
 
-def apply_tables(
-    layout: Layout, index: int, entries: dict[int, OdEntry], findings: Findings
-) -> dict[int, OdEntry]:
-    """*entries* with the names and ParameterValues of the tables; a table need not mention every sub-index."""
-    changed = dict(entries)
-    for sub_index, given in _rows(layout.names.get(index, []), entries, findings):
+def apply_tables(sections: ObjectSections, entries: dict[int, OdEntry], findings: Findings) -> None:
+    """Put the names and ParameterValues of the tables into *entries*; a table need not mention every sub-index."""
+    for sub_index, given in _rows(sections.names, entries, findings):
         if given.value:
-            changed[sub_index] = replace(changed[sub_index], name=given.value)
-    for sub_index, given in _rows(layout.values.get(index, []), entries, findings):
-        encoded = read_value(given, changed[sub_index].data_type, findings)
+            entries[sub_index] = replace(entries[sub_index], name=given.value)
+    for sub_index, given in _rows(sections.values, entries, findings):
+        encoded = read_value(given, entries[sub_index].data_type, findings)
         if encoded is not None:
-            changed[sub_index] = replace(changed[sub_index], value=encoded.data, value_relative=encoded.relative)
-    return changed
+            entries[sub_index] = replace(entries[sub_index], value=encoded.data, value_relative=encoded.relative)
 
 
 def _rows(parts: Parts, entries: dict[int, OdEntry], findings: Findings) -> Iterator[tuple[int, IniValue]]:
     """The rows `sub-index=text` of a table whose sub-index exists; the others are reported."""
+    if not parts:
+        return
     values = section_values(parts, findings)
     count = number_key(values, "nrofentries", 0, 0xFF, findings)
     rows = [value for key, value in values.items() if key != "nrofentries"]

@@ -10,6 +10,7 @@ import codecs
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 from typing import NamedTuple
 
 from dvtcli.formats.eds_findings import Findings
@@ -69,19 +70,14 @@ def split_sections(data: bytes) -> IniText:
     newline = "\r\n" if "\r\n" in text else "\r" if "\r" in text and "\n" not in text else "\n"
     if "\r" in text:
         text = text.replace("\r\n", "\n").replace("\r", "\n")
-    text = "\n" + text
-    if " [" in text or "\t[" in text:
-        text = _INDENTED_HEADER.sub("\n[", text)
-    before, *chunks = text.split("\n[")
-    line = before.count("\n") + 1
-    sections = []
-    for chunk in chunks:
-        header, _, _ = chunk.partition("\n")
-        end = header.find("]")
-        sections.append(IniSection((header if end < 0 else header[:end]).strip(), line, chunk))
-        line += chunk.count("\n") + 1
+    before, *chunks = _INDENTED_HEADER.sub("\n[", "\n" + text).split("\n[")
+    names = [chunk.partition("]")[0] for chunk in chunks]
+    # A header without its bracket ends with its line.
+    names = [(name.partition("\n")[0] if "\n" in name else name).strip() for name in names]
+    lines = accumulate((chunk.count("\n") + 1 for chunk in chunks), initial=before.count("\n") + 1)
+    sections = tuple(map(IniSection._make, zip(names, lines, chunks, strict=False)))
     # The preamble starts with the line break put in front of the text, so that its first line counts as 1.
-    return IniText(IniSection("", 0, before), tuple(sections), encoding, newline)
+    return IniText(IniSection("", 0, before), sections, encoding, newline)
 
 
 def section_values(sections: Sequence[IniSection], findings: Findings) -> Values:
@@ -109,16 +105,13 @@ def _read_lines(section: IniSection, values: Values, findings: Findings) -> None
     line = section.line
     for text in section.text.split("\n")[1:]:
         line += 1
-        key, equals, value = text.partition("=")
-        key = key.strip()
-        if not equals or not key or key[0] in ";#":
+        left, equals, value = text.partition("=")
+        name = left.strip()
+        if not equals or not name or name[0] in ";#":
             if text.strip() and text.strip()[0] not in ";#":
-                findings.warning(
-                    line, "bad-line", f"not understood, since it is not KEY=VALUE: {text.strip()[:_SHOWN]}"
-                )
+                findings.warning(line, "bad-line", f"neither KEY=VALUE nor a ; comment: {text.strip()[:_SHOWN]}")
             continue
-        lower = key.lower()
-        if lower in values:
-            earlier = values[lower]
-            findings.warning(line, "duplicate-key", f"{key} was given in line {earlier.line} too; this one counts")
-        values[lower] = IniValue(key, value.strip(), line)
+        key = name.lower()
+        if key in values:
+            findings.warning(line, "duplicate-key", f"{name} was given in line {values[key].line} too; this one counts")
+        values[key] = IniValue(name, value.strip(), line)
