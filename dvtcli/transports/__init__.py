@@ -28,7 +28,7 @@ def open_canbus(
     comes from python-can's own configuration. *timeout_s* is the SDO time-out, *retries* (0..) how often a
     read's first request is repeated after it.
     """
-    from dvtcli.transports.opening import open_bus  # noqa: PLC0415 - imports python-can
+    from dvtcli.transports.opening import open_bus
 
     return open_bus(interface, channel, bitrate, extra or {}, timeout_s=timeout_s, retries=retries)
 
@@ -37,6 +37,6 @@ def open_simulation(
     devices: Sequence[StrictDevice], *, timeout_s: float = DEFAULT_TIMEOUT_S, retries: int = DEFAULT_RETRIES
 ) -> CanBus:
     """Open a bus on which only the simulated *devices* live; nothing leaves this process."""
-    from dvtcli.transports.simulated import simulate  # noqa: PLC0415 - imports python-can
+    from dvtcli.transports.simulated import simulate
 
     return simulate(devices, timeout_s=timeout_s, retries=retries)

@@ -263,4 +263,3 @@ class CanBus:
             if self._receiver.take(inbox, deadline_s) is None:
                 return condition()
         return True
-

@@ -43,7 +43,6 @@ _DRIVER_PACKAGES = {
     "canalystii": "python-can[canalystii]",
     "cantact": "python-can[cantact]",
     "neovi": "python-can[neovi]",
-    "nixnet": "python-can[nixnet]",
     "udp_multicast": "python-can[multicast]",
     "pcan": "python-can[pcan]",
 }
@@ -62,7 +61,8 @@ _ERRNO_HINTS = {
 }
 
 # python-can logs what it also raises; without a handler, logging would print that over our own message.
-logging.getLogger("can").addHandler(logging.NullHandler())
+for _logger in ("can", "seeedbus"):
+    logging.getLogger(_logger).addHandler(logging.NullHandler())
 
 
 def open_bus(
@@ -139,18 +139,18 @@ def _hint(config: Mapping[str, object], error: Exception) -> str:
     if interface not in can.VALID_INTERFACES:
         near = get_close_matches(interface, can.VALID_INTERFACES, n=3) or sorted(can.VALID_INTERFACES)
         return f"known interfaces: {', '.join(near)}"
-    number = _errno_of(error)
+    number = errno.ETIMEDOUT if isinstance(error, TimeoutError) else _errno_of(error)
     if number in _ERRNO_HINTS:
         return _ERRNO_HINTS[number].format(channel=channel)
-    if isinstance(error, TimeoutError):
-        return _ERRNO_HINTS[errno.ETIMEDOUT]
-    if isinstance(error, socket.gaierror):
-        return "no such host"
-    if interface == "socketcand" and isinstance(error, ValueError):
-        return "for example --bus-kwargs host=127.0.0.1 --bus-kwargs port=29536 -c can0"
     if isinstance(error, ImportError | can.CanInterfaceNotImplementedError):
         package = _DRIVER_PACKAGES.get(interface)
         return f"its driver is missing: pip install '{package}'" if package else "is the maker's driver installed?"
+    return _setting_hint(interface, channel, error)
+
+
+def _setting_hint(interface: str, channel: object, error: Exception) -> str:
+    if interface == "socketcand":
+        return "for example -i socketcand -c can0 --bus-kwargs host=127.0.0.1 --bus-kwargs port=29536"
     if channel is None:
         return "which channel? give -c/--channel"
     if isinstance(error, TypeError):

@@ -1,0 +1,93 @@
+"""A scripted SDO server on a virtual bus: each test says what the node answers, frame by frame."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterable
+
+import can
+
+NODE = 5
+#: what the server sends on a request: 8-byte answers, or whole messages
+Answers = Iterable[bytes | can.Message]
+Script = Callable[[bytes], Answers]
+
+
+def frame(text: str) -> bytes:
+    """Bytes from hexadecimal text, padded to 8."""
+    return bytes.fromhex(text).ljust(8, b"\0")
+
+
+def message(can_id: int, data: bytes, *, extended: bool = False) -> can.Message:
+    return can.Message(arbitration_id=can_id, data=data, is_extended_id=extended)
+
+
+def abort(request: bytes, code: int) -> bytes:
+    return b"\x80" + request[1:4] + code.to_bytes(4, "little")
+
+
+def well_behaved(request: bytes) -> list[bytes]:
+    """A node that acknowledges expedited writes and answers reads with the object's address."""
+    specifier = request[0] >> 5
+    if specifier == 2:
+        return [b"\x43" + request[1:4] + request[1:4] + b"\0"]
+    if specifier == 1:
+        return [b"\x60" + request[1:4] + bytes(4)]
+    return []
+
+
+class Steps:
+    """A script given as a list: the answers to the first request, to the second, …; aborts by the client are free."""
+
+    def __init__(self, *steps: Answers) -> None:
+        self.steps = list(steps)
+
+    def __call__(self, request: bytes) -> Answers:
+        if request[0] == 0x80 or not self.steps:
+            return []
+        return self.steps.pop(0)
+
+
+class Server:
+    """Runs a script as one or more nodes on a virtual channel and records every frame."""
+
+    def __init__(self, channel: str, script: Script) -> None:
+        self.bus = can.Bus(channel, interface="virtual", ignore_config=True)
+        self.script = script
+        self.heard: list[can.Message] = []
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._serve, daemon=True)
+        self._thread.start()
+
+    @property
+    def requests(self) -> list[bytes]:
+        """Every SDO request so far, client aborts included."""
+        return [bytes(heard.data) for heard in list(self.heard) if heard.arbitration_id & 0x780 == 0x600]
+
+    def ended(self) -> list[bytes]:
+        """Every SDO request, once the client's abort is among them."""
+        deadline_s = time.monotonic() + 2
+        while not (self.requests and self.requests[-1][0] == 0x80) and time.monotonic() < deadline_s:
+            time.sleep(0.002)
+        return self.requests
+
+    def send(self, can_id: int, data: bytes, *, extended: bool = False) -> None:
+        self.bus.send(message(can_id, data, extended=extended))
+
+    def stop(self) -> None:
+        self._stopping.set()
+        self._thread.join()
+        self.bus.shutdown()
+
+    def _serve(self) -> None:
+        while not self._stopping.is_set():
+            heard = self.bus.recv(0.01)
+            if heard is None:
+                continue
+            self.heard.append(heard)
+            if heard.arbitration_id & 0x780 != 0x600:
+                continue
+            for answer in self.script(bytes(heard.data)):
+                whole = isinstance(answer, can.Message)
+                self.bus.send(answer if whole else message(heard.arbitration_id - 0x80, answer))
