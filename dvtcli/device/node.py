@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from threading import Event
 
 from dvtcli.device.access import Access, Gate
+from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.read import present_pdos, read_optional, read_pdo
 from dvtcli.device.transaction import Transaction
 from dvtcli.domain.object_dictionary import ObjectDictionary
@@ -33,14 +33,14 @@ class Applied:
 class Node:
     """A node on a bus, with its dictionary (None without an EDS) and profile.
 
-    *cancel* stops a change at a safe point; *consent* is asked before the node leaves OPERATIONAL.
+    *cancellation* stops a change at a safe point; *consent* is asked before the node leaves OPERATIONAL.
     """
 
     bus: CanopenBus
     node_id: int
     dictionary: ObjectDictionary | None = None
     profile: DeviceProfile = GENERIC
-    cancel: Event = field(default_factory=Event)
+    cancellation: Cancellation = field(default_factory=Cancellation)
     consent: Callable[[str], None] = lambda _question: None
     #: plans that were applied, oldest first: what `undo` puts back
     history: list[Plan] = field(default_factory=list)
@@ -67,8 +67,12 @@ class Node:
     def gate(self) -> Gate:
         """The node's pre-operational gate; one for as long as the caller keeps it open."""
         if self._gate is None:
-            self._gate = Gate(self.access, lambda question: self.consent(question))
+            self._gate = Gate(self.access, self._ask)
         return self._gate
+
+    def _ask(self, question: str) -> None:
+        """Ask through whatever *consent* is by then: a script's lines may carry their own --yes."""
+        self.consent(question)
 
     @property
     def title(self) -> str:
@@ -121,27 +125,35 @@ class Node:
             self.pdos()
         return self._pdos
 
+    @property
+    def last_read(self) -> Mapping[Pdo, PdoConfig]:
+        """What was last read of the PDOs; reads nothing."""
+        return self._pdos
+
+    def present_known(self) -> list[Pdo]:
+        """The PDOs that are known without asking the node: those of the EDS, or those that were read."""
+        return self._present or list(self._pdos)
+
     def forget(self) -> None:
         """Drop what was read: the device may hold something else now."""
         self._pdos.clear()
 
-    def proposal(self, pdo: Pdo, now: PdoConfig, want: PdoConfig) -> Proposal:
-        """What the rules look at before *pdo* may become *want*."""
-        others = {other: config for other, config in self.known_pdos().items() if other != pdo}
+    def proposal(
+        self, pdo: Pdo, now: PdoConfig, want: PdoConfig, together: Mapping[Pdo, PdoConfig] | None = None
+    ) -> Proposal:
+        """What the rules look at before *pdo* may become *want*; *together* are PDOs changed in the same plan."""
+        others = {**self.known_pdos(), **(together or {})}
+        others.pop(pdo, None)
+        sync, emcy = self._service_can_ids()
+        return Proposal(
+            self.node_id, pdo, now, want, others, self.profile, self.dictionary, self._lengths(want), sync, emcy
+        )
+
+    def _service_can_ids(self) -> tuple[int, int | None]:
+        """CAN-IDs of SYNC and of this node's EMCY as 0x1005 and 0x1014 say, else the defaults."""
         sync = read_optional(self.sdo, 0x1005, 0, 4)
         emcy = read_optional(self.sdo, 0x1014, 0, 4)
-        return Proposal(
-            self.node_id,
-            pdo,
-            now,
-            want,
-            others,
-            self.profile,
-            self.dictionary,
-            self._lengths(want),
-            0x080 if sync is None else sync & 0x7FF,
-            None if emcy is None else emcy & 0x7FF,
-        )
+        return 0x080 if sync is None else sync & 0x7FF, None if emcy is None else emcy & 0x7FF
 
     def _lengths(self, want: PdoConfig) -> dict[tuple[int, int], int]:
         """Lengths in bits of mapped objects that no file describes, learnt by reading them."""
@@ -163,20 +175,25 @@ class Node:
         except SdoAborted:
             return None
 
-    def configure(self, pdo: Pdo, want: PdoConfig, *, force: bool = False) -> Applied:
-        """Make *pdo* what *want* says: check, write the least, read back; on any fault put the old one back."""
-        now = self.pdo(pdo)
-        findings = check_pdo(self.proposal(pdo, now, want)) if now != want else ()
-        change = plan_pdo(pdo, now, want)
-        refuse(findings, f"{pdo.label} was not changed", self.node_id, force=force)
-        return self.apply(Plan(self.node_id, (change,)), findings)
+    def configure(self, wants: Mapping[Pdo, PdoConfig], *, force: bool = False) -> Applied:
+        """Make each PDO what *wants* says, all or none: check, write the least, read back, else put the old back."""
+        changes: list[PdoChange] = []
+        findings: list[Finding] = []
+        for pdo, want in wants.items():
+            now = self.pdo(pdo)
+            changes.append(plan_pdo(pdo, now, want))
+            if now != want:
+                findings += check_pdo(self.proposal(pdo, now, want, wants))
+        labels = ", ".join(pdo.label for pdo in wants)
+        refuse(tuple(findings), f"{labels} not changed", self.node_id, force=force)
+        return self.apply(Plan(self.node_id, tuple(changes)), tuple(findings))
 
     def apply(self, plan: Plan, findings: tuple[Finding, ...] = ()) -> Applied:
         """Run a checked *plan* inside the gate and remember it."""
         if len(plan):
             self.gate.enter()
             try:
-                Transaction(self.sdo, plan, self.cancel, self.access.explain).run()
+                Transaction(self.sdo, plan, self.cancellation, self.access.explain).run()
             finally:
                 self.forget()
             self.history.append(plan)

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from threading import Event
 
+from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.read import read_pdo
 from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, plan_pdo
 from dvtcli.domain.ports import SdoTransport
@@ -26,13 +26,13 @@ class Interrupted(DvtcliError):
 class Transaction:
     """One plan on its way to a device.
 
-    *cancel* is looked at between two SDO downloads; *explain* may add the device's own reason to an abort;
+    *cancellation* is looked at between two SDO downloads; *explain* may add the device's own reason to an abort;
     *on_step* is told of every step that the device took.
     """
 
     sdo: SdoTransport
     plan: Plan
-    cancel: Event = field(default_factory=Event)
+    cancellation: Cancellation = field(default_factory=Cancellation)
     explain: Callable[[SdoAborted], None] = lambda _aborted: None
     on_step: Callable[[Step], None] = lambda _step: None
     _started: list[Change] = field(default_factory=list)
@@ -41,8 +41,12 @@ class Transaction:
         """Write every step, read everything back; on any fault put the old configuration back and say so.
 
         Raises DeviceRefused, NoAnswer and their kin with state `rolled_back`; LeftChanged where the roll-back
-        failed too; Interrupted after *cancel*.
+        failed too; Interrupted after *cancellation*.
         """
+        with self.cancellation.guard():
+            self._run()
+
+    def _run(self) -> None:
         total, done = len(self.plan), 0
         try:
             for change in self.plan.changes:
@@ -57,8 +61,10 @@ class Transaction:
             raise
 
     def _stop_if_cancelled(self, done: int, total: int) -> None:
-        if self.cancel.is_set():
-            raise Interrupted(f"stopped after step {done} of {total}", node=self.plan.node_id)
+        if self.cancellation.requested:
+            stopped = Interrupted(f"stopped after step {done} of {total}", node=self.plan.node_id)
+            stopped.exit_code = self.cancellation.exit_code
+            raise stopped
 
     def _download(self, step: Step, change: Change, number: int, total: int) -> None:
         try:

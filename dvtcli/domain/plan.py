@@ -144,9 +144,7 @@ def _cob_id_step(index: int, before: CobId, after: CobId, reason: str) -> Step:
     return Step(index, 1, before.raw.to_bytes(4, "little"), after.raw.to_bytes(4, "little"), reason)
 
 
-def _communication_steps(
-    index: int, now: PdoCommunicationParameter, want: PdoCommunicationParameter
-) -> Iterator[Step]:
+def _communication_steps(index: int, now: PdoCommunicationParameter, want: PdoCommunicationParameter) -> Iterator[Step]:
     rows = (
         (TRANSMISSION_TYPE, 1, now.transmission_type, want.transmission_type, "transmission type {}"),
         (INHIBIT_TIME, 2, now.inhibit_time, want.inhibit_time, "inhibit time {} x 100 us"),

@@ -1,0 +1,5 @@
+"""`python -m dvtcli` is `dvtcli`."""
+
+from dvtcli.cli import entry
+
+entry()

@@ -1,0 +1,56 @@
+"""The program: argv in, exit code out."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from typing import TYPE_CHECKING, Any
+
+from dvtcli.options import file_defaults
+from dvtcli.session import Session
+from dvtcli.shell import REGISTRY, boundary
+from dvtcli.view.output import Output
+
+if TYPE_CHECKING:
+    from types import FrameType
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run dvtcli with *argv* (default: the process's own) and return its exit code."""
+    session = Session(Output())
+    words = sys.argv[1:] if argv is None else argv
+    session.output.format = "json" if "--json" in words else "text"
+    _catch_signals(session)
+
+    def run() -> Any:
+        return REGISTRY.main(words, prog_name="dvtcli", standalone_mode=False, obj=session, default_map=file_defaults())
+
+    code = boundary(session, run)
+    if code == 0:
+        code = boundary(session, session.leave_gates)
+    closing = boundary(session, session.close)
+    return code or closing
+
+
+def _catch_signals(session: Session) -> None:
+    """Ctrl-C and SIGTERM stop at once, except while a device is being written: then at the next safe point."""
+    cancellation = session.cancellation
+
+    def stop(number: int, _frame: FrameType | None) -> None:
+        cancellation.exit_code = 128 + number
+        if cancellation.active and not cancellation.requested:
+            cancellation.requested = True
+            return
+        raise KeyboardInterrupt
+
+    signal.signal(signal.SIGINT, stop)
+    signal.signal(signal.SIGTERM, stop)
+
+
+def entry() -> None:
+    """The console script."""
+    sys.exit(main())
+
+
+if __name__ == "__main__":
+    entry()

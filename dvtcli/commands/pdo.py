@@ -1,0 +1,55 @@
+"""List a node's PDOs, or show one with its frame picture."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from dvtcli.params import PDO, NodePdo
+from dvtcli.shell import DvtCommand
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+    from dvtcli.domain.pdo import Pdo, PdoConfig
+    from dvtcli.results import MappedName, PdoListing, PdoRow
+    from dvtcli.session import Session
+
+
+@click.command("pdo", cls=DvtCommand, short_help=__doc__)
+@click.argument("pdo", type=PDO, required=False)
+@click.option("--all", "show_all", is_flag=True, help="Also PDOs that are off and empty.")
+@click.pass_obj
+def command(session: Session, pdo: NodePdo | None, show_all: bool) -> PdoListing:
+    """Show the PDOs as the node holds them now.
+
+    \b
+    pdo            the list
+    pdo tpdo1      one, with the picture of its frame
+    """
+    from dvtcli.device.read import read_optional
+    from dvtcli.results import PdoListing
+
+    node = session.node(pdo.node_id if pdo else None)
+    if pdo is None:
+        rows = tuple(_row(node, one, config) for one, config in node.pdos().items())
+        return PdoListing(node.node_id, node.title, rows, show_all)
+    row = _row(node, pdo.pdo, node.pdo(pdo.pdo))
+    period = read_optional(node.sdo, 0x1006, 0, 4)
+    return PdoListing(node.node_id, node.title, (row,), detail=True, sync_period_us=period)
+
+
+def _row(node: Node, pdo: Pdo, config: PdoConfig) -> PdoRow:
+    from dvtcli.results import PdoRow
+
+    named = tuple(_name(node, entry.index, entry.sub_index) for entry in config.mapping)
+    return PdoRow(pdo, config, named, pdo.default_can_id(node.node_id), pdo.label in node.unstored)
+
+
+def _name(node: Node, index: int, sub_index: int) -> MappedName:
+    from dvtcli.results import MappedName
+
+    entry = node.dictionary.entry(index, sub_index) if node.dictionary else None
+    if entry is None or node.dictionary is None:
+        return MappedName()
+    return MappedName(node.dictionary.display_name(index, sub_index), entry.data_type.short if entry.data_type else "")

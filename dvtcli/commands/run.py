@@ -1,0 +1,38 @@
+"""Run a script: every line is parsed before the first one runs."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from dvtcli.params import TEXT
+from dvtcli.shell import DvtCommand
+
+if TYPE_CHECKING:
+    from dvtcli.session import Session
+
+
+@click.command("run", cls=DvtCommand, short_help=__doc__)
+@click.argument("file", type=TEXT)
+@click.option("--keep-going", is_flag=True, help="Run on after a failing line; end with the first failure's code.")
+@click.pass_obj
+def command(session: Session, file: str, keep_going: bool) -> int:
+    """Run the commands in FILE, or of stdin with `-`.
+
+    \b
+    run scripts/pdo_config.dvt
+    run setup.dvt --dry-run
+    """
+    from dvtcli.errors import UsageError
+    from dvtcli.script import run_script
+
+    if file == "-":
+        return run_script(session, sys.stdin.buffer.read(), "<stdin>", keep_going=keep_going)
+    try:
+        data = Path(file).read_bytes()
+    except OSError as failed:
+        raise UsageError(f"{file}: {failed.strerror}", place=file, hint="run takes the path of a script") from failed
+    return run_script(session, data, file, keep_going=keep_going)

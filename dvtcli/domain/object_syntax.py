@@ -1,0 +1,145 @@
+"""How an object, a mapping entry or a COB-ID is written by a person.
+
+Knows the grammar and looks names up in a dictionary it is given. Does not know where that comes from.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from dvtcli.domain.mapping import MAX_PDO_BITS
+from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry, normalised
+
+_OBJECT = re.compile(r"(?:0[xX])?([0-9A-Fa-f]{4})(?::(?:0[xX])?([0-9A-Fa-f]{1,2}))?")
+_WRONG_NUMBER = re.compile(r"0[xX][0-9A-Fa-f]+(?::.*)?|[0-9A-Fa-f]+:[0-9A-Fa-fxX]*")
+_BITS = re.compile(r"[0-9]{1,3}")
+
+
+class UnknownName(ValueError):
+    """A name that no dictionary at hand knows; *similar* are names close to it."""
+
+    def __init__(self, text: str, similar: Iterable[str] = ()) -> None:
+        super().__init__(text)
+        self.similar = tuple(similar)
+
+
+@dataclass(frozen=True, slots=True)
+class MappedObject:
+    """What one word after `map PDO` means: an object with its length in bits, None where it is to be found out."""
+
+    index: int
+    sub_index: int
+    bits: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Skipped:
+    """`dummy/16`: skip *bits* of the frame."""
+
+    bits: int
+
+
+def parse_object(text: str) -> tuple[int, int] | None:
+    """Read `0x6C01:1`, `6C01:01` or `6041` (index and sub-index hexadecimal); None where *text* is a name.
+
+    ValueError where it is meant as a number and is none: an index has exactly four hexadecimal digits.
+    """
+    match = _OBJECT.fullmatch(text)
+    if match:
+        return int(match[1], 16), int(match[2] or "0", 16)
+    if _WRONG_NUMBER.fullmatch(text):
+        raise ValueError(
+            f"{text!r} is not an object: an index has four hexadecimal digits, a sub-index one or two (6C01:1)"
+        )
+    return None
+
+
+def resolve_object(
+    text: str, dictionary: ObjectDictionary | None, aliases: Mapping[str, str] | None = None
+) -> tuple[int, int]:
+    """The index and sub-index that *text* means: a number, an alias of the profile, or a name of the EDS.
+
+    Raises UnknownName where nothing knows it, ValueError where it is malformed or means several objects.
+    """
+    numbers = parse_object(text)
+    if numbers is not None:
+        return numbers
+    if not text.strip():
+        raise ValueError("an object is missing: the word is empty")
+    alias = (aliases or {}).get(normalised(text))
+    if alias is not None:
+        return resolve_object(alias, dictionary)
+    if dictionary is None:
+        raise UnknownName(f"{text!r} is a name, and there is no EDS to look it up in")
+    return _by_name(text, dictionary, aliases or {})
+
+
+def _by_name(text: str, dictionary: ObjectDictionary, aliases: Mapping[str, str]) -> tuple[int, int]:
+    found = dictionary.find(text)
+    if not found:
+        raise UnknownName(f"no object is named {text!r} in {dictionary.source}", similar(text, dictionary, aliases))
+    chosen = _only(found, dictionary, text)
+    if chosen is None:
+        which = ", ".join(entry.object for entry in found[:6])
+        raise ValueError(
+            f"{text!r} means {len(found)} objects ({which}{', …' if len(found) > 6 else ''}); write one of them"
+        )
+    return chosen.index, chosen.sub_index
+
+
+def _only(found: list[OdEntry], dictionary: ObjectDictionary, text: str) -> OdEntry | None:
+    """The one entry that is meant: a one-entry object's own name wins over sub-indices of the same name."""
+    if len(found) == 1:
+        return found[0]
+    whole = [entry for entry in found if len(dictionary[entry.index].entries) == 1]
+    exact = [entry for entry in found if entry.name == text]
+    return next((choice[0] for choice in (whole, exact) if len(choice) == 1), None)
+
+
+def similar(text: str, dictionary: ObjectDictionary, aliases: Mapping[str, str]) -> list[str]:
+    """Names close to *text*, best first, at most three."""
+    names = [*aliases, *(normalised(entry.name) for entry in dictionary.entries())]
+    wanted = normalised(text)
+    close = difflib.get_close_matches(wanted, dict.fromkeys(names), n=3, cutoff=0.6)
+    return close or list(dict.fromkeys(name for name in names if wanted and wanted in name))[:3]
+
+
+def resolve_entry(
+    text: str, dictionary: ObjectDictionary | None, aliases: Mapping[str, str] | None = None
+) -> MappedObject | Skipped:
+    """What a mapping entry as typed means: an object, optionally `/BITS`, or `dummy/BITS`.
+
+    A name is looked up whole before `/` is read as a length, since names contain `/`. Raises as
+    `resolve_object`; ValueError for a length outside 1..64.
+    """
+    try:
+        return MappedObject(*resolve_object(text, dictionary, aliases))
+    except ValueError:
+        head, slash, tail = text.rpartition("/")
+        if not slash:
+            raise
+    bits = _length(text, tail)
+    if head.lower() == "dummy":
+        return Skipped(bits)
+    return MappedObject(*resolve_object(head, dictionary, aliases), bits)
+
+
+def _length(text: str, digits: str) -> int:
+    if not _BITS.fullmatch(digits) or not 1 <= int(digits) <= MAX_PDO_BITS:
+        raise ValueError(f"{text!r}: after / stands a length in bits, 1..{MAX_PDO_BITS}")
+    return int(digits)
+
+
+def parse_cob_id(text: str) -> int:
+    """Read a CAN-ID written in hexadecimal **with** `0x`; ValueError with the hint otherwise."""
+    if re.fullmatch(r"0[xX][0-9A-Fa-f]{1,8}", text):
+        value = int(text, 16)
+        if value <= 0x1FFF_FFFF:
+            return value
+        raise ValueError(f"{text} is more than a CAN-ID's 29 bits; bits 29..31 have options: --extended --no-rtr --off")
+    if re.fullmatch(r"[0-9A-Fa-f]{1,8}", text):
+        raise ValueError(f"{text!r}: a COB-ID is written in hexadecimal with 0x; 0x{text}?")
+    raise ValueError(f"{text!r} is not a COB-ID; write 0x201, auto or keep")

@@ -1,0 +1,125 @@
+"""What a user asks of a PDO, and the configuration that this means on a given device.
+
+Turns options into a wanted `PdoConfig`. Does not judge it (`rules`) and does not know click.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from dvtcli.domain.cob_id import HIGHEST_BASE_CAN_ID, CobId
+from dvtcli.domain.mapping import DUMMY_BITS, PdoMappingEntry, split_dummy
+from dvtcli.domain.object_syntax import MappedObject, Skipped
+from dvtcli.domain.pdo import PdoCommunicationParameter, PdoConfig
+from dvtcli.domain.profile import BitPolicy, Severity
+from dvtcli.domain.rules.can_id import automatic_can_id, can_id_findings
+from dvtcli.domain.rules.finding import Proposal
+from dvtcli.domain.rules.mapping import usable_dummies
+
+
+@dataclass(frozen=True, slots=True)
+class PdoRequest:
+    """The options of `map` and `set`; None leaves a parameter as it is.
+
+    *cob_id* is a CAN-ID, `auto` or `keep`; *inhibit_time* counts 100 µs, *event_timer* 1 ms; *enabled* is what
+    the PDO is afterwards, None for as it was.
+    """
+
+    cob_id: int | Literal["auto", "keep"] | None = None
+    transmission_type: int | None = None
+    inhibit_time: int | None = None
+    event_timer: int | None = None
+    sync_start_value: int | None = None
+    rtr_allowed: bool | None = None
+    extended: bool = False
+    enabled: bool | None = None
+
+
+def wanted_config(
+    request: PdoRequest, proposal: Proposal, mapping: tuple[PdoMappingEntry, ...] | None = None
+) -> PdoConfig:
+    """The configuration that *request* means for the PDO of *proposal*; *mapping* None keeps the present one.
+
+    ValueError where `auto` finds no free CAN-ID, or a CAN-ID needs --extended.
+    """
+    now = proposal.now
+    held = now.communication
+    enabled = now.enabled if request.enabled is None else request.enabled
+    communication = PdoCommunicationParameter(
+        cob_id=_cob_id(request, proposal, enabled=enabled),
+        transmission_type=_pick(request.transmission_type, held.transmission_type),
+        inhibit_time=_pick(request.inhibit_time, held.inhibit_time),
+        event_timer=_pick(request.event_timer, held.event_timer),
+        sync_start_value=_pick(request.sync_start_value, held.sync_start_value),
+    )
+    if mapping is None:
+        return replace(now, communication=communication)
+    return PdoConfig(communication, mapping)
+
+
+def _pick(asked: int | None, held: int | None) -> int | None:
+    return held if asked is None else asked
+
+
+def _cob_id(request: PdoRequest, proposal: Proposal, *, enabled: bool) -> CobId:
+    held = proposal.now.communication.cob_id
+    flags = replace(held, valid=enabled, rtr_allowed=_rtr(request, proposal))
+    if isinstance(request.cob_id, int):
+        if request.cob_id > HIGHEST_BASE_CAN_ID and not request.extended:
+            raise ValueError(f"CAN-ID 0x{request.cob_id:X} has more than 11 bits; add --extended for a 29-bit CAN-ID")
+        return replace(flags, can_id=request.cob_id, extended=request.extended)
+    kept = replace(flags, extended=held.extended or request.extended)
+    if request.cob_id == "keep" or (request.cob_id is None and (not enabled or _legal(proposal, kept))):
+        return kept
+    automatic = automatic_can_id(proposal)
+    if automatic is None:
+        raise ValueError("every CAN-ID of 0x680..0x6DF is in use on this node; give one with --cob-id")
+    return replace(flags, can_id=automatic, extended=False)
+
+
+def _rtr(request: PdoRequest, proposal: Proposal) -> bool:
+    if request.rtr_allowed is not None:
+        return request.rtr_allowed
+    policy = proposal.profile.rtr_bit[proposal.pdo.direction]
+    if policy is BitPolicy.KEEP:
+        return proposal.now.communication.cob_id.rtr_allowed
+    return policy is BitPolicy.CLEAR
+
+
+def _legal(proposal: Proposal, cob_id: CobId) -> bool:
+    """Whether the PDO may be enabled with *cob_id*; a PDO that is enabled with it already may keep it."""
+    if proposal.now.communication.cob_id == cob_id:
+        return True
+    want = replace(proposal.want, communication=replace(proposal.want.communication, cob_id=cob_id))
+    return not any(f.severity is Severity.ERROR for f in can_id_findings(replace(proposal, want=want)))
+
+
+def mapping_entries(
+    words: Iterable[MappedObject | Skipped], proposal: Proposal, lengths: Mapping[tuple[int, int], int | None]
+) -> tuple[PdoMappingEntry, ...]:
+    """The mapping entries that resolved *words* mean; lengths that were not typed come from *lengths*.
+
+    ValueError where a length is unknown, or the device's dummies cannot add up to what is to be skipped.
+    """
+    entries: list[PdoMappingEntry] = []
+    for word in words:
+        if isinstance(word, Skipped):
+            entries += _dummies(word.bits, proposal)
+            continue
+        bits = word.bits if word.bits is not None else lengths.get((word.index, word.sub_index))
+        if bits is None:
+            raise ValueError(
+                f"the length of {word.index:04X}:{word.sub_index:02X} is not known; "
+                f"write {word.index:04X}:{word.sub_index:02X}/BITS"
+            )
+        entries.append(PdoMappingEntry(word.index, word.sub_index, min(bits, 0xFF)))
+    return tuple(entries)
+
+
+def _dummies(bits: int, proposal: Proposal) -> tuple[PdoMappingEntry, ...]:
+    usable = usable_dummies(proposal)
+    if proposal.pdo.is_tpdo or not usable:
+        usable = frozenset(DUMMY_BITS)  # the rules say why it is refused, in the user's own terms
+    return split_dummy(bits, usable)

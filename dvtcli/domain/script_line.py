@@ -1,0 +1,62 @@
+"""Script lines that repeat a change on a fresh device. Knows the grammar's long form, nothing of files."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from dvtcli.domain.mapping import PdoMappingEntry
+from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
+from dvtcli.domain.plan import PdoChange, Plan, ValueChange
+
+
+def change_lines(plan: Plan) -> list[str]:
+    """One line for each change of *plan*, with every value written out."""
+    return [line for change in plan.changes for line in _lines(change)]
+
+
+def _lines(change: PdoChange | ValueChange) -> Iterator[str]:
+    if isinstance(change, ValueChange):
+        yield f"write {change.step.object} {change.step.after.hex()} --as os"
+    elif change.steps:
+        yield _pdo_line(change)
+
+
+def _pdo_line(change: PdoChange) -> str:
+    before, after, pdo = change.before, change.after, change.pdo
+    if before.mapping != after.mapping:
+        return map_line(pdo, after) if after.mapping else f"clear {pdo}"
+    words = [*_parameter_words(before.communication, after.communication)]
+    if before.enabled != after.enabled and not words:
+        return f"{'enable' if after.enabled else 'disable'} {pdo}"
+    if before.enabled and not after.enabled:
+        words.append("--off")
+    line = " ".join([f"set {pdo}", *words])
+    return line if before.enabled or not after.enabled else f"{line}\nenable {pdo}"
+
+
+def map_line(pdo: Pdo, config: PdoConfig) -> str:
+    """The `map` line that sets *pdo* to *config* whatever it was before."""
+    words = [f"map {pdo}", *(_entry(entry) for entry in config.mapping), *_parameter_words(None, config.communication)]
+    return " ".join(words if config.enabled else [*words, "--off"])
+
+
+def _entry(entry: PdoMappingEntry) -> str:
+    return f"dummy/{entry.bits}" if entry.is_dummy else str(entry)
+
+
+def _parameter_words(before: PdoCommunicationParameter | None, after: PdoCommunicationParameter) -> Iterator[str]:
+    identifier = after.cob_id
+    if before is None or before.cob_id.enabled() != identifier.enabled():
+        yield f"--cob-id {identifier}"
+        if identifier.extended:
+            yield "--extended"
+        yield "--rtr" if identifier.rtr_allowed else "--no-rtr"
+    if after.transmission_type is not None and (before is None or before.transmission_type != after.transmission_type):
+        yield f"--type {after.transmission_type}"
+    if after.inhibit_time is not None and (before is None or before.inhibit_time != after.inhibit_time):
+        yield f"--inhibit {after.inhibit_time / 10:g}"
+    if after.event_timer is not None and (before is None or before.event_timer != after.event_timer):
+        yield f"--timer {after.event_timer}"
+    start = after.sync_start_value
+    if start is not None and (start if before is None else before.sync_start_value != start):
+        yield f"--sync-start {start}"

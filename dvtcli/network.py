@@ -1,0 +1,182 @@
+"""The bus and the nodes on it, put together from the options: which file, which profile, which simulator.
+
+The only place where transports, simulator and formats meet. Does not know lines or screens.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dvtcli.device.cancellation import Cancellation
+from dvtcli.device.node import Node
+from dvtcli.device.read import read_optional
+from dvtcli.domain.object_dictionary import ObjectDictionary
+from dvtcli.domain.ports import CanopenBus
+from dvtcli.domain.profile import GENERIC, DeviceProfile
+from dvtcli.errors import UsageError
+from dvtcli.formats.profile_toml import load_profile, profile_for_identity, profile_names
+from dvtcli.options import Options, node_id
+
+if TYPE_CHECKING:
+    from dvtcli.simulator.device import StrictDevice
+    from dvtcli.simulator.family import Family
+
+IDENTITY = 0x1018
+
+
+@dataclass(frozen=True, slots=True)
+class Simulated:
+    """One `--sim`: its node-ID, the family (None for a file), and the file that describes its dictionary."""
+
+    node_id: int
+    family: str | None
+    eds: Path
+
+
+@dataclass(slots=True)
+class Network:
+    """An open bus with its nodes; a node is looked at when it is first asked for."""
+
+    bus: CanopenBus
+    options: Options
+    cancellation: Cancellation
+    consent: Callable[[str], None]
+    simulated: tuple[Simulated, ...] = ()
+    nodes: dict[int, Node] = field(default_factory=dict)
+
+    @classmethod
+    def opened(cls, options: Options, cancellation: Cancellation, consent: Callable[[str], None]) -> Network:
+        """Open the bus that *options* name; BusUnavailable, UsageError or InputFileError where that fails."""
+        from dvtcli.transports import open_canbus, open_simulation
+
+        if options.eds:
+            read_dictionary(Path(options.eds))  # a wrong file is said before a bus is touched
+        simulated = simulated_nodes(options.sim)
+        if simulated:
+            bus: CanopenBus = open_simulation([_device(one) for one in simulated], timeout_s=options.timeout)
+        else:
+            extra = dict(pair.split("=", 1) for pair in options.bus_kwargs)
+            bus = open_canbus(options.interface, options.channel, options.bitrate, extra, timeout_s=options.timeout)
+        return cls(bus, options, cancellation, consent, simulated)
+
+    @property
+    def simulated_ids(self) -> tuple[int, ...]:
+        """Node-IDs of the simulated nodes, in the order they were given."""
+        return tuple(one.node_id for one in self.simulated)
+
+    def node(self, node_id: int) -> Node:
+        """The node with *node_id*, its dictionary and profile found from its identity where not given."""
+        if node_id not in self.nodes:
+            profile = self._profile(node_id)
+            self.nodes[node_id] = Node(
+                self.bus, node_id, self._dictionary(node_id), profile, self.cancellation, self.consent
+            )
+        return self.nodes[node_id]
+
+    def _dictionary(self, node_id: int) -> ObjectDictionary | None:
+        if self.options.eds:
+            return read_dictionary(Path(self.options.eds))
+        for one in self.simulated:
+            if one.node_id == node_id:
+                return read_dictionary(one.eds)
+        return None
+
+    def _profile(self, node_id: int) -> DeviceProfile:
+        if self.options.profile:
+            return load_profile(self.options.profile)
+        for one in self.simulated:
+            if one.node_id == node_id and one.family in profile_names():
+                return load_profile(one.family)
+        sdo = self.bus.sdo(node_id)
+        vendor, product = read_optional(sdo, IDENTITY, 1, 4), read_optional(sdo, IDENTITY, 2, 4)
+        return GENERIC if vendor is None else profile_for_identity(vendor, product or 0)
+
+
+def twin_of(network: Network) -> Network:
+    """A network of copy-on-write twins of *network*'s nodes: what is written there never reaches the bus."""
+    from dvtcli.simulator.device import StrictDevice
+    from dvtcli.transports.twin import TwinBus
+
+    def device_for(node_id: int, backing: Callable[[int, int], bytes]) -> StrictDevice:
+        node = network.node(node_id)
+        return StrictDevice(
+            node.dictionary or ObjectDictionary({}), _family(node.profile.name), node_id, backing=backing
+        )
+
+    bus = TwinBus(network.bus, device_for)
+    return Network(bus, network.options, network.cancellation, network.consent, network.simulated)
+
+
+def _family(name: str) -> Family:
+    from dvtcli.simulator.family import Family, family_names, load_family
+
+    return load_family(name) if name in family_names() else Family()
+
+
+def _device(one: Simulated) -> StrictDevice:
+    from dvtcli.simulator.device import StrictDevice
+
+    return StrictDevice(read_dictionary(one.eds), _family(one.family or "generic"), one.node_id)
+
+
+def simulated_nodes(words: tuple[str, ...]) -> tuple[Simulated, ...]:
+    """What each `--sim` means: an existing file wins over `@`; node-IDs default to 1, 2, …."""
+    found: list[Simulated] = []
+    for word in words:
+        what, wanted = _split(word)
+        used = {one.node_id for one in found}
+        chosen = wanted if wanted is not None else next(n for n in range(1, 128) if n not in used)
+        if chosen in used:
+            raise UsageError(f"--sim {word}: node-ID {chosen} is given twice", hint="WHAT@ID sets the node-ID")
+        found.append(_simulated(what, chosen))
+    return tuple(found)
+
+
+def _split(word: str) -> tuple[str, int | None]:
+    if Path(word).is_file() or "@" not in word:
+        return word, None
+    what, _, digits = word.rpartition("@")
+    return what, node_id(digits)
+
+
+def _simulated(what: str, chosen: int) -> Simulated:
+    from dvtcli.simulator.family import family_eds, family_names
+
+    path = Path(what)
+    if path.is_file():
+        return Simulated(chosen, None, path)
+    if what in family_names():
+        return Simulated(chosen, what, family_eds(what))
+    known = ", ".join(family_names())
+    raise UsageError(
+        f"--sim {what}: no such family and no such file", hint=f"families: {known}; or the path of an EDS or DCF"
+    )
+
+
+@lru_cache(maxsize=8)
+def read_dictionary(path: Path) -> ObjectDictionary:
+    """The object dictionary of an EDS or DCF; UsageError where there is no such file."""
+    from dvtcli.formats.eds import read_eds
+
+    try:
+        return read_eds(path).dictionary
+    except OSError as failed:
+        raise UsageError(
+            f"{path}: {failed.strerror or failed}", hint="--eds takes the path of an EDS or DCF"
+        ) from failed
+
+
+def offline_dictionaries(options: Options) -> list[tuple[ObjectDictionary, dict[str, str]]]:
+    """Dictionaries, with the aliases of their profile, that are known before any bus is opened."""
+    paths = [Path(options.eds)] if options.eds else []
+    found = []
+    for one in () if paths else simulated_nodes(options.sim):
+        name = options.profile or (one.family if one.family in profile_names() else None)
+        found.append((read_dictionary(one.eds), load_profile(name).aliases if name else {}))
+    profile = load_profile(options.profile) if options.profile else GENERIC
+    found += [(read_dictionary(path), profile.aliases) for path in paths]
+    return found

@@ -1,0 +1,169 @@
+"""The global options: one list, read before and after a command, from the environment and from `dvtcli.toml`.
+
+Knows their names and which of them a single line may change. Does not act on any.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import click
+
+#: Prefix of the parameters' names, so that a command's own `--type` or `--node` can never meet them.
+PREFIX = "global_"
+#: Put before an argument such as `-1500`, so that click does not take it for an option; `params` takes it off.
+NEGATIVE_MARK = "\ue000"
+#: What only the start of the program may choose: a bus, a node's files, where things are kept.
+START_ONLY = frozenset(
+    {"interface", "channel", "bitrate", "bus_kwargs", "node", "sim", "eds", "profile", "journal", "color", "ascii"}
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """The global options with their defaults; *timeout* is the SDO time-out in seconds."""
+
+    interface: str | None = None
+    channel: str | None = None
+    bitrate: int | None = None
+    bus_kwargs: tuple[str, ...] = ()
+    node: int | None = None
+    sim: tuple[str, ...] = ()
+    dry_run: bool = False
+    eds: str | None = None
+    profile: str | None = None
+    format: str = "text"
+    quiet: bool = False
+    verbose: int = 0
+    color: str = "auto"
+    ascii: bool = False
+    yes: bool = False
+    force: bool = False
+    timeout: float = 0.5
+    journal: str | None = None
+
+    @property
+    def json(self) -> bool:
+        """Whether results are JSON documents."""
+        return self.format in ("json", "jsonl")
+
+
+def global_options(*, hidden: bool) -> list[click.Option]:
+    """The global options as click parameters; *hidden* ones stand behind every command."""
+    return [_option(names, dict(settings), hidden=hidden) for names, settings in _TABLE]
+
+
+_TABLE: list[tuple[tuple[str, ...], dict[str, Any]]] = [
+    (("-i", "--interface"), {"metavar": "NAME", "help": "CAN interface, by python-can's name (socketcan, pcan, …)."}),
+    (("-c", "--channel"), {"metavar": "NAME", "help": "Channel of the interface (can0, PCAN_USBBUS1, …)."}),
+    (("-b", "--bitrate"), {"type": click.IntRange(1_000, 1_000_000), "metavar": "BIT/S", "help": "Bit rate in bit/s."}),
+    (("--bus-kwargs",), {"multiple": True, "metavar": "KEY=VALUE", "help": "More of python-can's keys; repeatable."}),
+    (("-n", "--node"), {"metavar": "ID", "help": "Node-ID 1…127, decimal or 0x."}),
+    (("--sim",), {"multiple": True, "metavar": "WHAT[@ID]", "help": "Simulated node: a family or an EDS/DCF file."}),
+    (("--dry-run",), {"is_flag": True, "help": "Work on an exact twin of the node; write nothing to the bus."}),
+    (("--eds",), {"metavar": "FILE", "help": "EDS or DCF of the node."}),
+    (("-p", "--profile"), {"metavar": "NAME", "help": "Device family; else found from the node's identity."}),
+    (("--json", "format"), {"flag_value": "json", "is_flag": True, "help": "Results as JSON (same as --format json)."}),
+    (("--format", "format"), {"type": click.Choice(["text", "json", "jsonl"]), "help": "How results are printed."}),
+    (("-q", "--quiet"), {"is_flag": True, "help": "Only results and errors."}),
+    (("-v", "--verbose"), {"count": True, "help": "Show each SDO; -vv each frame."}),
+    (("--color",), {"type": click.Choice(["auto", "always", "never"]), "help": "Colours [auto]."}),
+    (("--ascii",), {"is_flag": True, "help": "No characters beyond ASCII on screens."}),
+    (("-y", "--yes"), {"is_flag": True, "help": "Answer questions with yes."}),
+    (("--force",), {"is_flag": True, "help": "Send what dvtcli's own rules refuse."}),
+    (("--timeout",), {"metavar": "S", "help": "SDO time-out in seconds [0.5]."}),
+    (("--journal",), {"metavar": "DIR", "help": "Folder for snapshots.", "hidden": True}),
+]
+
+
+def _option(names: tuple[str, ...], settings: dict[str, Any], *, hidden: bool) -> click.Option:
+    plain = names[-1].lstrip("-").replace("-", "_")
+    switches = [name for name in names if name.startswith("-")]
+    if not hidden and settings.get("flag_value") is None:
+        settings.setdefault("envvar", f"DVTCLI_{plain.upper()}")
+    settings["hidden"] = hidden or settings.get("hidden", False)
+    if settings.get("is_flag") and "flag_value" not in settings:
+        settings["default"] = None
+    if not settings.get("multiple") and not settings.get("count"):
+        settings["default"] = None
+    return click.Option([*switches, PREFIX + plain], expose_value=True, **settings)
+
+
+def taken(params: dict[str, Any]) -> dict[str, Any]:
+    """Take the global options out of *params* and return those that were given, checked and typed."""
+    given: dict[str, Any] = {}
+    for key in [key for key in params if key.startswith(PREFIX)]:
+        value, name = params.pop(key), key.removeprefix(PREFIX)
+        if value not in (None, (), 0, False):
+            given[name] = _checked(name, value)
+    return given
+
+
+def _checked(name: str, value: Any) -> Any:
+    if name == "node":
+        return node_id(str(value))
+    if name == "timeout":
+        return _seconds(str(value))
+    if name == "bus_kwargs":
+        for pair in value:
+            if "=" not in pair:
+                raise click.UsageError(f"--bus-kwargs takes KEY=VALUE, not {pair!r}; repeat the option for each pair")
+    return value
+
+
+def node_id(text: str) -> int:
+    """Read a node-ID, decimal or `0x…`, 1..127; click.UsageError otherwise."""
+    digits = text[2:] if text.lower().startswith("0x") else text
+    try:
+        value = int(digits, 16 if digits != text else 10) if digits.isalnum() and digits.isascii() else -1
+    except ValueError:
+        value = -1
+    if not 1 <= value <= 127:
+        raise click.UsageError(f"{text!r} is not a node-ID; node-IDs are 1…127, decimal or 0x")
+    return value
+
+
+def _seconds(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
+    if not 0.001 <= value <= 600:
+        raise click.UsageError(f"--timeout {text}: a time-out is 0.001…600 seconds")
+    return value
+
+
+def file_defaults(start: Path | None = None) -> dict[str, Any]:
+    """The keys of the nearest `dvtcli.toml` at or above *start* as defaults for the root command.
+
+    Raises InputFileError where the file is no TOML or has an unknown key.
+    """
+    folder = (start or Path.cwd()).resolve()
+    for candidate in (folder, *folder.parents):
+        path = candidate / "dvtcli.toml"
+        if os.path.isfile(path):  # noqa: PTH113 - one stat, no second Path object per parent folder
+            return _read_defaults(path)
+    return {}
+
+
+def _read_defaults(path: Path) -> dict[str, Any]:
+    import tomllib
+
+    from dvtcli.errors import InputFileError
+
+    try:
+        keys = tomllib.loads(path.read_text("utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as wrong:
+        raise InputFileError(f"{path}: not valid TOML: {wrong}", place=str(path)) from wrong
+    known = {names[-1].lstrip("-").replace("-", "_") for names, _ in _TABLE}
+    unknown = sorted(key for key in keys if key.replace("-", "_") not in known)
+    if unknown:
+        raise InputFileError(
+            f"{path}: unknown key {unknown[0]!r}",
+            place=str(path),
+            hint=f"keys are the options: {', '.join(sorted(known))}",
+        )
+    return {PREFIX + key.replace("-", "_"): value for key, value in keys.items()}

@@ -1,0 +1,103 @@
+"""Scripts: parsed whole before the first line runs, then run line by line inside one NMT gate.
+
+Does not know where the text came from, and never asks anything.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import click
+
+from dvtcli.boundary import usage_error
+from dvtcli.errors import DvtcliError, InputFileError, UsageError
+from dvtcli.shell import boundary, parse, run_parsed, split
+
+if TYPE_CHECKING:
+    from dvtcli.session import Session
+
+#: A script is text typed by people; beyond this many bytes it is something else.
+MOST_BYTES = 10_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class ScriptLine:
+    """One command of a script with the line number where it begins, 1 and up."""
+
+    number: int
+    words: list[str]
+
+
+def run_script(session: Session, data: bytes, source: str, *, keep_going: bool) -> int:
+    """Run a script's *data*; *source* names it in messages.
+
+    The first failing line stops it and gives the exit code; with *keep_going* it runs on and ends with the
+    first failure's code, or 7 where there was one.
+    """
+    lines = script_lines(data, source)
+    session.started = True
+    parsed = [(line, _parsed(line, session, source)) for line in lines]
+    session.in_script = True
+    codes: list[int] = []
+    for line, ctx in parsed:
+        code = run_parsed(ctx, session)
+        if code == LEAVE:
+            break
+        if code:
+            codes.append(code)
+            session.output.note(f"{source}:{line.number}: {' '.join(line.words)}: exit code {code}")
+            if not keep_going or code in (130, 143):
+                break
+    if not codes:
+        return boundary(session, session.leave_gates)
+    return 7 if 7 in codes else codes[0]
+
+
+#: What `exit` answers, so that whoever reads lines stops; never an exit code of the process.
+LEAVE = -1
+
+
+def script_lines(data: bytes, source: str) -> list[ScriptLine]:
+    """The commands in *data*; a backslash at a line's end continues it. UsageError or InputFileError with FILE:LINE."""
+    if len(data) > MOST_BYTES:
+        raise InputFileError(f"{source}: {len(data)} bytes are no script", place=source)
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as wrong:
+        number = data[: wrong.start].count(b"\n") + 1
+        raise InputFileError(f"{source}:{number}: not UTF-8 text", place=f"{source}:{number}") from wrong
+    found: list[ScriptLine] = []
+    pending, began = "", 0
+    for number, raw in enumerate(text.splitlines(), 1):
+        began = began or number
+        if raw.endswith("\\"):
+            pending += raw[:-1] + " "
+            continue
+        words = _words(pending + raw, f"{source}:{began}")
+        if words:
+            found.append(ScriptLine(began, words))
+        pending, began = "", 0
+    return found
+
+
+def _words(line: str, place: str) -> list[str]:
+    try:
+        return split(line)
+    except UsageError as wrong:
+        raise _placed(wrong, place) from wrong
+
+
+def _parsed(line: ScriptLine, session: Session, source: str) -> click.Context:
+    place = f"{source}:{line.number}"
+    try:
+        return parse(line.words, session)
+    except click.ClickException as wrong:
+        raise _placed(usage_error(wrong), place) from wrong
+    except DvtcliError as wrong:
+        raise _placed(wrong, place) from wrong
+
+
+def _placed(wrong: DvtcliError, place: str) -> DvtcliError:
+    wrong.text, wrong.place = f"{place}: {wrong.text}", place
+    return wrong

@@ -1,0 +1,160 @@
+"""A session: the bus, the nodes and the options that lines work with; everything opened when first needed.
+
+Joins transports, simulator, formats and device. Does not parse lines and does not print results.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+from dvtcli.device.cancellation import Cancellation
+from dvtcli.errors import SafetyRefusal, UsageError
+from dvtcli.options import START_ONLY, Options
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+    from dvtcli.domain.object_dictionary import ObjectDictionary
+    from dvtcli.domain.ports import CanopenBus
+    from dvtcli.network import Network
+    from dvtcli.view.output import Output
+
+
+@dataclass(slots=True)
+class Session:
+    """What one run of dvtcli knows; commands ask it for the bus, the node and consent."""
+
+    output: Output
+    base: Options = field(default_factory=Options)
+    options: Options = field(default_factory=Options)
+    cancellation: Cancellation = field(default_factory=Cancellation)
+    #: at the prompt and in scripts the bus is chosen already
+    started: bool = False
+    #: scripts never ask, and keep a node pre-operational until their last line
+    in_script: bool = False
+    selected: int | None = None
+    #: script lines of everything that succeeded and changed something
+    executed: list[str] = field(default_factory=list)
+    _network: Network | None = None
+    _twin: Network | None = None
+
+    def start(self, given: dict[str, Any]) -> None:
+        """Take the options of the program's start."""
+        self.base = self.options = replace(self.base, **given)
+        self._show()
+
+    @contextmanager
+    def line(self, given: dict[str, Any]) -> Iterator[None]:
+        """Let one line's own options count while it runs."""
+        refused = sorted(START_ONLY & given.keys()) if self.started else []
+        if refused:
+            raise UsageError(
+                f"--{refused[0].replace('_', '-')} chooses the bus or the node's files: give it when dvtcli starts",
+                hint="leave, and start again with it; `node ID` selects another node of the same bus",
+            )
+        if not self.started:
+            self.start(given)
+        fresh_twin = given.get("dry_run") and not self.base.dry_run
+        self.options = replace(self.base, **given)
+        self._show()
+        try:
+            yield
+        finally:
+            if fresh_twin:
+                self._twin = None
+            self.options = self.base
+            self._show()
+
+    def _show(self) -> None:
+        options = self.options
+        self.output.configure(options.format, options.color, options.verbose, quiet=options.quiet, plain=options.ascii)
+
+    @property
+    def dry_run(self) -> bool:
+        """Whether writes go to a twin."""
+        return self.options.dry_run
+
+    @property
+    def network(self) -> Network:
+        """The bus with its nodes, or their twins under --dry-run; opened on first use."""
+        from dvtcli.network import Network, twin_of
+
+        if self._network is None:
+            self._network = Network.opened(self.base, self.cancellation, self._consent)
+        if not self.dry_run:
+            return self._network
+        if self._twin is None:
+            self._twin = twin_of(self._network)
+        return self._twin
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the bus was opened."""
+        return self._network is not None
+
+    @property
+    def bus(self) -> CanopenBus:
+        """The bus, or the twin's under --dry-run."""
+        return self.network.bus
+
+    def node_id(self) -> int:
+        """The selected node-ID: `node ID`, else -n, else the first simulated node; UsageError where none is."""
+        if self.selected is not None:
+            return self.selected
+        if self.base.node is not None:
+            return self.base.node
+        if self.base.sim:
+            return self.network.simulated_ids[0]
+        raise UsageError(
+            "no node is selected", hint="give -n ID (scan finds the nodes), or --sim gen4 to try without one"
+        )
+
+    def node(self, node_id: int | None = None) -> Node:
+        """The node with *node_id*, or the selected one."""
+        return self.network.node(self.node_id() if node_id is None else node_id)
+
+    def offline_dictionaries(self) -> list[tuple[ObjectDictionary, dict[str, str]]]:
+        """Dictionaries (with aliases) known without touching a bus: --eds, and those of simulated nodes."""
+        from dvtcli.network import offline_dictionaries
+
+        return offline_dictionaries(self.base)
+
+    def completion_dictionaries(self) -> list[tuple[ObjectDictionary, dict[str, str]]]:
+        """The dictionaries that completion may offer: the open node's, else those known offline."""
+        if self._network is not None:
+            node = self._network.nodes.get(self.node_id())
+            if node is not None and node.dictionary is not None:
+                return [(node.dictionary, node.profile.aliases)]
+        return self.offline_dictionaries()
+
+    def record(self, node_id: int, lines: list[str]) -> None:
+        """Remember script *lines* that succeeded and changed something, for `save`."""
+        self.executed += [line if node_id == self.node_id() else f"node {node_id}\n{line}" for line in lines]
+
+    def consent(self, question: str) -> None:
+        """Ask *question* where somebody can answer; returns on yes, raises SafetyRefusal otherwise."""
+        self._consent(question)
+
+    def _consent(self, question: str) -> None:
+        if self.options.yes or self.dry_run:
+            return
+        if self.in_script or not (sys.stdin.isatty() and sys.stderr.isatty()):
+            raise SafetyRefusal(f"nobody can answer: {question}", hint="give --yes to answer yes")
+        if not self.output.ask(question):
+            raise SafetyRefusal("not done: the answer was no")
+
+    def leave_gates(self) -> None:
+        """Return every node to the state it was found in; called where everything succeeded."""
+        for network in (self._network, self._twin):
+            for node in network.nodes.values() if network else ():
+                node.gate.leave()
+
+    def close(self) -> None:
+        """Leave the bus."""
+        self._twin = None
+        if self._network is not None:
+            self._network.bus.close()
+            self._network = None

@@ -1,0 +1,234 @@
+"""One line's way: found in the one registry, parsed by click, invoked, answered, and judged by an exit code.
+
+Knows commands only by their files' names. Does not know where lines come from (`cli`, `repl`, `commands.run`).
+"""
+
+from __future__ import annotations
+
+import re
+import shlex
+from collections.abc import Callable, Sequence
+from difflib import get_close_matches
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from dvtcli.options import NEGATIVE_MARK, PREFIX, global_options, taken
+
+if TYPE_CHECKING:
+    from dvtcli.results import Result
+    from dvtcli.session import Session
+
+_COMMANDS = Path(__file__).with_name("commands")
+_NEGATIVE = re.compile(r"-(?:\d|0x|\.\d).*", re.IGNORECASE)
+
+
+class DvtCommand(click.Command):
+    """A command that also takes the global options, and negative numbers as values."""
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self.params.extend(global_options(hidden=True))
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Parse *args*, with `-1500` and `-0x10` as values."""
+        marked = [NEGATIVE_MARK + arg if _NEGATIVE.fullmatch(arg) else arg for arg in args]
+        return super().parse_args(ctx, marked)
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run the command with its line's own global options in force."""
+        session: Session = ctx.obj
+        with session.line(taken(ctx.params)):
+            return _deliver(session, super().invoke(ctx))
+
+
+class Registry(click.Group):
+    """The one set of commands: every file in `commands/` whose name has no leading underscore."""
+
+    command_class = DvtCommand
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self.params.extend(global_options(hidden=False))
+
+    def list_commands(self, _ctx: click.Context) -> list[str]:
+        """The commands' names; imports none of them."""
+        return command_names()
+
+    def get_command(self, _ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """The command *cmd_name*, imported now, or None."""
+        if cmd_name not in command_names():
+            return None
+        command = import_module(f"dvtcli.commands.{cmd_name}").command
+        assert isinstance(command, click.Command)  # noqa: S101 - the house's convention, also tested
+        return command
+
+    def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
+        """Find the command; an unknown one gets the nearest name."""
+        if args[0] not in command_names():
+            raise click.UsageError(unknown_command(args[0]), ctx)
+        return super().resolve_command(ctx, args)
+
+    def format_commands(self, _ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List the commands with the first sentence of their files, importing none."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, summary(name)) for name in command_names()])
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Take the global options given before the command, then run it."""
+        session: Session = ctx.obj
+        given = taken(ctx.params)
+        if session.started and given:
+            raise click.UsageError("options stand behind the command", ctx)
+        if not session.started:
+            session.start(given)
+        return super().invoke(ctx)
+
+
+def command_names() -> list[str]:
+    """Names of all commands, sorted."""
+    return sorted(path.stem for path in _COMMANDS.glob("[!_]*.py"))
+
+
+def summary(name: str) -> str:
+    """A command's one-line help: the first line of its file, read without importing it."""
+    with (_COMMANDS / f"{name}.py").open(encoding="utf-8") as file:
+        return file.readline().strip().strip('"').strip()
+
+
+def unknown_command(name: str) -> str:
+    """What to say of a word that is no command."""
+    close = get_close_matches(name, command_names(), n=1)
+    return f"no command is called {name!r}" + (f"; did you mean {close[0]!r}?" if close else "; help lists them")
+
+
+def _root() -> Registry:
+    @click.group(
+        cls=Registry,
+        name="dvtcli",
+        invoke_without_command=True,
+        context_settings={"help_option_names": ["-h", "--help"]},
+        epilog="Try it without hardware: dvtcli --sim gen4 pdo",
+    )
+    @click.version_option(package_name=None, version=_version(), prog_name="dvtcli", message="%(prog)s %(version)s")
+    @click.pass_context
+    def root(ctx: click.Context) -> Any:
+        """Configure the PDOs of CANopen devices; never leave one half configured.
+
+        Without a command: the prompt at a terminal, a script from a pipe.
+        """
+        if ctx.invoked_subcommand is not None:
+            return None
+        from dvtcli.front import without_command
+
+        return without_command(ctx.obj)
+
+    assert isinstance(root, Registry)  # noqa: S101 - for the type checker
+    return root
+
+
+def _version() -> str:
+    from dvtcli import __version__
+
+    return __version__
+
+
+REGISTRY = _root()
+
+
+def split(line: str) -> list[str]:
+    """A line's words: quotes group, `#` at the start of a word begins a comment, an inner apostrophe is a letter.
+
+    UsageError for an unclosed quote.
+    """
+    from dvtcli.errors import UsageError
+
+    try:
+        return _split(line)
+    except ValueError as wrong:
+        raise UsageError(
+            f"a quote is not closed: {line.strip()}", hint='write "…" around a name with blanks'
+        ) from wrong
+
+
+#: Stands for an apostrophe that is a letter while shlex looks for quotes.
+_APOSTROPHE = "\ue001"
+
+
+def _split(line: str) -> list[str]:
+    words = shlex.shlex(_without_comment(line), posix=True)
+    words.whitespace_split, words.escape, words.commenters = True, "", ""
+    return [word.replace(_APOSTROPHE, "'") for word in words]
+
+
+def _without_comment(line: str) -> str:
+    """*line* up to a comment, with apostrophes inside words marked as letters."""
+    kept: list[str] = []
+    quote = ""
+    for position, char in enumerate(line):
+        starts = position == 0 or line[position - 1].isspace()
+        if not quote and char == "#" and starts:
+            break
+        if char == "'" and not quote and not starts:
+            kept.append(_APOSTROPHE)
+            continue
+        if char in "'\"":
+            quote = "" if quote == char else quote or char
+        kept.append(char)
+    return "".join(kept)
+
+
+def parse(words: Sequence[str], session: Session) -> click.Context:
+    """Find and parse one line's command without running it; usage errors are raised here."""
+    root = click.Context(REGISTRY, info_name="", obj=session)
+    name, *args = words
+    if name.startswith("-"):
+        raise click.UsageError(f"{name} stands before any command; options stand behind it")
+    command = REGISTRY.get_command(root, name)
+    if command is None:
+        raise click.UsageError(unknown_command(name))
+    return command.make_context(name, list(args), parent=root)
+
+
+def run_parsed(ctx: click.Context, session: Session) -> int:
+    """Run a parsed line and answer its exit code; results and errors are shown on the way."""
+
+    def invoke() -> Any:
+        with ctx:
+            return ctx.command.invoke(ctx)
+
+    return boundary(session, invoke)
+
+
+def run_words(words: Sequence[str], session: Session) -> int:
+    """Parse and run one line."""
+    return boundary(session, lambda: _parse_and_invoke(words, session))
+
+
+def _parse_and_invoke(words: Sequence[str], session: Session) -> Any:
+    with parse(words, session) as ctx:
+        return ctx.command.invoke(ctx)
+
+
+def _deliver(session: Session, result: Any) -> Any:
+    """Show what a command answered; an int is an exit code, None says nothing."""
+    if result is None or isinstance(result, int):
+        return result
+    session.output.result(result)
+    return _code(result)
+
+
+def _code(result: Result) -> int:
+    return result.exit_code
+
+
+def boundary(session: Session, run: Callable[[], Any]) -> int:
+    """Run something and turn whatever comes of it into an exit code: the one place where errors end."""
+    from dvtcli.boundary import guarded
+
+    return guarded(session, run)
+
+
+__all__ = ["PREFIX", "REGISTRY", "DvtCommand", "boundary", "parse", "run_parsed", "run_words", "split"]

@@ -1,0 +1,79 @@
+"""How a failure looks: what, where, why, in which state the device is, and what to do next."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from dvtcli.domain.abort import abort_text
+from dvtcli.domain.profile import Severity
+from dvtcli.domain.rules import Finding
+from dvtcli.errors import DvtcliError, RuleError, State
+from dvtcli.results import Document, finding_document
+from dvtcli.view.lines import Cell, Line
+
+_STATES: dict[State, str] = {
+    "unchanged": "unchanged: nothing was written",
+    "rolled_back": "rolled back: everything is as it was, read back equal; nothing was stored",
+    "left_changed": "LEFT CHANGED: see above; nothing was stored",
+    "unknown": "unknown: the device did not answer",
+}
+_STYLES = {Severity.ERROR: "red", Severity.WARNING: "yellow", Severity.NOTE: "cyan"}
+
+
+def error_document(error: DvtcliError) -> Document:
+    """`dvtcli.error/1`."""
+    document: Document = {
+        "schema": "dvtcli.error/1",
+        "exit_code": error.exit_code,
+        "error": error.slug,
+        "node": error.node,
+        "object": error.place,
+        "abort": None if error.abort is None else f"0x{error.abort:08X}",
+        "text": error.text,
+        "why": error.why,
+        "hint": error.hint,
+        "state": error.state,
+    }
+    if isinstance(error, RuleError):
+        document["findings"] = [finding_document(finding) for finding in error.findings]
+    return document
+
+
+def error_lines(error: DvtcliError) -> Iterator[Line]:
+    """The error's screen, most telling line first."""
+    yield [Cell("error: ", "red"), Cell(error.text, "bold")]
+    if isinstance(error, RuleError):
+        yield from _rule_lines(error)
+        return
+    rows = [*error.details]
+    if error.abort is not None:
+        rows.append(("abort", f"0x{error.abort:08X}  {abort_text(error.abort)}"))
+    rows += [(label, text) for label, text in (("why", error.why), ("hint", error.hint)) if text]
+    if error.exit_code not in (2, 4):
+        rows.append(("state", _STATES[error.state]))
+    for label, text in rows:
+        yield [Cell(f"  {label:<7} ", "dim"), Cell(text)]
+
+
+def _rule_lines(error: RuleError) -> Iterator[Line]:
+    for number, finding in enumerate(error.findings):
+        if number:
+            yield [Cell("  also    ", "dim"), Cell(finding.text)]
+        yield [Cell("  rule    ", "dim"), Cell(_rule_text(finding))]
+        if finding.hint:
+            yield [Cell("  hint    ", "dim"), Cell(finding.hint)]
+    yield [Cell("  state   ", "dim"), Cell(_STATES[error.state] + "; --force sends it anyway")]
+
+
+def _rule_text(finding: Finding) -> str:
+    text = f"{finding.rule} at {finding.place}"
+    if finding.abort is not None:
+        text += f"; the device would answer 0x{finding.abort:08X} ({abort_text(finding.abort)})"
+    return text
+
+
+def finding_line(finding: Finding) -> Line:
+    """A finding that stopped nothing, on one line."""
+    word = "forced" if finding.severity is Severity.ERROR else str(finding.severity)
+    hint = f"; {finding.hint}" if finding.hint else ""
+    return [Cell(f"{word}: ", _STYLES[finding.severity]), Cell(f"{finding.text}{hint}")]

@@ -1,0 +1,114 @@
+"""The text of PDOs: the list of a node's, and one with its frame picture."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from dvtcli.domain.pdo import PdoConfig, transmission_type_text
+from dvtcli.results import PdoListing, PdoRow
+from dvtcli.view.frame_picture import picture
+from dvtcli.view.lines import Cell, Line, Table
+
+
+def listing_lines(result: PdoListing, width: int) -> Iterator[Line]:
+    """The PDOs of a node, or the one that was asked for."""
+    if result.detail:
+        yield from _detail(result, result.rows[0], width)
+        return
+    shown = [row for row in result.rows if result.show_all or row.config.enabled or row.config.count or row.unstored]
+    table = Table(
+        ("PDO", "COB-ID", "STATE", "TYPE", "INHIBIT", "EVENT", "LEN", "MAPPED OBJECTS"), frozenset({4, 5, 6}), 7
+    )
+    for row in shown:
+        table.add(*_cells(row))
+    if shown:
+        yield from table.lines(width)
+    hidden = len(result.rows) - len(shown)
+    if hidden:
+        yield f"{hidden} more {'is' if hidden == 1 else 'are'} off and empty: pdo --all"
+    elif not result.rows:
+        yield f"node {result.node} has no PDOs"
+
+
+def _cells(row: PdoRow) -> list[str | Cell]:
+    parameter = row.config.communication
+    state = Cell("enabled", "green") if row.config.enabled else Cell("off", "dim")
+    inhibit = "" if parameter.inhibit_time is None else _milliseconds(parameter.inhibit_time / 10)
+    timer = "" if parameter.event_timer is None else _milliseconds(parameter.event_timer)
+    mapped = ", ".join(_names(row)) or "-"
+    return [
+        Cell(row.pdo.label, "bold"), str(parameter.cob_id), state, _type(row.config, row), inhibit, timer,
+        _length(row.config), mapped + (" *" if row.unstored else ""),
+    ]  # fmt: skip
+
+
+def _milliseconds(value: float) -> str:
+    return f"{value:g} ms" if value else "0"
+
+
+def _type(config: PdoConfig, row: PdoRow) -> str:
+    kind = config.communication.transmission_type
+    return "-" if kind is None else f"{kind} {transmission_type_text(kind, row.pdo.direction)}"
+
+
+def _length(config: PdoConfig) -> str:
+    if config.mpdo is not None:
+        return "MPDO"
+    return f"{config.bits // 8} B" if config.bits % 8 == 0 else f"{config.bits} bit"
+
+
+def _names(row: PdoRow) -> Iterator[str]:
+    for number, entry in enumerate(row.config.mapping):
+        name = row.names[number].name if number < len(row.names) else ""
+        yield f"(skip {entry.bits} bits)" if entry.is_dummy else name or entry.object
+
+
+def _detail(result: PdoListing, row: PdoRow, width: int) -> Iterator[Line]:
+    pdo, parameter = row.pdo, row.config.communication
+    where = f"comm 0x{pdo.communication_index:04X}, map 0x{pdo.mapping_index:04X}"
+    yield [
+        Cell(f"{pdo.label} of node {result.node}", "bold"), Cell(f' "{result.title}"    {where}'),
+        Cell(", not stored", "yellow") if row.unstored else Cell(""),
+    ]  # fmt: skip
+    state = Cell("enabled", "green") if row.config.enabled else Cell("off", "yellow")
+    rtr = "RTR allowed" if parameter.cob_id.rtr_allowed else "no RTR"
+    wide = ", 29-bit" if parameter.cob_id.extended else ""
+    default = "" if row.default_can_id is None else f" (default 0x{row.default_can_id:03X})"
+    yield [Cell(f"  COB-ID    {parameter.cob_id} "), state, Cell(f", {rtr}{wide}{default}")]
+    yield f"  type      {_type(row.config, row)}{_sync_note(result, row)}"
+    if parameter.inhibit_time is not None:
+        yield f"  inhibit   {parameter.inhibit_time} x 100 us = {_milliseconds(parameter.inhibit_time / 10)}"
+    if parameter.event_timer is not None:
+        yield f"  event     {parameter.event_timer} ms" + ("" if parameter.event_timer else " = off")
+    if parameter.sync_start_value:
+        yield f"  SYNC start value {parameter.sync_start_value}"
+    yield from picture(row)
+    used = row.config.bits
+    yield f"      {used} of 64 bits used ({(used + 7) // 8} bytes on the bus), least significant byte first"
+    yield from _entries(row, width)
+
+
+def _sync_note(result: PdoListing, row: PdoRow) -> str:
+    kind = row.config.communication.transmission_type
+    period = result.sync_period_us
+    if kind is None or not 1 <= kind <= 240 or not row.pdo.is_tpdo or not period:
+        return ""
+    rate = 1_000_000 / (period * kind)
+    return f" (SYNC every {period / 1000:g} ms: {rate:g} frames/s)"
+
+
+def _entries(row: PdoRow, width: int) -> Iterator[Line]:
+    if not row.config.mapping:
+        return
+    table = Table(("#", "OBJECT", "NAME", "TYPE", "BITS", "BYTES"), frozenset({0, 4, 5}), shrink=2)
+    start = 0
+    for number, entry in enumerate(row.config.mapping, 1):
+        mapped = row.names[number - 1] if number <= len(row.names) else None
+        stop = start + entry.bits - 1
+        name = f"(skip {entry.bits} bits)" if entry.is_dummy else (mapped.name if mapped else "")
+        span = f"{start // 8}" if start // 8 == stop // 8 else f"{start // 8}-{stop // 8}"
+        table.add(
+            str(number), entry.object, Cell(name, "bold"), mapped.type_name if mapped else "", f"{start}-{stop}", span
+        )
+        start += entry.bits
+    yield from table.lines(width)
