@@ -78,7 +78,7 @@ def test_families_by_behaviour(name: str, row: tuple[object, ...]) -> None:
     [
         (0x1E, 0x0705_302D, "gen4"),
         (0x1E, 0x0705_6E1E, "gen4"),
-        (0x1E, 0x4553_5041, "espac"),
+        (0x1E, 0x0701_0001, "espac"),
         (0x1E, 0x0806_0000, "generic"),
         (0x286, 0x1844, "tmcm"),
         (0x469, 0xFFFF_FFFF, "roboteq"),
@@ -217,3 +217,16 @@ def test_junk_is_an_input_file_error(text: str) -> None:
     except InputFileError as error:
         place = error.place or ""
     assert re.fullmatch(r"x\.toml:\d+(:\d+)?", place)
+
+
+FAMILIES = sorted((Path(dvtcli.__file__).parent / "simulator" / "families").glob("*.eds"))
+
+
+@pytest.mark.parametrize("path", FAMILIES, ids=lambda path: path.stem)
+def test_a_simulated_family_s_identity_chooses_the_profile_of_its_name(path: Path) -> None:
+    text = path.read_text(encoding="utf-8")
+    vendor, product = (re.search(rf"^{key}Number=(\w+)", text, re.MULTILINE) for key in ("Vendor", "Product"))
+    assert vendor is not None
+    assert product is not None
+    wanted = path.stem if path.stem in profile_names() else "generic"
+    assert profile_for_identity(int(vendor[1], 0), int(product[1], 0)).name == wanted
