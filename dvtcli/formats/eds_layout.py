@@ -15,7 +15,7 @@ from dvtcli.formats.eds_text import IniSection, IniText
 #: The lists of objects, in the standard's order.
 OBJECT_LISTS = ("mandatoryobjects", "optionalobjects", "manufacturerobjects")
 
-_OBJECT = re.compile(r"([0-9a-f]{4})(?:sub[0-9a-f]{1,2}|(name|value))?", re.IGNORECASE)
+_OBJECT = re.compile(r"([0-9a-f]{4})(?:sub[0-9a-f]{1,2}|(name|value))?", re.IGNORECASE | re.ASCII)
 _DEVICE = {"fileinfo", "deviceinfo", "dummyusage", "comments", "devicecomissioning", *OBJECT_LISTS}
 #: CiA 306 spells it with one m; some tools correct that.
 _SAME = {"devicecommissioning": "devicecomissioning"}
