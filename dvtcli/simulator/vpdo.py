@@ -1,7 +1,7 @@
 """Virtual PDOs: copies inside one node between physical pins, motors and application objects.
 
-The rules are those of the application note *PDO Fundamentals* rev 2, section 2; which objects take part is the family's data. Does not know
-what a pin is wired to.
+The rules are those of the application note *PDO Fundamentals* rev 2, section 2; which objects take part is the
+family's data. Does not know what a pin is wired to.
 """
 
 from __future__ import annotations

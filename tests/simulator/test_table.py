@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import pytest
 
 from dvtcli.domain.nmt import NmtState
+from dvtcli.simulator.device import StrictDevice
 from tests.simulator.bench import Aborted, Client, booted
 
 Write = tuple[int, int, int, int]
@@ -222,6 +223,16 @@ def test_e3_store_hardware_failure() -> None:
     assert caught.value.code == 0x06060000
 
 
-@pytest.mark.parametrize("row", sorted({row.row for row in ROWS}))
-def test_every_row_of_the_table_is_here(row: str) -> None:
-    assert row in "A1 A2 A3 A4 A5 B1 B2 B3 B4 B5 B6 B7 B8 B9 B10 B11 C1 C2 C3 C4 C5 C6 C7 C8 D1 D2 D3 E1 E2 E4 F1".split()
+def test_e2_store_only_pre_operational_without_an_extended_error() -> None:
+    device = booted()
+    family = replace(device.family, pre_operational_writes=((0x1010, 0x1010),))
+    device = StrictDevice(device.dictionary, family, 1)
+    device.state = NmtState.OPERATIONAL
+    with pytest.raises(Aborted) as caught:
+        Client.on(device).write(0x1010, 1, SAVE, 4)
+    assert caught.value.code == 0x08000022
+
+
+def test_every_row_about_a_download_has_a_case() -> None:
+    named = "A1 A2 A3 A4 A5 B1 B2 B3 B4 B5 B6 B7 B8 B9 B10 B11 C1 C2 C3 C4 C5 C6 C7 C8 D1 D2 D3 E1 E2 E4 F1"
+    assert {row.row for row in ROWS} == set(named.split())

@@ -1,0 +1,261 @@
+"""The families: identities, legal factory states, and the behaviours that only some of them have."""
+
+from __future__ import annotations
+
+import pytest
+
+from dvtcli.domain.nmt import NmtCommand, NmtState
+from dvtcli.domain.ports import Frame
+from dvtcli.simulator.device import StrictDevice
+from dvtcli.simulator.family import GENERIC, family_eds, family_from_table, family_names, load_family
+from tests.simulator.bench import Aborted, Client, booted
+
+SAVE, LOAD = 0x65766173, 0x64616F6C
+FAMILIES = ["espac", "gen4", "generic", "roboteq", "tmcm"]
+SEVCON = pytest.mark.parametrize("family", ["gen4", "espac"])
+
+
+def refused(client: Client, index: int, sub_index: int, value: int, size: int) -> tuple[int, int]:
+    """Abort code and extended error of a download that must be refused."""
+    with pytest.raises(Aborted) as caught:
+        client.write(index, sub_index, value, size)
+    return caught.value.code, client.number(0x5310)
+
+
+def test_family_names() -> None:
+    assert set(FAMILIES) <= set(family_names())
+
+
+def test_unknown_family() -> None:
+    with pytest.raises(KeyError):
+        load_family("nonsense")
+    with pytest.raises(KeyError):
+        family_eds("nonsense")
+
+
+def test_misspelt_key_is_an_error() -> None:
+    with pytest.raises(ValueError, match="granularty"):
+        family_from_table("x", {"granularty": 8})
+
+
+def test_generic_default_behaves_as_the_standard_says() -> None:
+    assert GENERIC.name == "generic"
+    assert GENERIC.boot_state is NmtState.PRE_OPERATIONAL
+
+
+@pytest.mark.parametrize("family", family_names())
+@pytest.mark.parametrize("node_id", [1, 127])
+def test_factory_state_is_legal_under_the_device_s_own_rules(family: str, node_id: int) -> None:
+    """Take every PDO apart and put its factory state back, step by step: the device must take all of it."""
+    client = Client.on(booted(family, node_id))
+    pdos = [index for index in client.server.device.dictionary if 0x1400 <= index < 0x1600 or 0x1800 <= index < 0x1A00]
+    assert pdos
+    for communication in pdos:
+        mapping = communication + 0x200
+        cob_id, count = client.number(communication, 1), client.number(mapping, 0)
+        rows = [client.number(mapping, sub) for sub in range(1, count + 1)]
+        client.write(communication, 1, cob_id | 1 << 31, 4)
+        client.write(communication, 2, client.number(communication, 2), 1)
+        client.write(mapping, 0, 0, 1)
+        for sub, raw in enumerate(rows, 1):
+            client.write(mapping, sub, raw, 4)
+        client.write(mapping, 0, count, 1)
+        client.write(communication, 1, cob_id, 4)
+        assert cob_id >> 31 or count, "a valid PDO maps something"
+
+
+@pytest.mark.parametrize("family", family_names())
+def test_factory_values_fit_their_types_and_limits(family: str) -> None:
+    device = booted(family)
+    for entry in device.dictionary.entries():
+        assert entry.data_type is not None
+        assert entry.name
+        assert len(device.value(entry.index, entry.sub_index)) == (entry.data_type.size or len(entry.default or b""))
+        if entry.low is not None and entry.high is not None:
+            assert entry.low <= entry.high
+            value = entry.data_type.decode(device.value(entry.index, entry.sub_index))
+            if isinstance(value, int) and not (entry.index >> 8 in (0x14, 0x18)):
+                assert entry.low <= value <= entry.high, entry.object
+
+
+@pytest.mark.parametrize("family", family_names())
+def test_valid_pdos_of_a_family_have_can_ids_of_their_own(family: str) -> None:
+    device = booted(family)
+    raw = [
+        int.from_bytes(device.value(index, 1), "little")
+        for index in device.dictionary
+        if index >> 8 in (0x14, 0x15, 0x18, 0x19)
+    ]
+    valid = [each & 0x1FFFFFFF for each in raw if not each >> 31]
+    assert len(valid) == len(set(valid)) > 0
+
+
+@pytest.mark.parametrize("family", family_names())
+def test_a_new_node_shows_life(family: str) -> None:
+    device = booted(family)
+    assert device.poll(0.0) == [Frame(0x701, b"\x7f")]
+    assert device.next_poll_s() == 0.5
+
+
+@pytest.mark.parametrize(
+    ("family", "vendor_id", "rpdos", "tpdos"),
+    [
+        ("generic", 0, 4, 4),
+        ("gen4", 0x1E, 5, 5),
+        ("espac", 0x1E, 9, 9),
+        ("tmcm", 0x286, 4, 4),
+        ("roboteq", 0x469, 4, 4),
+    ],
+)
+def test_identity_and_pdo_counts(family: str, vendor_id: int, rpdos: int, tpdos: int) -> None:
+    device = booted(family)
+    assert int.from_bytes(device.value(0x1018, 1), "little") == vendor_id == device.dictionary.info.vendor_id
+    assert sum(0x1400 <= index < 0x1600 for index in device.dictionary) == rpdos == device.dictionary.info.rpdo_count
+    assert sum(0x1800 <= index < 0x1A00 for index in device.dictionary) == tpdos == device.dictionary.info.tpdo_count
+
+
+@pytest.mark.parametrize(
+    ("family", "index", "sub_index", "raw"),
+    [
+        ("tmcm", 0x1402, 1, 0x40000401),
+        ("tmcm", 0x1800, 1, 0x40000181),
+        ("roboteq", 0x1800, 1, 0x40000181),
+        ("roboteq", 0x1402, 1, 0x401),
+        ("roboteq", 0x1602, 1, 0x20050D20),
+        ("roboteq", 0x1602, 2, 0x20050E20),
+        ("roboteq", 0x1603, 1, 0x20050F20),
+        ("roboteq", 0x1603, 2, 0x20051020),
+        ("gen4", 0x1800, 1, 0x181),
+        ("gen4", 0x5000, 1, 4),
+        ("gen4", 0x5800, 0, 0),
+        ("generic", 0x6041, 0, 0x1237),
+    ],
+)
+def test_factory_values(family: str, index: int, sub_index: int, raw: int) -> None:
+    assert Client.on(booted(family)).number(index, sub_index) == raw
+
+
+@SEVCON
+@pytest.mark.parametrize(
+    ("index", "sub_index", "value", "size"),
+    [(0x1800, 1, 0x80000181, 4), (0x1A02, 0, 0, 1), (0x1010, 1, SAVE, 4), (0x1011, 1, LOAD, 4), (0x3000, 0, 0, 1)],
+)
+def test_writes_outside_pre_operational_answer_reason_4(
+    family: str, index: int, sub_index: int, value: int, size: int
+) -> None:
+    device = booted(family)
+    client = Client.on(device)
+    device.nmt(NmtCommand.START)
+    assert refused(client, index, sub_index, value, size) == (0x08000000, 4)
+    device.nmt(NmtCommand.ENTER_PRE_OPERATIONAL)
+    client.write(index, sub_index, value, size)
+
+
+@SEVCON
+def test_wrong_signature_answers_reason_17(family: str) -> None:
+    assert refused(Client.on(booted(family)), 0x1010, 1, 1, 4) == (0x08000000, 17)
+
+
+def test_other_refusals_leave_the_reason_alone() -> None:
+    assert refused(Client.on(booted("gen4")), 0x1A02, 1, 0x5FFF0010, 4) == (0x06020000, 0)
+
+
+def log_in(client: Client, user_id: int, passcode: int) -> int:
+    client.write(0x5000, 3, user_id, 2)
+    client.write(0x5000, 2, passcode, 2)
+    return client.number(0x5000, 1)
+
+
+@pytest.mark.parametrize(
+    ("index", "sub_index", "value", "size"),
+    [(0x1801, 1, 0x80000281, 4), (0x1010, 1, SAVE, 4), (0x2800, 0, 1, 1), (0x3000, 1, 0x2021, 2)],
+)
+def test_login(index: int, sub_index: int, value: int, size: int) -> None:
+    client = Client.on(booted("gen4"))
+    assert log_in(client, 0, 0) == 0
+    assert refused(client, index, sub_index, value, size) == (0x08000000, 8)
+    assert client.number(0x1801, 1) == 0x281
+    assert log_in(client, 1, 0x3333) == 3
+    assert refused(client, index, sub_index, value, size) == (0x08000000, 8)
+    assert log_in(client, 1, 0x4444) == 4
+    client.write(index, sub_index, value, size)
+
+
+def test_wrong_passcode_answers_reason_9_and_logs_out() -> None:
+    client = Client.on(booted("gen4"))
+    assert refused(client, 0x5000, 2, 0x1234, 2) == (0x08000000, 9)
+    assert client.number(0x5000, 1) == 0
+
+
+def test_forced_state_moves_a_master_only() -> None:
+    device = booted("gen4")
+    client = Client.on(device)
+    client.write(0x2800, 0, 0, 1)
+    assert client.read(0x5110) == b"\x7f"
+    client.write(0x5800, 0, 1, 1)
+    client.write(0x2800, 0, 0, 1)
+    assert client.read(0x5110) == b"\x05"
+    device.nmt(NmtCommand.ENTER_PRE_OPERATIONAL)
+    assert device.state is NmtState.OPERATIONAL
+    client.write(0x2800, 0, 1, 1)
+    assert client.read(0x5110) == b"\x7f"
+
+
+def test_only_pdo_settings_need_a_store() -> None:
+    device = booted("gen4")
+    client = Client.on(device)
+    client.write(0x3300, 1, 0x2129, 2)
+    client.write(0x1006, 0, 10000, 4)
+    client.write(0x1801, 5, 10, 2)
+    device.nmt(NmtCommand.RESET_NODE)
+    assert client.number(0x3300, 1) == 0x2129
+    assert client.number(0x1006) == 10000
+    assert client.number(0x1801, 5) == 50
+
+
+@SEVCON
+def test_virtual_digital_and_analogue_inputs(family: str) -> None:
+    device = booted(family)
+    assert [device.value(index)[0] for index in (0x2121, 0x2122, 0x2123, 0x2124)] == [1, 0, 1, 0]
+    assert device.value(0x2220) == device.value(0x6C01, 1)
+    device.set_value(0x6800, 1, b"\x0a")
+    assert [device.value(index)[0] for index in (0x2121, 0x2122, 0x2123, 0x2124)] == [0, 1, 0, 1]
+    client = Client.on(device)
+    client.write(0x3300, 0, 10, 1)
+    client.write(0x3300, 10, 0x2130, 2)
+    device.set_value(0x6800, 2, b"\x02")
+    assert device.value(0x2130) == b"\x01"
+
+
+@SEVCON
+def test_virtual_outputs(family: str) -> None:
+    device = booted(family)
+    client = Client.on(device)
+    client.write(0x3100, 0, 3, 1)
+    client.write(0x3100, 3, 0x2320, 2)
+    device.set_value(0x2320, 0, b"\x01")
+    assert device.value(0x6200, 1) == b"\x04"
+    device.set_value(0x2400, 0, b"\x00\x0c")
+    assert device.value(0x6C11, 1) == b"\x00\x0c"
+
+
+@SEVCON
+def test_virtual_motor_copies_both_ways(family: str) -> None:
+    device = booted(family)
+    device.set_value(0x2020, 3, (-700).to_bytes(4, "little", signed=True))
+    device.set_value(0x606C, 0, (-690).to_bytes(4, "little", signed=True))
+    assert device.value(0x60FF) == device.value(0x2020, 3)
+    assert device.value(0x2020, 4) == device.value(0x606C)
+    assert device.value(0x2020, 2) == device.value(0x6041)
+
+
+def test_a_virtual_pdo_names_an_object_that_exists_or_none() -> None:
+    client = Client.on(booted("gen4"))
+    assert refused(client, 0x3300, 1, 0x21FE, 2) == (0x08000000, 12)
+    client.write(0x3300, 1, 0x21FF, 2)
+
+
+def test_any_eds_works_with_the_generic_family() -> None:
+    device = StrictDevice(booted("tmcm").dictionary, GENERIC, 3)
+    device.boot_up()
+    assert Client.on(device).number(0x1800, 1) == 0x40000183
