@@ -72,12 +72,8 @@ class TwinBus:
 
     def nmt_state(self, node_id: int, timeout_s: float = 0.0) -> NmtState | None:
         """The twin's state where the twin was commanded, else what is heard of the node itself."""
-        if self._to_all:
-            self.sdo(node_id)
-        twin = self._twins.get(node_id)
-        if twin is not None and twin.commanded:
-            return twin.state
-        return self._wrapped.nmt_state(node_id, timeout_s)
+        twin = self._commanded(node_id)
+        return twin.state if twin is not None else self._wrapped.nmt_state(node_id, timeout_s)
 
     def boot_ups(self, node_id: int) -> int:
         """The boot-ups of the node and of its twin."""
@@ -113,10 +109,13 @@ class TwinBus:
             self._frames.clear()
 
     def _twin_boot_ups(self, node_id: int) -> int:
-        if self._to_all:
-            self.sdo(node_id)
-        twin = self._twins.get(node_id)
+        twin = self._commanded(node_id)
         return 0 if twin is None else twin.boot_ups
+
+    def _commanded(self, node_id: int) -> Twin | None:
+        """The node's twin if it was given a command, to itself or to all; None too where there is no such node."""
+        twin = self.sdo(node_id) if self._to_all else self._twins.get(node_id)
+        return twin if twin is not None and twin.commanded and twin.exists() else None
 
 
 class Twin:
@@ -144,10 +143,21 @@ class Twin:
         with self._lock:
             return self._device().state
 
+    def exists(self) -> bool:
+        """Whether there is such a node to be the twin of."""
+        with self._lock:
+            try:
+                self._device()
+            except NoAnswer:
+                return False
+            return True
+
     def upload(self, index: int, sub_index: int) -> bytes:
         """Read an object: what was written to the twin, else what the node holds. Raises as the node would."""
         with self._lock:
             device = self._answering(index, sub_index)
+            if (index, sub_index) == device.family.state_object:
+                self._follow_node(device)
             try:
                 return device.upload(index, sub_index)
             except Refusal as refusal:
@@ -157,6 +167,7 @@ class Twin:
         """Write an object of the twin; SdoAborted where the device would refuse it. The node is only read."""
         with self._lock:
             device = self._answering(index, sub_index)
+            self._follow_node(device)
             before = device.state
             try:
                 device.download(index, sub_index, data)
@@ -177,6 +188,7 @@ class Twin:
         """Take a frame of the bus; returns the twin's frames in answer."""
         with self._lock:
             device = self._device()
+            self._follow_node(device)
             if device.hears_sync(frame):
                 answers = device.sync(frame.data[0] if frame.data else None)
             else:
@@ -197,7 +209,7 @@ class Twin:
         return device
 
     def _device(self) -> StrictDevice:
-        """The simulated device, in the node's state for as long as it was not commanded."""
+        """The simulated device; made here, in the node's state."""
         made = self._made
         if made is None:
             made = self._device_for(self._node_id, self._backing)
@@ -206,18 +218,21 @@ class Twin:
             for command in self._commands:
                 made.nmt(command)
             self._sent(made.take_outbox())
-        elif not self.commanded:
-            made.state = self._wrapped.nmt_state(self._node_id) or made.state
         return made
 
+    def _follow_node(self, device: StrictDevice) -> None:
+        """Until it is commanded, the twin is in the node's state."""
+        if not self.commanded:
+            device.state = self._state_of_node(device) or device.state
+
     def _state_of_node(self, device: StrictDevice) -> NmtState | None:
-        heard = self._wrapped.nmt_state(self._node_id)
-        if heard is None and device.family.state_object is not None:
-            try:
-                return NmtState(int.from_bytes(self._backing(*device.family.state_object), "little"))
-            except (Refusal, ValueError):
-                return None
-        return heard
+        """By the node's own state object where it has one: what was heard may be old."""
+        if device.family.state_object is None:
+            return self._wrapped.nmt_state(self._node_id)
+        try:
+            return NmtState(int.from_bytes(self._backing(*device.family.state_object), "little"))
+        except (Refusal, ValueError):
+            return None
 
     def _backing(self, index: int, sub_index: int) -> bytes:
         try:
