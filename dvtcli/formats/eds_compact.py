@@ -51,7 +51,7 @@ def _count_entry(member: OdEntry, count: int, findings: Findings) -> OdEntry:
         "NrOfObjects",
         U8,
         access,
-        pdo_mapping=False,
+        pdo_mapping=None if member.pdo_mapping is None else False,
         default=bytes([count]),
         object_flags=member.object_flags,
         line=member.line,

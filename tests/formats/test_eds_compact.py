@@ -92,3 +92,8 @@ def test_compact_pdos_fill_up_around_described_ones() -> None:
 
 def test_no_compact_pdo_makes_nothing() -> None:
     assert list(eds("[DeviceInfo]\nNrOfTXPDO=2\nCompactPDO=0\n").dictionary) == []
+
+
+def test_compact_storage_does_not_invent_a_pdo_mapping() -> None:
+    file = eds(ARRAY.replace("PDOMapping=1\n", ""))
+    assert {entry.pdo_mapping for entry in file.dictionary.entries()} == {None}
