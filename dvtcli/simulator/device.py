@@ -124,8 +124,8 @@ class StrictDevice:
         self._vpdos.copy()
 
     def nmt(self, command: int) -> None:
-        """Obey an NMT command specifier; unknown ones are ignored, and so is everything by a node that is master."""
-        if self._gates.is_master or command not in list(NmtCommand):
+        """Obey an NMT command specifier; unknown ones are ignored, and everything by a master or before `boot_up`."""
+        if self._state is NmtState.INITIALISING or command not in list(NmtCommand) or self._gates.is_master:
             return
         if command in _STATES:
             self.state = _STATES[NmtCommand(command)]
@@ -171,7 +171,9 @@ class StrictDevice:
             self._heartbeat_ms, self._heartbeat_due_s = period_ms, now_s
         if not period_ms or now_s < self._heartbeat_due_s:
             return []
-        self._heartbeat_due_s = max(self._heartbeat_due_s + period_ms / 1000, now_s)
+        period_s = period_ms / 1000
+        late = now_s >= self._heartbeat_due_s + period_s
+        self._heartbeat_due_s = (now_s if late else self._heartbeat_due_s) + period_s
         return [Frame(0x700 + self.node_id, bytes([self._state]))]
 
     def next_poll_s(self) -> float | None:

@@ -162,6 +162,22 @@ def test_heartbeat_time_0_switches_heartbeats_off_and_a_new_one_counts_at_once()
     assert device.poll(100.0) == [Frame(0x701, b"\x7f")]
 
 
+def test_late_heartbeats_are_not_made_up_for() -> None:
+    device = booted()
+    device.poll(0.0)
+    assert len(device.poll(10.2)) == 1
+    assert device.poll(10.3) == []
+    assert device.next_poll_s() == 10.7
+
+
+def test_nmt_commands_before_the_boot_up_are_ignored() -> None:
+    fresh = booted()
+    device = StrictDevice(fresh.dictionary, fresh.family, 1)
+    device.nmt(NmtCommand.START)
+    assert device.state is NmtState.INITIALISING
+    assert device.poll(0.0) == []
+
+
 def test_sync_does_nothing_outside_operational() -> None:
     device = booted()
     Client.on(device).write(0x1800, 2, 1, 1)
