@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from dvtcli.options import file_defaults
 from dvtcli.session import Session
-from dvtcli.shell import REGISTRY, boundary
+from dvtcli.shell import LEAVE, REGISTRY, boundary
 from dvtcli.view.output import Output
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ def main(argv: list[str] | None = None) -> int:
         return REGISTRY.main(words, prog_name="dvtcli", standalone_mode=False, obj=session, default_map=file_defaults())
 
     code = boundary(session, run)
-    if code == 0:
+    if code in (0, LEAVE):
         code = boundary(session, session.leave_gates)
     closing = boundary(session, session.close)
     return code or closing

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 from click.shell_completion import CompletionItem
 
-from dvtcli.domain.datatypes import parse_number
+from dvtcli.domain.datatypes import BY_SHORT_NAME, parse_number
 from dvtcli.domain.object_syntax import (
     MappedObject,
     Skipped,
@@ -79,7 +79,13 @@ def _hint(unknown: UnknownName) -> str:
     return "objects TEXT searches the dictionary; --eds FILE gives one"
 
 
-class CanopenType(click.ParamType):
+if TYPE_CHECKING:
+    ParamType = click.ParamType[Any]
+else:
+    ParamType = click.ParamType  # generic only in newer click
+
+
+class CanopenType(ParamType):
     """A type whose values may begin with a minus sign, and whose ValueErrors become usage errors."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
@@ -245,6 +251,23 @@ class TextType(CanopenType):
     def parse(self, text: str, ctx: click.Context | None) -> str:
         """The text itself."""
         return text
+
+
+class DataTypeParam(CanopenType):
+    """A data type by its short name: `u16`, `i32`, `r32`, `vs`, `bool`, …."""
+
+    name = "type"
+
+    def parse(self, text: str, ctx: click.Context | None) -> Any:
+        """The data type; ValueError lists the names."""
+        found = BY_SHORT_NAME.get(text.lower())
+        if found is None:
+            raise ValueError(f"{text!r} is not a type; types are {' '.join(BY_SHORT_NAME)}")
+        return found
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        """The short names with CiA 301's own."""
+        return [CompletionItem(k, help=t.name) for k, t in BY_SHORT_NAME.items() if k.startswith(incomplete.lower())]
 
 
 PDO, OBJECT, ENTRY, COB_ID, TEXT = PdoType(), ObjectType(), EntryType(), CobIdType(), TextType()

@@ -12,7 +12,7 @@ import click
 
 from dvtcli.boundary import usage_error
 from dvtcli.errors import DvtcliError, InputFileError, UsageError
-from dvtcli.shell import boundary, parse, run_parsed, split
+from dvtcli.shell import LEAVE, boundary, parse, run_parsed, split
 
 if TYPE_CHECKING:
     from dvtcli.session import Session
@@ -52,10 +52,6 @@ def run_script(session: Session, data: bytes, source: str, *, keep_going: bool) 
     if not codes:
         return boundary(session, session.leave_gates)
     return 7 if 7 in codes else codes[0]
-
-
-#: What `exit` answers, so that whoever reads lines stops; never an exit code of the process.
-LEAVE = -1
 
 
 def script_lines(data: bytes, source: str) -> list[ScriptLine]:

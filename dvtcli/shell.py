@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from dvtcli.results import Result
     from dvtcli.session import Session
 
+#: What `exit` answers, so that whoever reads lines stops; never an exit code of the process.
+LEAVE = -1
 _COMMANDS = Path(__file__).with_name("commands")
 _NEGATIVE = re.compile(r"-(?:\d|0x|\.\d).*", re.IGNORECASE)
 
@@ -231,4 +233,4 @@ def boundary(session: Session, run: Callable[[], Any]) -> int:
     return guarded(session, run)
 
 
-__all__ = ["PREFIX", "REGISTRY", "DvtCommand", "boundary", "parse", "run_parsed", "run_words", "split"]
+__all__ = ["LEAVE", "PREFIX", "REGISTRY", "DvtCommand", "boundary", "parse", "run_parsed", "run_words", "split"]

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 @click.argument("objects", type=ENTRY, nargs=-1, required=True, metavar="OBJECT...")
 @pdo_options
 @click.pass_obj
-def command(session: Session, pdo: NodePdo, objects: tuple[EntryWord, ...], **options: Any) -> Changed:
+def command(session: Session, /, pdo: NodePdo, objects: tuple[EntryWord, ...], **options: Any) -> Changed:
     """Map OBJECTs into PDO, in frame order, and enable it.
 
     \b

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 @click.argument("pdo", type=PDO, required=False)
 @click.option("--all", "show_all", is_flag=True, help="Also PDOs that are off and empty.")
 @click.pass_obj
-def command(session: Session, pdo: NodePdo | None, show_all: bool) -> PdoListing:
+def command(session: Session, /, pdo: NodePdo | None, show_all: bool) -> PdoListing:
     """Show the PDOs as the node holds them now.
 
     \b

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 @click.argument("file", type=TEXT)
 @click.option("--keep-going", is_flag=True, help="Run on after a failing line; end with the first failure's code.")
 @click.pass_obj
-def command(session: Session, file: str, keep_going: bool) -> int:
+def command(session: Session, /, file: str, keep_going: bool) -> int:
     """Run the commands in FILE, or of stdin with `-`.
 
     \b

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 @click.argument("pdo", type=PDO)
 @pdo_options
 @click.pass_obj
-def command(session: Session, pdo: NodePdo, **options: Any) -> Changed:
+def command(session: Session, /, pdo: NodePdo, **options: Any) -> Changed:
     """Set communication parameters of PDO and leave its mapping alone.
 
     \b

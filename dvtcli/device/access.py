@@ -70,18 +70,29 @@ class Access:
             return False
         return any(self.bus.sdo(self.node_id).upload(*self.profile.master_object))
 
-    def _confirm(self, wanted: NmtState) -> None:
-        deadline = time.monotonic() + CONFIRM_TIMEOUT_S
+    def confirmed(self, wanted: NmtState, timeout_s: float) -> NmtState | None:
+        """The state the node tells within *timeout_s*, as soon as it is *wanted*; None where it tells none.
+
+        A stopped node answers no SDO, so STOPPED is only ever heard.
+        """
+        deadline = time.monotonic() + timeout_s
         state = None
-        while time.monotonic() < deadline:
-            state = self.state(timeout_s=deadline - time.monotonic())
-            if state is wanted or state is None:
-                return
-            time.sleep(0.01)
+        while (left := deadline - time.monotonic()) > 0:
+            heard_only = wanted is NmtState.STOPPED or self.profile.state_object is None
+            state = self.bus.nmt_state(self.node_id, left) if heard_only else self.state()
+            if state is wanted:
+                return state
+            time.sleep(0.005)
+        return state
+
+    def _confirm(self, wanted: NmtState) -> None:
+        state = self.confirmed(wanted, CONFIRM_TIMEOUT_S)
+        if state is wanted or state is None:
+            return
         raise DeviceRefused(
             f"node {self.node_id} did not reach {wanted.label}",
             node=self.node_id,
-            why=f"it says {state.label if state is not None else 'nothing'} after {CONFIRM_TIMEOUT_S:.0f} s",
+            why=f"it says {state.label} after {CONFIRM_TIMEOUT_S:.0f} s",
             hint="a vehicle that is active may refuse; stop it and try again",
         )
 

@@ -12,12 +12,16 @@ from dvtcli.device.access import Access, Gate
 from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.read import present_pdos, read_optional, read_pdo
 from dvtcli.device.transaction import Transaction
+from dvtcli.domain.abort import Abort
+from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.domain.plan import Change, PdoChange, Plan, plan_pdo
+from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, plan_pdo
 from dvtcli.domain.ports import CanopenBus, SdoTransport
 from dvtcli.domain.profile import GENERIC, DeviceProfile
 from dvtcli.domain.rules import Finding, Proposal, check_pdo, errors_in
+from dvtcli.domain.rules.mapping import decimal_hint
+from dvtcli.domain.rules.raw_write import ParameterWrite, parameter_findings, write_findings
 from dvtcli.errors import RuleError, SdoAborted, UsageError
 
 
@@ -188,6 +192,83 @@ class Node:
         refuse(tuple(findings), f"{labels} not changed", self.node_id, force=force)
         return self.apply(Plan(self.node_id, tuple(changes)), tuple(findings))
 
+    def write(self, index: int, sub_index: int, data: bytes, *, force: bool = False) -> Applied:
+        """Write one object as a plan of one step, under the rules of the command that is meant for it."""
+        pdo = Pdo.at(index)
+        findings = write_findings(self.dictionary, index, sub_index, data)
+        if pdo is not None and not findings:
+            findings = self._parameter_findings(pdo, index, sub_index, data)
+        refuse(findings, f"0x{index:04X}:{sub_index:02X} not written", self.node_id, force=force)
+        before = self._held(index, sub_index)
+        step = Step(index, sub_index, before, data, "write")
+        return self.apply(Plan(self.node_id, (ValueChange(step),)), findings)
+
+    def _parameter_findings(self, pdo: Pdo, index: int, sub_index: int, data: bytes) -> tuple[Finding, ...]:
+        now = self.pdo(pdo)
+        write = ParameterWrite(index, sub_index, int.from_bytes(data, "little"))
+        entries = self._entries(pdo, write)
+        return parameter_findings(lambda want: self.proposal(pdo, now, want), now, write, entries)
+
+    def _entries(self, pdo: Pdo, write: ParameterWrite) -> tuple[PdoMappingEntry, ...]:
+        """The mapping entries that a raw count would make active."""
+        if write.index != pdo.mapping_index or write.sub_index:
+            return ()
+        words = [read_optional(self.sdo, pdo.mapping_index, number, 4) for number in range(1, min(write.value, 64) + 1)]
+        return tuple(PdoMappingEntry.from_raw(word) for word in words if word is not None)
+
+    def _held(self, index: int, sub_index: int) -> bytes | None:
+        """What the object holds, so that it can be put back; None where it is write-only."""
+        try:
+            return self.upload(index, sub_index)
+        except SdoAborted as aborted:
+            if aborted.code == Abort.WRITE_ONLY:
+                return None
+            raise
+
+    def upload(self, index: int, sub_index: int) -> bytes:
+        """Read one object; an abort for a missing sub-index gets the hint that sub-indices are hexadecimal."""
+        try:
+            return self.sdo.upload(index, sub_index)
+        except SdoAborted as aborted:
+            self.access.explain(aborted)
+            if self.dictionary is not None and aborted.code == Abort.NO_SUB_INDEX:
+                aborted.hint = decimal_hint(self.dictionary, index, sub_index)
+            raise
+
+    def undo(self, *, everything: bool = False) -> Applied:
+        """Put the last plan back, or all of them, last first, in one transaction."""
+        plans = list(reversed(self.history)) if everything else [self.history[-1]]
+        changes = tuple(self._back(change) for plan in plans for change in reversed(plan.changes))
+        applied = self.apply(Plan(self.node_id, changes))
+        self.history = [] if everything else [p for p in self.history[:-1] if p is not plans[0]]
+        if applied.plan in self.history:
+            self.history.remove(applied.plan)
+        return applied
+
+    def _back(self, change: Change) -> Change:
+        if isinstance(change, PdoChange):
+            return plan_pdo(change.pdo, change.after, change.before)
+        if change.step.before is None:
+            raise UsageError(
+                f"0x{change.step.object} is write-only: what it held before is not known", node=self.node_id
+            )
+        return change.reversed()
+
+    def is_dynamic(self, pdo: Pdo) -> bool:
+        """Whether the EDS lets the mapping of *pdo* be changed; True where there is none."""
+        entry = self.dictionary.entry(pdo.mapping_index, 0) if self.dictionary else None
+        return entry is None or entry.access.writable
+
+    def prepare_store(self) -> None:
+        """Enter the gate where the family stores only pre-operational."""
+        if self.profile.store.only_pre_operational:
+            self.gate.enter()
+
+    def commanded(self) -> None:
+        """An NMT command was sent by hand: the gate no longer knows the state, a reset changes everything."""
+        self._gate = None
+        self.forget()
+
     def apply(self, plan: Plan, findings: tuple[Finding, ...] = ()) -> Applied:
         """Run a checked *plan* inside the gate and remember it."""
         if len(plan):
@@ -204,8 +285,27 @@ class Node:
         for change in changes:
             if isinstance(change, PdoChange):
                 self.wanted[change.pdo] = change.after
-            if change.steps:
+            if change.steps and self.profile.store.needed_for(change.steps[0].index):
                 self.unstored[change.label] = None
+
+
+def differences(pdo: Pdo, wanted: PdoConfig, held: PdoConfig) -> list[str]:
+    """Every parameter of *pdo* in which *held* is not *wanted*, in a person's words."""
+    found = []
+    rows = (
+        ("COB-ID", f"0x{held.communication.cob_id.raw:08X}", f"0x{wanted.communication.cob_id.raw:08X}"),
+        ("transmission type", held.communication.transmission_type, wanted.communication.transmission_type),
+        ("inhibit time", held.communication.inhibit_time, wanted.communication.inhibit_time),
+        ("event timer", held.communication.event_timer, wanted.communication.event_timer),
+        ("SYNC start value", held.communication.sync_start_value, wanted.communication.sync_start_value),
+    )
+    for name, is_now, should in rows:
+        if is_now != should:
+            found.append(f"{name} is {is_now}, expected {should}")
+    if held.mapping != wanted.mapping:
+        texts = [" ".join(map(str, config.mapping)) or "nothing" for config in (held, wanted)]
+        found.append(f"0x{pdo.mapping_index:04X} maps {texts[0]}, expected {texts[1]}")
+    return found
 
 
 def refuse(findings: tuple[Finding, ...], text: str, node_id: int, *, force: bool) -> None:

@@ -70,7 +70,9 @@ def _choose(sdo: SdoTransport, policy: StorePolicy, index: int, sub_index: int |
         if index == STORE and not capability & 1:
             raise _cannot(node_id, index, candidate, capability)
         return candidate
-    raise _cannot(node_id, index, wanted[0] if wanted else 1, None)
+    error = _cannot(node_id, index, wanted[0] if wanted else 1, None)
+    error.hint = policy.instead or error.hint
+    raise error
 
 
 def _cannot(node_id: int, index: int, sub_index: int, capability: int | None) -> DeviceRefused:

@@ -149,6 +149,7 @@ class ObjectDictionary(Mapping[int, OdObject]):
         self.info = info or DeviceInfo()
         self.source = source
         self._names: dict[str, list[OdEntry]] | None = None
+        self._tells_mappability: bool | None = None
 
     def __getitem__(self, index: int) -> OdObject:
         found = self._objects[index]
@@ -172,6 +173,13 @@ class ObjectDictionary(Mapping[int, OdObject]):
         """Every entry, ascending by index and sub-index."""
         for index in self:
             yield from self[index].entries.values()
+
+    @property
+    def tells_mappability(self) -> bool:
+        """Whether the file has any PDOMapping at all; where it has none, mappability is unknown, not refused."""
+        if self._tells_mappability is None:
+            self._tells_mappability = any(entry.pdo_mapping is not None for entry in self.entries())
+        return self._tells_mappability
 
     def place(self, entry: OdEntry) -> str:
         """Where *entry* stands: `drive.eds:812`."""

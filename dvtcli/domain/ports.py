@@ -27,8 +27,13 @@ class Frame:
 class SdoTransport(Protocol):
     """Access to one node's object dictionary."""
 
-    def upload(self, index: int, sub_index: int) -> bytes:
-        """Read an object; raises SdoAborted where the device refuses, NoAnswer where it is silent."""
+    def upload(
+        self, index: int, sub_index: int, *, timeout_s: float | None = None, retries: int | None = None
+    ) -> bytes:
+        """Read an object; raises SdoAborted where the device refuses, NoAnswer where it is silent.
+
+        *timeout_s* and *retries* (0..) override the usual ones.
+        """
         ...
 
     def download(self, index: int, sub_index: int, data: bytes, *, timeout_s: float | None = None) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from dvtcli.domain.abort import Abort
+from dvtcli.domain.profile import within
 from dvtcli.domain.rules.finding import Finding, Proposal, error, warning
 
 _NAMES = {1: "COB-ID", 2: "transmission type", 3: "inhibit time", 5: "event timer", 6: "SYNC start value"}
@@ -52,6 +53,11 @@ def _file_findings(proposal: Proposal, sub_index: int, value: int) -> Iterator[F
             f"{name} {value} does not fit its object (0..{_LARGEST[sub_index]} counts)",
             Abort.VALUE_HIGH,
         )
+        return
+    if sub_index in (3, 5) and value > proposal.profile.max_time_count:
+        most = _shown(sub_index, proposal.profile.max_time_count)
+        text = f"{name} {_shown(sub_index, value)} is above {most}, the most that a {proposal.profile.title} takes"
+        yield error("parameter-range", place, text, Abort.VALUE_HIGH)
         return
     dictionary = proposal.dictionary
     entry = dictionary.entry(proposal.pdo.communication_index, sub_index) if dictionary else None
@@ -106,7 +112,7 @@ def _type_findings(proposal: Proposal, place: str, value: int) -> Iterator[Findi
             Abort.VALUE_RANGE,
             "0..240 synchronous, 254 or 255 on event",
         )
-    elif not any(first <= value <= last for first, last in profile.transmission_types):
+    elif not profile.allows_type(value):
         allowed = ", ".join(f"{a}..{b}" if a != b else str(a) for a, b in profile.transmission_types)
         yield error(
             "transmission-type", place, f"a {profile.title} takes types {allowed}, not {value}", Abort.VALUE_RANGE
@@ -125,4 +131,12 @@ def _combination_findings(proposal: Proposal) -> Iterator[Finding]:
             f"type {want.transmission_type} answers RTR, but bit 30 of the COB-ID forbids RTR",
             Abort.VALUE_RANGE,
             "--rtr, or another type",
+        )
+    timed = want.event_timer and (want.event_timer, want.transmission_type) != (now.event_timer, now.transmission_type)
+    kind = want.transmission_type
+    if timed and proposal.pdo.is_tpdo and kind is not None and not within(kind, proposal.profile.event_timer_types):
+        yield warning(
+            "event-timer",
+            proposal.communication_place(5),
+            f"the event timer of a {proposal.profile.title} works for event-driven types only, this is type {kind}",
         )

@@ -169,7 +169,7 @@ def decimal_hint(dictionary: ObjectDictionary, index: int, sub_index: int) -> st
 def _direction(proposal: Proposal, dictionary: ObjectDictionary, place: str, found: OdEntry) -> Iterator[Finding]:
     name = proposal.name(found.index, found.sub_index)
     tpdo = proposal.pdo.is_tpdo
-    if found.access not in (FEEDS_TPDO if tpdo else TAKES_RPDO):
+    if found.access not in (FEEDS_TPDO if tpdo else TAKES_RPDO) and not (tpdo and found.access is Access.RWW):
         role = "feed a TPDO" if tpdo else "be an RPDO's target"
         yield error(
             "direction",
@@ -178,7 +178,7 @@ def _direction(proposal: Proposal, dictionary: ObjectDictionary, place: str, fou
             Abort.NOT_MAPPABLE,
             f"objects --mappable {proposal.pdo.direction}",
         )
-    elif found.pdo_mapping is None and not any(entry.pdo_mapping is not None for entry in dictionary.entries()):
+    elif found.pdo_mapping is None and not dictionary.tells_mappability:
         yield warning("mappable-unknown", place, f"{dictionary.source} does not say whether {name} can be mapped")
     elif not found.pdo_mapping:
         yield error(
@@ -191,23 +191,25 @@ def _direction(proposal: Proposal, dictionary: ObjectDictionary, place: str, fou
 
 
 def _access_advice(proposal: Proposal, dictionary: ObjectDictionary, place: str, found: OdEntry) -> Iterator[Finding]:
-    """What a device family makes of objects that are read/write (Sevcon 3.3, Trinamic 6.3)."""
-    if found.access is not Access.RW:
-        return
-    tpdo = proposal.pdo.is_tpdo
-    severity = proposal.profile.rw_in_tpdo if tpdo else proposal.profile.rw_in_rpdo
-    if severity is None:
-        return
+    """What a device family makes of objects that the host may write too (Sevcon 3.3, Trinamic 6.3)."""
+    tpdo, profile = proposal.pdo.is_tpdo, proposal.profile
     name = proposal.name(found.index, found.sub_index)
-    text = f"{name} is read/write ({dictionary.place(found)}): a {proposal.profile.title} "
-    text += (
-        "may not send what it really uses"
-        if severity is not Severity.ERROR
-        else ("takes it in an RPDO only" if tpdo else "takes it in a TPDO only")
-    )
-    yield Finding(
-        "read-write-object", severity, place, text, Abort.NOT_MAPPABLE if severity is Severity.ERROR else None
-    )
+    if tpdo and (advice := profile.why_not_in_tpdo(found.index)):
+        yield warning("advised-against", place, f"{name}: {advice}")
+        return
+    severity = {
+        (True, Access.RW): profile.rw_in_tpdo,
+        (True, Access.RWW): profile.rww_in_tpdo,
+        (False, Access.RW): profile.rw_in_rpdo,
+    }.get((tpdo, found.access))
+    if severity is Severity.ERROR:
+        where = "an RPDO" if tpdo else "a TPDO"
+        text = f"{name} is {found.access} in {dictionary.place(found)}: a {profile.title} takes it in {where} only"
+        hint = f"objects --mappable {proposal.pdo.direction}"
+        yield error("read-write-object", place, text, Abort.NOT_MAPPABLE, hint)
+    elif severity is not None:
+        text = f"{name} is {found.access} ({dictionary.place(found)}): it may hold what the host wrote, not what is"
+        yield Finding("read-write-object", severity, place, text)
 
 
 def _length(proposal: Proposal, place: str, entry: PdoMappingEntry) -> Iterator[Finding]:

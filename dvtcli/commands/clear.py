@@ -1,0 +1,50 @@
+"""Clear PDOs: no mapping, and disabled."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import click
+
+from dvtcli.commands._switching import switch
+from dvtcli.domain.pdo import PdoConfig
+from dvtcli.params import PDO, CanopenType, NodePdo
+from dvtcli.shell import DvtCommand
+
+if TYPE_CHECKING:
+    from dvtcli.results import Changed
+    from dvtcli.session import Session
+
+
+class PdoOrAll(CanopenType):
+    """A PDO, or the word `all`."""
+
+    name = "pdo"
+
+    def parse(self, text: str, ctx: click.Context | None) -> NodePdo | None:
+        """The PDO, or None for all of them."""
+        return None if text.lower() == "all" else PDO.parse(text, ctx)
+
+
+@click.command("clear", cls=DvtCommand, short_help=__doc__)
+@click.argument("pdos", type=PdoOrAll(), nargs=-1, required=True, metavar="PDO...|all")
+@click.pass_obj
+def command(session: Session, /, pdos: tuple[NodePdo | None, ...]) -> Changed:
+    """Disable each PDO and empty its mapping.
+
+    \b
+    clear tpdo3 rpdo3
+    clear all          every PDO of the node whose mapping can be changed
+    """
+    if None not in pdos:
+        return switch(session, [pdo for pdo in pdos if pdo is not None], cleared)
+    node = session.node()
+    dynamic = [pdo for pdo, config in node.pdos().items() if node.is_dynamic(pdo) and cleared(config) != config]
+    return switch(session, [NodePdo(pdo) for pdo in dynamic], cleared)
+
+
+def cleared(now: PdoConfig) -> PdoConfig:
+    """*now* without a mapping, and disabled."""
+    parameter = now.communication
+    return PdoConfig(replace(parameter, cob_id=parameter.cob_id.disabled()), ())

@@ -1,0 +1,13 @@
+"""Leave the prompt, or end a script here."""
+
+from __future__ import annotations
+
+import click
+
+from dvtcli.shell import LEAVE, DvtCommand
+
+
+@click.command("exit", cls=DvtCommand, short_help=__doc__)
+def command() -> int:
+    """Leave the prompt, or end a script here."""
+    return LEAVE

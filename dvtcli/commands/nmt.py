@@ -1,0 +1,76 @@
+"""Send an NMT command: start, stop, pre-operational, or a reset; and see that it worked."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from dvtcli.domain.nmt import NmtCommand, NmtState
+from dvtcli.params import CanopenType, NumberType
+from dvtcli.shell import DvtCommand
+
+if TYPE_CHECKING:
+    from dvtcli.results import Commanded
+    from dvtcli.session import Session
+
+_COMMANDS = {
+    "start": (NmtCommand.START, NmtState.OPERATIONAL),
+    "stop": (NmtCommand.STOP, NmtState.STOPPED),
+    "preop": (NmtCommand.ENTER_PRE_OPERATIONAL, NmtState.PRE_OPERATIONAL),
+    "reset-node": (NmtCommand.RESET_NODE, NmtState.PRE_OPERATIONAL),
+    "reset-comm": (NmtCommand.RESET_COMMUNICATION, NmtState.PRE_OPERATIONAL),
+}
+#: Longest wait for a heartbeat that confirms the new state, in seconds.
+_CONFIRM_S = 1.5
+
+
+class NodeOrAll(CanopenType):
+    """A node-ID, or the word `all`."""
+
+    name = "node"
+
+    def parse(self, text: str, ctx: click.Context | None) -> int:
+        """The node-ID; 0 for all."""
+        return 0 if text.lower() == "all" else int(NumberType(1, 127, "a node-ID").parse(text, ctx))
+
+
+@click.command("nmt", cls=DvtCommand, short_help=__doc__)
+@click.argument("command_", type=click.Choice(list(_COMMANDS)), metavar="start|stop|preop|reset-node|reset-comm")
+@click.argument("node_id", type=NodeOrAll(), required=False, metavar="[NODE|all]")
+@click.pass_obj
+def command(session: Session, /, command_: str, node_id: int | None) -> Commanded:
+    """Command a node's NMT state.
+
+    \b
+    nmt start
+    nmt preop 5
+    nmt reset-node all
+    """
+    from dvtcli.results import Commanded
+
+    specifier, wanted = _COMMANDS[command_]
+    target = session.node_id() if node_id is None else node_id
+    state = _to_all(session, specifier) if target == 0 else _to_one(session, target, specifier, wanted)
+    if not session.dry_run:
+        session.record(session.node_id() if target == 0 else target, [f"nmt {command_}{' all' if target == 0 else ''}"])
+    return Commanded(target, command_, state.label if state is not None else None, session.dry_run)
+
+
+def _to_all(session: Session, specifier: NmtCommand) -> NmtState | None:
+    session.bus.send_nmt(specifier, 0)
+    for node in session.network.nodes.values():
+        node.commanded()
+    return None
+
+
+def _to_one(session: Session, target: int, specifier: NmtCommand, wanted: NmtState) -> NmtState | None:
+    from dvtcli.device.store import reset_and_wait
+
+    node = session.node(target)
+    node.commanded()
+    if specifier in (NmtCommand.RESET_NODE, NmtCommand.RESET_COMMUNICATION):
+        reset_and_wait(node.access, specifier)
+        return node.access.state()
+    session.bus.send_nmt(specifier, target)
+    return node.access.confirmed(wanted, _CONFIRM_S)

@@ -1,0 +1,57 @@
+"""Send SYNC messages and show the frames that come in answer."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING
+
+import click
+
+from dvtcli.domain.ports import Frame
+from dvtcli.params import MillisecondsType, NumberType
+from dvtcli.shell import DvtCommand
+
+if TYPE_CHECKING:
+    from dvtcli.results import Synced
+    from dvtcli.session import Session
+
+#: How long frames are waited for after the last SYNC, in seconds.
+_LISTEN_S = 0.05
+
+
+@click.command("sync", cls=DvtCommand, short_help=__doc__)
+@click.option("--period", type=MillisecondsType(1000), metavar="MS", help="Time between SYNCs [20].")
+@click.option("--count", type=NumberType(1, 100_000, "a count"), metavar="N", help="How many [1].")
+@click.pass_obj
+def command(session: Session, /, period: int | None, count: int | None) -> Synced:
+    """Produce SYNC (CAN-ID 0x080) and list what synchronous PDOs send.
+
+    \b
+    sync
+    sync --period 20 --count 50
+    """
+    from dvtcli.results import Synced
+
+    times, gap_s = count or 1, (20 if period is None else period) / 1000
+    seen: dict[int, tuple[Frame, int]] = {}
+    bus = session.bus
+    began = time.monotonic()
+    for number in range(times):
+        bus.send(Frame(0x080, b""))
+        due = began + (number + 1) * gap_s
+        for frame in bus.receive(_LISTEN_S if number == times - 1 else max(0.0, due - time.monotonic())):
+            if 0x181 <= frame.can_id <= 0x57F or 0x680 <= frame.can_id < 0x700 or frame.extended:
+                seen[frame.can_id] = (frame, seen.get(frame.can_id, (frame, 0))[1] + 1)
+    labels = _labels(session)
+    rows = tuple((frame, number, labels.get(can_id, "")) for can_id, (frame, number) in sorted(seen.items()))
+    return Synced(times, gap_s * 1000, rows, session.dry_run)
+
+
+def _labels(session: Session) -> dict[int, str]:
+    """CAN-IDs of the TPDOs of nodes that were looked at."""
+    return {
+        config.communication.cob_id.can_id: f"{pdo.label} node {node.node_id}"
+        for node in session.network.nodes.values()
+        for pdo, config in node.last_read.items()
+        if pdo.is_tpdo and config.enabled
+    }

@@ -1,0 +1,132 @@
+"""Rules for a `write` to one object, so that it meets the guards of the command that is meant for it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+from dvtcli.domain.abort import Abort
+from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.mapping import PdoMappingEntry
+from dvtcli.domain.object_dictionary import ObjectDictionary
+from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.rules.can_id import can_id_findings
+from dvtcli.domain.rules.communication import communication_findings
+from dvtcli.domain.rules.finding import Finding, Proposal, error
+from dvtcli.domain.rules.mapping import decimal_hint, mapping_findings
+
+_FIELDS = {2: "transmission_type", 3: "inhibit_time", 5: "event_timer", 6: "sync_start_value"}
+_FROZEN = {3: "inhibit time", 6: "SYNC start value"}
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterWrite:
+    """One raw write to a PDO's communication or mapping parameter."""
+
+    index: int
+    sub_index: int
+    value: int
+
+    @property
+    def place(self) -> str:
+        """The object for a person: `0x1A00:01`."""
+        return f"0x{self.index:04X}:{self.sub_index:02X}"
+
+
+def write_findings(dictionary: ObjectDictionary | None, index: int, sub_index: int, data: bytes) -> tuple[Finding, ...]:
+    """What the EDS says of writing *data* to *index*:*sub_index*: existence, access, length, limits."""
+    return () if dictionary is None else tuple(_write_findings(dictionary, index, sub_index, data))
+
+
+def _write_findings(dictionary: ObjectDictionary, index: int, sub_index: int, data: bytes) -> Iterator[Finding]:
+    place = f"0x{index:04X}:{sub_index:02X}"
+    entry = dictionary.entry(index, sub_index)
+    if entry is None:
+        code = Abort.NO_SUB_INDEX if index in dictionary else Abort.NO_OBJECT
+        hint = decimal_hint(dictionary, index, sub_index) if index in dictionary else "objects TEXT searches"
+        yield error("object-exists", place, f"{place} is not in {dictionary.source}", code, hint)
+        return
+    if not entry.access.writable:
+        yield error("access", place, f"{place} is {entry.access} in {dictionary.place(entry)}", Abort.READ_ONLY)
+    kind = entry.data_type
+    if kind is None or kind.size is None:
+        return
+    if len(data) != kind.size:
+        code = Abort.TOO_LONG if len(data) > kind.size else Abort.TOO_SHORT
+        yield error("length", place, f"{place} is {kind.short}: {kind.size} bytes, not {len(data)}", code)
+        return
+    value, where = kind.decode(data), f"{place} in {dictionary.place(entry)}"
+    if not isinstance(value, int | float) or (
+        entry.low is not None and entry.high is not None and entry.low >= entry.high
+    ):
+        return
+    if entry.high is not None and value > entry.high:
+        yield error("limits", place, f"{value} is above the limit {entry.high:g} of {where}", Abort.VALUE_HIGH)
+    if entry.low is not None and value < entry.low:
+        yield error("limits", place, f"{value} is below the limit {entry.low:g} of {where}", Abort.VALUE_LOW)
+
+
+def parameter_findings(
+    proposal_for: Callable[[PdoConfig], Proposal],
+    now: PdoConfig,
+    write: ParameterWrite,
+    entries: tuple[PdoMappingEntry, ...],
+) -> tuple[Finding, ...]:
+    """What the PDO rules say of a raw *write*; *entries* are those that a written count would make active."""
+    if write.index < 0x1600 or 0x1800 <= write.index < 0x1A00:
+        return tuple(_communication(proposal_for, now, write))
+    return tuple(_mapping(proposal_for, now, write, entries))
+
+
+def _communication(
+    proposal_for: Callable[[PdoConfig], Proposal], now: PdoConfig, write: ParameterWrite
+) -> Iterator[Finding]:
+    parameter = now.communication
+    if write.sub_index == 1:
+        wanted = CobId.from_raw(write.value)
+        if parameter.cob_id.valid and wanted.valid and parameter.cob_id != wanted:
+            yield error("cob-id-while-valid", write.place, "bits 0…30 of a COB-ID are frozen while the PDO is enabled",
+                        Abort.VALUE_RANGE, f"{_set(write)} --cob-id {wanted} does it in order")  # fmt: skip
+            return
+        want = replace(now, communication=replace(parameter, cob_id=wanted))
+        proposal = proposal_for(want)
+        yield from can_id_findings(proposal)
+        yield from mapping_findings(proposal)
+        return
+    if write.sub_index not in _FIELDS:
+        return
+    if now.enabled and write.sub_index in _FROZEN:
+        yield error("frozen-while-valid", write.place, f"the {_FROZEN[write.sub_index]} cannot change while the PDO is "
+                    "enabled", Abort.VALUE_RANGE, f"{_set(write)} does it in order")  # fmt: skip
+    wanted_parameter = replace(parameter, **{_FIELDS[write.sub_index]: write.value})  # type: ignore[arg-type]
+    yield from communication_findings(proposal_for(replace(now, communication=wanted_parameter)))
+
+
+def _set(write: ParameterWrite) -> str:
+    return f"set {Pdo.at(write.index)}"
+
+
+def _mapping(
+    proposal_for: Callable[[PdoConfig], Proposal],
+    now: PdoConfig,
+    write: ParameterWrite,
+    entries: tuple[PdoMappingEntry, ...],
+) -> Iterator[Finding]:
+    pdo = Pdo.at(write.index)
+    if now.enabled:
+        yield error("mapping-while-valid", write.place, "a mapping cannot change while the PDO is enabled",
+                    Abort.UNSUPPORTED_ACCESS, f"map {pdo} OBJECT… does it in order")  # fmt: skip
+        return
+    if write.sub_index == 0:
+        if write.value in (0xFE, 0xFF):
+            yield error("mpdo", write.place, "dvtcli never writes multiplexed PDOs", Abort.PDO_LENGTH)
+        elif write.value:
+            yield from mapping_findings(proposal_for(replace(now, mapping=entries)))
+        return
+    if now.count:
+        yield error("entry-while-counted", write.place, f"an entry cannot change while the count is {now.count}",
+                    Abort.UNSUPPORTED_ACCESS, f"map {pdo} OBJECT… does it in order")  # fmt: skip
+        return
+    single = PdoMappingEntry.from_raw(write.value)
+    for finding in mapping_findings(proposal_for(replace(now, mapping=(single,)))):
+        yield replace(finding, place=write.place)
