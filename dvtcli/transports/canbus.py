@@ -8,6 +8,7 @@ from __future__ import annotations
 import errno
 import threading
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from queue import SimpleQueue
 from time import monotonic, sleep
 from weakref import WeakSet
@@ -27,8 +28,8 @@ from dvtcli.transports.traffic import Tap, Traffic, frame_of
 
 #: what python-can's drivers raise when a bus fails in use; a closed socket is a ValueError in select()
 BUS_FAILURES = (can.CanError, OSError, ValueError, RuntimeError)
-#: how long a full transmit buffer is waited for (s)
-SEND_PATIENCE_S = 0.1
+#: how often a full transmit buffer is tried again, every 2 ms
+SEND_PATIENCE = 50
 
 _SDO_IDS = (ANSWER_ID, REQUEST_ID)
 
@@ -171,34 +172,28 @@ class CanBus:
                 return
             self._closed = True
         self._receiver.close()
-        try:
+        with suppress(*BUS_FAILURES):  # it is gone either way, and nobody uses it any more
             self._bus.shutdown()
-        except BUS_FAILURES:
-            pass  # it is gone either way, and nobody uses it any more
-        finally:
-            if self._on_close is not None:
-                self._on_close()
-
-    # What an SDO client needs (SdoLink) -------------------------------------------------------------------------
+        if self._on_close is not None:
+            self._on_close()
 
     def send_sdo(self, can_id: int, data: bytes) -> None:
-        """Send one SDO frame."""
+        """Send one SDO frame (SdoLink)."""
         self._send(can_id, data)
 
     def take(self, inbox: Inbox, deadline_s: float) -> bytes | None:
-        """Wait for an answer in *inbox* until *deadline_s* (time.monotonic)."""
+        """Wait for an SDO answer in *inbox* until *deadline_s* (SdoLink)."""
         return self._receiver.take(inbox, deadline_s)
 
     def drain(self) -> None:
-        """Deliver what has already arrived."""
+        """Deliver what has already arrived (SdoLink)."""
         self._receiver.drain()
 
     def _send(self, can_id: int, data: bytes, *, extended: bool = False, remote: bool = False) -> None:
         message = can.Message(
             arbitration_id=can_id, data=data, is_extended_id=extended, is_remote_frame=remote, is_rx=False
         )
-        patience_end_s = monotonic() + SEND_PATIENCE_S
-        while True:
+        for patience in range(SEND_PATIENCE, -1, -1):
             if self._closed:
                 raise bus_closed()
             try:
@@ -206,7 +201,7 @@ class CanBus:
                     self._bus.send(message)
                 break
             except BUS_FAILURES as error:
-                if getattr(error, "error_code", None) != errno.ENOBUFS or monotonic() > patience_end_s:
+                if getattr(error, "error_code", None) != errno.ENOBUFS or not patience:
                     raise self._failed("send", error) from error
                 sleep(0.002)
         self._traffic.sent(message)
@@ -215,12 +210,14 @@ class CanBus:
         try:
             return self._bus.recv(wait_s)
         except BUS_FAILURES as error:
-            raise self._failed("receive", error) from error
+            failure = self._failed("receive", error)
+            self._receiver.fail(failure)
+            raise failure from error
 
     def _failed(self, what: str, error: Exception) -> BusUnavailable:
-        reason = str(error) or type(error).__name__
+        why = str(error) or type(error).__name__
         hint = "is the adapter still plugged in, and the interface up?"
-        return BusUnavailable(f"{self._name} failed ({what})", why=reason, hint=hint)
+        return BusUnavailable(f"{self._name} failed ({what})", why=why, hint=hint)
 
     def _deliver(self, message: can.Message) -> None:
         if message.is_error_frame:
@@ -230,8 +227,9 @@ class CanBus:
         if message.is_remote_frame:
             return
         if function in _SDO_IDS:
-            if node_id in self._clients:
-                self._deliver_sdo(self._clients[node_id], message)
+            if node_id in self._clients and message.is_rx:
+                data, extended = bytes(message.data), message.is_extended_id
+                self._clients[node_id].receive(message.arbitration_id, data, extended=extended)
         elif message.is_extended_id:
             return
         elif function == HEARTBEAT and self._watch.heartbeat(frame_of(message)):
@@ -239,15 +237,6 @@ class CanBus:
                 waiter.put(True)
         elif function == EMERGENCY:
             self._watch.emergency(frame_of(message))
-
-    def _deliver_sdo(self, client: StrictSdoClient, message: can.Message) -> None:
-        data = bytes(message.data)
-        if message.is_extended_id:
-            client.receive_extended()
-        elif message.arbitration_id & ~0x7F == ANSWER_ID:
-            client.inbox.put(data)
-        elif message.is_rx:  # else a driver's copy of our own
-            client.receive_request(data)
 
     def _frames(self, inbox: SimpleQueue[Frame | Wake], deadline_s: float) -> Iterator[Frame]:
         while (frame := self._receiver.take(inbox, deadline_s)) is not None:

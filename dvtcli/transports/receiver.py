@@ -45,7 +45,7 @@ def bus_closed() -> BusUnavailable:
 class Receiver(Generic[M]):
     """Reads messages with *read* (seconds to wait -> message or None) and passes each one to *deliver*.
 
-    *read* raises BusUnavailable if the bus fails; everyone who waits then gets it.
+    If the bus fails, *read* tells it to `fail` and raises BusUnavailable.
     """
 
     def __init__(self, read: Callable[[float], M | None], deliver: Callable[[M], None]) -> None:
@@ -77,9 +77,10 @@ class Receiver(Generic[M]):
 
     def drain(self) -> None:
         """Deliver what has already arrived, without waiting; leaves it to the reading thread if there is one."""
-        me = object()
-        if not self._lead_if(me, lambda: True):
-            return
+        with self._mutex:
+            if self._closed or self._leader is not None:
+                return
+            me = self._leader = object()
         try:
             self._read_waiting()
         finally:
@@ -90,7 +91,7 @@ class Receiver(Generic[M]):
         me = object()
         end_s = monotonic() + duration_s
         while not self._closed and (left_s := end_s - monotonic()) > 0:
-            if not self._lead_if(me, lambda: monotonic() - self._last_wait_s > QUIET_S):
+            if not self._lead_when_quiet(me):
                 self._closing.wait(min(left_s, QUIET_S))
                 continue
             try:
@@ -99,11 +100,17 @@ class Receiver(Generic[M]):
             finally:
                 self._leave(me)
 
+    def fail(self, failure: BusUnavailable) -> None:
+        """Tell everyone who waits that the bus has failed; who reads it raises it."""
+        with self._mutex:
+            for follower in self._followers:
+                follower.put(Wake(failure))
+
     def close(self) -> None:
         """Send everyone away; on return nobody reads any more (a read that does not end is waited for 0.1 s)."""
         self._closed = True
         self._closing.set()
-        self._fail(bus_closed())
+        self.fail(bus_closed())
         with self._no_leader:
             self._no_leader.wait_for(lambda: self._leader is None, timeout=0.1)
 
@@ -119,10 +126,10 @@ class Receiver(Generic[M]):
             self._followers[inbox] = None
             return False
 
-    def _lead_if(self, me: object, wanted: Callable[[], bool]) -> bool:
-        """Lead on nobody's behalf, if nobody leads."""
+    def _lead_when_quiet(self, me: object) -> bool:
+        """Lead on nobody's behalf, if nobody leads nor did so a moment ago."""
         with self._mutex:
-            if self._closed or self._leader is not None or not wanted():
+            if self._closed or self._leader is not None or monotonic() - self._last_wait_s < QUIET_S:
                 return False
             self._leader = me
             return True
@@ -147,34 +154,28 @@ class Receiver(Generic[M]):
     def _leave(self, who: object) -> None:
         """Stop waiting; a leader promotes a follower whose item is not there yet."""
         with self._mutex:
-            self._followers.pop(who, None)  # type: ignore[call-overload]
             if self._leader is not who:
+                self._followers.pop(who, None)  # type: ignore[call-overload]
                 return
-            heir = next((follower for follower in self._followers if follower.empty()), None)
-            self._leader = heir
-            if heir is not None:
-                del self._followers[heir]
-                heir.put(_LEAD)
-            elif self._closed:
+            self._leader = None
+            for heir in self._followers:
+                if heir.empty():
+                    del self._followers[heir]
+                    self._leader = heir
+                    heir.put(_LEAD)
+                    return
+            if self._closed:
                 self._no_leader.notify_all()
 
-    def _read_one(self, wait_s: float) -> bool:
-        try:
-            message = self._read(wait_s)
-        except BusUnavailable as failure:
-            self._fail(failure)
-            raise
-        if message is None:
-            return False
-        self._deliver(message)
-        return True
+    def _read_one(self, wait_s: float) -> None:
+        message = self._read(wait_s)
+        if message is not None:
+            self._deliver(message)
 
     def _read_waiting(self) -> None:
+        read, deliver = self._read, self._deliver
         for _ in range(BACKLOG):
-            if not self._read_one(0.0):
-                return
-
-    def _fail(self, failure: BusUnavailable) -> None:
-        with self._mutex:
-            for follower in self._followers:
-                follower.put(Wake(failure))
+            message = read(0.0)
+            if message is None:
+                break
+            deliver(message)

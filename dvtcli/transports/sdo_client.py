@@ -12,7 +12,7 @@ from queue import SimpleQueue
 from time import monotonic
 
 from canopen.objectdictionary import ObjectDictionary
-from canopen.sdo.client import ReadableStream, SdoClient
+from canopen.sdo.client import SdoClient
 from canopen.sdo.constants import SDO_STRUCT
 
 from dvtcli.domain.abort import Abort
@@ -26,10 +26,7 @@ _DOWNLOAD_SEGMENT, _DOWNLOAD, _UPLOAD, _UPLOAD_SEGMENT, _ABORT = range(5)
 _ANSWER_TO = {_DOWNLOAD_SEGMENT: 1, _DOWNLOAD: 3, _UPLOAD: 2, _UPLOAD_SEGMENT: 0}
 _INITIATE = (_DOWNLOAD, _UPLOAD)
 _WITH_MULTIPLEXER = (2, 3, 4)
-_EXPEDITED = b"\x02"
-#: an upload segment without data that is not the last: canopen would take it for the end
-_EMPTY_SEGMENT = 0x0E
-_TOGGLE = 0x10
+_TOGGLE, _EXPEDITED, _SIZE_GIVEN, _LAST = 0x10, 0x02, 0x01, 0x01
 #: reads the device type, which every node has (CiA 301, 7.5.2.1)
 _FENCE = bytes.fromhex("40 00 10 00 00 00 00 00")
 
@@ -77,8 +74,6 @@ class StrictSdoClient(SdoClient):
         for _ in range(attempts):
             answer = self._exchange(request)
             if answer is not None:
-                if kind == _UPLOAD_SEGMENT and answer[0] & 0x0F == _EMPTY_SEGMENT:
-                    raise self._broken("sends an empty segment in the middle", Abort.GENERAL)
                 return answer
         if self._toggle_errors:
             raise self._broken("does not alternate the toggle bit", Abort.TOGGLE_BIT)
@@ -88,18 +83,32 @@ class StrictSdoClient(SdoClient):
 
     def upload(self, index: int, subindex: int) -> bytes:
         """Read an object; more or less data than the device announced is an SdoProtocolError."""
-        stream = ReadableStream(self, index, subindex)  # type: ignore[no-untyped-call]
+        answer = self.request_response(SDO_STRUCT.pack(0x40, index, subindex) + bytes(4))
+        if answer[0] & _EXPEDITED:
+            unused = answer[0] >> 2 & 3 if answer[0] & _SIZE_GIVEN else 0
+            return answer[4 : 8 - unused]
+        announced = int.from_bytes(answer[4:], "little") if answer[0] & _SIZE_GIVEN else None
+        return self._upload_segments(announced)
+
+    def _upload_segments(self, announced: int | None) -> bytes:
         data = bytearray()
-        while part := stream.read(7):  # type: ignore[no-untyped-call]
+        toggle, last = 0, False
+        while not last:
+            answer = self.request_response(bytes([0x60 | toggle]) + bytes(7))
+            part = answer[1 : 8 - (answer[0] >> 1 & 7)]
+            last = bool(answer[0] & _LAST)
+            toggle ^= _TOGGLE
             data += part
-            if stream.size is not None and len(data) > stream.size:
-                raise self._broken(f"sends more than the {stream.size} bytes it announced", Abort.TOO_LONG)
-        if stream.size is not None and len(data) < stream.size:
-            raise self._broken(f"sends {len(data)} of the {stream.size} bytes it announced", Abort.TOO_SHORT)
+            if announced is not None and len(data) > announced:
+                raise self._broken(f"sends more than the {announced} bytes it announced", Abort.TOO_LONG)
+            if not part and not last:  # it would never end
+                raise self._broken("sends an empty segment in the middle", Abort.GENERAL)
+        if announced is not None and len(data) < announced:
+            raise self._broken(f"sends {len(data)} of the {announced} bytes it announced", Abort.TOO_SHORT)
         return bytes(data)
 
     def download(self, index: int, subindex: int, data: bytes, force_segment: bool = False) -> None:
-        """Write an object.
+        """Write an object; in segments where it is empty or longer than 4 bytes.
 
         Not by canopen's stream: that sends a further segment after an abort, even from its destructor.
         """
@@ -120,13 +129,13 @@ class StrictSdoClient(SdoClient):
         """Tell the device that the present transfer is over, with the object's address."""
         self._link.send_sdo(self.rx_cobid, b"\x80" + self._multiplexer + abort_code.to_bytes(4, "little"))
 
-    def receive_extended(self) -> None:
-        """Count an answer with a 29-bit CAN-ID."""
-        self.dropped.foreign += 1
-
-    def receive_request(self, data: bytes) -> None:
-        """Count a request to the node that somebody else sent."""
-        if data != self.last_request:  # else an adapter's echo of our own
+    def receive(self, can_id: int, data: bytes, *, extended: bool) -> None:
+        """Take a frame of this node's SDO channel, from the thread that reads the bus."""
+        if extended:
+            self.dropped.foreign += 1
+        elif can_id == self.tx_cobid:
+            self.inbox.put(data)
+        elif data != self.last_request:  # else an adapter's echo of our own
             self.dropped.other_client += 1
 
     def _begin(self, multiplexer: bytes) -> None:
@@ -152,19 +161,18 @@ class StrictSdoClient(SdoClient):
         """
         self._multiplexer = _FENCE[1:4]
         self._asked.append(self._multiplexer)
-        answer: bytes | None = None
         try:
             for _ in range(1 + self.retries):
                 answer = self._exchange(_FENCE)
                 if answer is not None:
                     break
+            else:
+                self._multiplexer = multiplexer
+                raise self._silent()
+            if not answer[0] & _EXPEDITED:  # a device type in segments: it ends here
+                self.abort()
         except SdoAborted:
-            answer = _EXPEDITED
-        if answer is None:
-            self._multiplexer = multiplexer
-            raise self._silent()
-        if not answer[0] & _EXPEDITED[0]:  # a device type in segments: it ends here
-            self.abort()
+            pass  # a refusal is an answer as good as any
         self._unsettled = False
         self._late_answers = 0
 

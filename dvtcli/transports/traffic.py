@@ -10,7 +10,7 @@ from collections.abc import Callable
 from queue import SimpleQueue
 from time import monotonic
 from typing import TYPE_CHECKING
-from weakref import WeakSet
+from weakref import ref
 
 from dvtcli.domain.ports import Frame
 from dvtcli.transports.receiver import Wake
@@ -39,7 +39,7 @@ class Traffic:
     """Passes frames on to everyone who listens."""
 
     def __init__(self) -> None:
-        self._listeners: WeakSet[SimpleQueue[Frame | Wake]] = WeakSet()
+        self._listeners: list[ref[SimpleQueue[Frame | Wake]]] = []
         self._taps: list[Tap] = []
         self._answers: deque[can.Message] = deque(maxlen=4096)
         self._kept_until_s = 0.0
@@ -61,7 +61,7 @@ class Traffic:
             for message in tuple(self._answers):
                 inbox.put(frame_of(message))
         self._kept_until_s = 0.0
-        self._listeners.add(inbox)
+        self._listeners.append(ref(inbox, self._listeners.remove))
         return inbox
 
     def received(self, message: can.Message) -> None:
@@ -71,7 +71,9 @@ class Traffic:
         if self._taps or self._listeners:
             frame = frame_of(message)
             for listener in tuple(self._listeners):
-                listener.put(frame)
+                inbox = listener()
+                if inbox is not None:
+                    inbox.put(frame)
             self._tell_taps(frame, False)
 
     def sent(self, message: can.Message) -> None:

@@ -24,7 +24,6 @@ SYNC = Frame(0x080, b"")
 class Contract:
     """Nodes 1 and 2 are generic devices, just started."""
 
-
     @pytest.fixture
     def bus(self) -> Iterator[CanopenBus]:
         raise NotImplementedError
@@ -155,7 +154,6 @@ class TestSimulation(Contract):
 
 
 class TestTwin(Contract):
-
     @pytest.fixture
     def bus(self) -> Iterator[CanopenBus]:
         real = open_simulation([device(1), device(2)], timeout_s=0.2, retries=0)

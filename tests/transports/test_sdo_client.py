@@ -40,7 +40,7 @@ def test_segmented_read(serve: Serve) -> None:
     bus, server = serve(
         Steps(
             [frame("41 08 10 00 0A 00 00 00")],
-            [frame("00") [:1] + b"simulat"],
+            [frame("00")[:1] + b"simulat"],
             [frame("19")[:1] + b"ion" + bytes(4)],
         )
     )

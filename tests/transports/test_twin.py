@@ -26,9 +26,7 @@ class Bench:
     """A node on a virtual bus, our bus, its twin, and a third bus that records every frame."""
 
     def __init__(self, channel: str, family: str = "generic") -> None:
-        self._recorder, ours, theirs = (
-            can.Bus(channel, interface="virtual", ignore_config=True) for _ in range(3)
-        )
+        self._recorder, ours, theirs = (can.Bus(channel, interface="virtual", ignore_config=True) for _ in range(3))
         self.node = device(1, family)
         self.real = CanBus(ours, "virtual", timeout_s=0.1, retries=0)
         self.network = SimulatedNetwork(theirs, [self.node])

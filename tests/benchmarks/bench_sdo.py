@@ -1,0 +1,101 @@
+"""SDO round trips per second: our client against canopen's own, same virtual bus, same server thread.
+
+    python tests/benchmarks/bench_sdo.py [ROUNDS [REQUESTS]]
+
+Rounds of both are interleaved; a client is on the bus only during its round. Rates depend on the machine and on
+what else it does: the ratio (median of the rounds' ratios) is what to look at; goal: at least 1.0.
+"""
+
+from __future__ import annotations
+
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from statistics import median
+from time import perf_counter
+
+import can
+import canopen
+
+from dvtcli.transports.canbus import CanBus
+
+CHANNEL, NODE = "bench-sdo", 1
+Upload = Callable[[int, int], bytes]
+Download = Callable[[int, int, bytes], None]
+
+
+class Server(threading.Thread):
+    """Answers every upload with 4 bytes and acknowledges every expedited download."""
+
+    def __init__(self) -> None:
+        super().__init__(daemon=True)
+        self.bus = can.Bus(CHANNEL, interface="virtual", ignore_config=True)
+        self.stopping = False
+
+    def run(self) -> None:
+        while not self.stopping:
+            request = self.bus.recv(0.05)
+            if request is None or request.arbitration_id != 0x600 + NODE:
+                continue
+            data = bytes(request.data)
+            if data[0] == 0x40:
+                answer = b"\x43" + data[1:4] + b"\x01\x02\x03\x04"
+            elif data[0] >> 5 == 1:
+                answer = b"\x60" + data[1:4] + bytes(4)
+            else:
+                continue
+            self.bus.send(can.Message(arbitration_id=0x580 + NODE, data=answer, is_extended_id=False))
+
+
+@contextmanager
+def ours() -> Iterator[tuple[Upload, Download]]:
+    bus = CanBus(can.Bus(CHANNEL, interface="virtual", ignore_config=True), "virtual", timeout_s=5)
+    sdo = bus.sdo(NODE)
+    yield sdo.upload, sdo.download
+    bus.close()
+
+
+@contextmanager
+def stock() -> Iterator[tuple[Upload, Download]]:
+    network = canopen.Network()
+    network.NOTIFIER_CYCLE = 0.02
+    network.connect(interface="virtual", channel=CHANNEL, ignore_config=True)
+    node = network.add_node(NODE, canopen.ObjectDictionary())
+    node.sdo.RESPONSE_TIMEOUT = 5
+    yield node.sdo.upload, node.sdo.download
+    network.disconnect()
+
+
+def rates(client: Callable[[], object], requests: int) -> tuple[float, float]:
+    """Uploads and downloads per second."""
+    with client() as (upload, download):  # type: ignore[attr-defined]
+        for _ in range(50):
+            upload(0x1800, 1)
+        started = perf_counter()
+        for _ in range(requests):
+            upload(0x1800, 1)
+        between = perf_counter()
+        for _ in range(requests):
+            download(0x1800, 1, b"\x01\x02\x03\x04")
+        return requests / (between - started), requests / (perf_counter() - between)
+
+
+def main(rounds: int = 9, requests: int = 2000) -> None:
+    server = Server()
+    server.start()
+    results = [(rates(ours, requests), rates(stock, requests)) for _ in range(rounds)]
+    server.stopping = True
+    server.join()
+    server.bus.shutdown()
+    print(f"{'SDO':10}{'dvtcli/s':>10}{'canopen/s':>11}{'ratio':>7}   (min-max)   {rounds} rounds of {requests}")
+    for number, name in enumerate(("upload", "download")):
+        mine = [our[number] for our, _ in results]
+        theirs = [their[number] for _, their in results]
+        ratios = [one / other for one, other in zip(mine, theirs, strict=True)]
+        spread = f"({min(ratios):.2f}-{max(ratios):.2f})"
+        print(f"{name:10}{median(mine):10.0f}{median(theirs):11.0f}{median(ratios):7.2f}   {spread}")
+
+
+if __name__ == "__main__":
+    main(*(int(word) for word in sys.argv[1:]))
