@@ -207,7 +207,7 @@ class StrictDevice:
             self._check_sync_overflow(data)
         entry = self._memory.entry(index, sub_index)
         if entry is not None and not self._store.handles(index, sub_index):
-            check_limits(entry, data)
+            check_limits(entry, self.node_id, data)
         self._gates.check_selection(index, sub_index, data)
 
     def _check_sync_overflow(self, data: bytes) -> None:

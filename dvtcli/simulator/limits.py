@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 from dvtcli.domain.abort import Abort
-from dvtcli.domain.datatypes import Kind
 from dvtcli.domain.object_dictionary import OdEntry
 from dvtcli.simulator.refusal import Refusal
 
 
-def check_limits(entry: OdEntry, data: bytes) -> None:
+def check_limits(entry: OdEntry, node_id: int, data: bytes) -> None:
     """Raise Refusal(06090031) above, Refusal(06090032) below the limits of the file that describes *entry*.
 
     Limits count only where they make sense: low ≤ high, both within the type.
     """
     data_type = entry.data_type
-    if data_type is None or data_type.kind not in (Kind.INTEGER, Kind.UNSIGNED, Kind.BOOLEAN, Kind.REAL):
+    value = None if data_type is None else data_type.decode(data)
+    if data_type is None or not isinstance(value, int | float):
         return
-    low, high = entry.low, entry.high
-    value = data_type.decode(data)
-    assert isinstance(value, int | float)  # noqa: S101 - narrows the type; the kinds above decode to numbers
+    low, high = entry.limits(node_id)
     floor, ceiling = data_type.limits or (float("-inf"), float("inf"))
     lowest = floor if low is None else low
     highest = ceiling if high is None else high

@@ -69,7 +69,7 @@ class Memory:
         if (index, sub_index) in self._ram:
             return None
         try:
-            self._fetch(index, sub_index)
+            self.read(index, sub_index)
         except Refusal as refusal:
             return refusal if refusal.code in _MISSING else None
         return None
@@ -80,12 +80,8 @@ class Memory:
         if held is not None:
             return held
         if self.backing is not None:
-            return self._fetch(index, sub_index)
+            return bytes(self.backing(index, sub_index))
         return self._initial(index, sub_index)
-
-    def _fetch(self, index: int, sub_index: int) -> bytes:
-        assert self.backing is not None  # noqa: S101 - narrows the type; callers have looked
-        return bytes(self.backing(index, sub_index))
 
     def _initial(self, index: int, sub_index: int) -> bytes:
         size = self.size(index, sub_index)

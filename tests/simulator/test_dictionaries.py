@@ -117,6 +117,12 @@ def test_limits_count_only_where_they_are_sane(low: int | None, high: int | None
     assert code_of(client(var(0x2000, U16, low=low, high=high)), 0x2000, 0, value, 2) == code
 
 
+def test_limits_may_follow_the_node_id() -> None:
+    subject = client(var(0x2000, U32, low=0x180, low_relative=True, high=0x180, high_relative=True))
+    assert code_of(subject, 0x2000, 0, 0x181, 4) == 0
+    assert code_of(subject, 0x2000, 0, 0x180, 4) == 0x06090032
+
+
 def test_limits_of_signed_and_real_values() -> None:
     subject = client(var(0x2000, I16, low=-5, high=5), var(0x2001, REAL32, low=-1.0, high=1.5))
     assert code_of(subject, 0x2000, 0, 0xFFFB, 2) == 0

@@ -187,6 +187,12 @@ def test_wrong_passcode_answers_reason_9_and_logs_out() -> None:
     assert client.number(0x5000, 1) == 0
 
 
+def test_a_passcode_without_a_user_id_is_refused() -> None:
+    client = Client.on(booted("gen4"))
+    client.write(0x5000, 3, 0, 2)
+    assert refused(client, 0x5000, 2, 0x4444, 2) == (0x08000000, 9)
+
+
 def test_forced_state_moves_a_master_only() -> None:
     device = booted("gen4")
     client = Client.on(device)

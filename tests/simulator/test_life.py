@@ -7,6 +7,7 @@ import pytest
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.device import StrictDevice
+from dvtcli.simulator.station import SimulatedNode
 from tests.simulator.bench import Aborted, Client, booted
 
 SAVE, LOAD = 0x65766173, 0x64616F6C
@@ -290,3 +291,38 @@ def test_dummies_and_bits_are_taken_apart_by_bit_position() -> None:
     device.nmt(NmtCommand.START)
     assert device.receive(Frame(0x401, (0b1010 | 0x1234 << 4).to_bytes(3, "little"))) == []
     assert (number(device, 0x2123), number(device, 0x2124), number(device, 0x2221)) == (1, 1, 0x1234)
+
+
+def test_a_restore_happens_once() -> None:
+    device = booted()
+    client = Client.on(device)
+    client.write(0x1011, 1, LOAD, 4)
+    device.nmt(NmtCommand.RESET_NODE)
+    client.write(0x1800, 2, 1, 1)
+    client.write(0x1010, 2, SAVE, 4)
+    device.nmt(NmtCommand.RESET_NODE)
+    assert client.number(0x1800, 2) == 1
+
+
+def test_live_values_are_not_stored() -> None:
+    device = booted()
+    device.set_value(0x6041, 0, b"\0\0")
+    Client.on(device).write(0x1010, 1, SAVE, 4)
+    device.nmt(NmtCommand.RESET_NODE)
+    assert number(device, 0x6041) == 0x1237
+
+
+def test_a_reset_ends_a_transfer() -> None:
+    node = SimulatedNode(booted())
+    node.handle(Frame(0x601, bytes.fromhex("4008100000000000")))
+    node.handle(Frame(0x000, b"\x82\x01"))
+    assert node.handle(Frame(0x601, bytes.fromhex("6000000000000000"))) == [
+        Frame(0x581, bytes.fromhex("8000000001000405"))
+    ]
+
+
+@pytest.mark.parametrize("frame", [b"\x01", b"\x01\x02", b"\x01\x01\x00"], ids=["short", "other node", "long"])
+def test_nmt_frames_for_others_or_malformed_are_ignored(frame: bytes) -> None:
+    node = SimulatedNode(booted())
+    assert node.handle(Frame(0x000, frame)) == []
+    assert node.device.state is NmtState.PRE_OPERATIONAL

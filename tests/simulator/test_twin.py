@@ -156,6 +156,9 @@ def test_gates_and_logins_of_a_family_hold_in_its_twin() -> None:
     client.write(0x5000, 3, 1, 2)
     client.write(0x5000, 2, 0xBEEF, 2)  # the twin cannot know the node's passcodes
     client.write(0x1801, 1, 0x80000281, 4)
+    client.write(0x5000, 2, 0, 2)
+    assert client.number(0x5000, 1) == 0
+    client.write(0x5000, 2, 0xBEEF, 2)
     twin.state = NmtState.OPERATIONAL
     with pytest.raises(Aborted, match="08000000"):
         client.write(0x1801, 1, 0x281, 4)
