@@ -91,6 +91,12 @@ class Session:
         return self._twin
 
     @property
+    def wire(self) -> CanopenBus:
+        """The bus itself, also under --dry-run: to listen to, never to write to."""
+        assert self._network is not None  # noqa: S101 - who listens has opened it
+        return self._network.bus
+
+    @property
     def is_open(self) -> bool:
         """Whether the bus was opened."""
         return self._network is not None
@@ -112,6 +118,13 @@ class Session:
             "no node is selected", hint="give -n ID (scan finds the nodes), or --sim gen4 to try without one"
         )
 
+    def selected_id(self) -> int | None:
+        """The selected node-ID, or None where none is."""
+        try:
+            return self.node_id()
+        except UsageError:
+            return None
+
     def node(self, node_id: int | None = None) -> Node:
         """The node with *node_id*, or the selected one."""
         return self.network.node(self.node_id() if node_id is None else node_id)
@@ -125,7 +138,7 @@ class Session:
     def completion_dictionaries(self) -> list[tuple[ObjectDictionary, dict[str, str]]]:
         """The dictionaries that completion may offer: the open node's, else those known offline."""
         if self._network is not None:
-            node = self._network.nodes.get(self.node_id())
+            node = self._network.nodes.get(self.selected_id() or 0)
             if node is not None and node.dictionary is not None:
                 return [(node.dictionary, node.profile.aliases)]
         return self.offline_dictionaries()

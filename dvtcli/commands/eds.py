@@ -13,14 +13,12 @@ from dvtcli.shell import DvtCommand
 if TYPE_CHECKING:
     from dvtcli.formats.eds import EdsFile
     from dvtcli.results import Facts, FileReport
-    from dvtcli.session import Session
 
 
 @click.command("eds", cls=DvtCommand, short_help=__doc__)
 @click.argument("action", type=click.Choice(["check", "show"]), metavar="check|show")
 @click.argument("file", type=TEXT)
-@click.pass_obj
-def command(session: Session, /, action: str, file: str) -> Facts | FileReport:
+def command(action: str, file: str) -> Facts | FileReport:
     """Read FILE and say what is in it; `check` names everything odd with its line.
 
     \b

@@ -38,8 +38,10 @@ def command(session: Session, /, what: str, pairs: tuple[str, ...]) -> Facts:
             has = "none" if held[name] is None else f"0x{held[name]:08X}"
             raise SafetyRefusal(
                 f"node {node.node_id} is another device: {name} is {has}, the script wants 0x{wanted:08X}",
-                node=node.node_id, place=f"1018:{_SUB_INDICES[name]:02X}", hint="is this the right node? scan lists them",
-            )  # fmt: skip
+                node=node.node_id,
+                place=f"1018:{_SUB_INDICES[name]:02X}",
+                hint="is this the right node? scan lists them",
+            )
     shown = ", ".join(f"{name} 0x{value:08X}" for name, value in map(_pair, pairs))
     return Facts("require", (("node", node.node_id), (what, held)), (f"node {node.node_id} is the one: {shown}",))
 

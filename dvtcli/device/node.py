@@ -5,7 +5,7 @@ Joins reading, rules, plan and transaction. Does not print, ask, or know what a 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 from dvtcli.device.access import Access, Gate
@@ -99,7 +99,7 @@ class Node:
                 if aborted.index not in (pdo.communication_index, pdo.mapping_index):
                     raise
         self._pdos = found
-        return found
+        return dict(found)
 
     def pdo(self, pdo: Pdo) -> PdoConfig:
         """One PDO as the device holds it now; UsageError where the node has no such PDO."""
@@ -236,23 +236,29 @@ class Node:
             raise
 
     def undo(self, *, everything: bool = False) -> Applied:
-        """Put the last plan back, or all of them, last first, in one transaction."""
-        plans = list(reversed(self.history)) if everything else [self.history[-1]]
-        changes = tuple(self._back(change) for plan in plans for change in reversed(plan.changes))
-        applied = self.apply(Plan(self.node_id, changes))
-        self.history = [] if everything else [p for p in self.history[:-1] if p is not plans[0]]
-        if applied.plan in self.history:
-            self.history.remove(applied.plan)
+        """Put back what the last plan replaced, or all of them, in one transaction."""
+        undone = self.history[:] if everything else self.history[-1:]
+        kept = self.history[: len(self.history) - len(undone)]
+        applied = self.apply(Plan(self.node_id, tuple(self._changes_back(undone))))
+        self.history = kept
         return applied
 
-    def _back(self, change: Change) -> Change:
-        if isinstance(change, PdoChange):
-            return plan_pdo(change.pdo, change.after, change.before)
-        if change.step.before is None:
-            raise UsageError(
-                f"0x{change.step.object} is write-only: what it held before is not known", node=self.node_id
-            )
-        return change.reversed()
+    def _changes_back(self, plans: list[Plan]) -> Iterator[Change]:
+        """From what the device holds now to what each object held before the oldest of *plans*."""
+        pdos: dict[Pdo, PdoConfig] = {}
+        values: dict[tuple[int, int], ValueChange] = {}
+        for change in (change for plan in reversed(plans) for change in reversed(plan.changes)):
+            if isinstance(change, PdoChange):
+                pdos[change.pdo] = change.before
+            else:
+                values[change.step.index, change.step.sub_index] = change
+        for pdo, before in pdos.items():
+            yield plan_pdo(pdo, self.pdo(pdo), before)
+        for change in values.values():
+            if change.step.before is None:
+                where = f"0x{change.step.object}"
+                raise UsageError(f"{where} is write-only: what it held before is not known", node=self.node_id)
+            yield change.reversed()
 
     def is_dynamic(self, pdo: Pdo) -> bool:
         """Whether the EDS lets the mapping of *pdo* be changed; True where there is none."""

@@ -1,0 +1,95 @@
+"""The menu under the line: click's own completion of the command that is typed, with descriptions.
+
+Knows click's public completion interface and prompt_toolkit's. Never touches a bus: a key was only pressed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING
+
+import click
+from click.shell_completion import CompletionItem, ShellComplete
+from prompt_toolkit.completion import CompleteEvent, Completer, Completion, PathCompleter
+from prompt_toolkit.document import Document
+
+from dvtcli.errors import DvtcliError
+from dvtcli.options import START_ONLY, global_options
+from dvtcli.prompt.typed import Typed, quoted, typed
+from dvtcli.shell import PREFIX, REGISTRY, command_names, summary
+from dvtcli.view.safe import safe
+
+if TYPE_CHECKING:
+    from dvtcli.session import Session
+
+
+class LineCompleter(Completer):
+    """Completes a line of the prompt for *session*."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self._paths = PathCompleter(expanduser=True)
+        # Summaries are read from the commands' files once: a menu is drawn with every key.
+        self._commands = {name: summary(name) for name in command_names()}
+        self._global = [item for item in _global_items()]
+
+    def get_completions(self, document: Document, complete_event: CompleteEvent) -> Iterable[Completion]:
+        """What the word before the cursor may become."""
+        line = typed(document.text_before_cursor)
+        if line is None:
+            return
+        for item in self._items(line):
+            if item.type in ("file", "dir"):
+                yield from self._paths.get_completions(Document(line.incomplete), complete_event)
+            else:
+                yield _completion(item, line, document)
+
+    def _items(self, line: Typed) -> list[CompletionItem]:
+        if not line.words:
+            return [CompletionItem(name, help=text) for name, text in self._matching(line.incomplete)]
+        command = REGISTRY.get_command(click.Context(REGISTRY), line.words[0])
+        if command is None:
+            return []
+        try:
+            return list(self._command_items(command, line))
+        except (DvtcliError, click.ClickException):
+            return []  # nothing to offer; the error is said once the line is run
+
+    def _matching(self, incomplete: str) -> Iterator[tuple[str, str]]:
+        wanted = incomplete.lower()
+        yield from ((name, text) for name, text in self._commands.items() if name.startswith(wanted))
+        if wanted:
+            for name, text in self._commands.items():
+                if wanted in name and not name.startswith(wanted):
+                    yield name, text
+
+    def _command_items(self, command: click.Command, line: Typed) -> Iterator[CompletionItem]:
+        name, *words = line.words
+        root = click.Context(REGISTRY, info_name="", obj=self._session)
+        bridge = ShellComplete(command, {"parent": root}, name, "")
+        items = bridge.get_completions(words, line.incomplete)
+        yield from items
+        if not items and not line.incomplete:
+            yield from bridge.get_completions(words, "-")
+        if line.incomplete.startswith("-"):
+            own = {item.value for item in items}
+            for item in self._global:
+                if item.value.startswith(line.incomplete) and item.value not in own and item.value not in words:
+                    yield item
+
+
+def _global_items() -> Iterator[CompletionItem]:
+    """The global options that a single line may change."""
+    for option in global_options(hidden=False):
+        if option.name is None or option.hidden or option.name.removeprefix(PREFIX) in START_ONLY:
+            continue
+        yield CompletionItem(max(option.opts, key=len), help=option.help)
+
+
+def _completion(item: CompletionItem, line: Typed, document: Document) -> Completion:
+    return Completion(
+        quoted(item.value),
+        start_position=line.start - len(document.text_before_cursor),
+        display=safe(item.value),
+        display_meta=safe(item.help or ""),
+    )
