@@ -15,7 +15,7 @@ from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.node import Node
 from dvtcli.device.read import read_optional
 from dvtcli.domain.object_dictionary import ObjectDictionary
-from dvtcli.domain.ports import CanopenBus
+from dvtcli.domain.ports import CanopenBus, Frame
 from dvtcli.domain.profile import GENERIC, DeviceProfile
 from dvtcli.errors import UsageError
 from dvtcli.formats.profile_toml import load_profile, profile_for_identity, profile_names
@@ -47,6 +47,8 @@ class Network:
     consent: Callable[[str], None]
     simulated: tuple[Simulated, ...] = ()
     nodes: dict[int, Node] = field(default_factory=dict)
+    #: calls back with (frame, sent) for every frame; returns what ends that
+    tap: Callable[[Callable[[Frame, bool], None]], Callable[[], None]] = lambda _callback: lambda: None
 
     @classmethod
     def opened(cls, options: Options, cancellation: Cancellation, consent: Callable[[str], None]) -> Network:
@@ -57,11 +59,11 @@ class Network:
             read_dictionary(Path(options.eds))  # a wrong file is said before a bus is touched
         simulated = simulated_nodes(options.sim)
         if simulated:
-            bus: CanopenBus = open_simulation([_device(one) for one in simulated], timeout_s=options.timeout)
+            bus = open_simulation([_device(one) for one in simulated], timeout_s=options.timeout)
         else:
             extra = dict(pair.split("=", 1) for pair in options.bus_kwargs)
             bus = open_canbus(options.interface, options.channel, options.bitrate, extra, timeout_s=options.timeout)
-        return cls(bus, options, cancellation, consent, simulated)
+        return cls(bus, options, cancellation, consent, simulated, tap=bus.tap)
 
     @property
     def simulated_ids(self) -> tuple[int, ...]:

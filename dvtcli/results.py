@@ -153,7 +153,9 @@ class Changed:
     findings: tuple[Finding, ...]
     dry_run: bool
     seconds: float
-    before_undo: bool = False
+    undone: bool = False
+    #: whether anything of it is lost at power-off unless it is stored
+    volatile: bool = True
     names: dict[str, str] = field(default_factory=dict)
     exit_code: int = 0
 
@@ -417,7 +419,12 @@ class Facts:
     rows: tuple[tuple[str, Any], ...]
     text: tuple[str, ...]
     exit_code: int = 0
+    #: warnings and notes that belong to them
+    findings: tuple[Finding, ...] = ()
 
     def document(self) -> Document:
         """The rows under the result's own schema."""
-        return {"schema": f"dvtcli.{self.schema}/1", **dict(self.rows)}
+        document: Document = {"schema": f"dvtcli.{self.schema}/1", **dict(self.rows)}
+        if self.findings:
+            document["findings"] = [finding_document(finding) for finding in self.findings]
+        return document

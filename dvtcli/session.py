@@ -6,7 +6,7 @@ Joins transports, simulator, formats and device. Does not parse lines and does n
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
@@ -40,6 +40,7 @@ class Session:
     executed: list[str] = field(default_factory=list)
     _network: Network | None = None
     _twin: Network | None = None
+    _untap: Callable[[], None] | None = None
 
     def start(self, given: dict[str, Any]) -> None:
         """Take the options of the program's start."""
@@ -71,6 +72,17 @@ class Session:
     def _show(self) -> None:
         options = self.options
         self.output.configure(options.format, options.color, options.verbose, quiet=options.quiet, plain=options.ascii)
+        self._watch()
+
+    def _watch(self) -> None:
+        """Show traffic while -v asks for it, and only then: a tap costs time on every frame."""
+        if self._network is None or bool(self.options.verbose) == (self._untap is not None):
+            return
+        if self._untap is not None:
+            self._untap()
+            self._untap = None
+        else:
+            self._untap = self._network.tap(lambda frame, sent: self.output.traffic(frame, sent=sent))
 
     @property
     def dry_run(self) -> bool:
@@ -84,6 +96,7 @@ class Session:
 
         if self._network is None:
             self._network = Network.opened(self.base, self.cancellation, self._consent)
+            self._watch()
         if not self.dry_run:
             return self._network
         if self._twin is None:
@@ -170,4 +183,4 @@ class Session:
         self._twin = None
         if self._network is not None:
             self._network.bus.close()
-            self._network = None
+            self._network = self._untap = None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.plan import PdoChange
@@ -12,13 +12,13 @@ from dvtcli.errors import UsageError
 from dvtcli.results import Changed
 
 if TYPE_CHECKING:
-    from dvtcli.device.node import Applied, Node
+    from dvtcli.device.node import Applied, Node, Want
     from dvtcli.domain.pdo import Pdo, PdoConfig
     from dvtcli.domain.rules import Proposal
     from dvtcli.session import Session
 
 
-def configure(session: Session, node: Node, wants: dict[Pdo, PdoConfig]) -> Changed:
+def configure(session: Session, node: Node, wants: Mapping[Pdo, Want]) -> Changed:
     """Carry *wants* out on *node* and answer what was done."""
     started = time.monotonic()
     applied = node.configure(wants, force=session.options.force)
@@ -29,15 +29,11 @@ def changed(session: Session, node: Node, applied: Applied, seconds: float, *, u
     """The answer to an applied plan; what changed something is remembered as script lines."""
     if len(applied.plan) and not session.dry_run:
         session.record(node.node_id, change_lines(applied.plan))
+    volatile = any(node.profile.store.needed_for(step.index) for step in applied.plan.steps)
     return Changed(
-        node.node_id,
-        applied.plan,
-        applied.findings,
-        session.dry_run,
-        seconds,
-        undone,
+        node.node_id, applied.plan, applied.findings, session.dry_run, seconds, undone, volatile,
         names(node, applied.plan.changes),
-    )
+    )  # fmt: skip
 
 
 def names(node: Node, changes: Iterable[object]) -> dict[str, str]:
@@ -50,10 +46,13 @@ def names(node: Node, changes: Iterable[object]) -> dict[str, str]:
     return found
 
 
-def wanted(node: Node, pdo: Pdo, make: Callable[[Proposal], PdoConfig]) -> PdoConfig:
-    """What *make* wants of *pdo*, given the PDO as it is; its ValueErrors become usage errors."""
-    now = node.pdo(pdo)
-    try:
-        return make(node.proposal(pdo, now, now))
-    except ValueError as wrong:
-        raise UsageError(f"{pdo.label}: {wrong}", node=node.node_id) from wrong
+def made(pdo: Pdo, make: Callable[[Proposal], PdoConfig]) -> Callable[[Proposal], PdoConfig]:
+    """*make* with its ValueErrors as usage errors that name *pdo*."""
+
+    def make_or_say(proposal: Proposal) -> PdoConfig:
+        try:
+            return make(proposal)
+        except ValueError as wrong:
+            raise UsageError(f"{pdo.label}: {wrong}", node=proposal.node_id) from wrong
+
+    return make_or_say

@@ -23,4 +23,4 @@ def switch(session: Session, pdos: Iterable[NodePdo], make: Callable[[PdoConfig]
     if len(node_ids) > 1:
         raise click.UsageError("PDOs of several nodes: use one line for each node")
     node = session.node(node_ids.pop())
-    return configure(session, node, {pdo.pdo: make(node.pdo(pdo.pdo)) for pdo in chosen})
+    return configure(session, node, {pdo.pdo: lambda proposal: make(proposal.now) for pdo in chosen})

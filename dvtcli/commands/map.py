@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from dvtcli.commands._changing import configure, wanted
+from dvtcli.commands._changing import configure, made
 from dvtcli.commands._pdo_options import pdo_options, request
 from dvtcli.domain.object_syntax import MappedObject
 from dvtcli.domain.request import mapping_entries, wanted_config
@@ -45,4 +45,4 @@ def command(session: Session, /, pdo: NodePdo, objects: tuple[EntryWord, ...], *
     def make(proposal: Proposal) -> PdoConfig:
         return wanted_config(asked, proposal, mapping_entries(words, proposal, lengths))
 
-    return configure(session, node, {pdo.pdo: wanted(node, pdo.pdo, make)})
+    return configure(session, node, {pdo.pdo: made(pdo.pdo, make)})

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from dvtcli.commands._changing import configure, wanted
+from dvtcli.commands._changing import configure, made
 from dvtcli.commands._pdo_options import pdo_options, request
 from dvtcli.domain.request import PdoRequest, wanted_config
 from dvtcli.params import PDO, NodePdo
@@ -32,4 +32,4 @@ def command(session: Session, /, pdo: NodePdo, **options: Any) -> Changed:
     if asked == PdoRequest():
         raise click.UsageError("nothing to set: give an option such as --type, --timer or --cob-id")
     node = session.node(pdo.node_id)
-    return configure(session, node, {pdo.pdo: wanted(node, pdo.pdo, lambda proposal: wanted_config(asked, proposal))})
+    return configure(session, node, {pdo.pdo: made(pdo.pdo, lambda proposal: wanted_config(asked, proposal))})

@@ -31,7 +31,7 @@ def command(session: Session, /, words: tuple[str, ...], frame: bool) -> Compare
     verify tpdo1 press.dcf   against a file
     """
     from dvtcli.commands._frames import look
-    from dvtcli.device.node import differences
+    from dvtcli.device.compare import differences
     from dvtcli.results import Compared
 
     node = session.node()

@@ -10,10 +10,11 @@ from dataclasses import dataclass, field
 
 from dvtcli.device.access import Access, Gate
 from dvtcli.device.cancellation import Cancellation
+from dvtcli.device.lazy import LazyMapping
+from dvtcli.device.raw_write import held_value, raw_write_findings
 from dvtcli.device.read import present_pdos, read_optional, read_pdo
 from dvtcli.device.transaction import Transaction
 from dvtcli.domain.abort import Abort
-from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, plan_pdo
@@ -21,8 +22,9 @@ from dvtcli.domain.ports import CanopenBus, SdoTransport
 from dvtcli.domain.profile import GENERIC, DeviceProfile
 from dvtcli.domain.rules import Finding, Proposal, check_pdo, errors_in
 from dvtcli.domain.rules.mapping import decimal_hint
-from dvtcli.domain.rules.raw_write import ParameterWrite, parameter_findings, write_findings
 from dvtcli.errors import RuleError, SdoAborted, UsageError
+
+Want = PdoConfig | Callable[[Proposal], PdoConfig]
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,12 +148,14 @@ class Node:
         self, pdo: Pdo, now: PdoConfig, want: PdoConfig, together: Mapping[Pdo, PdoConfig] | None = None
     ) -> Proposal:
         """What the rules look at before *pdo* may become *want*; *together* are PDOs changed in the same plan."""
-        others = {**self.known_pdos(), **(together or {})}
-        others.pop(pdo, None)
-        sync, emcy = self._service_can_ids()
-        return Proposal(
-            self.node_id, pdo, now, want, others, self.profile, self.dictionary, self._lengths(want), sync, emcy
-        )
+        others = LazyMapping(lambda: self._others(pdo, together or {}))
+        moves = now.communication.cob_id != want.communication.cob_id
+        sync, emcy = self._service_can_ids() if moves else (0x080, None)
+        lengths = self._lengths(want) if now.mapping != want.mapping else {}
+        return Proposal(self.node_id, pdo, now, want, others, self.profile, self.dictionary, lengths, sync, emcy)
+
+    def _others(self, pdo: Pdo, together: Mapping[Pdo, PdoConfig]) -> dict[Pdo, PdoConfig]:
+        return {other: config for other, config in {**self.known_pdos(), **together}.items() if other != pdo}
 
     def _service_can_ids(self) -> tuple[int, int | None]:
         """CAN-IDs of SYNC and of this node's EMCY as 0x1005 and 0x1014 say, else the defaults."""
@@ -179,51 +183,31 @@ class Node:
         except SdoAborted:
             return None
 
-    def configure(self, wants: Mapping[Pdo, PdoConfig], *, force: bool = False) -> Applied:
-        """Make each PDO what *wants* says, all or none: check, write the least, read back, else put the old back."""
-        changes: list[PdoChange] = []
+    def configure(self, wants: Mapping[Pdo, Want], *, force: bool = False) -> Applied:
+        """Make each PDO what *wants* says, all or none: check, write the least, read back, else put the old back.
+
+        A want is a configuration, or a function that makes one from the PDO as it is.
+        """
+        now = {pdo: self.pdo(pdo) for pdo in wants}
+        wanted = {pdo: self._made(pdo, now[pdo], want) for pdo, want in wants.items()}
         findings: list[Finding] = []
-        for pdo, want in wants.items():
-            now = self.pdo(pdo)
-            changes.append(plan_pdo(pdo, now, want))
-            if now != want:
-                findings += check_pdo(self.proposal(pdo, now, want, wants))
-        labels = ", ".join(pdo.label for pdo in wants)
+        for pdo, want in wanted.items():
+            if now[pdo] != want:
+                findings += check_pdo(self.proposal(pdo, now[pdo], want, wanted))
+        labels = ", ".join(pdo.label for pdo in wanted)
         refuse(tuple(findings), f"{labels} not changed", self.node_id, force=force)
-        return self.apply(Plan(self.node_id, tuple(changes)), tuple(findings))
+        changes = tuple(plan_pdo(pdo, now[pdo], want) for pdo, want in wanted.items())
+        return self.apply(Plan(self.node_id, changes), tuple(findings))
+
+    def _made(self, pdo: Pdo, now: PdoConfig, want: Want) -> PdoConfig:
+        return want if isinstance(want, PdoConfig) else want(self.proposal(pdo, now, now))
 
     def write(self, index: int, sub_index: int, data: bytes, *, force: bool = False) -> Applied:
         """Write one object as a plan of one step, under the rules of the command that is meant for it."""
-        pdo = Pdo.at(index)
-        findings = write_findings(self.dictionary, index, sub_index, data)
-        if pdo is not None and not findings:
-            findings = self._parameter_findings(pdo, index, sub_index, data)
+        findings = raw_write_findings(self, index, sub_index, data)
         refuse(findings, f"0x{index:04X}:{sub_index:02X} not written", self.node_id, force=force)
-        before = self._held(index, sub_index)
-        step = Step(index, sub_index, before, data, "write")
+        step = Step(index, sub_index, held_value(self, index, sub_index), data, "write")
         return self.apply(Plan(self.node_id, (ValueChange(step),)), findings)
-
-    def _parameter_findings(self, pdo: Pdo, index: int, sub_index: int, data: bytes) -> tuple[Finding, ...]:
-        now = self.pdo(pdo)
-        write = ParameterWrite(index, sub_index, int.from_bytes(data, "little"))
-        entries = self._entries(pdo, write)
-        return parameter_findings(lambda want: self.proposal(pdo, now, want), now, write, entries)
-
-    def _entries(self, pdo: Pdo, write: ParameterWrite) -> tuple[PdoMappingEntry, ...]:
-        """The mapping entries that a raw count would make active."""
-        if write.index != pdo.mapping_index or write.sub_index:
-            return ()
-        words = [read_optional(self.sdo, pdo.mapping_index, number, 4) for number in range(1, min(write.value, 64) + 1)]
-        return tuple(PdoMappingEntry.from_raw(word) for word in words if word is not None)
-
-    def _held(self, index: int, sub_index: int) -> bytes | None:
-        """What the object holds, so that it can be put back; None where it is write-only."""
-        try:
-            return self.upload(index, sub_index)
-        except SdoAborted as aborted:
-            if aborted.code == Abort.WRITE_ONLY:
-                return None
-            raise
 
     def upload(self, index: int, sub_index: int) -> bytes:
         """Read one object; an abort for a missing sub-index gets the hint that sub-indices are hexadecimal."""
@@ -293,25 +277,6 @@ class Node:
                 self.wanted[change.pdo] = change.after
             if change.steps and self.profile.store.needed_for(change.steps[0].index):
                 self.unstored[change.label] = None
-
-
-def differences(pdo: Pdo, wanted: PdoConfig, held: PdoConfig) -> list[str]:
-    """Every parameter of *pdo* in which *held* is not *wanted*, in a person's words."""
-    found = []
-    rows = (
-        ("COB-ID", f"0x{held.communication.cob_id.raw:08X}", f"0x{wanted.communication.cob_id.raw:08X}"),
-        ("transmission type", held.communication.transmission_type, wanted.communication.transmission_type),
-        ("inhibit time", held.communication.inhibit_time, wanted.communication.inhibit_time),
-        ("event timer", held.communication.event_timer, wanted.communication.event_timer),
-        ("SYNC start value", held.communication.sync_start_value, wanted.communication.sync_start_value),
-    )
-    for name, is_now, should in rows:
-        if is_now != should:
-            found.append(f"{name} is {is_now}, expected {should}")
-    if held.mapping != wanted.mapping:
-        texts = [" ".join(map(str, config.mapping)) or "nothing" for config in (held, wanted)]
-        found.append(f"0x{pdo.mapping_index:04X} maps {texts[0]}, expected {texts[1]}")
-    return found
 
 
 def refuse(findings: tuple[Finding, ...], text: str, node_id: int, *, force: bool) -> None:

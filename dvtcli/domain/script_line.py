@@ -16,9 +16,16 @@ def change_lines(plan: Plan) -> list[str]:
 
 def _lines(change: PdoChange | ValueChange) -> Iterator[str]:
     if isinstance(change, ValueChange):
-        yield f"write {change.step.object} {change.step.after.hex()} --as os"
+        yield f"write {change.step.object} {_value(change.step.after)}"
     elif change.steps:
         yield _pdo_line(change)
+
+
+def _value(data: bytes) -> str:
+    """Bytes as a value with its type, so that the line needs no EDS to be run."""
+    if len(data) in (1, 2, 4, 8):
+        return f"0x{int.from_bytes(data, 'little'):0{2 * len(data)}X} --as u{8 * len(data)}"
+    return f"{data.hex()} --as os"
 
 
 def _pdo_line(change: PdoChange) -> str:

@@ -152,7 +152,14 @@ class Twin:
                 return False
             return True
 
-    def upload(self, index: int, sub_index: int) -> bytes:
+    def upload(
+        self,
+        index: int,
+        sub_index: int,
+        *,
+        timeout_s: float | None = None,  # noqa: ARG002 - the bus below keeps its own
+        retries: int | None = None,  # noqa: ARG002
+    ) -> bytes:
         """Read an object: what was written to the twin, else what the node holds. Raises as the node would."""
         with self._lock:
             device = self._answering(index, sub_index)

@@ -32,10 +32,12 @@ def change_lines(result: Changed, width: int) -> Iterator[Line]:
             Cell(f"{labels} would be set: {writes} on the twin, read back equal. Nothing was sent."),
         ]
         return
-    verb = "put back" if result.before_undo else "set"
+    verb = "put back" if result.undone else "set"
+    keeps = "In RAM only: `store` keeps it" if result.volatile else "The device keeps it by itself"
+    next_step = "" if result.undone else ", `undo` reverts it"
     yield [
         Cell(f"{labels} {verb}: {writes}, read back equal, {result.seconds:.2f} s. "),
-        Cell("In RAM only: `store` keeps it, `undo` reverts it.", "dim"),
+        Cell(f"{keeps}{next_step}.", "dim"),
     ]
 
 

@@ -18,6 +18,7 @@ from dvtcli.view.lines import MAX_WIDTH, Cell, Line
 from dvtcli.view.safe import safe
 
 if TYPE_CHECKING:
+    from dvtcli.domain.ports import Frame
     from dvtcli.errors import DvtcliError
     from dvtcli.results import Document, Result
 
@@ -81,6 +82,14 @@ class Output:
         for line in lines:
             self._write(self.stderr, line)
         self.stderr.flush()
+
+    def traffic(self, frame: Frame, *, sent: bool) -> None:
+        """Show a frame as -v and -vv ask; nothing without them."""
+        from dvtcli.view.traffic import traffic_line
+
+        line = traffic_line(frame, self.verbose, sent=sent) if self.verbose else None
+        if line is not None:
+            self._write(self.stderr, Cell(line, "dim"))
 
     def note(self, text: str) -> None:
         """Print one message to stderr, unless only errors are wanted."""

@@ -27,7 +27,7 @@ def text(result: Any, width: int) -> Iterable[Line]:
 
 def remarks(result: Any) -> Iterator[Line]:
     """Warnings and notes that belong to *result*; they go to stderr."""
-    if isinstance(result, results.Changed):
+    if isinstance(result, (results.Changed, results.Facts)):
         yield from map(finding_line, result.findings)
 
 

@@ -110,7 +110,13 @@ def _pdo_clashes(proposal: Proposal, place: str) -> Iterator[Finding]:
         else:
             yield note("can-id-default", place, f"{want} is also set at {other.label}, which is off: no clash now")
     owner = default_owner(want.can_id)
-    if owner and owner != (proposal.pdo, proposal.node_id) and not want.extended:
+    said = (
+        owner is not None
+        and owner[1] == proposal.node_id
+        and owner[0] in proposal.others
+        and (proposal.others[owner[0]].communication.cob_id.can_id == want.can_id)
+    )
+    if owner and owner != (proposal.pdo, proposal.node_id) and not want.extended and not said:
         pdo, node_id = owner
         yield note("can-id-default", place, f"{want} is the default COB-ID of {pdo.label} of node {node_id}")
 
