@@ -77,15 +77,13 @@ class CanBus:
 
     def sdo(self, node_id: int) -> SdoChannel:
         """The default SDO channel of *node_id* (1..127); the same object for the same node."""
-        channel = self._channels.get(node_id)
-        if channel is not None:
-            return channel
-        if not 1 <= node_id <= 127:
-            raise UsageError(f"node-ID {node_id} is outside 1..127")
-        with self._setup_lock:
-            if node_id not in self._channels:
-                client = self._clients[node_id] = StrictSdoClient(node_id, self, self.settings)
-                self._channels[node_id] = SdoChannel(client)
+        if node_id not in self._channels:
+            if not 1 <= node_id <= 127:
+                raise UsageError(f"node-ID {node_id} is outside 1..127")
+            with self._setup_lock:
+                if node_id not in self._channels:
+                    client = self._clients[node_id] = StrictSdoClient(node_id, self, self.settings)
+                    self._channels[node_id] = SdoChannel(client)
         return self._channels[node_id]
 
     def send_nmt(self, command: NmtCommand, node_id: int) -> None:
@@ -161,8 +159,6 @@ class CanBus:
 
         Gives way to any thread that waits for something. Raises BusUnavailable if the bus fails or was closed.
         """
-        if self._closed:
-            raise bus_closed()
         self._receiver.idle(duration_s)
 
     def close(self) -> None:

@@ -88,6 +88,8 @@ class Receiver(Generic[M]):
 
     def idle(self, duration_s: float) -> None:
         """Deliver what arrives within *duration_s*, as a background thread does: anyone who waits goes first."""
+        if self._closed:
+            raise bus_closed()
         me = object()
         end_s = monotonic() + duration_s
         while not self._closed and (left_s := end_s - monotonic()) > 0:

@@ -31,7 +31,10 @@ def simulate(
     network.start()
 
     def stop() -> None:
-        network.stop()
+        # A frame that means nothing wakes the nodes' thread, which else would notice its end some 50 ms later.
+        with can.Bus(channel, interface="virtual", ignore_config=True) as waker:
+            waker.send(can.Message(is_error_frame=True))
+            network.stop()
         theirs.shutdown()
 
     return CanBus(ours, "sim", simulated=True, timeout_s=timeout_s, retries=retries, on_close=stop)

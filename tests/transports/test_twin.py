@@ -183,3 +183,15 @@ def test_a_device_that_tells_its_state_in_an_object(channel: str) -> None:
     bench.twin.send_nmt(NmtCommand.ENTER_PRE_OPERATIONAL, 1)
     assert bench.twin.sdo(1).upload(*state_object) == bytes([NmtState.PRE_OPERATIONAL])
     bench.close()
+
+
+def test_a_state_that_was_forced_by_sdo_is_the_twins_own(channel: str) -> None:
+    bench = Bench(channel, "gen4")
+    family = bench.node.family
+    assert family.master_object is not None
+    assert family.state_request is not None
+    bench.twin.sdo(1).download(*family.master_object, b"\1")
+    bench.twin.sdo(1).download(*family.state_request, b"\0")
+    assert bench.twin.nmt_state(1) is NmtState.OPERATIONAL
+    assert bench.real.nmt_state(1) is NmtState.PRE_OPERATIONAL
+    bench.close()
