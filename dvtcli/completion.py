@@ -14,7 +14,7 @@ from click.shell_completion import CompletionItem
 
 from dvtcli.domain.mapping import DUMMY_BITS, MAX_PDO_BITS
 from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry, normalised
-from dvtcli.domain.object_syntax import MappedObject, resolve_entry
+from dvtcli.domain.object_syntax import parse_object
 from dvtcli.domain.rules.mapping import FEEDS_TPDO, TAKES_RPDO
 
 #: How many objects a menu shows at most.
@@ -42,11 +42,11 @@ def object_items(ctx: click.Context, incomplete: str, *, mapped: bool) -> list[C
 def _items(
     dictionary: ObjectDictionary, aliases: Mapping[str, str], room: Room | None, incomplete: str
 ) -> list[CompletionItem]:
-    rows = _rows(dictionary)
-    items = list(_alias_items(dictionary, aliases, room, incomplete))
+    named = dict(_alias_items(dictionary, aliases, room, incomplete))
+    items = list(named.values())
     prefix = "0x" if incomplete.lower().startswith("0x") else ""
-    for number, _, entry in _ranked(rows, incomplete):
-        if room is None or room.takes(entry):
+    for number, _, entry in _ranked(_rows(dictionary), incomplete):
+        if number not in named and (room is None or room.takes(entry)):
             items.append(CompletionItem(f"{prefix}{number.upper()}", help=_help(dictionary, entry, room)))
             if len(items) >= MOST:
                 break
@@ -99,30 +99,29 @@ def _room(ctx: click.Context, dictionary: ObjectDictionary, aliases: Mapping[str
 
 
 def _bits(word: str, dictionary: ObjectDictionary, aliases: Mapping[str, str]) -> int:
+    """The bits that *word* takes of the frame; 0 where nobody knows yet."""
+    head, _, length = word.rpartition("/")
+    if head and length.isdecimal():
+        return int(length)
     try:
-        found = resolve_entry(word, dictionary, dict(aliases))
+        numbers = parse_object(aliases.get(normalised(word), word))
     except ValueError:
         return 0
-    if not isinstance(found, MappedObject) or found.bits is not None:
-        return found.bits or 0
-    entry = dictionary.entry(found.index, found.sub_index)
-    return (entry.bits or 0) if entry is not None else 0
+    found = dictionary.find(word)[:1] if numbers is None else [dictionary.entry(*numbers)]
+    return next((entry.bits or 0 for entry in found if entry is not None), 0)
 
 
 def _alias_items(
     dictionary: ObjectDictionary, aliases: Mapping[str, str], room: Room | None, incomplete: str
-) -> Iterator[CompletionItem]:
-    """A profile's short names, where one is being typed."""
+) -> Iterator[tuple[str, CompletionItem]]:
+    """A profile's short names, where one is being typed, with the numbers they stand for."""
     for alias, target in aliases.items():
         if not incomplete or not alias.startswith(incomplete.lower()):
             continue
-        index, _, sub_index = target.removeprefix("0x").partition(":")
-        try:
-            entry = dictionary.entry(int(index, 16), int(sub_index or "0", 16))
-        except ValueError:
-            continue
+        numbers = parse_object(target)
+        entry = dictionary.entry(*numbers) if numbers is not None else None
         if entry is not None and (room is None or room.takes(entry)):
-            yield CompletionItem(alias, help=f"{target}  {_help(dictionary, entry, room)}")
+            yield entry.object.lower(), CompletionItem(alias, help=_help(dictionary, entry, room))
 
 
 def _help(dictionary: ObjectDictionary, entry: OdEntry, room: Room | None) -> str:
@@ -146,6 +145,9 @@ def _ranked(rows: list[Row], incomplete: str) -> Iterator[Row]:
             if number not in found and matches(row):
                 found.add(number)
                 yield row
+    if not found and not by_number and len(name) >= SCATTERED:
+        letters = re.compile("".join(f"[^{re.escape(char)}]*{re.escape(char)}" for char in name))
+        yield from (row for row in rows if letters.match(row[1]))
 
 
 def _matchers(wanted: str, name: str) -> Iterator[Callable[[Row], bool]]:
@@ -157,9 +159,6 @@ def _matchers(wanted: str, name: str) -> Iterator[Callable[[Row], bool]]:
     yield lambda row: row[1].startswith(name)
     yield lambda row: f"_{name}" in row[1] or f".{name}" in row[1]
     yield lambda row: name in row[1]
-    if len(name) >= SCATTERED:
-        letters = re.compile(".*?".join(map(re.escape, name)))
-        yield lambda row: letters.search(row[1]) is not None
 
 
 #: The last dictionaries that were completed from, each with its rows: looking them through must not rebuild them.

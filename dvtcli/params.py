@@ -157,7 +157,7 @@ class ObjectType(CanopenType):
         if not self.entry:
             parse_object(text)
         session = ctx.find_root().obj if ctx is not None else None
-        if session is not None:
+        if session is not None and ctx is not None and not ctx.resilient_parsing:
             self._check_name(text, session)
         return EntryWord(text) if self.entry else ObjectWord(text)
 

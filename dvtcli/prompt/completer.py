@@ -31,18 +31,20 @@ class LineCompleter(Completer):
         self._paths = PathCompleter(expanduser=True)
         # Summaries are read from the commands' files once: a menu is drawn with every key.
         self._commands = {name: summary(name) for name in command_names()}
-        self._global = [item for item in _global_items()]
+        self._global = list(_global_items())
 
     def get_completions(self, document: Document, complete_event: CompleteEvent) -> Iterable[Completion]:
         """What the word before the cursor may become."""
         line = typed(document.text_before_cursor)
         if line is None:
             return
-        for item in self._items(line):
-            if item.type in ("file", "dir"):
-                yield from self._paths.get_completions(Document(line.incomplete), complete_event)
-            else:
-                yield _completion(item, line, document)
+        items = self._items(line)
+        if any(item.type in ("file", "dir") for item in items):
+            yield from self._paths.get_completions(Document(line.incomplete), complete_event)
+            return
+        start = line.start - len(document.text_before_cursor)
+        for item, meta in zip(items, _aligned([safe(item.help or "") for item in items]), strict=True):
+            yield Completion(quoted(item.value), start, display=safe(item.value), display_meta=meta)
 
     def _items(self, line: Typed) -> list[CompletionItem]:
         if not line.words:
@@ -86,10 +88,17 @@ def _global_items() -> Iterator[CompletionItem]:
         yield CompletionItem(max(option.opts, key=len), help=option.help)
 
 
-def _completion(item: CompletionItem, line: Typed, document: Document) -> Completion:
-    return Completion(
-        quoted(item.value),
-        start_position=line.start - len(document.text_before_cursor),
-        display=safe(item.value),
-        display_meta=safe(item.help or ""),
-    )
+#: Columns of a description: names get no more, so that type and access are seen on a narrow terminal too.
+WIDEST = 40
+
+
+def _aligned(texts: list[str]) -> list[str]:
+    """Descriptions with what stands between two blanks in columns."""
+    rows = [[_shortened(part) for part in text.split("  ")] for text in texts]
+    columns = max((len(row) for row in rows), default=0)
+    widths = [max(len(row[i]) for row in rows if i < len(row)) for i in range(columns)]
+    return ["  ".join(part.ljust(width) for part, width in zip(row, widths, strict=False)).rstrip() for row in rows]
+
+
+def _shortened(text: str) -> str:
+    return text if len(text) <= WIDEST else text[: WIDEST - 1] + "…"

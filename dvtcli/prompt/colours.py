@@ -1,0 +1,43 @@
+"""Colours of the line being typed: a known command, an unknown one, options, hexadecimal numbers."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+
+from prompt_toolkit.document import Document
+from prompt_toolkit.formatted_text import StyleAndTextTuples
+from prompt_toolkit.lexers import Lexer
+
+from dvtcli.shell import command_names
+
+_WORDS = re.compile(r"\s+|\S+")
+_HEXADECIMAL = re.compile(r"0x[0-9a-f]+(:[0-9a-fx]+)?|[0-9a-f]{4}(:[0-9a-f]{1,2})?", re.IGNORECASE)
+
+
+class LineLexer(Lexer):
+    """Styles the words of a line."""
+
+    def __init__(self) -> None:
+        self._commands = frozenset(command_names())
+
+    def lex_document(self, document: Document) -> Callable[[int], StyleAndTextTuples]:
+        """The styled words of each line of *document*."""
+        return lambda number: self._styled(document.lines[number])
+
+    def _styled(self, line: str) -> StyleAndTextTuples:
+        first = True
+        styled: StyleAndTextTuples = []
+        for word in _WORDS.findall(line):
+            styled.append((self._style(word, first=first), word))
+            first = first and word.isspace()
+        return styled
+
+    def _style(self, word: str, *, first: bool) -> str:
+        if word.isspace():
+            return ""
+        if first:
+            return "class:command" if word in self._commands else "class:unknown"
+        if word.startswith("--"):
+            return "class:option"
+        return "class:number" if _HEXADECIMAL.fullmatch(word) else ""

@@ -1,0 +1,42 @@
+"""The lines that were typed, kept between sessions in the user's state folder and readable by the user alone."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from prompt_toolkit.history import FileHistory, History, InMemoryHistory
+
+from dvtcli.view.output import Output
+
+
+class KeptHistory(FileHistory):
+    """A history file; where the disk refuses a line, the session goes on with what is in memory."""
+
+    def store_string(self, string: str) -> None:
+        """Append *string* to the file, if that is possible."""
+        try:
+            super().store_string(string)
+        except OSError:
+            return  # a full disk must not take the prompt away
+
+
+def open_history(output: Output) -> History:
+    """The history file, made where there is none; memory only, with a note, where it cannot be."""
+    import platformdirs
+
+    path = platformdirs.user_state_path("dvtcli") / "history"
+    try:
+        _prepare(path)
+    except OSError as failed:
+        output.note(f"this session's lines are not kept: {path}: {failed.strerror or failed}")
+        return InMemoryHistory()
+    return KeptHistory(str(path))
+
+
+def _prepare(path: Path) -> None:
+    """Make the file and its folder with the user's rights only, and take those of others away."""
+    path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    path.parent.chmod(0o700)
+    os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o600))
+    path.chmod(0o600)

@@ -1,0 +1,136 @@
+"""What the prompt and its toolbar say about bus, node and unstored changes; reads nothing from the bus.
+
+Does not know how a terminal draws it: answers are (style, text) pairs.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.nmt import NmtState
+from dvtcli.errors import DvtcliError
+from dvtcli.prompt.events import SHORT_STATES, emergency_text
+from dvtcli.view.glyphs import ascii_only
+from dvtcli.view.safe import safe
+
+if TYPE_CHECKING:
+    from prompt_toolkit.formatted_text import StyleAndTextTuples
+
+    from dvtcli.device.node import Node
+    from dvtcli.prompt.life import Life
+    from dvtcli.session import Session
+
+Fragment = tuple[str, str]
+
+_STATE_STYLES = {NmtState.OPERATIONAL: "class:good", NmtState.PRE_OPERATIONAL: "class:careful"}
+#: PDOs that are read before a prompt is shown, so that the menu can say what they are set to.
+MOST_PDOS_READ = 32
+
+
+class Status:
+    """The session as the prompt shows it; *life* is what is heard meanwhile."""
+
+    def __init__(self, session: Session, life: Life) -> None:
+        self._session = session
+        self._life = life
+        #: the selected node's state as it told by itself when last asked, where nothing is heard of it
+        self._told: NmtState | None = None
+
+    def refresh(self, *, ask: bool) -> None:
+        """Look at the node before a prompt is shown; with *ask* it may be asked, since it answered just now."""
+        self._told = None
+        node = self._node()
+        if node is None or not ask:
+            return
+        try:
+            self._told = node.access.state()
+            present = node.present_known()
+            if len(present) <= MOST_PDOS_READ and not node.last_read.keys() >= set(present):
+                node.known_pdos()
+        except DvtcliError:
+            return  # the menu says less; the next command says why
+
+    def prompt(self) -> str:
+        """`can0/5 PRE-OP*> `."""
+        node_id = self._session.selected_id()
+        where = self._bus_name() + ("" if node_id is None else f"/{node_id}")
+        state = self._state()
+        words = [where, *([SHORT_STATES[state]] if state is not None else [])]
+        if self._session.dry_run:
+            words.append("DRY-RUN")
+        return safe(" ".join(words)) + ("*" if self.unstored() else "") + "> "
+
+    def unstored(self) -> dict[int, list[str]]:
+        """What is not stored, by node-ID."""
+        return {node.node_id: list(node.unstored) for node in self._nodes() if node.unstored}
+
+    def toolbar(self) -> StyleAndTextTuples:
+        """One line: bus, node, state, emergencies, what is not stored."""
+        parts = [self._bus_part(), *self._node_parts(), *self._unstored_parts(), *self._hints()]
+        fragments: StyleAndTextTuples = []
+        for number, (style, text) in enumerate(parts):
+            fragments += [("", " │ " if number else " "), (style, safe(text))]
+        if self._session.options.ascii:
+            return [(fragment[0], ascii_only(fragment[1])) for fragment in fragments]
+        return fragments
+
+    def _bus_part(self) -> Fragment:
+        if self._life.failure is not None:
+            return "class:bad", f"{self._bus_name()} FAILED"
+        name = "SIMULATED" if self._session.wire.simulated else self._bus_name()
+        return "", f"{name} (dry run)" if self._session.dry_run else name
+
+    def _node_parts(self) -> list[Fragment]:
+        node_id, node = self._session.selected_id(), self._node()
+        if node_id is None:
+            return [("", "no node selected")]
+        title = f" {node.title[:24]}" if node is not None and node.title else ""
+        silence = self._life.silence_s(node_id)
+        state = self._state()
+        parts = [("", f"node {node_id}{title}")]
+        if silence is not None and silence[1]:
+            parts.append(("class:bad", f"NO HEARTBEAT {silence[0]:.0f} s"))
+        elif state is None:
+            parts.append(("", "state unknown"))
+        else:
+            beat = f" HB {silence[0]:.1f} s" if silence is not None else ""
+            parts.append((_STATE_STYLES.get(state, "class:bad"), f"{SHORT_STATES[state]}{beat}"))
+        count, code = self._life.emergencies.get(node_id, (0, 0))
+        if count:
+            parts.append(("class:bad" if code else "", f"EMCY {count}: 0x{code:04X} {emergency_text(code)}"))
+        return parts
+
+    def _unstored_parts(self) -> list[Fragment]:
+        selected = self._session.selected_id()
+        parts = []
+        for node_id, labels in self.unstored().items():
+            whose = "" if node_id == selected else f"node {node_id}: "
+            parts.append(("class:careful", f"{whose}{_listed(labels)} not stored"))
+        return parts
+
+    def _hints(self) -> list[Fragment]:
+        from dvtcli.shell import command_names
+
+        return [("", "F1 help")] if "help" in command_names() else []
+
+    def _bus_name(self) -> str:
+        name = self._session.wire.name
+        return name.partition(":")[2] or name
+
+    def _state(self) -> NmtState | None:
+        node_id = self._session.selected_id()
+        if node_id is None:
+            return None
+        if self._session.dry_run:
+            return self._told
+        return self._life.states.get(node_id, self._told)
+
+    def _node(self) -> Node | None:
+        return self._session.network.nodes.get(self._session.selected_id() or 0)
+
+    def _nodes(self) -> list[Node]:
+        return list(self._session.network.nodes.values())
+
+
+def _listed(labels: list[str]) -> str:
+    return ", ".join(labels[:3]) + (f", +{len(labels) - 3}" if len(labels) > 3 else "")

@@ -1,0 +1,161 @@
+"""Reading a line at a terminal: with menu, history and toolbar where it can draw them, else plainly.
+
+Knows prompt_toolkit. Does not know what a line does.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable
+from contextlib import redirect_stderr, redirect_stdout
+from typing import TYPE_CHECKING, Protocol, TextIO, cast
+
+from dvtcli.view.output import Output
+
+if TYPE_CHECKING:
+    from prompt_toolkit import PromptSession
+    from prompt_toolkit.key_binding import KeyBindings, KeyPressEvent
+    from prompt_toolkit.output import ColorDepth
+
+    from dvtcli.prompt.notices import Notices
+    from dvtcli.prompt.status import Status
+    from dvtcli.session import Session
+
+STYLE = {
+    "bottom-toolbar": "noreverse bg:#303030 #e0e0e0",
+    "bottom-toolbar.text": "",
+    "good": "#5fd75f bold",
+    "careful": "#ffd75f bold",
+    "bad": "#ff5f5f bold",
+    "command": "ansicyan bold",
+    "unknown": "ansired",
+    "option": "ansiyellow",
+    "number": "ansigreen",
+}
+
+
+class Reader(Protocol):
+    """Where lines come from."""
+
+    def read(self) -> str:
+        """The next line; KeyboardInterrupt where it was thrown away, EOFError where the user wants to leave."""
+        ...
+
+
+def reader(session: Session, status: Status, notices: Notices, show_help: Callable[[str], None]) -> Reader:
+    """The best reader for this terminal; *show_help* prints help for the line typed so far."""
+    if not sys.stdout.isatty() or os.environ.get("TERM", "").lower() in ("dumb", "unknown"):
+        return PlainReader(status, notices, session.output)
+    return FullReader(session, status, notices, show_help)
+
+
+class PlainReader:
+    """Lines as the terminal itself edits them: for terminals that cannot draw, and for stdout in a pipe."""
+
+    def __init__(self, status: Status, notices: Notices, output: Output) -> None:
+        self._status, self._notices, self._output = status, notices, output
+
+    def read(self) -> str:
+        """Ask on stderr, so that stdout holds results only."""
+        with self._notices.shown_by(lambda text: self._output.lines([text])):
+            self._notices.pump()
+            self._output.stderr.write(self._status.prompt())
+            self._output.stderr.flush()
+            try:
+                line = sys.stdin.readline()
+            except KeyboardInterrupt:
+                self._output.lines([""])
+                raise
+        if not line:
+            self._output.lines([""])
+            raise EOFError
+        return line
+
+
+class FullReader:
+    """Lines with a menu, history and a toolbar; messages of nodes appear above the prompt."""
+
+    def __init__(self, session: Session, status: Status, notices: Notices, show_help: Callable[[str], None]) -> None:
+        self._session, self._status, self._notices = session, status, notices
+        self._prompt = _prompt_session(session, status, show_help)
+
+    def read(self) -> str:
+        """Ask with everything that prompt_toolkit has."""
+        from prompt_toolkit.patch_stdout import StdoutProxy
+
+        # The proxy that patch_stdout(raw=True) makes; a shorter pause, since a command waits for it to close.
+        with StdoutProxy(raw=True, sleep_between_writes=0.02) as proxy:
+            above = cast(TextIO, proxy)
+            output = Output(above, above)
+            output.configure("text", self._session.base.color, 0, quiet=False, plain=self._session.base.ascii)
+            with (
+                redirect_stdout(above),
+                redirect_stderr(above),
+                self._notices.shown_by(lambda text: output.lines([text])),
+            ):
+                self._notices.pump()
+                return self._prompt.prompt()
+
+
+def _prompt_session(session: Session, status: Status, show_help: Callable[[str], None]) -> PromptSession[str]:
+    from prompt_toolkit import PromptSession
+    from prompt_toolkit.auto_suggest import AutoSuggestFromHistory
+    from prompt_toolkit.shortcuts import CompleteStyle
+    from prompt_toolkit.styles import Style
+
+    from dvtcli.prompt.colours import LineLexer
+    from dvtcli.prompt.completer import LineCompleter
+    from dvtcli.prompt.history import open_history
+
+    return PromptSession(
+        message=status.prompt,
+        history=open_history(session.output),
+        auto_suggest=AutoSuggestFromHistory(),
+        completer=LineCompleter(session),
+        complete_in_thread=True,
+        complete_style=CompleteStyle.COLUMN,
+        lexer=LineLexer(),
+        bottom_toolbar=status.toolbar,
+        refresh_interval=0.5,
+        search_ignore_case=True,
+        key_bindings=_keys(show_help),
+        style=Style.from_dict(STYLE),
+        include_default_pygments_style=False,
+        color_depth=_color_depth(session.base.color),
+    )
+
+
+def _color_depth(color: str) -> ColorDepth | None:
+    from prompt_toolkit.output import ColorDepth
+
+    return ColorDepth.DEPTH_1_BIT if color == "never" else None
+
+
+def _keys(show_help: Callable[[str], None]) -> KeyBindings:
+    from prompt_toolkit.application import get_app, run_in_terminal
+    from prompt_toolkit.filters import Condition, completion_is_selected, has_completions
+    from prompt_toolkit.key_binding import KeyBindings
+
+    from dvtcli.prompt.typed import typed
+
+    keys = KeyBindings()
+
+    @Condition
+    def between_words() -> bool:
+        line = typed(get_app().current_buffer.document.text_before_cursor)
+        return line is not None and not line.incomplete
+
+    @keys.add("enter", filter=has_completions & completion_is_selected)
+    def _accept(event: KeyPressEvent) -> None:
+        """Take the chosen word; the line is run by the next Enter."""
+        event.current_buffer.complete_state = None
+
+    @keys.add("f1")
+    @keys.add("?", filter=between_words)
+    def _help(event: KeyPressEvent) -> None:
+        """Print help for the line so far, and keep the line."""
+        line = event.current_buffer.text
+        run_in_terminal(lambda: show_help(line))
+
+    return keys

@@ -1,0 +1,161 @@
+"""The prompt: reads lines, runs each one as a script's line would be, and asks before unstored changes are left.
+
+Does not know how a line is edited (`dvtcli.prompt`), nor what a command does (`shell`).
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING
+
+from dvtcli.errors import DvtcliError
+from dvtcli.shell import LEAVE, boundary, command_names, run_words, split
+from dvtcli.view.lines import Cell, Line
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+    from dvtcli.prompt.status import Status
+    from dvtcli.prompt.terminal import Reader
+    from dvtcli.session import Session
+
+#: Exit code of a line that SIGTERM ended: the prompt ends with it.
+TERMINATED = 143
+
+
+def run_prompt(session: Session) -> int:
+    """Open the bus and run lines until the user leaves; the program's exit code. BusUnavailable where none opens."""
+    from dvtcli.prompt.life import Life
+    from dvtcli.prompt.notices import Notices
+    from dvtcli.prompt.status import Status
+    from dvtcli.prompt.terminal import reader
+    from dvtcli.transports.canbus import CanBus
+
+    session.started = True
+    _banner(session)
+    bus = session.wire
+    assert isinstance(bus, CanBus)  # noqa: S101 - every wire is one; only twins are not
+    life = Life(bus, Notices())
+    status = Status(session, life)
+    life.start()
+    try:
+        return Prompt(session, status, reader(session, status, life.notices, lambda line: _help(session, line))).run()
+    finally:
+        life.stop()
+
+
+class Prompt:
+    """The loop over typed lines."""
+
+    def __init__(self, session: Session, status: Status, lines: Reader) -> None:
+        self._session, self._status, self._reader = session, status, lines
+        #: whether the last line was done: then its node answers, and may be asked how it is
+        self._well = True
+
+    def run(self) -> int:
+        """Read and run lines until the user leaves; 0, or 143 after SIGTERM."""
+        while True:
+            self._session.cancellation.reset()
+            try:
+                self._status.refresh(ask=self._well)
+                code = self._turn()
+            except EOFError:
+                code = LEAVE
+            except KeyboardInterrupt:
+                code = 0  # Ctrl-C throws the line away; SIGTERM is told apart below
+            if self._terminated():
+                return TERMINATED
+            if code == LEAVE and self._may_leave():
+                return 0
+
+    def _turn(self) -> int:
+        """Read what is typed and run it; a pasted text of several lines stops at the first one that fails."""
+        text = self._reader.read()
+        for line in text.replace("\\\n", " ").splitlines():
+            self._session.cancellation.reset()
+            code = self._run(line)
+            if code:
+                return code
+        return 0
+
+    def _run(self, line: str) -> int:
+        """Run one line; where it succeeded, every node goes back to the state it was found in."""
+        session = self._session
+
+        def run() -> int:
+            words = split(line)
+            return run_words(words, session) if words else 0
+
+        code = boundary(session, run)
+        if code == 0:
+            code = boundary(session, session.leave_gates)
+        self._well = code == 0
+        return code
+
+    def _terminated(self) -> bool:
+        return self._session.cancellation.exit_code == TERMINATED
+
+    def _may_leave(self) -> bool:
+        """Whether nothing is left unstored, or the user says that this is meant."""
+        unstored = self._status.unstored()
+        if not unstored or self._session.options.yes or self._session.dry_run:
+            return True
+        what = " and ".join(f"{', '.join(labels)} of node {node_id}" for node_id, labels in unstored.items())
+        several = len(unstored) > 1 or any(len(labels) > 1 for labels in unstored.values())
+        try:
+            return self._session.output.ask(f"{what} {'are' if several else 'is'} not stored: leave?") or _gone()
+        except KeyboardInterrupt:
+            self._session.output.lines([""])
+            return self._terminated()
+
+
+def _gone() -> bool:
+    """Whether the terminal itself went away: then nobody is left to ask."""
+    return not sys.stdin.isatty()
+
+
+def _help(session: Session, line: str) -> None:
+    """Print help for the command that *line* begins with, else the list of commands."""
+    name = line.split()[:1]
+    if "help" in command_names():
+        run_words(["help", *(name if name and name[0] in command_names() else [])], session)
+
+
+def _banner(session: Session) -> None:
+    """Say what is open and which keys help."""
+    from dvtcli import __version__
+
+    network = session.network
+    session.output.stdout.flush()
+    lines: list[Line] = []
+    if network.simulated:
+        nodes = [_simulated(session.node(node_id)) for node_id in network.simulated_ids]
+        lines.append(f"dvtcli {__version__}  simulated {nodes[0]}. No CAN hardware is used.")
+        lines += [f"{'':{len(__version__) + 9}}simulated {node}" for node in nodes[1:]]
+    else:
+        lines.append(f"dvtcli {__version__}  {session.wire.name}{_reached(session)}")
+    keys = [("Tab", "complete"), ("Ctrl-R", "history"), ("Ctrl-D", "leave")]
+    if "help" in command_names():
+        keys.insert(0, ("?", "help"))
+    lines.append([cell for key, what in keys for cell in (Cell(key, "bold"), Cell(f"  {what}    "))])
+    if not session.output.quiet and not session.output.json:
+        session.output.lines([*lines, ""])
+
+
+def _simulated(node: Node) -> str:
+    pdos = node.present()
+    sent = sum(pdo.is_tpdo for pdo in pdos)
+    file = node.dictionary.source if node.dictionary is not None else "no EDS"
+    return f'node {node.node_id} "{node.title}" ({file}, {sent} TPDO, {len(pdos) - sent} RPDO)'
+
+
+def _reached(session: Session) -> str:
+    """The selected node as far as it answers; silence is said, and the prompt is there for it."""
+    node_id = session.selected_id()
+    if node_id is None:
+        return "  no node is selected: scan finds them, `node ID` selects one"
+    try:
+        node = session.node(node_id)
+    except DvtcliError as silent:
+        return f"  node {node_id} does not answer: {silent.text}"
+    file = f" ({node.dictionary.source})" if node.dictionary is not None else " (no EDS: objects have no names)"
+    return f'  node {node_id} "{node.title}"{file}'
