@@ -1,4 +1,4 @@
-"""Send SYNC messages and show the frames that come in answer."""
+"""Send SYNC messages and show the frames that come in answer, or see who sends SYNC."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from dvtcli.params import MillisecondsType, NumberType
 from dvtcli.shell import DvtCommand
 
 if TYPE_CHECKING:
-    from dvtcli.results import Synced
+    from dvtcli.results import Facts, Synced
     from dvtcli.session import Session
 
 #: How long frames are waited for after the last SYNC, in seconds.
@@ -22,16 +22,24 @@ _LISTEN_S = 0.05
 @click.command("sync", cls=DvtCommand, short_help=__doc__)
 @click.option("--period", type=MillisecondsType(1000), metavar="MS", help="Time between SYNCs [20].")
 @click.option("--count", type=NumberType(1, 100_000, "a count"), metavar="N", help="How many [1].")
+@click.option("--check", is_flag=True, help="Send none; say who produces SYNC, and warn where nobody does.")
 @click.pass_obj
-def command(session: Session, /, period: int | None, count: int | None) -> Synced:
+def command(session: Session, /, period: int | None, count: int | None, check: bool) -> Synced | Facts:
     """Produce SYNC (CAN-ID 0x080) and list what synchronous PDOs send.
 
     \b
     sync
     sync --period 20 --count 50
+    sync --check
     """
     from dvtcli.results import Synced
 
+    if check:
+        if period is not None or count is not None:
+            raise click.UsageError("--check sends no SYNC: leave --period and --count out")
+        from dvtcli.commands._sync_check import check_sync
+
+        return check_sync(session)
     times, gap_s = count or 1, (20 if period is None else period) / 1000
     seen: dict[int, tuple[Frame, int]] = {}
     bus = session.bus
