@@ -94,6 +94,8 @@ def _border(parts: list[Box], left: str, middle: str, right: str) -> str:
 
 def _centred(text: str, part: Box) -> str:
     width = _width(part)
+    if len(text) > width and "." in text:
+        text = text.rpartition(".")[2]  # the sub-index's own name says more than the start of the object's
     shown = safe(text) if len(text) <= width else safe(text)[: width - 1] + "…"
     return (
         shown.center(width, part.fill)
