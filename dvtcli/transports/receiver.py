@@ -53,6 +53,8 @@ class Receiver(Generic[M]):
         self._deliver = deliver
         self._mutex = threading.Lock()
         self._leader: object | None = None
+        #: whose thread reads; a thread that was interrupted while it ceased to lead finds itself here, and goes on
+        self._leading_thread = 0
         self._followers: dict[SimpleQueue[Any], None] = {}
         self._no_leader = threading.Condition(self._mutex)
         self._closing = threading.Event()
@@ -77,12 +79,12 @@ class Receiver(Generic[M]):
 
     def drain(self) -> None:
         """Deliver what has already arrived, without waiting; leaves it to the reading thread if there is one."""
-        with self._mutex:
-            if self._closed or self._leader is not None:
-                return
-            me = self._leader = object()
+        me = object()
         try:
-            self._read_waiting()
+            with self._mutex:
+                leads = not self._closed and self._take_lead(me)
+            if leads:
+                self._read_waiting()
         finally:
             self._leave(me)
 
@@ -93,10 +95,10 @@ class Receiver(Generic[M]):
         me = object()
         end_s = monotonic() + duration_s
         while not self._closed and (left_s := end_s - monotonic()) > 0:
-            if not self._lead_when_quiet(me):
-                self._closing.wait(min(left_s, QUIET_S))
-                continue
             try:
+                if not self._lead_when_quiet(me):
+                    self._closing.wait(min(left_s, QUIET_S))
+                    continue
                 while not self._followers and not self._closed and (left_s := end_s - monotonic()) > 0:
                     self._read_one(min(left_s, SLICE_S))
             finally:
@@ -121,9 +123,8 @@ class Receiver(Generic[M]):
         with self._mutex:
             if self._closed:
                 raise bus_closed()
-            if self._leader is None or self._leader is inbox:
+            if self._take_lead(inbox):
                 self._followers.pop(inbox, None)
-                self._leader = inbox
                 return True
             self._followers[inbox] = None
             return False
@@ -131,10 +132,16 @@ class Receiver(Generic[M]):
     def _lead_when_quiet(self, me: object) -> bool:
         """Lead on nobody's behalf, if nobody leads nor did so a moment ago."""
         with self._mutex:
-            if self._closed or self._leader is not None or monotonic() - self._last_wait_s < QUIET_S:
-                return False
-            self._leader = me
-            return True
+            quiet = monotonic() - self._last_wait_s >= QUIET_S
+            return quiet and not self._closed and self._take_lead(me)
+
+    def _take_lead(self, who: object) -> bool:
+        """Make *who* the leader unless another thread leads; the mutex is held."""
+        thread = threading.get_ident()
+        if self._leader is not None and self._leader is not who and self._leading_thread != thread:
+            return False
+        self._leader, self._leading_thread = who, thread
+        return True
 
     def _lead(self, inbox: SimpleQueue[T | Wake], deadline_s: float) -> T | Wake | None:
         while inbox.empty():
@@ -163,7 +170,7 @@ class Receiver(Generic[M]):
             for heir in self._followers:
                 if heir.empty():
                     del self._followers[heir]
-                    self._leader = heir
+                    self._leader, self._leading_thread = heir, 0  # until its thread has woken
                     heir.put(_LEAD)
                     return
             if self._closed:

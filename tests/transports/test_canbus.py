@@ -297,6 +297,29 @@ def test_an_interrupted_wait_does_not_block_the_bus(serve: Serve) -> None:
     bus.sdo(NODE).upload(0x1000, 0, timeout_s=1, retries=1)
 
 
+def test_a_wait_that_is_interrupted_by_a_frame_does_not_block_the_bus(serve: Serve) -> None:
+    bus, _ = serve()
+
+    def interrupt(_: Frame, sent: bool) -> None:
+        if not sent:
+            raise KeyboardInterrupt
+
+    stop = bus.tap(interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        bus.sdo(NODE).upload(0x1000, 0)
+    stop()
+    bus.sdo(NODE).upload(0x1001, 0)
+
+
+def test_a_thread_that_was_interrupted_while_it_ceased_to_read_can_go_on(serve: Serve) -> None:
+    bus, _ = serve()
+    bus._receiver._leader, bus._receiver._leading_thread = object(), threading.get_ident()
+    bus.sdo(NODE).upload(0x1000, 0)
+    thread, errors = in_thread(lambda: bus.sdo(NODE).upload(0x1000, 0))
+    thread.join()
+    assert errors.empty()
+
+
 def _interrupt(_: Frame, sent: bool) -> None:
     if sent:
         raise KeyboardInterrupt

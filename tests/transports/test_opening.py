@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 from can.interfaces import BACKENDS
 
+from dvtcli.domain.ports import CanopenBus
 from dvtcli.errors import BusUnavailable, NoAnswer
 from dvtcli.transports import open_canbus
 
@@ -135,15 +136,20 @@ def test_nothing_listens_and_that_is_said_at_once() -> None:
     assert "nothing listens" in str(caught.value.hint)
 
 
+def read_until_it_fails(bus: CanopenBus) -> None:
+    """Python-can takes a closed connection for silence until something is sent again."""
+    for _ in range(20):
+        with suppress(NoAnswer):
+            bus.sdo(1).upload(0x1000, 0)
+
+
 def test_a_server_that_goes_away_in_use(socketcand: tuple[int, list[socket.socket]]) -> None:
     port, connections = socketcand
     bus = open_canbus("socketcand", "can0", None, {"host": "127.0.0.1", "port": port}, timeout_s=0.02, retries=0)
     assert bus.name == f"socketcand:127.0.0.1:{port}"
     connections[-1].close()
     with pytest.raises(BusUnavailable) as caught:
-        for _ in range(20):
-            with suppress(NoAnswer):  # python-can takes the closed connection for silence until it sends again
-                bus.sdo(1).upload(0x1000, 0)
+        read_until_it_fails(bus)
     assert caught.value.why
     bus.close()
 
