@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import os
 import sys
-import tempfile
-import traceback
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -67,6 +65,9 @@ def _silence_stdout() -> None:
 
 
 def _bug(bug: Exception) -> Bug:
+    import tempfile
+    import traceback
+
     with tempfile.NamedTemporaryFile(
         "w", prefix="dvtcli-crash-", suffix=".txt", delete=False, encoding="utf-8"
     ) as file:

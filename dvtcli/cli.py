@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 import sys
 from typing import TYPE_CHECKING, Any
 
@@ -17,10 +16,9 @@ if TYPE_CHECKING:
 
 def main(argv: list[str] | None = None) -> int:
     """Run dvtcli with *argv* (default: the process's own) and return its exit code."""
-    session = Session(Output())
+    session = Session(Output(), on_open=lambda: _catch_signals(session))
     words = sys.argv[1:] if argv is None else argv
     session.output.format = "json" if "--json" in words else "text"
-    _catch_signals(session)
 
     def run() -> Any:
         return REGISTRY.main(words, prog_name="dvtcli", standalone_mode=False, obj=session, default_map=file_defaults())
@@ -34,6 +32,8 @@ def main(argv: list[str] | None = None) -> int:
 
 def _catch_signals(session: Session) -> None:
     """Ctrl-C and SIGTERM stop at once, except while a device is being written: then at the next safe point."""
+    import signal
+
     cancellation = session.cancellation
 
     def stop(number: int, _frame: FrameType | None) -> None:

@@ -20,8 +20,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Literal
 
-from dvtcli.domain.abort import abort_text
-
 if TYPE_CHECKING:
     from dvtcli.domain.rules import Finding
 
@@ -92,6 +90,8 @@ class SdoAborted(DvtcliError):
     slug = "sdo_abort"
 
     def __init__(self, index: int, sub_index: int, code: int, *, node: int | None = None) -> None:
+        from dvtcli.domain.abort import abort_text
+
         self.index, self.sub_index, self.code = index, sub_index, code
         place = f"{index:04X}:{sub_index:02X}"
         super().__init__(f"0x{place} refused: {abort_text(code)} (0x{code:08X})", node=node, place=place, abort=code)

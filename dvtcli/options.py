@@ -6,9 +6,7 @@ Knows their names and which of them a single line may change. Does not act on an
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import click
 
@@ -22,9 +20,11 @@ START_ONLY = frozenset(
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Options:
-    """The global options with their defaults; *timeout* is the SDO time-out in seconds."""
+class Options(NamedTuple):
+    """The global options with their defaults; *timeout* is the SDO time-out in seconds.
+
+    A named tuple, since `--help` needs none of what a dataclass costs to make.
+    """
 
     interface: str | None = None
     channel: str | None = None
@@ -136,34 +136,37 @@ def _seconds(text: str) -> float:
     return value
 
 
-def file_defaults(start: Path | None = None) -> dict[str, Any]:
+def file_defaults(start: str | None = None) -> dict[str, Any]:
     """The keys of the nearest `dvtcli.toml` at or above *start* as defaults for the root command.
 
     Raises InputFileError where the file is no TOML or has an unknown key.
     """
-    folder = (start or Path.cwd()).resolve()
-    for candidate in (folder, *folder.parents):
-        path = candidate / "dvtcli.toml"
-        if os.path.isfile(path):  # noqa: PTH113 - one stat, no second Path object per parent folder
+    folder = os.path.abspath(start or os.curdir)  # noqa: PTH100 - pathlib costs 7 ms of a --help
+    while True:
+        path = os.path.join(folder, "dvtcli.toml")  # noqa: PTH118
+        if os.path.isfile(path):  # noqa: PTH113
             return _read_defaults(path)
-    return {}
+        folder, below = os.path.dirname(folder), folder  # noqa: PTH120
+        if folder == below:
+            return {}
 
 
-def _read_defaults(path: Path) -> dict[str, Any]:
+def _read_defaults(path: str) -> dict[str, Any]:
     import tomllib
 
     from dvtcli.errors import InputFileError
 
     try:
-        keys = tomllib.loads(path.read_text("utf-8"))
+        with open(path, "rb") as file:  # noqa: PTH123
+            keys = tomllib.load(file)
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as wrong:
-        raise InputFileError(f"{path}: not valid TOML: {wrong}", place=str(path)) from wrong
+        raise InputFileError(f"{path}: not valid TOML: {wrong}", place=path) from wrong
     known = {names[-1].lstrip("-").replace("-", "_") for names, _ in _TABLE}
     unknown = sorted(key for key in keys if key.replace("-", "_") not in known)
     if unknown:
         raise InputFileError(
             f"{path}: unknown key {unknown[0]!r}",
-            place=str(path),
+            place=path,
             hint=f"keys are the options: {', '.join(sorted(known))}",
         )
     return {PREFIX + key.replace("-", "_"): value for key, value in keys.items()}

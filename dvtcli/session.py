@@ -8,7 +8,6 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from dvtcli.device.cancellation import Cancellation
@@ -23,28 +22,31 @@ if TYPE_CHECKING:
     from dvtcli.view.output import Output
 
 
-@dataclass(slots=True)
 class Session:
-    """What one run of dvtcli knows; commands ask it for the bus, the node and consent."""
+    """What one run of dvtcli knows; commands ask it for the bus, the node and consent.
 
-    output: Output
-    base: Options = field(default_factory=Options)
-    options: Options = field(default_factory=Options)
-    cancellation: Cancellation = field(default_factory=Cancellation)
-    #: at the prompt and in scripts the bus is chosen already
-    started: bool = False
-    #: scripts never ask, and keep a node pre-operational until their last line
-    in_script: bool = False
-    selected: int | None = None
-    #: script lines of everything that succeeded and changed something
-    executed: list[str] = field(default_factory=list)
-    _network: Network | None = None
-    _twin: Network | None = None
-    _untap: Callable[[], None] | None = None
+    *on_open* is called when the bus is about to be opened.
+    """
+
+    def __init__(self, output: Output, on_open: Callable[[], None] = lambda: None) -> None:
+        self.output = output
+        self.on_open = on_open
+        self.base = self.options = Options()
+        self.cancellation = Cancellation()
+        #: at the prompt and in scripts the bus is chosen already
+        self.started = False
+        #: scripts never ask, and keep a node pre-operational until their last line
+        self.in_script = False
+        self.selected: int | None = None
+        #: script lines of everything that succeeded and changed something
+        self.executed: list[str] = []
+        self._network: Network | None = None
+        self._twin: Network | None = None
+        self._untap: Callable[[], None] | None = None
 
     def start(self, given: dict[str, Any]) -> None:
         """Take the options of the program's start."""
-        self.base = self.options = replace(self.base, **given)
+        self.base = self.options = self.base._replace(**given)
         self._show()
 
     @contextmanager
@@ -59,7 +61,7 @@ class Session:
         if not self.started:
             self.start(given)
         fresh_twin = given.get("dry_run") and not self.base.dry_run
-        self.options = replace(self.base, **given)
+        self.options = self.base._replace(**given)
         self._show()
         try:
             yield
@@ -95,6 +97,7 @@ class Session:
         from dvtcli.network import Network, twin_of
 
         if self._network is None:
+            self.on_open()
             self._network = Network.opened(self.base, self.cancellation, self._consent)
             self._watch()
         if not self.dry_run:

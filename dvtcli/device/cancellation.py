@@ -4,19 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 
 
-@dataclass(slots=True)
 class Cancellation:
     """*requested* is set from outside; *active* says that a device is being written and stopping must wait.
 
     *exit_code* is what the stopped command ends with: 130 after Ctrl-C, 143 after SIGTERM.
     """
 
-    requested: bool = False
-    active: bool = False
-    exit_code: int = 130
+    def __init__(self) -> None:
+        self.requested = False
+        self.active = False
+        self.exit_code = 130
 
     @contextmanager
     def guard(self) -> Iterator[None]:
