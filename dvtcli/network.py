@@ -85,7 +85,17 @@ class Network:
         for one in self.simulated:
             if one.node_id == node_id:
                 return read_dictionary(one.eds)
-        return None
+        return self._from_library(node_id)
+
+    def _from_library(self, node_id: int) -> ObjectDictionary | None:
+        """The dictionary that `eds add` keeps for the node's identity."""
+        from dvtcli.formats.eds_library import find, folder
+
+        if not folder().is_dir():
+            return None
+        vendor, product, revision = (read_optional(self.bus.sdo(node_id), IDENTITY, sub, 4) for sub in (1, 2, 3))
+        path = None if vendor is None or product is None else find(vendor, product, revision)
+        return None if path is None else read_dictionary(path)
 
     def _profile(self, node_id: int) -> DeviceProfile:
         if self.options.profile:

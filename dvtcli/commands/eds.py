@@ -1,4 +1,4 @@
-"""Check or show an EDS or DCF file."""
+"""Check or show an EDS or DCF file, or add it to the collection that nodes are recognised by."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 @click.command("eds", cls=DvtCommand, short_help=__doc__)
-@click.argument("action", type=click.Choice(["check", "show"]), metavar="check|show")
+@click.argument("action", type=click.Choice(["check", "show", "add"]), metavar="check|show|add")
 @click.argument("file", type=TEXT)
 def command(action: str, file: str) -> Facts | FileReport:
     """Read FILE and say what is in it; `check` names everything odd with its line.
@@ -24,6 +24,7 @@ def command(action: str, file: str) -> Facts | FileReport:
     \b
     eds check drive.eds
     eds show drive.eds
+    eds add drive.eds       found from now on by the node's identity
     """
     from dvtcli.errors import UsageError
     from dvtcli.formats.eds import read_eds
@@ -34,7 +35,20 @@ def command(action: str, file: str) -> Facts | FileReport:
         raise UsageError(
             f"{file}: {failed.strerror}", place=file, hint="eds takes the path of an EDS or DCF"
         ) from failed
-    return _report(file, eds) if action == "check" else _facts(file, eds)
+    if action == "check":
+        return _report(file, eds)
+    return _facts(file, eds) if action == "show" else _added(file, eds)
+
+
+def _added(file: str, eds: EdsFile) -> Facts:
+    from dvtcli.formats.eds_library import add
+    from dvtcli.results import Facts
+
+    info = eds.dictionary.info
+    target = add(Path(file), info)
+    identity = f"vendor 0x{info.vendor_id:08X} product 0x{info.product_code:08X}"
+    said = f"kept as {target}: nodes with {identity} use it from now on"
+    return Facts("eds-added", (("file", file), ("kept", str(target))), (said,))
 
 
 def _report(file: str, eds: EdsFile) -> FileReport:
