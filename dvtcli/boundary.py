@@ -29,12 +29,12 @@ def guarded(session: Session, run: Callable[[], Any]) -> int:
     try:
         result = run()
     except DvtcliError as error:
-        session.output.error(error)
+        session.output.error(error, session.place)
         return error.exit_code
     except click.exceptions.Exit as finished:
         return finished.exit_code
     except click.ClickException as wrong:
-        session.output.error(usage_error(wrong))
+        session.output.error(usage_error(wrong), session.place)
         return 2
     except (KeyboardInterrupt, click.Abort):
         code = session.cancellation.exit_code
@@ -44,7 +44,7 @@ def guarded(session: Session, run: Callable[[], Any]) -> int:
         _silence_stdout()
         return 0
     except Exception as bug:  # noqa: BLE001 - the one boundary: a bug becomes exit code 70 with its traceback kept
-        session.output.error(_bug(bug))
+        session.output.error(_bug(bug), session.place)
         return BUG
     return result if isinstance(result, int) else 0
 

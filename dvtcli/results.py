@@ -341,12 +341,13 @@ class NodeListing:
 
 @dataclass(frozen=True, slots=True)
 class Commanded:
-    """An NMT command that was sent, with the state it led to (None: not confirmed)."""
+    """An NMT command that was sent, with the state it led to (None: not confirmed) and the changes that are *lost*."""
 
     node: int
     command: str
     state: str | None
     dry_run: bool
+    lost: tuple[str, ...] = ()
     exit_code: int = 0
 
     def document(self) -> Document:
@@ -356,6 +357,7 @@ class Commanded:
             "node": self.node,
             "command": self.command,
             "state": self.state,
+            "lost": list(self.lost),
             "dry_run": self.dry_run,
         }
 

@@ -41,14 +41,15 @@ def run_script(session: Session, data: bytes, source: str, *, keep_going: bool) 
     session.in_script = True
     codes: list[int] = []
     for line, ctx in parsed:
+        session.place = f"{source}:{line.number}"
         code = run_parsed(ctx, session)
         if code == LEAVE:
             break
         if code:
             codes.append(code)
-            session.output.note(f"{source}:{line.number}: {' '.join(line.words)}: exit code {code}")
             if not keep_going or code in (130, 143):
                 break
+    session.place = None
     if not codes:
         return boundary(session, session.leave_gates)
     return 7 if 7 in codes else codes[0]

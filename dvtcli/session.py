@@ -15,6 +15,7 @@ from dvtcli.errors import SafetyRefusal, UsageError
 from dvtcli.options import START_ONLY, Options
 
 if TYPE_CHECKING:
+    from dvtcli.device.access import Gate
     from dvtcli.device.node import Node
     from dvtcli.domain.object_dictionary import ObjectDictionary
     from dvtcli.domain.ports import CanopenBus
@@ -37,6 +38,8 @@ class Session:
         self.started = False
         #: scripts never ask, and keep a node pre-operational until their last line
         self.in_script = False
+        #: `FILE:LINE` of the script line that runs
+        self.place: str | None = None
         self.selected: int | None = None
         #: script lines of everything that succeeded and changed something
         self.executed: list[str] = []
@@ -177,9 +180,18 @@ class Session:
 
     def leave_gates(self) -> None:
         """Return every node to the state it was found in; called where everything succeeded."""
+        for gate in self._gates():
+            gate.leave()
+
+    def abandon_gates(self) -> None:
+        """Let nodes stay PRE-OPERATIONAL; called where something failed."""
+        for gate in self._gates():
+            gate.abandon()
+
+    def _gates(self) -> Iterator[Gate]:
         for network in (self._network, self._twin):
             for node in network.nodes.values() if network else ():
-                node.gate.leave()
+                yield node.gate
 
     def close(self) -> None:
         """Leave the bus."""

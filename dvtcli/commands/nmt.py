@@ -51,26 +51,25 @@ def command(session: Session, /, command_: str, node_id: int | None) -> Commande
 
     specifier, wanted = _COMMANDS[command_]
     target = session.node_id() if node_id is None else node_id
-    state = _to_all(session, specifier) if target == 0 else _to_one(session, target, specifier, wanted)
+    reset = specifier in (NmtCommand.RESET_NODE, NmtCommand.RESET_COMMUNICATION)
+    nodes = session.network.nodes.values() if target == 0 else [session.node(target)]
+    lost = tuple(f"{label} of node {node.node_id}" for node in nodes for label in node.commanded(reset=reset))
+    state = None
+    if target:
+        state = _to_one(session, target, specifier, wanted)
+    else:
+        session.bus.send_nmt(specifier, 0)
     if not session.dry_run:
         session.record(session.node_id() if target == 0 else target, [f"nmt {command_}{' all' if target == 0 else ''}"])
-    return Commanded(target, command_, state.label if state is not None else None, session.dry_run)
-
-
-def _to_all(session: Session, specifier: NmtCommand) -> NmtState | None:
-    session.bus.send_nmt(specifier, 0)
-    for node in session.network.nodes.values():
-        node.commanded()
-    return None
+    return Commanded(target, command_, state.label if state is not None else None, session.dry_run, lost)
 
 
 def _to_one(session: Session, target: int, specifier: NmtCommand, wanted: NmtState) -> NmtState | None:
     from dvtcli.device.store import reset_and_wait
 
-    node = session.node(target)
-    node.commanded()
+    access = session.node(target).access
     if specifier in (NmtCommand.RESET_NODE, NmtCommand.RESET_COMMUNICATION):
-        reset_and_wait(node.access, specifier)
-        return node.access.state()
+        reset_and_wait(access, specifier)
+        return access.state()
     session.bus.send_nmt(specifier, target)
-    return node.access.confirmed(wanted, _CONFIRM_S)
+    return access.confirmed(wanted, _CONFIRM_S)

@@ -130,3 +130,15 @@ class Gate:
         if self.found is NmtState.OPERATIONAL:
             self.access.request(NmtState.OPERATIONAL)
         self.found, self.entered = None, False
+
+    def abandon(self) -> None:
+        """Forget the state that was found: something failed, the node stays PRE-OPERATIONAL until told otherwise."""
+        self.found, self.entered = None, False
+
+    def tell(self, error: DvtcliError) -> None:
+        """Add to *error* that the node was taken out of OPERATIONAL and stays there."""
+        if self.found is NmtState.OPERATIONAL:
+            node_id = self.access.node_id
+            error.details.append(
+                ("nmt", f"node {node_id} was OPERATIONAL and is PRE-OPERATIONAL now: nmt start {node_id}")
+            )

@@ -22,7 +22,7 @@ from dvtcli.domain.ports import CanopenBus, SdoTransport
 from dvtcli.domain.profile import GENERIC, DeviceProfile
 from dvtcli.domain.rules import Finding, Proposal, check_pdo, errors_in
 from dvtcli.domain.rules.mapping import decimal_hint
-from dvtcli.errors import RuleError, SdoAborted, UsageError
+from dvtcli.errors import DvtcliError, RuleError, SdoAborted, UsageError
 
 Want = PdoConfig | Callable[[Proposal], PdoConfig]
 
@@ -207,7 +207,11 @@ class Node:
         findings = raw_write_findings(self, index, sub_index, data)
         refuse(findings, f"0x{index:04X}:{sub_index:02X} not written", self.node_id, force=force)
         step = Step(index, sub_index, held_value(self, index, sub_index), data, "write")
-        return self.apply(Plan(self.node_id, (ValueChange(step),)), findings)
+        applied = self.apply(Plan(self.node_id, (ValueChange(step),)), findings)
+        pdo = Pdo.at(index)
+        if pdo in self.wanted:
+            self.wanted[pdo] = self.pdo(pdo)
+        return applied
 
     def upload(self, index: int, sub_index: int) -> bytes:
         """Read one object; an abort for a missing sub-index gets the hint that sub-indices are hexadecimal."""
@@ -254,10 +258,17 @@ class Node:
         if self.profile.store.only_pre_operational:
             self.gate.enter()
 
-    def commanded(self) -> None:
-        """An NMT command was sent by hand: the gate no longer knows the state, a reset changes everything."""
+    def commanded(self, *, reset: bool) -> tuple[str, ...]:
+        """An NMT command is sent by hand: the gate no longer knows the state, a *reset* loses what was not stored.
+
+        Returns the labels of what is lost.
+        """
         self._gate = None
         self.forget()
+        lost = tuple(self.unstored) if reset else ()
+        if reset:
+            self.unstored.clear()
+        return lost
 
     def apply(self, plan: Plan, findings: tuple[Finding, ...] = ()) -> Applied:
         """Run a checked *plan* inside the gate and remember it."""
@@ -265,6 +276,10 @@ class Node:
             self.gate.enter()
             try:
                 Transaction(self.sdo, plan, self.cancellation, self.access.explain).run()
+            except DvtcliError as error:
+                self.gate.tell(error)
+                error.why = error.why or _foreseen(findings, error.place)
+                raise
             finally:
                 self.forget()
             self.history.append(plan)
@@ -277,6 +292,11 @@ class Node:
                 self.wanted[change.pdo] = change.after
             if change.steps and self.profile.store.needed_for(change.steps[0].index):
                 self.unstored[change.label] = None
+
+
+def _foreseen(findings: tuple[Finding, ...], place: str | None) -> str | None:
+    """What the rules had said about the object that the device then refused, where they were overruled."""
+    return next((finding.text for finding in findings if finding.place == f"0x{place}"), None)
 
 
 def refuse(findings: tuple[Finding, ...], text: str, node_id: int, *, force: bool) -> None:

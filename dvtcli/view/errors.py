@@ -20,8 +20,8 @@ _STATES: dict[State, str] = {
 _STYLES = {Severity.ERROR: "red", Severity.WARNING: "yellow", Severity.NOTE: "cyan"}
 
 
-def error_document(error: DvtcliError) -> Document:
-    """`dvtcli.error/1`."""
+def error_document(error: DvtcliError, at: str | None = None) -> Document:
+    """`dvtcli.error/1`; *at* is the `FILE:LINE` of the script line that failed."""
     document: Document = {
         "schema": "dvtcli.error/1",
         "exit_code": error.exit_code,
@@ -33,15 +33,16 @@ def error_document(error: DvtcliError) -> Document:
         "why": error.why,
         "hint": error.hint,
         "state": error.state,
+        "at": at,
     }
     if isinstance(error, RuleError):
         document["findings"] = [finding_document(finding) for finding in error.findings]
     return document
 
 
-def error_lines(error: DvtcliError) -> Iterator[Line]:
-    """The error's screen, most telling line first."""
-    yield [Cell("error: ", "red"), Cell(error.text, "bold")]
+def error_lines(error: DvtcliError, at: str | None = None) -> Iterator[Line]:
+    """The error's screen, most telling line first; *at* is the `FILE:LINE` of the script line that failed."""
+    yield [Cell(f"{at}: " if at else ""), Cell("error: ", "red"), Cell(error.text, "bold")]
     if isinstance(error, RuleError):
         yield from _rule_lines(error)
         return

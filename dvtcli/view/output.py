@@ -61,17 +61,17 @@ class Output:
             self._write(self.stdout, line)
         self.stdout.flush()
 
-    def error(self, error: DvtcliError) -> None:
-        """Print a failure: as a document on stdout with --json, else as lines on stderr."""
+    def error(self, error: DvtcliError, at: str | None = None) -> None:
+        """Print a failure: as a document on stdout with --json, else as lines on stderr; *at* is `FILE:LINE`."""
         if self.json:
             from dvtcli.view.errors import error_document
 
-            self._document(error_document(error))
+            self._document(error_document(error, at))
             return
         from dvtcli.view.errors import error_lines
 
         self.stdout.flush()
-        self.lines(error_lines(error))
+        self.lines(error_lines(error, at))
 
     def lines(self, lines: Iterable[Line]) -> None:
         """Print messages to stderr."""

@@ -29,6 +29,8 @@ def remarks(result: Any) -> Iterator[Line]:
     """Warnings and notes that belong to *result*; they go to stderr."""
     if isinstance(result, (results.Changed, results.Facts)):
         yield from map(finding_line, result.findings)
+    if isinstance(result, results.Commanded) and result.lost:
+        yield [Cell("warning: ", "yellow"), Cell(f"the reset lost what was not stored: {', '.join(result.lost)}")]
 
 
 def _value(result: results.ValueRead, _width: int) -> Iterator[Line]:
