@@ -112,7 +112,7 @@ def _root() -> Registry:
         cls=Registry,
         name="dvtcli",
         invoke_without_command=True,
-        context_settings={"help_option_names": ["-h", "--help"]},
+        context_settings={"help_option_names": ["-h", "--help"], "terminal_width": _help_width()},
         epilog="Try it without hardware: dvtcli --sim gen4 pdo",
     )
     @click.version_option(package_name=None, version=_version(), prog_name="dvtcli", message="%(prog)s %(version)s")
@@ -130,6 +130,15 @@ def _root() -> Registry:
 
     assert isinstance(root, Registry)  # noqa: S101 - for the type checker
     return root
+
+
+def _help_width() -> int:
+    """The width click gives its help texts, found without importing shutil as click would."""
+    try:
+        columns = int(os.environ.get("COLUMNS", 0)) or os.get_terminal_size(1).columns
+    except (ValueError, OSError):
+        columns = 80
+    return max(min(columns, 80) - 2, 50)
 
 
 def _version() -> str:
