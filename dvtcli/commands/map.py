@@ -10,6 +10,8 @@ from dvtcli.commands._changing import configure, made
 from dvtcli.commands._pdo_options import pdo_options, request
 from dvtcli.domain.object_syntax import MappedObject
 from dvtcli.domain.request import mapping_entries, wanted_config
+from dvtcli.domain.rules.mapping import missing_object
+from dvtcli.errors import RuleError
 from dvtcli.params import ENTRY, PDO, EntryWord, NodePdo
 from dvtcli.shell import DvtCommand
 
@@ -43,6 +45,17 @@ def command(session: Session, /, pdo: NodePdo, objects: tuple[EntryWord, ...], *
     }
 
     def make(proposal: Proposal) -> PdoConfig:
+        refuse_missing(proposal, [key for key, bits in lengths.items() if bits is None])
         return wanted_config(asked, proposal, mapping_entries(words, proposal, lengths))
 
     return configure(session, node, {pdo.pdo: made(pdo.pdo, make)})
+
+
+def refuse_missing(proposal: Proposal, unknown: list[tuple[int, int]]) -> None:
+    """Raise RuleError for an object of *unknown* length that the EDS does not have at all."""
+    dictionary = proposal.dictionary
+    for index, sub_index in unknown:
+        if dictionary is not None and dictionary.entry(index, sub_index) is None:
+            finding = missing_object(dictionary, proposal.mapping_place(1), index, sub_index)
+            text = f"{proposal.pdo.label} not changed: {finding.text}"
+            raise RuleError(text, [finding], node=proposal.node_id)

@@ -104,7 +104,7 @@ def similar(text: str, dictionary: ObjectDictionary, aliases: Mapping[str, str])
     names = [*aliases, *(normalised(entry.name) for entry in dictionary.entries())]
     wanted = normalised(text)
     close = difflib.get_close_matches(wanted, dict.fromkeys(names), n=3, cutoff=0.6)
-    return close or list(dict.fromkeys(name for name in names if wanted and wanted in name))[:3]
+    return close or list(dict.fromkeys(name for name in names if len(wanted) > 2 and wanted in name))[:3]
 
 
 def resolve_entry(

@@ -134,28 +134,21 @@ def _object(proposal: Proposal, place: str, entry: PdoMappingEntry) -> Iterator[
         return
     found = dictionary.entry(entry.index, entry.sub_index)
     if found is None:
-        yield _missing(dictionary, place, entry)
+        yield missing_object(dictionary, place, entry.index, entry.sub_index)
         return
     yield from _direction(proposal, dictionary, place, found)
     yield from _access_advice(proposal, dictionary, place, found)
 
 
-def _missing(dictionary: ObjectDictionary, place: str, entry: PdoMappingEntry) -> Finding:
-    if entry.index not in dictionary:
-        return error(
-            "object-exists",
-            place,
-            f"0x{entry.index:04X} is not in {dictionary.source}",
-            Abort.NO_OBJECT,
-            "objects TEXT searches the dictionary",
-        )
-    subs = ", ".join(f"{sub:02X}" for sub in list(dictionary[entry.index].entries)[:12])
-    text = (
-        f'0x{entry.object} is not in {dictionary.source}; {entry.index:04X} "{dictionary[entry.index].name}" has {subs}'
-    )
-    return error(
-        "object-exists", place, text, Abort.NO_SUB_INDEX, decimal_hint(dictionary, entry.index, entry.sub_index)
-    )
+def missing_object(dictionary: ObjectDictionary, place: str, index: int, sub_index: int) -> Finding:
+    """The finding for an object that *dictionary* does not have, with what it has instead."""
+    if index not in dictionary:
+        text = f"0x{index:04X} is not in {dictionary.source}"
+        return error("object-exists", place, text, Abort.NO_OBJECT, "objects TEXT searches the dictionary")
+    known = dictionary[index]
+    subs = ", ".join(f"{sub:02X}" for sub in list(known.entries)[:12])
+    text = f'0x{index:04X}:{sub_index:02X} is not in {dictionary.source}; {index:04X} "{known.name}" has {subs}'
+    return error("object-exists", place, text, Abort.NO_SUB_INDEX, decimal_hint(dictionary, index, sub_index))
 
 
 def decimal_hint(dictionary: ObjectDictionary, index: int, sub_index: int) -> str | None:
