@@ -135,7 +135,7 @@ def _root() -> Registry:
 def _help_width() -> int:
     """The width click gives its help texts, found without importing shutil as click would."""
     try:
-        columns = int(os.environ.get("COLUMNS", 0)) or os.get_terminal_size(1).columns
+        columns = int(os.environ.get("COLUMNS", "0")) or os.get_terminal_size(1).columns
     except (ValueError, OSError):
         columns = 80
     return max(min(columns, 80) - 2, 50)
