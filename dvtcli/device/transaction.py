@@ -6,7 +6,7 @@ The only place that writes a plan to a device. Does not decide what is legal and
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.read import read_pdo
@@ -56,7 +56,7 @@ class Transaction:
                     done += 1
                     self._download(step, change, done, total)
             self._verify()
-        except (DvtcliError, KeyboardInterrupt) as fault:
+        except BaseException as fault:  # a bug of ours must not leave the device half configured either
             self._roll_back(fault)
             raise
 
@@ -93,7 +93,7 @@ class Transaction:
     def _roll_back(self, fault: BaseException) -> None:
         try:
             restore(self.sdo, self._started)
-        except (DvtcliError, KeyboardInterrupt) as second:
+        except (Exception, KeyboardInterrupt) as second:  # noqa: BLE001 - whatever it is, the device is left changed
             raise left_changed(self.plan, fault, second) from fault
         if isinstance(fault, DvtcliError):
             fault.state = "rolled_back" if self._started else "unchanged"
@@ -125,16 +125,26 @@ def refused(aborted: SdoAborted, step: Step, node_id: int, what: str) -> DeviceR
 
 
 def restore(sdo: SdoTransport, changes: Sequence[Change]) -> None:
-    """Put every change's *before* back, last change first, and verify it.
+    """Put every change's *before* back, last change first, and verify it; the first failure is raised at the end.
 
     The device is read anew first: after a time-out nobody knows whether the last write arrived.
     """
+    failures: list[Exception] = []
     for change in reversed(changes):
-        for step in _steps_back(sdo, change):
-            sdo.download(step.index, step.sub_index, step.after)
-        difference = first_difference(sdo, change, wanted_before=True)
-        if difference:
-            raise DeviceRefused(f"{change.label} does not read back as it was", place=change.label, why=difference)
+        try:
+            _restore(sdo, change)
+        except Exception as failed:  # noqa: BLE001 - the others are put back all the same
+            failures.append(failed)
+    if failures:
+        raise failures[0]
+
+
+def _restore(sdo: SdoTransport, change: Change) -> None:
+    for step in _steps_back(sdo, change):
+        sdo.download(step.index, step.sub_index, step.after)
+    difference = first_difference(sdo, change, wanted_before=True)
+    if difference:
+        raise DeviceRefused(f"{change.label} does not read back as it was", place=change.label, why=difference)
 
 
 def _steps_back(sdo: SdoTransport, change: Change) -> Sequence[Step]:
@@ -158,11 +168,9 @@ def first_difference(sdo: SdoTransport, change: Change, *, wanted_before: bool =
     differing = plan_pdo(change.pdo, read_pdo(sdo, change.pdo), wanted_config).steps
     if not differing:
         return None
-    step = (
-        differing[0]
-        if len(differing) == 1
-        else next(s for s in differing if s.index != change.pdo.communication_index or s.sub_index != 1)
-    )
+    cob_id = (change.pdo.communication_index, 1)
+    telling = (step for step in differing if (step.index, step.sub_index) != cob_id)
+    step = next(telling, None) or replace(differing[0], after=differing[-1].after)  # the COB-ID alone
     return f"0x{step.object} is {_hex(step.before)}, expected {_hex(step.after)}"
 
 
