@@ -54,7 +54,7 @@ def test_every_value_names_its_source(path: Path) -> None:
         ("generic", (None, None, None, "keep", "keep", True, "no", (1,), None)),
         ("gen4", (5, 8, 1, "clear", "clear", False, "required", (1,), {1, 5, 6, 7})),
         ("espac", (9, 8, 1, "clear", "clear", False, "required", (1,), {1, 2, 3, 4})),
-        ("tmcm", (None, None, 8, "set", "set", True, "no", (2, 1), None)),
+        ("tmcm", (None, None, 8, "set", "set", False, "no", (2, 1), None)),
         ("roboteq", (4, 8, 8, "set", "keep", True, "advised", (), None)),
     ],
 )
