@@ -9,5 +9,9 @@ from dvtcli.shell import LEAVE, DvtCommand
 
 @click.command("exit", cls=DvtCommand, short_help=__doc__)
 def command() -> int:
-    """Leave the prompt, or end a script here."""
+    """Leave the prompt, or end a script here.
+
+    \b
+    exit
+    """
     return LEAVE
