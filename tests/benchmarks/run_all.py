@@ -32,7 +32,7 @@ def startup(rounds: int) -> Iterator[Row]:
             yield (
                 name,
                 f"{own:.0f} ms",
-                f"{other:.0f} ms {bench_startup.ROWS[column - 1][0][7:]}",
+                f"{other:.0f} ms {bench_startup.ROWS[column - 1][0]}",
                 f"{ratio:.2f}",
                 (f"<= {goal}"),
                 ratio <= goal,
