@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import pytest
+from hypothesis import settings
+
+#: `pytest --hypothesis-profile=thorough` looks at thirty times as many examples of every law.
+settings.register_profile("thorough", max_examples=3000, deadline=None)
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

@@ -14,6 +14,8 @@ from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
 
 TRANSMISSION_TYPE, INHIBIT_TIME, EVENT_TIMER, SYNC_START = 2, 3, 5, 6
+#: Transmission types of TPDOs that are sent on a remote frame.
+ON_REQUEST = (252, 253)
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,6 +119,9 @@ def _pdo_steps(pdo: Pdo, now: PdoConfig, want: PdoConfig) -> Iterator[Step]:
         off = wanted if wanted == held.disabled() else held.disabled()
         yield _cob_id_step(index, held, off, "disable the PDO (bit 31)")
         held = off
+    if _needs_rtr_first(now, want):
+        yield _cob_id_step(index, held, wanted.disabled(), "allow RTR, which the transmission type answers")
+        held = wanted.disabled()
     yield from _communication_steps(index, now.communication, want.communication)
     if _mapping_differs(now, want):
         yield from _mapping_steps(pdo.mapping_index, now, want)
@@ -133,6 +138,17 @@ def _needs_disabling(now: PdoConfig, want: PdoConfig) -> bool:
         or a.inhibit_time != b.inhibit_time
         or a.sync_start_value != b.sync_start_value
         or _mapping_differs(now, want)
+    )
+
+
+def _needs_rtr_first(now: PdoConfig, want: PdoConfig) -> bool:
+    """Whether a type that answers RTR would be refused as long as bit 30 forbids RTR."""
+    a, b = now.communication, want.communication
+    return (
+        b.transmission_type in ON_REQUEST
+        and a.transmission_type != b.transmission_type
+        and b.cob_id.rtr_allowed
+        and not a.cob_id.rtr_allowed
     )
 
 

@@ -153,6 +153,7 @@ class DirectBus:
     channel: SdoTransport
     commands: list[NmtCommand] = field(default_factory=list)
     heard_boot_ups: int = 0
+    slept_s: float = 0.0
     name: str = "direct"
     simulated: bool = True
 
@@ -183,6 +184,12 @@ class DirectBus:
 
     def receive(self, duration_s: float) -> Iterator[Frame]:
         yield from self.device.take_outbox()
+
+    def now_s(self) -> float:
+        return self.slept_s
+
+    def sleep(self, duration_s: float) -> None:
+        self.slept_s += max(duration_s, 0)
 
     def close(self) -> None:
         self.device.take_outbox()

@@ -226,7 +226,7 @@ def with_parameter(**values: object) -> Callable[[PdoConfig], PdoConfig]:
     return lambda now: replace(now, communication=replace(now.communication, **values))  # type: ignore[arg-type]
 
 
-CHANGES = {
+CHANGES: dict[str, Callable[[PdoConfig], PdoConfig]] = {
     "COB-ID of a live PDO": with_parameter(cob_id=CobId.from_raw(0x4000_0190)),
     "COB-ID and off": with_parameter(cob_id=CobId.from_raw(0xC000_0190)),
     "type": with_parameter(transmission_type=10),

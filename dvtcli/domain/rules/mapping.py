@@ -133,6 +133,9 @@ def _object(proposal: Proposal, place: str, entry: PdoMappingEntry) -> Iterator[
         yield note("no-dictionary", place, f"no EDS: nothing is known about {entry.object} beforehand")
         return
     found = dictionary.entry(entry.index, entry.sub_index)
+    if found is None and entry.index in DUMMY_BITS:
+        yield error("object-exists", place, f"the dummy 0x{entry.index:04X} has sub-index 00 only", Abort.NO_SUB_INDEX)
+        return
     if found is None:
         yield missing_object(dictionary, place, entry.index, entry.sub_index)
         return
@@ -208,7 +211,8 @@ def _access_advice(proposal: Proposal, dictionary: ObjectDictionary, place: str,
 def _length(proposal: Proposal, place: str, entry: PdoMappingEntry) -> Iterator[Finding]:
     profile = proposal.profile
     if not 1 <= entry.bits <= MAX_PDO_BITS:
-        yield error("entry-length", place, f"{entry} has {entry.bits} bits; an entry has 1..64", Abort.NOT_MAPPABLE)
+        abort = Abort.NOT_MAPPABLE if entry.bits or not entry.raw else Abort.VALUE_RANGE
+        yield error("entry-length", place, f"{entry} has {entry.bits} bits; an entry has 1..64", abort)
         return
     granularity = _granularity(proposal)
     if entry.bits % granularity:
