@@ -5,7 +5,6 @@ Knows behaviours that a profile names. Does not write PDO parameters.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -75,14 +74,14 @@ class Access:
 
         A stopped node answers no SDO, so STOPPED is only ever heard.
         """
-        deadline = time.monotonic() + timeout_s
+        deadline_s = self.bus.now_s() + timeout_s
         state = None
-        while (left := deadline - time.monotonic()) > 0:
+        while (left_s := deadline_s - self.bus.now_s()) > 0:
             heard_only = wanted is NmtState.STOPPED or self.profile.state_object is None
-            state = self.bus.nmt_state(self.node_id, left) if heard_only else self.state()
+            state = self.bus.nmt_state(self.node_id, left_s) if heard_only else self.state()
             if state is wanted:
                 return state
-            time.sleep(0.005)
+            self.bus.sleep(0.005)
         return state
 
     def _confirm(self, wanted: NmtState) -> None:

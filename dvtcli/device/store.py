@@ -5,7 +5,6 @@ Knows the signatures and capability bits of CiA 301 (7.5.2.13, 7.5.2.14). Does n
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
 
 from dvtcli.device.access import Access
@@ -39,7 +38,7 @@ def sign(access: Access, policy: StorePolicy, index: int, sub_index: int | None)
     """
     sdo = access.bus.sdo(access.node_id)
     where = _choose(sdo, policy, index, sub_index, access.node_id)
-    started = time.monotonic()
+    started_s = access.bus.now_s()
     try:
         sdo.download(index, where, SIGNATURES[index], timeout_s=policy.timeout_s)
     except SdoAborted as aborted:
@@ -49,7 +48,7 @@ def sign(access: Access, policy: StorePolicy, index: int, sub_index: int | None)
         silent.state = "unknown"
         silent.hint = f"it may still be writing; wait, then `{_word(index)}` again"
         raise
-    return Signed(index, where, time.monotonic() - started)
+    return Signed(index, where, access.bus.now_s() - started_s)
 
 
 def _word(index: int) -> str:
@@ -108,7 +107,7 @@ def _refused(aborted: SdoAborted, node_id: int, index: int, sub_index: int) -> D
 def reset_and_wait(access: Access, command: NmtCommand, timeout_s: float = BOOT_TIMEOUT_S) -> float:
     """Reset the node and wait for its boot-up message; the seconds it took. NoAnswer where none comes."""
     bus, node_id = access.bus, access.node_id
-    seen, started = bus.boot_ups(node_id), time.monotonic()
+    seen, started_s = bus.boot_ups(node_id), bus.now_s()
     bus.send_nmt(command, node_id)
     if not bus.wait_boot_up(node_id, seen, timeout_s):
         raise NoAnswer(
@@ -117,7 +116,7 @@ def reset_and_wait(access: Access, command: NmtCommand, timeout_s: float = BOOT_
             hint="look at the node, then scan",
             state="unknown",
         )
-    return time.monotonic() - started
+    return bus.now_s() - started_s
 
 
 def return_to(access: Access, state: NmtState | None) -> None:

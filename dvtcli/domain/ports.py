@@ -85,6 +85,14 @@ class CanopenBus(Protocol):
         """Yield every frame that arrives within *duration_s*, as it arrives."""
         ...
 
+    def now_s(self) -> float:
+        """The bus's own time in seconds: only differences mean something, and a simulated bus may run ahead."""
+        ...
+
+    def sleep(self, duration_s: float) -> None:
+        """Wait *duration_s* of that time (0 and less: not at all); others may use the bus meanwhile."""
+        ...
+
     def close(self) -> None:
         """Leave the bus; returns promptly and may be called twice."""
         ...

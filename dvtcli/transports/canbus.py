@@ -161,6 +161,15 @@ class CanBus:
         """
         self._receiver.idle(duration_s)
 
+    def now_s(self) -> float:
+        """The time that deadlines are measured in (time.monotonic)."""
+        return monotonic()
+
+    def sleep(self, duration_s: float) -> None:
+        """Wait *duration_s*, reading the bus meanwhile unless another thread does; raises BusUnavailable."""
+        if duration_s > 0:
+            self._receiver.idle(duration_s)
+
     def close(self) -> None:
         """Leave the bus, within some 20 ms; whoever waits for something gets BusUnavailable. May be called twice."""
         with self._setup_lock:

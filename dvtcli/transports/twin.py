@@ -6,7 +6,6 @@ Nothing but SDO uploads reaches the wrapped bus. Does not know files, profiles o
 from __future__ import annotations
 
 import threading
-import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
@@ -97,9 +96,17 @@ class TwinBus:
     def receive(self, duration_s: float) -> Iterator[Frame]:
         """Yield the frames that twins have sent; without any, the end comes after *duration_s*."""
         if not self._frames:
-            time.sleep(duration_s)
+            self.sleep(duration_s)
         while self._frames:
             yield self._frames.popleft()
+
+    def now_s(self) -> float:
+        """The wrapped bus's time."""
+        return self._wrapped.now_s()
+
+    def sleep(self, duration_s: float) -> None:
+        """Wait *duration_s* of the wrapped bus's time."""
+        self._wrapped.sleep(duration_s)
 
     def close(self) -> None:
         """Forget the twins; the wrapped bus stays open for whoever opened it."""

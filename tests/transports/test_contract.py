@@ -107,6 +107,18 @@ class Contract:
         list(bus.receive(0.02))
         assert time.monotonic() - started < 0.5
 
+    def test_sleeping_takes_that_long_of_its_own_time(self, bus: CanopenBus) -> None:
+        started_s = bus.now_s()
+        bus.sleep(0.05)
+        bus.sleep(-1)
+        assert 0.045 <= bus.now_s() - started_s < 0.5
+
+    def test_what_comes_while_asleep_is_noticed(self, bus: CanopenBus) -> None:
+        seen = bus.boot_ups(1)
+        bus.send_nmt(NmtCommand.RESET_NODE, 1)
+        bus.sleep(0.1)
+        assert bus.boot_ups(1) == seen + 1
+
     def test_close_is_prompt_and_may_be_repeated(self, bus: CanopenBus) -> None:
         bus.sdo(1).upload(0x1000, 0)
         started = time.monotonic()
