@@ -60,6 +60,6 @@ def _labels(session: Session) -> dict[int, str]:
     return {
         config.communication.cob_id.can_id: f"{pdo.label} node {node.node_id}"
         for node in session.network.nodes.values()
-        for pdo, config in node.last_read.items()
+        for pdo, config in {**node.last_read, **node.wanted}.items()
         if pdo.is_tpdo and config.enabled
     }

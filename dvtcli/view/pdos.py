@@ -106,9 +106,8 @@ def _entries(row: PdoRow, width: int) -> Iterator[Line]:
         mapped = row.names[number - 1] if number <= len(row.names) else None
         stop = start + entry.bits - 1
         name = f"(skip {entry.bits} bits)" if entry.is_dummy else (mapped.name if mapped else "")
+        bits = f"{start}" if start == stop else f"{start}-{stop}"
         span = f"{start // 8}" if start // 8 == stop // 8 else f"{start // 8}-{stop // 8}"
-        table.add(
-            str(number), entry.object, Cell(name, "bold"), mapped.type_name if mapped else "", f"{start}-{stop}", span
-        )
+        table.add(str(number), entry.object, Cell(name, "bold"), mapped.type_name if mapped else "", bits, span)
         start += entry.bits
     yield from table.lines(width)
