@@ -11,3 +11,6 @@ settings.register_profile("thorough", max_examples=3000, deadline=None)
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--eds-corpus", metavar="DIR", help="folder of real EDS and DCF files to read; none: skipped")
+    parser.addoption(
+        "--update-transcripts", action="store_true", help="rewrite golden sessions with what is printed now"
+    )

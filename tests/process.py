@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import atexit
 import json
 import os
+import shutil
 import subprocess
 import sys
+import tempfile
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +17,19 @@ ROOT = Path(__file__).resolve().parents[1]
 SCRIPTS = ROOT / "scripts"
 
 
+@cache
+def home() -> Path:
+    """A home folder without anybody's settings; gone when the tests end."""
+    folder = Path(tempfile.mkdtemp(prefix="dvtcli-home-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return folder
+
+
 def environment() -> dict[str, str]:
     """This process's environment without what would change dvtcli's behaviour, and with UTF-8 streams."""
-    dropped = ("DVTCLI_", "CAN_", "FORCE_COLOR", "NO_COLOR", "COLUMNS")
-    return {key: value for key, value in os.environ.items() if not key.startswith(dropped)} | {
-        "PYTHONIOENCODING": "utf-8"
-    }
+    dropped = ("DVTCLI_", "CAN_", "XDG_", "FORCE_COLOR", "NO_COLOR", "COLUMNS")
+    kept = {key: value for key, value in os.environ.items() if not key.startswith(dropped)}
+    return kept | {"PYTHONIOENCODING": "utf-8", "HOME": str(home())}
 
 
 def dvtcli(*words: str, stdin: str = "", cwd: Path = ROOT, merge: bool = False) -> subprocess.CompletedProcess[str]:
