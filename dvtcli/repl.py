@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 #: Exit code of a line that SIGTERM ended: the prompt ends with it.
 TERMINATED = 143
+#: Exit code of a line that got no answer from its node or its bus.
+SILENT = 5
 
 
 def run_prompt(session: Session) -> int:
@@ -48,15 +50,15 @@ class Prompt:
 
     def __init__(self, session: Session, status: Status, lines: Reader) -> None:
         self._session, self._status, self._reader = session, status, lines
-        #: whether the last line was done: then its node answers, and may be asked how it is
-        self._well = True
+        #: whether the node may be asked how it is before a prompt: not after it kept silent, which takes time
+        self._answers = True
 
     def run(self) -> int:
         """Read and run lines until the user leaves; 0, or 143 after SIGTERM."""
         while True:
             self._session.cancellation.reset()
             try:
-                self._status.refresh(ask=self._well)
+                self._status.refresh(ask=self._answers)
                 code = self._turn()
             except EOFError:
                 code = LEAVE
@@ -88,7 +90,7 @@ class Prompt:
         code = boundary(session, run)
         if code == 0:
             code = boundary(session, session.leave_gates)
-        self._well = code == 0
+        self._answers = code != SILENT
         return code
 
     def _terminated(self) -> bool:
@@ -129,8 +131,9 @@ def _banner(session: Session) -> None:
     lines: list[Line] = []
     if network.simulated:
         nodes = [_simulated(session.node(node_id)) for node_id in network.simulated_ids]
-        lines.append(f"dvtcli {__version__}  simulated {nodes[0]}. No CAN hardware is used.")
+        lines.append(f"dvtcli {__version__}  simulated {nodes[0]}")
         lines += [f"{'':{len(__version__) + 9}}simulated {node}" for node in nodes[1:]]
+        lines.append("No CAN hardware is used.")
     else:
         lines.append(f"dvtcli {__version__}  {session.wire.name}{_reached(session)}")
     keys = [("Tab", "complete"), ("Ctrl-R", "history"), ("Ctrl-D", "leave")]

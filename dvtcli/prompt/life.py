@@ -81,7 +81,7 @@ class Life:
         except BusUnavailable as failed:
             if not self._stopping.is_set():
                 self.failure = failed.text
-                self.notices.add(f"{failed.text}: {failed.why or 'nothing is heard any more'}")
+                self.notices.add(f"{failed.text}: nothing is heard any more; leave, and start again once it is back")
                 self.notices.pump()
 
     def _on_frame(self, frame: Frame, sent: bool) -> None:

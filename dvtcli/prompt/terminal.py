@@ -95,7 +95,8 @@ class FullReader:
                 self._notices.shown_by(lambda text: output.lines([text])),
             ):
                 self._notices.pump()
-                return self._prompt.prompt()
+                # The program's own signal handler stays: prompt_toolkit's would lose a Ctrl-C that comes while it ends.
+                return self._prompt.prompt(handle_sigint=False)
 
 
 def _prompt_session(session: Session, status: Status, show_help: Callable[[str], None]) -> PromptSession[str]:

@@ -1,0 +1,118 @@
+"""A real terminal for tests: a pseudo-terminal with dvtcli in it, and a screen that shows what a person would see."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pexpect
+import pyte
+
+#: How long a screen may take to show something, in seconds: generous, since a test never waits longer than needed.
+PATIENCE_S = 15.0
+
+UP, DOWN, TAB, ENTER, ESCAPE = "\x1b[A", "\x1b[B", "\t", "\r", "\x1b"
+CTRL_C, CTRL_D, CTRL_R, F1 = "\x03", "\x04", "\x12", "\x1bOP"
+
+
+class Answering(pyte.Screen):
+    """A screen that answers where its cursor is, as terminals do."""
+
+    child: pexpect.spawn[bytes]
+
+    def write_process_input(self, data: str) -> None:
+        self.child.send(data)
+
+
+class Terminal:
+    """`python -m dvtcli` with *arguments* in a terminal of *columns* x *rows*."""
+
+    def __init__(
+        self,
+        state: Path,
+        *arguments: str,
+        columns: int = 80,
+        rows: int = 24,
+        environment: dict[str, str] | None = None,
+        command: list[str] | None = None,
+    ) -> None:
+        kept = {name: value for name, value in os.environ.items() if not name.startswith(("DVTCLI", "CAN_"))}
+        env = {**kept, "XDG_STATE_HOME": str(state), "TERM": "xterm-256color", "HOME": str(state)}
+        words = command or [sys.executable, "-m", "dvtcli", *arguments]
+        self.child: pexpect.spawn[bytes] = pexpect.spawn(
+            words[0], words[1:], env={**env, **(environment or {})}, dimensions=(rows, columns), cwd=str(state)
+        )  # type: ignore[arg-type]
+        self.child.delaybeforesend = None
+        self.screen = Answering(columns, rows)
+        self.screen.child = self.child
+        self._stream = pyte.ByteStream(self.screen)
+        self.written = b""
+
+    @property
+    def lines(self) -> list[str]:
+        """The screen's rows, without blanks at their ends."""
+        return [row.rstrip() for row in self.screen.display]
+
+    @property
+    def text(self) -> str:
+        return "\n".join(self.lines)
+
+    @property
+    def cursor_line(self) -> str:
+        """The row the cursor is in: the line being typed."""
+        return self.lines[self.screen.cursor.y]
+
+    @property
+    def toolbar(self) -> str:
+        return self.lines[-1]
+
+    def type(self, keys: str) -> None:
+        self.child.send(keys)
+
+    def run(self, line: str) -> None:
+        """Type *line* and Enter once it stands there: a person does not type faster than the terminal shows."""
+        self.type(line)
+        self.until(lambda: line[-20:] in self.cursor_line, f"{line!r} on the line")
+        self.type(ENTER)
+
+    def wait(self, text: str) -> None:
+        """Wait until the screen shows *text*."""
+        self.until(lambda: text in self.text, repr(text))
+
+    def wait_prompt(self, prompt: str = "sim/1 PRE-OP> ") -> None:
+        """Wait for an empty prompt under the cursor."""
+        self.until(lambda: self.cursor_line == prompt.rstrip() and self.screen.cursor.x == len(prompt), f"{prompt!r}")
+
+    def until(self, condition: Callable[[], bool], what: str) -> None:
+        """Read what the program writes until *condition* holds; AssertionError with the screen otherwise."""
+        end_s = time.monotonic() + PATIENCE_S
+        while not condition():
+            in_time = time.monotonic() < end_s and not self.child.eof()
+            assert in_time, f"waited for {what}; the screen is:\n{self.text}"
+            self._read()
+
+    def ended(self) -> int | None:
+        """Wait for the program's end; its exit code."""
+        end_s = time.monotonic() + PATIENCE_S
+        while not self.child.eof():
+            assert time.monotonic() < end_s, f"dvtcli did not end; the screen is:\n{self.text}"
+            self._read()
+        self.child.close()
+        return self.child.exitstatus
+
+    def _read(self) -> None:
+        try:
+            data = self.child.read_nonblocking(65536, timeout=0.05)
+        except pexpect.TIMEOUT:
+            return
+        except pexpect.EOF:
+            self.child.flag_eof = True
+            return
+        self.written += data
+        self._stream.feed(data)
+
+    def close(self) -> None:
+        self.child.close(force=True)

@@ -1,0 +1,256 @@
+"""The prompt in real terminals: what a person types and sees."""
+
+from __future__ import annotations
+
+import signal
+import stat
+import sys
+from pathlib import Path
+
+from tests.prompt.conftest import Open
+from tests.prompt.terminal import CTRL_C, CTRL_D, CTRL_R, DOWN, ENTER, ESCAPE, F1, TAB, UP, Terminal
+
+MAP = "map tpdo1 6C01:1 606C 6041 --cob-id 0x201 --sync 1"
+
+
+def test_the_banner_says_what_is_simulated_and_which_keys_help(gen4: Terminal) -> None:
+    assert 'simulated node 1 "Gen4" (gen4.eds, 5 TPDO, 5 RPDO)' in gen4.lines[0]
+    assert gen4.lines[1] == "No CAN hardware is used."
+    assert "?  help" in gen4.text
+    gen4.until(lambda: gen4.toolbar.startswith(" SIMULATED │ node 1 Gen4 │ PRE-OP"), "the toolbar")
+    gen4.wait("F1 help")
+    gen4.type(CTRL_D)
+    assert gen4.ended() == 0
+
+
+def test_mapping_shows_its_steps_and_leaving_asks(gen4: Terminal) -> None:
+    gen4.run(MAP)
+    gen4.wait_prompt("sim/1 PRE-OP*> ")
+    steps = [line for line in gen4.lines if line.endswith(" ok")]
+    assert len(steps) == 8
+    assert "0x80000181  ->  0x00000201" in steps[-1]
+    assert "TPDO1 set: 8 writes" in gen4.text
+    gen4.wait("TPDO1 not stored")
+
+    gen4.type(CTRL_D)
+    gen4.wait("TPDO1 of node 1 is not stored: leave? [y/N]")
+    gen4.type("n\r")
+    gen4.wait_prompt("sim/1 PRE-OP*> ")
+
+    gen4.run("exit")
+    gen4.until(lambda: gen4.text.count("leave? [y/N]") == 2, "the question again")
+    gen4.type("\r")
+    gen4.wait_prompt("sim/1 PRE-OP*> ")
+
+    gen4.type(CTRL_D)
+    gen4.until(lambda: gen4.text.count("leave? [y/N]") == 3, "the question again")
+    gen4.type("y\r")
+    assert gen4.ended() == 0
+
+
+def test_what_is_stored_is_no_question(gen4: Terminal) -> None:
+    gen4.run(MAP)
+    gen4.wait_prompt("sim/1 PRE-OP*> ")
+    gen4.run("store")
+    gen4.wait_prompt("sim/1 PRE-OP> ")
+    gen4.run("exit")
+    assert gen4.ended() == 0
+
+
+def test_yes_answers_the_question(open_terminal: Open) -> None:
+    terminal = open_terminal("--sim", "gen4", "--yes")
+    terminal.wait_prompt()
+    terminal.run(MAP)
+    terminal.wait_prompt("sim/1 PRE-OP*> ")
+    terminal.type(CTRL_D)
+    assert terminal.ended() == 0
+
+
+def test_the_prompt_survives_what_goes_wrong(gen4: Terminal) -> None:
+    gen4.run("map tpdo1 1018:1")
+    gen4.wait("is not mappable: ")
+    gen4.wait_prompt()
+    gen4.run('read "Velocity')
+    gen4.wait("a quote is not closed")
+    gen4.wait_prompt()
+    gen4.run("mpa tpdo1")
+    gen4.wait("did you mean 'map'?")
+    gen4.wait_prompt()
+    gen4.run("pdo --sim gen4")
+    gen4.wait("--sim chooses the bus")
+    gen4.wait_prompt()
+    gen4.run("# only a comment")
+    gen4.wait_prompt()
+    gen4.run("exit")
+    assert gen4.ended() == 0
+
+
+def test_menus_say_what_each_word_is(open_terminal: Open) -> None:
+    terminal = open_terminal("--sim", "gen4", columns=120, rows=40)
+    terminal.wait_prompt()
+    terminal.type(TAB)
+    terminal.wait("Map objects into a PDO")
+    terminal.type(ESCAPE)
+    terminal.type("map ")
+    terminal.wait("0x281, event-driven, 0 bits free")
+    terminal.type("tpdo1 6C01:1 velocity_a")
+    terminal.wait("606C:00  Velocity actual value")
+    row = next(line for line in terminal.lines if "606C:00" in line)
+    assert row.split()[-7:] == ["i32", "ro", "4", "of", "6", "free", "bytes"]
+    assert "Target velocity  " not in terminal.text
+    terminal.type(TAB)
+    terminal.until(lambda: "6C01:1 606C:00" in terminal.cursor_line, "the object's number on the line")
+    terminal.type(ENTER)
+    terminal.type(" --syn")
+    terminal.wait("On every N-th SYNC.")
+    assert terminal.cursor_line.startswith("sim/1 PRE-OP> map tpdo1 6C01:1 606C:00 --syn")
+
+
+def test_enter_on_a_menu_entry_takes_it_and_runs_nothing(gen4: Terminal) -> None:
+    gen4.type("pd")
+    gen4.wait("List a node's PDOs")
+    gen4.type(DOWN)
+    gen4.until(lambda: gen4.cursor_line == "sim/1 PRE-OP> pdo", "the entry on the line")
+    gen4.type(ENTER)
+    gen4.until(lambda: "List a node's PDOs" not in gen4.text, "the menu gone")
+    assert "MAPPED OBJECTS" not in gen4.text
+    gen4.type(ENTER)
+    gen4.wait("MAPPED OBJECTS")
+    gen4.wait_prompt()
+
+
+def test_a_full_mapping_offers_only_what_fits(open_terminal: Open) -> None:
+    terminal = open_terminal("--sim", "gen4", columns=120, rows=40)
+    terminal.wait_prompt()
+    terminal.type("map tpdo1 606C 606C/16 60")
+    terminal.wait("2 of 2 free bytes")
+    offered = [line for line in terminal.lines if "free bytes" in line]
+    assert all(line.split()[-5] in ("1", "2") for line in offered)
+
+
+def test_control_c_throws_the_line_away(gen4: Terminal) -> None:
+    gen4.type("map tpdo1 6041")
+    gen4.until(lambda: gen4.cursor_line.endswith("map tpdo1 6041"), "the line")
+    gen4.type(CTRL_C)
+    gen4.wait_prompt()
+    assert "ok" not in gen4.text.split()
+
+
+def test_an_interrupt_from_outside_throws_the_line_away(gen4: Terminal) -> None:
+    gen4.type("map tpdo1 6041")
+    gen4.until(lambda: gen4.cursor_line.endswith("map tpdo1 6041"), "the line")
+    gen4.child.kill(signal.SIGINT)
+    gen4.wait_prompt()
+    gen4.run("pdo")
+    gen4.wait("MAPPED OBJECTS")
+    gen4.wait_prompt()
+
+
+def test_a_termination_ends_the_prompt_without_a_question(gen4: Terminal) -> None:
+    gen4.run(MAP)
+    gen4.wait_prompt("sim/1 PRE-OP*> ")
+    gen4.child.kill(signal.SIGTERM)
+    assert gen4.ended() == 143
+    assert "leave?" not in gen4.text
+
+
+def test_lines_are_kept_for_the_user_alone(open_terminal: Open, tmp_path: Path) -> None:
+    first = open_terminal("--sim", "gen4")
+    first.wait_prompt()
+    first.run("pdo rpdo2")
+    first.wait("RPDO2 of node 1")
+    first.wait_prompt()
+    first.type(CTRL_D)
+    assert first.ended() == 0
+    history = tmp_path / "dvtcli" / "history"
+    assert stat.S_IMODE(history.stat().st_mode) == 0o600
+    assert stat.S_IMODE(history.parent.stat().st_mode) == 0o700
+
+    second = open_terminal("--sim", "gen4")
+    second.wait_prompt()
+    second.type(UP)
+    second.until(lambda: second.cursor_line == "sim/1 PRE-OP> pdo rpdo2", "the line of the session before")
+    second.type(CTRL_C)
+    second.wait_prompt()
+    second.type(CTRL_R + "RPDO")
+    second.until(lambda: "pdo rpdo2" in second.cursor_line, "the line that was searched")
+
+
+def test_history_that_cannot_be_kept_is_said(open_terminal: Open, tmp_path: Path) -> None:
+    (tmp_path / "dvtcli").write_text("a file where the folder should be")
+    terminal = open_terminal("--sim", "gen4", columns=120)
+    terminal.wait("this session's lines are not kept")
+    terminal.wait_prompt()
+    terminal.run("pdo")
+    terminal.wait("MAPPED OBJECTS")
+    terminal.wait_prompt()
+    terminal.type(UP)
+    terminal.until(lambda: terminal.cursor_line == "sim/1 PRE-OP> pdo", "the line from memory")
+
+
+def test_help_keeps_the_line(open_terminal: Open) -> None:
+    terminal = open_terminal("--sim", "gen4", columns=120, rows=40)
+    terminal.wait_prompt()
+    terminal.type("map tpdo1 ")
+    terminal.until(lambda: terminal.cursor_line == "sim/1 PRE-OP> map tpdo1", "the line")
+    terminal.type("?")
+    terminal.wait("Map OBJECTs into PDO, in frame order")
+    terminal.until(lambda: terminal.cursor_line == "sim/1 PRE-OP> map tpdo1", "the line again")
+    terminal.type(CTRL_C + F1)
+    terminal.wait("Try it without hardware")
+
+
+def test_pasted_lines_run_one_by_one_until_one_fails(gen4: Terminal) -> None:
+    gen4.type("\x1b[200~read 6041\nread \\\n1018:1\nread 5FFF\npdo\n\x1b[201~")
+    gen4.until(lambda: "pdo" in gen4.text, "the pasted lines")
+    gen4.type(ENTER)
+    gen4.wait("5FFF")
+    gen4.wait_prompt()
+    assert "1018:01" in gen4.text
+    assert "MAPPED OBJECTS" not in gen4.text
+
+
+def test_a_dry_run_says_so_and_leaves_nothing_to_store(open_terminal: Open) -> None:
+    terminal = open_terminal("--sim", "gen4", "--dry-run", columns=120)
+    terminal.wait_prompt("sim/1 PRE-OP DRY-RUN> ")
+    terminal.wait("(dry run)")
+    terminal.run(MAP)
+    terminal.wait("TPDO1")
+    terminal.until(lambda: terminal.cursor_line == "sim/1 PRE-OP DRY-RUN*>", "the prompt")
+    terminal.type(CTRL_D)
+    assert terminal.ended() == 0
+
+
+def test_a_dumb_terminal_gets_a_plain_prompt(open_terminal: Open) -> None:
+    terminal = open_terminal("--sim", "gen4", environment={"TERM": "dumb"})
+    terminal.wait_prompt()
+    terminal.run("read 6041")
+    terminal.wait("Statusword")
+    terminal.wait_prompt()
+    terminal.type("pdo")
+    terminal.until(lambda: terminal.cursor_line.endswith("pdo"), "the line")
+    terminal.type(CTRL_C)
+    terminal.wait_prompt()
+    assert "MAPPED OBJECTS" not in terminal.text
+    terminal.type(CTRL_D)
+    assert terminal.ended() == 0
+    assert b"\x1b" not in terminal.written
+
+
+def test_results_go_into_a_pipe_while_the_prompt_stays(open_terminal: Open, tmp_path: Path) -> None:
+    shell = ["/bin/sh", "-c", f"{sys.executable} -m dvtcli --sim gen4 > out"]
+    terminal = open_terminal(command=shell)
+    terminal.wait_prompt()
+    terminal.run("pdo")
+    terminal.until(lambda: terminal.text.count("PRE-OP>") == 2, "the prompt again")
+    terminal.type(CTRL_D)
+    assert terminal.ended() == 0
+    assert "MAPPED OBJECTS" in (tmp_path / "out").read_text()
+    assert "PRE-OP" not in (tmp_path / "out").read_text()
+
+
+def test_no_bus_is_an_error_that_says_what_to_do(open_terminal: Open) -> None:
+    terminal = open_terminal()
+    assert terminal.ended() == 5
+    assert "no CAN interface is configured" in terminal.text
+    assert "--sim" in terminal.text

@@ -1,0 +1,104 @@
+"""The prompt on a bus outside of its process: what nodes say by themselves, and Ctrl-C in the middle of a change."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from tests.prompt.conftest import Open
+from tests.prompt.terminal import CTRL_C, CTRL_D, Terminal
+from tests.prompt.wire import Wire
+
+PRE_OPERATIONAL, OPERATIONAL = b"\x7f", b"\x05"
+
+
+@pytest.fixture
+def wire() -> Iterator[Wire]:
+    wire = Wire()
+    yield wire
+    wire.close()
+
+
+@pytest.fixture
+def terminal(wire: Wire, open_terminal: Open) -> Terminal:
+    """A prompt on *wire*, with the node's EDS, ready to type at."""
+    bus = ["-i", "socketcand", "-c", "can0", "--bus-kwargs", "host=127.0.0.1", "--bus-kwargs", f"port={wire.port}"]
+    terminal = open_terminal(*bus, "-n", "5", "--eds", str(wire.eds), columns=120, rows=40)
+    terminal.wait_prompt(prompt(wire, "PRE-OP> "))
+    return terminal
+
+
+def prompt(wire: Wire, rest: str) -> str:
+    return f"127.0.0.1:{wire.port}/5 {rest}"
+
+
+def test_control_c_in_the_middle_of_a_change_rolls_it_back(wire: Wire, terminal: Terminal) -> None:
+    before = {at: wire.device.value(*at) for at in [(0x1800, 1), (0x1800, 2), (0x1A00, 0), (0x1A00, 1)]}
+    wire.slowness_s = 0.15
+    terminal.run("map tpdo1 6C01:1 606C 6041 --cob-id 0x201 --sync 1")
+    terminal.until(lambda: wire.downloads >= 4, "the fourth write")
+    assert wire.device.value(0x1A00, 0) == b"\x00"
+    terminal.type(CTRL_C)
+    terminal.wait("stopped after step")
+    terminal.wait("rolled back: everything is as it was")
+    terminal.wait_prompt(prompt(wire, "PRE-OP> "))
+    assert {at: wire.device.value(*at) for at in before} == before
+
+    wire.slowness_s = 0.0
+    terminal.run("map tpdo1 6041 --sync 1")
+    terminal.wait("TPDO1 set")
+    terminal.wait_prompt(prompt(wire, "PRE-OP*> "))
+
+
+def test_control_c_stops_a_command_and_not_the_prompt(wire: Wire, terminal: Terminal) -> None:
+    terminal.run("sync --period 20 --count 100000")
+    terminal.until(lambda: wire.syncs >= 2, "SYNC on the bus")
+    terminal.type(CTRL_C)
+    terminal.wait_prompt(prompt(wire, "PRE-OP> "))
+    terminal.run("pdo")
+    terminal.wait("MAPPED OBJECTS")
+
+
+def test_what_a_node_says_appears_above_the_line_being_typed(wire: Wire, terminal: Terminal) -> None:
+    terminal.type("map tpdo1 6041")
+    terminal.until(lambda: terminal.cursor_line.endswith("map tpdo1 6041"), "the line")
+    wire.say(0x085, bytes.fromhex("30 81 11 01 02 03 04 05"))
+    terminal.wait("node 5  EMCY 0x8130 life guard or heartbeat error  register 0x11  01 02 03 04 05")
+    terminal.wait("EMCY 1: 0x8130")
+    assert terminal.cursor_line.endswith("PRE-OP> map tpdo1 6041")
+
+    wire.say(0x705, OPERATIONAL)
+    terminal.wait("node 5  is OPERATIONAL")
+    terminal.until(lambda: terminal.cursor_line == prompt(wire, "OP> map tpdo1 6041"), "the new state in the prompt")
+    wire.say(0x705, b"\x00")
+    terminal.wait("node 5  boot-up")
+    terminal.until(lambda: terminal.cursor_line == prompt(wire, "PRE-OP> map tpdo1 6041"), "the state after a boot-up")
+    assert "is PRE-OPERATIONAL" not in terminal.text
+
+
+def test_a_flood_of_messages_is_cut_and_counted(wire: Wire, terminal: Terminal) -> None:
+    for number in range(300):
+        wire.say(0x085, bytes([0x00, 0x10, number & 0xFF]))
+    terminal.wait("more messages of nodes are not shown")
+    terminal.wait("EMCY 300: 0x1000 generic error")
+    assert 10 <= sum("node 5  EMCY" in line for line in terminal.lines) <= 30
+    terminal.type(CTRL_D)
+    assert terminal.ended() == 0
+
+
+def test_a_heartbeat_that_stops_is_said(wire: Wire, terminal: Terminal) -> None:
+    for _ in range(3):
+        wire.say(0x705, PRE_OPERATIONAL)
+    terminal.wait("NO HEARTBEAT")
+
+
+def test_a_bus_that_goes_away_is_said_and_the_prompt_stays(wire: Wire, terminal: Terminal) -> None:
+    wire.hang_up()
+    terminal.wait("FAILED")
+    terminal.wait("failed (receive): nothing is heard any more")
+    terminal.run("pdo")
+    terminal.wait("error: ")
+    terminal.wait_prompt(prompt(wire, "").rstrip() + "> ")
+    terminal.type(CTRL_D)
+    assert terminal.ended() == 0

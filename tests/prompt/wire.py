@@ -1,0 +1,95 @@
+"""A bus outside of dvtcli's process: a simulated node behind a socketcand server, as slow as a test wants it."""
+
+from __future__ import annotations
+
+import re
+import socket
+import struct
+import threading
+import time
+from pathlib import Path
+
+from dvtcli.domain.ports import Frame
+from dvtcli.formats.eds import read_eds
+from dvtcli.simulator.device import StrictDevice
+from dvtcli.simulator.family import family_eds, load_family
+from dvtcli.simulator.station import SimulatedNode
+
+_SEND = re.compile(rb"< send ([0-9A-Fa-f]+) [0-9A-Fa-f] ([0-9a-fA-F ]*)>")
+_SDO_DOWNLOAD = 1
+
+
+class Wire:
+    """Serves one Gen4 as node *node_id* at `port`; *downloads* and *syncs* count what it was sent."""
+
+    def __init__(self, node_id: int = 5) -> None:
+        self.eds: Path = family_eds("gen4")
+        self.device = StrictDevice(read_eds(self.eds).dictionary, load_family("gen4"), node_id)
+        self.device.boot_up()
+        self.device.take_outbox()
+        self.downloads = 0
+        self.syncs = 0
+        #: seconds that each SDO download takes
+        self.slowness_s = 0.0
+        self._node = SimulatedNode(self.device)
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self.port: int = self._listener.getsockname()[1]
+        self._connection: socket.socket | None = None
+        self._thread = threading.Thread(target=self._serve, daemon=True)
+        self._thread.start()
+
+    def say(self, can_id: int, data: bytes) -> None:
+        """Put a frame on the bus."""
+        assert self._connection is not None
+        self._connection.sendall(f"< frame {can_id:03X} {time.time():.6f} {data.hex()} >".encode())
+
+    def hang_up(self) -> None:
+        """Take the bus away, with a reset as when the server's machine went down."""
+        assert self._connection is not None
+        self._connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        self._connection.shutdown(socket.SHUT_RD)  # the serving thread wakes and closes it
+
+    def close(self) -> None:
+        self._listener.shutdown(socket.SHUT_RDWR)
+        self._listener.close()
+        if self._connection is not None:
+            self._connection.close()
+        self._thread.join(2)
+
+    def _serve(self) -> None:
+        while True:
+            try:
+                connection, _ = self._listener.accept()
+            except OSError:
+                return
+            with connection:
+                try:
+                    self._talk(connection)
+                except OSError:
+                    continue
+
+    def _talk(self, connection: socket.socket) -> None:
+        connection.sendall(b"< hi >")
+        for _ in range(2):  # open, rawmode
+            if not connection.recv(256):
+                return
+            connection.sendall(b"< ok >")
+        self._connection = connection
+        pending = b""
+        while data := connection.recv(4096):
+            pending += data
+            *whole, pending = pending.replace(b">", b">\n").split(b"\n")
+            for line in whole:
+                self._take(line)
+
+    def _take(self, line: bytes) -> None:
+        match = _SEND.fullmatch(line)
+        if match is None:
+            return
+        frame = Frame(int(match[1], 16), bytes(int(byte, 16) for byte in match[2].split()))
+        if frame.can_id == 0x600 + self.device.node_id and frame.data[0] >> 5 == _SDO_DOWNLOAD:
+            self.downloads += 1
+            time.sleep(self.slowness_s)
+        self.syncs += frame.can_id == 0x080
+        for answer in self._node.handle(frame):
+            self.say(answer.can_id, answer.data)
