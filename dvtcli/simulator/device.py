@@ -138,6 +138,11 @@ class StrictDevice:
         self.state = self.family.boot_state
         self._heartbeat_ms = 0
 
+    def restart(self) -> None:
+        """Lose what was not stored, as at power-on; INITIALISING, silent and deaf until `boot_up`."""
+        self.outbox.clear()
+        self._initialise(communication_only=False)
+
     def take_outbox(self) -> list[Frame]:
         """The frames that the device has to send now; empties the outbox."""
         frames, self.outbox = self.outbox, []
@@ -231,8 +236,11 @@ class StrictDevice:
         self.state = self._gates.forced_state(index, sub_index) or self._state
 
     def _reset(self, *, communication_only: bool) -> None:
+        self._initialise(communication_only=communication_only)
+        self.boot_up()
+
+    def _initialise(self, *, communication_only: bool) -> None:
         self._store.reset(communication_only=communication_only)
         self._state = NmtState.INITIALISING
         self._exchange.forget()
         self._vpdos.copy()
-        self.boot_up()

@@ -8,13 +8,14 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import can
 
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.device import StrictDevice
-from dvtcli.simulator.station import SimulatedNode
+from dvtcli.simulator.faults import Fault
+from dvtcli.simulator.station import SimulatedNode, stations
 
 #: Longest wait for a frame, in seconds: bounds how long `stop` takes, never how long an answer takes.
 _LONGEST_WAIT_S = 0.05
@@ -23,13 +24,22 @@ _LONGEST_WAIT_S = 0.05
 class SimulatedNetwork:
     """Serves *devices* on *bus* between `start` and `stop`; also a context manager.
 
-    Nodes hear each other as well as the bus. *lock* is held while a frame is dealt with; take it to look at a
+    Nodes hear each other as well as the bus. *faults* go wrong with them; where one kills the bus, *on_bus_error* is
+    called once, from the serving thread. *lock* is held while a frame is dealt with; take it to look at a
     device or to change it from another thread. *error* is what ended the thread early, None otherwise.
     """
 
-    def __init__(self, bus: can.BusABC, devices: Sequence[StrictDevice]) -> None:
+    def __init__(
+        self,
+        bus: can.BusABC,
+        devices: Sequence[StrictDevice],
+        faults: Sequence[Fault] = (),
+        on_bus_error: Callable[[], None] = lambda: None,
+    ) -> None:
         self.bus = bus
-        self.nodes = [SimulatedNode(device) for device in devices]
+        self.nodes = stations(devices, faults)
+        self._on_bus_error = on_bus_error
+        self._bus_failed = False
         self.lock = threading.Lock()
         self.error: can.CanError | None = None
         self._stopping = threading.Event()
@@ -66,18 +76,24 @@ class SimulatedNetwork:
                     if message is not None and not message.is_error_frame:
                         self._deliver(_frame(message), sender=None)
                     self._poll()
+                    self._fail_once()
         except can.CanError as error:
             self.error = error
 
     def _wait_s(self) -> float:
         """Seconds until a node has something to send by itself, at most 0.05."""
-        times = [due for node in self.nodes if (due := node.device.next_poll_s()) is not None]
+        times = [due for node in self.nodes if (due := node.next_poll_s()) is not None]
         return min(_LONGEST_WAIT_S, max(0.0, min(times) - time.monotonic())) if times else _LONGEST_WAIT_S
 
     def _poll(self) -> None:
         now_s = time.monotonic()
         for node in self.nodes:
             self._send(node, node.poll(now_s))
+
+    def _fail_once(self) -> None:
+        if not self._bus_failed and any(node.bus_failed for node in self.nodes):
+            self._bus_failed = True
+            self._on_bus_error()
 
     def _deliver(self, frame: Frame, sender: SimulatedNode | None) -> None:
         """Hand *frame* to every node but its sender, and what they send to the bus and to each other."""
@@ -87,7 +103,7 @@ class SimulatedNetwork:
             for node in self.nodes:
                 if node is source:
                     continue
-                for answer in node.handle(heard):
+                for answer in node.handle(heard, time.monotonic()):
                     self.bus.send(_message(answer))
                     waiting.append((answer, node))
 

@@ -5,26 +5,44 @@ Knows the pre-defined connection set and which service a frame belongs to. Does 
 
 from __future__ import annotations
 
+from collections import deque
+from collections.abc import Sequence
+
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.device import StrictDevice
+from dvtcli.simulator.faults import Fault, faults_of
+from dvtcli.simulator.faulty import Answer, FaultyServer
 from dvtcli.simulator.sdo_server import SdoServer
 
 NMT_CAN_ID, SDO_REQUEST, SDO_RESPONSE = 0x000, 0x600, 0x580
 
 
 class SimulatedNode:
-    """A device with its SDO server, addressed by CAN-ID."""
+    """A device with its SDO server, addressed by CAN-ID, and what goes wrong with it.
 
-    def __init__(self, device: StrictDevice) -> None:
+    Without *faults* every answer comes at once; with them some come later, by `poll`.
+    """
+
+    def __init__(self, device: StrictDevice, faults: Sequence[Fault] = ()) -> None:
         self.device = device
         self.server = SdoServer(device)
+        self._faulty = FaultyServer(self.server, faults) if faults else None
+        #: answers that are still to come, with their times
+        self._later: deque[tuple[float, Frame]] = deque()
 
-    def handle(self, frame: Frame) -> list[Frame]:
-        """What the node sends on hearing *frame*, in order."""
+    @property
+    def bus_failed(self) -> bool:
+        """Whether a fault has killed the bus."""
+        return self._faulty is not None and self._faulty.bus_failed
+
+    def handle(self, frame: Frame, now_s: float = 0.0) -> list[Frame]:
+        """What the node sends at once on hearing *frame* at *now_s*, a monotonic time in seconds, in order."""
+        if self._dead:
+            return []
         if not frame.extended and frame.can_id == NMT_CAN_ID:
             self._obey(frame)
         elif not frame.extended and frame.can_id == SDO_REQUEST + self.device.node_id:
-            return self._answer(frame)
+            return self._answer(frame, now_s)
         elif self.device.hears_sync(frame):
             return self.device.sync(frame.data[0] if frame.data else None) + self.device.take_outbox()
         else:
@@ -33,7 +51,27 @@ class SimulatedNode:
 
     def poll(self, now_s: float) -> list[Frame]:
         """What the node sends by itself at *now_s*, a monotonic time in seconds."""
-        return self.device.take_outbox() + self.device.poll(now_s)
+        if self._dead:
+            return []
+        if self._faulty is not None and self._faulty.boots_at_s is not None and self._faulty.boots_at_s <= now_s:
+            self._faulty.boots_at_s = None
+            self.device.boot_up()
+        due: list[Frame] = []
+        while self._later and self._later[0][0] <= now_s:
+            due.append(self._later.popleft()[1])
+        return due + self.device.take_outbox() + self.device.poll(now_s)
+
+    def next_poll_s(self) -> float | None:
+        """When `poll` has something to send next, on the same clock; None for never."""
+        times = [self.device.next_poll_s(), self._later[0][0] if self._later else None]
+        if self._faulty is not None:
+            times.append(self._faulty.boots_at_s)
+        known = [due for due in times if due is not None]
+        return min(known) if known and not self._dead else None
+
+    @property
+    def _dead(self) -> bool:
+        return self._faulty is not None and self._faulty.dead
 
     def _obey(self, frame: Frame) -> None:
         if frame.remote or len(frame.data) != 2 or frame.data[1] not in (0, self.device.node_id):
@@ -42,8 +80,30 @@ class SimulatedNode:
         self.device.nmt(frame.data[0])
         if len(self.device.outbox) > before:
             self.server.reset()
+            self._later.clear()
 
-    def _answer(self, frame: Frame) -> list[Frame]:
-        response = None if frame.remote else self.server.handle(frame.data)
+    def _answer(self, frame: Frame, now_s: float) -> list[Frame]:
+        if frame.remote:
+            return self.device.take_outbox()
+        if self._faulty is not None:
+            return self._timed(self._faulty.handle(frame.data, now_s), now_s) + self.device.take_outbox()
+        response = self.server.handle(frame.data)
         answers = [] if response is None else [Frame(SDO_RESPONSE + self.device.node_id, response)]
         return answers + self.device.take_outbox()
+
+    def _timed(self, answer: Answer, now_s: float) -> list[Frame]:
+        """The frames of *answer* that are due now; a server answers in order, so a late answer delays the next ones."""
+        if self._faulty is not None and self._faulty.boots_at_s is not None:
+            self._later.clear()
+        frames = [Frame(SDO_RESPONSE + self.device.node_id, data) for data in answer.frames]
+        due_s = max([now_s + answer.delay_s, *(due for due, _ in self._later)])
+        if due_s <= now_s:
+            return frames
+        self._later.extend((due_s, frame) for frame in frames)
+        return []
+
+
+def stations(devices: Sequence[StrictDevice], faults: Sequence[Fault] = ()) -> list[SimulatedNode]:
+    """*devices* as nodes, each with its own of *faults*; those that name no node are the first one's."""
+    first = devices[0].node_id if devices else 0
+    return [SimulatedNode(device, faults_of(device.node_id, first, faults)) for device in devices]

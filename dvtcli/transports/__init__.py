@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from dvtcli.simulator.device import StrictDevice
+    from dvtcli.simulator.faults import Fault
     from dvtcli.transports.canbus import CanBus
 
 DEFAULT_TIMEOUT_S = 0.5
@@ -34,9 +35,13 @@ def open_canbus(
 
 
 def open_simulation(
-    devices: Sequence[StrictDevice], *, timeout_s: float = DEFAULT_TIMEOUT_S, retries: int = DEFAULT_RETRIES
+    devices: Sequence[StrictDevice],
+    *,
+    faults: Sequence[Fault] = (),
+    timeout_s: float = DEFAULT_TIMEOUT_S,
+    retries: int = DEFAULT_RETRIES,
 ) -> CanBus:
-    """Open a bus on which only the simulated *devices* live; nothing leaves this process."""
+    """Open a bus on which only the simulated *devices* live, *faults* included; nothing leaves this process."""
     from dvtcli.transports.simulated import simulate
 
-    return simulate(devices, timeout_s=timeout_s, retries=retries)
+    return simulate(devices, faults=faults, timeout_s=timeout_s, retries=retries)

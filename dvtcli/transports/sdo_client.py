@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections import deque
 from queue import SimpleQueue
-from time import monotonic
 
 from canopen.objectdictionary import ObjectDictionary
 from canopen.sdo.client import SdoClient
@@ -180,7 +179,7 @@ class StrictSdoClient(SdoClient):
         """Send *request* once; its answer, or None at the time-out."""
         unsettled_before, self._unsettled = self._unsettled, True
         self.last_request = request
-        deadline_s = monotonic() + self.timeout_s
+        deadline_s = self._link.now_s() + self.timeout_s
         self._link.send_sdo(self.rx_cobid, request)
         take, inbox = self._link.take, self.inbox
         while (answer := take(inbox, deadline_s)) is not None:

@@ -23,7 +23,11 @@ class SdoLink(Protocol):
         ...
 
     def take(self, inbox: Inbox, deadline_s: float) -> bytes | None:
-        """Wait for an answer in *inbox* until *deadline_s* (time.monotonic)."""
+        """Wait for an answer in *inbox* until *deadline_s* (as `now_s` tells)."""
+        ...
+
+    def now_s(self) -> float:
+        """The time that deadlines are measured in, in seconds."""
         ...
 
     def drain(self) -> None:

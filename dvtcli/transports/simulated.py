@@ -9,8 +9,10 @@ from collections.abc import Sequence
 from itertools import count
 
 import can
+from can.interfaces.virtual import VirtualBus
 
 from dvtcli.simulator.device import StrictDevice
+from dvtcli.simulator.faults import Fault
 from dvtcli.simulator.node import SimulatedNetwork
 from dvtcli.transports import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S
 from dvtcli.transports.canbus import CanBus
@@ -19,15 +21,44 @@ from dvtcli.transports.canbus import CanBus
 _NUMBERS = count(1)
 
 
+class FailingBus(VirtualBus):
+    """A virtual bus that is dead once *failed* is set, as after an adapter was unplugged."""
+
+    failed = False
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        """Send *msg*; CanOperationError where the bus is dead."""
+        self._check_if_alive()
+        super().send(msg, timeout)
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        self._check_if_alive()
+        message = super()._recv_internal(timeout)
+        self._check_if_alive()
+        return message
+
+    def _check_if_alive(self) -> None:
+        if self.failed:
+            raise can.CanOperationError("the bus has failed (a simulated fault)")
+
+
 def simulate(
-    devices: Sequence[StrictDevice], *, timeout_s: float = DEFAULT_TIMEOUT_S, retries: int = DEFAULT_RETRIES
+    devices: Sequence[StrictDevice],
+    *,
+    faults: Sequence[Fault] = (),
+    timeout_s: float = DEFAULT_TIMEOUT_S,
+    retries: int = DEFAULT_RETRIES,
 ) -> CanBus:
-    """Start *devices* on a bus of their own and join it; closing the bus stops them."""
+    """Start *devices*, with their *faults*, on a bus of their own and join it; closing the bus stops them."""
     channel = f"dvtcli-sim-{next(_NUMBERS)}"
     # Our side first: the nodes' boot-up messages are sent once.
-    ours = can.Bus(channel, interface="virtual", ignore_config=True)
+    ours = FailingBus(channel)
     theirs = can.Bus(channel, interface="virtual", ignore_config=True)
-    network = SimulatedNetwork(theirs, devices)
+
+    def fail() -> None:
+        ours.failed = True
+
+    network = SimulatedNetwork(theirs, devices, faults, on_bus_error=fail)
     network.start()
 
     def stop() -> None:

@@ -16,6 +16,7 @@ from dvtcli.simulator.node import SimulatedNetwork
 from dvtcli.transports import open_simulation
 from dvtcli.transports.canbus import CanBus
 from dvtcli.transports.twin import TwinBus
+from dvtcli.transports.virtual_time import VirtualTimeBus
 from tests.transports.devices import device, dictionary
 
 SYNC = Frame(0x080, b"")
@@ -163,6 +164,14 @@ class TestSimulation(Contract):
         for bus in buses:
             bus.close()
         assert (time.monotonic() - started) / len(buses) < 0.05
+
+
+class TestVirtualTime(Contract):
+    @pytest.fixture
+    def bus(self) -> Iterator[CanopenBus]:
+        bus = VirtualTimeBus([device(1), device(2)], timeout_s=0.2, retries=0)
+        yield bus
+        bus.close()
 
 
 class TestTwin(Contract):

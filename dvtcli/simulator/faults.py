@@ -1,0 +1,151 @@
+"""What can go wrong with a simulated node, as words: `refuse@3=0x06040041`, `2:late@5=0.8`, `store-fails`.
+
+Knows kinds, their numbers and their text form. Does not know how a fault is acted (`faulty`), nor clocks or buses.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import NamedTuple
+
+#: how long a node takes from a reset to its boot-up where `reset@K` does not say (s)
+BOOT_S = 0.1
+_LONGEST_S = 3600.0
+
+
+class FaultKind(StrEnum):
+    """What goes wrong, by the word that `--fault` takes."""
+
+    REFUSE = "refuse"
+    LOSE_REQUEST = "lose-request"
+    LOSE_RESPONSE = "lose-response"
+    LATE = "late"
+    DUPLICATE = "duplicate"
+    FOREIGN = "foreign"
+    MALFORMED = "malformed"
+    TOGGLE = "toggle"
+    RESET = "reset"
+    SILENT = "silent"
+    BUS_ERROR = "bus-error"
+    SLOW_STORE = "slow-store"
+    STORE_FAILS = "store-fails"
+
+    @property
+    def counted(self) -> bool:
+        """Whether it happens at one SDO download, `@K`."""
+        return self not in (FaultKind.SLOW_STORE, FaultKind.STORE_FAILS)
+
+    @property
+    def transient(self) -> bool:
+        """Whether it happens once and is over, so that the node can be reached afterwards."""
+        return self not in (FaultKind.SILENT, FaultKind.BUS_ERROR)
+
+
+_TIMED = (FaultKind.LATE, FaultKind.RESET, FaultKind.SLOW_STORE)
+
+
+class _Form(NamedTuple):
+    """How a kind is written, and what it does."""
+
+    text: str
+    meaning: str
+
+
+_FORMS = {
+    FaultKind.REFUSE: _Form("refuse@K=CODE", "download K is answered with abort CODE (0x06040041)"),
+    FaultKind.LOSE_REQUEST: _Form("lose-request@K", "the request never arrives"),
+    FaultKind.LOSE_RESPONSE: _Form("lose-response@K", "it is carried out, the answer is lost"),
+    FaultKind.LATE: _Form("late@K=S", "it is carried out, this and every later answer comes S seconds late"),
+    FaultKind.DUPLICATE: _Form("duplicate@K", "it is answered twice"),
+    FaultKind.FOREIGN: _Form("foreign@K", "an answer for another object comes first"),
+    FaultKind.MALFORMED: _Form("malformed@K", "it is carried out, the answer has 3 bytes only"),
+    FaultKind.TOGGLE: _Form("toggle@K", "the next segment after download K has the wrong toggle bit"),
+    FaultKind.RESET: _Form("reset@K[=S]", f"the node resets instead, and boots after S seconds [{BOOT_S:g}]"),
+    FaultKind.SILENT: _Form("silent@K", "the node is dead from then on"),
+    FaultKind.BUS_ERROR: _Form("bus-error@K", "the bus is dead from then on"),
+    FaultKind.SLOW_STORE: _Form("slow-store=S", "every store is answered after S seconds"),
+    FaultKind.STORE_FAILS: _Form("store-fails", "every store answers 0x06060000"),
+}
+_FORM = re.compile(r"(?:(?P<node>\w+):)?(?P<kind>[a-z-]+)(?:@(?P<at>\w+))?(?:=(?P<value>.+))?")
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """One thing that goes wrong, once unless its kind says otherwise.
+
+    - *at*: the SDO download at which it happens, from 1; None for the kinds about stores. What counts are the
+      requests of the node's SDO server that begin a download, refused ones too. So K is the step's number that
+      `map` prints, as long as nothing (a login, a forced state, an earlier command) wrote to the node before.
+    - *code*: the abort code of `refuse`. *seconds*: of the kinds that take a time, 0..3600.
+    - *node_id*: 1..127, None for the first simulated node.
+    """
+
+    kind: FaultKind
+    at: int | None = None
+    code: int | None = None
+    seconds: float | None = None
+    node_id: int | None = None
+
+    def __post_init__(self) -> None:
+        """Raise ValueError where a number is missing, has no meaning for the kind, or is out of its range."""
+        if (self.at is not None) != self.kind.counted or (self.at is not None and self.at < 1):
+            raise _wrong(self.kind, "K counts SDO downloads from 1")
+        if (self.code is not None) != (self.kind is FaultKind.REFUSE) or not 0 <= (self.code or 0) <= 0xFFFF_FFFF:
+            raise _wrong(self.kind, "CODE is an abort code, 0…0xFFFFFFFF")
+        if (self.seconds is not None) != (self.kind in _TIMED) or not 0 <= (self.seconds or 0) <= _LONGEST_S:
+            raise _wrong(self.kind, f"S is a time, 0…{_LONGEST_S:.0f} seconds")
+        if self.node_id is not None and not 1 <= self.node_id <= 127:
+            raise ValueError(f"node-ID {self.node_id} is not within 1…127")
+
+    @classmethod
+    def parse(cls, text: str) -> Fault:
+        """Read `[NODE:]KIND[@K][=VALUE]`; ValueError says what would be right."""
+        found = _FORM.fullmatch(text.strip())
+        if found is None or found["kind"] not in list(FaultKind):
+            raise ValueError(f"no such fault; {known_faults()}")
+        kind, value = FaultKind(found["kind"]), found["value"]
+        node_id = None if found["node"] is None else _whole(found["node"], kind)
+        at = None if found["at"] is None else _whole(found["at"], kind)
+        if kind is FaultKind.REFUSE:
+            return cls(kind, at, code=None if value is None else _whole(value, kind), node_id=node_id)
+        if value is None and kind is FaultKind.RESET:
+            return cls(kind, at, seconds=BOOT_S, node_id=node_id)
+        return cls(kind, at, seconds=None if value is None else _seconds(value, kind), node_id=node_id)
+
+    def __str__(self) -> str:
+        text = "" if self.node_id is None else f"{self.node_id}:"
+        text += self.kind if self.at is None else f"{self.kind}@{self.at}"
+        if self.code is not None:
+            return f"{text}=0x{self.code:08X}"
+        return text if self.seconds is None else f"{text}={self.seconds!r}"
+
+
+def known_faults() -> str:
+    """Every kind as it is written, with what it does, in one line."""
+    return "; ".join(f"{form.text}: {form.meaning}" for form in _FORMS.values())
+
+
+def faults_of(node_id: int, first: int, faults: Iterable[Fault]) -> tuple[Fault, ...]:
+    """Those of *faults* that are *node_id*'s, where *first* is the first simulated node."""
+    return tuple(fault for fault in faults if (first if fault.node_id is None else fault.node_id) == node_id)
+
+
+def _wrong(kind: FaultKind, why: str) -> ValueError:
+    form = _FORMS[kind]
+    return ValueError(f"it is written {form.text} ({form.meaning}); {why}")
+
+
+def _whole(text: str, kind: FaultKind) -> int:
+    """A number, decimal or `0x…`."""
+    if not re.fullmatch(r"\d{1,10}|0[xX][0-9a-fA-F]{1,8}", text, re.ASCII):
+        raise _wrong(kind, f"{text!r} is no number")
+    return int(text, 16 if text[1:2] in ("x", "X") else 10)
+
+
+def _seconds(text: str, kind: FaultKind) -> float:
+    if not re.fullmatch(r"\d{1,9}(\.\d{1,9})?", text, re.ASCII):
+        raise _wrong(kind, f"{text!r} is no time in seconds")
+    return float(text)
