@@ -130,6 +130,11 @@ class Gate:
             self.access.request(NmtState.OPERATIONAL)
         self.found, self.entered = None, False
 
+    def renew(self) -> None:
+        """Make the node pre-operational again where it fell out of it, as by a reboot in the middle of a change."""
+        if self.entered and self.access.state() is NmtState.OPERATIONAL:
+            self.access.request(NmtState.PRE_OPERATIONAL)
+
     def abandon(self) -> None:
         """Forget the state that was found: something failed, the node stays PRE-OPERATIONAL until told otherwise."""
         self.found, self.entered = None, False

@@ -5,15 +5,18 @@ Joins reading, rules, plan and transaction. Does not print, ask, or know what a 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from dvtcli.device.access import Access, Gate
+from dvtcli.device.back import plan_back
 from dvtcli.device.cancellation import Cancellation
+from dvtcli.device.carry_out import carry_out
+from dvtcli.device.journal import Identity
+from dvtcli.device.keeper import Keeper
 from dvtcli.device.lazy import LazyMapping
 from dvtcli.device.raw_write import held_value, raw_write_findings
 from dvtcli.device.read import present_pdos, read_optional, read_pdo
-from dvtcli.device.transaction import Transaction
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import Pdo, PdoConfig
@@ -22,7 +25,7 @@ from dvtcli.domain.ports import CanopenBus, SdoTransport
 from dvtcli.domain.profile import GENERIC, DeviceProfile
 from dvtcli.domain.rules import Finding, Proposal, check_pdo, errors_in
 from dvtcli.domain.rules.mapping import decimal_hint
-from dvtcli.errors import DvtcliError, RuleError, SdoAborted, UsageError
+from dvtcli.errors import RuleError, SafetyRefusal, SdoAborted, UsageError
 
 Want = PdoConfig | Callable[[Proposal], PdoConfig]
 
@@ -54,7 +57,12 @@ class Node:
     wanted: dict[Pdo, PdoConfig] = field(default_factory=dict)
     #: labels of what changed since the last store, in order
     unstored: dict[str, None] = field(default_factory=dict)
+    #: lock, backup and journal; None for simulated nodes and twins, which nothing can interrupt half-way
+    keeper: Keeper | None = None
+    #: why nothing may be stored: a change that could not be undone or verified; None where all is well
+    suspect: str | None = None
     _gate: Gate | None = None
+    _identity: Identity | None = None
     _pdos: dict[Pdo, PdoConfig] = field(default_factory=dict)
     _present: list[Pdo] | None = None
     _boot_ups: int = 0
@@ -227,26 +235,9 @@ class Node:
         """Put back what the last plan replaced, or all of them, in one transaction."""
         undone = self.history[:] if everything else self.history[-1:]
         kept = self.history[: len(self.history) - len(undone)]
-        applied = self.apply(Plan(self.node_id, tuple(self._changes_back(undone))))
+        applied = self.apply(plan_back(self, undone))
         self.history = kept
         return applied
-
-    def _changes_back(self, plans: list[Plan]) -> Iterator[Change]:
-        """From what the device holds now to what each object held before the oldest of *plans*."""
-        pdos: dict[Pdo, PdoConfig] = {}
-        values: dict[tuple[int, int], ValueChange] = {}
-        for change in (change for plan in reversed(plans) for change in reversed(plan.changes)):
-            if isinstance(change, PdoChange):
-                pdos[change.pdo] = change.before
-            else:
-                values[change.step.index, change.step.sub_index] = change
-        for pdo, before in pdos.items():
-            yield plan_pdo(pdo, self.pdo(pdo), before)
-        for change in values.values():
-            if change.step.before is None:
-                where = f"0x{change.step.object}"
-                raise UsageError(f"{where} is write-only: what it held before is not known", node=self.node_id)
-            yield change.reversed()
 
     def is_dynamic(self, pdo: Pdo) -> bool:
         """Whether the EDS lets the mapping of *pdo* be changed; True where there is none."""
@@ -255,6 +246,14 @@ class Node:
 
     def prepare_store(self) -> None:
         """Enter the gate where the family stores only pre-operational."""
+        if self.suspect is not None:
+            raise SafetyRefusal(
+                f"node {self.node_id} is not stored: {self.suspect}",
+                node=self.node_id,
+                hint="look at it with `pdo`, put it right (recover, map, or nmt reset-node), then store",
+            )
+        if self.keeper is not None:
+            self.keeper.refuse_while_open()
         if self.profile.store.only_pre_operational:
             self.gate.enter()
 
@@ -268,23 +267,23 @@ class Node:
         lost = tuple(self.unstored) if reset else ()
         if reset:
             self.unstored.clear()
+            self.suspect = None
         return lost
 
     def apply(self, plan: Plan, findings: tuple[Finding, ...] = ()) -> Applied:
-        """Run a checked *plan* inside the gate and remember it."""
+        """Run a checked *plan* inside the gate and remember it; on a real bus with lock, backup and journal."""
         if len(plan):
-            self.gate.enter()
-            try:
-                Transaction(self.sdo, plan, self.cancellation, self.access.explain).run()
-            except DvtcliError as error:
-                self.gate.tell(error)
-                error.why = error.why or _foreseen(findings, error.place)
-                raise
-            finally:
-                self.forget()
+            carry_out(self, plan, findings)
             self.history.append(plan)
         self._remember(plan.changes)
         return Applied(plan, findings)
+
+    def identity(self) -> Identity:
+        """The node's identity (0x1018), read once."""
+        if self._identity is None:
+            names = {"vendor": 1, "product": 2, "revision": 3, "serial": 4}
+            self._identity = {name: read_optional(self.sdo, 0x1018, sub, 4) for name, sub in names.items()}
+        return self._identity
 
     def _remember(self, changes: tuple[Change, ...]) -> None:
         for change in changes:
@@ -292,11 +291,6 @@ class Node:
                 self.wanted[change.pdo] = change.after
             if change.steps and self.profile.store.needed_for(change.steps[0].index):
                 self.unstored[change.label] = None
-
-
-def _foreseen(findings: tuple[Finding, ...], place: str | None) -> str | None:
-    """What the rules had said about the object that the device then refused, where they were overruled."""
-    return next((finding.text for finding in findings if finding.place == f"0x{place}"), None)
 
 
 def refuse(findings: tuple[Finding, ...], text: str, node_id: int, *, force: bool) -> None:

@@ -5,14 +5,43 @@ The only place that writes a plan to a device. Does not decide what is legal and
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from typing import Protocol
 
 from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.read import read_pdo
 from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, plan_pdo
 from dvtcli.domain.ports import SdoTransport
-from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, SdoAborted
+from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, NoAnswer, SdoAborted, SdoProtocolError
+
+#: How long a roll-back keeps trying where the node is silent or refuses, and the pause between two tries, in seconds.
+PATIENCE_S = 5.0
+RETRY_S = 0.2
+
+
+class Clock(Protocol):
+    """The bus's time, so that waiting reads the bus and simulated time can pass at its own pace."""
+
+    def now_s(self) -> float:
+        """Seconds on a clock that only goes forward."""
+
+    def sleep(self, duration_s: float) -> None:
+        """Let *duration_s* pass."""
+
+
+class SystemClock:
+    """The computer's own time."""
+
+    def now_s(self) -> float:
+        """Seconds on a clock that only goes forward."""
+        return time.monotonic()
+
+    def sleep(self, duration_s: float) -> None:
+        """Let *duration_s* pass."""
+        time.sleep(duration_s)
 
 
 class Interrupted(DvtcliError):
@@ -27,7 +56,8 @@ class Transaction:
     """One plan on its way to a device.
 
     *cancellation* is looked at between two SDO downloads; *explain* may add the device's own reason to an abort;
-    *on_step* is told of every step that the device took.
+    *on_step* is told of every step that the device took; *before_retry* makes the device writable again when a
+    roll-back has to be tried anew, since the fault may have been a reboot; *clock* is the bus's.
     """
 
     sdo: SdoTransport
@@ -35,7 +65,10 @@ class Transaction:
     cancellation: Cancellation = field(default_factory=Cancellation)
     explain: Callable[[SdoAborted], None] = lambda _aborted: None
     on_step: Callable[[Step], None] = lambda _step: None
+    before_retry: Callable[[], None] = lambda: None
+    clock: Clock = field(default_factory=SystemClock)
     _started: list[Change] = field(default_factory=list)
+    _touched: bool = False
 
     def run(self) -> None:
         """Write every step, read everything back; on any fault put the old configuration back and say so.
@@ -67,12 +100,14 @@ class Transaction:
             raise stopped
 
     def _download(self, step: Step, change: Change, number: int, total: int) -> None:
+        touched, self._touched = self._touched, True
         try:
             self.sdo.download(step.index, step.sub_index, step.after)
         except SdoAborted as aborted:
             self.explain(aborted)
             raise refused(aborted, step, self.plan.node_id, f"step {number} of {total} of {change.label}") from aborted
         except DvtcliError as fault:
+            self._touched = touched or fault.state != "unchanged"
             fault.details.insert(0, ("step", step_text(step)))
             raise
         self.on_step(step)
@@ -91,13 +126,37 @@ class Transaction:
                 )
 
     def _roll_back(self, fault: BaseException) -> None:
+        if not self._touched:
+            return
         try:
-            restore(self.sdo, self._started)
+            self._restore_patiently()
         except (Exception, KeyboardInterrupt) as second:  # noqa: BLE001 - whatever it is, the device is left changed
             raise left_changed(self.plan, fault, second) from fault
         if isinstance(fault, DvtcliError):
-            fault.state = "rolled_back" if self._started else "unchanged"
+            fault.state = "rolled_back"
             fault.node = self.plan.node_id
+
+    def _restore_patiently(self) -> None:
+        """Put everything back; a node that is silent or refuses may be rebooting, so it is asked again for a while.
+
+        Each try reads the device anew, so nothing is taken for granted of what an earlier one wrote.
+        """
+        deadline = self.clock.now_s() + PATIENCE_S
+        while True:
+            try:
+                restore(self.sdo, self._started)
+            except (NoAnswer, SdoProtocolError, SdoAborted, DeviceRefused):
+                if self.clock.now_s() >= deadline:
+                    raise
+                self.clock.sleep(RETRY_S)
+                self._writable_again()
+            else:
+                return
+
+    def _writable_again(self) -> None:
+        """What the gate needs before the next try; where that fails too, the next try finds out."""
+        with suppress(NoAnswer, SdoProtocolError, SdoAborted, DeviceRefused):
+            self.before_retry()
 
 
 def step_text(step: Step) -> str:

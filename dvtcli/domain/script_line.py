@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
@@ -67,3 +67,25 @@ def _parameter_words(before: PdoCommunicationParameter | None, after: PdoCommuni
     start = after.sync_start_value
     if start is not None and (start if before is None else before.sync_start_value != start):
         yield f"--sync-start {start}"
+
+
+def backup_lines(identity: Mapping[str, int | None], pdos: Mapping[Pdo, PdoConfig]) -> list[str]:
+    """A script that sets every one of *pdos* as it is, on a device of this *identity* only.
+
+    An MPDO is never written: it becomes a comment.
+    """
+    lines = ["# dvtcli script 1"]
+    words = [f"{name}=0x{value:08X}" for name, value in identity.items() if value is not None and name != "serial"]
+    lines += [f"require identity {' '.join(words)}"] if words else []
+    for pdo, config in pdos.items():
+        if config.mpdo is not None:
+            lines.append(f"# {pdo} is a multiplexed PDO (count 0x{config.mpdo:02X}) and is left alone")
+        else:
+            lines += _whole(pdo, config)
+    return lines
+
+
+def _whole(pdo: Pdo, config: PdoConfig) -> list[str]:
+    if config.mapping:
+        return [map_line(pdo, config)]
+    return [f"clear {pdo}", " ".join([f"set {pdo}", *_parameter_words(None, config.communication)])]

@@ -210,3 +210,16 @@ def proposal(
 def plain(family: str) -> Family:
     """How *family*'s simulated devices behave."""
     return load_family(family)
+
+
+class InstantClock:
+    """Time that passes only when somebody waits, and then at once."""
+
+    def __init__(self) -> None:
+        self._now_s = 0.0
+
+    def now_s(self) -> float:
+        return self._now_s
+
+    def sleep(self, duration_s: float) -> None:
+        self._now_s += duration_s
