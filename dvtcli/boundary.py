@@ -46,6 +46,8 @@ def guarded(session: Session, run: Callable[[], Any]) -> int:
     except Exception as bug:  # noqa: BLE001 - the one boundary: a bug becomes exit code 70 with its traceback kept
         session.output.error(_bug(bug), session.place)
         return BUG
+    finally:
+        session.settle()
     return result if isinstance(result, int) else 0
 
 

@@ -5,6 +5,7 @@ Does not know where the text came from, and never asks anything.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 
 #: A script is text typed by people; beyond this many bytes it is something else.
 MOST_BYTES = 10_000_000
+#: What editors show as the end of a line; `str.splitlines` also splits at characters that nobody sees.
+_LINE_END = re.compile("\r\n|\n|\r")
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,12 +38,31 @@ def run_script(session: Session, data: bytes, source: str, *, keep_going: bool) 
     The first failing line stops it and gives the exit code; with *keep_going* it runs on and ends with the
     first failure's code, or 7 where there was one.
     """
+    if source in session.scripts:
+        raise UsageError(f"{source} runs itself: {' runs '.join([*session.scripts, source])}", place=source)
     lines = script_lines(data, source)
     session.started = True
     parsed = [(line, _parsed(line, session, source)) for line in lines]
-    session.in_script = True
+    outer = session.place
+    session.scripts.append(source)
+    try:
+        codes = _run_lines(session, parsed, source, keep_going=keep_going)
+    finally:
+        session.scripts.pop()
+        session.place = outer
+    if not codes:
+        return 0 if session.in_script else boundary(session, session.leave_gates)
+    return 7 if 7 in codes else codes[0]
+
+
+def _run_lines(
+    session: Session, parsed: list[tuple[ScriptLine, click.Context]], source: str, *, keep_going: bool
+) -> list[int]:
+    """Run the lines and answer the exit codes of those that failed."""
     codes: list[int] = []
     for line, ctx in parsed:
+        if session.cancellation.requested:  # asked for while the last line's last write was under way
+            return [*codes, session.cancellation.exit_code]
         session.place = f"{source}:{line.number}"
         code = run_parsed(ctx, session)
         if code == LEAVE:
@@ -49,10 +71,7 @@ def run_script(session: Session, data: bytes, source: str, *, keep_going: bool) 
             codes.append(code)
             if not keep_going or code in (130, 143):
                 break
-    session.place = None
-    if not codes:
-        return boundary(session, session.leave_gates)
-    return 7 if 7 in codes else codes[0]
+    return codes
 
 
 def script_lines(data: bytes, source: str) -> list[ScriptLine]:
@@ -66,9 +85,10 @@ def script_lines(data: bytes, source: str) -> list[ScriptLine]:
         raise InputFileError(f"{source}:{number}: not UTF-8 text", place=f"{source}:{number}") from wrong
     found: list[ScriptLine] = []
     pending, began = "", 0
-    for number, raw in enumerate(text.splitlines(), 1):
+    raws = _LINE_END.split(text)
+    for number, raw in enumerate(raws, 1):
         began = began or number
-        if raw.endswith("\\"):
+        if raw.endswith("\\") and number < len(raws):
             pending += raw[:-1] + " "
             continue
         words = _words(pending + raw, f"{source}:{began}")

@@ -36,8 +36,8 @@ class Session:
         self.cancellation = Cancellation()
         #: at the prompt and in scripts the bus is chosen already
         self.started = False
-        #: scripts never ask, and keep a node pre-operational until their last line
-        self.in_script = False
+        #: the scripts that run, the outermost first
+        self.scripts: list[str] = []
         #: `FILE:LINE` of the script line that runs
         self.place: str | None = None
         self.selected: int | None = None
@@ -54,7 +54,10 @@ class Session:
 
     @contextmanager
     def line(self, given: dict[str, Any]) -> Iterator[None]:
-        """Let one line's own options count while it runs."""
+        """Let one line's own options count while it runs, also for the lines of a script that it runs.
+
+        Where the line fails its way of showing things stays until `settle`, since its error is yet to be shown.
+        """
         refused = sorted(START_ONLY & given.keys()) if self.started else []
         if refused:
             raise UsageError(
@@ -63,16 +66,21 @@ class Session:
             )
         if not self.started:
             self.start(given)
-        fresh_twin = given.get("dry_run") and not self.base.dry_run
-        self.options = self.base._replace(**given)
+        outer = self.base
+        fresh_twin = given.get("dry_run") and not outer.dry_run
+        self.base = self.options = outer._replace(**given)
         self._show()
         try:
             yield
         finally:
             if fresh_twin:
                 self._twin = None
-            self.options = self.base
-            self._show()
+            self.base = self.options = outer
+        self.settle()
+
+    def settle(self) -> None:
+        """Show things as the options that count now ask for: a line's own have ended."""
+        self._show()
 
     def _show(self) -> None:
         options = self.options
@@ -88,6 +96,11 @@ class Session:
             self._untap = None
         else:
             self._untap = self._network.tap(lambda frame, sent: self.output.traffic(frame, sent=sent))
+
+    @property
+    def in_script(self) -> bool:
+        """Whether a script runs: it never asks, and keeps a node pre-operational until its last line."""
+        return bool(self.scripts)
 
     @property
     def dry_run(self) -> bool:

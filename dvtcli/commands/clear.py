@@ -9,6 +9,7 @@ import click
 
 from dvtcli.commands._switching import switch
 from dvtcli.domain.pdo import PdoConfig
+from dvtcli.errors import DvtcliError
 from dvtcli.params import PDO, CanopenType, NodePdo
 from dvtcli.shell import DvtCommand
 
@@ -40,8 +41,11 @@ def command(session: Session, /, pdos: tuple[NodePdo | None, ...]) -> Changed:
     if None not in pdos:
         return switch(session, [pdo for pdo in pdos if pdo is not None], cleared)
     node = session.node()
-    dynamic = [pdo for pdo, config in node.pdos().items() if node.is_dynamic(pdo) and cleared(config) != config]
-    return switch(session, [NodePdo(pdo) for pdo in dynamic], cleared)
+    dynamic = {pdo: config for pdo, config in node.pdos().items() if node.is_dynamic(pdo)}
+    if not dynamic:
+        raise DvtcliError(f"node {node.node_id} has no PDO whose mapping can be changed", node=node.node_id)
+    wanted = [pdo for pdo, config in dynamic.items() if cleared(config) != config]
+    return switch(session, [NodePdo(pdo, node.node_id) for pdo in wanted or dynamic], cleared)
 
 
 def cleared(now: PdoConfig) -> PdoConfig:

@@ -66,4 +66,8 @@ def _write(path: Path, text: str) -> None:
     """Write the file whole or not at all."""
     with tempfile.NamedTemporaryFile("w", dir=path.parent, delete=False, encoding="utf-8", newline="\n") as file:
         file.write(text)
-    os.replace(file.name, path)  # noqa: PTH105 - atomic on every platform
+    try:
+        os.replace(file.name, path)  # noqa: PTH105 - atomic on every platform
+    except OSError:
+        os.unlink(file.name)  # noqa: PTH108 - beside the line above
+        raise

@@ -70,7 +70,8 @@ def _choose(sdo: SdoTransport, policy: StorePolicy, index: int, sub_index: int |
             raise _cannot(node_id, index, candidate, capability)
         return candidate
     error = _cannot(node_id, index, wanted[0] if wanted else 1, None)
-    error.hint = policy.instead or error.hint
+    if index == STORE and policy.instead:
+        error.hint = policy.instead
     raise error
 
 
@@ -78,7 +79,8 @@ def _cannot(node_id: int, index: int, sub_index: int, capability: int | None) ->
     verb = "store" if index == STORE else "restore its defaults"
     place = f"{index:04X}:{sub_index:02X}"
     if capability is None:
-        why, hint = f"it has no 0x{place}", "its manual says how it keeps settings"
+        keeps = "keeps settings" if index == STORE else "forgets settings"
+        why, hint = f"it has no 0x{place}", f"its manual says how it {keeps}"
     elif capability & 2:
         why, hint = f"0x{place} is {capability}: it stores changes by itself", "nothing to do"
     else:

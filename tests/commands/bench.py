@@ -1,0 +1,72 @@
+"""Lines run in this process on simulated nodes, with what they printed and their exit code."""
+
+from __future__ import annotations
+
+import io
+import json
+from dataclasses import dataclass, field
+from typing import Any
+
+from dvtcli.script import run_script
+from dvtcli.session import Session
+from dvtcli.shell import boundary, run_words, split
+from dvtcli.view.output import Output
+
+
+@dataclass
+class Bench:
+    """A session on simulated nodes, as at the prompt but without anybody to ask."""
+
+    sim: tuple[str, ...] = ("gen4",)
+    options: dict[str, Any] = field(default_factory=dict)
+    session: Session = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.session = Session(Output(io.StringIO(), io.StringIO()))
+        self.session.start({"sim": self.sim, **self.options})
+        self.session.started = True
+
+    def __enter__(self) -> Bench:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.session.close()
+
+    def run(self, line: str) -> Ran:
+        """Run one line as the prompt does."""
+        return self._ran(lambda: boundary(self.session, lambda: run_words(split(line), self.session)))
+
+    def script(self, *lines: str, keep_going: bool = False) -> Ran:
+        """Run *lines* as a script called `test.dvt`."""
+        data = "\n".join(lines).encode()
+
+        def run() -> int:
+            return run_script(self.session, data, "test.dvt", keep_going=keep_going)
+
+        return self._ran(lambda: boundary(self.session, run))
+
+    def _ran(self, run: Any) -> Ran:
+        output = self.session.output
+        stdout, stderr = output.stdout, output.stderr = io.StringIO(), io.StringIO()
+        code = run()
+        return Ran(code, stdout.getvalue(), stderr.getvalue())
+
+
+@dataclass(frozen=True)
+class Ran:
+    """What a line ended with and said."""
+
+    code: int
+    stdout: str
+    stderr: str
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """The one JSON document on stdout."""
+        (document,) = self.documents
+        return document
+
+    @property
+    def documents(self) -> list[dict[str, Any]]:
+        """Every JSON document on stdout, one a line."""
+        return [json.loads(line) for line in self.stdout.splitlines()]
