@@ -24,6 +24,7 @@ from dvtcli.options import Options, node_id
 if TYPE_CHECKING:
     from dvtcli.simulator.device import StrictDevice
     from dvtcli.simulator.family import Family
+    from dvtcli.simulator.faults import Fault
 
 IDENTITY = 0x1018
 
@@ -58,8 +59,9 @@ class Network:
         if options.eds:
             read_dictionary(Path(options.eds))  # a wrong file is said before a bus is touched
         simulated = simulated_nodes(options.sim)
+        faults = simulated_faults(options.fault, simulated)
         if simulated:
-            bus = open_simulation([_device(one) for one in simulated], timeout_s=options.timeout)
+            bus = open_simulation([_device(one) for one in simulated], faults=faults, timeout_s=options.timeout)
         else:
             extra = dict(pair.split("=", 1) for pair in options.bus_kwargs)
             bus = open_canbus(options.interface, options.channel, options.bitrate, extra, timeout_s=options.timeout)
@@ -146,6 +148,20 @@ def simulated_nodes(words: tuple[str, ...]) -> tuple[Simulated, ...]:
             raise UsageError(f"--sim {word}: node-ID {chosen} is given twice", hint="WHAT@ID sets the node-ID")
         found.append(_simulated(what, chosen))
     return tuple(found)
+
+
+def simulated_faults(words: tuple[str, ...], simulated: tuple[Simulated, ...]) -> tuple[Fault, ...]:
+    """What each `--fault` means; UsageError for a wrong one, and where no node is simulated."""
+    if not words:
+        return ()
+    if not simulated:
+        raise UsageError("--fault is for simulated nodes", hint="give --sim too: --sim gen4 --fault lose-response@3")
+    from dvtcli.simulator.faults import read_faults
+
+    try:
+        return read_faults(words, [one.node_id for one in simulated])
+    except ValueError as wrong:
+        raise UsageError(f"--fault {wrong}") from wrong
 
 
 def _split(word: str) -> tuple[str, int | None]:

@@ -16,7 +16,20 @@ PREFIX = "global_"
 NEGATIVE_MARK = "\ue000"
 #: What only the start of the program may choose: a bus, a node's files, where things are kept.
 START_ONLY = frozenset(
-    {"interface", "channel", "bitrate", "bus_kwargs", "node", "sim", "eds", "profile", "journal", "color", "ascii"}
+    {
+        "interface",
+        "channel",
+        "bitrate",
+        "bus_kwargs",
+        "node",
+        "sim",
+        "fault",
+        "eds",
+        "profile",
+        "journal",
+        "color",
+        "ascii",
+    }
 )
 
 
@@ -32,6 +45,7 @@ class Options(NamedTuple):
     bus_kwargs: tuple[str, ...] = ()
     node: int | None = None
     sim: tuple[str, ...] = ()
+    fault: tuple[str, ...] = ()
     dry_run: bool = False
     eds: str | None = None
     profile: str | None = None
@@ -63,6 +77,15 @@ _TABLE: list[tuple[tuple[str, ...], dict[str, Any]]] = [
     (("--bus-kwargs",), {"multiple": True, "metavar": "KEY=VALUE", "help": "More of python-can's keys; repeatable."}),
     (("-n", "--node"), {"metavar": "ID", "help": "Node-ID 1…127, decimal or 0x."}),
     (("--sim",), {"multiple": True, "metavar": "WHAT[@ID]", "help": "Simulated node: a family or an EDS/DCF file."}),
+    (
+        ("--fault",),
+        {
+            "multiple": True,
+            "metavar": "[NODE:]FAULT",
+            "help": "What goes wrong with the (first) simulated node, at its K-th SDO download: refuse@K=0x06040041, "
+            "lose-response@K, reset@K, …; a wrong one lists all; repeatable.",
+        },
+    ),
     (("--dry-run",), {"is_flag": True, "help": "Work on an exact twin of the node; write nothing to the bus."}),
     (("--eds",), {"metavar": "FILE", "help": "EDS or DCF of the node."}),
     (("-p", "--profile"), {"metavar": "NAME", "help": "Device family; else found from the node's identity."}),

@@ -6,7 +6,7 @@ Knows kinds, their numbers and their text form. Does not know how a fault is act
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import NamedTuple
@@ -58,7 +58,7 @@ _FORMS = {
     FaultKind.REFUSE: _Form("refuse@K=CODE", "download K is answered with abort CODE (0x06040041)"),
     FaultKind.LOSE_REQUEST: _Form("lose-request@K", "the request never arrives"),
     FaultKind.LOSE_RESPONSE: _Form("lose-response@K", "it is carried out, the answer is lost"),
-    FaultKind.LATE: _Form("late@K=S", "it is carried out, this and every later answer comes S seconds late"),
+    FaultKind.LATE: _Form("late@K=S", "it is carried out, the answer comes S seconds late"),
     FaultKind.DUPLICATE: _Form("duplicate@K", "it is answered twice"),
     FaultKind.FOREIGN: _Form("foreign@K", "an answer for another object comes first"),
     FaultKind.MALFORMED: _Form("malformed@K", "it is carried out, the answer has 3 bytes only"),
@@ -105,7 +105,7 @@ class Fault:
         """Read `[NODE:]KIND[@K][=VALUE]`; ValueError says what would be right."""
         found = _FORM.fullmatch(text.strip())
         if found is None or found["kind"] not in list(FaultKind):
-            raise ValueError(f"no such fault; {known_faults()}")
+            raise ValueError(f"no such fault; there are {_known()}")
         kind, value = FaultKind(found["kind"]), found["value"]
         node_id = None if found["node"] is None else _whole(found["node"], kind)
         at = None if found["at"] is None else _whole(found["at"], kind)
@@ -123,14 +123,35 @@ class Fault:
         return text if self.seconds is None else f"{text}={self.seconds!r}"
 
 
-def known_faults() -> str:
-    """Every kind as it is written, with what it does, in one line."""
-    return "; ".join(f"{form.text}: {form.meaning}" for form in _FORMS.values())
+def read_faults(words: Iterable[str], node_ids: Sequence[int]) -> tuple[Fault, ...]:
+    """What each of *words* says, for nodes *node_ids*; ValueError names the word that is wrong.
+
+    Wrong are also a node that is not simulated, and two faults at one download.
+    """
+    found: dict[tuple[object, ...], Fault] = {}
+    for word in words:
+        try:
+            fault = Fault.parse(word)
+        except ValueError as wrong:
+            raise ValueError(f"{word}: {wrong}") from wrong
+        node_id = node_ids[0] if fault.node_id is None else fault.node_id
+        if node_id not in node_ids:
+            raise ValueError(f"{word}: no simulated node {node_id}")
+        key = (node_id, fault.at or fault.kind)
+        if key in found:
+            raise ValueError(f"{word}: {found[key]} happens there already")
+        found[key] = fault
+    return tuple(found.values())
 
 
 def faults_of(node_id: int, first: int, faults: Iterable[Fault]) -> tuple[Fault, ...]:
     """Those of *faults* that are *node_id*'s, where *first* is the first simulated node."""
     return tuple(fault for fault in faults if (first if fault.node_id is None else fault.node_id) == node_id)
+
+
+def _known() -> str:
+    """Every kind as it is written, in one line."""
+    return ", ".join(form.text for form in _FORMS.values())
 
 
 def _wrong(kind: FaultKind, why: str) -> ValueError:
