@@ -1,0 +1,48 @@
+"""Nothing is imported before it is needed."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+from tests.process import ROOT, environment
+
+HEAVY = ["can", "canopen", "prompt_toolkit", "rich", "ruamel", "dvtcli.commands.map", "dvtcli.simulator", "asyncio"]
+PROBE = """
+import sys
+from dvtcli.cli import main
+try:
+    code = main({words!r})
+finally:
+    print("LOADED", *sys.modules)
+sys.exit(code)
+"""
+
+
+def loaded(*words: str, stdin: str = "") -> set[str]:
+    """The modules that are imported when dvtcli ends."""
+    done = subprocess.run(
+        [sys.executable, "-c", PROBE.format(words=list(words))],
+        input=stdin, capture_output=True, encoding="utf-8", cwd=ROOT, env=environment(), check=False,
+    )  # fmt: skip
+    assert done.returncode in (0, 2), done.stderr
+    return set(done.stdout.splitlines()[-1].split()[1:])
+
+
+@pytest.mark.parametrize("words", [["--help"], ["--version"], []], ids=["--help", "--version", "an empty script"])
+def test_help_imports_nothing_heavy(words: list[str]) -> None:
+    assert not loaded(*words) & set(HEAVY)
+
+
+@pytest.mark.parametrize("words", [["map", "--help"], ["help", "map"], ["nosuch"], ["map", "nonsense"]])
+def test_a_commands_help_and_usage_errors_open_no_bus(words: list[str]) -> None:
+    assert not loaded(*words) & {"can", "canopen", "prompt_toolkit", "ruamel"}
+
+
+def test_a_command_imports_no_prompt_and_no_other_command() -> None:
+    modules = loaded("--sim", "gen4", "read", "6041")
+    assert not modules & {"prompt_toolkit", "ruamel", "dvtcli.repl", "dvtcli.script"}
+    commands = {name.rpartition(".")[2] for name in modules if name.startswith("dvtcli.commands.")}
+    assert {name for name in commands if not name.startswith("_")} == {"read"}
