@@ -5,9 +5,7 @@ from __future__ import annotations
 import ast
 import re
 
-import pytest
-
-from tests.house.source import Module, modules
+from tests.house.source import modules
 
 MOST_FUNCTION_LINES = 60
 MOST_FILE_LINES = 400
@@ -17,42 +15,42 @@ MAKERS = re.compile(
     r"sevcon|borgwarner|trinamic|tmcm|roboteq|gen4|espac|curtis|maxon|schunk|faulhaber|systec|ingenia|axiomatic", re.I
 )
 
-every_module = pytest.mark.parametrize("module", modules(), ids=lambda module: module.name)
+MODULES = modules()
 
 
-@every_module
-def test_files_and_functions_are_short(module: Module) -> None:
-    for node in ast.walk(module.tree):
-        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
-            lines = (node.end_lineno or node.lineno) - node.lineno + 1
-            assert lines <= MOST_FUNCTION_LINES, f"{module.name}:{node.lineno} {node.name} has {lines} lines"
-    if module.name not in LONG_FILES:
-        assert module.text.count("\n") <= MOST_FILE_LINES, module.name
+def test_files_and_functions_are_short() -> None:
+    for module in MODULES:
+        for node in ast.walk(module.tree):
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+                lines = (node.end_lineno or node.lineno) - node.lineno + 1
+                assert lines <= MOST_FUNCTION_LINES, f"{module.name}:{node.lineno} {node.name} has {lines} lines"
+        if module.name not in LONG_FILES:
+            assert module.text.count("\n") <= MOST_FILE_LINES, module.name
 
 
-@every_module
-def test_nothing_is_evaluated_or_given_to_a_shell(module: Module) -> None:
-    for node in ast.walk(module.tree):
-        if not isinstance(node, ast.Call):
-            continue
-        called = ast.unparse(node.func)
-        assert called not in ("eval", "exec", "os.system", "os.popen", "pickle.load", "pickle.loads"), module.name
-        shell = next((word.value for word in node.keywords if word.arg == "shell"), None)
-        assert shell is None or (isinstance(shell, ast.Constant) and shell.value is False), module.name
-
-
-@every_module
-def test_nothing_asserts_what_a_user_or_a_device_decides(module: Module) -> None:
-    for node in ast.walk(module.tree):
-        if isinstance(node, ast.Call):
+def test_nothing_is_evaluated_or_given_to_a_shell() -> None:
+    for module in MODULES:
+        for node in ast.walk(module.tree):
+            if not isinstance(node, ast.Call):
+                continue
             called = ast.unparse(node.func)
-            assert called != "sys.exit" or module.name in ("cli.py", "__main__.py"), f"{module.name}:{node.lineno}"
+            assert called not in ("eval", "exec", "os.system", "os.popen", "pickle.load", "pickle.loads"), module.name
+            shell = next((word.value for word in node.keywords if word.arg == "shell"), None)
+            assert shell is None or (isinstance(shell, ast.Constant) and shell.value is False), module.name
 
 
-@every_module
-def test_no_makers_name_stands_in_code(module: Module) -> None:
-    for node, text in texts(module.tree):
-        assert not MAKERS.search(text), f"{module.name}:{node.lineno}: {text!r}; behaviours, not vendors"
+def test_nothing_asserts_what_a_user_or_a_device_decides() -> None:
+    for module in MODULES:
+        for node in ast.walk(module.tree):
+            if isinstance(node, ast.Call):
+                called = ast.unparse(node.func)
+                assert called != "sys.exit" or module.name in ("cli.py", "__main__.py"), f"{module.name}:{node.lineno}"
+
+
+def test_no_makers_name_stands_in_code() -> None:
+    for module in MODULES:
+        for node, text in texts(module.tree):
+            assert not MAKERS.search(text), f"{module.name}:{node.lineno}: {text!r}; behaviours, not vendors"
 
 
 def texts(tree: ast.Module) -> list[tuple[ast.stmt | ast.expr, str]]:
@@ -80,6 +78,6 @@ def texts(tree: ast.Module) -> list[tuple[ast.stmt | ast.expr, str]]:
     return found
 
 
-@every_module
-def test_every_file_begins_with_what_it_is(module: Module) -> None:
-    assert module.text == "" or ast.get_docstring(module.tree), module.name
+def test_every_file_begins_with_what_it_is() -> None:
+    for module in MODULES:
+        assert module.text == "" or ast.get_docstring(module.tree), module.name
