@@ -6,9 +6,10 @@ Knows prompt_toolkit. Does not know what a line does.
 from __future__ import annotations
 
 import os
+import signal
 import sys
-from collections.abc import Callable
-from contextlib import redirect_stderr, redirect_stdout
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from typing import TYPE_CHECKING, Protocol, TextIO, cast
 
 from dvtcli.view.output import Output
@@ -48,6 +49,10 @@ def reader(session: Session, status: Status, notices: Notices, show_help: Callab
     if not sys.stdout.isatty() or os.environ.get("TERM", "").lower() in ("dumb", "unknown"):
         return PlainReader(status, notices, session.output)
     return FullReader(session, status, notices, show_help)
+
+
+class ThrownAway(Exception):
+    """The line was given up; no KeyboardInterrupt, since that would break out of prompt_toolkit's event loop."""
 
 
 class PlainReader:
@@ -95,8 +100,32 @@ class FullReader:
                 self._notices.shown_by(lambda text: output.lines([text])),
             ):
                 self._notices.pump()
-                # The program's own signal handler stays: prompt_toolkit's would lose a Ctrl-C that comes while it ends.
-                return self._prompt.prompt(handle_sigint=False)
+                with _held_interrupts() as held:
+                    line = self._typed()
+        if held or line is None:
+            raise KeyboardInterrupt
+        return line
+
+    def _typed(self) -> str | None:
+        """What was typed, None where it was thrown away."""
+        try:
+            return self._prompt.prompt()
+        except ThrownAway:
+            return None
+
+
+@contextmanager
+def _held_interrupts() -> Iterator[list[int]]:
+    """Keep SIGINT out of prompt_toolkit's starting and ending, where it breaks the event loop; the list has what came.
+
+    While the line is typed, prompt_toolkit hears it itself and throws the line away.
+    """
+    held: list[int] = []
+    before = signal.signal(signal.SIGINT, lambda number, _frame: held.append(number))
+    try:
+        yield held
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _prompt_session(session: Session, status: Status, show_help: Callable[[str], None]) -> PromptSession[str]:
@@ -135,7 +164,8 @@ def _color_depth(color: str) -> ColorDepth | None:
 
 def _keys(show_help: Callable[[str], None]) -> KeyBindings:
     from prompt_toolkit.application import get_app, run_in_terminal
-    from prompt_toolkit.filters import Condition, completion_is_selected, has_completions
+    from prompt_toolkit.enums import DEFAULT_BUFFER
+    from prompt_toolkit.filters import Condition, completion_is_selected, has_completions, has_focus
     from prompt_toolkit.key_binding import KeyBindings
 
     from dvtcli.prompt.typed import typed
@@ -158,5 +188,12 @@ def _keys(show_help: Callable[[str], None]) -> KeyBindings:
         """Print help for the line so far, and keep the line."""
         line = event.current_buffer.text
         run_in_terminal(lambda: show_help(line))
+
+    @keys.add("c-c", filter=has_focus(DEFAULT_BUFFER))
+    @keys.add("<sigint>")
+    def _throw_away(event: KeyPressEvent) -> None:
+        """Throw the line away; a second Ctrl-C while the first one is at it changes nothing."""
+        if event.app.is_running and not event.app.is_done:
+            event.app.exit(exception=ThrownAway, style="class:aborting")
 
     return keys
