@@ -35,7 +35,7 @@ def command(session: Session, /, text: str | None, mappable: str | None) -> Obje
     if dictionary is None:
         raise UsageError(f"node {node.node_id} has no EDS here: nothing names its objects", hint="--eds FILE gives one")
     entries = list(dictionary.entries())
-    chosen = [entry for entry in entries if _matches(dictionary, entry, text) and _fits(entry, mappable)]
+    chosen = [entry for entry in entries if _matches(dictionary, entry, text) and _fits(dictionary, entry, mappable)]
     rows = tuple(_row(dictionary, entry, node.node_id) for entry in chosen)
     return ObjectListing(node.node_id, dictionary.source, rows, len(entries))
 
@@ -51,17 +51,24 @@ def _matches(dictionary: ObjectDictionary, entry: OdEntry, text: str | None) -> 
     )
 
 
-def _fits(entry: OdEntry, mappable: str | None) -> bool:
-    return mappable is None or mappable in _directions(entry).split()
+def _fits(dictionary: ObjectDictionary, entry: OdEntry, mappable: str | None) -> bool:
+    """Where the file says of no object whether it can be mapped, access alone decides."""
+    if mappable is None:
+        return True
+    unknown = entry.pdo_mapping is None and not dictionary.tells_mappability
+    return mappable in (_accepting(entry) if unknown else _directions(entry).split())
 
 
 def _directions(entry: OdEntry) -> str:
+    return " ".join(_accepting(entry)) if entry.pdo_mapping else ""
+
+
+def _accepting(entry: OdEntry) -> list[str]:
+    """The ways that the entry's access type allows."""
     from dvtcli.domain.rules.mapping import FEEDS_TPDO, TAKES_RPDO
 
-    if not entry.pdo_mapping:
-        return ""
     ways = (("tpdo", FEEDS_TPDO), ("rpdo", TAKES_RPDO))
-    return " ".join(way for way, accesses in ways if entry.access in accesses)
+    return [way for way, accesses in ways if entry.access in accesses]
 
 
 def _row(dictionary: ObjectDictionary, entry: OdEntry, node_id: int) -> ObjectRow:

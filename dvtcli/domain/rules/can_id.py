@@ -133,9 +133,13 @@ def default_owner(can_id: int) -> tuple[Pdo, int] | None:
 
 
 def automatic_can_id(proposal: Proposal) -> int | None:
-    """The CAN-ID that `auto` means: the pre-defined one for PDO 1..4, else the lowest free one, else None."""
-    default = proposal.pdo.default_can_id(proposal.node_id)
-    if default is not None:
-        return default
+    """The CAN-ID that `auto` means: the pre-defined one for PDO 1..4, else the lowest free one, else None.
+
+    A pre-defined one that another PDO of the node uses is not free.
+    """
     used = {config.communication.cob_id.can_id for config in proposal.others.values() if config.enabled}
+    used |= {proposal.sync_can_id, proposal.emcy_can_id or 0x080 + proposal.node_id}
+    default = proposal.pdo.default_can_id(proposal.node_id)
+    if default is not None and default not in used:
+        return default
     return next((can_id for can_id in FREE_POOL if can_id not in used), None)

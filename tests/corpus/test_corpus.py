@@ -1,0 +1,117 @@
+"""The main job on every real EDS and DCF of a folder given with `--eds-corpus DIR`: map, verify, store, prove."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from dvtcli.domain.datatypes import Kind
+from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
+from dvtcli.domain.pdo import Direction, Pdo
+from dvtcli.domain.ports import Frame
+from dvtcli.domain.rules.mapping import FEEDS_TPDO, TAKES_RPDO
+from tests.commands.bench import Bench
+
+_INITIATE_DOWNLOAD = 1
+
+
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    folder = metafunc.config.getoption("--eds-corpus")
+    paths = sorted(p for p in Path(folder).iterdir() if p.suffix.lower() in (".eds", ".dcf")) if folder else []
+    metafunc.parametrize("path", paths, ids=[path.name for path in paths])
+
+
+def candidates(dictionary: ObjectDictionary, direction: Direction) -> list[OdEntry]:
+    """Numbers that the file lets a PDO carry, or does not say anything of; the communication area's come last."""
+    accesses = FEEDS_TPDO if direction is Direction.TPDO else TAKES_RPDO
+    unknown = not dictionary.tells_mappability
+    fitting = [
+        entry
+        for entry in dictionary.entries()
+        if (entry.pdo_mapping or unknown)
+        and entry.access in accesses
+        and entry.data_type is not None
+        and entry.data_type.kind in (Kind.INTEGER, Kind.UNSIGNED)
+        and entry.bits in (8, 16, 32)
+    ]
+    return sorted(fitting, key=lambda entry: entry.index < 0x2000)
+
+
+def is_static(dictionary: ObjectDictionary, pdo: Pdo) -> bool:
+    """Whether the count or the first entry cannot be written."""
+    entries = [dictionary.entry(pdo.mapping_index, sub_index) for sub_index in (0, 1)]
+    return any(entry is not None and not entry.access.writable for entry in entries)
+
+
+def watch_writes(bench: Bench) -> list[bytes]:
+    """SDO downloads that reach the bus from now on."""
+    bench.session.node()
+    seen: list[bytes] = []
+
+    def heard(frame: Frame, sent: bool) -> None:
+        if sent and 0x601 <= frame.can_id <= 0x67F and frame.data[0] >> 5 == _INITIATE_DOWNLOAD:
+            seen.append(frame.data)
+
+    assert bench.session._network is not None
+    bench.session._network.tap(heard)
+    return seen
+
+
+@pytest.mark.parametrize("direction", Direction)
+def test_the_first_pdo_is_mapped_verified_stored_and_proved_or_refused_with_the_reason(
+    path: Path, direction: Direction
+) -> None:
+    with Bench((str(path),), {"yes": True}) as bench:
+        node = bench.session.node()
+        dictionary, pdo = node.dictionary, Pdo(direction, 1)
+        assert dictionary is not None
+        writes = watch_writes(bench)
+        if pdo.communication_index not in dictionary:
+            assert bench.run(f"map {pdo} 2000").code == 1
+            assert writes == []
+            return
+        factory = node.pdo(pdo)
+        room = len(dictionary[pdo.mapping_index].entries) - 1
+        chosen = candidates(dictionary, direction)[: min(2, room)]
+        mapped = bench.run(f"map {pdo} {' '.join(entry.object for entry in chosen)}")
+        if is_static(dictionary, pdo):
+            assert mapped.code == 1
+            assert "is static" in mapped.stderr
+            assert writes == []
+            return
+        assert mapped.code == 0, mapped.stderr
+        assert ("does not say whether" in mapped.stderr) is not dictionary.tells_mappability
+        assert bench.run(f"verify {pdo}").code == 0
+        (row,) = bench.run(f"pdo {pdo} --json").document["pdos"]
+        assert [entry["object"] for entry in row["mapping"]] == [entry.object for entry in chosen]
+        assert row["enabled"]
+        stored = bench.run("store --prove")
+        if dictionary.entry(0x1010, 1) is None:
+            assert stored.code == 1
+            assert "this device cannot store" in stored.stderr
+            return
+        assert stored.code == 0, stored.stderr
+        assert "Proved" in stored.stdout
+        assert bench.run(f"verify {pdo}").code == 0
+        if factory.enabled and not factory.count:
+            return  # no sequence of writes brings an enabled empty PDO back
+        assert bench.run("undo --all").code == 0
+        assert node.pdo(pdo) == factory
+
+
+@pytest.mark.parametrize("direction", Direction)
+def test_what_objects_offers_can_be_mapped(path: Path, direction: Direction) -> None:
+    """Each on its own, in a dry run; what does not fit by its length or the family's advice is an exception."""
+    with Bench((str(path),), {"yes": True, "dry_run": True}) as bench:
+        dictionary = bench.session.node().dictionary
+        pdo = Pdo(direction, 1)
+        assert dictionary is not None
+        if pdo.communication_index not in dictionary or is_static(dictionary, pdo):
+            pytest.skip("no such PDO, or a static one")
+        rows = bench.run(f"objects --mappable {direction} --json").document["objects"]
+        assert rows
+        for row in rows[:: max(1, len(rows) // 12)]:
+            ran = bench.run(f"map {pdo} {row['object']} --json")
+            rules = {finding["rule"] for finding in ran.document.get("findings", [])}
+            assert ran.code == 0 or rules & {"pdo-length", "entry-length", "granularity", "read-write-object"}, ran
