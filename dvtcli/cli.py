@@ -24,10 +24,10 @@ def main(argv: list[str] | None = None) -> int:
         return REGISTRY.main(words, prog_name="dvtcli", standalone_mode=False, obj=session, default_map=file_defaults())
 
     code = boundary(session, run)
-    if code in (0, LEAVE):
-        code = boundary(session, session.leave_gates)
+    code = 0 if code == LEAVE else code
+    settling = boundary(session, lambda: session.end_line(code))
     closing = boundary(session, session.close)
-    return code or closing
+    return code or settling or closing
 
 
 def _catch_signals(session: Session) -> None:

@@ -12,12 +12,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.device.cancellation import Cancellation
+from dvtcli.device.keeper import Keeper
 from dvtcli.device.node import Node
 from dvtcli.device.read import read_optional
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.ports import CanopenBus, Frame
 from dvtcli.domain.profile import GENERIC, DeviceProfile
-from dvtcli.errors import UsageError
+from dvtcli.errors import InputFileError, UsageError
 from dvtcli.formats.profile_toml import load_profile, profile_for_identity, profile_names
 from dvtcli.options import Options, node_id
 
@@ -47,12 +48,26 @@ class Network:
     cancellation: Cancellation
     consent: Callable[[str], None]
     simulated: tuple[Simulated, ...] = ()
+    #: show a message that is no result, and one that nobody may miss
+    say: Callable[[str], None] = lambda _text: None
+    warn: Callable[[str], None] = lambda _text: None
+    #: whether changes get lock, backup and journal: not where the nodes die with this process, nor on twins
+    guarded: bool = False
     nodes: dict[int, Node] = field(default_factory=dict)
     #: calls back with (frame, sent) for every frame; returns what ends that
     tap: Callable[[Callable[[Frame, bool], None]], Callable[[], None]] = lambda _callback: lambda: None
+    #: what was noticed on the SDO channels since the last call
+    disturbances: Callable[[], list[str]] = list
 
     @classmethod
-    def opened(cls, options: Options, cancellation: Cancellation, consent: Callable[[str], None]) -> Network:
+    def opened(
+        cls,
+        options: Options,
+        cancellation: Cancellation,
+        consent: Callable[[str], None],
+        say: Callable[[str], None] = lambda _text: None,
+        warn: Callable[[str], None] = lambda _text: None,
+    ) -> Network:
         """Open the bus that *options* name; BusUnavailable, UsageError or InputFileError where that fails."""
         from dvtcli.transports import open_canbus, open_simulation
 
@@ -65,7 +80,18 @@ class Network:
         else:
             extra = dict(pair.split("=", 1) for pair in options.bus_kwargs)
             bus = open_canbus(options.interface, options.channel, options.bitrate, extra, timeout_s=options.timeout)
-        return cls(bus, options, cancellation, consent, simulated, tap=bus.tap)
+        return cls(
+            bus,
+            options,
+            cancellation,
+            consent,
+            simulated,
+            say,
+            warn,
+            guarded=not simulated,
+            tap=bus.tap,
+            disturbances=bus.disturbances,
+        )
 
     @property
     def simulated_ids(self) -> tuple[int, ...]:
@@ -79,7 +105,30 @@ class Network:
             self.nodes[node_id] = Node(
                 self.bus, node_id, self._dictionary(node_id), profile, self.cancellation, self.consent
             )
+            self.nodes[node_id].keeper = self._keeper(node_id) if self.guarded else None
         return self.nodes[node_id]
+
+    def _keeper(self, node_id: int) -> Keeper:
+        """Lock, backup and journal of a node; says so where a change of it was interrupted."""
+        keeper = Keeper(state_folder(self.options), self.bus.name, node_id, self.say)
+        try:
+            journal = keeper.interrupted()
+        except InputFileError as damaged:
+            self.warn(f"{damaged.text}: {damaged.why}; {damaged.hint}")
+            return keeper
+        if journal is not None:
+            labels = ", ".join(change.label for change in journal.plan.changes)
+            self.say(
+                f"a change of {labels} of node {node_id} was interrupted: `recover` puts the old configuration back"
+            )
+        return keeper
+
+    def close(self) -> None:
+        """Leave the bus and let others write to its nodes."""
+        self.bus.close()
+        for node in self.nodes.values():
+            if node.keeper is not None:
+                node.keeper.lock.release()
 
     def _dictionary(self, node_id: int) -> ObjectDictionary | None:
         if self.options.eds:
@@ -108,6 +157,15 @@ class Network:
         sdo = self.bus.sdo(node_id)
         vendor, product = read_optional(sdo, IDENTITY, 1, 4), read_optional(sdo, IDENTITY, 2, 4)
         return GENERIC if vendor is None else profile_for_identity(vendor, product or 0)
+
+
+def state_folder(options: Options) -> Path:
+    """Where journals, locks and backups are kept: --journal, else the user's state folder."""
+    if options.journal:
+        return Path(options.journal)
+    import platformdirs
+
+    return Path(platformdirs.user_state_dir("dvtcli"))
 
 
 def twin_of(network: Network) -> Network:

@@ -80,7 +80,7 @@ class Prompt:
         return 0
 
     def _run(self, line: str) -> int:
-        """Run one line; where it succeeded, every node goes back to the state it was found in."""
+        """Run one line; unless it left something changed, every node goes back to the state it was found in."""
         session = self._session
 
         def run() -> int:
@@ -88,8 +88,7 @@ class Prompt:
             return run_words(words, session) if words else 0
 
         code = boundary(session, run)
-        if code == 0:
-            code = boundary(session, session.leave_gates)
+        code = boundary(session, lambda: session.end_line(code)) or code
         self._answers = code != SILENT
         return code
 

@@ -50,9 +50,11 @@ def run_script(session: Session, data: bytes, source: str, *, keep_going: bool) 
     finally:
         session.scripts.pop()
         session.place = outer
-    if not codes:
-        return 0 if session.in_script else boundary(session, session.leave_gates)
-    return 7 if 7 in codes else codes[0]
+    code = 0 if not codes else 7 if 7 in codes else codes[0]
+    if session.in_script:
+        return code
+    # after a failure the set-up is neither old nor new as a whole: its nodes stay PRE-OPERATIONAL
+    return boundary(session, lambda: session.end_line(5 if code else 0)) or code
 
 
 def _run_lines(

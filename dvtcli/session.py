@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from dvtcli.device.cancellation import Cancellation
-from dvtcli.errors import SafetyRefusal, UsageError
+from dvtcli.errors import DvtcliError, SafetyRefusal, UsageError
 from dvtcli.options import START_ONLY, Options
 
 if TYPE_CHECKING:
@@ -21,6 +21,10 @@ if TYPE_CHECKING:
     from dvtcli.domain.ports import CanopenBus
     from dvtcli.network import Network
     from dvtcli.view.output import Output
+
+
+#: Exit codes after which every device is as planned, or as it was.
+_AS_IT_WAS = frozenset({0, 1, 2, 3, 4, 6, 130, 143, -1})
 
 
 class Session:
@@ -79,7 +83,8 @@ class Session:
         self.settle()
 
     def settle(self) -> None:
-        """Show things as the options that count now ask for: a line's own have ended."""
+        """A line ended, well or not: say what was noticed meanwhile, and show things as before it."""
+        self.warn_of_disturbances()
         self._show()
 
     def _show(self) -> None:
@@ -114,7 +119,9 @@ class Session:
 
         if self._network is None:
             self.on_open()
-            self._network = Network.opened(self.base, self.cancellation, self._consent)
+            self._network = Network.opened(
+                self.base, self.cancellation, self._consent, self.output.note, self.output.warning
+            )
             self._watch()
         if not self.dry_run:
             return self._network
@@ -191,15 +198,28 @@ class Session:
         if not self.output.ask(question):
             raise SafetyRefusal("not done: the answer was no")
 
-    def leave_gates(self) -> None:
-        """Return every node to the state it was found in; called where everything succeeded."""
-        for gate in self._gates():
-            gate.leave()
+    def end_line(self, code: int) -> None:
+        """A line of its own, or a whole script, ended with *code*: nodes go back to the NMT state they were found in.
 
-    def abandon_gates(self) -> None:
-        """Let nodes stay PRE-OPERATIONAL; called where something failed."""
+        Not after a failure that left a device changed or silent, nor in the middle of a script: there they stay
+        PRE-OPERATIONAL, and the error said so.
+        """
         for gate in self._gates():
-            gate.abandon()
+            if code in _AS_IT_WAS:
+                gate.leave()
+            else:
+                gate.abandon()
+
+    def annotate(self, error: DvtcliError) -> None:
+        """Add to *error* that a node will stay PRE-OPERATIONAL, where it will."""
+        for gate in self._gates():
+            if gate.access.node_id == error.node and (self.in_script or error.exit_code not in _AS_IT_WAS):
+                gate.tell(error)
+
+    def warn_of_disturbances(self) -> None:
+        """Say what was noticed on the SDO channels: another client, two nodes with one node-ID."""
+        for text in self._network.disturbances() if self._network is not None else ():
+            self.output.warning(text)
 
     def _gates(self) -> Iterator[Gate]:
         for network in (self._network, self._twin):
@@ -210,5 +230,5 @@ class Session:
         """Leave the bus."""
         self._twin = None
         if self._network is not None:
-            self._network.bus.close()
+            self._network.close()
             self._network = self._untap = None

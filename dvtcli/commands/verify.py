@@ -43,6 +43,8 @@ def command(session: Session, /, words: tuple[str, ...], frame: bool) -> Compare
         what = f"{files[0]} says nothing of" if files else "this session did not set"
         raise UsageError(f"{what} {missing[0].label}", hint="verify FILE compares with a DCF; map or set it first")
     found = tuple((pdo.label, text) for pdo in chosen for text in differences(pdo, wanted[pdo], node.pdo(pdo)))
+    if not files and chosen:
+        node.suspect = "verify found differences to what this session set" if found else None
     frames, note = look(session, node, [pdo for pdo in chosen if pdo.is_tpdo]) if frame else ((), "")
     against = files[0] if files else "this session's changes"
     count = sum(5 + len(wanted[pdo].mapping) for pdo in chosen)

@@ -20,6 +20,7 @@ from dvtcli.domain.ports import Frame
 from dvtcli.errors import BusUnavailable, UsageError
 from dvtcli.transports import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S
 from dvtcli.transports.node_events import EMERGENCY, HEARTBEAT, Emergency, NodeEvent, NodeWatch
+from dvtcli.transports.oddities import Oddities
 from dvtcli.transports.receiver import Receiver, Wake, bus_closed
 from dvtcli.transports.sdo_channel import SdoChannel
 from dvtcli.transports.sdo_client import StrictSdoClient
@@ -63,6 +64,7 @@ class CanBus:
         self._watch = NodeWatch()
         self._life_waiters: WeakSet[SimpleQueue[bool | Wake]] = WeakSet()
         self._traffic = Traffic()
+        self._oddities = Oddities()
         self._closed = False
 
     @property
@@ -92,6 +94,7 @@ class CanBus:
             raise UsageError(f"node-ID {node_id} is outside 0..127")
         self._receiver.drain()
         self._watch.forget_state(node_id)
+        self._oddities.commanded(command, node_id)
         self.send(Frame(0x000, bytes([command, node_id])))
 
     def nmt_state(self, node_id: int, timeout_s: float = 0.0) -> NmtState | None:
@@ -137,6 +140,11 @@ class CanBus:
         """
         self._watch.listeners.append(callback)
         return lambda: self._watch.listeners.remove(callback)
+
+    def disturbances(self) -> list[str]:
+        """What was noticed since the last call that should not be: another SDO client, two nodes with one node-ID."""
+        self._receiver.drain()
+        return self._oddities.news(self._channels, self._watch.boot_ups)
 
     def tap(self, callback: Tap) -> Callable[[], None]:
         """Call *callback*(frame, sent) for each frame received or sent here; returns what ends that. As `on_event`."""

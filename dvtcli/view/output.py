@@ -94,6 +94,12 @@ class Output:
 
             self.lines([[Cell("note: ", "cyan"), Cell(text)]])
 
+    def warning(self, text: str) -> None:
+        """Print one warning to stderr, also where only errors are wanted."""
+        from dvtcli.view.lines import Cell
+
+        self.lines([[Cell("warning: ", "yellow"), Cell(text)]])
+
     def ask(self, question: str) -> bool:
         """Ask *question* at the terminal; anything but yes is no."""
         from dvtcli.view.paint import painted

@@ -1,0 +1,58 @@
+"""Finish an interrupted change: put the old configuration back from its journal."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from dvtcli.commands._changing import changed
+from dvtcli.params import TEXT
+from dvtcli.shell import DvtCommand
+
+if TYPE_CHECKING:
+    from dvtcli.device.journal import Journal
+    from dvtcli.results import Changed, Facts
+    from dvtcli.session import Session
+
+
+@click.command("recover", cls=DvtCommand, short_help=__doc__)
+@click.argument("file", type=TEXT, required=False)
+@click.pass_obj
+def command(session: Session, /, file: str | None) -> Changed | Facts:
+    """Read the node, put back what the interrupted change replaced, and verify it.
+
+    \b
+    recover
+    recover --dry-run          shows what would be written
+    recover can0-5.json        a journal that was kept elsewhere
+    """
+    from dvtcli.device.back import recover
+    from dvtcli.device.node import Applied
+    from dvtcli.results import Facts
+
+    journal = _journal(session, file)
+    if journal is None:
+        said = "nothing to recover: no change of this node was interrupted"
+        return Facts("recover", (("node", session.node_id()), ("recovered", False)), (said,))
+    node = session.node(journal.plan.node_id)
+    labels = ", ".join(change.label for change in journal.plan.changes)
+    session.consent(f"{labels} of node {node.node_id} will be put back as before the interrupted change; recover?")
+    started = time.monotonic()
+    plan = recover(node, journal)
+    return changed(session, node, Applied(plan), time.monotonic() - started, undone=True)
+
+
+def _journal(session: Session, file: str | None) -> Journal | None:
+    from dvtcli.device.journal import Journals, read_journal
+    from dvtcli.errors import UsageError
+    from dvtcli.network import state_folder
+
+    if file is None:
+        session.node()
+        return Journals(state_folder(session.options) / "journals", session.wire.name).find(session.node_id())
+    if not Path(file).is_file():
+        raise UsageError(f"{file}: no such file", place=file, hint="recover alone takes the node's own journal")
+    return read_journal(Path(file))

@@ -1,0 +1,58 @@
+"""Signs that we are not alone, or that a node is there twice. Counts what others saw; reads nothing itself."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.nmt import NmtCommand
+
+if TYPE_CHECKING:
+    from dvtcli.transports.sdo_channel import SdoChannel
+    from dvtcli.transports.sdo_link import DroppedAnswers
+
+#: One late answer after a time-out is normal; from this many on they mean a second node.
+SECOND_ANSWERS = 3
+
+
+@dataclass(slots=True)
+class Oddities:
+    """What was told already, so that each sign is told once."""
+
+    _dropped: dict[int, DroppedAnswers] = field(default_factory=dict)
+    _boot_ups: Counter[int] = field(default_factory=Counter)
+    _resets: Counter[int] = field(default_factory=Counter)
+
+    def commanded(self, command: NmtCommand, node_id: int) -> None:
+        """An NMT command of ours was sent: a reset makes one boot-up expected of *node_id* (0: of every node)."""
+        if command in (NmtCommand.RESET_NODE, NmtCommand.RESET_COMMUNICATION):
+            self._resets[node_id] += 1
+
+    def news(self, channels: Mapping[int, SdoChannel], boot_ups: Mapping[int, int]) -> list[str]:
+        """What is new since the last call, in words."""
+        found = [text for node_id, channel in dict(channels).items() for text in self._of_channel(node_id, channel)]
+        found += [text for node_id, count in dict(boot_ups).items() for text in self._of_boot_ups(node_id, count)]
+        self._resets.clear()
+        return found
+
+    def _of_channel(self, node_id: int, channel: SdoChannel) -> Iterator[str]:
+        now, before = channel.dropped, self._dropped.get(node_id)
+        self._dropped[node_id] = replace(now)
+        others = now.other_client - (before.other_client if before else 0)
+        stale = now.stale - (before.stale if before else 0)
+        if others > 0:
+            yield f"another SDO client talks to node {node_id}: {others} frames on its SDO channel were not ours"
+        if stale >= SECOND_ANSWERS:
+            yield f"{stale} answers came twice: are there two nodes with node-ID {node_id}?"
+
+    def _of_boot_ups(self, node_id: int, count: int) -> Iterator[str]:
+        new = count - self._boot_ups[node_id]
+        self._boot_ups[node_id] = count
+        expected = self._resets[node_id] + self._resets[0]
+        if expected and new > expected:
+            yield (
+                f"{new} boot-ups after {expected} reset{'' if expected == 1 else 's'}: are there two nodes with "
+                f"node-ID {node_id}, or does it restart by itself?"
+            )
