@@ -84,7 +84,9 @@ class Room:
         """Gaps that an RPDO may skip."""
         if self.direction == "tpdo" or not incomplete or not "dummy/".startswith(incomplete.lower()[:6]):
             return []
-        words = [(f"dummy/{bits}", f"skip {bits} bits") for bits in sorted(set(DUMMY_BITS.values()))]
+        words = [
+            (f"dummy/{bits}", f"skip {bits} bit{'' if bits == 1 else 's'}") for bits in sorted(set(DUMMY_BITS.values()))
+        ]
         return [CompletionItem(word, help=text) for word, text in words if word.startswith(incomplete.lower())]
 
 

@@ -1,0 +1,117 @@
+"""What the menu offers and how fast, asked of the completer itself: no key waits for it, none uses the bus."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from prompt_toolkit.completion import CompleteEvent, Completion
+from prompt_toolkit.document import Document
+
+from dvtcli.prompt.completer import LineCompleter
+from dvtcli.prompt.typed import quoted, typed
+from dvtcli.session import Session
+from dvtcli.transports.canbus import CanBus
+from dvtcli.view.output import Output
+
+#: A key's share of a second that nobody notices is 0.02; a busy test machine gets more.
+A_KEY_S = 0.1
+
+
+@pytest.fixture
+def session() -> Iterator[Session]:
+    session = Session(Output())
+    session.start({"sim": ("gen4",)})
+    session.started = True
+    session.node()
+    yield session
+    session.close()
+
+
+def menu(session: Session, line: str) -> list[Completion]:
+    return list(LineCompleter(session).get_completions(Document(line), CompleteEvent()))
+
+
+def words(session: Session, line: str) -> list[str]:
+    return [item.text for item in menu(session, line)]
+
+
+def test_objects_are_found_by_number_then_name_then_a_word_of_it(session: Session) -> None:
+    assert words(session, "read 6C01:1")[0] == "6C01:01"
+    assert words(session, "read 0x606C")[0] == "0x606C:00"
+    assert all(word.startswith("0x") for word in words(session, "read 0x6"))
+    found = words(session, "read velocity_a")
+    assert found[0] == "606C:00"
+    assert words(session, 'read "velocity a')[0] == "606C:00"
+    assert "606C:00" in words(session, "read vlctyctlvl")
+    assert words(session, "read nothing_is_called_so") == []
+
+
+def test_options_come_with_the_commands_own_first(session: Session) -> None:
+    found = words(session, "map tpdo1 6041 --")
+    assert found.index("--cob-id") < found.index("--dry-run")
+    assert "--sim" not in found
+    assert "--sync" not in words(session, "map tpdo1 6041 --sync 1 --s")
+    assert words(session, "map tpdo1 6041 --cob-id ")[:2] == ["auto", "keep"]
+
+
+def test_a_comment_and_an_unknown_command_offer_nothing(session: Session) -> None:
+    assert words(session, "# ma") == []
+    assert words(session, "mpa tp") == []
+
+
+def test_a_key_never_uses_the_bus(session: Session) -> None:
+    bus = session.wire
+    assert isinstance(bus, CanBus)
+    frames: list[object] = []
+    forget = bus.tap(lambda frame, _sent: frames.append(frame) if frame.can_id & 0x780 in (0x580, 0x600) else None)
+    line = "map tpdo1 6C01:1 velocity 6041 --cob-id auto --sync 1"
+    for end in range(len(line) + 1):
+        menu(session, line[:end])
+    forget()
+    assert frames == []
+
+
+def test_a_large_dictionary_is_looked_through_between_two_keys(tmp_path: Path) -> None:
+    eds = tmp_path / "large.eds"
+    names = ["velocity actual", "torque demand", "motor temperature", "battery voltage"]
+    objects = [
+        f"[{0x2000 + n:04X}]\nParameterName={names[n % 4]} {n}\nObjectType=7\nDataType=6\nAccessType=rw\nPDOMapping=1\n"
+        for n in range(5000)
+    ]
+    eds.write_text("[DeviceInfo]\nProductName=Large\n" + "".join(objects))
+    session = Session(Output())
+    session.start({"sim": (str(eds),)})
+    session.started = True
+    completer = LineCompleter(session)
+    slowest = 0.0
+    for line in ["read x", "read vel", "read 27", "read qqq", "map rpdo1 2001 torque", "map rpdo1 2001 zqv"]:
+        list(completer.get_completions(Document(line), CompleteEvent()))  # the first key makes the index
+        began = time.perf_counter()
+        list(completer.get_completions(Document(line), CompleteEvent()))
+        slowest = max(slowest, time.perf_counter() - began)
+    session.close()
+    assert slowest < A_KEY_S
+
+
+@pytest.mark.parametrize(
+    ("text", "finished", "incomplete", "start"),
+    [
+        ("", [], "", 0),
+        ("map", [], "map", 0),
+        ("map ", ["map"], "", 4),
+        ('read "Velocity act', ["read"], "Velocity act", 5),
+        ("read driver's na", ["read", "driver's"], "na", 14),
+        ("read 'a b' c", ["read", "a b"], "c", 11),
+    ],
+)
+def test_a_line_is_taken_apart_while_it_is_typed(text: str, finished: list[str], incomplete: str, start: int) -> None:
+    line = typed(text)
+    assert line is not None
+    assert (line.words, line.incomplete, line.start) == (finished, incomplete, start)
+
+
+def test_a_word_with_blanks_is_quoted() -> None:
+    assert [quoted(word) for word in ("6041:00", "a b", 'a "b"')] == ["6041:00", '"a b"', "'a \"b\"'"]
