@@ -98,7 +98,7 @@ _TABLE: list[tuple[tuple[str, ...], dict[str, Any]]] = [
     (("-y", "--yes"), {"is_flag": True, "help": "Answer questions with yes."}),
     (("--force",), {"is_flag": True, "help": "Send what dvtcli's own rules refuse."}),
     (("--timeout",), {"metavar": "S", "help": "SDO time-out in seconds [0.5]."}),
-    (("--journal",), {"metavar": "DIR", "help": "Folder for snapshots.", "hidden": True}),
+    (("--journal",), {"metavar": "DIR", "help": "Folder of journals, locks and backups."}),
 ]
 
 
