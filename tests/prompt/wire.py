@@ -7,6 +7,7 @@ import socket
 import struct
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 from dvtcli.domain.ports import Frame
@@ -29,6 +30,8 @@ class Wire:
         self.device.take_outbox()
         self.downloads = 0
         self.syncs = 0
+        #: called with the number of each SDO download before the node sees it
+        self.at_download: Callable[[int], None] = lambda _number: None
         #: seconds that each SDO download takes
         self.slowness_s = 0.0
         self._node = SimulatedNode(self.device)
@@ -89,6 +92,7 @@ class Wire:
         frame = Frame(int(match[1], 16), bytes(int(byte, 16) for byte in match[2].split()))
         if frame.can_id == 0x600 + self.device.node_id and frame.data[0] >> 5 == _SDO_DOWNLOAD:
             self.downloads += 1
+            self.at_download(self.downloads)
             time.sleep(self.slowness_s)
         self.syncs += frame.can_id == 0x080
         for answer in self._node.handle(frame):
