@@ -25,6 +25,8 @@ class Direction(StrEnum):
 
 _COMMUNICATION = {Direction.RPDO: 0x1400, Direction.TPDO: 0x1800}
 _MAPPING = {Direction.RPDO: 0x1600, Direction.TPDO: 0x1A00}
+_DIRECTIONS = {base: direction for bases in (_COMMUNICATION, _MAPPING) for direction, base in bases.items()}
+_FIRST_INDEX, _LAST_INDEX = 0x1400, 0x1BFF
 _DEFAULT_CAN_ID = {Direction.RPDO: 0x200, Direction.TPDO: 0x180}
 
 
@@ -50,11 +52,10 @@ class Pdo:
     @classmethod
     def at(cls, index: int) -> Pdo | None:
         """The PDO whose communication or mapping parameter is at *index*, or None."""
-        for direction in Direction:
-            for base in (_COMMUNICATION[direction], _MAPPING[direction]):
-                if base <= index < base + MAX_PDO_NUMBER:
-                    return cls(direction, index - base + 1)
-        return None
+        if not _FIRST_INDEX <= index <= _LAST_INDEX:
+            return None
+        base = index - index % MAX_PDO_NUMBER
+        return cls(_DIRECTIONS[base], index - base + 1)
 
     @property
     def is_tpdo(self) -> bool:

@@ -149,5 +149,7 @@ class Memory:
 
 def _is_reserved(index: int, sub_index: int) -> bool:
     """CiA 301, 7.5.2.37: sub-index 4 of a communication parameter is reserved and answers 06090011."""
+    if sub_index != _RESERVED_SUB_INDEX:
+        return False
     pdo = Pdo.at(index)
-    return sub_index == _RESERVED_SUB_INDEX and pdo is not None and index == pdo.communication_index
+    return pdo is not None and index == pdo.communication_index
