@@ -1,0 +1,287 @@
+"""The fault matrix: a session of real commands on a strict device in virtual time, one fault, and what is left.
+
+A cell is a family, a sequence of lines, the state the device starts in, a step and a fault. What the device holds is
+read from the device itself, never through the tool.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+from dvtcli.device.back import recover
+from dvtcli.device.keeper import Keeper
+from dvtcli.device.node import Node
+from dvtcli.domain.nmt import NmtCommand, NmtState
+from dvtcli.domain.pdo import Pdo
+from dvtcli.errors import DvtcliError
+from dvtcli.network import Network
+from dvtcli.script import run_script
+from dvtcli.session import Session
+from dvtcli.simulator.device import StrictDevice
+from dvtcli.simulator.faults import Fault
+from dvtcli.simulator.refusal import Refusal
+from dvtcli.transports.virtual_time import VirtualTimeBus
+from dvtcli.view.output import Output
+from tests.faults.sequences import FAMILIES, FAULTS, LASTING, SEQUENCES, STARTS, Start
+from tests.laws.bench import NODE, booted, dictionary, profile
+
+#: outcomes of a cell that are as they should be
+OLD, NEW, RECOVERED = "old", "new", "7, recovered"
+#: counts downloads, and else changes nothing
+_NO_FAULT = Fault.parse("slow-store=0")
+_HEARTBEAT_MS = 100
+#: journals are synced to the disk, which nobody would notice here
+_IN_MEMORY = "/dev/shm" if Path("/dev/shm").is_dir() else None  # noqa: S108 - each cell has a folder of its own
+Snapshot = dict[Pdo, tuple[bytes | None, ...]]
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One place of the matrix; its text is what `fault_matrix.py --only` takes."""
+
+    family: str
+    sequence: str
+    start: Start
+    step: int
+    fault: str
+
+    def __str__(self) -> str:
+        return f"{self.family}/{self.sequence}/{self.start}/{self.step}/{self.fault}"
+
+    @classmethod
+    def parse(cls, text: str) -> Cell:
+        family, sequence, start, step, fault = text.split("/")
+        return cls(family, sequence, Start.named(start), int(step), fault)
+
+    @property
+    def faults(self) -> list[Fault]:
+        numbers = {"k": self.step, "k1": self.step + 1, "k2": self.step + 2}
+        return [Fault.parse(text.format(**numbers)) for text in FAULTS[self.fault]]
+
+
+class Record(Output):
+    """An output that keeps errors instead of printing anything."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.errors: list[tuple[DvtcliError, str | None]] = []
+
+    def result(self, result: object) -> None:
+        """What succeeded is seen on the device."""
+
+    def error(self, error: DvtcliError, at: str | None = None) -> None:
+        self.errors.append((error, at))
+
+    def lines(self, lines: object) -> None:
+        """Messages are not looked at."""
+
+
+@dataclass
+class Run:
+    """A device with the bus that it is reached by."""
+
+    family: str
+    device: StrictDevice
+    bus: VirtualTimeBus
+    folder: Path
+
+    @classmethod
+    def of(cls, family: str, start: Start, faults: list[Fault], folder: Path) -> Run:
+        device = booted(family)
+        _prepare(device, start)
+        run = cls(family, device, VirtualTimeBus([device], faults=faults), folder)
+        if start.operational:
+            run.bus.send_nmt(NmtCommand.START, NODE)
+        run.bus.sleep(2 * _HEARTBEAT_MS / 1000)
+        return run
+
+    def node(self) -> Node:
+        """The node as a session that has just started sees it."""
+        node = Node(self.bus, NODE, dictionary(self.family), profile(self.family))
+        node.keeper = Keeper(self.folder, "matrix", NODE)
+        node.keeper._backed_up = True  # reading every PDO first would take a third of the time
+        return node
+
+    def script(self, lines: list[str]) -> tuple[int, Record, Node]:
+        """Run *lines* as a script file; the exit code, the errors, and the node."""
+        record = Record()
+        session = Session(record)
+        session.start({"yes": True, "node": NODE})
+        network = Network(self.bus, session.options, session.cancellation, session.consent)
+        node = network.nodes[NODE] = self.node()
+        node.cancellation, node.consent = session.cancellation, session.consent
+        session._network = network
+        code = run_script(session, "\n".join(lines).encode(), "cell", keep_going=False)
+        assert node.keeper is not None
+        node.keeper.lock.release()
+        return code, record, node
+
+
+def _prepare(device: StrictDevice, start: Start) -> None:
+    """A stored heartbeat, so that the NMT state can be known; and PDOs in RAM that are not what is stored."""
+    device.set_value(0x1017, 0, _HEARTBEAT_MS.to_bytes(2, "little"))
+    device._memory.save(0x1017, 0x1017)
+    if start.modified:
+        device.download(0x1800, 5, (33).to_bytes(2, "little"))
+        device.download(0x1801, 5, (77).to_bytes(2, "little"))
+        device.download(0x1401, 2, b"\x01")
+    device.boot_up()
+    device.take_outbox()
+
+
+def snapshot(device: StrictDevice) -> Snapshot:
+    """Communication sub-indices, count, and entries up to the count, of every PDO."""
+    found: Snapshot = {}
+    for pdo in (pdo for pdo in map(Pdo.at, device.dictionary) if pdo is not None):
+        count = device.value(pdo.mapping_index, 0)[0]
+        communication = tuple(_held(device, pdo.communication_index, sub) for sub in (1, 2, 3, 5, 6))
+        mapping = tuple(_held(device, pdo.mapping_index, sub) for sub in range(count + 1))
+        found[pdo] = communication + mapping
+    return found
+
+
+def _held(device: StrictDevice, index: int, sub_index: int) -> bytes | None:
+    try:
+        return device.value(index, sub_index)
+    except Refusal:
+        return None
+
+
+@dataclass(frozen=True)
+class Ideal:
+    """A sequence without a fault: what the device holds before the first line and after each, and its downloads."""
+
+    states: tuple[Snapshot, ...]
+    stored: tuple[dict[tuple[int, int], bytes], ...]
+    at_power_on: Snapshot
+    downloads: int
+
+
+@lru_cache(maxsize=256)
+def ideal(family: str, sequence: str, start: Start) -> Ideal:
+    """Run the sequence without a fault."""
+    lines = SEQUENCES[family][sequence]
+    states, stored, downloads = [], [], 0
+    for done in range(len(lines) + 1):
+        with tempfile.TemporaryDirectory() as folder:
+            run = Run.of(family, start, [_NO_FAULT], Path(folder))
+            if done:
+                code, record, _ = run.script(lines[:done])
+                assert code == 0, (family, lines[:done], [str(error) for error, _ in record.errors])
+                assert run.device.state is _state(start)
+        states.append(snapshot(run.device))
+        stored.append(dict(run.device._memory._stored))
+        faulty = run.bus.nodes[0]._faulty
+        assert faulty is not None
+        downloads = faulty.downloads
+    run = Run.of(family, start, [], Path())
+    run.device.restart()
+    return Ideal(tuple(states), tuple(stored), snapshot(run.device), downloads)
+
+
+def _state(start: Start) -> NmtState:
+    return NmtState.OPERATIONAL if start.operational else NmtState.PRE_OPERATIONAL
+
+
+def cells(families: tuple[str, ...] = FAMILIES, starts: int = len(STARTS)) -> Iterator[Cell]:
+    """Every step of every sequence × every fault, from the first *starts* states."""
+    for family in families:
+        for sequence in SEQUENCES[family]:
+            for start in STARTS[:starts]:
+                for step in range(1, ideal(family, sequence, start).downloads + 1):
+                    yield from (Cell(family, sequence, start, step, fault) for fault in FAULTS)
+
+
+def outcome(cell: Cell) -> str:
+    """What becomes of *cell*: `old`, `new`, `7, recovered`, or what is wrong."""
+    lines = SEQUENCES[cell.family][cell.sequence]
+    with tempfile.TemporaryDirectory(dir=_IN_MEMORY) as folder:
+        run = Run.of(cell.family, cell.start, cell.faults, Path(folder))
+        code, record, node = run.script(lines)
+        return Judge(cell, run, node).verdict(code, record)
+
+
+@dataclass
+class Judge:
+    """Looks at a device after a cell has run."""
+
+    cell: Cell
+    run: Run
+    node: Node
+
+    def __post_init__(self) -> None:
+        self.ideal = ideal(self.cell.family, self.cell.sequence, self.cell.start)
+
+    def verdict(self, code: int, record: Record) -> str:
+        """`old`, `new`, `7, recovered`, or what is wrong."""
+        if code == 0:
+            return self._held(len(self.ideal.states) - 1) or NEW
+        error, place = record.errors[-1]
+        if code in (2, 4, 70):
+            return f"exit code {code}: {error}"
+        line = int((place or "cell:1").split(":")[1])
+        if code == 7:
+            return self._recovered(line)
+        wrong = self._held(line - 1)
+        if wrong is None:
+            return OLD
+        if error.state == "unknown" and self._held(line) is None:
+            return NEW
+        return f"exit code {code}, {error.state}, but {wrong} ({error})"
+
+    def _recovered(self, line: int) -> str:
+        if self.cell.fault not in LASTING:
+            return "exit code 7 though the node could be reached"
+        if self._stored_wrongly(line - 1):
+            return "exit code 7, and something was stored"
+        if self.cell.fault == "power-loss":
+            self.run.device.restart()
+            self.run.device.boot_up()
+            self.run.device.take_outbox()
+        self.run.bus = VirtualTimeBus([self.run.device])
+        self.run.bus.sleep(2 * _HEARTBEAT_MS / 1000)
+        fresh = self.run.node()
+        assert fresh.keeper is not None
+        journal = fresh.keeper.interrupted()
+        if journal is None:
+            return "exit code 7 without a journal"
+        try:
+            recover(fresh, journal)
+            fresh.gate.leave()
+        except DvtcliError as failed:
+            return f"recover failed: {failed}"
+        finally:
+            fresh.keeper.lock.release()
+        left = fresh.keeper.interrupted()
+        return self._held(line - 1) or ("the journal is left" if left else RECOVERED)
+
+    def _held(self, boundary: int) -> str | None:
+        """What is not as after line *boundary* (0: as found), the NMT state included; None where all is."""
+        wanted, now = self.ideal.states[boundary], snapshot(self.run.device)
+        for pdo, config in now.items():
+            if config != wanted[pdo] and not (self._lost(pdo, boundary) and config == self.ideal.at_power_on[pdo]):
+                return f"{pdo} is {_text(config)}, not {_text(wanted[pdo])}"
+        if self._stored_wrongly(boundary):
+            return "something else is stored"
+        state = self.run.device.state
+        if state is not _state(self.cell.start):
+            return f"the node is {state.label}, not {_state(self.cell.start).label}"
+        return None
+
+    def _lost(self, pdo: Pdo, boundary: int) -> bool:
+        """Whether a reset took what was in RAM only, of a PDO that the failing line did not touch."""
+        if "reset" not in self.cell.fault and self.cell.fault != "power-loss":
+            return False
+        following = min(boundary + 1, len(self.ideal.states) - 1)
+        return self.ideal.states[boundary][pdo] == self.ideal.states[following][pdo]
+
+    def _stored_wrongly(self, boundary: int) -> bool:
+        return self.run.device._memory._stored != self.ideal.stored[boundary]
+
+
+def _text(config: tuple[bytes | None, ...]) -> str:
+    return " ".join("-" if part is None else part[::-1].hex() for part in config)
