@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from typing import TYPE_CHECKING, Any
 
@@ -40,11 +41,13 @@ def _catch_signals(session: Session) -> None:
         cancellation.exit_code = 128 + number
         if cancellation.active and not cancellation.requested:
             cancellation.requested = True
+            os.write(2, b"\nstopping at the next safe point; the change is put back (once more: stop at once)\n")
             return
         raise KeyboardInterrupt
 
-    signal.signal(signal.SIGINT, stop)
-    signal.signal(signal.SIGTERM, stop)
+    for name in ("SIGINT", "SIGTERM", "SIGHUP"):  # a terminal that is closed sends SIGHUP; Windows has none
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), stop)
 
 
 def entry() -> None:

@@ -253,6 +253,16 @@ class TextType(CanopenType):
         return text
 
 
+class FileType(TextType):
+    """A file's path; a shell completes it."""
+
+    name = "file"
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        """Whatever files there are."""
+        return [CompletionItem(incomplete, type="file")]
+
+
 class DataTypeParam(CanopenType):
     """A data type by its short name: `u16`, `i32`, `r32`, `vs`, `bool`, …."""
 
@@ -270,5 +280,5 @@ class DataTypeParam(CanopenType):
         return [CompletionItem(k, help=t.name) for k, t in BY_SHORT_NAME.items() if k.startswith(incomplete.lower())]
 
 
-PDO, OBJECT, ENTRY, COB_ID, TEXT = PdoType(), ObjectType(), EntryType(), CobIdType(), TextType()
+PDO, OBJECT, ENTRY, COB_ID, TEXT, FILE = PdoType(), ObjectType(), EntryType(), CobIdType(), TextType(), FileType()
 NODE_ID = NumberType(1, 127, "a node-ID")

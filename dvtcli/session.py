@@ -15,6 +15,8 @@ from dvtcli.errors import DvtcliError, SafetyRefusal, UsageError
 from dvtcli.options import START_ONLY, Options
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from dvtcli.device.access import Gate
     from dvtcli.device.node import Node
     from dvtcli.domain.object_dictionary import ObjectDictionary
@@ -134,6 +136,13 @@ class Session:
         """The bus itself, also under --dry-run: to listen to, never to write to."""
         assert self._network is not None  # noqa: S101 - who listens has opened it
         return self._network.bus
+
+    @property
+    def state_folder(self) -> Path:
+        """Where journals, locks and backups are kept."""
+        from dvtcli.network import state_folder
+
+        return state_folder(self.options)
 
     @property
     def is_open(self) -> bool:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from dvtcli.params import TEXT
+from dvtcli.params import FILE
 from dvtcli.shell import DvtCommand
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @click.command("eds", cls=DvtCommand, short_help=__doc__)
 @click.argument("action", type=click.Choice(["check", "show", "add"]), metavar="check|show|add")
-@click.argument("file", type=TEXT)
+@click.argument("file", type=FILE)
 def command(action: str, file: str) -> Facts | FileReport:
     """Read FILE and say what is in it; `check` names everything odd with its line.
 

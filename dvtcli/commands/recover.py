@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.commands._changing import changed
-from dvtcli.params import TEXT
+from dvtcli.params import FILE
 from dvtcli.shell import DvtCommand
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @click.command("recover", cls=DvtCommand, short_help=__doc__)
-@click.argument("file", type=TEXT, required=False)
+@click.argument("file", type=FILE, required=False)
 @click.pass_obj
 def command(session: Session, /, file: str | None) -> Changed | Facts:
     """Read the node, put back what the interrupted change replaced, and verify it.
@@ -48,11 +48,10 @@ def command(session: Session, /, file: str | None) -> Changed | Facts:
 def _journal(session: Session, file: str | None) -> Journal | None:
     from dvtcli.device.journal import Journals, read_journal
     from dvtcli.errors import UsageError
-    from dvtcli.network import state_folder
 
     if file is None:
         session.node()
-        return Journals(state_folder(session.options) / "journals", session.wire.name).find(session.node_id())
+        return Journals(session.state_folder / "journals", session.wire.name).find(session.node_id())
     if not Path(file).is_file():
         raise UsageError(f"{file}: no such file", place=file, hint="recover alone takes the node's own journal")
     return read_journal(Path(file))

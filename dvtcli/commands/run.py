@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from dvtcli.params import TEXT
+from dvtcli.params import FILE
 from dvtcli.shell import DvtCommand
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 @click.command("run", cls=DvtCommand, short_help=__doc__)
-@click.argument("file", type=TEXT)
+@click.argument("file", type=FILE)
 @click.option("--keep-going", is_flag=True, help="Run on after a failing line; end with the first failure's code.")
 @click.pass_obj
 def command(session: Session, /, file: str, keep_going: bool) -> int:

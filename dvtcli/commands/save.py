@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from dvtcli.params import TEXT
+from dvtcli.params import FILE
 from dvtcli.shell import DvtCommand
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @click.command("save", cls=DvtCommand, short_help=__doc__)
-@click.argument("file", type=TEXT)
+@click.argument("file", type=FILE)
 @click.pass_obj
 def command(session: Session, /, file: str) -> Facts:
     """Write what succeeded and changed something to FILE; its first line pins the node's identity.

@@ -228,7 +228,7 @@ class CanBus:
             raise failure from error
 
     def _failed(self, what: str, error: Exception) -> BusUnavailable:
-        why = str(error) or type(error).__name__
+        why = str(error).partition("\n")[0] or type(error).__name__  # python-can puts tracebacks into messages
         hint = "is the adapter still plugged in, and the interface up?"
         return BusUnavailable(f"{self._name} failed ({what})", why=why, hint=hint)
 
