@@ -94,7 +94,7 @@ class CanBus:
             raise UsageError(f"node-ID {node_id} is outside 0..127")
         self._receiver.drain()
         self._watch.forget_state(node_id)
-        self._oddities.commanded(command, node_id)
+        self._oddities.commanded(command, node_id, self._watch.boot_ups)
         self.send(Frame(0x000, bytes([command, node_id])))
 
     def nmt_state(self, node_id: int, timeout_s: float = 0.0) -> NmtState | None:

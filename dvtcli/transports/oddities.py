@@ -25,9 +25,14 @@ class Oddities:
     _boot_ups: Counter[int] = field(default_factory=Counter)
     _resets: Counter[int] = field(default_factory=Counter)
 
-    def commanded(self, command: NmtCommand, node_id: int) -> None:
-        """An NMT command of ours was sent: a reset makes one boot-up expected of *node_id* (0: of every node)."""
+    def commanded(self, command: NmtCommand, node_id: int, boot_ups: Mapping[int, int]) -> None:
+        """An NMT command of ours is sent: a reset makes one boot-up expected of *node_id* (0: of every node).
+
+        *boot_ups* were seen before it, and are no answer to it.
+        """
         if command in (NmtCommand.RESET_NODE, NmtCommand.RESET_COMMUNICATION):
+            if not self._resets:
+                self._boot_ups = Counter(boot_ups)
             self._resets[node_id] += 1
 
     def news(self, channels: Mapping[int, SdoChannel], boot_ups: Mapping[int, int]) -> list[str]:
