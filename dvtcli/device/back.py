@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from dvtcli.device.carry_out import run
+from dvtcli.device.read import read_number
+from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, plan_pdo
+from dvtcli.domain.rules.raw_write import with_raw
 from dvtcli.errors import SafetyRefusal, UsageError
 
 if TYPE_CHECKING:
     from dvtcli.device.journal import Identity, Journal
     from dvtcli.device.node import Node
+    from dvtcli.domain.ports import SdoTransport
 
 
 def plan_back(node: Node, plans: Iterable[Plan]) -> Plan:
@@ -22,19 +27,51 @@ def plan_back(node: Node, plans: Iterable[Plan]) -> Plan:
     The node is read anew, since nothing is known of what happened to it meanwhile. UsageError where a write-only
     object was changed: what it held is not known.
     """
-    pdos: dict[Pdo, PdoConfig] = {}
+    pdos: dict[Pdo, PastPdo] = {}
     values: dict[tuple[int, int], bytes | None] = {}
     for change in (change for plan in reversed(list(plans)) for change in reversed(plan.changes)):
-        if isinstance(change, PdoChange):
-            pdos[change.pdo] = change.before
-        else:
+        pdo = change.pdo if isinstance(change, PdoChange) else Pdo.at(change.step.index)
+        if pdo is None:
             values[change.step.index, change.step.sub_index] = change.step.before
-    return Plan(node.node_id, (*_pdo_changes(node, pdos), *_value_changes(node, values)))
+            continue
+        if pdo not in pdos:
+            pdos[pdo] = PastPdo(pdo, node.pdo(pdo), node.sdo)
+        pdos[pdo].undo(change)
+    changes = [plan_pdo(pdo, past.now, past.config) for pdo, past in pdos.items()]
+    return Plan(node.node_id, (*changes, *_value_changes(node, values)))
 
 
-def _pdo_changes(node: Node, pdos: dict[Pdo, PdoConfig]) -> Iterator[Change]:
-    for pdo, before in pdos.items():
-        yield plan_pdo(pdo, node.pdo(pdo), before)
+class PastPdo:
+    """One PDO on its way back in time, from what it is *now*: whole changes and raw writes to its parameters undone."""
+
+    def __init__(self, pdo: Pdo, now: PdoConfig, sdo: SdoTransport) -> None:
+        self.now = self.config = now
+        self._pdo = pdo
+        self._sdo = sdo
+        #: mapping entries by number, also those behind the count, as far as they differ from what the device holds
+        self._entries: dict[int, PdoMappingEntry] = {}
+
+    def undo(self, change: Change) -> None:
+        """Step behind *change*: `config` is what the PDO was before it."""
+        if isinstance(change, PdoChange):
+            self.config = change.before
+            self._entries.update(enumerate(change.before.mapping, 1))
+        elif change.step.before is not None:
+            self._unwrite(change.step.index, change.step.sub_index, int.from_bytes(change.step.before, "little"))
+
+    def _unwrite(self, index: int, sub_index: int, before: int) -> None:
+        if index == self._pdo.communication_index:
+            self.config = replace(self.config, communication=with_raw(self.config.communication, sub_index, before))
+            return
+        if sub_index:
+            self._entries[sub_index] = PdoMappingEntry.from_raw(before)
+        count = len(self.config.mapping) if sub_index else before
+        self.config = replace(self.config, mapping=tuple(self._entry(number) for number in range(1, count + 1)))
+
+    def _entry(self, number: int) -> PdoMappingEntry:
+        if number not in self._entries:
+            self._entries[number] = PdoMappingEntry.from_raw(read_number(self._sdo, self._pdo.mapping_index, number, 4))
+        return self._entries[number]
 
 
 def _value_changes(node: Node, values: dict[tuple[int, int], bytes | None]) -> Iterator[Change]:

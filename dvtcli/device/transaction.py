@@ -133,7 +133,9 @@ class Transaction:
         except (Exception, KeyboardInterrupt) as second:  # noqa: BLE001 - whatever it is, the device is left changed
             raise left_changed(self.plan, fault, second) from fault
         if isinstance(fault, DvtcliError):
-            fault.state = "rolled_back"
+            unreadable = any(isinstance(one, ValueChange) and one.step.before is None for one in self._started)
+            refusal = isinstance(fault, DeviceRefused)
+            fault.state = "unknown" if unreadable and not refusal else "rolled_back"
             fault.node = self.plan.node_id
 
     def _restore_patiently(self) -> None:
@@ -218,9 +220,12 @@ def _steps_back(sdo: SdoTransport, change: Change) -> Sequence[Step]:
 def first_difference(sdo: SdoTransport, change: Change, *, wanted_before: bool = False) -> str | None:
     """Read *change* back and name the first difference to what it wanted (or had *before*), or None."""
     if isinstance(change, ValueChange):
-        wanted = change.step.before if wanted_before else change.step.after
-        held = None if wanted is None else sdo.upload(change.step.index, change.step.sub_index)
-        if held == wanted or held is None or wanted is None:
+        before = change.step.before
+        if before is None:
+            return None  # write-only: nothing can be read back
+        wanted = before if wanted_before else change.step.after
+        held = sdo.upload(change.step.index, change.step.sub_index)
+        if held == wanted:
             return None
         return f"0x{change.step.object} is {held.hex(' ')}, expected {wanted.hex(' ')}"
     wanted_config = change.before if wanted_before else change.after

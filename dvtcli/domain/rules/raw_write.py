@@ -9,7 +9,7 @@ from dvtcli.domain.abort import Abort
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.object_dictionary import ObjectDictionary
-from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
 from dvtcli.domain.rules.can_id import can_id_findings
 from dvtcli.domain.rules.communication import communication_findings
 from dvtcli.domain.rules.finding import Finding, Proposal, error
@@ -31,6 +31,15 @@ class ParameterWrite:
     def place(self) -> str:
         """The object for a person: `0x1A00:01`."""
         return f"0x{self.index:04X}:{self.sub_index:02X}"
+
+
+def with_raw(parameter: PdoCommunicationParameter, sub_index: int, value: int) -> PdoCommunicationParameter:
+    """*parameter* with *value* at *sub_index*; unchanged for a sub-index that is none of its own."""
+    if sub_index == 1:
+        return replace(parameter, cob_id=CobId.from_raw(value))
+    if sub_index not in _FIELDS:
+        return parameter
+    return replace(parameter, **{_FIELDS[sub_index]: value})  # type: ignore[arg-type]
 
 
 def write_findings(dictionary: ObjectDictionary | None, index: int, sub_index: int, data: bytes) -> tuple[Finding, ...]:
@@ -98,7 +107,7 @@ def _communication(
     if now.enabled and write.sub_index in _FROZEN:
         yield error("frozen-while-valid", write.place, f"the {_FROZEN[write.sub_index]} cannot change while the PDO is "
                     "enabled", Abort.VALUE_RANGE, f"{_set(write)} does it in order")  # fmt: skip
-    wanted_parameter = replace(parameter, **{_FIELDS[write.sub_index]: write.value})  # type: ignore[arg-type]
+    wanted_parameter = with_raw(parameter, write.sub_index, write.value)
     yield from communication_findings(proposal_for(replace(now, communication=wanted_parameter)))
 
 

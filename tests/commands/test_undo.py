@@ -1,0 +1,68 @@
+"""`undo` brings back what was, however it was changed: by commands, by raw writes, or by both in turn."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from dvtcli.device.read import read_pdo
+from dvtcli.domain.pdo import Direction, Pdo
+from tests.commands.bench import Bench
+
+TPDO1 = Pdo(Direction.TPDO, 1)
+STEPS = [
+    "map tpdo1 606C",
+    "map tpdo1 6041 606C --inhibit 1 --timer 5",
+    "set tpdo1 --cob-id 0x3A1",
+    "disable tpdo1",
+    "enable tpdo1",
+    "clear tpdo1",
+    "write 1800:2 10",
+    "write 1800:3 5",
+    "write 1800:5 7",
+    "write 1800:1 0x80000190",
+    "write 1800:1 0x80000181",
+    "write 1A00:0 0",
+    "write 1A00:1 0x60770010",
+    "write 1A00:2 0x60410010",
+    "write 1A00:0 1",
+    "write 1A00:0 2",
+    "write 1800:1 0x190",
+    "write 1017 100",
+]
+
+
+@settings(max_examples=max(40, settings().max_examples // 3), deadline=None)
+@given(st.lists(st.sampled_from(STEPS), min_size=1, max_size=14), st.booleans())
+def test_undo_brings_everything_back(lines: list[str], at_once: bool) -> None:
+    with Bench() as bench:
+        node = bench.session.node()
+        before = read_pdo(node.sdo, TPDO1)
+        heartbeat = node.upload(0x1017, 0)
+        states = []
+        for line in lines:
+            held = read_pdo(node.sdo, TPDO1)
+            done = len(node.history)
+            if bench.run(line).code == 0 and len(node.history) > done:
+                states.append(held)
+        if at_once:
+            ran = bench.run("undo --all")
+            assert ran.code == (0 if states else 2), ran.stderr
+        else:
+            for state in reversed(states):
+                ran = bench.run("undo")
+                assert ran.code == 0, ran.stderr
+                assert read_pdo(node.sdo, TPDO1) == state
+        assert read_pdo(node.sdo, TPDO1) == before
+        assert node.upload(0x1017, 0) == heartbeat
+
+
+@pytest.mark.parametrize("line", ["write 2017 1", "write 2017 1 --json"])
+def test_a_write_only_object_is_written_without_being_read(line: str) -> None:
+    """The way RoboteQ's controllers store, and what the hint of `store` names."""
+    with Bench(("roboteq",)) as bench:
+        assert bench.run(line).code == 0
+        undone = bench.run("undo")
+        assert undone.code == 2
+        assert "write-only" in undone.stderr
