@@ -35,6 +35,9 @@ class Memory:
         self._ram: dict[Key, bytes] = {}
         self._stored: dict[Key, bytes] = {}
         self._existence: dict[Key, Refusal | None] = {}
+        #: what was looked up in the dictionary, which does not change
+        self._existing: set[Key] = set()
+        self._initials: dict[Key, bytes] = {}
 
     def entry(self, index: int, sub_index: int) -> OdEntry | None:
         """What the dictionary says about an object, None where it is silent."""
@@ -42,12 +45,16 @@ class Memory:
 
     def require(self, index: int, sub_index: int) -> None:
         """Raise Refusal(06020000) for a missing object, Refusal(06090011) for a missing sub-index."""
+        if (index, sub_index) in self._existing:
+            return
         if self.backing is not None:
             self._require_backed(index, sub_index)
-        elif index not in self.dictionary:
+            return
+        if index not in self.dictionary:
             raise Refusal(Abort.NO_OBJECT)
-        elif self.entry(index, sub_index) is None or _is_reserved(index, sub_index):
+        if self.entry(index, sub_index) is None or _is_reserved(index, sub_index):
             raise Refusal(Abort.NO_SUB_INDEX)
+        self._existing.add((index, sub_index))
 
     def exists(self, index: int, sub_index: int) -> bool:
         """Whether the node has the object."""
@@ -81,7 +88,10 @@ class Memory:
             return held
         if self.backing is not None:
             return bytes(self.backing(index, sub_index))
-        return self._initial(index, sub_index)
+        initial = self._initials.get((index, sub_index))
+        if initial is None:
+            initial = self._initials[index, sub_index] = self._initial(index, sub_index)
+        return initial
 
     def _initial(self, index: int, sub_index: int) -> bytes:
         size = self.size(index, sub_index)
