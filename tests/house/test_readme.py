@@ -148,6 +148,9 @@ def test_every_schema_is_listed() -> None:
     results = (PACKAGE / "results.py").read_text("utf-8")
     for schema in set(re.findall(r'"(dvtcli\.[a-z-]+/1)"', results)):
         assert f"`{schema}`" in section("JSON"), schema
+    for command in (PACKAGE / "commands").glob("*.py"):
+        for name in re.findall(r'\bFacts\(\s*"([a-z-]+)"', command.read_text("utf-8")):
+            assert f"`dvtcli.{name}/1`" in section("JSON"), name
 
 
 def test_scripts_and_families_are_listed() -> None:

@@ -39,7 +39,7 @@ def test_nothing_is_evaluated_or_given_to_a_shell() -> None:
             assert shell is None or (isinstance(shell, ast.Constant) and shell.value is False), module.name
 
 
-def test_nothing_asserts_what_a_user_or_a_device_decides() -> None:
+def test_only_the_program_itself_exits() -> None:
     for module in MODULES:
         for node in ast.walk(module.tree):
             if isinstance(node, ast.Call):
