@@ -30,9 +30,10 @@ def plan_back(node: Node, plans: Iterable[Plan]) -> Plan:
     pdos: dict[Pdo, PastPdo] = {}
     values: dict[tuple[int, int], bytes | None] = {}
     for change in (change for plan in reversed(list(plans)) for change in reversed(plan.changes)):
-        pdo = change.pdo if isinstance(change, PdoChange) else Pdo.at(change.step.index)
-        if pdo is None:
+        pdo = Pdo.at(change.step.index) if isinstance(change, ValueChange) else change.pdo
+        if pdo is None and isinstance(change, ValueChange):
             values[change.step.index, change.step.sub_index] = change.step.before
+        if pdo is None:
             continue
         if pdo not in pdos:
             pdos[pdo] = PastPdo(pdo, node.pdo(pdo), node.sdo)
