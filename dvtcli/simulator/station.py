@@ -63,11 +63,15 @@ class SimulatedNode:
 
     def next_poll_s(self) -> float | None:
         """When `poll` has something to send next, on the same clock; None for never."""
-        times = [self.device.next_poll_s(), self._later[0][0] if self._later else None]
-        if self._faulty is not None:
-            times.append(self._faulty.boots_at_s)
-        known = [due for due in times if due is not None]
-        return min(known) if known and not self._dead else None
+        faulty, due_s = self._faulty, self.device.next_poll_s()
+        if faulty is None:
+            return due_s
+        if faulty.dead:
+            return None
+        for other_s in (self._later[0][0] if self._later else None, faulty.boots_at_s):
+            if other_s is not None and (due_s is None or other_s < due_s):
+                due_s = other_s
+        return due_s
 
     @property
     def _dead(self) -> bool:
@@ -96,7 +100,7 @@ class SimulatedNode:
         if self._faulty is not None and self._faulty.boots_at_s is not None:
             self._later.clear()
         frames = [Frame(SDO_RESPONSE + self.device.node_id, data) for data in answer.frames]
-        due_s = max([now_s + answer.delay_s, *(due for due, _ in self._later)])
+        due_s = max(now_s + answer.delay_s, self._later[-1][0] if self._later else now_s)
         if due_s <= now_s:
             return frames
         self._later.extend((due_s, frame) for frame in frames)

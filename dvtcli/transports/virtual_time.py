@@ -22,11 +22,13 @@ from dvtcli.transports.node_events import EMERGENCY, HEARTBEAT, NodeEvent, NodeW
 from dvtcli.transports.receiver import Wake, bus_closed
 from dvtcli.transports.sdo_channel import SdoChannel
 from dvtcli.transports.sdo_client import StrictSdoClient
-from dvtcli.transports.sdo_link import ANSWER_ID, Inbox, SdoSettings
+from dvtcli.transports.sdo_link import ANSWER_ID, REQUEST_ID, Inbox, SdoSettings
 from dvtcli.transports.traffic import ANSWERS_KEPT_S, Tap
 
 #: from a frame of ours to a node's answer (s): two frames at 500 kbit/s and a quick device
 ANSWER_S = 0.0005
+_UPLOAD = b"\x40"
+_NEVER = float("inf")
 
 
 class VirtualTimeBus:
@@ -157,8 +159,9 @@ class VirtualTimeBus:
         """Raise BusUnavailable where the bus was closed, or a fault has killed it."""
         if self._closed:
             raise bus_closed()
-        if any(node.bus_failed for node in self.nodes):
-            raise BusUnavailable(f"{self.name} failed", why="a simulated fault", hint="it stays so")
+        for node in self.nodes:
+            if node.bus_failed:
+                raise BusUnavailable(f"{self.name} failed", why="a simulated fault", hint="it stays so")
 
     def _send(self, frame: Frame) -> None:
         self._use()
@@ -176,8 +179,9 @@ class VirtualTimeBus:
                 for answer in node.handle(heard, self._now_s):
                     self._to_us(answer)
                     waiting.append((answer, node))
-        for node in self.nodes:  # a new heartbeat time counts from now on
-            self._spread(node, node.poll(self._now_s))
+        if frame.can_id & ~0x7F != REQUEST_ID or frame.data[:1] != _UPLOAD:
+            for node in self.nodes:  # a new heartbeat time counts from now on; reading changes nothing
+                self._spread(node, node.poll(self._now_s))
 
     def _spread(self, node: SimulatedNode, frames: list[Frame]) -> None:
         for frame in frames:
@@ -192,13 +196,15 @@ class VirtualTimeBus:
 
     def _step(self, until_s: float) -> bool:
         """Go on to the next thing that happens up to *until_s*, and let it happen; False, then, where nothing does."""
-        due = [due_s for node in self.nodes if (due_s := node.next_poll_s()) is not None]
-        if self._coming:
-            due.append(self._coming[0][0])
-        if not due or min(due) > until_s:
+        next_s = self._coming[0][0] if self._coming else _NEVER
+        for node in self.nodes:
+            due_s = node.next_poll_s()
+            if due_s is not None and due_s < next_s:
+                next_s = due_s
+        if next_s > until_s:
             self._now_s = max(self._now_s, until_s)
             return False
-        self._now_s = max(self._now_s, min(due))
+        self._now_s = max(self._now_s, next_s)
         if self._coming and self._coming[0][0] <= self._now_s:
             self._hear(heappop(self._coming)[2])
             return True
