@@ -187,13 +187,20 @@ def _state(start: Start) -> NmtState:
     return NmtState.OPERATIONAL if start.operational else NmtState.PRE_OPERATIONAL
 
 
-def cells(families: tuple[str, ...] = FAMILIES, starts: int = len(STARTS)) -> Iterator[Cell]:
-    """Every step of every sequence × every fault, from the first *starts* states."""
-    for family in families:
-        for sequence in SEQUENCES[family]:
-            for start in STARTS[:starts]:
-                for step in range(1, ideal(family, sequence, start).downloads + 1):
-                    yield from (Cell(family, sequence, start, step, fault) for fault in FAULTS)
+def groups(*, thorough: bool = False) -> list[tuple[str, str, Start]]:
+    """Every family with every sequence, in one of the starts by turns; *thorough*: in every one."""
+    found = []
+    for family_number, family in enumerate(FAMILIES):
+        for number, sequence in enumerate(SEQUENCES[family]):
+            turn = (family_number + number) % len(STARTS)
+            found += [(family, sequence, start) for start in (STARTS if thorough else STARTS[turn : turn + 1])]
+    return found
+
+
+def cells_of(family: str, sequence: str, start: Start) -> Iterator[Cell]:
+    """Every step of one sequence × every fault."""
+    for step in range(1, ideal(family, sequence, start).downloads + 1):
+        yield from (Cell(family, sequence, start, step, fault) for fault in FAULTS)
 
 
 def outcome(cell: Cell) -> str:

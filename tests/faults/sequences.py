@@ -32,7 +32,7 @@ _GENERIC = {
     "enable": ["enable tpdo3 rpdo3"],
     "disable": ["disable tpdo1 rpdo1"],
     "clear": ["clear tpdo1 tpdo2 rpdo1"],
-    "undo": ["map tpdo1 6064 6061", "clear rpdo2", "undo --all"],
+    "undo": ["set tpdo1 --timer 12", "clear rpdo2", "undo --all"],
     "write": ["write 1006 20000", "write 1800:5 99"],
     "script": [
         "map tpdo1 6401:1 606C 6041 --cob-id 0x1A1 --sync 1",
@@ -52,7 +52,7 @@ _MOTOR = {
     "enable": ["enable tpdo4 rpdo1"],
     "disable": ["disable tpdo1 rpdo2"],
     "clear": ["clear tpdo1 tpdo2 rpdo2"],
-    "undo": ["map tpdo1 606C 6077", "clear rpdo2", "undo --all"],
+    "undo": ["set tpdo1 --timer 12", "clear rpdo2", "undo --all"],
     "script": [
         "map tpdo1 6C01:1 606C 6041 --cob-id 0x1A1 --sync 1",
         "map tpdo3 5100:1 5100:4 --timer 500",
@@ -70,7 +70,7 @@ _STEPPER = {
     "set-live": ["set tpdo1 --timer 250"],
     "disable": ["disable tpdo1 rpdo1"],
     "clear": ["clear tpdo1 tpdo2 rpdo1"],
-    "undo": ["map tpdo1 6064 6061", "clear rpdo2", "undo --all"],
+    "undo": ["set tpdo1 --timer 12", "clear rpdo2", "undo --all"],
     "enable": ["disable tpdo3 rpdo3", "enable tpdo3 rpdo3"],
     "script": [
         "map tpdo1 6041 6061 2702 --cob-id 0x1A1 --sync 1",
@@ -89,7 +89,7 @@ _WITHOUT_STORE = {
     "enable": ["enable tpdo2 rpdo2"],
     "disable": ["disable tpdo1 rpdo3"],
     "clear": ["clear tpdo1 rpdo3 rpdo4"],
-    "undo": ["map tpdo1 2106:7", "clear rpdo3", "undo --all"],
+    "undo": ["set tpdo1 --timer 12", "clear rpdo3", "undo --all"],
     "script": [
         "map tpdo1 2106:5 2100:1 2100:2 --cob-id 0x1A1 --sync 1",
         "map tpdo2 2106:6 2106:8",
