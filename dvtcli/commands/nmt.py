@@ -52,7 +52,7 @@ def command(session: Session, /, command_: str, node_id: int | None) -> Commande
     specifier, wanted = _COMMANDS[command_]
     target = session.node_id() if node_id is None else node_id
     reset = specifier in (NmtCommand.RESET_NODE, NmtCommand.RESET_COMMUNICATION)
-    nodes = session.network.nodes.values() if target == 0 else [session.node(target)]
+    nodes = [node for node in session.network.nodes.values() if target in (0, node.node_id)]
     lost = tuple(f"{label} of node {node.node_id}" for node in nodes for label in node.commanded(reset=reset))
     state = None
     if target:
@@ -65,11 +65,18 @@ def command(session: Session, /, command_: str, node_id: int | None) -> Commande
 
 
 def _to_one(session: Session, target: int, specifier: NmtCommand, wanted: NmtState) -> NmtState | None:
+    """A node that was not met yet may be stopped, and silent: it is commanded before it is asked who it is."""
+    from dvtcli.device.access import Access
     from dvtcli.device.store import reset_and_wait
+    from dvtcli.domain.profile import GENERIC
 
-    access = session.node(target).access
-    if specifier in (NmtCommand.RESET_NODE, NmtCommand.RESET_COMMUNICATION):
+    met = session.network.nodes.get(target)
+    access = met.access if met is not None else Access(session.bus, target, GENERIC)
+    reset = specifier in (NmtCommand.RESET_NODE, NmtCommand.RESET_COMMUNICATION)
+    if reset:
         reset_and_wait(access, specifier)
-        return access.state()
-    session.bus.send_nmt(specifier, target)
-    return access.confirmed(wanted, _CONFIRM_S)
+    else:
+        session.bus.send_nmt(specifier, target)
+    if wanted is not NmtState.STOPPED:
+        access = session.node(target).access
+    return access.state() if reset else access.confirmed(wanted, _CONFIRM_S)

@@ -1,0 +1,33 @@
+"""A node that does not answer SDO can still be commanded: NMT needs no dictionary."""
+
+from __future__ import annotations
+
+import pytest
+
+from dvtcli.domain.nmt import NmtState
+from tests.commands.bench import Bench
+from tests.commands.bus import Wire, device
+
+
+@pytest.mark.parametrize(
+    ("command", "state"),
+    [
+        ("preop", NmtState.PRE_OPERATIONAL),
+        ("start", NmtState.OPERATIONAL),
+        ("reset-node", NmtState.PRE_OPERATIONAL),
+        ("reset-comm", NmtState.PRE_OPERATIONAL),
+    ],
+)
+@pytest.mark.parametrize("family", ["generic", "gen4"])
+def test_a_stopped_node_is_brought_back_by_the_first_command(command: str, state: NmtState, family: str) -> None:
+    """A new process has heard nothing of the node; `nmt preop` is the hint it gives."""
+    node = device(family)
+    with Wire(node) as wire, Bench((), {**wire.options, "timeout": 0.1}) as bench:
+        assert bench.run("read 1000").code == 0
+        node.state = NmtState.STOPPED
+        bench.session.close()
+        assert bench.run("read 1000").code == 5
+        ran = bench.run(f"nmt {command}")
+        assert ran.code == 0, ran.stderr
+        assert node.state is state
+        assert bench.run("read 1000").code == 0
