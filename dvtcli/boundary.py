@@ -41,7 +41,7 @@ def guarded(session: Session, run: Callable[[], Any]) -> int:
         code = session.cancellation.exit_code
         session.output.lines(["interrupted" if code == 130 else "terminated"])
         return code
-    except BrokenPipeError:
+    except (BrokenPipeError, SystemExit):  # click turns the first into the second
         _silence_stdout()
         return 0
     except Exception as bug:  # noqa: BLE001 - the one boundary: a bug becomes exit code 70 with its traceback kept

@@ -19,7 +19,8 @@ def main(argv: list[str] | None = None) -> int:
     """Run dvtcli with *argv* (default: the process's own) and return its exit code."""
     session = Session(Output(), on_open=lambda: _catch_signals(session))
     words = sys.argv[1:] if argv is None else argv
-    session.output.format = "json" if "--json" in words else "text"
+    if "--json" in words:  # also for errors that are found before the option is read
+        session.start({"format": "json"})
 
     def run() -> Any:
         return REGISTRY.main(words, prog_name="dvtcli", standalone_mode=False, obj=session, default_map=file_defaults())

@@ -6,6 +6,8 @@ Knows their names and which of them a single line may change. Does not act on an
 from __future__ import annotations
 
 import os
+import re
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import click
@@ -102,6 +104,16 @@ _TABLE: list[tuple[tuple[str, ...], dict[str, Any]]] = [
 ]
 
 
+_REPEATED = frozenset(names[-1].lstrip("-").replace("-", "_") for names, how in _TABLE if how.get("multiple"))
+
+
+def one_pair_each(args: Sequence[str]) -> None:
+    """Refuse `--bus-kwargs a=1 b=2`, which other programs take; click.UsageError with the hint."""
+    for option, _, behind in zip(args, args[1:], args[2:], strict=False):
+        if option == "--bus-kwargs" and re.fullmatch(r"\w+=.*", behind):
+            raise click.UsageError(f"--bus-kwargs takes one KEY=VALUE; repeat it: --bus-kwargs {behind}")
+
+
 def _option(names: tuple[str, ...], settings: dict[str, Any], *, hidden: bool) -> click.Option:
     plain = names[-1].lstrip("-").replace("-", "_")
     switches = [name for name in names if name.startswith("-")]
@@ -192,4 +204,16 @@ def _read_defaults(path: str) -> dict[str, Any]:
             place=path,
             hint=f"keys are the options: {', '.join(sorted(known))}",
         )
-    return {PREFIX + key.replace("-", "_"): value for key, value in keys.items()}
+    return {PREFIX + key.replace("-", "_"): _setting(path, key, value) for key, value in keys.items()}
+
+
+def _setting(path: str, key: str, value: Any) -> Any:
+    """A key's value as click takes it: an option that may be repeated is a list, also where there is one alone."""
+    from dvtcli.errors import InputFileError
+
+    if key.replace("-", "_") not in _REPEATED:
+        return value
+    values = [value] if isinstance(value, str) else value
+    if not isinstance(values, list) or not all(isinstance(one, str) for one in values):
+        raise InputFileError(f"{path}: {key} is a text or a list of texts", place=path)
+    return values

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from dvtcli.options import NEGATIVE_MARK, PREFIX, global_options, taken
+from dvtcli.options import NEGATIVE_MARK, PREFIX, global_options, one_pair_each, taken
 
 if TYPE_CHECKING:
     from dvtcli.results import Result
@@ -34,6 +34,7 @@ class DvtCommand(click.Command):
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Parse *args*, with `-1500` and `-0x10` as values."""
+        one_pair_each(args)
         marked = [NEGATIVE_MARK + arg if _NEGATIVE.fullmatch(arg) else arg for arg in args]
         return super().parse_args(ctx, marked)
 
@@ -52,6 +53,11 @@ class Registry(click.Group):
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         self.params.extend(global_options(hidden=False))
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Parse *args* up to the command."""
+        one_pair_each(args)
+        return super().parse_args(ctx, args)
 
     def list_commands(self, _ctx: click.Context) -> list[str]:
         """The commands' names; imports none of them."""
