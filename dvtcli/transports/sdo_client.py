@@ -69,6 +69,8 @@ class StrictSdoClient(SdoClient):
             self._begin(request[1:4])
             if kind == _UPLOAD:  # the only request that may be asked again: it changes nothing
                 attempts += self.retries
+        else:
+            self._discard()
         malformed = self.dropped.malformed
         for _ in range(attempts):
             answer = self._exchange(request)
@@ -81,13 +83,23 @@ class StrictSdoClient(SdoClient):
         raise self._silent()
 
     def upload(self, index: int, subindex: int) -> bytes:
-        """Read an object; more or less data than the device announced is an SdoProtocolError."""
-        answer = self.request_response(SDO_STRUCT.pack(0x40, index, subindex) + bytes(4))
-        if answer[0] & _EXPEDITED:
-            unused = answer[0] >> 2 & 3 if answer[0] & _SIZE_GIVEN else 0
-            return answer[4 : 8 - unused]
-        announced = int.from_bytes(answer[4:], "little") if answer[0] & _SIZE_GIVEN else None
-        return self._upload_segments(announced)
+        """Read an object; more or less data than the device announced is an SdoProtocolError.
+
+        Reading changes nothing, so a transfer whose segments go wrong is begun anew as often as `retries` says.
+        """
+        left = self.retries
+        while True:
+            answer = self.request_response(SDO_STRUCT.pack(0x40, index, subindex) + bytes(4))
+            if answer[0] & _EXPEDITED:
+                unused = answer[0] >> 2 & 3 if answer[0] & _SIZE_GIVEN else 0
+                return answer[4 : 8 - unused]
+            announced = int.from_bytes(answer[4:], "little") if answer[0] & _SIZE_GIVEN else None
+            try:
+                return self._upload_segments(announced)
+            except (NoAnswer, SdoProtocolError):
+                if not left:
+                    raise
+                left -= 1
 
     def _upload_segments(self, announced: int | None) -> bytes:
         data = bytearray()
@@ -140,17 +152,21 @@ class StrictSdoClient(SdoClient):
     def _begin(self, multiplexer: bytes) -> None:
         """Start a transfer with nothing left over from those before."""
         self.requested = False
-        self._link.drain()
-        while not self.inbox.empty():
-            item = self.inbox.get_nowait()
-            if not isinstance(item, Wake):
-                self._drop(item)
+        self._discard()
         self._toggle_errors = 0
         if self._unsettled:
             self._settle(multiplexer)
         self._multiplexer = multiplexer
         self._asked.append(multiplexer)
         self.requested = True
+
+    def _discard(self) -> None:
+        """Drop what has come so far: an answer that comes before its request is none."""
+        self._link.drain()
+        while not self.inbox.empty():
+            item = self.inbox.get_nowait()
+            if not isinstance(item, Wake):
+                self._drop(item)
 
     def _settle(self, multiplexer: bytes) -> None:
         """After a time-out, make sure that no late answer can be taken for the next request's.

@@ -298,11 +298,18 @@ def test_silence_ends_with_an_abort_that_names_the_object(serve: Serve) -> None:
     assert server.ended() == [frame("40 00 1A 03"), frame(f"80 00 1A 03 {TIME_OUT}")]
 
 
-def test_only_the_first_request_of_a_read_is_repeated(serve: Serve) -> None:
-    bus, server = serve(Steps([], [frame("41 08 10 00 07 00 00 00")], []), retries=1)
+def test_a_read_whose_segment_is_lost_is_begun_anew(serve: Serve) -> None:
+    announced, segment = frame("41 08 10 00 07 00 00 00"), frame("01 01 02 03 04 05 06 07")
+    bus, server = serve(Steps([announced], [], [DEVICE_TYPE], [announced], [segment]), retries=1)
+    assert bus.sdo(NODE).upload(0x1008, 0) == bytes(range(1, 8))
+    assert [request[0] for request in server.ended()] == [0x40, 0x60, 0x80, 0x40, 0x40, 0x60]
+
+
+def test_a_segment_alone_is_never_repeated(serve: Serve) -> None:
+    bus, server = serve(Steps([frame("41 08 10 00 07 00 00 00")], []), retries=0)
     with pytest.raises(NoAnswer):
         bus.sdo(NODE).upload(0x1008, 0)
-    assert [request[0] for request in server.ended()] == [0x40, 0x40, 0x60, 0x80]
+    assert [request[0] for request in server.ended()] == [0x40, 0x60, 0x80]
 
 
 def test_a_repeated_reads_second_answer_is_not_the_next_reads(serve: Serve) -> None:
