@@ -54,7 +54,7 @@ def run_script(session: Session, data: bytes, source: str, *, keep_going: bool) 
     if session.in_script:
         return code
     # after a failure the set-up is neither old nor new as a whole: its nodes stay PRE-OPERATIONAL
-    return boundary(session, lambda: session.end_line(5 if code else 0)) or code
+    return boundary(session, lambda: session.end_line(7 if code else 0)) or code
 
 
 def _run_lines(

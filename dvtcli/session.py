@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from dvtcli.view.output import Output
 
 
-#: Exit codes after which every device is as planned, or as it was.
-_AS_IT_WAS = frozenset({0, 1, 2, 3, 4, 6, 130, 143, -1})
+#: Exit codes after which a device may be half configured, and must not go back to OPERATIONAL.
+_HALF_CONFIGURED = frozenset({7, 70})
 
 
 class Session:
@@ -210,19 +210,24 @@ class Session:
     def end_line(self, code: int) -> None:
         """A line of its own, or a whole script, ended with *code*: nodes go back to the NMT state they were found in.
 
-        Not after a failure that left a device changed or silent, nor in the middle of a script: there they stay
-        PRE-OPERATIONAL, and the error said so.
+        Not after a failure that left a device changed, nor in the middle of a script: there they stay
+        PRE-OPERATIONAL, and the error said so, as does the error of a node that cannot be brought back.
         """
         for gate in self._gates():
-            if code in _AS_IT_WAS:
-                gate.leave()
-            else:
+            if code in _HALF_CONFIGURED:
                 gate.abandon()
+                continue
+            try:
+                gate.leave()
+            except DvtcliError as error:
+                gate.tell(error)
+                gate.abandon()
+                raise
 
     def annotate(self, error: DvtcliError) -> None:
         """Add to *error* that a node will stay PRE-OPERATIONAL, where it will."""
         for gate in self._gates():
-            if gate.access.node_id == error.node and (self.in_script or error.exit_code not in _AS_IT_WAS):
+            if gate.access.node_id == error.node and (self.in_script or error.exit_code in _HALF_CONFIGURED):
                 gate.tell(error)
 
     def warn_of_disturbances(self) -> None:

@@ -141,12 +141,13 @@ class Transaction:
     def _restore_patiently(self) -> None:
         """Put everything back; a node that is silent or refuses may be rebooting, so it is asked again for a while.
 
-        Each try reads the device anew, so nothing is taken for granted of what an earlier one wrote.
+        Also what was not begun: a reboot takes that, too, back to what is stored. Each try reads the device anew,
+        so nothing is taken for granted of what an earlier one wrote.
         """
         deadline = self.clock.now_s() + PATIENCE_S
         while True:
             try:
-                restore(self.sdo, self._started)
+                restore(self.sdo, self.plan.changes)
             except (NoAnswer, SdoProtocolError, SdoAborted, DeviceRefused):
                 if self.clock.now_s() >= deadline:
                     raise
