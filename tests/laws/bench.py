@@ -1,7 +1,5 @@
 """Strict devices without a bus between: an SDO channel and a network straight on the device, and faults to put in."""
 
-# ruff: noqa: ARG002 - the seams hand over more than a device without a bus needs
-
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
