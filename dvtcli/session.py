@@ -227,7 +227,7 @@ class Session:
     def annotate(self, error: DvtcliError) -> None:
         """Add to *error* that a node will stay PRE-OPERATIONAL, where it will."""
         for gate in self._gates():
-            if gate.access.node_id == error.node and (self.in_script or error.exit_code in _HALF_CONFIGURED):
+            if error.node in (gate.access.node_id, None) and (self.in_script or error.exit_code in _HALF_CONFIGURED):
                 gate.tell(error)
 
     def warn_of_disturbances(self) -> None:

@@ -26,7 +26,7 @@ def carry_out(node: Node, plan: Plan, findings: tuple[Finding, ...] = ()) -> Non
     node.gate.enter()
     boot_ups = node.bus.boot_ups(node.node_id)
     if node.keeper is not None:
-        node.keeper.begin(plan, node.identity(), found, node.pdos)
+        node.keeper.begin(plan, node.identity(), node.gate.found or found, node.pdos)
     try:
         run(node, plan)
     except LeftChanged as left:

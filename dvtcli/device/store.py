@@ -39,6 +39,7 @@ def sign(access: Access, policy: StorePolicy, index: int, sub_index: int | None)
     sdo = access.bus.sdo(access.node_id)
     where = _choose(sdo, policy, index, sub_index, access.node_id)
     started_s = access.bus.now_s()
+    found, boot_ups = access.state(), access.bus.boot_ups(access.node_id)
     try:
         sdo.download(index, where, SIGNATURES[index], timeout_s=policy.timeout_s)
     except SdoAborted as aborted:
@@ -47,6 +48,9 @@ def sign(access: Access, policy: StorePolicy, index: int, sub_index: int | None)
     except NoAnswer as silent:
         silent.state = "unknown"
         silent.hint = f"it may still be writing; wait, then `{_word(index)}` again"
+        if access.bus.boot_ups(access.node_id) != boot_ups:
+            silent.hint = f"it has rebooted instead; `{_word(index)}` again"
+            return_to(access, found)
         raise
     return Signed(index, where, access.bus.now_s() - started_s)
 
