@@ -92,9 +92,8 @@ def main() -> int:
     for line in table(counts):
         print(line)
     whole = counts.total()
-    print(
-        f"{whole} cells in {time.monotonic() - started_s:.1f} s, {100 * (whole - len(bad)) / whole:.2f} % as they should"
-    )
+    share = 100 * (whole - len(bad)) / whole
+    print(f"{whole} cells in {time.monotonic() - started_s:.1f} s, {share:.2f} % as they should be")
     for cell, result in sorted(bad, key=str)[:_SHOWN]:
         print(f"  {cell}: {result}")
     if len(bad) > _SHOWN:

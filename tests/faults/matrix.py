@@ -21,6 +21,7 @@ from dvtcli.errors import DvtcliError
 from dvtcli.network import Network
 from dvtcli.script import run_script
 from dvtcli.session import Session
+from dvtcli.shell import boundary, run_words, split
 from dvtcli.simulator.device import StrictDevice
 from dvtcli.simulator.faults import Fault
 from dvtcli.simulator.refusal import Refusal
@@ -64,17 +65,18 @@ class Cell:
 
 
 class Record(Output):
-    """An output that keeps errors instead of printing anything."""
+    """An output that keeps errors, and how many lines succeeded, instead of printing anything."""
 
     def __init__(self) -> None:
         super().__init__()
-        self.errors: list[tuple[DvtcliError, str | None]] = []
+        self.errors: list[DvtcliError] = []
+        self.lines_done = 0
 
     def result(self, result: object) -> None:
-        """What succeeded is seen on the device."""
+        self.lines_done += 1
 
     def error(self, error: DvtcliError, at: str | None = None) -> None:
-        self.errors.append((error, at))
+        self.errors.append(error)
 
     def lines(self, lines: object) -> None:
         """Messages are not looked at."""
@@ -106,8 +108,8 @@ class Run:
         node.keeper._backed_up = True  # reading every PDO first would take a third of the time
         return node
 
-    def script(self, lines: list[str]) -> tuple[int, Record, Node]:
-        """Run *lines* as a script file; the exit code, the errors, and the node."""
+    def session(self, lines: list[str]) -> tuple[int, Record]:
+        """Run *lines* as a script file, or a single one as a command; the exit code and what was said."""
         record = Record()
         session = Session(record)
         session.start({"yes": True, "node": NODE})
@@ -115,10 +117,14 @@ class Run:
         node = network.nodes[NODE] = self.node()
         node.cancellation, node.consent = session.cancellation, session.consent
         session._network = network
-        code = run_script(session, "\n".join(lines).encode(), "cell", keep_going=False)
+        if len(lines) == 1:
+            code = run_words(split(lines[0]), session)
+            code = boundary(session, lambda: session.end_line(code)) or code
+        else:
+            code = run_script(session, "\n".join(lines).encode(), "cell", keep_going=False)
         assert node.keeper is not None
         node.keeper.lock.release()
-        return code, record, node
+        return code, record
 
 
 def _prepare(device: StrictDevice, start: Start) -> None:
@@ -170,8 +176,8 @@ def ideal(family: str, sequence: str, start: Start) -> Ideal:
         with tempfile.TemporaryDirectory() as folder:
             run = Run.of(family, start, [_NO_FAULT], Path(folder))
             if done:
-                code, record, _ = run.script(lines[:done])
-                assert code == 0, (family, lines[:done], [str(error) for error, _ in record.errors])
+                code, record = run.session(lines[:done])
+                assert code == 0, (family, lines[:done], [str(error) for error in record.errors])
                 assert run.device.state is _state(start)
         states.append(snapshot(run.device))
         stored.append(dict(run.device._memory._stored))
@@ -208,8 +214,8 @@ def outcome(cell: Cell) -> str:
     lines = SEQUENCES[cell.family][cell.sequence]
     with tempfile.TemporaryDirectory(dir=_IN_MEMORY) as folder:
         run = Run.of(cell.family, cell.start, cell.faults, Path(folder))
-        code, record, node = run.script(lines)
-        return Judge(cell, run, node).verdict(code, record)
+        code, record = run.session(lines)
+        return Judge(cell, run, record).verdict(code)
 
 
 @dataclass
@@ -218,32 +224,32 @@ class Judge:
 
     cell: Cell
     run: Run
-    node: Node
+    record: Record
 
     def __post_init__(self) -> None:
         self.ideal = ideal(self.cell.family, self.cell.sequence, self.cell.start)
 
-    def verdict(self, code: int, record: Record) -> str:
+    def verdict(self, code: int) -> str:
         """`old`, `new`, `7, recovered`, or what is wrong."""
+        done = self.record.lines_done
         if code == 0:
-            return self._held(len(self.ideal.states) - 1) or NEW
-        error, place = record.errors[-1]
+            return self._held(done) or NEW
+        error = self.record.errors[-1]
         if code in (2, 4, 70):
             return f"exit code {code}: {error}"
-        line = int((place or "cell:1").split(":")[1])
         if code == 7:
-            return self._recovered(line)
-        wrong = self._held(line - 1)
+            return self._recovered(done)
+        wrong = self._held(done)
         if wrong is None:
-            return OLD
-        if error.state == "unknown" and self._held(line) is None:
+            return OLD if done < len(self.ideal.states) - 1 else NEW
+        if error.state == "unknown" and self._held(done + 1) is None:
             return NEW
         return f"exit code {code}, {error.state}, but {wrong} ({error})"
 
-    def _recovered(self, line: int) -> str:
+    def _recovered(self, boundary: int) -> str:
         if self.cell.fault not in LASTING:
             return "exit code 7 though the node could be reached"
-        if self._stored_wrongly(line - 1):
+        if self._stored_wrongly(boundary):
             return "exit code 7, and something was stored"
         if self.cell.fault == "power-loss":
             self.run.device.restart()
@@ -264,7 +270,8 @@ class Judge:
         finally:
             fresh.keeper.lock.release()
         left = fresh.keeper.interrupted()
-        return self._held(line - 1) or ("the journal is left" if left else RECOVERED)
+        self.record.errors.clear()
+        return self._held(boundary) or ("the journal is left" if left else RECOVERED)
 
     def _held(self, boundary: int) -> str | None:
         """What is not as after line *boundary* (0: as found), the NMT state included; None where all is."""
@@ -275,9 +282,19 @@ class Judge:
         if self._stored_wrongly(boundary):
             return "something else is stored"
         state = self.run.device.state
-        if state is not _state(self.cell.start):
+        if state is not _state(self.cell.start) and not self._told_to_be_pre_operational(state):
             return f"the node is {state.label}, not {_state(self.cell.start).label}"
         return None
+
+    def _told_to_be_pre_operational(self, state: NmtState) -> bool:
+        """Whether the node stays PRE-OPERATIONAL, and its user was told.
+
+        Allowed where a script failed, since what it sets up is then neither old nor new as a whole; and where nothing
+        but the NMT state was changed yet of a node that cannot be reached any more.
+        """
+        told = any(label == "nmt" for error in self.record.errors for label, _ in error.details)
+        allowed = len(self.ideal.states) > 2 or self.cell.fault in LASTING
+        return told and allowed and state is NmtState.PRE_OPERATIONAL
 
     def _lost(self, pdo: Pdo, boundary: int) -> bool:
         """Whether a reset took what was in RAM only, of a PDO that the failing line did not touch."""
