@@ -55,7 +55,7 @@ class Output:
             return
         from dvtcli.view.text import remarks, text
 
-        for line in remarks(result):
+        for line in () if self.quiet else remarks(result):
             self._write(self.stderr, line)
         for line in text(result, self.width):
             self._write(self.stdout, line)

@@ -63,15 +63,7 @@ def _static_findings(proposal: Proposal) -> Iterator[Finding]:
 
 def _size_findings(proposal: Proposal) -> Iterator[Finding]:
     want, place = proposal.want, proposal.mapping_place(0)
-    limit = _entry_limit(proposal)
-    if len(want.mapping) > limit:
-        yield error(
-            "entry-count",
-            place,
-            f"{len(want.mapping)} entries are wanted, {proposal.pdo.label} of this device takes {limit}",
-            Abort.PDO_LENGTH,
-            "spread the objects over more PDOs",
-        )
+    yield from _count_findings(proposal)
     if want.bits > MAX_PDO_BITS:
         parts = " + ".join(f"{entry.object} {entry.bits}" for entry in want.mapping)
         over = want.bits - MAX_PDO_BITS
@@ -84,15 +76,25 @@ def _size_findings(proposal: Proposal) -> Iterator[Finding]:
         )
 
 
-def _entry_limit(proposal: Proposal) -> int:
-    """The fewest of what the standard, the profile and the EDS's mapping sub-indices allow."""
-    limits = [MAX_ENTRIES]
-    if proposal.profile.max_entries is not None:
-        limits.append(proposal.profile.max_entries)
-    if proposal.dictionary and proposal.pdo.mapping_index in proposal.dictionary:
-        subs = proposal.dictionary[proposal.pdo.mapping_index].entries.keys() - {0}
-        limits.extend([len(subs)] if subs else [])
-    return min(limits)
+def _count_findings(proposal: Proposal) -> Iterator[Finding]:
+    """More entries than the mapping has sub-indices, or than the family or the standard takes."""
+    wanted, label = len(proposal.want.mapping), proposal.pdo.label
+    subs = _entry_sub_indices(proposal)
+    limit = min(MAX_ENTRIES, proposal.profile.max_entries or MAX_ENTRIES)
+    text = f"{wanted} entries are wanted, {label} of this device takes {limit if subs is None else min(limit, subs)}"
+    hint = "spread the objects over more PDOs"
+    if subs is not None and wanted > subs:
+        yield error("entry-count", proposal.mapping_place(subs + 1), text, Abort.NO_SUB_INDEX, hint)
+    elif wanted > limit:
+        yield error("entry-count", proposal.mapping_place(0), text, Abort.PDO_LENGTH, hint)
+
+
+def _entry_sub_indices(proposal: Proposal) -> int | None:
+    """How many entries the EDS's mapping parameter has room for; None where it does not say."""
+    dictionary, index = proposal.dictionary, proposal.pdo.mapping_index
+    if dictionary is None or index not in dictionary:
+        return None
+    return len(dictionary[index].entries.keys() - {0}) or None
 
 
 def _dummy(proposal: Proposal, place: str, entry: PdoMappingEntry) -> Iterator[Finding]:
