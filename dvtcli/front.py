@@ -15,6 +15,6 @@ def without_command(session: Session) -> int:
         from dvtcli.repl import run_prompt
 
         return run_prompt(session)
-    from dvtcli.script import run_script
+    from dvtcli.script import MOST_BYTES, run_script
 
-    return run_script(session, sys.stdin.buffer.read(), "<stdin>", keep_going=False)
+    return run_script(session, sys.stdin.buffer.read(MOST_BYTES + 1), "<stdin>", keep_going=False)

@@ -20,7 +20,7 @@ from dvtcli.domain.ports import CanopenBus, Frame
 from dvtcli.domain.profile import GENERIC, DeviceProfile
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.formats.profile_toml import load_profile, profile_for_identity, profile_names
-from dvtcli.options import Options, node_id
+from dvtcli.options import Options, is_file, node_id
 
 if TYPE_CHECKING:
     from dvtcli.simulator.device import StrictDevice
@@ -223,7 +223,7 @@ def simulated_faults(words: tuple[str, ...], simulated: tuple[Simulated, ...]) -
 
 
 def _split(word: str) -> tuple[str, int | None]:
-    if Path(word).is_file() or "@" not in word:
+    if is_file(word) or "@" not in word:
         return word, None
     what, _, digits = word.rpartition("@")
     return what, node_id(digits)
@@ -233,7 +233,7 @@ def _simulated(what: str, chosen: int) -> Simulated:
     from dvtcli.simulator.family import family_eds, family_names
 
     path = Path(what)
-    if path.is_file():
+    if is_file(what):
         return Simulated(chosen, None, path)
     if what in family_names():
         return Simulated(chosen, what, family_eds(what))

@@ -16,6 +16,8 @@ import click
 PREFIX = "global_"
 #: Put before an argument such as `-1500`, so that click does not take it for an option; `params` takes it off.
 NEGATIVE_MARK = "\ue000"
+#: A `dvtcli.toml` is a few lines; beyond this many bytes it is something else.
+_MOST_BYTES = 1_000_000
 #: What only the start of the program may choose: a bus, a node's files, where things are kept.
 START_ONLY = frozenset(
     {
@@ -171,6 +173,11 @@ def _seconds(text: str) -> float:
     return value
 
 
+def is_file(text: str) -> bool:
+    """Whether *text* is the path of a file; what can be no path at all (too long, say) is none."""
+    return os.path.isfile(text)  # noqa: PTH113 - Path.is_file raises OSError for a name that is too long
+
+
 def file_defaults(start: str | None = None) -> dict[str, Any]:
     """The keys of the nearest `dvtcli.toml` at or above *start* as defaults for the root command.
 
@@ -193,8 +200,11 @@ def _read_defaults(path: str) -> dict[str, Any]:
 
     try:
         with open(path, "rb") as file:  # noqa: PTH123
-            keys = tomllib.load(file)
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as wrong:
+            data = file.read(_MOST_BYTES + 1)
+        if len(data) > _MOST_BYTES:
+            raise InputFileError(f"{path}: more than {_MOST_BYTES} bytes are no settings", place=path)
+        keys = tomllib.loads(data.decode())
+    except (ValueError, RecursionError) as wrong:  # no TOML, no UTF-8, a number of 5000 digits, too deep a nest
         raise InputFileError(f"{path}: not valid TOML: {wrong}", place=path) from wrong
     known = {names[-1].lstrip("-").replace("-", "_") for names, _ in _TABLE}
     unknown = sorted(key for key in keys if key.replace("-", "_") not in known)
@@ -211,9 +221,30 @@ def _setting(path: str, key: str, value: Any) -> Any:
     """A key's value as click takes it: an option that may be repeated is a list, also where there is one alone."""
     from dvtcli.errors import InputFileError
 
-    if key.replace("-", "_") not in _REPEATED:
+    name = key.replace("-", "_")
+    if name not in _REPEATED:
+        right, kinds = _fits(name, value)
+        if not right:
+            raise InputFileError(f"{path}: {key} is {kinds}", place=path)
         return value
     values = [value] if isinstance(value, str) else value
-    if not isinstance(values, list) or not all(isinstance(one, str) for one in values):
+    if not isinstance(values, list) or not all(map(_is_text, values)):
         raise InputFileError(f"{path}: {key} is a text or a list of texts", place=path)
     return values
+
+
+def _fits(name: str, value: Any) -> tuple[bool, str]:
+    """Whether *value* is of a kind that the option *name* takes, and which kinds those are."""
+    default = getattr(Options(), name)
+    if isinstance(default, bool):
+        return isinstance(value, bool), "true or false"
+    if type(default) is int:
+        return type(value) is int and 0 <= value < 10, "a number, 0…9"
+    # finite, and no number of 5000 digits: Python refuses to write those out
+    number = type(value) in (int, float) and abs(value) < 1 << 64
+    return number or _is_text(value), "a text or a number"
+
+
+def _is_text(value: Any) -> bool:
+    """Whether *value* is a text that can be a path or a name."""
+    return isinstance(value, str) and "\0" not in value

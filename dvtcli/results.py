@@ -5,6 +5,7 @@ Field names of documents are stable (README, "Machine output"). Knows no termina
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -36,11 +37,13 @@ def hex_bytes(data: bytes | None) -> str | None:
 
 
 def json_value(value: Value) -> Any:
-    """A value as JSON can carry it: bytes as hex, times as two numbers."""
+    """A value as JSON can carry it: bytes as hex, times as two numbers, `"nan"` and `"inf"` as text."""
     if isinstance(value, bytes):
         return hex_bytes(value)
     if isinstance(value, CanopenTime):
         return {"days": value.days, "milliseconds": value.milliseconds}
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)
     return value
 
 

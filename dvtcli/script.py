@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 #: A script is text typed by people; beyond this many bytes it is something else.
 MOST_BYTES = 10_000_000
+#: Each command takes time and memory to parse, and all are parsed before the first one runs.
+MOST_COMMANDS = 10_000
 #: What editors show as the end of a line; `str.splitlines` also splits at characters that nobody sees.
 _LINE_END = re.compile("\r\n|\n|\r")
 
@@ -86,17 +88,21 @@ def script_lines(data: bytes, source: str) -> list[ScriptLine]:
         number = data[: wrong.start].count(b"\n") + 1
         raise InputFileError(f"{source}:{number}: not UTF-8 text", place=f"{source}:{number}") from wrong
     found: list[ScriptLine] = []
-    pending, began = "", 0
+    pending: list[str] = []
+    began = 0
     raws = _LINE_END.split(text)
     for number, raw in enumerate(raws, 1):
         began = began or number
         if raw.endswith("\\") and number < len(raws):
-            pending += raw[:-1] + " "
+            pending.append(raw[:-1])
             continue
-        words = _words(pending + raw, f"{source}:{began}")
+        words = _words(" ".join([*pending, raw]), f"{source}:{began}")
         if words:
             found.append(ScriptLine(began, words))
-        pending, began = "", 0
+            if len(found) > MOST_COMMANDS:
+                place = f"{source}:{began}"
+                raise InputFileError(f"{place}: more than {MOST_COMMANDS} commands are no script", place=place)
+        pending, began = [], 0
     return found
 
 

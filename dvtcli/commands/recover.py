@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.commands._changing import changed
+from dvtcli.options import is_file
 from dvtcli.params import FILE
 from dvtcli.shell import DvtCommand
 
@@ -52,6 +53,6 @@ def _journal(session: Session, file: str | None) -> Journal | None:
     if file is None:
         session.node()
         return Journals(session.state_folder / "journals", session.wire.name).find(session.node_id())
-    if not Path(file).is_file():
+    if not is_file(file):
         raise UsageError(f"{file}: no such file", place=file, hint="recover alone takes the node's own journal")
     return read_journal(Path(file))

@@ -27,12 +27,13 @@ def command(session: Session, /, file: str, keep_going: bool) -> int:
     run setup.dvt --dry-run
     """
     from dvtcli.errors import UsageError
-    from dvtcli.script import run_script
+    from dvtcli.script import MOST_BYTES, run_script
 
     if file == "-":
-        return run_script(session, sys.stdin.buffer.read(), "<stdin>", keep_going=keep_going)
+        return run_script(session, sys.stdin.buffer.read(MOST_BYTES + 1), "<stdin>", keep_going=keep_going)
     try:
-        data = Path(file).read_bytes()
+        with Path(file).open("rb") as script:
+            data = script.read(MOST_BYTES + 1)
     except OSError as failed:
         raise UsageError(f"{file}: {failed.strerror}", place=file, hint="run takes the path of a script") from failed
     return run_script(session, data, file, keep_going=keep_going)

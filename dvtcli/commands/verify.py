@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.errors import UsageError
+from dvtcli.options import is_file
 from dvtcli.params import TEXT
 from dvtcli.shell import DvtCommand
 
@@ -58,7 +59,7 @@ def _sorted_words(words: tuple[str, ...]) -> tuple[list[Pdo], list[str]]:
     pdos: list[Pdo] = []
     files: list[str] = []
     for word in words:
-        if Path(word).is_file():
+        if is_file(word):
             files.append(word)
             continue
         try:

@@ -135,7 +135,7 @@ def read_journal(path: Path) -> Journal:
             data = file.read(MOST_BYTES + 1)
         document = json.loads(data) if len(data) <= MOST_BYTES else None
         return _Reader(path).journal(document)
-    except (ValueError, RecursionError) as wrong:
+    except (ValueError, RecursionError, OSError) as wrong:
         raise InputFileError(
             f"{path} is not a journal that can be used",
             place=str(path),

@@ -82,9 +82,8 @@ def read_eds(path: Path) -> EdsFile:
 
     InputFileError where it is none, OSError where it cannot be read.
     """
-    if path.stat().st_size > _MAX_BYTES:
-        raise _too_large(path.name)
-    return parse_eds(path.read_bytes(), path.name)
+    with path.open("rb") as file:  # no more than that much: some files have no end
+        return parse_eds(file.read(_MAX_BYTES + 1), path.name)
 
 
 def parse_eds(data: bytes, source: str) -> EdsFile:

@@ -45,7 +45,7 @@ def _identity(values: Values, key: str, identity: OdObject | None, sub_index: in
     given = number_key(values, key, 0, _U32, findings)
     entry = None if identity is None else identity.entries.get(sub_index)
     data = None if entry is None else entry.initial(0)
-    in_object = None if data is None else int.from_bytes(data, "little")
+    in_object = None if data is None or len(data) > 4 else int.from_bytes(data, "little")
     if given is None:
         return in_object
     if in_object not in (None, given):

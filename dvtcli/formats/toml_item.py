@@ -26,6 +26,10 @@ def read_toml(text: str, source: str) -> Item:
         content = tomllib.loads(text)
     except ValueError as error:  # TOMLDecodeError, and what int() says to a number of 5000 digits
         raise _syntax_error(error, text, source) from None
+    except RecursionError:
+        raise InputFileError("values are nested too deeply", place=f"{source}:1") from None
+    if not _numbers_fit(content):
+        raise InputFileError("a number has more than the 64 bits of TOML", place=f"{source}:1")
     return Item(content, (), source, _key_lines(text))
 
 
@@ -200,6 +204,15 @@ def suggest(word: str, known: Iterable[str]) -> str | None:
 def alternatives(words: list[str]) -> str:
     """`a, b or c`."""
     return f"{', '.join(words[:-1])} or {words[-1]}"
+
+
+def _numbers_fit(value: object) -> bool:
+    """Whether no whole number in *value* is so long that Python refuses to write it out."""
+    if isinstance(value, dict):
+        return all(map(_numbers_fit, value.values()))
+    if isinstance(value, list):
+        return all(map(_numbers_fit, value))
+    return not isinstance(value, int) or abs(value) < 1 << 64
 
 
 def _syntax_error(error: ValueError, text: str, source: str) -> InputFileError:

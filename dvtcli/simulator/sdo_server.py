@@ -85,7 +85,8 @@ class SdoServer:
 
     def _upload_segment(self, request: bytes) -> bytes:
         transfer = self._running(request, upload=True)
-        segment, transfer.data = transfer.data[:7], transfer.data[7:]
+        segment = transfer.data[:7]
+        del transfer.data[:7]
         last = not transfer.data
         if last:
             self._transfer = None

@@ -26,6 +26,8 @@ _ANSWER_TO = {_DOWNLOAD_SEGMENT: 1, _DOWNLOAD: 3, _UPLOAD: 2, _UPLOAD_SEGMENT: 0
 _INITIATE = (_DOWNLOAD, _UPLOAD)
 _WITH_MULTIPLEXER = (2, 3, 4)
 _TOGGLE, _EXPEDITED, _SIZE_GIVEN, _LAST = 0x10, 0x02, 0x01, 0x01
+#: No object of a CANopen device is larger; what goes on beyond it never ends.
+_MOST_BYTES = 1 << 20
 #: reads the device type, which every node has (CiA 301, 7.5.2.1)
 _FENCE = bytes.fromhex("40 00 10 00 00 00 00 00")
 
@@ -102,6 +104,8 @@ class StrictSdoClient(SdoClient):
                 left -= 1
 
     def _upload_segments(self, announced: int | None) -> bytes:
+        if announced is not None and announced > _MOST_BYTES:
+            raise self._broken(f"announces {announced} bytes, more than any object has", Abort.OUT_OF_MEMORY)
         data = bytearray()
         toggle, last = 0, False
         while not last:
@@ -112,6 +116,8 @@ class StrictSdoClient(SdoClient):
             data += part
             if announced is not None and len(data) > announced:
                 raise self._broken(f"sends more than the {announced} bytes it announced", Abort.TOO_LONG)
+            if len(data) > _MOST_BYTES:
+                raise self._broken(f"sends more than {_MOST_BYTES} bytes", Abort.OUT_OF_MEMORY)
             if not part and not last:  # it would never end
                 raise self._broken("sends an empty segment in the middle", Abort.GENERAL)
         if announced is not None and len(data) < announced:

@@ -1,0 +1,404 @@
+"""What every reader must do whatever bytes it is given: answer, or raise an error of ours. Anything else is a finding.
+
+Each target is a function of bytes that returns in silence, or raises what was found.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import re
+import sys
+import unicodedata
+import zlib
+from collections.abc import Callable, Iterator
+from functools import cache
+from pathlib import Path
+from typing import Any, NoReturn
+
+import click
+
+from dvtcli import results
+from dvtcli.commands.eds import _facts, _report
+from dvtcli.commands.objects import _row
+from dvtcli.device.journal import Journals, read_journal
+from dvtcli.device.read import present_pdos, read_pdo
+from dvtcli.domain.datatypes import BY_SHORT_NAME, parse_number
+from dvtcli.domain.nmt import NmtState
+from dvtcli.domain.object_dictionary import ObjectDictionary
+from dvtcli.domain.object_syntax import parse_cob_id, parse_object, resolve_entry, resolve_object
+from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.plan import Plan, Step, ValueChange
+from dvtcli.domain.ports import Frame
+from dvtcli.domain.profile import Severity
+from dvtcli.domain.rules import Finding
+from dvtcli.errors import DvtcliError, InputFileError, RuleError, UsageError
+from dvtcli.formats.eds import EdsFile, parse_eds
+from dvtcli.formats.eds_values import FileValues
+from dvtcli.formats.profile_toml import read_profile
+from dvtcli.network import Network
+from dvtcli.options import file_defaults, node_id, taken
+from dvtcli.params import COB_ID, ENTRY, NODE_ID, OBJECT, PDO, CanopenType, DataTypeParam, MillisecondsType
+from dvtcli.script import script_lines
+from dvtcli.session import Session
+from dvtcli.shell import LEAVE, REGISTRY, boundary, parse, run_words, split
+from dvtcli.simulator.device import StrictDevice
+from dvtcli.simulator.family import Family, family_eds
+from dvtcli.simulator.faults import Fault
+from dvtcli.simulator.refusal import Refusal
+from dvtcli.simulator.sdo_server import SdoServer
+from dvtcli.simulator.station import SimulatedNode
+from dvtcli.transports.virtual_time import VirtualTimeBus
+from dvtcli.view.output import Output
+from tests.fuzz.server import sdo_client
+from tests.laws.bench import NODE, booted, dictionary, plain, profile
+
+Target = Callable[[bytes], None]
+
+_FAMILIES = ("generic", "gen4", "tmcm", "roboteq")
+#: exit codes that the README names, and what `exit` answers
+_CODES = frozenset({LEAVE, 0, 1, 2, 3, 4, 5, 6, 7})
+#: commands that write nothing to a device; all others get --dry-run
+_READ_ONLY = frozenset({"pdo", "objects", "read", "require", "eds", "help", "node"})
+#: commands that one thread and virtual time cannot run
+_NOT_HERE = frozenset({"scan"})
+_COLOUR = re.compile(r"\x1b\[(?:0|1|2|3[1-6])m")
+
+
+def _text(data: bytes) -> str:
+    """Any text, lone surrogates too (as argv has them for bytes that are no UTF-8)."""
+    return data.decode("utf-8", "surrogateescape")
+
+
+def _one_line_of_ours(wrong: DvtcliError) -> None:
+    """An error must be one that can be shown."""
+    output = Output(io.StringIO(), io.StringIO())
+    output.error(wrong)
+    _harmless(output, coloured=False)
+
+
+def eds(data: bytes) -> None:
+    """A dictionary with everything in it, and findings; or InputFileError."""
+    file = _parsed(data)
+    if file is None:
+        return
+    assert file.understood <= file.sections
+    assert all(finding.line >= 1 for finding in file.findings)
+    described = file.dictionary
+    for entry in described.entries():
+        entry.initial(127)
+        entry.limits(1)
+        described.place(entry)
+        _row(described, entry, 1)
+        assert described.display_name(entry.index, entry.sub_index)
+    described.find("Device type")
+    file.values("DeviceInfo")
+    _facts("fuzz.eds", file)
+    _report("fuzz.eds", file)
+
+
+def dcf(data: bytes) -> None:
+    """The PDOs that a file sets, and a simulated device made of it: values, or errors of ours."""
+    file = _parsed(data)
+    if file is None:
+        return
+    _read_pdos(file.dictionary)
+    device = StrictDevice(file.dictionary, Family(), NODE)
+    device.boot_up()
+    for entry in file.dictionary.entries():
+        with contextlib.suppress(Refusal):
+            device.upload(entry.index, entry.sub_index)
+    device.state = NmtState.OPERATIONAL
+    device.sync()
+    device.poll(1.0)
+    device.receive(Frame(0x200 + NODE, bytes(8)))
+    device.emergency(0x8210)
+
+
+def _parsed(data: bytes) -> EdsFile | None:
+    try:
+        return parse_eds(data, "fuzz.eds")
+    except InputFileError as wrong:
+        _one_line_of_ours(wrong)
+        return None
+
+
+def _read_pdos(described: ObjectDictionary) -> None:
+    values = FileValues(described, NODE)
+    for pdo in present_pdos(values, described)[:16]:
+        with contextlib.suppress(DvtcliError):
+            read_pdo(values, pdo)
+
+
+def profile_toml(data: bytes) -> None:
+    """A profile, or InputFileError."""
+    try:
+        read_profile(data.decode("utf-8", "replace"), "fuzz.toml")
+    except InputFileError as wrong:
+        _one_line_of_ours(wrong)
+
+
+def defaults(data: bytes) -> None:
+    """Options for the start, InputFileError, or a usage error that names the option."""
+    Path("dvtcli.toml").write_bytes(data)
+    try:
+        given = file_defaults()
+        session = _session()
+        with REGISTRY.make_context("dvtcli", ["pdo"], obj=session, default_map=given) as ctx:
+            session.start(taken(ctx.params))
+    except InputFileError as wrong:
+        _one_line_of_ours(wrong)
+    except click.UsageError as wrong:
+        wrong.format_message()
+    finally:
+        Path("dvtcli.toml").unlink()
+
+
+def script(data: bytes) -> None:
+    """Every line parsed by its command, with names and without; or the line's error."""
+    try:
+        lines = script_lines(data, "fuzz.dvt")
+    except (UsageError, InputFileError) as wrong:
+        _one_line_of_ours(wrong)
+        return
+    session = _session()
+    session.start({"sim": ("gen4",)} if zlib.crc32(data) & 1 else {})
+    session.started = True
+    for line in lines:
+        _parse_line(line.words, session)
+
+
+def _parse_line(words: list[str], session: Session) -> None:
+    try:
+        with contextlib.redirect_stdout(io.StringIO()), parse(words, session):
+            pass
+    except click.UsageError as wrong:
+        wrong.format_message()
+    except click.exceptions.Exit:
+        pass  # --help
+    except DvtcliError as wrong:
+        _one_line_of_ours(wrong)
+
+
+def line(data: bytes) -> None:
+    """A line ends with one of the documented exit codes, and --dry-run sends nothing but reads."""
+    text = _text(data)
+    try:
+        words = split(text)
+    except UsageError:
+        return
+    if not words or words[0] in _NOT_HERE:
+        return
+    family = _FAMILIES[zlib.crc32(data) % len(_FAMILIES)]
+    session = _session()
+    bus = VirtualTimeBus([_fresh(family)], timeout_s=0.1)
+    dry_run = words[0] not in _READ_ONLY
+    session.start({"node": NODE, "profile": family, "eds": str(family_eds(family)), "dry_run": dry_run})
+    session._network = Network(bus, session.options, session.cancellation, session.consent)
+    session.started = True
+    sent: list[Frame] = []
+    bus.tap(lambda frame, ours: sent.append(frame) if ours else None)
+    with _standard_streams():
+        code = run_words(words, session)
+        settled = boundary(session, lambda: session.end_line(code))
+    assert code in _CODES, f"exit code {code}: {session.output.stderr.getvalue()}"  # type: ignore[attr-defined]
+    assert settled == 0
+    _harmless(session.output, coloured=session.base.color == "always")
+    if session.base.dry_run:
+        assert all(_reads(frame) for frame in sent), [str(frame) for frame in sent if not _reads(frame)]
+
+
+def _reads(frame: Frame) -> bool:
+    """Whether a frame is an SDO upload of ours or gives one up."""
+    return frame.can_id & 0x780 == 0x600 and frame.data[0] >> 5 in (2, 3, 4)
+
+
+@contextlib.contextmanager
+def _standard_streams() -> Iterator[None]:
+    """An empty stdin, and a stdout for what click itself prints."""
+    stdin, sys.stdin = sys.stdin, io.TextIOWrapper(io.BytesIO())
+    try:
+        with contextlib.redirect_stdout(io.StringIO()):
+            yield
+    finally:
+        sys.stdin = stdin
+
+
+def syntax(data: bytes) -> None:
+    """Objects, entries, COB-IDs, PDOs, numbers, times, types and values: a value, or ValueError that says why."""
+    text = _text(data)
+    described, aliases = dictionary("gen4"), profile("gen4").aliases
+    readers: tuple[Callable[[str], object], ...] = (
+        parse_object,
+        parse_cob_id,
+        parse_number,
+        Pdo.parse,
+        lambda word: resolve_object(word, described, aliases),
+        lambda word: resolve_entry(word, described, aliases),
+        lambda word: resolve_entry(word, None),
+    )
+    for reader in readers:
+        with contextlib.suppress(ValueError):
+            reader(text)
+    for kind in BY_SHORT_NAME.values():
+        with contextlib.suppress(ValueError):
+            kind.decode(kind.parse(text))
+    types: tuple[CanopenType, ...] = (
+        *(PDO, OBJECT, ENTRY, COB_ID, NODE_ID),
+        *(DataTypeParam(), MillisecondsType(100), MillisecondsType(1000)),
+    )
+    for kind_of_word in types:
+        with contextlib.suppress(click.UsageError):
+            kind_of_word.convert(text, None, None)
+    with contextlib.suppress(click.UsageError):
+        node_id(text)
+
+
+def journal(data: bytes) -> None:
+    """A journal that is the same when written and read again, or InputFileError."""
+    path = Path("fuzz-1.json")
+    path.write_bytes(data)
+    try:
+        found = read_journal(path)
+    except InputFileError as wrong:
+        _one_line_of_ours(wrong)
+        return
+    assert 1 <= found.plan.node_id <= 127
+    for step in found.plan.steps:
+        assert 0 <= step.index <= 0xFFFF
+        assert 0 <= step.sub_index <= 0xFF
+    with contextlib.suppress(ValueError):  # the value before is not known
+        found.plan.reversed()
+    journals = Journals(Path("journals"), "fuzz")
+    again = read_journal(journals.write(found.plan, found.identity, found.nmt_state))
+    assert (again.plan, again.identity, again.nmt_state) == (found.plan, found.identity, found.nmt_state)
+
+
+def fault(data: bytes) -> None:
+    """A fault that is the same when written and read again, or ValueError."""
+    try:
+        found = Fault.parse(_text(data))
+    except ValueError:
+        return
+    assert Fault.parse(str(found)) == found
+
+
+def sdo_server(data: bytes) -> None:
+    """Every request is answered with 8 bytes that a server may send, or with silence; every frame is survived."""
+    device = _fresh(_FAMILIES[len(data) % len(_FAMILIES)])
+    server = SdoServer(device)
+    node = SimulatedNode(device)
+    at = 0
+    while at < len(data):
+        length, rest = data[at] & 0x0F, data[at] >> 4
+        request = data[at + 1 : at + 1 + length]
+        at += 1 + length
+        answer = server.handle(request)
+        if answer is not None:
+            assert len(request) == 8
+            assert len(answer) == 8
+            assert answer[0] >> 5 in (0, 1, 2, 3, 4)
+            assert request[0] >> 5 != 4
+        base = (0x000, 0x080, 0x200, 0x300, 0x600, 0x600, 0x700)[rest % 7]
+        for sent in node.handle(Frame(base + (NODE if base else 0), request[:8]), at / 1000):
+            assert len(sent.data) <= 8
+            assert sent.can_id <= 0x1FFF_FFFF
+        node.poll(at / 1000)
+
+
+def view(data: bytes) -> None:
+    """No control or format character of a device or a file reaches a terminal, and documents are strict JSON."""
+    text = _text(data)
+    for shown in _shown(text):
+        for colour, ascii_only, style in (("always", False, "text"), ("never", True, "text"), ("never", False, "json")):
+            output = Output(io.StringIO(), io.StringIO())
+            output.configure(style, colour, 2, quiet=False, plain=ascii_only)
+            if isinstance(shown, DvtcliError):
+                output.error(shown, f"{text}:1")
+            else:
+                output.result(shown)
+            _harmless(output, coloured=colour == "always")
+    output = Output(io.StringIO(), io.StringIO())
+    output.verbose = 1 + len(data) % 2
+    output.note(text)
+    output.warning(text)
+    output.ask(text) if not sys.stdin.isatty() else None
+    output.traffic(Frame(0x581 if data[:1] < b"\x80" else 0x601, data[:8]), sent=False)
+    _harmless(output, coloured=False)
+
+
+def _shown(text: str) -> Iterator[Any]:
+    """An error and a result of each kind with *text* wherever text from a file or a device may stand."""
+    error = DvtcliError(text, node=1, place=text, abort=0x0601_0002, why=text, hint=text, state="left_changed")
+    error.details.append(("step", text))
+    yield error
+    finding = Finding(text, Severity.ERROR, text, text, 0x0604_0041, text)
+    yield RuleError(text, [finding, finding], node=1)
+    described = dictionary("gen4")
+    pdo, config = Pdo.parse("tpdo1"), read_pdo(FileValues(described, 1), Pdo.parse("tpdo1"))
+    names = tuple(results.MappedName(text, text) for _ in config.mapping)
+    row = results.PdoRow(pdo, config, names)
+    yield results.PdoListing(1, text, (row,), show_all=True)
+    yield results.PdoListing(1, text, (row,), detail=True)
+    raw = text.encode("utf-8", "surrogateescape")
+    yield results.ValueRead(1, "1008:00", text, text, raw, text, text)
+    yield results.ValueRead(1, "2000:00", text, float("nan"), raw[:4], text, text)
+    plan = Plan(1, (ValueChange(Step(0x2000, 1, raw, raw, text)),))
+    yield results.Changed(1, plan, (finding,), dry_run=False, seconds=0.1)
+    yield results.Stored(1, text, "store", 0.1, 1.0, (text,), dry_run=False, proved=1, differences=(text,))
+    yield results.Compared(1, 1, 1, ((text, text),), text, ((text, None, 1.0),), text)
+    yield results.ObjectListing(1, text, (results.ObjectRow(text, text, text, text, text, text),), 1)
+    node = results.NodeRow(1, text, 1, 1, 1, 1, 1, text, text)
+    yield results.NodeListing(text, (node, node), 0.1)
+    yield results.Facts(text, ((text, text),), (text,))
+    yield results.FileReport(text, 1, 1, 1, (results.FileFinding(1, "warning", text),), 0)
+
+
+def _harmless(output: Output, *, coloured: bool) -> None:
+    """Nothing but newlines and our own colours may steer the terminal; JSON is one strict document a line."""
+    for stream in (output.stdout, output.stderr):
+        assert isinstance(stream, io.StringIO)
+        written = stream.getvalue()
+        if coloured:
+            written = _COLOUR.sub("", written)
+        if written.isascii() and written.replace("\n", "").isprintable():
+            pass
+        else:
+            bad = {char for char in written if char != "\n" and unicodedata.category(char) in ("Cc", "Cf", "Cs")}
+            assert not bad, f"{sorted(map(ascii, bad))} reached the terminal"
+        if output.plain:
+            assert written.isascii()
+        if output.json and stream is output.stdout:
+            for document in written.splitlines():
+                json.loads(document, parse_constant=_no_json)
+
+
+def _no_json(word: str) -> NoReturn:
+    raise AssertionError(f"{word} is no JSON")
+
+
+def _session() -> Session:
+    return Session(Output(io.StringIO(), io.StringIO()))
+
+
+@cache
+def _model(family: str) -> StrictDevice:
+    return booted(family)
+
+
+def _fresh(family: str) -> StrictDevice:
+    device = StrictDevice(_model(family).dictionary, plain(family), NODE)
+    device.boot_up()
+    device.take_outbox()
+    return device
+
+
+#: every target by the name that options and messages use
+TARGETS: dict[str, Target] = {
+    target.__name__: target
+    for target in (
+        *(eds, dcf, profile_toml, defaults, script, line, syntax, journal, fault),
+        *(sdo_client, sdo_server, view),
+    )
+}
