@@ -1,0 +1,45 @@
+"""A slice of the fault matrix; `tests/benchmarks/fault_matrix.py` runs the whole of it."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.faults.matrix import NEW, OLD, RECOVERED, Cell, cells_of, groups, outcome
+from tests.faults.sequences import FAULTS, LASTING, SEQUENCES, Start
+
+#: one cell of so many; a prime, so that every fault meets other steps in other sequences
+STRIDE = 23
+
+
+@pytest.mark.parametrize("group", groups(), ids=lambda group: "-".join(map(str, group)))
+def test_every_fault_ends_old_or_new_or_can_be_finished(group: tuple[str, str, Start]) -> None:
+    for cell in list(cells_of(*group))[::STRIDE]:
+        result = outcome(cell)
+        assert result in (OLD, NEW) or (result == RECOVERED and cell.fault in LASTING), f"{cell}: {result}"
+
+
+def test_the_whole_matrix_has_at_least_5000_cells() -> None:
+    assert sum(len(list(cells_of(*group))) for group in groups()) >= 5000
+
+
+def test_every_family_starts_in_every_state() -> None:
+    for family in SEQUENCES:
+        assert len({start for one, _, start in groups() if one == family}) == 4
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_the_same_cell_ends_the_same(fault: str) -> None:
+    cell = Cell("generic", "map-tpdo", Start(operational=True, modified=True), 5, fault)
+    assert Cell.parse(str(cell)) == cell
+    assert outcome(cell) == outcome(cell)
+
+
+def test_what_a_fault_of_each_kind_leaves() -> None:
+    at = ("gen4", "map-tpdo", Start(operational=True, modified=True), 5)
+    assert {fault: outcome(Cell(*at, fault)) for fault in ("refuse", "lose-response", "reset-0.6s")} == {
+        "refuse": OLD,
+        "lose-response": OLD,
+        "reset-0.6s": OLD,
+    }
+    assert {outcome(Cell(*at, fault)) for fault in ("duplicate", "foreign", "late-0.3s", "toggle")} == {NEW}
+    assert {outcome(Cell(*at, fault)) for fault in ("silent", "power-loss", "bus-error")} == {RECOVERED}
