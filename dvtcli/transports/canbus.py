@@ -143,7 +143,8 @@ class CanBus:
 
     def disturbances(self) -> list[str]:
         """What was noticed since the last call that should not be: another SDO client, two nodes with one node-ID."""
-        self._receiver.drain()
+        with suppress(BusUnavailable):  # a dead bus has told whoever used it
+            self._receiver.drain()
         return self._oddities.news(self._channels, self._watch.boot_ups)
 
     def tap(self, callback: Tap) -> Callable[[], None]:
