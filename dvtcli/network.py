@@ -58,6 +58,8 @@ class Network:
     tap: Callable[[Callable[[Frame, bool], None]], Callable[[], None]] = lambda _callback: lambda: None
     #: what was noticed on the SDO channels since the last call
     disturbances: Callable[[], list[str]] = list
+    #: sets the SDO time-out, in seconds, of what follows
+    set_timeout: Callable[[float], None] = lambda _timeout_s: None
 
     @classmethod
     def opened(
@@ -91,6 +93,7 @@ class Network:
             guarded=not simulated,
             tap=bus.tap,
             disturbances=bus.disturbances,
+            set_timeout=bus.set_timeout,
         )
 
     @property

@@ -92,6 +92,8 @@ class Session:
     def _show(self) -> None:
         options = self.options
         self.output.configure(options.format, options.color, options.verbose, quiet=options.quiet, plain=options.ascii)
+        if self._network is not None:
+            self._network.set_timeout(options.timeout)
         self._watch()
 
     def _watch(self) -> None:

@@ -227,8 +227,12 @@ class Node:
             return self.sdo.upload(index, sub_index)
         except SdoAborted as aborted:
             self.access.explain(aborted)
-            if self.dictionary is not None and aborted.code == Abort.NO_SUB_INDEX:
+            if aborted.code == Abort.NO_SUB_INDEX and self.dictionary is not None:
                 aborted.hint = decimal_hint(self.dictionary, index, sub_index)
+            elif aborted.code == Abort.NO_OBJECT:
+                aborted.hint = (
+                    "objects TEXT searches the dictionary" if self.dictionary else "--eds FILE names its objects"
+                )
             raise
 
     def undo(self, *, everything: bool = False) -> Applied:

@@ -76,6 +76,9 @@ def _choose(sdo: SdoTransport, policy: StorePolicy, index: int, sub_index: int |
     error = _cannot(node_id, index, wanted[0] if wanted else 1, None)
     if index == STORE and policy.instead:
         error.hint = policy.instead
+    elif sub_index is not None and policy.sub_indices and sub_index not in policy.sub_indices:
+        error.text = f"this device cannot {_word(index)} that group alone"
+        error.hint = f"`{_word(index)}` alone takes what it has (0x{index:04X}:{policy.sub_indices[0]:02X})"
     raise error
 
 

@@ -141,6 +141,10 @@ class CanBus:
         self._watch.listeners.append(callback)
         return lambda: self._watch.listeners.remove(callback)
 
+    def set_timeout(self, timeout_s: float) -> None:
+        """Let every SDO answer take *timeout_s* from now on."""
+        self.settings.timeout_s = timeout_s
+
     def disturbances(self) -> list[str]:
         """What was noticed since the last call that should not be: another SDO client, two nodes with one node-ID."""
         with suppress(BusUnavailable):  # a dead bus has told whoever used it
