@@ -8,11 +8,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from dvtcli.device.transaction import PATIENCE_S, RETRY_S
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import CanopenBus
 from dvtcli.domain.profile import DeviceProfile, PreOperational
-from dvtcli.errors import DeviceRefused, DvtcliError, SafetyRefusal, SdoAborted
+from dvtcli.errors import DeviceRefused, DvtcliError, NoAnswer, SafetyRefusal, SdoAborted, SdoProtocolError
 
 #: How long a node may take to confirm a state change, in seconds.
 CONFIRM_TIMEOUT_S = 2.0
@@ -63,6 +64,19 @@ class Access:
             command = NmtCommand.ENTER_PRE_OPERATIONAL if state is NmtState.PRE_OPERATIONAL else NmtCommand.START
             self.bus.send_nmt(command, self.node_id)
         self._confirm(state)
+
+    def insist(self, state: NmtState) -> None:
+        """As `request`, but where the node is silent or aborts it is asked again for a while: it may be rebooting."""
+        deadline_s = self.bus.now_s() + PATIENCE_S
+        while True:
+            try:
+                self.request(state)
+            except (NoAnswer, SdoProtocolError, SdoAborted):
+                if self.bus.now_s() >= deadline_s:
+                    raise
+                self.bus.sleep(RETRY_S)
+            else:
+                return
 
     def _is_master(self) -> bool:
         if self.profile.master_object is None:
@@ -120,14 +134,14 @@ class Gate:
             )
         if state is NmtState.OPERATIONAL:
             self.consent(f"node {node_id} is OPERATIONAL and must be PRE-OPERATIONAL for this; go there and back?")
+            self.found = state  # before it is left: a fault on the way must not hide where it was
             self.access.request(NmtState.PRE_OPERATIONAL)
-            self.found = state
         self.entered = True
 
     def leave(self) -> None:
-        """Return to the state that was found; to be called only after everything succeeded."""
+        """Return to the state that was found; to be called only where the node is as planned, or as it was."""
         if self.found is NmtState.OPERATIONAL:
-            self.access.request(NmtState.OPERATIONAL)
+            self.access.insist(NmtState.OPERATIONAL)
         self.found, self.entered = None, False
 
     def renew(self) -> None:
