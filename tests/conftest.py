@@ -14,3 +14,4 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
         "--update-transcripts", action="store_true", help="rewrite golden sessions with what is printed now"
     )
+    parser.addoption("--fuzz", type=int, default=20_000, metavar="N", help="hostile inputs in all [20000]")

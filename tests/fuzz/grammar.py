@@ -41,6 +41,27 @@ _OPTIONS = (
 )
 
 
+_LINES = (
+    *("map tpdo1 6041 6064 --off", "map rpdo1 6040 dummy/16 --cob-id 0x201", "map tpdo2 1001/8 --type 1 --force"),
+    *("set tpdo1 --type 254 --inhibit 10 --timer 100", "set rpdo1 --cob-id auto", "set tpdo1 --rtr --sync-start 3"),
+    *("clear tpdo1", "enable tpdo1", "disable rpdo1", "undo --all", "store --prove", "restore 1", "store", "undo"),
+    *("read 1018:1", "read 1008 --as os", "read 6041 --json", "read 6041 --as r32", "write 1017 1000", "node 1"),
+    *("write 1800:1 0x80000181 --as u32", "write 1A00:0 0", "write 1010:1 save", "write 1008 abc --as vs", "pdo"),
+    *("pdo tpdo1", "pdo --all --json", "pdo rpdo1 --ascii", "objects velocity", "objects --mappable tpdo --json"),
+    *("require identity vendor=0x1E", "verify tpdo1", "verify tpdo1 good.eds", "verify good.eds", "verify odd.eds"),
+    *("run self.dvt --keep-going", "run -", "recover journal.json --yes", "recover", "eds check good.eds"),
+    *(
+        "eds show odd.eds",
+        "eds add good.eds",
+        "sync --count 3 --period 20",
+        "sync --check",
+        "nmt start",
+        "nmt stop all",
+    ),
+    *("nmt reset-node 1", "help map", "help", "save x.dvt", "exit", "pdo tpdo1 -vv", "verify tpdo1 --frame --yes"),
+)
+
+
 def damaged(random: Random, data: bytes) -> bytes:
     """*data* with a few bytes changed, cut out, doubled or put in."""
     broken = bytearray(data)
@@ -158,7 +179,13 @@ def defaults(random: Random) -> bytes:
 
 def line(random: Random) -> bytes:
     """A command with words that it or another could take."""
-    words = [random.choice(_COMMANDS), *(_word(random) for _ in range(random.randrange(6)))]
+    if random.randrange(4):
+        words = random.choice(_LINES).split()
+        for _ in range(random.randrange(3)):
+            at = random.randrange(1, len(words) + 1)
+            words[at : at + random.randrange(2)] = [_word(random)]
+    else:
+        words = [random.choice(_COMMANDS), *(_word(random) for _ in range(random.randrange(6)))]
     text = " ".join(words)
     if not random.randrange(4):
         return damaged(random, text.encode("utf-8", "surrogateescape"))
@@ -294,7 +321,7 @@ def view(random: Random) -> bytes:
 MAKERS: dict[str, Maker] = {
     "eds": eds, "dcf": eds, "profile_toml": profile_toml, "defaults": defaults, "script": script, "line": line,
     "syntax": syntax, "journal": journal, "fault": fault, "sdo_client": sdo_client, "sdo_server": sdo_server,
-    "view": view,
+    "view": view, "device": eds,
 }  # fmt: skip
 
 

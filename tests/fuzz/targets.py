@@ -23,6 +23,7 @@ from dvtcli import results
 from dvtcli.commands.eds import _facts, _report
 from dvtcli.commands.objects import _row
 from dvtcli.device.journal import Journals, read_journal
+from dvtcli.device.node import Node
 from dvtcli.device.read import present_pdos, read_pdo
 from dvtcli.domain.datatypes import BY_SHORT_NAME, parse_number
 from dvtcli.domain.nmt import NmtState
@@ -31,7 +32,7 @@ from dvtcli.domain.object_syntax import parse_cob_id, parse_object, resolve_entr
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Plan, Step, ValueChange
 from dvtcli.domain.ports import Frame
-from dvtcli.domain.profile import Severity
+from dvtcli.domain.profile import GENERIC, Severity
 from dvtcli.domain.rules import Finding
 from dvtcli.errors import DvtcliError, InputFileError, RuleError, UsageError
 from dvtcli.formats.eds import EdsFile, parse_eds
@@ -209,6 +210,37 @@ def line(data: bytes) -> None:
         assert all(_reads(frame) for frame in sent), [str(frame) for frame in sent if not _reads(frame)]
 
 
+def device(data: bytes) -> None:
+    """Lines on a simulated node that a damaged file describes: a documented exit code, and nothing but reads sent."""
+    file = _parsed(data)
+    if file is None:
+        return
+    simulated = StrictDevice(file.dictionary, Family(), NODE)
+    session = _session()
+    bus = VirtualTimeBus([simulated], timeout_s=0.1)
+    session.start({"node": NODE, "profile": "generic", "dry_run": True})
+    session._network = Network(bus, session.options, session.cancellation, session.consent)
+    session._network.nodes[NODE] = Node(bus, NODE, file.dictionary, GENERIC, session.cancellation, session.consent)
+    session.started = True
+    sent: list[Frame] = []
+    bus.tap(lambda frame, ours: sent.append(frame) if ours else None)
+    for words in _LINES:
+        code = run_words(words, session)
+        assert code in _CODES, f"{words}: exit code {code}: {session.output.stderr.getvalue()}"  # type: ignore[attr-defined]
+    boundary(session, lambda: session.end_line(0))
+    _harmless(session.output, coloured=False)
+    assert all(_reads(frame) for frame in sent), [str(frame) for frame in sent if not _reads(frame)]
+
+
+_LINES = [
+    line.split()
+    for line in (
+        *("pdo --all", "objects", "objects --mappable tpdo", "read 1018:1", "read 2000", "pdo tpdo1 --json"),
+        *("map tpdo1 2000 1000/8", "set tpdo1 --type 1 --json", "clear rpdo1", "write 2000 1", "store", "undo --all"),
+    )
+]
+
+
 def _reads(frame: Frame) -> bool:
     """Whether a frame is an SDO upload of ours or gives one up."""
     return frame.can_id & 0x780 == 0x600 and frame.data[0] >> 5 in (2, 3, 4)
@@ -323,7 +355,8 @@ def view(data: bytes) -> None:
     output.verbose = 1 + len(data) % 2
     output.note(text)
     output.warning(text)
-    output.ask(text) if not sys.stdin.isatty() else None
+    with _standard_streams():
+        assert not output.ask(text)
     output.traffic(Frame(0x581 if data[:1] < b"\x80" else 0x601, data[:8]), sent=False)
     _harmless(output, coloured=False)
 
@@ -399,6 +432,6 @@ TARGETS: dict[str, Target] = {
     target.__name__: target
     for target in (
         *(eds, dcf, profile_toml, defaults, script, line, syntax, journal, fault),
-        *(sdo_client, sdo_server, view),
+        *(sdo_client, sdo_server, view, device),
     )
 }
