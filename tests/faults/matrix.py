@@ -27,7 +27,7 @@ from dvtcli.simulator.faults import Fault
 from dvtcli.simulator.refusal import Refusal
 from dvtcli.transports.virtual_time import VirtualTimeBus
 from dvtcli.view.output import Output
-from tests.faults.sequences import FAMILIES, FAULTS, LASTING, SEQUENCES, STARTS, Start
+from tests.faults.sequences import FAMILIES, FAULTS, LASTING, MASTERS, SEQUENCES, STARTS, Start
 from tests.laws.bench import NODE, booted, dictionary, profile
 
 #: outcomes of a cell that are as they should be
@@ -93,10 +93,11 @@ class Run:
 
     @classmethod
     def of(cls, family: str, start: Start, faults: list[Fault], folder: Path) -> Run:
+        master, family = family in MASTERS, family.removesuffix("-master")
         device = booted(family)
-        _prepare(device, start)
+        _prepare(device, start, master=master)
         run = cls(family, device, VirtualTimeBus([device], faults=faults), folder)
-        if start.operational:
+        if start.operational and not master:
             run.bus.send_nmt(NmtCommand.START, NODE)
         run.bus.sleep(2 * _HEARTBEAT_MS / 1000)
         return run
@@ -127,7 +128,7 @@ class Run:
         return code, record
 
 
-def _prepare(device: StrictDevice, start: Start) -> None:
+def _prepare(device: StrictDevice, start: Start, *, master: bool) -> None:
     """A stored heartbeat, so that the NMT state can be known; and PDOs in RAM that are not what is stored."""
     device.set_value(0x1017, 0, _HEARTBEAT_MS.to_bytes(2, "little"))
     device._memory.save(0x1017, 0x1017)
@@ -135,8 +136,13 @@ def _prepare(device: StrictDevice, start: Start) -> None:
         device.download(0x1800, 5, (33).to_bytes(2, "little"))
         device.download(0x1801, 5, (77).to_bytes(2, "little"))
         device.download(0x1401, 2, b"\x01")
+    if master:
+        device.set_value(0x5800, 0, b"\x01")
+        device._memory.save(0x5800, 0x5800)
     device.boot_up()
     device.take_outbox()
+    if master and start.operational:
+        device.download(0x2800, 0, b"\x00")
 
 
 def snapshot(device: StrictDevice) -> Snapshot:
@@ -148,6 +154,11 @@ def snapshot(device: StrictDevice) -> Snapshot:
         mapping = tuple(_held(device, pdo.mapping_index, sub) for sub in range(count + 1))
         found[pdo] = communication + mapping
     return found
+
+
+def stored_pdos(device: StrictDevice) -> dict[tuple[int, int], bytes]:
+    """The PDO parameters in the device's non-volatile memory; devices store other objects of their own accord."""
+    return {key: data for key, data in device._memory._stored.items() if Pdo.at(key[0]) is not None}
 
 
 def _held(device: StrictDevice, index: int, sub_index: int) -> bytes | None:
@@ -180,7 +191,7 @@ def ideal(family: str, sequence: str, start: Start) -> Ideal:
                 assert code == 0, (family, lines[:done], [str(error) for error in record.errors])
                 assert run.device.state is _state(start)
         states.append(snapshot(run.device))
-        stored.append(dict(run.device._memory._stored))
+        stored.append(stored_pdos(run.device))
         faulty = run.bus.nodes[0]._faulty
         assert faulty is not None
         downloads = faulty.downloads
@@ -200,13 +211,18 @@ def groups(*, thorough: bool = False) -> list[tuple[str, str, Start]]:
         for number, sequence in enumerate(SEQUENCES[family]):
             turn = (family_number + number) % len(STARTS)
             found += [(family, sequence, start) for start in (STARTS if thorough else STARTS[turn : turn + 1])]
-    return found
+    return found + [(master, sequence, STARTS[0]) for master in MASTERS for sequence in SEQUENCES[master]]
 
 
 def cells_of(family: str, sequence: str, start: Start) -> Iterator[Cell]:
-    """Every step of one sequence × every fault."""
+    """Every step of one sequence × every fault.
+
+    A master has no resets: while its state is changed, before the first write or after the last, nobody could put back
+    what a reset takes.
+    """
+    faults = [fault for fault in FAULTS if family not in MASTERS or "reset" not in fault]
     for step in range(1, ideal(family, sequence, start).downloads + 1):
-        yield from (Cell(family, sequence, start, step, fault) for fault in FAULTS)
+        yield from (Cell(family, sequence, start, step, fault) for fault in faults)
 
 
 def outcome(cell: Cell) -> str:
@@ -239,10 +255,10 @@ class Judge:
             return f"exit code {code}: {error}"
         if code == 7:
             return self._recovered(done)
-        wrong = self._held(done)
+        wrong, all_done = self._held(done), done == len(self.ideal.states) - 1
         if wrong is None:
-            return OLD if done < len(self.ideal.states) - 1 else NEW
-        if error.state == "unknown" and self._held(done + 1) is None:
+            return NEW if all_done else OLD
+        if error.state == "unknown" and not all_done and self._held(done + 1) is None:
             return NEW
         return f"exit code {code}, {error.state}, but {wrong} ({error})"
 
@@ -306,7 +322,7 @@ class Judge:
         return self.ideal.states[boundary][pdo] == self.ideal.states[following][pdo]
 
     def _stored_wrongly(self, boundary: int) -> bool:
-        return self.run.device._memory._stored != self.ideal.stored[boundary]
+        return stored_pdos(self.run.device) != self.ideal.stored[boundary]
 
 
 def _text(config: tuple[bytes | None, ...]) -> str:

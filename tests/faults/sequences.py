@@ -104,7 +104,10 @@ SEQUENCES: dict[str, dict[str, list[str]]] = {
     "espac": _MOTOR,
     "tmcm": _STEPPER,
     "roboteq": _WITHOUT_STORE,
+    "gen4-master": {name: _MOTOR[name] for name in ("map-tpdo", "set", "clear")},
 }
+#: nodes that rule the network themselves: their NMT state is an object, written by downloads that count as steps
+MASTERS = ("gen4-master",)
 
 #: what goes wrong at step k, by name; `{k}`, `{k1}` and `{k2}` are that step and the two after it
 TRANSIENT: dict[str, tuple[str, ...]] = {
@@ -126,6 +129,7 @@ TRANSIENT: dict[str, tuple[str, ...]] = {
     "refuse+refuse": ("refuse@{k}=0x06040041", "refuse@{k1}=0x08000000"),
     "refuse+lost": ("refuse@{k}=0x06040041", "lose-response@{k2}"),
     "lost+reset": ("lose-response@{k}", "reset@{k1}=0.4"),
+    "refuse+reset": ("refuse@{k}=0x06040041", "reset@{k1}=0.4"),
     "late+lost": ("late@{k}=0.7", "lose-request@{k1}"),
 }
 LASTING: dict[str, tuple[str, ...]] = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tests.faults.matrix import NEW, OLD, RECOVERED, Cell, cells_of, groups, outcome
-from tests.faults.sequences import FAULTS, LASTING, SEQUENCES, Start
+from tests.faults.sequences import FAMILIES, FAULTS, LASTING, Start
 
 #: one cell of so many; a prime, so that every fault meets other steps in other sequences
 STRIDE = 23
@@ -23,7 +23,7 @@ def test_the_whole_matrix_has_at_least_5000_cells() -> None:
 
 
 def test_every_family_starts_in_every_state() -> None:
-    for family in SEQUENCES:
+    for family in FAMILIES:
         assert len({start for one, _, start in groups() if one == family}) == 4
 
 
