@@ -6,6 +6,8 @@ Knows the order in which a CANopen device judges a request. Does not know SDO fr
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.object_dictionary import ObjectDictionary
@@ -81,6 +83,20 @@ class StrictDevice:
     @store_fails.setter
     def store_fails(self, fails: bool) -> None:
         self._store.fails = fails
+
+    @property
+    def stored_changes(self) -> int:
+        """A number that grows whenever `stored` changes."""
+        return self._memory.stored_changes
+
+    def stored(self) -> dict[tuple[int, int], bytes]:
+        """What the next power-on brings back, by index and sub-index; the rest are defaults."""
+        return self._store.kept()
+
+    def power_on(self, stored: Mapping[tuple[int, int], bytes]) -> None:
+        """Wake with *stored* as what was kept, and nothing else; INITIALISING until `boot_up`."""
+        self._memory.put_stored(stored)
+        self.restart()
 
     def upload(self, index: int, sub_index: int) -> bytes:
         """What an SDO upload answers; Refusal where the device refuses it."""

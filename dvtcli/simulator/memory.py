@@ -5,7 +5,7 @@ Knows types, access and the life of a value. Does not know what any object means
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.datatypes import U8, U16, U32, DataType
@@ -34,6 +34,8 @@ class Memory:
         self._capability = capability
         self._ram: dict[Key, bytes] = {}
         self._stored: dict[Key, bytes] = {}
+        #: grows whenever what is stored changes
+        self.stored_changes = 0
         self._existence: dict[Key, Refusal | None] = {}
         #: what was looked up in the dictionary, which does not change
         self._existing: set[Key] = set()
@@ -142,6 +144,7 @@ class Memory:
 
     def save(self, first: int, last: int) -> None:
         """Copy what is in RAM for indices *first*..*last* to the stored values."""
+        self.stored_changes += 1
         for (index, sub_index), data in self._ram.items():
             entry = self.entry(index, sub_index)
             if first <= index <= last and (entry is None or entry.access.writable):
@@ -149,7 +152,17 @@ class Memory:
 
     def forget_stored(self, first: int, last: int) -> None:
         """Drop the stored values of indices *first*..*last*: the defaults count again."""
-        self._stored = {key: data for key, data in self._stored.items() if not first <= key[0] <= last}
+        self.stored_changes += 1
+        self._stored = self.stored_outside(first, last)
+
+    def stored_outside(self, first: int, last: int) -> dict[Key, bytes]:
+        """The stored values of all but indices *first*..*last*."""
+        return {key: data for key, data in self._stored.items() if not first <= key[0] <= last}
+
+    def put_stored(self, values: Mapping[Key, bytes]) -> None:
+        """Take *values* as what was stored, those that still fit an object of the node."""
+        fitting = (key for key, data in values.items() if self.exists(*key) and self.size(*key) in (None, len(data)))
+        self._stored = {key: bytes(values[key]) for key in fitting}
 
     def reload(self, first: int, last: int) -> None:
         """Put indices *first*..*last* back to their stored values, else their defaults, as a reset does."""

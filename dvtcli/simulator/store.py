@@ -38,6 +38,7 @@ class ParameterStore:
             raise Refusal(Abort.CANNOT_STORE)
         if index == RESTORE:
             self._to_restore.add(area)
+            self._memory.stored_changes += 1
             return
         if self.fails:
             raise Refusal(Abort.HARDWARE)
@@ -49,6 +50,13 @@ class ParameterStore:
         span = self._family.needs_store
         if span is not None and not span[0] <= index <= span[1]:
             self._memory.save(index, index)
+
+    def kept(self) -> dict[tuple[int, int], bytes]:
+        """What the next power-on brings back, by index and sub-index."""
+        kept = self._memory.stored_outside(1, 0)
+        for first, last in self._to_restore:
+            kept = {key: data for key, data in kept.items() if not first <= key[0] <= last}
+        return kept
 
     def reset(self, *, communication_only: bool) -> None:
         """Bring stored values back, or the defaults where a restore was asked for."""

@@ -1,0 +1,83 @@
+"""The socketcand protocol as text: what clients ask in `< … >`, and how frames are told to them.
+
+Pure. Does not know sockets, nor who is on the bus. See doc/protocol.md of linux-can/socketcand.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+
+from dvtcli.domain.ports import Frame
+
+HI, OK, ECHO = b"< hi >", b"< ok >", b"< echo >"
+UNKNOWN, SYNTAX = b"< error unknown command >", b"< error syntax >"
+#: the longest request of a client: a `send` with 8 bytes has 45 characters
+LONGEST = 512
+#: longest name of a bus, as socketcand has it
+_LONGEST_NAME = 16
+
+_ELEMENT = re.compile(rb"[\s\0]*<([^<>]*)>")
+_SEND = re.compile(rb"send +([0-9A-Fa-f]{1,8}) +(?:0[xX])?([0-8])((?: +[0-9A-Fa-f]{1,2})*)")
+_SEND_RTR = re.compile(rb"sendrtr +([0-9A-Fa-f]{1,8}) +([0-8])")
+_BASE_DIGITS = 3
+
+
+class RubbishError(ValueError):
+    """What came is not the protocol."""
+
+
+@dataclass(slots=True)
+class Requests:
+    """Cuts a client's bytes into requests, however they were split and merged on their way."""
+
+    _rest: bytes = field(default=b"")
+
+    def feed(self, data: bytes) -> list[bytes]:
+        """The requests that *data* completes, without their brackets; RubbishError where it is no protocol."""
+        text = self._rest + data
+        found, end = [], 0
+        while (match := _ELEMENT.match(text, end)) is not None:
+            found.append(match[1].strip())
+            end = match.end()
+        self._rest = text[end:].lstrip(b" \t\r\n\0")
+        if self._rest and (not self._rest.startswith(b"<") or len(self._rest) > LONGEST):
+            raise RubbishError(f"{self._rest[:32]!r} is no socketcand request")
+        return found
+
+
+def sent_frame(request: bytes) -> Frame | None:
+    """The frame of a `send` or `sendrtr`; None where *request* is another one, ValueError where it is a wrong one."""
+    match = _SEND.fullmatch(request)
+    if match is not None:
+        data = bytes([int(byte, 16) for byte in match[3].split()])
+        if len(data) != int(match[2]):
+            raise ValueError("length and data differ")
+        return _frame(match[1], data, remote=False)
+    if not request.startswith(b"send"):
+        return None
+    match = _SEND_RTR.fullmatch(request)
+    if match is None:
+        raise ValueError("no such frame")
+    return _frame(match[1], bytes(int(match[2])), remote=True)
+
+
+def _frame(digits: bytes, data: bytes, *, remote: bool) -> Frame:
+    can_id, extended = int(digits, 16), len(digits) > _BASE_DIGITS
+    if can_id > (0x1FFF_FFFF if extended else 0x7FF):
+        raise ValueError("no such CAN-ID")
+    return Frame(can_id, data, extended, remote)
+
+
+def opened_bus(request: bytes) -> bytes | None:
+    """The name of the bus that an `open` asks for; None where *request* is no valid `open`."""
+    words = request.split()
+    return words[1] if len(words) == 2 and words[0] == b"open" and len(words[1]) <= _LONGEST_NAME else None
+
+
+def told_frame(frame: Frame, wall_s: float) -> bytes:
+    """*frame* as clients are told it; *wall_s* is its time, in seconds since 1970."""
+    digits = f"{frame.can_id:08X}" if frame.extended else f"{frame.can_id:03X}"
+    if frame.remote:
+        return f"< rtr {digits} {wall_s:.6f} {len(frame.data)} >".encode()
+    return f"< frame {digits} {wall_s:.6f} {frame.data.hex().upper()} >".encode()
