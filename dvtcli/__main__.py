@@ -1,5 +1,20 @@
-"""`python -m dvtcli` is `dvtcli`."""
+"""The program's start: `dvtcli`, or `python -m dvtcli`. Imports the rest where a Ctrl-C is already understood."""
 
-from dvtcli.cli import entry
+from __future__ import annotations
 
-entry()
+import sys
+
+
+def entry() -> None:
+    """Run dvtcli and end the process with its exit code."""
+    try:
+        from dvtcli.cli import main
+
+        code = main()
+    except KeyboardInterrupt:  # so early, or so late, that nothing was open
+        code = 130
+    sys.exit(code)
+
+
+if __name__ == "__main__":
+    entry()

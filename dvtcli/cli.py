@@ -49,12 +49,3 @@ def _catch_signals(session: Session) -> None:
     for name in ("SIGINT", "SIGTERM", "SIGHUP"):  # a terminal that is closed sends SIGHUP; Windows has none
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), stop)
-
-
-def entry() -> None:
-    """The console script."""
-    sys.exit(main())
-
-
-if __name__ == "__main__":
-    entry()

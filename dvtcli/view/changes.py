@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.plan import Step
-from dvtcli.results import Changed, Compared, Stored
+from dvtcli.results.changes import Changed, Compared, Stored
 from dvtcli.view.lines import Cell, Line, Table
 
 

@@ -8,7 +8,7 @@ from dvtcli.domain.abort import abort_text
 from dvtcli.domain.profile import Severity
 from dvtcli.domain.rules import Finding
 from dvtcli.errors import DvtcliError, RuleError, State
-from dvtcli.results import Document, finding_document
+from dvtcli.results.documents import Document, finding_document
 from dvtcli.view.lines import Cell, Line
 
 _STATES: dict[State, str] = {

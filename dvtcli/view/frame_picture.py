@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from dvtcli.domain.mapping import MAX_PDO_BITS
-from dvtcli.results import PdoRow
+from dvtcli.results.pdos import PdoRow
 from dvtcli.view.safe import safe
 
 #: Characters a byte takes, its right border included: 8 bytes fill 73 columns.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from dvtcli.domain.pdo import PdoConfig, transmission_type_text
-from dvtcli.results import PdoListing, PdoRow
+from dvtcli.results.pdos import PdoListing, PdoRow
 from dvtcli.view.frame_picture import picture
 from dvtcli.view.lines import Cell, Line, Table
 

@@ -145,7 +145,7 @@ def test_documents_have_the_fields_that_are_listed(document: dict[str, Any]) -> 
 
 
 def test_every_schema_is_listed() -> None:
-    results = (PACKAGE / "results.py").read_text("utf-8")
+    results = "".join(path.read_text("utf-8") for path in (PACKAGE / "results").glob("*.py"))
     for schema in set(re.findall(r'"(dvtcli\.[a-z-]+/1)"', results)):
         assert f"`{schema}`" in section("JSON"), schema
     for command in (PACKAGE / "commands").glob("*.py"):

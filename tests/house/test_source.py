@@ -10,7 +10,7 @@ from tests.house.source import modules
 MOST_FUNCTION_LINES = 60
 MOST_FILE_LINES = 400
 #: longer than that today; the list may only become shorter
-LONG_FILES = {"results.py"}
+LONG_FILES: set[str] = set()
 MAKERS = re.compile(
     r"sevcon|borgwarner|trinamic|tmcm|roboteq|gen4|espac|curtis|maxon|schunk|faulhaber|systec|ingenia|axiomatic", re.I
 )

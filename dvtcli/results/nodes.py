@@ -1,0 +1,98 @@
+"""Nodes, NMT commands and SYNC as answers. Knows no terminal and no session."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from dvtcli.domain.ports import Frame
+from dvtcli.results.documents import Document, hex_bytes
+
+
+@dataclass(frozen=True, slots=True)
+class NodeRow:
+    """What a node says of itself; None where it does not answer or has no such object."""
+
+    node: int
+    state: str
+    device_type: int | None = None
+    vendor_id: int | None = None
+    product_code: int | None = None
+    revision: int | None = None
+    serial: int | None = None
+    name: str = ""
+    profile: str = ""
+    source: str = ""
+    note: str = ""
+
+    def document(self) -> Document:
+        """One node of `dvtcli.nodes/1`."""
+        return {
+            "node": self.node,
+            "state": self.state,
+            "device_type": self.device_type,
+            "vendor_id": self.vendor_id,
+            "product_code": self.product_code,
+            "revision": self.revision,
+            "serial": self.serial,
+            "name": self.name,
+            "profile": self.profile,
+            "eds": self.source,
+            "note": self.note,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class NodeListing:
+    """Nodes that answered, or the one that was asked for (*detail*)."""
+
+    bus: str
+    rows: tuple[NodeRow, ...]
+    seconds: float = 0.0
+    detail: bool = False
+    exit_code: int = 0
+
+    def document(self) -> Document:
+        """`dvtcli.nodes/1`."""
+        return {"schema": "dvtcli.nodes/1", "bus": self.bus, "nodes": [row.document() for row in self.rows]}
+
+
+@dataclass(frozen=True, slots=True)
+class Commanded:
+    """An NMT command that was sent, with the state it led to (None: not confirmed) and the changes that are *lost*."""
+
+    node: int
+    command: str
+    state: str | None
+    dry_run: bool
+    lost: tuple[str, ...] = ()
+    exit_code: int = 0
+
+    def document(self) -> Document:
+        """`dvtcli.nmt/1`."""
+        return {
+            "schema": "dvtcli.nmt/1",
+            "node": self.node,
+            "command": self.command,
+            "state": self.state,
+            "lost": list(self.lost),
+            "dry_run": self.dry_run,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Synced:
+    """SYNC messages that were sent and the frames that came in answer, by CAN-ID."""
+
+    count: int
+    period_ms: float
+    frames: tuple[tuple[Frame, int, str], ...]
+    dry_run: bool
+    exit_code: int = 0
+
+    def document(self) -> Document:
+        """`dvtcli.sync/1`."""
+        rows = [
+            {"cob_id": frame.can_id, "pdo": label or None, "count": count, "data": hex_bytes(frame.data)}
+            for frame, count, label in self.frames
+        ]
+        return {"schema": "dvtcli.sync/1", "syncs": self.count, "period_ms": self.period_ms, "frames": rows}

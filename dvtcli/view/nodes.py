@@ -1,0 +1,75 @@
+"""The text of nodes, NMT commands and SYNC."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from dvtcli.domain.nmt import NmtState
+from dvtcli.results.nodes import Commanded, NodeListing, NodeRow, Synced
+from dvtcli.view.lines import Cell, Line, Table, plural
+
+_STATE_STYLES = {
+    NmtState.OPERATIONAL.label: "green",
+    NmtState.PRE_OPERATIONAL.label: "yellow",
+    NmtState.STOPPED.label: "red",
+}
+
+
+def node_lines(result: NodeListing, width: int) -> Iterator[Line]:
+    """The nodes that were found, or what one says of itself."""
+    if result.detail and result.rows:
+        yield from _node_detail(result.rows[0])
+        return
+    table = Table(("NODE", "STATE", "DEVICE TYPE", "VENDOR", "PRODUCT", "NAME", "PROFILE"), frozenset({0}), shrink=5)
+    for row in result.rows:
+        table.add(
+            str(row.node), Cell(row.state, _STATE_STYLES.get(row.state, "")), _word(row.device_type),
+            _word(row.vendor_id), _word(row.product_code), row.name or row.note or "-", row.profile or "-",
+        )  # fmt: skip
+    if result.rows:
+        yield from table.lines(width)
+    count = len(result.rows)
+    what = f"{count} node{'' if count == 1 else 's'} on {result.bus}, {result.seconds:.1f} s."
+    yield what + (
+        f" Select one: node {result.rows[0].node}" if result.rows else " Is the bit rate right? Is the bus powered?"
+    )
+
+
+def _word(value: int | None) -> str:
+    return "-" if value is None else f"0x{value:08X}"
+
+
+def _node_detail(row: NodeRow) -> Iterator[Line]:
+    yield [
+        Cell(f"node {row.node}", "bold"),
+        Cell(f"  {row.name}"),
+        Cell(f"  {row.state}", _STATE_STYLES.get(row.state, "")),
+    ]
+    facts = (
+        ("device type", _word(row.device_type)), ("vendor", _word(row.vendor_id)),
+        ("product", _word(row.product_code)), ("revision", _word(row.revision)), ("serial", _word(row.serial)),
+        ("profile", row.profile), ("EDS", row.source or "none: --eds FILE names its objects"), ("note", row.note),
+    )  # fmt: skip
+    for label, value in facts:
+        if value:
+            yield [Cell(f"  {label:<12}", "dim"), Cell(value)]
+
+
+def commanded_lines(result: Commanded, _width: int) -> Iterator[Line]:
+    """An NMT command and the state that it led to."""
+    who = "all nodes" if result.node == 0 else f"node {result.node}"
+    dry = " (dry run: nothing was sent)" if result.dry_run else ""
+    state = result.state or "state not confirmed (no heartbeat)"
+    yield [Cell(f"NMT {result.command} to {who}: "), Cell(state, _STATE_STYLES.get(state, "")), Cell(dry, "cyan")]
+
+
+def synced_lines(result: Synced, width: int) -> Iterator[Line]:
+    """How many SYNCs went out, and what came in answer."""
+    dry = " (dry run: nothing was sent)" if result.dry_run else ""
+    came = sum(count for _, count, _ in result.frames)
+    yield f"{plural(result.count, 'SYNC')} sent{dry}, {plural(came, 'frame')} came"
+    table = Table(("COB-ID", "WHAT", "FRAMES", "LAST DATA"), frozenset({2}))
+    for frame, count, label in result.frames:
+        table.add(f"0x{frame.can_id:03X}", label or "-", str(count), frame.data.hex(" ").upper())
+    if result.frames:
+        yield from table.lines(width)
