@@ -78,7 +78,9 @@ class Network:
         simulated = simulated_nodes(options.sim)
         faults = simulated_faults(options.fault, simulated)
         if simulated:
-            bus = open_simulation([_device(one) for one in simulated], faults=faults, timeout_s=options.timeout)
+            bus = open_simulation(
+                [simulated_device(one) for one in simulated], faults=faults, timeout_s=options.timeout
+            )
         else:
             extra = dict(pair.split("=", 1) for pair in options.bus_kwargs)
             bus = open_canbus(options.interface, options.channel, options.bitrate, extra, timeout_s=options.timeout)
@@ -192,22 +194,23 @@ def _family(name: str) -> Family:
     return load_family(name) if name in family_names() else Family()
 
 
-def _device(one: Simulated) -> StrictDevice:
+def simulated_device(one: Simulated) -> StrictDevice:
+    """The device that *one* names, INITIALISING."""
     from dvtcli.simulator.device import StrictDevice
 
     return StrictDevice(read_dictionary(one.eds), _family(one.family or "generic"), one.node_id)
 
 
-def simulated_nodes(words: tuple[str, ...]) -> tuple[Simulated, ...]:
-    """What each `--sim` means: an existing file wins over `@`; node-IDs default to 1, 2, …."""
+def simulated_nodes(words: tuple[str, ...], by: str = "--sim") -> tuple[Simulated, ...]:
+    """What each of *words* means, which *by* took: a file wins over `@`; node-IDs default to the first free one."""
     found: list[Simulated] = []
     for word in words:
         what, wanted = _split(word)
         used = {one.node_id for one in found}
-        chosen = wanted if wanted is not None else next(n for n in range(1, 128) if n not in used)
+        chosen = wanted if wanted is not None else next((n for n in range(1, 128) if n not in used), 1)
         if chosen in used:
-            raise UsageError(f"--sim {word}: node-ID {chosen} is given twice", hint="WHAT@ID sets the node-ID")
-        found.append(_simulated(what, chosen))
+            raise UsageError(f"{by} {word}: node-ID {chosen} is given twice", hint="WHAT@ID sets the node-ID")
+        found.append(_simulated(what, chosen, by))
     return tuple(found)
 
 
@@ -232,7 +235,7 @@ def _split(word: str) -> tuple[str, int | None]:
     return what, node_id(digits)
 
 
-def _simulated(what: str, chosen: int) -> Simulated:
+def _simulated(what: str, chosen: int, by: str) -> Simulated:
     from dvtcli.simulator.family import family_eds, family_names
 
     path = Path(what)
@@ -242,7 +245,7 @@ def _simulated(what: str, chosen: int) -> Simulated:
         return Simulated(chosen, what, family_eds(what))
     known = ", ".join(family_names())
     raise UsageError(
-        f"--sim {what}: no such family and no such file", hint=f"families: {known}; or the path of an EDS or DCF"
+        f"{by} {what}: no such family and no such file", hint=f"families: {known}; or the path of an EDS or DCF"
     )
 
 

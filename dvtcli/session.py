@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from typing import TYPE_CHECKING, Any
 
 from dvtcli.device.cancellation import Cancellation
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.object_dictionary import ObjectDictionary
     from dvtcli.domain.ports import CanopenBus
     from dvtcli.network import Network
+    from dvtcli.serving import Serving, Wanted
     from dvtcli.view.output import Output
 
 
@@ -132,6 +133,13 @@ class Session:
         if self._twin is None:
             self._twin = twin_of(self._network)
         return self._twin
+
+    def serving(self, wanted: Wanted) -> AbstractContextManager[Serving]:
+        """Simulated nodes for other programs, instead of a bus of our own."""
+        from dvtcli.serving import serving
+
+        self.on_open()
+        return serving(self.base, wanted, self.output.warning)
 
     @property
     def wire(self) -> CanopenBus:

@@ -18,7 +18,7 @@ from dvtcli.simulator.socketcand import HI, OK, SYNTAX, UNKNOWN, Requests, Rubbi
 
 #: how long a client may take nothing while something waits for it (s)
 STALL_S = 5.0
-#: python-can wants the answer to `rawmode` alone in one read: frames wait so long, or until the client says something (s)
+#: python-can wants the answer to `rawmode` alone in one read: frames wait so long, or until the client speaks (s)
 HOLD_S = 0.1
 #: clients at once, and what is kept for one before the others wait (bytes; a frame is some 45)
 MOST_CLIENTS, MOST_KEPT = 64, 256 * 1024
@@ -135,7 +135,7 @@ class Hub:
                 timeout_s = min(timeout_s, client.progress_s + STALL_S - now_s)
         return timeout_s
 
-    def _listen(self, client: Client, read: bool) -> None:  # noqa: FBT001
+    def _listen(self, client: Client, read: bool) -> None:
         events = (selectors.EVENT_READ if read else 0) | (selectors.EVENT_WRITE if client.blocked else 0)
         if events == client.events:
             return

@@ -7,7 +7,6 @@ or what a frame means; times are seconds on a clock of the caller's.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Hashable
 
 from dvtcli.domain.ports import Frame
 
@@ -106,12 +105,12 @@ class Wire:
 
     def __init__(self, bitrate: int | None = None) -> None:
         self._bit_s = 0.0 if bitrate is None else 1 / bitrate
-        self._waiting: dict[Hashable, deque[tuple[float, Frame]]] = {}
-        self._straight: deque[tuple[float, Hashable, Frame]] = deque()
+        self._waiting: dict[object, deque[tuple[float, Frame]]] = {}
+        self._straight: deque[tuple[float, object, Frame]] = deque()
         self._free_s = 0.0
-        self._travelling: tuple[float, Hashable, Frame] | None = None
+        self._travelling: tuple[float, object, Frame] | None = None
 
-    def offer(self, source: Hashable, frame: Frame, at_s: float) -> None:
+    def offer(self, source: object, frame: Frame, at_s: float) -> None:
         """Let *source* want to send *frame* from *at_s* on."""
         if not self._bit_s:
             self._straight.append((at_s, source, frame))
@@ -120,12 +119,12 @@ class Wire:
         else:
             self._waiting[source] = deque([(at_s, frame)])
 
-    def waiting(self, source: Hashable) -> int:
+    def waiting(self, source: object) -> int:
         """How many frames of *source* have not begun to travel."""
         queue = self._waiting.get(source)
         return 0 if queue is None else len(queue)
 
-    def take(self, now_s: float) -> tuple[float, Hashable, Frame] | None:
+    def take(self, now_s: float) -> tuple[float, object, Frame] | None:
         """The next frame that has arrived by *now_s*, with the time of its last bit and its source; None for none."""
         if self._straight:
             return self._straight.popleft()

@@ -1,0 +1,100 @@
+"""Serve simulated nodes to other programs: on a socketcand port, or on a bus."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+from click.core import ParameterSource
+
+from dvtcli.options import PREFIX
+from dvtcli.params import FILE, MillisecondsType
+from dvtcli.shell import DvtCommand
+
+if TYPE_CHECKING:
+    from dvtcli.results import Facts
+    from dvtcli.serving import Serving
+    from dvtcli.session import Session
+
+#: more nodes than these are counted, not named
+_NAMED = 8
+
+
+@click.command("sim", cls=DvtCommand, short_help=__doc__)
+@click.argument("nodes", nargs=-1, required=True, metavar="NODE…")
+@click.option("--listen", metavar="HOST:PORT", help="Where to listen [127.0.0.1:29536]; port 0 is a free one.")
+@click.option("--state", type=FILE, metavar="DIR", help="Folder that keeps what nodes store (0x1010) for the next sim.")
+@click.option("--latency", type=MillisecondsType(100), metavar="MS", help="Time an SDO server takes to answer [0].")
+@click.option("--ready-file", type=FILE, metavar="FILE", help="Written with HOST:PORT once clients can come.")
+@click.pass_context
+def command(
+    ctx: click.Context,
+    nodes: tuple[str, ...],
+    listen: str | None,
+    state: str | None,
+    latency: int | None,
+    ready_file: str | None,
+) -> None:
+    """Serve each NODE (a family or an EDS/DCF file, @ID sets its node-ID) until Ctrl-C.
+
+    Every program that speaks socketcand attaches: dvtcli, python-can, ... With -i/-c the nodes join that bus instead,
+    or besides with --listen. With -b frames take the time that their bits need at that bit rate.
+
+    \b
+    sim gen4@1
+    sim gen4@1 tmcm@5 --listen 127.0.0.1:0 --state kept
+    sim gen4 -b 125000 --latency 2
+    sim gen4 -i socketcan -c vcan0
+    """
+    from dvtcli.serving import DEFAULT_PORT, LOOPBACK, Wanted, address
+
+    session: Session = ctx.obj
+    join = _typed(ctx, "interface") or _typed(ctx, "channel")
+    where = address(listen) if listen is not None else None if join else (LOOPBACK, DEFAULT_PORT)
+    kept = None if state is None else Path(state)
+    wanted = Wanted(nodes, where, join, kept, (latency or 0) / 10_000)
+    ready = None if ready_file is None else Path(ready_file)
+    try:
+        with session.serving(wanted) as served:
+            session.output.result(_facts(served, where[0] if where else LOOPBACK))
+            _say_ready(ready, served, where)
+            served.server.run()
+    finally:
+        if ready is not None:
+            ready.unlink(missing_ok=True)
+
+
+def _typed(ctx: click.Context, name: str) -> bool:
+    """Whether a global option was typed: a bus of a settings file is not joined by a `sim` that does not name it."""
+    contexts = [ctx] if ctx.parent is None else [ctx, ctx.parent]
+    return any(one.get_parameter_source(PREFIX + name) is ParameterSource.COMMANDLINE for one in contexts)
+
+
+def _say_ready(ready: Path | None, served: Serving, where: tuple[str, int] | None) -> None:
+    if ready is None:
+        return
+    draft = ready.with_name(f"{ready.name}.new")
+    draft.write_text(f"{where[0]}:{served.port}\n" if where else f"{served.joined}\n", encoding="utf-8")
+    draft.replace(ready)
+
+
+def _facts(served: Serving, host: str) -> Facts:
+    from dvtcli.results import Facts
+
+    names = [f"node {one.node_id} {one.family or one.eds.name}" for one in served.nodes]
+    more = f", and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+    who = ", ".join(names[:_NAMED]) + more
+    places, hint = [], ""
+    if served.port is not None:
+        places.append(f"listening on {f'[{host}]' if ':' in host else host}:{served.port}")
+        hint = f"; attach with dvtcli -i socketcand -c can0 --bus-kwargs host={host} --bus-kwargs port={served.port}"
+    if served.joined is not None:
+        places.append(f"on {served.joined}")
+    rows = (
+        ("host", host if served.port is not None else None),
+        ("port", served.port),
+        ("bus", served.joined),
+        ("nodes", [one.node_id for one in served.nodes]),
+    )
+    return Facts("sim", rows, (f"{' and '.join(places)}: {who}{hint}",))

@@ -1,0 +1,72 @@
+"""What a simulated node keeps while it is off: one JSON file a node.
+
+Knows the file. Does not know what the objects mean, nor when a node stores.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+from dvtcli.errors import InputFileError
+
+SCHEMA = "dvtcli.sim-state/1"
+#: a node has at most some thousand objects; beyond this many bytes it is something else
+_MOST_BYTES = 10_000_000
+
+Values = dict[tuple[int, int], bytes]
+
+
+def read_state(path: Path) -> Values:
+    """The stored values by index and sub-index, none where there is no file; InputFileError for a wrong one."""
+    try:
+        with path.open("rb") as file:
+            text = file.read(_MOST_BYTES)
+    except FileNotFoundError:
+        return {}
+    except OSError as failed:
+        raise _wrong(path, failed.strerror or str(failed)) from failed
+    try:
+        document = json.loads(text)
+        if document["schema"] != SCHEMA:
+            raise _wrong(path, f"its schema is not {SCHEMA}")
+        return dict(_value(place, data) for place, data in document["values"].items())
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as wrong:
+        raise _wrong(path, f"it is no {SCHEMA}: {wrong}") from wrong
+
+
+def _value(place: str, data: str) -> tuple[tuple[int, int], bytes]:
+    index, sub_index = (int(number, 16) for number in place.split(":"))
+    if not (0 <= index <= 0xFFFF and 0 <= sub_index <= 0xFF):
+        raise ValueError(f"no such object: {place}")
+    return (index, sub_index), bytes.fromhex(data)
+
+
+def write_state(path: Path, node_id: int, values: Mapping[tuple[int, int], bytes]) -> None:
+    """Put *values* of node *node_id* into *path*: all of them or, where that fails (OSError), what was there before."""
+    document = {
+        "schema": SCHEMA,
+        "node": node_id,
+        "values": {f"{index:04X}:{sub:02X}": data.hex(" ").upper() for (index, sub), data in sorted(values.items())},
+    }
+    path.parent.mkdir(parents=True, exist_ok=True)
+    draft = path.with_name(f"{path.name}.{os.getpid()}.new")
+    try:
+        with draft.open("w", encoding="ascii") as file:
+            file.write(json.dumps(document, indent=1) + "\n")
+            file.flush()
+            os.fsync(file.fileno())
+        draft.replace(path)
+    finally:
+        draft.unlink(missing_ok=True)
+
+
+def _wrong(path: Path, why: str) -> InputFileError:
+    return InputFileError(
+        f"{path}: not what a simulated node keeps",
+        place=str(path),
+        why=why,
+        hint="remove it: the node starts with its defaults",
+    )

@@ -1,0 +1,151 @@
+"""Simulated nodes for other programs, put together from the options: which nodes, where they listen, what they keep.
+
+The counterpart of `network` for the other end of the bus. Does not know lines or screens.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+import re
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dvtcli.errors import BusUnavailable, InputFileError, UsageError
+from dvtcli.formats.sim_state import read_state, write_state
+from dvtcli.network import Simulated, simulated_device, simulated_faults, simulated_nodes
+from dvtcli.options import Options
+
+if TYPE_CHECKING:
+    from dvtcli.simulator.device import StrictDevice
+    from dvtcli.simulator.hub import Hub
+    from dvtcli.simulator.serve import Server
+    from dvtcli.transports.joined import JoinedBus
+
+#: where socketcand listens, by its own documentation
+DEFAULT_PORT = 29536
+LOOPBACK = "127.0.0.1"
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """What `sim` was asked for.
+
+    *nodes* as for `--sim`; *address* is where to listen, None for nowhere; *join* says that the bus of the options is
+    joined; *state* is the folder of what nodes store; *latency_s* how long an SDO server takes to answer (s).
+    """
+
+    nodes: tuple[str, ...]
+    address: tuple[str, int] | None
+    join: bool = False
+    state: Path | None = None
+    latency_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Serving:
+    """Nodes that are ready to be served by `server.run()`; *port* is None where they do not listen."""
+
+    server: Server
+    nodes: tuple[Simulated, ...]
+    port: int | None
+    joined: str | None
+
+
+def address(text: str) -> tuple[str, int]:
+    """Read `HOST:PORT`, `[IPv6]:PORT`, `:PORT` or `PORT`; a missing host is 127.0.0.1. UsageError otherwise."""
+    match = re.fullmatch(r"(?:(?:\[([0-9A-Fa-f:.]+)\]|([^\s:\[\]]*)):)?(\d{1,5})", text, re.ASCII)
+    if match is None or int(match[3]) > 65535:
+        raise UsageError(f"--listen {text}: not HOST:PORT", hint="for example 127.0.0.1:29536; port 0 is a free one")
+    return match[1] or match[2] or LOOPBACK, int(match[3])
+
+
+def is_loopback(host: str) -> bool:
+    """Whether only programs on this machine reach *host*."""
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host.lower() == "localhost"
+
+
+@contextmanager
+def serving(options: Options, wanted: Wanted, warn: Callable[[str], None]) -> Iterator[Serving]:
+    """Open everything that *wanted* needs, and leave it at the end; *warn* takes what nobody should miss.
+
+    BusUnavailable where an address or a bus is not to be had, UsageError and InputFileError for wrong words and files.
+    """
+    from dvtcli.simulator.serve import Server
+    from dvtcli.simulator.station import stations
+    from dvtcli.simulator.wire import Wire
+
+    if options.sim:
+        raise UsageError("--sim is a node in this process; nodes to serve stand behind sim", hint="sim gen4@1")
+    nodes = simulated_nodes(wanted.nodes, "sim")
+    faults = simulated_faults(options.fault, nodes)
+    devices = [simulated_device(one) for one in nodes]
+    keep = _keeper(wanted.state, nodes, devices, warn)
+    with ExitStack() as stack:
+        hub = _hub(wanted.address, warn)
+        stack.callback(hub.close)
+        joined = _joined(options, hub) if wanted.join else None
+        if joined is not None:
+            stack.callback(joined.close)
+        server = Server(
+            stations(devices, faults),
+            hub,
+            Wire(None if wanted.join else options.bitrate),
+            [] if joined is None else [joined],
+            latency_s=wanted.latency_s,
+            stored=keep,
+            bus_failed=lambda: warn("the bus is dead (a simulated fault): every client was cut off"),
+        )
+        yield Serving(server, nodes, hub.port, None if joined is None else joined.name)
+
+
+def _hub(where: tuple[str, int] | None, warn: Callable[[str], None]) -> Hub:
+    from dvtcli.simulator.hub import Hub
+
+    try:
+        hub = Hub(where, warn)
+    except OSError as failed:
+        host, port = where or (LOOPBACK, 0)
+        raise BusUnavailable(
+            f"cannot listen on {host}:{port}",
+            why=failed.strerror or str(failed),
+            hint="is another dvtcli sim or a socketcand running? --listen HOST:0 takes a free port",
+        ) from failed
+    if where is not None and not is_loopback(where[0]):
+        warn(f"{where[0]} is no loopback address: whoever reaches it can read and write these nodes")
+    return hub
+
+
+def _joined(options: Options, hub: Hub) -> JoinedBus:
+    from dvtcli.transports import open_canbus
+    from dvtcli.transports.joined import JoinedBus
+
+    extra = dict(pair.split("=", 1) for pair in options.bus_kwargs)
+    return JoinedBus(open_canbus(options.interface, options.channel, options.bitrate, extra), hub.wake)
+
+
+def _keeper(
+    folder: Path | None, nodes: tuple[Simulated, ...], devices: list[StrictDevice], warn: Callable[[str], None]
+) -> Callable[[StrictDevice], None]:
+    """Wake *devices* with what *folder* keeps of them; what keeps a device's stored values from then on."""
+    if folder is None:
+        return lambda _device: None
+    if folder.exists() and not folder.is_dir():
+        raise InputFileError(f"{folder}: not a folder", place=str(folder), hint="--state takes a folder")
+    paths = {one.node_id: folder / f"{one.family or one.eds.stem}@{one.node_id}.json" for one in nodes}
+    for device in devices:
+        device.power_on(read_state(paths[device.node_id]))
+
+    def keep(device: StrictDevice) -> None:
+        try:
+            write_state(paths[device.node_id], device.node_id, device.stored())
+        except OSError as failed:
+            why = failed.strerror or str(failed)
+            warn(f"{paths[device.node_id]}: {why}; node {device.node_id} keeps what it stored only while sim runs")
+
+    return keep
