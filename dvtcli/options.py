@@ -17,7 +17,7 @@ PREFIX = "global_"
 #: Put before an argument such as `-1500`, so that click does not take it for an option; `params` takes it off.
 NEGATIVE_MARK = "\ue000"
 #: A `dvtcli.toml` is a few lines; beyond this many bytes it is something else.
-_MOST_BYTES = 1_000_000
+_MOST_BYTES = 100_000
 #: What only the start of the program may choose: a bus, a node's files, where things are kept.
 START_ONLY = frozenset(
     {

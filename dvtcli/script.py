@@ -92,6 +92,8 @@ def script_lines(data: bytes, source: str) -> list[ScriptLine]:
     began = 0
     raws = _LINE_END.split(text)
     for number, raw in enumerate(raws, 1):
+        if not raw and not pending:
+            continue
         began = began or number
         if raw.endswith("\\") and number < len(raws):
             pending.append(raw[:-1])

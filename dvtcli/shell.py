@@ -159,21 +159,26 @@ REGISTRY = _root()
 def split(line: str) -> list[str]:
     """A line's words: quotes group, `#` at the start of a word begins a comment, an inner apostrophe is a letter.
 
-    UsageError for an unclosed quote.
+    UsageError for an unclosed quote, and for more words than any command takes.
     """
     from dvtcli.errors import UsageError
 
     if "\0" in line:
         raise UsageError("a NUL character belongs into no command")
     try:
-        return _split(line)
+        words = _split(line)
     except ValueError as wrong:
         shown = line.strip() if len(line) <= _SHOWN else line.strip()[:_SHOWN] + "…"
         raise UsageError(f"a quote is not closed: {shown}", hint='write "…" around a name with blanks') from wrong
+    if len(words) > _MOST_WORDS:
+        raise UsageError(f"{len(words)} words are no command")
+    return words
 
 
 _BLANKS = " \t\r\n"
 _SHOWN = 200
+#: click takes words off the front of a list: a second for 100,000, an hour for some million
+_MOST_WORDS = 10_000
 
 
 def _split(line: str) -> list[str]:

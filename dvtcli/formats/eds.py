@@ -14,6 +14,7 @@ from pathlib import Path
 
 from dvtcli.domain.object_dictionary import ObjectDictionary, OdObject
 from dvtcli.errors import InputFileError
+from dvtcli.formats.eds_bounds import MOST_BYTES, too_much
 from dvtcli.formats.eds_compact import compact_pdo_indices, compact_pdo_object
 from dvtcli.formats.eds_device import check_lists, read_device_info
 from dvtcli.formats.eds_findings import NOT_UNDERSTOOD, EdsFinding, Findings
@@ -24,7 +25,6 @@ from dvtcli.formats.eds_text import IniText, IniValue, Values, section_values, s
 
 __all__ = ["NOT_UNDERSTOOD", "EdsFile", "EdsFinding", "parse_eds", "read_eds"]
 
-_MAX_BYTES = 64 << 20
 _IDENTITY = 0x1018
 _PDO_SUB_INDICES = 0x3F
 
@@ -83,16 +83,16 @@ def read_eds(path: Path) -> EdsFile:
     InputFileError where it is none, OSError where it cannot be read.
     """
     with path.open("rb") as file:  # no more than that much: some files have no end
-        return parse_eds(file.read(_MAX_BYTES + 1), path.name)
+        return parse_eds(file.read(MOST_BYTES + 1), path.name)
 
 
 def parse_eds(data: bytes, source: str) -> EdsFile:
     """Read the bytes of an EDS or DCF file; *source* is its name for messages.
 
-    InputFileError where it is none: no section of an EDS in it, or more than 64 MiB.
+    InputFileError where it is none: no section of an EDS in it, or more than any device describes.
     """
-    if len(data) > _MAX_BYTES:
-        raise _too_large(source)
+    if excess := too_much(data):
+        raise InputFileError(f"{source} is {excess}", place=f"{source}:1", why="an EDS or DCF is some 100 kB")
     text = split_sections(data)
     layout = lay_out(text)
     if not layout.recognised:
@@ -127,12 +127,6 @@ def _compact_pdos(
         text = f"CompactPDO: {len(missing)} PDO parameters without a section exist as CiA 301 describes them"
         findings.note(line, "compact-pdo", text)
     return {index: partial(compact_pdo_object, index, mask & _PDO_SUB_INDICES, line) for index in missing}
-
-
-def _too_large(source: str) -> InputFileError:
-    return InputFileError(
-        f"{source} is larger than {_MAX_BYTES >> 20} MiB", place=f"{source}:1", why="an EDS or DCF is some 100 kB"
-    )
 
 
 def _not_an_eds(data: bytes, source: str) -> InputFileError:

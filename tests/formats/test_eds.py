@@ -80,8 +80,8 @@ def test_what_is_no_eds_is_refused(data: bytes, why: str) -> None:
 def test_absurd_size_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "huge.eds"
     with path.open("wb") as file:
-        file.truncate((64 << 20) + 1)
-    with pytest.raises(InputFileError, match="larger than 64 MiB"):
+        file.truncate((16 << 20) + 1)
+    with pytest.raises(InputFileError, match="larger than 16 MiB"):
         read_eds(path)
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from copy import deepcopy
 from random import Random
 from typing import Any
 
@@ -271,7 +272,7 @@ def _spoil(random: Random, document: Any) -> None:
         if random.randrange(5) == 0:
             del inner[key]
         else:
-            inner[key] = random.choice(_VALUES)
+            inner[key] = deepcopy(random.choice(_VALUES))
         return
 
 

@@ -1,0 +1,177 @@
+"""Hostile sizes: each ends in an answer or an error of ours, within seconds and a few hundred MB.
+
+Every case is a process of its own under limits of the system; what it took is what the system measured.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from dvtcli.device.journal import SCHEMA
+
+resource = pytest.importorskip("resource", reason="limits of a process are set this way on POSIX only")
+
+#: CPU seconds and MB that a case may take; the system ends it at twice as much
+SECONDS, MEGABYTES = 20, 700
+_MB = 1 << 20
+_EDS = "[DeviceInfo]\nVendorName=x\n"
+
+
+@dataclass(frozen=True)
+class Case:
+    """Files to write, and the arguments for dvtcli; the exit code must be one of *codes*."""
+
+    name: str
+    words: tuple[str, ...]
+    files: dict[str, Callable[[], str]]
+    codes: tuple[int, ...]
+
+
+def _check(name: str, text: Callable[[], str], *codes: int) -> Case:
+    return Case(f"eds check: {name}", ("eds", "check", "x.eds"), {"x.eds": text}, codes or (0,))
+
+
+def _on_sim(name: str, text: Callable[[], str], *words: str, codes: tuple[int, ...] = (0,)) -> Case:
+    return Case(f"{' '.join(words)[:20]}: {name}", ("--sim", "x.eds", *words), {"x.eds": text}, codes)
+
+
+def _script(name: str, text: Callable[[], str], *codes: int) -> Case:
+    return Case(f"script: {name}", ("--sim", "gen4", "run", "x.dvt"), {"x.dvt": text}, codes)
+
+
+def _settings(name: str, text: Callable[[], str]) -> Case:
+    return Case(f"dvtcli.toml: {name}", ("--sim", "gen4", "pdo"), {"dvtcli.toml": text}, (4,))
+
+
+def _journal(name: str, text: Callable[[], str]) -> Case:
+    return Case(f"journal: {name}", ("--sim", "gen4", "recover", "j.json", "--yes"), {"j.json": text}, (4,))
+
+
+def _sections(count: int, body: str = "") -> str:
+    return _EDS + "".join(f"[{0x2000 + n // 256:04X}sub{n % 256:X}]\n{body}" for n in range(count))
+
+
+def _many_objects(count: int, body: str) -> str:
+    return _EDS + "".join(f"[{n:04X}]\nParameterName=n{n}\nDataType=7\nAccessType=rw\n{body}" for n in range(count))
+
+
+def _numbers(digits: str) -> str:
+    keys = ("SubNumber", "CompactSubObj", "ObjFlags", "DefaultValue", "LowLimit", "HighLimit", "PDOMapping", "DataType")
+    return f"{_EDS}VendorNumber={digits}\n[2000]\nDataType=7\n" + "".join(f"{key}={digits}\n" for key in keys)
+
+
+_NAME = "n" * _MB
+_LONG_NAME = f"{_EDS}[2000]\nParameterName={_NAME}\nDataType=7\nAccessType=rw\n"
+_LONG_TEXT = f"{_EDS}[2000]\nDataType=9\nAccessType=ro\nDefaultValue={_NAME * 5}\n"
+_WIDE = f"{_EDS}[2000]\nParameterName=\U0001f600{'x' * (15 * _MB)}\nDataType=7\nAccessType=rw\n"
+_LIST = f"{_EDS}[OptionalObjects]\n"
+_FLOOD = [f"--bus-kwargs=k{number}=1" for number in range(20_000)]
+_COMPACT = "CompactSubObj=254\n"
+CASES = [
+    _check("10 MB on one line", lambda: "x" * (10 * _MB), 4),
+    _check("a header of 10 MB", lambda: f"{_EDS}[{'x' * (10 * _MB)}]"),
+    _check("a value of 10 MB", lambda: f"{_EDS}[2000]\nParameterName={'x' * (10 * _MB)}\nDataType=7\nAccessType=rw\n"),
+    _check("10 MB of brackets", lambda: _EDS + "[" * (10 * _MB), 4),
+    _check("16 MB of wide letters", lambda: _WIDE),
+    _check("450,000 bad lines", lambda: _EDS + "x\n" * 450_000),
+    _check("10 MB of headers", lambda: _EDS + "[\n" * (5 * _MB), 4),
+    _check("10 MB of bad lines", lambda: _EDS + "x\n" * (5 * _MB), 4),
+    _check("65 MB", lambda: _EDS + "x" * (65 * _MB), 4),
+    _check("100,000 sections", lambda: _sections(100_000)),
+    _check("a million sections", lambda: _sections(1_000_000), 4),
+    _check("100,000 times the same section", lambda: _EDS + "[2000]\nDataType=7\n" * 100_000),
+    _check("100,000 unknown sections", lambda: _EDS + "".join(f"[x{n}]\n" for n in range(100_000))),
+    _check("100,000 keys in a section", lambda: _EDS + "".join(f"k{n}={n}\n" for n in range(100_000))),
+    _check("100,000 times the same key", lambda: _EDS + "k=1\n" * 100_000),
+    _check("100,000 objects in a list", lambda: _LIST + "".join(f"{n}={n}\n" for n in range(100_000))),
+    _check("SupportedObjects=9…9", lambda: f"{_EDS}[OptionalObjects]\nSupportedObjects={'9' * 40}\n1=0x2000\n"),
+    _check("NrOfEntries=9…9", lambda: f"{_EDS}[2000]\n{_COMPACT}[2000Value]\nNrOfEntries={'9' * 40}\n1=1\n"),
+    _check("NrOfTXPDO=512 and CompactPDO", lambda: f"{_EDS}NrOfTXPDO=512\nNrOfRXPDO=512\nCompactPDO=0xFF\n"),
+    _check("numbers of a million digits", lambda: _numbers("9" * 1_000_000)),
+    _check("hexadecimal numbers of a million digits", lambda: _numbers("0x" + "F" * 1_000_000)),
+    _check("a sum of a million terms", lambda: _numbers("$NODEID" + "+1" * 1_000_000)),
+    _check("60,000 compact arrays of 254", lambda: _many_objects(60_000, _COMPACT), 4),
+    _check("60,000 objects that say CompactSubObj=0", lambda: _many_objects(60_000, "CompactSubObj=0\n")),
+    _on_sim("900 compact arrays of 254", lambda: _many_objects(900, _COMPACT), "read", "nothing", codes=(2,)),
+    _on_sim("60,000 compact arrays of 254", lambda: _many_objects(60_000, _COMPACT), "read", "nothing", codes=(4,)),
+    _on_sim("60,000 objects", lambda: _many_objects(60_000, ""), "objects"),
+    _on_sim("60,000 objects", lambda: _many_objects(60_000, ""), "read", "nothing", codes=(2,)),
+    _on_sim("a name of 1 MB", lambda: _LONG_NAME, "objects"),
+    _on_sim("a name of 1 MB", lambda: _LONG_NAME, "read", "n" * 99_999, codes=(2,)),
+    _on_sim("a text of 5 MB", lambda: _LONG_TEXT, "read", "2000", codes=(5,)),
+    _script("10 MB on one line", lambda: "x" * 9_999_999, 2),
+    _script("10 MB of words", lambda: "map tpdo1" + " 6" * 4_000_000, 2, 4),
+    _script("10 MB of objects", lambda: "map tpdo1" + " 6041" * 1_900_000, 1, 2, 4),
+    _script("10 MB of quotes", lambda: "'\"" * 4_999_999, 2),
+    _script("10 MB of line ends", lambda: "\n" * 9_999_999, 0),
+    _script("10 MB of continuations", lambda: "\\\n" * 4_999_999, 0, 2),
+    _script("11 MB", lambda: "#" * (11 * _MB), 4),
+    _script("100,000 lines", lambda: "objects nothing\n" * 100_000, 4),
+    _script("10,000 lines", lambda: "help pdo\n" * 10_000, 0),
+    _script("a number of a million digits", lambda: f"write 1017 {'9' * 1_000_000}\n", 2),
+    _script("a name of a million letters", lambda: f"read {'n' * 1_000_000}\n", 2),
+    _settings("a nest of 90,000", lambda: "node = " + "[" * 90_000),
+    _settings("10 MB", lambda: "#" * (10 * _MB)),
+    _settings("a number of 90,000 digits", lambda: "node = " + "9" * 90_000),
+    _settings("a key of 90,000 letters", lambda: "n" * 90_000 + " = 1"),
+    _settings("tables in tables", lambda: "[" + "a." * 49_000 + "a]"),
+    _journal("a nest of a million", lambda: "[" * 1_000_000),
+    _journal("100 MB", lambda: " " * (100 * _MB)),
+    _journal("a number of a million digits", lambda: f'{{"schema": "{SCHEMA}", "node": {"9" * 1_000_000}}}'),
+    _journal("a million changes", lambda: f'{{"schema": "{SCHEMA}", "node": 1, "changes": [{"0," * 1_000_000}0]}}'),
+    Case("20,000 times --bus-kwargs", ("-ivirtual", "-n1", *_FLOOD, "pdo"), {}, (5,)),
+    Case("5,000 times --sim", (*["--sim=gen4"] * 5_000, "pdo"), {}, (2,)),
+]  # fmt: skip
+
+#: these take seconds each, and wait for a long run: `--fuzz 100000`
+LONG = 100_000
+SLOW = {
+    *("eds check: 450,000 bad lines", "eds check: 100,000 times the same section", "script: 10,000 lines"),
+    *("read nothing: 900 compact arrays of 254", "objects: 60,000 objects", "read nothing: 60,000 objects"),
+    *("dvtcli.toml: tables in tables", "eds check: 60,000 objects that say CompactSubObj=0"),
+}
+
+
+def run(case: Case, folder: Path) -> tuple[int, str, float, float]:
+    """Run *case* under limits: its exit code, what it said on stderr, CPU seconds and MB that it took."""
+    for name, text in case.files.items():
+        (folder / name).write_text(text())
+
+    def limit() -> None:
+        resource.setrlimit(resource.RLIMIT_CPU, (2 * SECONDS, 2 * SECONDS))
+        resource.setrlimit(resource.RLIMIT_AS, (3 * MEGABYTES * _MB, 3 * MEGABYTES * _MB))
+
+    environment = {**os.environ, "HOME": str(folder), "XDG_STATE_HOME": str(folder), "XDG_DATA_HOME": str(folder)}
+    with (folder / "stderr").open("wb") as stderr:
+        child = subprocess.Popen(
+            [sys.executable, "-m", "dvtcli", *case.words],
+            cwd=folder,
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=stderr,
+            preexec_fn=limit,  # noqa: PLW1509 - nothing runs in this process that a fork could stop halfway
+        )
+        _, status, used = os.wait4(child.pid, 0)
+        child.returncode = os.waitstatus_to_exitcode(status)
+    said = (folder / "stderr").read_text(errors="replace")
+    scale = 1 << 20 if sys.platform == "darwin" else 1 << 10
+    return child.returncode, said, used.ru_utime + used.ru_stime, used.ru_maxrss / scale
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+def test_a_hostile_size_ends_in_time_and_in_memory(case: Case, tmp_path: Path, request: pytest.FixtureRequest) -> None:
+    if case.name in SLOW and request.config.getoption("--fuzz") < LONG:
+        pytest.skip(f"takes seconds: --fuzz {LONG} runs it")
+    code, said, seconds, megabytes = run(case, tmp_path)
+    assert "Traceback" not in said
+    assert code in case.codes, said[:2000]
+    assert seconds < SECONDS
+    assert megabytes < MEGABYTES
