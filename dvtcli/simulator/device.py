@@ -13,6 +13,7 @@ from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.ports import Frame
+from dvtcli.simulator.emergency import ERROR_HISTORY, Emergencies
 from dvtcli.simulator.exchange import PdoExchange
 from dvtcli.simulator.family import Family
 from dvtcli.simulator.gates import Gates
@@ -21,11 +22,11 @@ from dvtcli.simulator.memory import Backing, Memory
 from dvtcli.simulator.pdo_guard import PdoGuard
 from dvtcli.simulator.refusal import Refusal
 from dvtcli.simulator.store import ParameterStore
+from dvtcli.simulator.sync_producer import SYNC_COB_ID, SYNC_OVERFLOW, SYNC_PERIOD, SyncProducer
 from dvtcli.simulator.vpdo import VirtualPdos
 
-ERROR_REGISTER, SYNC_COB_ID, SYNC_PERIOD, EMCY_COB_ID = 0x1001, 0x1005, 0x1006, 0x1014
-HEARTBEAT_TIME, SYNC_OVERFLOW = 0x1017, 0x1019
-_COMMUNICATION_ERROR = 0x11
+HEARTBEAT_TIME = 0x1017
+_NEVER = float("inf")
 _STATES = {
     NmtCommand.START: NmtState.OPERATIONAL,
     NmtCommand.STOP: NmtState.STOPPED,
@@ -59,9 +60,14 @@ class StrictDevice:
         self._gates = Gates(self._memory, family)
         self._store = ParameterStore(self._memory, family)
         self._vpdos = VirtualPdos(self._memory, family)
-        self._exchange = PdoExchange(self._memory, family, self.emergency)
+        self._errors = Emergencies(self._memory, node_id)
+        self._exchange = PdoExchange(self._memory, family, self._errors)
+        self._sync_producer = SyncProducer(self._memory)
         self._heartbeat_ms = 0
-        self._heartbeat_due_s = 0.0
+        self._heartbeat_due_s = _NEVER
+        #: what the memory counted when it was last polled, and when it is due if nothing changes
+        self._polled_changes = -1
+        self._due_s = -_NEVER
         self._vpdos.copy()
 
     @property
@@ -74,6 +80,7 @@ class StrictDevice:
         if state is not self._state:
             self._state = state
             self._exchange.forget()
+            self._memory.touch()
 
     @property
     def store_fails(self) -> bool:
@@ -137,6 +144,9 @@ class StrictDevice:
         """Let the device's own application change an object: a sensor moved, a status changed."""
         self._memory.require(index, sub_index)
         self._memory.write(index, sub_index, data)
+        pdo = Pdo.at(index)
+        if pdo is not None:
+            self._exchange.forget(pdo)
         self._vpdos.copy()
 
     def nmt(self, command: int) -> None:
@@ -152,7 +162,7 @@ class StrictDevice:
         """Finish initialising: the boot-up frame goes to the outbox, the state is the family's."""
         self.outbox.append(Frame(0x700 + self.node_id, b"\0"))
         self.state = self.family.boot_state
-        self._heartbeat_ms = 0
+        self._heartbeat_ms, self._heartbeat_due_s = 0, _NEVER
 
     def restart(self) -> None:
         """Lose what was not stored, as at power-on; INITIALISING, silent and deaf until `boot_up`."""
@@ -173,9 +183,11 @@ class StrictDevice:
         return frames
 
     def receive(self, frame: Frame) -> list[Frame]:
-        """Take a frame that may be one of the device's RPDOs; returns what it sends in answer."""
-        if self._state is not NmtState.OPERATIONAL or frame.remote:
+        """Take a frame that may be one of the device's RPDOs, or ask for a TPDO; returns what it sends in answer."""
+        if self._state is not NmtState.OPERATIONAL:
             return []
+        if frame.remote:
+            return self._exchange.request(frame)
         answers = self._exchange.receive(frame)
         self._vpdos.copy()
         return answers
@@ -186,29 +198,66 @@ class StrictDevice:
         return not frame.remote and (frame.can_id, frame.extended) == (raw & 0x1FFF_FFFF, bool(raw & 1 << 29))
 
     def poll(self, now_s: float) -> list[Frame]:
-        """The frames due by themselves at *now_s*, a monotonic time in seconds: heartbeats (0x1017)."""
-        period_ms = 0 if self._state is NmtState.INITIALISING else self._memory.number(HEARTBEAT_TIME, 0)
+        """The frames due by themselves at *now_s*, a monotonic time in seconds.
+
+        Heartbeats (0x1017), SYNC (0x1006), EMCYs held back (0x1015), and event-driven TPDOs.
+        """
+        changes = self._memory.changes
+        if now_s < self._due_s and changes == self._polled_changes:
+            return []
+        self._polled_changes = changes
+        frames: list[Frame] = []
+        if self._state is not NmtState.INITIALISING:
+            frames += self._heartbeat(now_s)
+        if self._state in (NmtState.PRE_OPERATIONAL, NmtState.OPERATIONAL):
+            frames += self._produce_sync(now_s) + self._errors.poll(now_s)
+        if self._state is NmtState.OPERATIONAL:
+            frames += self._exchange.poll(now_s)
+        self._due_s = self._next_due_s()
+        return frames
+
+    def next_poll_s(self) -> float | None:
+        """When `poll` has something to do next, on the same clock, 0 for at once; None for never."""
+        if self._memory.changes != self._polled_changes:
+            return 0.0
+        return None if self._due_s == _NEVER else self._due_s
+
+    def _next_due_s(self) -> float:
+        if self._state is NmtState.INITIALISING:
+            return _NEVER
+        due_s = self._heartbeat_due_s
+        if self._state is not NmtState.STOPPED:
+            due_s = min(due_s, self._sync_producer.due_s, self._errors.due_s)
+        if self._state is NmtState.OPERATIONAL:
+            due_s = min(due_s, self._exchange.due_s)
+        return due_s
+
+    def _heartbeat(self, now_s: float) -> list[Frame]:
+        period_ms = self._memory.number(HEARTBEAT_TIME, 0)
         if period_ms != self._heartbeat_ms:
-            self._heartbeat_ms, self._heartbeat_due_s = period_ms, now_s
-        if not period_ms or now_s < self._heartbeat_due_s:
+            self._heartbeat_ms, self._heartbeat_due_s = period_ms, now_s if period_ms else _NEVER
+        if now_s < self._heartbeat_due_s:
             return []
         period_s = period_ms / 1000
         late = now_s >= self._heartbeat_due_s + period_s
         self._heartbeat_due_s = (now_s if late else self._heartbeat_due_s) + period_s
         return [Frame(0x700 + self.node_id, bytes([self._state]))]
 
-    def next_poll_s(self) -> float | None:
-        """When `poll` has something to send next, on the same clock; None for never."""
-        return self._heartbeat_due_s if self._heartbeat_ms else None
+    def _produce_sync(self, now_s: float) -> list[Frame]:
+        """The SYNC due, and the TPDOs that the node's own SYNC brings."""
+        frame = self._sync_producer.poll(now_s)
+        if frame is None:
+            return []
+        return [frame, *self.sync(frame.data[0] if frame.data else None)]
 
     def emergency(self, code: int) -> list[Frame]:
-        """Raise an error: the EMCY frame for *code* (0x0000..0xFFFF), none where 0x1014 switches EMCY off."""
-        raw = self._memory.number(EMCY_COB_ID, 0, missing=0x80 + self.node_id)
-        if raw & 1 << 31:
-            return []
-        register = self._memory.number(ERROR_REGISTER, 0) | _COMMUNICATION_ERROR
-        data = code.to_bytes(2, "little") + bytes([register & 0xFF]) + bytes(5)
-        return [Frame(raw & 0x1FFF_FFFF, data, extended=bool(raw & 1 << 29))]
+        """Let the device's own application raise error *code* (0x0000..0xFFFF; 0: all errors are gone).
+
+        Returns the EMCY frame; none for an error that is raised already, where 0x1014 switches EMCY off, where 0x1015
+        holds it back, and in NMT states without EMCY.
+        """
+        frames = self._errors.set(code, code) if code else self._errors.clear_all()
+        return [] if self._state is NmtState.STOPPED else frames
 
     def _check_download(self, index: int, sub_index: int, size: int | None) -> None:
         self._memory.require(index, sub_index)
@@ -226,15 +275,25 @@ class StrictDevice:
         self._guard.check(index, sub_index, data)
         if index == SYNC_OVERFLOW:
             self._check_sync_overflow(data)
+        if index == SYNC_COB_ID:
+            self._check_sync_cob_id(data)
         entry = self._memory.entry(index, sub_index)
         if entry is not None and not self._store.handles(index, sub_index):
             check_limits(entry, self.node_id, data)
+        if index == ERROR_HISTORY and any(data):
+            raise Refusal(Abort.VALUE_RANGE)
         self._gates.check_selection(index, sub_index, data)
 
     def _check_sync_overflow(self, data: bytes) -> None:
         """CiA 301, 7.5.2.22: not to be changed while the SYNC period is not 0."""
         if data != self._memory.read(SYNC_OVERFLOW, 0) and self._memory.number(SYNC_PERIOD, 0):
             raise Refusal(Abort.DEVICE_STATE)
+
+    def _check_sync_cob_id(self, data: bytes) -> None:
+        """CiA 301, 7.5.2.5: bits 29 to 0 are not to be changed while the node produces SYNC (bit 30)."""
+        held, wanted = self._memory.number(SYNC_COB_ID, 0), int.from_bytes(data, "little")
+        if held & wanted & 1 << 30 and (held ^ wanted) & 0x3FFF_FFFF:
+            raise Refusal(Abort.VALUE_RANGE)
 
     def _accept(self, index: int, sub_index: int, data: bytes) -> None:
         if self._store.handles(index, sub_index):
@@ -245,6 +304,8 @@ class StrictDevice:
             return
         self._memory.write(index, sub_index, data)
         self._store.keep_written(index)
+        if index == ERROR_HISTORY:
+            self._errors.forget_history()
         pdo = Pdo.at(index)
         if pdo is not None:
             self._exchange.forget(pdo)
@@ -259,4 +320,6 @@ class StrictDevice:
         self._store.reset(communication_only=communication_only)
         self._state = NmtState.INITIALISING
         self._exchange.forget()
+        self._errors.reset()
+        self._sync_producer.reset()
         self._vpdos.copy()

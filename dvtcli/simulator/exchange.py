@@ -1,4 +1,4 @@
-"""PDOs at work: objects into frames at SYNC, frames into objects (CiA 301, 7.2.2).
+"""PDOs at work: objects into frames, frames into objects (CiA 301, 7.2.2).
 
 Knows mappings and transmission types. Does not know whether a configuration is legal (`pdo_guard`) nor the NMT
 state (`device`).
@@ -6,160 +6,184 @@ state (`device`).
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from dvtcli.domain.cob_id import CobId
-from dvtcli.domain.mapping import DUMMY_BITS, PdoMappingEntry, total_bits
-from dvtcli.domain.pdo import Direction, Pdo
+from dvtcli.domain.mapping import PdoMappingEntry, total_bits
+from dvtcli.domain.pdo import EVENT_DRIVEN, Direction, Pdo
 from dvtcli.domain.ports import Frame
+from dvtcli.simulator.emergency import Emergencies
 from dvtcli.simulator.family import Family
 from dvtcli.simulator.memory import Memory
+from dvtcli.simulator.payload import collect, mapping_of, spread
+from dvtcli.simulator.tpdo_timing import LAST_SYNCHRONOUS, NEVER, EventTiming, Tpdo
 
-SHORT_PDO, LONG_PDO = 0x8210, 0x8220
-_COB_ID, _TRANSMISSION_TYPE, _SYNC_START = 1, 2, 6
-_LAST_SYNCHRONOUS = 240
-
-
-@dataclass(slots=True)
-class _SyncCount:
-    """Where a synchronous TPDO stands: SYNCs seen since its last frame, that frame's data, whether it has begun."""
-
-    seen: int = 0
-    sent: bytes | None = None
-    started: bool = False
+SHORT_PDO, LONG_PDO, RPDO_TIMED_OUT = 0x8210, 0x8220, 0x8250
+_COB_ID, _TRANSMISSION_TYPE, _INHIBIT_TIME, _EVENT_TIMER, _SYNC_START = 1, 2, 3, 5, 6
 
 
 @dataclass(slots=True)
-class _Waiting:
-    """A synchronous RPDO's data, to be applied after *syncs* more SYNCs."""
+class _Rpdo:
+    """One enabled RPDO; *waiting* is data that is applied after *syncs* more SYNCs."""
 
-    data: bytes
-    syncs: int
+    can_id: int
+    extended: bool
+    kind: int
+    entries: tuple[PdoMappingEntry, ...]
+    waiting: bytes | None = None
+    syncs: int = 0
+    #: whether a frame came since the last poll, and when the next one must have come (s)
+    heard: bool = False
+    due_s: float = NEVER
+    bytes_wanted: int = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.bytes_wanted = (total_bits(self.entries) + 7) // 8
 
 
 class PdoExchange:
-    """The PDOs of one device in OPERATIONAL; *emergency* builds the EMCY frames for an error code."""
+    """The PDOs of one device in OPERATIONAL; *due_s* is when `poll` has something to do next, if nothing changes."""
 
-    def __init__(self, memory: Memory, family: Family, emergency: Callable[[int], list[Frame]]) -> None:
+    def __init__(self, memory: Memory, family: Family, errors: Emergencies) -> None:
         self._memory = memory
         self._family = family
-        self._emergency = emergency
-        self._counts: dict[Pdo, _SyncCount] = {}
-        self._waiting: dict[Pdo, _Waiting] = {}
-        self._pdos: dict[Direction, list[Pdo]] | None = None
+        self._errors = errors
+        self._tpdos: dict[Pdo, Tpdo] = {}
+        self._rpdos: dict[Pdo, _Rpdo] = {}
+        #: PDOs whose parameters changed, None for all
+        self._stale: set[Pdo] | None = None
+        self.due_s = NEVER
 
     def forget(self, pdo: Pdo | None = None) -> None:
         """Start over with *pdo*, or with all of them, after its parameters or the NMT state changed."""
-        self._pdos = None
         if pdo is None:
-            self._counts.clear()
-            self._waiting.clear()
-        else:
-            self._counts.pop(pdo, None)
-            self._waiting.pop(pdo, None)
+            self._stale = None
+        elif self._stale is not None:
+            self._stale.add(pdo)
 
     def sync(self, counter: int | None) -> list[Frame]:
         """Apply synchronous RPDOs, then return the frames of the TPDOs due; *counter* is the SYNC's, 1..240."""
-        self._apply_waiting()
-        synchronous = (pdo for pdo in self._enabled(Direction.TPDO) if self._type(pdo) <= _LAST_SYNCHRONOUS)
-        return [self.frame(pdo) for pdo in synchronous if self._is_due(pdo, counter)]
+        self._refresh()
+        for rpdo in self._rpdos.values():
+            if rpdo.waiting is not None:
+                self._count_down(rpdo)
+        frames = []
+        for tpdo in self._tpdos.values():
+            if tpdo.heeds_sync:
+                data = collect(self._memory, tpdo.entries)
+                if tpdo.is_due_at_sync(data, counter):
+                    frames.append(Frame(tpdo.can_id, data, extended=tpdo.extended))
+        return frames
 
     def receive(self, frame: Frame) -> list[Frame]:
         """Take a frame into every RPDO that listens to it; returns the EMCY frames sent in answer."""
+        self._refresh()
         answers: list[Frame] = []
-        for pdo in self._enabled(Direction.RPDO):
-            cob_id = self.cob_id(pdo)
-            if (cob_id.can_id, cob_id.extended) == (frame.can_id, frame.extended):
-                answers += self._receive(pdo, frame.data)
+        for pdo, rpdo in self._rpdos.items():
+            if rpdo.can_id == frame.can_id and rpdo.extended == frame.extended:
+                answers += self._receive(pdo, rpdo, frame.data)
         return answers
 
-    def frame(self, pdo: Pdo) -> Frame:
-        """The frame a TPDO would carry now."""
-        cob_id = self.cob_id(pdo)
-        return Frame(cob_id.can_id, self._data(pdo), extended=cob_id.extended)
-
-    def cob_id(self, pdo: Pdo) -> CobId:
-        """The COB-ID of *pdo*; disabled where the node has no such object."""
-        return CobId.from_raw(self._memory.number(pdo.communication_index, _COB_ID, missing=1 << 31) & 0xFFFF_FFFF)
-
-    def mapping(self, pdo: Pdo) -> list[PdoMappingEntry]:
-        """The active entries of *pdo*; empty for a multiplexed PDO."""
-        count = self._memory.number(pdo.mapping_index, 0)
-        if count > 64:
+    def request(self, frame: Frame) -> list[Frame]:
+        """The TPDO that a remote *frame* asks for, where its COB-ID and the family allow that."""
+        if not self._family.answers_remote_frames:
             return []
-        raw = (self._memory.number(pdo.mapping_index, sub_index) for sub_index in range(1, count + 1))
-        return [PdoMappingEntry.from_raw(each) for each in raw]
+        self._refresh()
+        answers = []
+        for tpdo in self._tpdos.values():
+            if tpdo.can_id == frame.can_id and tpdo.extended == frame.extended:
+                data = tpdo.requested(collect(self._memory, tpdo.entries))
+                if data is not None:
+                    answers.append(Frame(tpdo.can_id, data, extended=tpdo.extended))
+        return answers
 
-    def _enabled(self, direction: Direction) -> list[Pdo]:
-        if self._pdos is None:
-            self._pdos = {each: self._find_enabled(each) for each in Direction}
-        return self._pdos[direction]
+    def poll(self, now_s: float) -> list[Frame]:
+        """The frames due by themselves at *now_s* (s): event-driven TPDOs, and EMCYs of RPDOs that stay away."""
+        self._refresh()
+        self.due_s = NEVER
+        frames: list[Frame] = []
+        for pdo, tpdo in self._tpdos.items():
+            if tpdo.event_driven:
+                frames += self._poll_tpdo(pdo, tpdo, now_s)
+        for pdo, rpdo in self._rpdos.items():
+            if rpdo.heard or rpdo.due_s < NEVER:
+                frames += self._poll_rpdo(pdo, rpdo, now_s)
+        return frames
 
-    def _find_enabled(self, direction: Direction) -> list[Pdo]:
-        found = []
-        for index in sorted(self._memory.indices()):
-            pdo = Pdo.at(index)
-            if pdo and index == pdo.communication_index and pdo.direction is direction and self.cob_id(pdo).valid:
-                found.append(pdo)
-        return found
+    def _poll_tpdo(self, pdo: Pdo, tpdo: Tpdo, now_s: float) -> list[Frame]:
+        timing = tpdo.timing
+        if timing is None:
+            inhibit = self._memory.number(pdo.communication_index, _INHIBIT_TIME)
+            event = self._memory.number(pdo.communication_index, _EVENT_TIMER)
+            timing = tpdo.timing = EventTiming(inhibit / 10_000, event / 1000)
+        data = collect(self._memory, tpdo.entries)
+        due = timing.is_due(data, now_s)
+        self.due_s = min(self.due_s, timing.due_s)
+        return [Frame(tpdo.can_id, data, extended=tpdo.extended)] if due else []
 
-    def _type(self, pdo: Pdo) -> int:
-        return self._memory.number(pdo.communication_index, _TRANSMISSION_TYPE, missing=255)
+    def _poll_rpdo(self, pdo: Pdo, rpdo: _Rpdo, now_s: float) -> list[Frame]:
+        """The event timer of an RPDO runs from each of its frames; it is over once it has run out."""
+        frames: list[Frame] = []
+        if rpdo.heard:
+            rpdo.heard = False
+            event = self._memory.number(pdo.communication_index, _EVENT_TIMER)
+            rpdo.due_s = now_s + event / 1000 if event else NEVER
+        elif now_s >= rpdo.due_s:
+            rpdo.due_s = NEVER
+            frames = self._errors.set(pdo, RPDO_TIMED_OUT)
+        self.due_s = min(self.due_s, rpdo.due_s)
+        return frames
 
-    def _is_due(self, pdo: Pdo, counter: int | None) -> bool:
-        count = self._counts.setdefault(pdo, _SyncCount())
-        every = self._type(pdo)
-        if every == 0:
-            now = self._data(pdo)
-            changed, count.sent = now != count.sent, now
-            return changed
-        start = self._memory.number(pdo.communication_index, _SYNC_START)
-        if counter is not None and start and not count.started:
-            count.started = counter == start
-            return count.started
-        count.seen = (count.seen + 1) % every
-        return count.seen == 0
+    def _refresh(self) -> None:
+        """Look again at the PDOs whose parameters changed."""
+        if self._stale is not None and not self._stale:
+            return
+        if self._stale is None:
+            self._tpdos.clear()
+            self._rpdos.clear()
+        for pdo in sorted(self._all() if self._stale is None else self._stale):
+            self._look_at(pdo)
+        self._tpdos = dict(sorted(self._tpdos.items()))
+        self._rpdos = dict(sorted(self._rpdos.items()))
+        self._stale = set()
 
-    def _data(self, pdo: Pdo) -> bytes:
-        value, offset = 0, 0
-        for entry in self.mapping(pdo):
-            held = self._memory.number(entry.index, entry.sub_index)
-            value |= (held & (1 << entry.bits) - 1) << offset
-            offset += entry.bits
-        return value.to_bytes((offset + 7) // 8, "little")[:8]
+    def _all(self) -> set[Pdo]:
+        found = {Pdo.at(index) for index in self._memory.indices() if 0x1400 <= index < 0x1A00}
+        return {pdo for pdo in found if pdo is not None}
 
-    def _receive(self, pdo: Pdo, data: bytes) -> list[Frame]:
-        wanted = (total_bits(self.mapping(pdo)) + 7) // 8
-        if len(data) < wanted:
-            return self._emergency(SHORT_PDO)
-        every = self._type(pdo)
-        if every <= _LAST_SYNCHRONOUS:
-            syncs = max(1, every) if self._family.rpdo_counts_syncs else 1
-            known = self._waiting.get(pdo)
-            self._waiting[pdo] = _Waiting(data, known.syncs if known else syncs)
+    def _look_at(self, pdo: Pdo) -> None:
+        self._tpdos.pop(pdo, None)
+        self._rpdos.pop(pdo, None)
+        index = pdo.communication_index
+        raw = self._memory.number(index, _COB_ID, missing=1 << 31) & 0xFFFF_FFFF
+        cob_id = CobId.from_raw(raw)
+        if not cob_id.valid:
+            return
+        kind = self._memory.number(index, _TRANSMISSION_TYPE, missing=EVENT_DRIVEN)
+        entries = mapping_of(self._memory, pdo.mapping_index)
+        if pdo.direction is Direction.RPDO:
+            self._rpdos[pdo] = _Rpdo(cob_id.can_id, cob_id.extended, kind, entries)
+            return
+        start = self._memory.number(index, _SYNC_START) if kind <= LAST_SYNCHRONOUS else 0
+        self._tpdos[pdo] = Tpdo(cob_id.can_id, cob_id.extended, cob_id.rtr_allowed, kind, start, entries)
+
+    def _receive(self, pdo: Pdo, rpdo: _Rpdo, data: bytes) -> list[Frame]:
+        rpdo.heard = True
+        self._memory.touch()
+        if len(data) < rpdo.bytes_wanted:
+            return self._errors.set(pdo, SHORT_PDO)
+        if rpdo.kind <= LAST_SYNCHRONOUS:
+            if rpdo.waiting is None:
+                rpdo.syncs = max(1, rpdo.kind) if self._family.rpdo_counts_syncs else 1
+            rpdo.waiting = data
         else:
-            self._apply(pdo, data)
-        return self._emergency(LONG_PDO) if len(data) > wanted else []
+            spread(self._memory, rpdo.entries, data)
+        if len(data) == rpdo.bytes_wanted:
+            return self._errors.clear(pdo)
+        return self._errors.set(pdo, LONG_PDO) if self._family.reports_long_rpdos else []
 
-    def _apply_waiting(self) -> None:
-        for pdo, waiting in list(self._waiting.items()):
-            waiting.syncs -= 1
-            if waiting.syncs <= 0:
-                del self._waiting[pdo]
-                self._apply(pdo, waiting.data)
-
-    def _apply(self, pdo: Pdo, data: bytes) -> None:
-        bits, offset = int.from_bytes(data, "little"), 0
-        for entry in self.mapping(pdo):
-            if entry.index not in DUMMY_BITS and self._memory.exists(entry.index, entry.sub_index):
-                self._put(entry, bits >> offset & (1 << entry.bits) - 1)
-            offset += entry.bits
-
-    def _put(self, entry: PdoMappingEntry, value: int) -> None:
-        """Replace the low bits of an object; what a short entry does not cover stays as it is."""
-        held = self._memory.read(entry.index, entry.sub_index)
-        size = len(held) or (entry.bits + 7) // 8
-        others = int.from_bytes(held, "little") & ~((1 << entry.bits) - 1)
-        both = (others | value) & (1 << 8 * size) - 1
-        self._memory.write(entry.index, entry.sub_index, both.to_bytes(size, "little"))
+    def _count_down(self, rpdo: _Rpdo) -> None:
+        rpdo.syncs -= 1
+        if rpdo.syncs <= 0 and rpdo.waiting is not None:
+            data, rpdo.waiting = rpdo.waiting, None
+            spread(self._memory, rpdo.entries, data)

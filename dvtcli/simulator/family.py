@@ -69,7 +69,8 @@ class Family:
     - *granularity* (bits), *dummies*: None means as the EDS says; *max_entries* a PDO, *max_entry_bits* an entry.
     - *rtr_bit*: what bit 30 of a COB-ID must be, by direction; *extended_ids*: whether bit 29 may be set.
     - *transmission_types*: ranges of accepted values; *rpdo_counts_syncs*: an RPDO of type n acts at the n-th SYNC
-      instead of the next one.
+      instead of the next one; *reports_long_rpdos*: whether an RPDO longer than its mapping is worth an EMCY (0x8220).
+    - *answers_remote_frames*: whether a remote frame brings a TPDO whose bit 30 allows it.
     - *tpdo_access*, *rpdo_access*: access types whose objects may be mapped in that direction.
     - *pre_operational_writes*: ranges of indices that refuse downloads outside PRE-OPERATIONAL.
     - *needs_store*: range of indices that a reset reverts unless they were stored, everything outside keeps itself;
@@ -92,6 +93,8 @@ class Family:
     extended_ids: bool = True
     transmission_types: tuple[Range, ...] = ((0, 240), (252, 255))
     rpdo_counts_syncs: bool = False
+    reports_long_rpdos: bool = True
+    answers_remote_frames: bool = True
     tpdo_access: frozenset[Access] = frozenset({Access.RO, Access.RWR, Access.CONST, Access.RW})
     rpdo_access: frozenset[Access] = frozenset({Access.WO, Access.RWW, Access.RW})
     pre_operational_writes: tuple[Range, ...] = ()

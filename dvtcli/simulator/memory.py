@@ -40,6 +40,8 @@ class Memory:
         #: what was looked up in the dictionary, which does not change
         self._existing: set[Key] = set()
         self._initials: dict[Key, bytes] = {}
+        #: how often something was written or noted, so that whoever looks on sees that there is something new
+        self.changes = 0
 
     def entry(self, index: int, sub_index: int) -> OdEntry | None:
         """What the dictionary says about an object, None where it is silent."""
@@ -111,7 +113,12 @@ class Memory:
 
     def write(self, index: int, sub_index: int, data: bytes) -> None:
         """Put *data* into RAM, unchecked."""
+        self.changes += 1
         self._ram[index, sub_index] = bytes(data)
+
+    def touch(self) -> None:
+        """Note that something changed beside the objects."""
+        self.changes += 1
 
     def data_type(self, index: int, sub_index: int) -> DataType | None:
         """The object's type by the dictionary, else by CiA 301 for PDO parameters and 0x1010/0x1011, else None."""
@@ -166,6 +173,7 @@ class Memory:
 
     def reload(self, first: int, last: int) -> None:
         """Put indices *first*..*last* back to their stored values, else their defaults, as a reset does."""
+        self.changes += 1
         self._ram = {key: data for key, data in self._ram.items() if not first <= key[0] <= last}
         self._ram.update({key: data for key, data in self._stored.items() if first <= key[0] <= last})
 

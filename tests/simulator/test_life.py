@@ -144,6 +144,8 @@ def test_save_command_of_a_family_without_1010() -> None:
 
 def test_heartbeats_carry_the_state_and_keep_the_period() -> None:
     device = booted()
+    for cob_id in (0x1800, 0x1801):  # only heartbeats
+        Client.on(device).write(cob_id, 1, 0xC0000000, 4)
     assert device.poll(10.0) == [Frame(0x701, b"\x7f")]
     assert device.poll(10.4) == []
     assert device.next_poll_s() == 10.5
