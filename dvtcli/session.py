@@ -48,8 +48,8 @@ class Session:
         #: `FILE:LINE` of the script line that runs
         self.place: str | None = None
         self.selected: int | None = None
-        #: script lines of everything that succeeded and changed something
-        self.executed: list[str] = []
+        #: script lines of everything that succeeded and changed something, with the node that each is about
+        self.executed: list[tuple[int, str]] = []
         self._network: Network | None = None
         self._twin: Network | None = None
         self._untap: Callable[[], None] | None = None
@@ -166,8 +166,10 @@ class Session:
 
     def node_id(self) -> int:
         """The selected node-ID: `node ID`, else -n, else the first simulated node; UsageError where none is."""
-        if self.selected is not None:
-            return self.selected
+        return self.default_id() if self.selected is None else self.selected
+
+    def default_id(self) -> int:
+        """The node-ID that is selected before any `node ID`."""
         if self.base.node is not None:
             return self.base.node
         if self.base.sim:
@@ -202,8 +204,8 @@ class Session:
         return self.offline_dictionaries()
 
     def record(self, node_id: int, lines: list[str]) -> None:
-        """Remember script *lines* that succeeded and changed something, for `save`."""
-        self.executed += [line if node_id == self.node_id() else f"node {node_id}\n{line}" for line in lines]
+        """Remember script *lines* about a node that succeeded and changed something, for `save`."""
+        self.executed += [(node_id, line) for line in lines]
 
     def consent(self, question: str) -> None:
         """Ask *question* where somebody can answer; returns on yes, raises SafetyRefusal otherwise."""

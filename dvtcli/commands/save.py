@@ -9,6 +9,9 @@ from typing import TYPE_CHECKING
 
 import click
 
+from dvtcli.device.read import read_optional
+from dvtcli.domain.several import several
+from dvtcli.errors import UsageError
 from dvtcli.params import FILE
 from dvtcli.shell import DvtCommand
 
@@ -26,7 +29,6 @@ def command(session: Session, /, file: str) -> Facts:
     \b
     save tpdo1.dvt
     """
-    from dvtcli.errors import UsageError
     from dvtcli.results import Facts
 
     path = Path(file)
@@ -45,21 +47,42 @@ def command(session: Session, /, file: str) -> Facts:
 
 
 def _script(session: Session) -> tuple[str, str]:
-    """The script's text, and the identity that it pins."""
-    from dvtcli.device.read import read_optional
+    """The script's text, and the identities that it pins.
 
-    sdo = session.node().sdo
-    vendor, product = (read_optional(sdo, 0x1018, sub_index, 4) for sub_index in (1, 2))
+    Lines about one node that is selected anyway fit any node of that kind; others say which node they are about.
+    """
+    node_ids = list(dict.fromkeys(node_id for node_id, _ in session.executed))
+    named = len(node_ids) > 1 or node_ids[0] != _default_id(session)
+    pins = {node_id: _pin(session, node_id) for node_id in node_ids}
     lines = ["# dvtcli script 1"]
-    identity = "any node"
-    if vendor is not None:
-        identity = f"vendor 0x{vendor:X}"
-        words = [f"require identity vendor=0x{vendor:08X}"]
-        if product is not None:
-            words.append(f"product=0x{product:08X}")
-            identity += f" product 0x{product:08X}"
-        lines.append(" ".join(words))
-    return "\n".join([*lines, *session.executed, ""]), identity
+    current = None
+    for node_id, line in session.executed:
+        if node_id != current:
+            lines += [f"node {node_id}"] if named else []
+            lines += pins[node_id][0]
+            current = node_id
+        lines.append(line)
+    shown = [f"node {node_id} ({pins[node_id][1]})" if named else pins[node_id][1] for node_id in node_ids]
+    return "\n".join([*lines, ""]), several(shown)
+
+
+def _default_id(session: Session) -> int | None:
+    try:
+        return session.default_id()
+    except UsageError:
+        return None
+
+
+def _pin(session: Session, node_id: int) -> tuple[list[str], str]:
+    """The line that requires a node's identity, none where it has none, and the identity for people."""
+    sdo = session.node(node_id).sdo
+    vendor, product = (read_optional(sdo, 0x1018, sub_index, 4) for sub_index in (1, 2))
+    if vendor is None:
+        return [], "any node"
+    if product is None:
+        return [f"require identity vendor=0x{vendor:08X}"], f"vendor 0x{vendor:X}"
+    words = f"vendor=0x{vendor:08X} product=0x{product:08X}"
+    return [f"require identity {words}"], f"vendor 0x{vendor:X} product 0x{product:08X}"
 
 
 def _write(path: Path, text: str) -> None:

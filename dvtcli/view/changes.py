@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.plan import Step
+from dvtcli.domain.several import several
 from dvtcli.results.changes import Changed, Compared, Stored
 from dvtcli.view.lines import Cell, Line, Table
 
@@ -13,7 +14,7 @@ from dvtcli.view.lines import Cell, Line, Table
 def change_lines(result: Changed, width: int) -> Iterator[Line]:
     """The steps as they were taken, and what became of them."""
     count = len(result.plan)
-    labels = several([change.label for change in result.plan.changes])
+    labels = several(change.label for change in result.plan.changes)
     if not count:
         yield f"{labels} is as wanted already; nothing was written."
         return
@@ -39,11 +40,6 @@ def change_lines(result: Changed, width: int) -> Iterator[Line]:
         Cell(f"{labels} {verb}: {writes}, read back equal, {result.seconds:.2f} s. "),
         Cell(f"{keeps}{next_step}.", "dim"),
     ]
-
-
-def several(labels: list[str]) -> str:
-    """Labels for one line: all of a few, else the first ones and how many more there are."""
-    return ", ".join(labels) if len(labels) <= 4 else f"{', '.join(labels[:3])} and {len(labels) - 3} more"
 
 
 def shown(data: bytes) -> str:

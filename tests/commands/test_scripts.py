@@ -160,3 +160,43 @@ def test_what_was_saved_runs_and_gives_the_same_pdos(tmp_path: Path) -> None:
         assert another.run(f"run {saved}").code == 6
     assert "inner" not in saved.read_text()
     assert list(tmp_path.iterdir()) == [saved]
+
+
+def _pdos_of_both(bench: Bench) -> list[object]:
+    found = []
+    for node_id in (1, 2):
+        assert bench.run(f"node {node_id}").code == 0
+        found.append(bench.run("pdo --all --json").document)
+    return found
+
+
+def test_what_was_saved_of_several_nodes_goes_back_to_each_of_them(tmp_path: Path) -> None:
+    saved = tmp_path / "saved.dvt"
+    with Bench(("generic@1", "gen4@2")) as bench:
+        for line in ("map 2:tpdo1 6041 --sync 1", "map tpdo1 6041 --sync 3", "node 2", "set tpdo2 --timer 70"):
+            assert bench.run(line).code == 0, line
+        wanted = _pdos_of_both(bench)
+        ran = bench.run(f"save {saved}")
+        assert ran.code == 0
+        assert "node 1" in ran.stdout
+        assert "node 2" in ran.stdout
+    with Bench(("generic@1", "gen4@2")) as other:
+        ran = other.run(f"run {saved}")
+        assert ran.code == 0, ran.stderr
+        assert _pdos_of_both(other) == wanted
+    with Bench(("gen4@1", "generic@2")) as exchanged:
+        assert exchanged.run(f"run {saved}").code == 6
+        assert not exchanged.session.executed
+
+
+def test_what_was_saved_of_a_selected_node_selects_it(tmp_path: Path) -> None:
+    saved = tmp_path / "saved.dvt"
+    with Bench(("generic@1", "generic@2")) as bench:
+        for line in ("node 2", "map tpdo1 6041 --sync 1", "node 1", f"save {saved}"):
+            assert bench.run(line).code == 0, line
+    assert [line.split()[0] for line in saved.read_text().splitlines()] == ["#", "node", "require", "set"]
+    with Bench(("generic@1", "generic@2")) as other:
+        before = other.run("pdo 1:tpdo1 --json").document
+        assert other.run(f"run {saved}").code == 0
+        assert other.run("pdo 1:tpdo1 --json").document == before
+        assert other.run("pdo 2:tpdo1 --json").document != {**before, "node": 2}

@@ -1,0 +1,11 @@
+"""Lists of names that fit a line."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+
+def several(names: Iterable[str]) -> str:
+    """Names for one line: all of a few, else the first ones and how many more there are."""
+    found = list(names)
+    return ", ".join(found) if len(found) <= 4 else f"{', '.join(found[:3])} and {len(found) - 3} more"
