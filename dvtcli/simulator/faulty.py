@@ -114,7 +114,7 @@ class FaultyServer:
             return Answer()
         if self._wrong_toggle and response[0] != 0x80:
             response = self._with_wrong_toggle(specifier, response)
-        return Answer((response,))
+        return Answer((response, *self._server.take_more()))
 
     def _with_wrong_toggle(self, specifier: int | None, response: bytes) -> bytes:
         """*response*, spoilt if it is a segment; an expedited read is turned into one of segments, as servers may."""

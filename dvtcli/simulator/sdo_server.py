@@ -1,7 +1,7 @@
 """The device's end of SDO: requests of eight bytes in, responses of eight bytes out (CiA 301, 7.2.4).
 
-Knows expedited and segmented transfers; a new kind of transfer is one more entry in the table of specifiers. Does
-not know CAN-IDs nor what the objects mean.
+Knows expedited and segmented transfers, and where a block transfer begins (`block_transfer`). Does not know CAN-IDs nor
+what the objects mean.
 """
 
 from __future__ import annotations
@@ -11,12 +11,13 @@ from dataclasses import dataclass, field
 
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.nmt import NmtState
+from dvtcli.simulator.block_transfer import BLOCK_DOWNLOAD, BLOCK_UPLOAD, BlockDownload, BlockTransfer, BlockUpload
 from dvtcli.simulator.device import StrictDevice
 from dvtcli.simulator.refusal import Refusal
 
 DOWNLOAD_SEGMENT, INITIATE_DOWNLOAD, INITIATE_UPLOAD, UPLOAD_SEGMENT, ABORT = range(5)
 _SILENT = (NmtState.INITIALISING, NmtState.STOPPED)
-_TOGGLE = 0x10
+_TOGGLE, _ABORT_BYTE = 0x10, 0x80
 _MOST_BYTES = 1 << 16
 _OUT_OF_MEMORY = 0x0504_0005
 
@@ -42,23 +43,35 @@ class SdoServer:
     def __init__(self, device: StrictDevice) -> None:
         self.device = device
         self._transfer: _Transfer | None = None
+        self._block: BlockTransfer | None = None
+        #: what follows the response to the last request, in order: the other segments of a sub-block
+        self.more: list[bytes] = []
         self._services: dict[int, Callable[[bytes], bytes]] = {
             DOWNLOAD_SEGMENT: self._download_segment,
             INITIATE_DOWNLOAD: self._initiate_download,
             INITIATE_UPLOAD: self._initiate_upload,
             UPLOAD_SEGMENT: self._upload_segment,
+            BLOCK_UPLOAD: self._initiate_block_upload,
+            BLOCK_DOWNLOAD: self._initiate_block_download,
         }
 
     def handle(self, request: bytes) -> bytes | None:
-        """The response to *request*, None where the server stays silent (wrong length, client abort, NMT state)."""
+        """The response to *request*, None where the server stays silent (wrong length, client abort, NMT state).
+
+        Whatever else is to be sent is in `more` then, which `take_more` empties.
+        """
         if self.device.state in _SILENT:
-            self._transfer = None
+            self.reset()
             return None
         if len(request) != 8:
             return None
+        if self._block is not None and request[0] != _ABORT_BYTE:
+            if self._block.takes(request):
+                return self._go_on(self._block, request)
+            self._block = None
         specifier = request[0] >> 5
         if specifier == ABORT:
-            self._transfer = None
+            self.reset()
             return None
         service = self._services.get(specifier)
         place = self._transfer.multiplexer if self._transfer and specifier in (0, 3) else request[1:4]
@@ -73,6 +86,41 @@ class SdoServer:
     def reset(self) -> None:
         """Forget a transfer that is under way, as a reset does."""
         self._transfer = None
+        self._block = None
+        self.more.clear()
+
+    def take_more(self) -> list[bytes]:
+        """What follows the last response; empties `more`."""
+        more, self.more = self.more, []
+        return more
+
+    def _go_on(self, block: BlockTransfer, request: bytes) -> bytes | None:
+        """Let *block* take *request*."""
+        try:
+            responses = block.handle(request)
+        except Refusal as refusal:
+            self._block = None
+            return b"\x80" + block.multiplexer + refusal.code.to_bytes(4, "little")
+        if block.finished:
+            self._block = None
+        self.more = responses[1:]
+        return responses[0] if responses else None
+
+    def _initiate_block_upload(self, request: bytes) -> bytes:
+        """A client that allows it (protocol switch threshold) gets short data without a block transfer."""
+        if request[0] & 0x03:
+            raise Refusal(Abort.COMMAND_SPECIFIER)
+        data = self.device.upload(*_object(request[1:4]))
+        if len(data) <= request[5] and request[5]:
+            return self._initiate_upload(request)
+        self._transfer = None
+        self._block = block = BlockUpload(request, data)
+        return block.first()
+
+    def _initiate_block_download(self, request: bytes) -> bytes:
+        self._transfer = None
+        self._block = block = BlockDownload(self.device, request)
+        return block.first()
 
     def _initiate_upload(self, request: bytes) -> bytes:
         place = request[1:4]

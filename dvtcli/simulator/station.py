@@ -93,6 +93,8 @@ class SimulatedNode:
             return self._timed(self._faulty.handle(frame.data, now_s), now_s) + self.device.take_outbox()
         response = self.server.handle(frame.data)
         answers = [] if response is None else [Frame(SDO_RESPONSE + self.device.node_id, response)]
+        if self.server.more:
+            answers += [Frame(SDO_RESPONSE + self.device.node_id, each) for each in self.server.take_more()]
         return answers + self.device.take_outbox()
 
     def _timed(self, answer: Answer, now_s: float) -> list[Frame]:

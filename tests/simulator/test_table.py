@@ -180,7 +180,7 @@ def test_upload_refused(row: str, index: int, sub_index: int, answer: int) -> No
     assert caught.value.code == answer
 
 
-@pytest.mark.parametrize("specifier", [0xA0, 0xC0, 0xE0, 0xFF])
+@pytest.mark.parametrize("specifier", [0xA1, 0xC1, 0xE0, 0xFF])
 def test_a6_unknown_specifier(specifier: int) -> None:
     server = Client.on(booted()).server
     response = server.handle(bytes([specifier, 0x00, 0x18, 1, 0, 0, 0, 0]))
