@@ -50,11 +50,13 @@ class Client:
 class Hub:
     """Listens at *address* (host, port; port 0 is a free one), or only waits where that is None.
 
-    *tell* takes one line about a client. OSError where the address is not to be had. Ends with `close`.
+    *tell* takes one line about a client; one that takes nothing for *stall_s* is dropped. OSError where the address is
+    not to be had. Ends with `close`.
     """
 
-    def __init__(self, address: tuple[str, int] | None, tell: Callable[[str], None]) -> None:
+    def __init__(self, address: tuple[str, int] | None, tell: Callable[[str], None], stall_s: float = STALL_S) -> None:
         self._tell = tell
+        self._stall_s = stall_s
         self._selector = selectors.SelectSelector()  # the only one that waits for less than a millisecond
         self._clients: dict[socket.socket, Client] = {}
         self._listener = None if address is None else _listener(address)
@@ -132,7 +134,7 @@ class Hub:
             if client.held_until_s is not None:
                 timeout_s = min(timeout_s, client.held_until_s - now_s)
             if client.out:
-                timeout_s = min(timeout_s, client.progress_s + STALL_S - now_s)
+                timeout_s = min(timeout_s, client.progress_s + self._stall_s - now_s)
         return timeout_s
 
     def _listen(self, client: Client, read: bool) -> None:
@@ -159,6 +161,7 @@ class Hub:
             return
         connection.setblocking(False)
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, MOST_KEPT)  # or the system keeps megabytes
         client = self._clients[connection] = Client(connection, f"{where[0]}:{where[1]}")
         self._selector.register(connection, client.events, client)
         self._reply(client, HI)
@@ -238,8 +241,8 @@ class Hub:
                 self._release(client)
             if not client.out:
                 client.progress_s = now_s
-            elif client.blocked and now_s - client.progress_s >= STALL_S:
-                self._drop(client, f"took nothing for {STALL_S:.0f} s while frames waited for it")
+            elif client.blocked and now_s - client.progress_s >= self._stall_s:
+                self._drop(client, f"took nothing for {self._stall_s:g} s while frames waited for it")
             elif not client.blocked:
                 self._send(client)
 

@@ -1,0 +1,221 @@
+"""Clients that share the simulated nodes' bus: good ones, slow ones, and others."""
+
+from __future__ import annotations
+
+import socket
+import struct
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import can
+import pytest
+
+from dvtcli.formats.eds import read_eds
+from dvtcli.simulator.device import StrictDevice
+from dvtcli.simulator.family import family_eds, load_family
+from dvtcli.simulator.hub import MOST_CLIENTS, Hub
+from dvtcli.simulator.serve import Server
+from dvtcli.simulator.station import stations
+from dvtcli.simulator.wire import Wire
+from tests.serve.served import raw_client, received, wait_for
+
+STALL_S = 1.5
+
+
+@dataclass
+class Bench:
+    """A server in a thread of this process; `said` is what it says about clients."""
+
+    server: Server
+    port: int
+    said: list[str] = field(default_factory=list)
+
+    def attach(self) -> can.BusABC:
+        return can.Bus(interface="socketcand", host="127.0.0.1", port=self.port, channel="can0", ignore_config=True)
+
+
+@pytest.fixture
+def bench() -> Iterator[Bench]:
+    said: list[str] = []
+    device = StrictDevice(read_eds(family_eds("generic")).dictionary, load_family("generic"), 1)
+    device.set_value(0x1017, 0, bytes(2))  # no heartbeat: what is heard is what the tests send
+    hub = Hub(("127.0.0.1", 0), said.append, STALL_S)
+    server = Server(stations([device]), hub, Wire())
+    thread = threading.Thread(target=server.run)
+    thread.start()
+    assert hub.port is not None
+    yield Bench(server, hub.port, said)
+    server.stop()
+    thread.join()
+    hub.close()
+
+
+def lines(client: socket.socket, wanted: int) -> list[bytes]:
+    """The next *wanted* elements that *client* is told."""
+    text = b""
+    while text.count(b">") < wanted:
+        data = client.recv(65536)
+        assert data, text
+        text += data
+    return [part.lstrip() + b">" for part in text.split(b">")[:wanted]]
+
+
+def test_frames_of_one_reach_the_others_and_the_nodes_and_not_itself(bench: Bench) -> None:
+    with bench.attach() as one, bench.attach() as other:
+        one.send(can.Message(arbitration_id=0x601, data=bytes.fromhex("4000100000000000"), is_extended_id=False))
+        (answer,) = received(one, 1)
+        assert (answer.arbitration_id, answer.data[:4].hex()) == (0x581, "43001000")
+        assert [frame.arbitration_id for frame in received(other, 2)] == [0x601, 0x581]
+        other.send(can.Message(arbitration_id=0x12345678, data=b"\x01\xf1", is_extended_id=True))
+        (frame,) = received(one, 1)
+        assert (frame.arbitration_id, bytes(frame.data), frame.is_extended_id) == (0x12345678, b"\x01\xf1", True)
+        assert abs(frame.timestamp - time.time()) < 60
+        assert other.recv(0.05) is None
+
+
+def test_requests_may_come_in_pieces_or_all_at_once(bench: Bench) -> None:
+    with socket.create_connection(("127.0.0.1", bench.port)) as client, bench.attach() as other:
+        client.settimeout(10)
+        client.sendall(b"< open vcan7 >< rawmode >< echo >< send 123 2 1 F1 >")
+        assert lines(client, 4) == [b"< hi >", b"< ok >", b"< ok >", b"< echo >"]
+        for byte in b"\n< send 0000ABCD 1 ff >":
+            client.sendall(bytes([byte]))
+        frames = received(other, 2)
+        assert [(frame.arbitration_id, frame.data.hex(), frame.is_extended_id) for frame in frames] == [
+            (0x123, "01f1", False),
+            (0xABCD, "ff", True),
+        ]
+
+
+def test_no_frame_comes_with_the_answer_to_rawmode(bench: Bench) -> None:
+    with bench.attach() as busy:
+        stopping = threading.Event()
+
+        def chatter() -> None:
+            while not stopping.is_set():
+                busy.send(can.Message(arbitration_id=0x123, is_extended_id=False))
+                time.sleep(0.0002)
+
+        thread = threading.Thread(target=chatter)
+        thread.start()
+        try:
+            for _ in range(10):
+                with bench.attach() as late:
+                    assert len(received(late, 3)) == 3
+        finally:
+            stopping.set()
+            thread.join()
+
+
+def test_remote_frames_can_be_asked_for(bench: Bench) -> None:
+    with raw_client(bench.port) as one, raw_client(bench.port) as other:
+        one.sendall(b"< sendrtr 181 2 >")
+        (line,) = lines(other, 1)
+        assert line.startswith(b"< rtr 181 ")
+        assert line.endswith(b" 2 >")
+
+
+def test_outside_of_raw_mode_frames_may_be_sent_and_none_come(bench: Bench) -> None:
+    with raw_client(bench.port) as one, raw_client(bench.port) as other:
+        one.sendall(b"< bcmmode >")
+        assert lines(one, 1) == [b"< ok >"]
+        one.sendall(b"< send 123 0 >")
+        assert lines(other, 1)[0].startswith(b"< frame 123 ")
+        other.sendall(b"< send 124 0 >< echo >")
+        assert lines(other, 1) == [b"< echo >"]
+        one.sendall(b"< echo >")
+        assert lines(one, 1) == [b"< echo >"]
+
+
+def test_a_wrong_request_is_refused_and_the_next_one_taken(bench: Bench) -> None:
+    with raw_client(bench.port) as client:
+        client.sendall(b"< send 123 2 11 >< subscribe 0 0 123 >< echo >")
+        assert lines(client, 3) == [b"< error syntax >", b"< error unknown command >", b"< echo >"]
+    assert len(bench.said) == 1
+    assert "length and data differ" in bench.said[0]
+
+
+def test_rubbish_ends_its_own_connection_only(bench: Bench) -> None:
+    with bench.attach() as good:
+        for rubbish in (b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n< open can0 >", b"\xff" * 5000, b"<" * 2000):
+            with socket.create_connection(("127.0.0.1", bench.port)) as bad:
+                bad.settimeout(10)
+                assert bad.recv(256) == b"< hi >"
+                bad.sendall(rubbish)
+                with pytest.raises((ConnectionError, AssertionError)):
+                    lines(bad, 1)
+        good.send(can.Message(arbitration_id=0x601, data=bytes.fromhex("4000100000000000"), is_extended_id=False))
+        assert received(good, 1)[0].arbitration_id == 0x581
+    assert len(bench.said) == 3
+    assert "GET / HTTP" in bench.said[0]
+
+
+def test_who_disappears_disturbs_nobody_and_what_it_said_counts(bench: Bench) -> None:
+    with bench.attach() as good:
+        for _ in range(20):
+            gone = raw_client(bench.port)
+            gone.sendall(b"< send 123 0 >< send 1")
+            gone.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+            assert received(good, 1)[0].arbitration_id == 0x123
+            gone.close()
+        with raw_client(bench.port) as polite:
+            polite.sendall(b"< send 124 0 >")
+        assert received(good, 1)[0].arbitration_id == 0x124
+        wait_for(lambda: bench.server.hub.clients == 1, "the others to be gone")
+    assert bench.said == []
+
+
+def test_a_stalled_client_is_dropped_and_the_others_lose_nothing(bench: Bench) -> None:
+    count = 60_000
+    with raw_client(bench.port, receive_buffer=4096) as stalled, bench.attach() as good, bench.attach() as sender:
+
+        def flood() -> None:
+            for number in range(count):
+                sender.send(can.Message(arbitration_id=0x123, data=number.to_bytes(4, "big"), is_extended_id=False))
+
+        thread = threading.Thread(target=flood)
+        thread.start()
+        got = received(good, count)
+        thread.join()
+        assert [int.from_bytes(frame.data, "big") for frame in got] == list(range(count))
+        assert len(bench.said) == 1
+        assert "took nothing for 1.5 s" in bench.said[0]
+        assert bench.server.hub.clients == 2
+        del stalled
+
+
+def test_the_bus_waits_for_a_slow_client(bench: Bench) -> None:
+    count = 20_000
+    with raw_client(bench.port, receive_buffer=4096) as slow, bench.attach() as sender:
+
+        def flood() -> None:
+            for number in range(count):
+                sender.send(can.Message(arbitration_id=0x123, data=number.to_bytes(4, "big"), is_extended_id=False))
+
+        thread = threading.Thread(target=flood)
+        thread.start()
+        text = bytearray()
+        while text.count(b">") < count:
+            data = slow.recv(16384)
+            assert data
+            text += data
+            time.sleep(0.002)
+        thread.join()
+        numbers = [int(line.split()[4], 16) for line in bytes(text).split(b">") if line.strip()]
+        assert numbers == list(range(count))
+    assert bench.said == []
+
+
+def test_there_is_room_for_many_and_more_are_refused(bench: Bench) -> None:
+    clients = [raw_client(bench.port) for _ in range(MOST_CLIENTS)]
+    with socket.create_connection(("127.0.0.1", bench.port)) as refused:
+        refused.settimeout(10)
+        assert refused.recv(256) == b""
+    clients[0].sendall(b"< send 123 0 >")
+    for client in clients[1:]:
+        assert lines(client, 1)[0].startswith(b"< frame 123 ")
+    for client in clients:
+        client.close()
+    assert bench.said == [f"refused a client: {MOST_CLIENTS} are connected already"]

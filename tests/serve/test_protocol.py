@@ -1,0 +1,88 @@
+"""socketcand's words: what clients may say, however it is cut, and what is refused."""
+
+from __future__ import annotations
+
+import pytest
+from can.interfaces.socketcand.socketcand import (
+    convert_ascii_message_to_can_message,
+    convert_can_message_to_ascii_message,
+)
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dvtcli.domain.ports import Frame
+from dvtcli.simulator.socketcand import LONGEST, Requests, RubbishError, opened_bus, sent_frame, told_frame
+
+data_frames = st.one_of(
+    st.builds(Frame, st.integers(0, 0x7FF), st.binary(max_size=8)),
+    st.builds(Frame, st.integers(0, 0x1FFF_FFFF), st.binary(max_size=8), st.just(True)),
+)
+
+
+@given(data_frames)
+def test_python_cans_client_reads_what_is_told_and_is_read(frame: Frame) -> None:
+    message = convert_ascii_message_to_can_message(told_frame(frame, 1_700_000_000.25).decode())
+    assert (message.arbitration_id, bytes(message.data)) == (frame.can_id, frame.data)
+    assert (message.is_extended_id, message.timestamp) == (frame.extended, 1_700_000_000.25)
+    (request,) = Requests().feed(convert_can_message_to_ascii_message(message).encode())
+    assert sent_frame(request) == frame
+
+
+@given(st.lists(data_frames, max_size=5), st.lists(st.integers(1, 40), min_size=1, max_size=20))
+def test_requests_survive_being_split_and_merged(frames: list[Frame], cuts: list[int]) -> None:
+    text = b"\n".join(
+        b"< send %s %x %s >"
+        % (f"{f.can_id:0{8 if f.extended else 3}x}".encode(), len(f.data), " ".join(f"{b:x}" for b in f.data).encode())
+        for f in frames
+    )
+    requests, found, at = Requests(), [], 0
+    while at < len(text):
+        cut = cuts[at % len(cuts)]
+        found += requests.feed(text[at : at + cut])
+        at += cut
+    assert [sent_frame(request) for request in found] == frames
+
+
+@pytest.mark.parametrize(
+    ("request_", "frame"),
+    [
+        (b"send 123 0", Frame(0x123, b"")),
+        (b"send 1AAAAAAA 2 1 F1", Frame(0x1AAAAAAA, b"\x01\xf1", extended=True)),
+        (b"send 7ff 3 a B 0c", Frame(0x7FF, b"\x0a\x0b\x0c")),
+        (b"send 00000123 1 11", Frame(0x123, b"\x11", extended=True)),
+        (b"sendrtr 181 8", Frame(0x181, bytes(8), remote=True)),
+        (b"echo", None),
+    ],
+)
+def test_frames_that_clients_send(request_: bytes, frame: Frame | None) -> None:
+    assert sent_frame(request_) == frame
+
+
+@pytest.mark.parametrize(
+    "request_",
+    [
+        b"send", b"send 123", b"send 800 0", b"send 123 2 11", b"send 123 9 1 2 3 4 5 6 7 8 9", b"send xyz 0",
+        b"send 20000000 0", b"send 123 1 100", b"sendrtr 123", b"send 123 1 -1", b"send 123 1 0x11",
+    ],
+)  # fmt: skip
+def test_frames_that_do_not_exist(request_: bytes) -> None:
+    with pytest.raises(ValueError, match=r"no such|differ"):
+        sent_frame(request_)
+
+
+@pytest.mark.parametrize("rubbish", [b"GET / HTTP/1.1\r\n", b"\xff\xfe", b"< ok > and more", b"<" + b"a" * LONGEST])
+def test_rubbish_is_noticed(rubbish: bytes) -> None:
+    with pytest.raises(RubbishError):
+        Requests().feed(rubbish)
+
+
+@pytest.mark.parametrize(
+    ("request_", "name"),
+    [(b"open can0", b"can0"), (b"open", None), (b"open a b", None), (b"open " + b"x" * 17, None), (b"rawmode", None)],
+)
+def test_opening(request_: bytes, name: bytes | None) -> None:
+    assert opened_bus(request_) == name
+
+
+def test_a_remote_frame_is_told_with_its_length() -> None:
+    assert told_frame(Frame(0x181, bytes(6), remote=True), 1.5) == b"< rtr 181 1.500000 6 >"
