@@ -295,12 +295,16 @@ def sdo_client(random: Random) -> bytes:
     return bytes([random.randrange(256), size, random.randrange(16), *moves])
 
 
+#: heads of block transfers: initiate, start, acknowledge, end, and segments
+_BLOCK = (0xA0, 0xA4, 0xA3, 0xA2, 0xA1, 0xC0, 0xC2, 0xC6, 0xC1, 0x02, 0x81, 0x82, 0x7F, 0xFF)
+
+
 def sdo_server(random: Random) -> bytes:
     """Frames for a server: initiates, segments and others, on objects that exist and do not."""
     data = bytearray()
     for _ in range(random.randrange(1, 12)):
         index = random.choice((0x1000, 0x1008, 0x1010, 0x1017, 0x1018, 0x1400, 0x1600, 0x1800, 0x1A00, 0x2000, 0x6040))
-        head = random.choice((0x40, 0x60, 0x70, 0x23, 0x2B, 0x2F, 0x21, 0x22, 0x00, 0x10, 0x01, 0x0F, 0x80, 0xA0))
+        head = random.choice((0x40, 0x60, 0x70, 0x23, 0x2B, 0x2F, 0x21, 0x22, 0x00, 0x10, 0x01, 0x0F, 0x80, *_BLOCK))
         value = random.choice((0, 1, 0x65766173, 0x60410010, 0x80000181, 0x40000181, random.getrandbits(32)))
         frame = bytes([head]) + index.to_bytes(2, "little") + bytes([random.choice((0, 1, 2, 5, 255))])
         frame += value.to_bytes(4, "little")
