@@ -103,7 +103,6 @@ class BlockUpload:
     def __init__(self, request: bytes, data: bytes) -> None:
         self.multiplexer = request[1:4]
         self.finished = False
-        self._crc = bool(request[0] & _CRC)
         self._data = data
         self._block_size = _checked(request[4])
         #: how many bytes the client has acknowledged, and how many segments it was sent since
@@ -141,7 +140,7 @@ class BlockUpload:
             return self._segments()
         self._ending = True
         unused = (-len(self._data) % _SEGMENT_BYTES) if self._data else _SEGMENT_BYTES
-        crc = crc_hqx(self._data, 0) if self._crc else 0
+        crc = crc_hqx(self._data, 0)  # also for who did not ask for it: clients look at it all the same
         return [bytes([0xC1 | unused << 2]) + crc.to_bytes(2, "little") + bytes(5)]
 
     def _segments(self) -> list[bytes]:
