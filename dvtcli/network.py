@@ -16,6 +16,7 @@ from dvtcli.device.keeper import Keeper
 from dvtcli.device.node import Node
 from dvtcli.device.read import read_optional
 from dvtcli.domain.object_dictionary import ObjectDictionary
+from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.ports import CanopenBus, Frame
 from dvtcli.domain.profile import GENERIC, DeviceProfile
 from dvtcli.errors import InputFileError, UsageError
@@ -106,16 +107,20 @@ class Network:
     def node(self, node_id: int) -> Node:
         """The node with *node_id*, its dictionary and profile found from its identity where not given."""
         if node_id not in self.nodes:
-            profile = self._profile(node_id)
-            self.nodes[node_id] = Node(
-                self.bus, node_id, self._dictionary(node_id), profile, self.cancellation, self.consent
-            )
-            self.nodes[node_id].keeper = self._keeper(node_id) if self.guarded else None
+            profile, dictionary = self._profile(node_id), self._dictionary(node_id)
+            keeper = self._keeper(node_id, dictionary) if self.guarded else None
+            node = Node(self.bus, node_id, dictionary, profile, self.cancellation, self.consent, keeper=keeper)
+            self.nodes[node_id] = node
         return self.nodes[node_id]
 
-    def _keeper(self, node_id: int) -> Keeper:
+    def _keeper(self, node_id: int, dictionary: ObjectDictionary | None) -> Keeper:
         """Lock, backup and journal of a node; says so where a change of it was interrupted."""
-        keeper = Keeper(state_folder(self.options), self.bus.name, node_id, self.say)
+
+        def is_fixed(pdo: Pdo) -> bool:
+            entry = dictionary.entry(pdo.communication_index, 1) if dictionary else None
+            return entry is not None and not entry.access.writable
+
+        keeper = Keeper(state_folder(self.options), self.bus.name, node_id, self.say, is_fixed)
         try:
             journal = keeper.interrupted()
         except InputFileError as damaged:

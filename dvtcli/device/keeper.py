@@ -26,6 +26,8 @@ class Keeper:
     bus: str
     node_id: int
     say: Callable[[str], None] = lambda _text: None
+    #: whether a PDO's COB-ID is known to be read-only
+    is_fixed: Callable[[Pdo], bool] = lambda _pdo: False
     lock: NodeLock = field(init=False)
     journals: Journals = field(init=False)
     _backed_up: bool = False
@@ -69,5 +71,6 @@ class Keeper:
     def _back_up(self, identity: Identity, pdos: Mapping[Pdo, PdoConfig]) -> None:
         stamp = datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
         path = self.folder / "backups" / f"{file_name(self.bus)}-{self.node_id}-{stamp}.dvt"
-        write_private(path, "\n".join(backup_lines(identity, pdos)) + "\n")
+        lines = backup_lines(identity, pdos, {pdo for pdo in pdos if self.is_fixed(pdo)})
+        write_private(path, "\n".join(lines) + "\n")
         self.say(f"backup of node {self.node_id}: {path}")

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 
-from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
 from dvtcli.domain.plan import PdoChange, Plan, ValueChange
 
@@ -30,9 +29,9 @@ def _value(data: bytes) -> str:
 
 def _pdo_line(change: PdoChange) -> str:
     before, after, pdo = change.before, change.after, change.pdo
-    if before.mapping != after.mapping:
-        return map_line(pdo, after) if after.mapping else f"clear {pdo}"
     words = [*_parameter_words(before.communication, after.communication)]
+    if before.mapping != after.mapping:
+        return map_line(pdo, after) if after.mapping else "\n".join(_empty(pdo, words))
     if before.enabled != after.enabled and not words:
         return f"{'enable' if after.enabled else 'disable'} {pdo}"
     if before.enabled and not after.enabled:
@@ -43,12 +42,8 @@ def _pdo_line(change: PdoChange) -> str:
 
 def map_line(pdo: Pdo, config: PdoConfig) -> str:
     """The `map` line that sets *pdo* to *config* whatever it was before."""
-    words = [f"map {pdo}", *(_entry(entry) for entry in config.mapping), *_parameter_words(None, config.communication)]
+    words = [f"map {pdo}", *map(str, config.mapping), *_parameter_words(None, config.communication)]
     return " ".join(words if config.enabled else [*words, "--off"])
-
-
-def _entry(entry: PdoMappingEntry) -> str:
-    return f"dummy/{entry.bits}" if entry.is_dummy else str(entry)
 
 
 def _parameter_words(before: PdoCommunicationParameter | None, after: PdoCommunicationParameter) -> Iterator[str]:
@@ -69,14 +64,19 @@ def _parameter_words(before: PdoCommunicationParameter | None, after: PdoCommuni
         yield f"--sync-start {start}"
 
 
-def backup_lines(identity: Mapping[str, int | None], pdos: Mapping[Pdo, PdoConfig]) -> list[str]:
+def backup_lines(
+    identity: Mapping[str, int | None], pdos: Mapping[Pdo, PdoConfig], fixed: Collection[Pdo] = ()
+) -> list[str]:
     """A script that sets every one of *pdos* as it is, on a device of this *identity* only.
 
-    An MPDO is never written: it becomes a comment.
+    It disables them first, since a CAN-ID may be in use elsewhere by the time it runs; not those of *fixed*, whose
+    COB-IDs cannot be written. An MPDO is never written: it becomes a comment.
     """
     lines = ["# dvtcli script 1"]
     words = [f"{name}=0x{value:08X}" for name, value in identity.items() if value is not None and name != "serial"]
     lines += [f"require identity {' '.join(words)}"] if words else []
+    movable = [str(pdo) for pdo, config in pdos.items() if config.mpdo is None and pdo not in fixed]
+    lines += [f"disable {' '.join(movable)}"] if movable else []
     for pdo, config in pdos.items():
         if config.mpdo is not None:
             lines.append(f"# {pdo} is a multiplexed PDO (count 0x{config.mpdo:02X}) and is left alone")
@@ -88,4 +88,9 @@ def backup_lines(identity: Mapping[str, int | None], pdos: Mapping[Pdo, PdoConfi
 def _whole(pdo: Pdo, config: PdoConfig) -> list[str]:
     if config.mapping:
         return [map_line(pdo, config)]
-    return [f"clear {pdo}", " ".join([f"set {pdo}", *_parameter_words(None, config.communication)])]
+    return _empty(pdo, [*_parameter_words(None, config.communication)])
+
+
+def _empty(pdo: Pdo, words: list[str]) -> list[str]:
+    """What empties *pdo*, and sets the parameters that *words* name."""
+    return [f"clear {pdo}", *([" ".join([f"set {pdo}", *words])] if words else [])]

@@ -200,3 +200,29 @@ def test_what_was_saved_of_a_selected_node_selects_it(tmp_path: Path) -> None:
         assert other.run(f"run {saved}").code == 0
         assert other.run("pdo 1:tpdo1 --json").document == before
         assert other.run("pdo 2:tpdo1 --json").document != {**before, "node": 2}
+
+
+def test_what_was_saved_keeps_the_parameters_of_a_pdo_that_ends_empty(tmp_path: Path) -> None:
+    saved = tmp_path / "saved.dvt"
+    with Bench(("generic",)) as bench:
+        lines = ["clear tpdo3", "set tpdo3 --cob-id 0x6A7", "map tpdo3 6077 --cob-id 0x6A5 --timer 70", "undo"]
+        for line in lines:
+            assert bench.run(line).code == 0, line
+        wanted = bench.run("pdo --all --json").document
+        assert bench.run(f"save {saved}").code == 0
+    with Bench(("generic",)) as other:
+        ran = other.run(f"run {saved}")
+        assert ran.code == 0, ran.stderr
+        assert other.run("pdo --all --json").document == wanted
+
+
+def test_what_was_saved_keeps_each_dummy_as_it_was(tmp_path: Path) -> None:
+    saved = tmp_path / "saved.dvt"
+    with Bench(("generic",)) as bench:
+        assert bench.run("map rpdo1 0005:00/8 0002:00/8 6040 --cob-id 0x3A1").code == 0
+        assert bench.run(f"save {saved}").code == 0
+    with Bench(("generic",)) as other:
+        ran = other.run(f"run {saved}")
+        assert ran.code == 0, ran.stderr
+        raws = [other.run(f"read 1600:{number} --json").document["raw"] for number in (1, 2)]
+        assert raws == ["08 00 05 00", "08 00 02 00"]

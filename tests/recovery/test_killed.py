@@ -202,3 +202,17 @@ def test_the_first_write_backs_the_node_up_as_a_script_that_restores_it(bench: B
     assert code == 0, stderr
     assert bench.pdos() == before
     assert not bench.journals()
+
+
+def test_the_backup_restores_also_after_can_ids_were_exchanged(bench: Bench) -> None:
+    before = bench.pdos()
+    first, second = (before[Pdo.parse(name)].communication.cob_id for name in ("tpdo1", "tpdo2"))
+    assert bench.run("map", "tpdo1", "6041", "--cob-id", "0x6A0")[0] == 0
+    (backup,) = (bench.folder / "backups").glob("*.dvt")
+    assert bench.run("map", "tpdo2", "6041", "--cob-id", str(first))[0] == 0
+    assert bench.run("set", "tpdo1", "--cob-id", str(second))[0] == 0
+    now = bench.pdos()
+    assert now[Pdo.parse("tpdo2")].communication.cob_id.can_id == first.can_id
+    code, _, stderr = bench.run("run", str(backup))
+    assert code == 0, stderr
+    assert bench.pdos() == before

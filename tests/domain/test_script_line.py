@@ -1,0 +1,38 @@
+"""Script lines that repeat a configuration."""
+
+from __future__ import annotations
+
+from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.mapping import PdoMappingEntry
+from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
+from dvtcli.domain.script_line import backup_lines
+
+
+def config(raw: int, *entries: int, mpdo: int | None = None) -> PdoConfig:
+    mapping = tuple(PdoMappingEntry.from_raw(entry) for entry in entries)
+    return PdoConfig(PdoCommunicationParameter(CobId.from_raw(raw)), mapping, mpdo)
+
+
+def test_a_backup_disables_what_can_be_disabled_before_it_sets_anything() -> None:
+    pdos = {
+        Pdo.parse("tpdo1"): config(0x181, 0x60410010),
+        Pdo.parse("tpdo2"): config(0x281, 0x60410010),
+        Pdo.parse("rpdo1"): config(0x201, mpdo=0xFF),
+        Pdo.parse("rpdo2"): config(0x8000_0301),
+    }
+    lines = backup_lines({"vendor": 0x1E}, pdos, {Pdo.parse("tpdo2")})
+    assert [line.split(" --")[0] for line in lines] == [
+        "# dvtcli script 1",
+        "require identity vendor=0x0000001E",
+        "disable tpdo1 rpdo2",
+        "map tpdo1 6041:00/16",
+        "map tpdo2 6041:00/16",
+        "# rpdo1 is a multiplexed PDO (count 0xFF) and is left alone",
+        "clear rpdo2",
+        "set rpdo2",
+    ]
+
+
+def test_a_backup_names_each_dummy_itself() -> None:
+    (line,) = [line for line in backup_lines({}, {Pdo.parse("rpdo1"): config(0x201, 0x00050008)}) if "map" in line]
+    assert line.startswith("map rpdo1 0005:00/8 ")
