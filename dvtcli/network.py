@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.keeper import Keeper
 from dvtcli.device.node import Node
-from dvtcli.device.read import read_optional
+from dvtcli.device.read import read_identity
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.ports import CanopenBus, Frame
@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from dvtcli.simulator.device import StrictDevice
     from dvtcli.simulator.family import Family
     from dvtcli.simulator.faults import Fault
-
-IDENTITY = 0x1018
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,7 +152,7 @@ class Network:
 
         if not folder().is_dir():
             return None
-        vendor, product, revision = (read_optional(self.bus.sdo(node_id), IDENTITY, sub, 4) for sub in (1, 2, 3))
+        vendor, product, revision = (read_identity(self.bus.sdo(node_id), sub) for sub in (1, 2, 3))
         path = None if vendor is None or product is None else find(vendor, product, revision)
         return None if path is None else read_dictionary(path)
 
@@ -165,7 +163,7 @@ class Network:
             if one.node_id == node_id and one.family in profile_names():
                 return load_profile(one.family)
         sdo = self.bus.sdo(node_id)
-        vendor, product = read_optional(sdo, IDENTITY, 1, 4), read_optional(sdo, IDENTITY, 2, 4)
+        vendor, product = read_identity(sdo, 1), read_identity(sdo, 2)
         return GENERIC if vendor is None else profile_for_identity(vendor, product or 0)
 
 

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from dvtcli.device.read import read_optional
+from dvtcli.device.read import read_identity, read_optional
 from dvtcli.errors import DvtcliError, SdoAborted
 from dvtcli.results import NodeRow
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.domain.ports import SdoTransport
-
-IDENTITY = 0x1018
 
 
 def device_name(sdo: SdoTransport) -> str:
@@ -26,7 +24,7 @@ def device_name(sdo: SdoTransport) -> str:
 def identify(node: Node) -> NodeRow:
     """Everything `node` shows."""
     sdo = node.sdo
-    vendor, product, revision, serial = (read_optional(sdo, IDENTITY, sub, 4) for sub in (1, 2, 3, 4))
+    vendor, product, revision, serial = (read_identity(sdo, sub) for sub in (1, 2, 3, 4))
     state = node.access.state()
     return NodeRow(
         node.node_id, state.label if state is not None else "state unknown", read_optional(sdo, 0x1000, 0, 4),
@@ -36,5 +34,5 @@ def identify(node: Node) -> NodeRow:
 
 
 def silent(node_id: int, error: DvtcliError, state: str) -> NodeRow:
-    """A node that was heard but does not answer SDO."""
+    """A node that was heard but does not answer SDO, or answers nonsense."""
     return NodeRow(node_id, state, note=error.text)

@@ -27,12 +27,12 @@ def command(session: Session, /, what: str, pairs: tuple[str, ...]) -> Facts:
     \b
     require identity vendor=0x1E product=0x0705302D
     """
-    from dvtcli.device.read import read_optional
+    from dvtcli.device.read import read_identity
     from dvtcli.errors import SafetyRefusal
     from dvtcli.results import Facts
 
     node = session.node()
-    held = {name: read_optional(node.sdo, 0x1018, sub_index, 4) for name, sub_index in _SUB_INDICES.items()}
+    held = {name: read_identity(node.sdo, sub_index) for name, sub_index in _SUB_INDICES.items()}
     for name, wanted in map(_pair, pairs):
         if held[name] != wanted:
             has = "none" if held[name] is None else f"0x{held[name]:08X}"

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from dvtcli.device.read import read_optional
+from dvtcli.device.read import read_identity
 from dvtcli.domain.several import several
 from dvtcli.errors import UsageError
 from dvtcli.params import FILE
@@ -76,7 +76,7 @@ def _default_id(session: Session) -> int | None:
 def _pin(session: Session, node_id: int) -> tuple[list[str], str]:
     """The line that requires a node's identity, none where it has none, and the identity for people."""
     sdo = session.node(node_id).sdo
-    vendor, product = (read_optional(sdo, 0x1018, sub_index, 4) for sub_index in (1, 2))
+    vendor, product = (read_identity(sdo, sub_index) for sub_index in (1, 2))
     if vendor is None:
         return [], "any node"
     if product is None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import click
@@ -47,10 +48,10 @@ def command(session: Session, /, wait: int | None) -> NodeListing:
 
 
 def _ask(bus: CanopenBus, node_id: int, limit_s: float) -> NodeRow | None:
-    """The row for *node_id*, or None where nobody is there."""
-    from dvtcli.commands._identity import IDENTITY, device_name, silent
-    from dvtcli.device.read import read_optional
-    from dvtcli.errors import NoAnswer, SdoAborted
+    """The row for *node_id*, or None where nobody is there; what goes wrong with one node is its row's note."""
+    from dvtcli.commands._identity import device_name, silent
+    from dvtcli.device.read import read_identity
+    from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
     from dvtcli.formats.profile_toml import profile_for_identity
     from dvtcli.results import NodeRow
 
@@ -61,8 +62,15 @@ def _ask(bus: CanopenBus, node_id: int, limit_s: float) -> NodeRow | None:
         device_type: int | None = int.from_bytes(sdo.upload(0x1000, 0, timeout_s=limit_s, retries=0)[:4], "little")
     except NoAnswer as error:
         return None if state is None else silent(node_id, error, label)
+    except SdoProtocolError as error:
+        return silent(node_id, error, label)
     except SdoAborted:
         device_type = None
-    vendor, product, revision, serial = (read_optional(sdo, IDENTITY, sub, 4) for sub in (1, 2, 3, 4))
-    profile = "" if vendor is None else profile_for_identity(vendor, product or 0).name
-    return NodeRow(node_id, label, device_type, vendor, product, revision, serial, device_name(sdo), profile)
+    row = NodeRow(node_id, label, device_type)
+    try:
+        vendor, product, revision, serial = (read_identity(sdo, sub) for sub in (1, 2, 3, 4))
+        profile = "" if vendor is None else profile_for_identity(vendor, product or 0).name
+        row = NodeRow(node_id, label, device_type, vendor, product, revision, serial, profile=profile)
+        return replace(row, name=device_name(sdo))
+    except (NoAnswer, SdoProtocolError) as error:
+        return replace(row, note=error.text)

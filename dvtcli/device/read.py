@@ -17,6 +17,7 @@ from dvtcli.errors import SdoAborted, SdoProtocolError
 
 #: Answers that mean "this device has no such object": devices choose freely among them.
 ABSENT = frozenset({Abort.NO_OBJECT, Abort.NO_SUB_INDEX})
+IDENTITY = 0x1018
 #: Without an EDS every PDO up to this number is asked for; beyond it the first gap ends the search.
 ALWAYS_PROBED = 4
 
@@ -40,6 +41,14 @@ def read_optional(sdo: SdoTransport, index: int, sub_index: int, size: int) -> i
         if aborted.code in ABSENT:
             return None
         raise
+
+
+def read_identity(sdo: SdoTransport, sub_index: int) -> int | None:
+    """Read a part of the identity (0x1018); None where the device refuses it, for whatever reason it gives."""
+    try:
+        return read_number(sdo, IDENTITY, sub_index, 4)
+    except SdoAborted:
+        return None
 
 
 def read_pdo(sdo: SdoTransport, pdo: Pdo) -> PdoConfig:

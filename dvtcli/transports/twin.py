@@ -8,6 +8,7 @@ from __future__ import annotations
 import threading
 from collections import deque
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.nmt import NmtCommand, NmtState
@@ -140,6 +141,8 @@ class Twin:
         self._commands = commands
         self._made: StrictDevice | None = None
         self._lock = threading.RLock()
+        #: time-out and retries of the present upload, None for the bus's
+        self._limits: tuple[float | None, int | None] = None, None
         #: whether the state is the twin's own, no longer the node's
         self.commanded = bool(commands)
         self.boot_ups = 0
@@ -164,18 +167,31 @@ class Twin:
         index: int,
         sub_index: int,
         *,
-        timeout_s: float | None = None,  # noqa: ARG002 - the bus below keeps its own
-        retries: int | None = None,  # noqa: ARG002
+        timeout_s: float | None = None,
+        retries: int | None = None,
     ) -> bytes:
-        """Read an object: what was written to the twin, else what the node holds. Raises as the node would."""
+        """Read an object: what was written to the twin, else what the node holds. Raises as the node would.
+
+        *timeout_s* and *retries* hold for what is read of the node, also for finding out whether there is one.
+        """
         with self._lock:
-            device = self._answering(index, sub_index)
-            if (index, sub_index) == device.family.state_object:
-                self._follow_node(device)
+            self._limits = timeout_s, retries
             try:
+                if self._made is None:
+                    self._reach(index, sub_index)
+                device = self._answering(index, sub_index)
+                if (index, sub_index) == device.family.state_object:
+                    self._follow_node(device)
                 return device.upload(index, sub_index)
             except Refusal as refusal:
                 raise SdoAborted(index, sub_index, refusal.code, node=self._node_id) from refusal
+            finally:
+                self._limits = None, None
+
+    def _reach(self, index: int, sub_index: int) -> None:
+        """NoAnswer where there is no node: making its twin would ask for more, and wait longer."""
+        with suppress(Refusal):
+            self._backing(index, sub_index)
 
     def download(self, index: int, sub_index: int, data: bytes, *, timeout_s: float | None = None) -> None:  # noqa: ARG002
         """Write an object of the twin; SdoAborted where the device would refuse it. The node is only read."""
@@ -250,6 +266,7 @@ class Twin:
 
     def _backing(self, index: int, sub_index: int) -> bytes:
         try:
-            return self._wrapped.sdo(self._node_id).upload(index, sub_index)
+            timeout_s, retries = self._limits
+            return self._wrapped.sdo(self._node_id).upload(index, sub_index, timeout_s=timeout_s, retries=retries)
         except SdoAborted as aborted:
             raise Refusal(aborted.code) from aborted

@@ -1,0 +1,65 @@
+"""`scan` lists every node, also beside one that answers oddly; met over a bus."""
+
+from __future__ import annotations
+
+import pytest
+
+from dvtcli.domain.abort import Abort
+from dvtcli.formats.eds import read_eds
+from dvtcli.simulator.device import StrictDevice
+from dvtcli.simulator.family import family_eds, load_family
+from dvtcli.simulator.refusal import Refusal
+from tests.commands.bench import Bench
+from tests.commands.bus import Wire, device
+
+
+class Odd(StrictDevice):
+    """Refuses or garbles what every other device answers."""
+
+    odd: tuple[int, ...] = (0x1018, 0x1008)
+    answer: bytes | None = None
+
+    def upload(self, index: int, sub_index: int) -> bytes:
+        if index not in self.odd:
+            return super().upload(index, sub_index)
+        if self.answer is None:
+            raise Refusal(Abort.GENERAL)
+        return self.answer
+
+
+def odd_device(node_id: int, answer: bytes | None, *odd: int) -> Odd:
+    made = Odd(read_eds(family_eds("generic")).dictionary, load_family("generic"), node_id)
+    made.odd, made.answer = odd, answer
+    return made
+
+
+def test_an_odd_node_hides_no_other() -> None:
+    nodes = [
+        odd_device(3, None, 0x1018, 0x1008),
+        odd_device(4, b"12345678", 0x1018),
+        odd_device(5, b"", 0x1000),
+        device("gen4", 6),
+    ]
+    with Wire(*nodes) as wire, Bench((), dict(wire.options)) as bench:
+        ran = bench.run("scan --json")
+        assert ran.code == 0, ran.stderr
+        rows = {row["node"]: row for row in ran.document["nodes"]}
+    assert sorted(rows) == [3, 4, 5, 6]
+    assert (rows[3]["vendor_id"], rows[3]["note"]) == (None, "")
+    assert "1018:01 answered 8 bytes" in rows[4]["note"]
+    assert rows[6]["vendor_id"] == 0x1E
+
+
+def test_a_refused_identity_is_none() -> None:
+    with Wire(odd_device(1, None, 0x1018)) as wire, Bench((), dict(wire.options)) as bench:
+        ran = bench.run("pdo tpdo1 --json")
+        assert ran.code == 0, ran.stderr
+
+
+@pytest.mark.parametrize("option", ["", "--dry-run"])
+def test_absent_nodes_cost_little_time(option: str) -> None:
+    with Wire(device("generic", 9)) as wire, Bench((), dict(wire.options)) as bench:
+        before = bench.session.network.bus.now_s()
+        ran = bench.run(f"scan --json {option}")
+        assert bench.session.network.bus.now_s() - before < 8
+        assert [row["node"] for row in ran.document["nodes"]] == [9]
