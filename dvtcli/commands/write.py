@@ -13,6 +13,7 @@ from dvtcli.commands._values import type_of
 from dvtcli.device.store import RESTORE, SIGNATURES, STORE
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.rules.raw_write import parameter_size
 from dvtcli.errors import DvtcliError, RuleError, UsageError
 from dvtcli.params import OBJECT, TEXT, DataTypeParam, ObjectWord
 from dvtcli.shell import DvtCommand
@@ -61,7 +62,7 @@ def _encoded(node: Node, index: int, sub_index: int, value: str, asked: DataType
 def _size(node: Node, index: int, sub_index: int) -> int:
     """How long the object is; 0 where it cannot be read and no file tells."""
     if Pdo.at(index) is not None:
-        return {0: 1, 1: 4, 2: 1, 3: 2, 5: 2, 6: 1}.get(sub_index, 4) if index & 0x200 == 0 else (4 if sub_index else 1)
+        return parameter_size(index, sub_index) or 4
     entry = node.dictionary.entry(index, sub_index) if node.dictionary else None
     if entry is not None and entry.data_type is not None:
         return entry.data_type.size or 0

@@ -8,7 +8,7 @@ from dvtcli.device.read import read_optional
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.mapping import MAX_ENTRIES, PdoMappingEntry
 from dvtcli.domain.pdo import Pdo
-from dvtcli.domain.rules.raw_write import ParameterWrite, parameter_findings, write_findings
+from dvtcli.domain.rules.raw_write import ParameterWrite, length_findings, parameter_findings, write_findings
 from dvtcli.errors import SdoAborted
 
 if TYPE_CHECKING:
@@ -22,6 +22,8 @@ def raw_write_findings(node: Node, index: int, sub_index: int, data: bytes) -> t
     pdo = Pdo.at(index)
     if pdo is None or findings:
         return findings
+    if wrong := length_findings(index, sub_index, data):
+        return wrong
     now = node.pdo(pdo)
     write = ParameterWrite(index, sub_index, int.from_bytes(data, "little"))
     return parameter_findings(lambda want: node.proposal(pdo, now, want), now, write, _entries(node, pdo, write))

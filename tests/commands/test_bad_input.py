@@ -6,7 +6,9 @@ from collections.abc import Iterator
 
 import pytest
 
+from dvtcli.simulator.family import family_eds
 from tests.commands.bench import Bench
+from tests.commands.bus import Wire, device
 
 
 @pytest.fixture(scope="module")
@@ -177,3 +179,24 @@ def test_neither_bus_nor_node_says_what_to_do() -> None:
         ran = bench.run("pdo")
         assert ran.code in (2, 5)
         assert "--sim" in ran.stderr
+
+
+@pytest.mark.parametrize("described", [True, False])
+def test_a_pdo_parameter_of_another_length_is_refused_also_without_a_file(described: bool) -> None:
+    with Wire(device("generic")) as wire:
+        options = {**wire.options, "eds": str(family_eds("generic")) if described else None}
+        with Bench((), options) as bench:
+            for line, abort in [
+                ("write 1800:1 0x1FFFFFFFFF --as u64", "0x06070012"),
+                ("write 1800:1 1 --as u8", "0x06070013"),
+                ("write 1800:2 1 --as u32", "0x06070012"),
+                ("write 1A00:1 1 --as u8", "0x06070013"),
+                ("write 1A00:0 0x1FF --as u16", "0x06070012"),
+                ('write 1800:1 "" --as os', "0x06070013"),
+            ]:
+                ran = bench.run(f"{line} --json")
+                assert ran.code == 1, (line, ran.stdout, ran.stderr)
+                assert [found["rule"] for found in ran.document["findings"]] == ["length"], line
+                assert ran.document["abort"] == abort, line
+                forced = bench.run(f"{line} --json --force")
+                assert (forced.code, forced.document["abort"]) == (1, abort), line

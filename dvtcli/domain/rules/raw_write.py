@@ -16,6 +16,7 @@ from dvtcli.domain.rules.finding import Finding, Proposal, error
 from dvtcli.domain.rules.mapping import decimal_hint, mapping_findings
 
 _FIELDS = {2: "transmission_type", 3: "inhibit_time", 5: "event_timer", 6: "sync_start_value"}
+_SIZES = {0: 1, 1: 4, 2: 1, 3: 2, 4: 1, 5: 2, 6: 1}
 _FROZEN = {3: "inhibit time", 6: "SYNC start value"}
 
 
@@ -85,6 +86,23 @@ def parameter_findings(
     if write.index < 0x1600 or 0x1800 <= write.index < 0x1A00:
         return tuple(_communication(proposal_for, now, write))
     return tuple(_mapping(proposal_for, now, write, entries))
+
+
+def length_findings(index: int, sub_index: int, data: bytes) -> tuple[Finding, ...]:
+    """What the standard says of the length of *data* for a PDO's parameter; nothing of a sub-index it does not know."""
+    size = parameter_size(index, sub_index)
+    if size is None or len(data) == size:
+        return ()
+    place, code = f"0x{index:04X}:{sub_index:02X}", Abort.TOO_LONG if len(data) > size else Abort.TOO_SHORT
+    plural = "" if size == 1 else "s"
+    return (error("length", place, f"{place} has {size} byte{plural}, not {len(data)}", code),)
+
+
+def parameter_size(index: int, sub_index: int) -> int | None:
+    """How many bytes a sub-index of a PDO's parameters has (CiA 301, 7.5.2.35 to 38); None where it is none of them."""
+    if index & 0x200 == 0:
+        return _SIZES.get(sub_index)
+    return 4 if sub_index else 1
 
 
 def _communication(
