@@ -7,14 +7,26 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
+from typing import Protocol
 
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.device import StrictDevice
 from dvtcli.simulator.faults import Fault, faults_of
 from dvtcli.simulator.faulty import Answer, FaultyServer
 from dvtcli.simulator.sdo_server import SdoServer
+from dvtcli.simulator.signals import Signal, SignalSource
 
 NMT_CAN_ID, SDO_REQUEST, SDO_RESPONSE = 0x000, 0x600, 0x580
+
+
+class Source(Protocol):
+    """What changes a device's objects by itself, a signal or a plant; *due_s* is when it wants to be polled (s)."""
+
+    due_s: float
+
+    def poll(self, now_s: float) -> None:
+        """Change what has changed by *now_s* (s)."""
+        ...
 
 
 class SimulatedNode:
@@ -29,11 +41,20 @@ class SimulatedNode:
         self._faulty = FaultyServer(self.server, faults) if faults else None
         #: answers that are still to come, with their times
         self._later: deque[tuple[float, Frame]] = deque()
+        self._sources: list[Source] = []
 
     @property
     def bus_failed(self) -> bool:
         """Whether a fault has killed the bus."""
         return self._faulty is not None and self._faulty.bus_failed
+
+    def add_source(self, source: Source) -> None:
+        """Let *source* move the device's objects from now on; a Plant is one."""
+        self._sources.append(source)
+
+    def add_signal(self, signal: Signal) -> None:
+        """Let *signal* move its object from now on; ValueError where the device has no such number."""
+        self.add_source(SignalSource(self.device, signal))
 
     def handle(self, frame: Frame, now_s: float = 0.0) -> list[Frame]:
         """What the node sends at once on hearing *frame* at *now_s*, a monotonic time in seconds, in order."""
@@ -56,6 +77,9 @@ class SimulatedNode:
         if self._faulty is not None and self._faulty.boots_at_s is not None and self._faulty.boots_at_s <= now_s:
             self._faulty.boots_at_s = None
             self.device.boot_up()
+        for source in self._sources:
+            if source.due_s <= now_s:
+                source.poll(now_s)
         due: list[Frame] = []
         while self._later and self._later[0][0] <= now_s:
             due.append(self._later.popleft()[1])
@@ -64,6 +88,9 @@ class SimulatedNode:
     def next_poll_s(self) -> float | None:
         """When `poll` has something to send next, on the same clock; None for never."""
         faulty, due_s = self._faulty, self.device.next_poll_s()
+        if self._sources:
+            soonest_s = min(source.due_s for source in self._sources)
+            due_s = soonest_s if due_s is None else min(due_s, soonest_s)
         if faulty is None:
             return due_s
         if faulty.dead:

@@ -1,0 +1,200 @@
+"""Signals and the plant: what moves by itself, and that TPDOs show it."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from dvtcli.domain.nmt import NmtCommand
+from dvtcli.domain.ports import Frame
+from dvtcli.simulator.device import StrictDevice
+from dvtcli.simulator.plant import DriveState, Plant, next_state
+from dvtcli.simulator.signals import Signal
+from dvtcli.simulator.station import SimulatedNode
+from dvtcli.transports.virtual_time import VirtualTimeBus
+from tests.simulator.bench import Client, booted
+
+
+def at(text: str, *times_s: float) -> list[float]:
+    shape = Signal.parse(text).shape
+    return [round(shape(time_s), 6) for time_s in times_s]
+
+
+@pytest.mark.parametrize(
+    ("text", "times_s", "values"),
+    [
+        ("606C=sine(1500,2s)", (0, 0.5, 1, 1.5, 2), [0, 1500, 0, -1500, 0]),
+        ("606C:00=ramp(-10,10,4s)", (0, 1, 2, 3, 4), [-10, -5, 0, 5, -10]),
+        ("6000:1=square(0,1,500ms)", (0, 0.2, 0.3, 0.5), [0, 0, 1, 0]),
+        ("606c=const(-0x10)", (0, 100), [-16, -16]),
+        ("606C=const(1.5)", (0,), [1.5]),
+        ("606C=sine(1,1min)", (15,), [1]),
+        ("606C=sine(1,4)", (1,), [1]),
+    ],
+)
+def test_shapes(text: str, times_s: tuple[float, ...], values: list[float]) -> None:
+    assert at(text, *times_s) == values
+
+
+def test_an_object_is_named_in_hex() -> None:
+    signal = Signal.parse(" 6401:1F=const(0) ")
+    assert (signal.index, signal.sub_index) == (0x6401, 0x1F)
+
+
+def test_a_walk_stays_within_its_limits_and_is_the_same_every_time() -> None:
+    times_s = [(step + 0.5) / 10 for step in range(500)]
+    first = at("606C=walk(5,-20,30,100ms)", *times_s)
+    assert first == at("606C=walk(5,-20,30,100ms)", *times_s)
+    assert first[0] == 5
+    assert -20 <= min(first) < max(first) <= 30
+    assert max(abs(after - before) for before, after in pairwise(first)) <= 5
+    assert at("606C=walk(5,-20,30,1ms)", 1e9)
+
+
+def test_rows_of_a_file_hold_until_the_next(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text("time,speed,current\n0,10,1\n0.5,20,2\n2,-30,3\n")
+    assert at(f"606C=csv({path},speed)", 0, 0.4, 0.5, 1.9, 2, 50) == [10, 10, 20, 20, -30, -30]
+    assert at(f"606C=csv({path},2)", 2) == [3]
+    path.write_text("1,10\n2,20\n")
+    assert at(f"606C=csv({path},1)", 0, 1, 2) == [10, 10, 20]
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "606C",
+     "606C=tan(1,2)", "606C=sine(1)", "606C=sine(1,0s)", "606C=sine(x,1s)", "606C=sine(1,1h)", "6C=const(1)",
+     "606C=walk(1,5,2,1s)", "606C=const()", "606C=csv(nowhere.csv,1)", "606C=sine(1,1s)x", "606C=const(1e999)"],
+)  # fmt: skip
+def test_what_is_no_signal(text: str) -> None:
+    with pytest.raises(ValueError, match=r"\w"):
+        Signal.parse(text)
+
+
+@pytest.mark.parametrize("body", ["", "time,speed\n", "0,a\n", "0\n", "0,nan\n"])
+def test_files_without_rows(tmp_path: Path, body: str) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text(body)
+    with pytest.raises(ValueError, match=r"log\.csv"):
+        Signal.parse(f"606C=csv({path},1)")
+
+
+@pytest.mark.parametrize("place", ["5FFF", "1008", "606C:5"])
+def test_signals_need_an_object_that_holds_a_number(place: str) -> None:
+    with pytest.raises(ValueError, match="has no object"):
+        SimulatedNode(booted()).add_signal(Signal.parse(f"{place}=const(1)"))
+
+
+def test_values_are_rounded_and_clipped_to_the_type() -> None:
+    node = SimulatedNode(booted())
+    node.add_signal(Signal.parse("6041=const(99999)"))
+    node.add_signal(Signal.parse("606C=const(-1.6)"))
+    node.poll(0.0)
+    assert node.device.value(0x6041) == b"\xff\xff"
+    assert node.device.value(0x606C) == b"\xfe\xff\xff\xff"
+
+
+def test_a_tpdo_on_change_follows_a_signal_within_its_inhibit_time() -> None:
+    device = booted()
+    client = Client.on(device)
+    for write in ((0x1800, 1, 0xC0000181, 4), (0x1800, 3, 1000, 2), (0x1800, 1, 0x40000181, 4)):
+        client.write(*write)
+    bus = VirtualTimeBus([device])
+    bus.nodes[0].add_signal(Signal.parse("6041=ramp(0,1000,1s)"))
+    bus.send(Frame(0, b"\x01\x01"))
+    values = [int.from_bytes(frame.data, "little") for frame in bus.receive(0.95) if frame.can_id == 0x181]
+    assert len(values) == 10
+    assert values == sorted(values)
+    assert {after - before for before, after in pairwise(values)} <= {90, 100, 110}
+
+
+@pytest.mark.parametrize(
+    ("state", "controlword", "after"),
+    [
+        ("SWITCH_ON_DISABLED", 0x06, "READY_TO_SWITCH_ON"),
+        ("SWITCH_ON_DISABLED", 0x0F, "SWITCH_ON_DISABLED"),
+        ("READY_TO_SWITCH_ON", 0x07, "SWITCHED_ON"),
+        ("READY_TO_SWITCH_ON", 0x0F, "OPERATION_ENABLED"),
+        ("READY_TO_SWITCH_ON", 0x02, "SWITCH_ON_DISABLED"),
+        ("SWITCHED_ON", 0x0F, "OPERATION_ENABLED"),
+        ("SWITCHED_ON", 0x06, "READY_TO_SWITCH_ON"),
+        ("OPERATION_ENABLED", 0x07, "SWITCHED_ON"),
+        ("OPERATION_ENABLED", 0x06, "READY_TO_SWITCH_ON"),
+        ("OPERATION_ENABLED", 0x02, "QUICK_STOP_ACTIVE"),
+        ("OPERATION_ENABLED", 0x00, "SWITCH_ON_DISABLED"),
+        ("QUICK_STOP_ACTIVE", 0x06, "QUICK_STOP_ACTIVE"),
+        ("QUICK_STOP_ACTIVE", 0x00, "SWITCH_ON_DISABLED"),
+        ("FAULT", 0x0F, "FAULT"),
+    ],
+)
+def test_the_state_machine(state: str, controlword: int, after: str) -> None:
+    assert next_state(DriveState[state], controlword) is DriveState[after]
+
+
+def drive() -> tuple[StrictDevice, Plant]:
+    device = booted()
+    Client.on(device).write(0x6083, 0, 1000, 4)
+    return device, Plant(device)
+
+
+def order(device: StrictDevice, plant: Plant, controlword: int, now_s: float) -> int:
+    Client.on(device).write(0x6040, 0, controlword, 2)
+    plant.poll(now_s)
+    return int.from_bytes(device.value(0x6041), "little")
+
+
+def velocity(device: StrictDevice, index: int = 0x606C) -> int:
+    return int.from_bytes(device.value(index), "little", signed=True)
+
+
+def test_target_velocity_moves_the_actual_one_and_position_integrates() -> None:
+    device, plant = drive()
+    assert [order(device, plant, word, 0.0) for word in (0x00, 0x06, 0x07, 0x0F)] == [0x640, 0x631, 0x633, 0x637]
+    began = velocity(device, 0x6064)
+    Client.on(device).write(0x60FF, 0, 500, 4)
+    seen = []
+    for step in range(1, 101):
+        plant.poll(step / 100)
+        seen.append(velocity(device))
+    assert seen[:3] == [10, 20, 30]
+    assert seen[24] == 250
+    assert seen[-1] == 500
+    assert velocity(device, 0x6064) - began == 375  # half a second of acceleration and half at 500
+    assert order(device, plant, 0x06, 1.25) == 0x231
+    assert velocity(device) == 250
+
+
+def test_a_fault_needs_the_rising_edge_of_bit_7() -> None:
+    device, plant = drive()
+    plant.fail()
+    assert order(device, plant, 0x00, 0.0) & 0x6F == 0x08
+    assert order(device, plant, 0x80, 0.1) & 0x6F == 0x40
+    plant.fail()
+    assert order(device, plant, 0x80, 0.2) & 0x6F == 0x08
+
+
+def test_what_is_no_drive() -> None:
+    device = booted()
+    bare = StrictDevice(type(device.dictionary)({}), device.family, 1)
+    with pytest.raises(ValueError, match="no drive"):
+        Plant(bare)
+
+
+@pytest.mark.parametrize("family", ["generic", "gen4", "espac", "tmcm", "roboteq"])
+def test_every_drive_family_has_a_plant(family: str) -> None:
+    """Where a motor is tied to an application object, that one commands it."""
+    tied = family in ("gen4", "espac")
+    control, target = ((0x2020, 1), (0x2020, 3)) if tied else ((0x6040, 0), (0x60FF, 0))
+    device = booted(family)
+    node = SimulatedNode(device)
+    node.add_source(Plant(device))
+    device.nmt(NmtCommand.START)
+    for word in (0x06, 0x07, 0x0F):
+        device.set_value(*control, word.to_bytes(2, "little"))
+        node.poll(0.0 if word == 0x06 else word / 100)
+    device.set_value(*target, (1000).to_bytes(4, "little"))
+    assert node.next_poll_s() == 0.0
+    node.poll(2.0)
+    assert velocity(device) > 0
