@@ -68,6 +68,7 @@ class StrictDevice:
         #: what the memory counted when it was last polled, and when it is due if nothing changes
         self._polled_changes = -1
         self._due_s = -_NEVER
+        self._sync_changes = 0
         self._vpdos.copy()
 
     @property
@@ -192,6 +193,17 @@ class StrictDevice:
         self._vpdos.copy()
         return answers
 
+    def hears(self, frame: Frame) -> bool:
+        """Whether *frame*, no NMT command and no SDO, may mean something to the device: its SYNC, one of its PDOs."""
+        if self._state is not NmtState.OPERATIONAL:
+            return False
+        return self._exchange.knows(frame) or self.hears_sync(frame)
+
+    @property
+    def hearing_changes(self) -> int:
+        """A number that grows whenever `hears` may answer differently from before."""
+        return self._exchange.forgotten + self._sync_changes
+
     def hears_sync(self, frame: Frame) -> bool:
         """Whether *frame* is a SYNC to this device (0x1005, else 0x080)."""
         raw = self._memory.number(SYNC_COB_ID, 0, missing=0x80)
@@ -304,6 +316,7 @@ class StrictDevice:
             return
         self._memory.write(index, sub_index, data)
         self._store.keep_written(index)
+        self._sync_changes += index == SYNC_COB_ID
         if index == ERROR_HISTORY:
             self._errors.forget_history()
         pdo = Pdo.at(index)

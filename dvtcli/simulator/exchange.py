@@ -50,12 +50,16 @@ class PdoExchange:
         self._errors = errors
         self._tpdos: dict[Pdo, Tpdo] = {}
         self._rpdos: dict[Pdo, _Rpdo] = {}
+        self._cob_ids: set[tuple[int, bool]] = set()
+        #: how often `forget` was called: as long as it stays, `knows` answers the same
+        self.forgotten = 0
         #: PDOs whose parameters changed, None for all
         self._stale: set[Pdo] | None = None
         self.due_s = NEVER
 
     def forget(self, pdo: Pdo | None = None) -> None:
         """Start over with *pdo*, or with all of them, after its parameters or the NMT state changed."""
+        self.forgotten += 1
         if pdo is None:
             self._stale = None
         elif self._stale is not None:
@@ -83,6 +87,11 @@ class PdoExchange:
             if rpdo.can_id == frame.can_id and rpdo.extended == frame.extended:
                 answers += self._receive(pdo, rpdo, frame.data)
         return answers
+
+    def knows(self, frame: Frame) -> bool:
+        """Whether *frame* has the COB-ID of one of the PDOs."""
+        self._refresh()
+        return (frame.can_id, frame.extended) in self._cob_ids
 
     def request(self, frame: Frame) -> list[Frame]:
         """The TPDO that a remote *frame* asks for, where its COB-ID and the family allow that."""
@@ -145,6 +154,8 @@ class PdoExchange:
             self._look_at(pdo)
         self._tpdos = dict(sorted(self._tpdos.items()))
         self._rpdos = dict(sorted(self._rpdos.items()))
+        self._cob_ids = {(tpdo.can_id, tpdo.extended) for tpdo in self._tpdos.values()}
+        self._cob_ids |= {(rpdo.can_id, rpdo.extended) for rpdo in self._rpdos.values()}
         self._stale = set()
 
     def _all(self) -> set[Pdo]:

@@ -14,15 +14,20 @@ from dvtcli.domain.ports import Frame
 from dvtcli.simulator.device import StrictDevice
 from dvtcli.simulator.hub import Client, Hub
 from dvtcli.simulator.socketcand import told_frame
-from dvtcli.simulator.station import SDO_REQUEST, SDO_RESPONSE, SimulatedNode
+from dvtcli.simulator.station import NMT_CAN_ID, SDO_REQUEST, SDO_RESPONSE, SimulatedNode
 from dvtcli.simulator.wire import Wire
 
+HEARTBEAT, LSS_MASTER = 0x700, 0x7E5
+#: what every node obeys, whatever its state
+_NETWORK_IDS = (NMT_CAN_ID, LSS_MASTER)
 #: longest wait (s) where nothing is due: whoever has something wakes the thread
 _LONGEST_WAIT_S = 1.0
 #: frames of one source that may wait for the wire before it is not read any more
 _MOST_WAITING = 64
 #: frames between two looks at the clients: nodes that answer each other for ever must not keep them out
 _AT_ONCE = 2000
+#: CAN-IDs that are remembered; nobody has more, but a client may try
+_MOST_ROUTES = 4096
 
 
 class Member(Protocol):
@@ -60,10 +65,13 @@ class Server:
         self.frames = 0
         self._wire = wire
         self._members = members
-        self._nodes = {node.device.node_id: node for node in nodes}
+        self._nodes = tuple(nodes)
         self._latency_s = latency_s
         self._stored, self._on_stored = {node: node.device.stored_changes for node in nodes}, stored
         self._bus_failed, self._on_bus_failed = False, bus_failed
+        #: which nodes a CAN-ID means something to, as long as no node's hearing changes
+        self._routes: dict[tuple[int, bool], list[SimulatedNode]] = {}
+        self._hearing: dict[SimulatedNode, tuple[int, int]] = {}
         #: when each node has something to say by itself; nodes that never do are not in it
         self._due_s: dict[SimulatedNode, float] = {}
         #: SDO answers that a server is still thinking about: (time, order, node, frame)
@@ -80,7 +88,7 @@ class Server:
     def run(self) -> None:
         """Boot the nodes and serve them until `stop`; raises what a member raises."""
         now_s = monotonic()
-        for node in self._nodes.values():
+        for node in self._nodes:
             node.device.boot_up()
             self._poll(node, now_s)
         while not self._stopping:
@@ -139,12 +147,22 @@ class Server:
                 self._hear(node, frame, at_s)
 
     def _listeners(self, frame: Frame) -> Sequence[SimulatedNode]:
-        """The nodes that *frame* may mean something to: SDOs concern one node only."""
+        """The nodes that *frame* may mean something to; remembered by CAN-ID."""
+        key = (frame.can_id, frame.extended)
+        route = self._routes.get(key)
+        if route is None:
+            if len(self._routes) >= _MOST_ROUTES:
+                self._routes.clear()
+            route = self._routes[key] = [node for node in self._nodes if self._concerns(node, frame)]
+        return route
+
+    @staticmethod
+    def _concerns(node: SimulatedNode, frame: Frame) -> bool:
+        """SDOs and heartbeats have CAN-IDs that CiA 301 keeps from PDOs: they concern one node, or none."""
         function, node_id = frame.can_id & ~0x7F, frame.can_id & 0x7F
-        if frame.extended or not node_id or function not in (SDO_REQUEST, SDO_RESPONSE):
-            return tuple(self._nodes.values())
-        node = self._nodes.get(node_id) if function == SDO_REQUEST else None
-        return () if node is None else (node,)
+        if frame.extended or not node_id or function not in (SDO_REQUEST, SDO_RESPONSE, HEARTBEAT):
+            return (frame.can_id in _NETWORK_IDS and not frame.extended) or node.device.hears(frame)
+        return function == SDO_REQUEST and node.device.node_id == node_id
 
     def _hear(self, node: SimulatedNode, frame: Frame, at_s: float) -> None:
         answers = node.handle(frame, at_s)
@@ -162,6 +180,10 @@ class Server:
     def _poll(self, node: SimulatedNode, now_s: float) -> None:
         for frame in node.poll(now_s):
             self._say(node, frame, now_s)
+        hearing = (node.device.node_id, node.device.hearing_changes)
+        if hearing != self._hearing.get(node):
+            self._hearing[node] = hearing
+            self._routes.clear()
         due_s = node.next_poll_s()
         if due_s is None:
             self._due_s.pop(node, None)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field
+from itertools import product
 
 from dvtcli.domain.ports import Frame
 
@@ -17,10 +18,13 @@ LONGEST = 512
 #: longest name of a bus, as socketcand has it
 _LONGEST_NAME = 16
 
+_DIGITS = b"0123456789abcdefABCDEF"
 _ELEMENT = re.compile(rb"[\s\0]*<([^<>]*)>")
 _SEND = re.compile(rb"send +([0-9A-Fa-f]{1,8}) +(?:0[xX])?([0-8])((?: +[0-9A-Fa-f]{1,2})*)")
 _SEND_RTR = re.compile(rb"sendrtr +([0-9A-Fa-f]{1,8}) +([0-8])")
 _BASE_DIGITS = 3
+#: every byte as clients write it: `a`, `A`, `0a`, `0A`, `fF`, …
+_BYTES = {bytes(digits): int(bytes(digits), 16) for count in (1, 2) for digits in product(_DIGITS, repeat=count)}
 
 
 class RubbishError(ValueError):
@@ -50,7 +54,7 @@ def sent_frame(request: bytes) -> Frame | None:
     """The frame of a `send` or `sendrtr`; None where *request* is another one, ValueError where it is a wrong one."""
     match = _SEND.fullmatch(request)
     if match is not None:
-        data = bytes([int(byte, 16) for byte in match[3].split()])
+        data = bytes(map(_BYTES.__getitem__, match[3].split()))
         if len(data) != int(match[2]):
             raise ValueError("length and data differ")
         return _frame(match[1], data, remote=False)
