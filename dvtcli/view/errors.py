@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 
 from dvtcli.domain.abort import abort_text
@@ -11,6 +12,9 @@ from dvtcli.errors import DvtcliError, RuleError, State
 from dvtcli.results.documents import Document, finding_document
 from dvtcli.view.lines import Cell, Line
 
+#: What a failure's place may be, beside a file or a line of one.
+_OBJECT = re.compile(r"(?:0x)?[0-9A-F]{4}:[0-9A-F]{2}")
+_PDO = re.compile(r"[RT]PDO[0-9]{1,3}")
 _STATES: dict[State, str] = {
     "unchanged": "unchanged: nothing was written",
     "rolled_back": "rolled back: everything is as it was, read back equal; nothing was stored",
@@ -22,12 +26,15 @@ _STYLES = {Severity.ERROR: "red", Severity.WARNING: "yellow", Severity.NOTE: "cy
 
 def error_document(error: DvtcliError, at: str | None = None) -> Document:
     """`dvtcli.error/1`; *at* is the `FILE:LINE` of the script line that failed."""
+    place = error.place or ""
+    is_object = _OBJECT.fullmatch(place) is not None
     document: Document = {
         "schema": "dvtcli.error/1",
         "exit_code": error.exit_code,
         "error": error.slug,
         "node": error.node,
-        "object": error.place,
+        "object": place.removeprefix("0x") if is_object else None,
+        "file": None if is_object or _PDO.fullmatch(place) else error.place,
         "abort": None if error.abort is None else f"0x{error.abort:08X}",
         "text": error.text,
         "why": error.why,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 
 import pytest
@@ -145,7 +146,11 @@ def test_the_same_error_as_a_document(gen4: Bench, line: str, code: int, text: s
     assert error["schema"] == "dvtcli.error/1"
     assert error["exit_code"] == code
     assert error["state"] == "unchanged"
-    assert {"error", "node", "object", "abort", "text", "hint"} <= error.keys()
+    assert {"error", "node", "object", "file", "abort", "text", "hint"} <= error.keys()
+    assert error["object"] is None or re.fullmatch("[0-9A-F]{4}:[0-9A-F]{2}", error["object"])
+    assert error["file"] is None or error["object"] is None
+    if error["error"] == "rules":
+        assert error["object"] is not None
     assert document.stderr == ""
 
 
@@ -200,3 +205,10 @@ def test_a_pdo_parameter_of_another_length_is_refused_also_without_a_file(descri
                 assert ran.document["abort"] == abort, line
                 forced = bench.run(f"{line} --json --force")
                 assert (forced.code, forced.document["abort"]) == (1, abort), line
+
+
+def test_a_file_is_no_object() -> None:
+    with Bench() as bench:
+        for line, file in [("eds show pyproject.toml", "pyproject.toml:1"), ("run nofile.dvt", "nofile.dvt")]:
+            error = bench.run(f"{line} --json").document
+            assert (error["object"], error["file"]) == (None, file), line
