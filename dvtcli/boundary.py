@@ -29,7 +29,6 @@ def guarded(session: Session, run: Callable[[], Any]) -> int:
     try:
         result = run()
     except DvtcliError as error:
-        session.annotate(error)
         session.output.error(error, session.place)
         return error.exit_code
     except click.exceptions.Exit as finished:

@@ -42,7 +42,7 @@ def _catch_signals(session: Session) -> None:
         cancellation.exit_code = 128 + number
         if cancellation.active and not cancellation.requested:
             cancellation.requested = True
-            os.write(2, b"\nstopping at the next safe point; the change is put back (once more: stop at once)\n")
+            os.write(2, b"\nstopping at the next safe point (once more: at once)\n")
             return
         raise KeyboardInterrupt
 

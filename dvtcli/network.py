@@ -19,7 +19,7 @@ from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.ports import CanopenBus, Frame
 from dvtcli.domain.profile import GENERIC, DeviceProfile
-from dvtcli.errors import InputFileError, UsageError
+from dvtcli.errors import InputFileError, SafetyRefusal, UsageError
 from dvtcli.formats.profile_toml import load_profile, profile_for_identity, profile_names
 from dvtcli.options import Options, is_file, node_id
 
@@ -118,11 +118,12 @@ class Network:
             entry = dictionary.entry(pdo.communication_index, 1) if dictionary else None
             return entry is not None and not entry.access.writable
 
-        keeper = Keeper(state_folder(self.options), self.bus.name, node_id, self.say, is_fixed)
+        folder, locks = state_folder(self.options), state_folder(None) / "locks"
+        keeper = Keeper(folder, locks, self.bus.name, node_id, self.say, is_fixed)
         try:
             journal = keeper.interrupted()
-        except InputFileError as damaged:
-            self.warn(f"{damaged.text}: {damaged.why}; {damaged.hint}")
+        except (InputFileError, SafetyRefusal) as damaged:
+            self.warn(f"{damaged.text}: {damaged.why or damaged.place}; {damaged.hint}")
             return keeper
         if journal is not None:
             labels = ", ".join(change.label for change in journal.plan.changes)
@@ -167,9 +168,9 @@ class Network:
         return GENERIC if vendor is None else profile_for_identity(vendor, product or 0)
 
 
-def state_folder(options: Options) -> Path:
-    """Where journals, locks and backups are kept: --journal, else the user's state folder."""
-    if options.journal:
+def state_folder(options: Options | None) -> Path:
+    """Where journals and backups are kept: --journal, else the user's state folder (which None asks for)."""
+    if options is not None and options.journal:
         return Path(options.journal)
     import platformdirs
 

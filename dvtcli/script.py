@@ -55,8 +55,8 @@ def run_script(session: Session, data: bytes, source: str, *, keep_going: bool) 
     code = 0 if not codes else 7 if 7 in codes else codes[0]
     if session.in_script:
         return code
-    # after a failure the set-up is neither old nor new as a whole: its nodes stay PRE-OPERATIONAL
-    return boundary(session, lambda: session.end_line(7 if code else 0)) or code
+    # after a failure (a difference is none) the set-up is neither old nor new: its nodes stay PRE-OPERATIONAL
+    return boundary(session, lambda: session.end_line(7 if code not in (0, 3) else 0)) or code
 
 
 def _run_lines(

@@ -11,7 +11,7 @@ from contextlib import AbstractContextManager, contextmanager
 from typing import TYPE_CHECKING, Any
 
 from dvtcli.device.cancellation import Cancellation
-from dvtcli.errors import DvtcliError, SafetyRefusal, UsageError
+from dvtcli.errors import SafetyRefusal, UsageError
 from dvtcli.options import START_ONLY, Options
 
 if TYPE_CHECKING:
@@ -88,6 +88,7 @@ class Session:
     def settle(self) -> None:
         """A line ended, well or not: say what was noticed meanwhile, and show things as before it."""
         self.warn_of_disturbances()
+        self._warn_of_reboots()
         self._show()
 
     def _show(self) -> None:
@@ -222,30 +223,31 @@ class Session:
     def end_line(self, code: int) -> None:
         """A line of its own, or a whole script, ended with *code*: nodes go back to the NMT state they were found in.
 
-        Not after a failure that left a device changed, nor in the middle of a script: there they stay
-        PRE-OPERATIONAL, and the error said so, as does the error of a node that cannot be brought back.
+        Not after a failure that left a device changed, nor after one in the middle of a script, which is neither the
+        old set-up nor the new one: there they stay PRE-OPERATIONAL, and that is said.
         """
         for gate in self._gates():
-            if code in _HALF_CONFIGURED:
-                gate.abandon()
-                continue
             try:
-                gate.leave()
-            except DvtcliError as error:
-                gate.tell(error)
-                gate.abandon()
-                raise
-
-    def annotate(self, error: DvtcliError) -> None:
-        """Add to *error* that a node will stay PRE-OPERATIONAL, where it will."""
-        for gate in self._gates():
-            if error.node in (gate.access.node_id, None) and (self.in_script or error.exit_code in _HALF_CONFIGURED):
-                gate.tell(error)
+                if code not in _HALF_CONFIGURED:
+                    gate.leave()
+            finally:
+                left_behind = gate.abandon()
+                if left_behind:
+                    self.output.warning(left_behind)
 
     def warn_of_disturbances(self) -> None:
         """Say what was noticed on the SDO channels: another client, two nodes with one node-ID."""
         for text in self._network.disturbances() if self._network is not None else ():
             self.output.warning(text)
+
+    def _warn_of_reboots(self) -> None:
+        for node in self._network.nodes.values() if self._network is not None else ():
+            lost = node.notice_reboot()
+            if lost:
+                what = ", ".join(lost)
+                self.output.warning(
+                    f"node {node.node_id} restarted: what was not stored is lost ({what}); see `verify`"
+                )
 
     def _gates(self) -> Iterator[Gate]:
         for network in (self._network, self._twin):

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import time
 from typing import TYPE_CHECKING
 
-from dvtcli.domain.nmt import NmtState
+from dvtcli.device.transaction import Interrupted
+from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import Frame
 
 if TYPE_CHECKING:
@@ -13,36 +13,63 @@ if TYPE_CHECKING:
     from dvtcli.domain.pdo import Pdo, PdoConfig
     from dvtcli.session import Session
 
-#: How long a frame is waited for, in seconds.
+#: How long a frame is waited for, and how long a heartbeat that tells the node's state, in seconds.
 FRAME_TIMEOUT_S = 1.0
+HEARTBEAT_S = 1.2
 
 Look = tuple[tuple[str, Frame | None, float], ...]
 
 
 def look(session: Session, node: Node, pdos: list[Pdo]) -> tuple[Look, str]:
-    """A frame of each enabled one of *pdos*, and what was done to the node's state for that."""
+    """A frame of each enabled one of *pdos*, and what was done to the node's state for that.
+
+    Ctrl-C ends the looking, not the way back to the state that was found.
+    """
     found = node.access.state()
+    found = node.access.state(HEARTBEAT_S) if found is None else found
     started = found is not NmtState.OPERATIONAL
-    if started:
-        session.consent(f"node {node.node_id} will be started for a moment, its machine may move; start it?")
-        node.access.request(NmtState.OPERATIONAL)
-    try:
-        enabled = {pdo: config for pdo in pdos if (config := node.pdo(pdo)).enabled}
-        frames = tuple(_frame(session, pdo, config) for pdo, config in enabled.items())
-    finally:
+    with node.cancellation.guard():
         if started:
-            node.access.request(NmtState.PRE_OPERATIONAL)
-    return frames, "the node was started for this; its NMT state is restored" if started else ""
+            session.consent(f"node {node.node_id} will be started for a moment, its machine may move; start it?")
+            node.access.request(NmtState.OPERATIONAL)
+        try:
+            frames = tuple(_frames(session, node, pdos))
+        finally:
+            note = _return(node, found) if started else ""
+    if node.cancellation.requested:
+        stopped = Interrupted(f"stopped looking at frames; {note or 'the node is as it was'}", node=node.node_id)
+        stopped.exit_code = node.cancellation.exit_code
+        raise stopped
+    return frames, note
+
+
+def _return(node: Node, found: NmtState | None) -> str:
+    """Bring the node back to the state that was found; says so, or that it was never known."""
+    if found is None:
+        return (
+            "the node was started for this and still runs: it told no state before (no heartbeat); nmt preop stops it"
+        )
+    if found is NmtState.STOPPED:
+        node.bus.send_nmt(NmtCommand.STOP, node.node_id)
+    else:
+        node.access.insist(NmtState.PRE_OPERATIONAL)
+    return "the node was started for this; its NMT state is restored"
+
+
+def _frames(session: Session, node: Node, pdos: list[Pdo]) -> Look:
+    enabled = {pdo: config for pdo in pdos if (config := node.pdo(pdo)).enabled}
+    return tuple(_frame(session, pdo, config) for pdo, config in enabled.items() if not node.cancellation.requested)
 
 
 def _frame(session: Session, pdo: Pdo, config: PdoConfig) -> tuple[str, Frame | None, float]:
     cob_id, kind = config.communication.cob_id, config.communication.transmission_type
-    began = time.monotonic()
+    bus = session.bus
+    began_s = bus.now_s()
     for _ in range(kind if kind is not None and 1 <= kind <= 240 else 1):
         if kind is not None and kind <= 240:
-            session.bus.send(Frame(0x080, b""))
+            bus.send(Frame(0x080, b""))
         listen_s = FRAME_TIMEOUT_S if kind is None or kind <= 1 or kind > 240 else 0.02
-        for frame in session.bus.receive(listen_s):
+        for frame in bus.receive(listen_s):
             if frame.can_id == cob_id.can_id and frame.extended == cob_id.extended:
-                return pdo.label, frame, (time.monotonic() - began) * 1000
-    return pdo.label, None, (time.monotonic() - began) * 1000
+                return pdo.label, frame, (bus.now_s() - began_s) * 1000
+    return pdo.label, None, (bus.now_s() - began_s) * 1000

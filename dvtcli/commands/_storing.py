@@ -36,11 +36,9 @@ def store_settings(session: Session, node: Node, sub_index: int | None, *, prove
     """Store what the node holds; with *prove* reset it and compare the PDOs that it comes back with."""
     node.prepare_store()
     before = node.pdos() if prove else {}
-    changed = tuple(node.unstored)
-    done = sign(node.access, node.profile.store, STORE, sub_index)
+    done = sign(node.access, node.profile.store, STORE, sub_index, node.cancellation)
+    changed = node.pending.forget(done.sub_index)
     proof = _proof(node, before) if prove else None
-    if proof is None or not proof:
-        node.unstored.clear()
     if not session.dry_run:
         session.record(node.node_id, ["store" if sub_index is None else f"store {sub_index}"])
     return Stored(
@@ -53,7 +51,7 @@ def _proof(node: Node, before: dict[Pdo, PdoConfig]) -> list[str]:
     """Reset the node and name every PDO that is not what it was."""
     state = node.access.state()
     reset_and_wait(node.access, NmtCommand.RESET_NODE)
-    node.forget()
+    node.was_reset(communication=False)
     after = node.pdos()
     differences = []
     for pdo, config in before.items():
@@ -71,18 +69,18 @@ def restore_defaults(session: Session, node: Node, sub_index: int | None, *, pro
     """Ask the node for its defaults; they come with the next reset, which *prove* does at once."""
     session.consent(f"node {node.node_id} will lose what is set and stored, and take its defaults; restore?")
     node.prepare_store()
-    done = sign(node.access, node.profile.store, RESTORE, sub_index)
+    done = sign(node.access, node.profile.store, RESTORE, sub_index, node.cancellation)
     reset = None
     if prove:
         command = NmtCommand.RESET_COMMUNICATION if done.sub_index == 2 else NmtCommand.RESET_NODE
         state = node.access.state()
         reset_and_wait(node.access, command)
-        node.forget()
+        node.was_reset(communication=command is NmtCommand.RESET_COMMUNICATION)
         node.pdos()
         return_to(node.access, state)
         reset = "reset-comm" if done.sub_index == 2 else "reset-node"
     node.wanted.clear()
-    node.unstored.clear()
+    node.pending.forget(done.sub_index)
     if not session.dry_run:
         session.record(node.node_id, ["restore" if sub_index is None else f"restore {sub_index}"])
     return Stored(

@@ -53,12 +53,19 @@ def command(session: Session, /, command_: str, node_id: int | None) -> Commande
     target = session.node_id() if node_id is None else node_id
     reset = specifier in (NmtCommand.RESET_NODE, NmtCommand.RESET_COMMUNICATION)
     nodes = [node for node in session.network.nodes.values() if target in (0, node.node_id)]
-    lost = tuple(f"{label} of node {node.node_id}" for node in nodes for label in node.commanded(reset=reset))
+    for node in nodes:
+        node.commanded()
     state = None
     if target:
         state = _to_one(session, target, specifier, wanted)
     else:
         session.bus.send_nmt(specifier, 0)
+    communication = specifier is NmtCommand.RESET_COMMUNICATION
+    lost = tuple(
+        f"{label} of node {node.node_id}"
+        for node in (nodes if reset else [])
+        for label in node.was_reset(communication=communication)
+    )
     if not session.dry_run:
         session.record(session.node_id() if target == 0 else target, [f"nmt {command_}{' all' if target == 0 else ''}"])
     return Commanded(target, command_, state.label if state is not None else None, session.dry_run, lost)

@@ -44,12 +44,24 @@ def command(session: Session, /, words: tuple[str, ...], frame: bool) -> Compare
         what = f"{files[0]} says nothing of" if files else "this session did not set"
         raise UsageError(f"{what} {missing[0].label}", hint="verify FILE compares with a DCF; map or set it first")
     found = tuple((pdo.label, text) for pdo in chosen for text in differences(pdo, wanted[pdo], node.pdo(pdo)))
-    if not files and chosen:
-        node.suspect = "verify found differences to what this session set" if found else None
+    if not files:
+        _judge(node, chosen, differs=bool(found))
     frames, note = look(session, node, [pdo for pdo in chosen if pdo.is_tpdo]) if frame else ((), "")
     against = files[0] if files else "this session's changes"
     count = sum(5 + len(wanted[pdo].mapping) for pdo in chosen)
     return Compared(node.node_id, len(chosen), count, found, against, frames, note)
+
+
+def _judge(node: Node, chosen: list[Pdo], *, differs: bool) -> None:
+    """A difference forbids to store; only a look at everything this session set, without one, allows it again."""
+    from dvtcli.device.pending import REBOOT, VERIFY
+
+    suspicions = node.pending.suspicions
+    if differs:
+        suspicions[VERIFY] = "verify found differences to what this session set"
+    elif set(node.wanted) <= set(chosen):
+        suspicions.pop(VERIFY, None)
+        suspicions.pop(REBOOT, None)
 
 
 def _sorted_words(words: tuple[str, ...]) -> tuple[list[Pdo], list[str]]:

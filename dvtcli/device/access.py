@@ -149,14 +149,10 @@ class Gate:
         if self.entered and self.access.state() is NmtState.OPERATIONAL:
             self.access.request(NmtState.PRE_OPERATIONAL)
 
-    def abandon(self) -> None:
-        """Forget the state that was found: something failed, the node stays PRE-OPERATIONAL until told otherwise."""
-        self.found, self.entered = None, False
-
-    def tell(self, error: DvtcliError) -> None:
-        """Add to *error* that the node was taken out of OPERATIONAL and stays there."""
-        if self.found is NmtState.OPERATIONAL:
-            node_id = self.access.node_id
-            error.details.append(
-                ("nmt", f"node {node_id} was OPERATIONAL and is PRE-OPERATIONAL now: nmt start {node_id}")
-            )
+    def abandon(self) -> str | None:
+        """Forget the state that was found; says so where the node was OPERATIONAL and stays PRE-OPERATIONAL."""
+        found, self.found, self.entered = self.found, None, False
+        if found is not NmtState.OPERATIONAL:
+            return None
+        node_id = self.access.node_id
+        return f"node {node_id} was OPERATIONAL and is PRE-OPERATIONAL now; when it is right: nmt start {node_id}"

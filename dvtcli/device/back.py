@@ -6,14 +6,16 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from dvtcli.device.carry_out import run
+from dvtcli.device.pending import CHANGE
 from dvtcli.device.read import read_number
+from dvtcli.device.transaction import restore_patiently
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, plan_pdo
+from dvtcli.domain.rules.finding import Finding, warning
 from dvtcli.domain.rules.raw_write import with_raw
-from dvtcli.errors import SafetyRefusal, UsageError
+from dvtcli.errors import DvtcliError, LeftChanged, SafetyRefusal
 
 if TYPE_CHECKING:
     from dvtcli.device.journal import Identity, Journal
@@ -24,8 +26,8 @@ if TYPE_CHECKING:
 def plan_back(node: Node, plans: Iterable[Plan]) -> Plan:
     """The plan from what *node* holds now to what it held before the oldest of *plans* (oldest first).
 
-    The node is read anew, since nothing is known of what happened to it meanwhile. UsageError where a write-only
-    object was changed: what it held is not known.
+    The node is read anew, since nothing is known of what happened to it meanwhile. A write-only object stays as it
+    is (`unknown_before`).
     """
     pdos: dict[Pdo, PastPdo] = {}
     values: dict[tuple[int, int], bytes | None] = {}
@@ -77,18 +79,26 @@ class PastPdo:
 
 def _value_changes(node: Node, values: dict[tuple[int, int], bytes | None]) -> Iterator[Change]:
     for (index, sub_index), before in values.items():
-        if before is None:
-            where = f"0x{index:04X}:{sub_index:02X}"
-            raise UsageError(f"{where} is write-only: what it held before is not known", node=node.node_id)
-        held = node.upload(index, sub_index)
-        if held != before:
+        held = None if before is None else node.upload(index, sub_index)
+        if before is not None and held != before:
             yield ValueChange(Step(index, sub_index, held, before, "put the old value back"))
+
+
+def unknown_before(plans: Iterable[Plan]) -> tuple[Finding, ...]:
+    """A warning for each write-only object of *plans*: what it held is not known, so it stays as it is."""
+    steps = (change.step for plan in plans for change in plan.changes if isinstance(change, ValueChange))
+    return tuple(
+        warning("write-only", f"0x{step.object}", f"0x{step.object} is write-only: what it held is not known, it stays")
+        for step in steps
+        if step.before is None
+    )
 
 
 def recover(node: Node, journal: Journal) -> Plan:
     """Finish an interrupted change: put back what it replaced, verify that, restore the NMT state, forget the journal.
 
-    Returns the plan that was run. SafetyRefusal where the journal was made on another device.
+    Only forwards, towards what was: a failure leaves the journal for the next try (LeftChanged). Returns the plan
+    of what was to be written. SafetyRefusal where the journal was made on another device.
     """
     if journal.plan.node_id != node.node_id or journal.identity != node.identity():
         raise SafetyRefusal(
@@ -100,15 +110,32 @@ def recover(node: Node, journal: Journal) -> Plan:
     if node.keeper is not None:
         node.keeper.lock.take()
     plan = plan_back(node, [journal.plan])
-    if len(plan):
-        node.gate.enter()
-        run(node, plan)
+    _put_back(node, journal)
     if journal.nmt_state == NmtState.OPERATIONAL and node.access.state() is NmtState.PRE_OPERATIONAL:
-        node.access.request(NmtState.OPERATIONAL)
+        node.access.insist(NmtState.OPERATIONAL)
     if node.keeper is not None:
-        journal.path.unlink(missing_ok=True)
-    node.suspect = None
+        node.keeper.forget(journal)
+    node.pending.suspicions.pop(CHANGE, None)
     return plan
+
+
+def _put_back(node: Node, journal: Journal) -> None:
+    node.gate.enter()
+    try:
+        with node.cancellation.guard():
+            restore_patiently(node.sdo, journal.plan.changes, node.bus, node.gate.renew)
+    except (DvtcliError, KeyboardInterrupt) as fault:
+        labels = ", ".join(change.label for change in journal.plan.changes)
+        raise LeftChanged(
+            f"{labels} of node {node.node_id} could not be put back",
+            node=node.node_id,
+            place=str(journal.path),
+            why=str(fault) or "interrupted",
+            hint=f"recover tries again, from {journal.path}",
+            state="left_changed",
+        ) from fault
+    finally:
+        node.forget()
 
 
 def _text(identity: Identity) -> str:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from dvtcli.device.pending import CHANGE
 from dvtcli.device.transaction import Transaction
 from dvtcli.domain.nmt import NmtState
 from dvtcli.errors import DvtcliError, LeftChanged
@@ -23,24 +24,52 @@ def carry_out(node: Node, plan: Plan, findings: tuple[Finding, ...] = ()) -> Non
     *findings* are what the rules had said; they explain a refusal of something that was forced.
     """
     found = node.access.state()
-    node.gate.enter()
     boot_ups = node.bus.boot_ups(node.node_id)
     if node.keeper is not None:
-        node.keeper.begin(plan, node.identity(), node.gate.found or found, node.pdos)
+        node.keeper.begin(plan, node.identity(), found, node.pdos)
     try:
+        node.gate.enter()
         run(node, plan)
     except LeftChanged as left:
-        node.suspect = left.text
-        if node.keeper is not None:
-            left.place = str(node.keeper.journals.path(node.node_id))
-            left.hint = f"recover finishes it, from {left.place}"
+        left_open(node, left)
         raise
     except BaseException as error:
         if isinstance(error, DvtcliError):
             _explain(node, error, findings)
-        _settled(node, found, boot_ups)
+        _settle_after(node, error, found, boot_ups)
         raise
-    _settled(node, found, boot_ups)
+    _return(node, found, boot_ups)
+    _close(node)
+
+
+def left_open(node: Node, left: LeftChanged) -> None:
+    """A roll-back failed: nothing may be stored, and *left* says how to finish."""
+    node.pending.suspicions[CHANGE] = left.text
+    if node.keeper is not None:
+        left.place = str(node.keeper.journals.path(node.node_id))
+        left.hint = f"recover finishes it, from {left.place}"
+
+
+def _close(node: Node) -> None:
+    if node.keeper is not None:
+        node.keeper.end()
+
+
+def _settle_after(node: Node, error: BaseException, found: NmtState | None, boot_ups: int) -> None:
+    """The device is as it was: forget the journal; what cannot be put right of its NMT state is added to *error*."""
+    try:
+        rebooted = _return(node, found, boot_ups)
+    except DvtcliError as failed:
+        _add(error, f"{failed.text}: {failed.why or failed.hint}")
+    else:
+        if rebooted and found is None:
+            _add(error, f"node {node.node_id} restarted; its NMT state before is not known: look at it")
+    _close(node)
+
+
+def _add(error: BaseException, text: str) -> None:
+    if isinstance(error, DvtcliError):
+        error.details.append(("nmt", text))
 
 
 def run(node: Node, plan: Plan) -> None:
@@ -63,13 +92,12 @@ def _explain(node: Node, error: DvtcliError, findings: tuple[Finding, ...]) -> N
     foreseen = (finding.text for finding in findings if finding.place == f"0x{error.place}")
     error.why = error.why or next(foreseen, None)
     if error.abort in node.profile.store.never_after:
-        node.suspect = f"the device answered 0x{error.abort:08X} to a change"
+        node.pending.suspicions[CHANGE] = f"the device answered 0x{error.abort:08X} to a change"
 
 
-def _settled(node: Node, found: NmtState | None, boot_ups: int) -> None:
-    """The device is as planned, or as it was: forget the journal, and undo what a reboot did to the NMT state."""
-    if node.keeper is not None:
-        node.keeper.end()
+def _return(node: Node, found: NmtState | None, boot_ups: int) -> bool:
+    """Undo what a reboot did to the NMT state, which inside an open gate is left to the gate's end; whether it did."""
     rebooted = node.bus.boot_ups(node.node_id) != boot_ups
-    if rebooted and found is NmtState.OPERATIONAL:
-        node.access.request(NmtState.OPERATIONAL)
+    if rebooted and found is NmtState.OPERATIONAL and not node.gate.entered:
+        node.access.insist(NmtState.OPERATIONAL)
+    return rebooted

@@ -5,12 +5,13 @@ Knows files in one state folder. Does not read or write devices itself; a node h
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 
-from dvtcli.device.journal import Identity, Journal, Journals, file_name, write_private
+from dvtcli.device.journal import Identity, Journal, Journals, file_name, read_journal, write_private
 from dvtcli.device.lock import NodeLock
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Plan
@@ -20,9 +21,13 @@ from dvtcli.errors import SafetyRefusal
 
 @dataclass(slots=True)
 class Keeper:
-    """The files of one node on the bus called *bus*, below the state *folder*; *say* shows a message."""
+    """The files of one node on the bus called *bus*: journals and backups below *folder*, locks in *locks*.
+
+    The locks' folder is the same for every dvtcli of a user, or they would not see each other. *say* shows a message.
+    """
 
     folder: Path
+    locks: Path
     bus: str
     node_id: int
     say: Callable[[str], None] = lambda _text: None
@@ -33,22 +38,31 @@ class Keeper:
     _backed_up: bool = False
 
     def __post_init__(self) -> None:
-        self.lock = NodeLock(self.folder / "locks", self.bus, self.node_id)
+        self.lock = NodeLock(self.locks, self.bus, self.node_id)
         self.journals = Journals(self.folder / "journals", self.bus)
 
+    def open_journal(self) -> Path | None:
+        """Where the journal of an unfinished change is: in our own folder, or where another dvtcli noted it."""
+        own, noted = self.journals.path(self.node_id), self.lock.noted()
+        return next((path for path in (own, noted) if path is not None and path.exists()), None)
+
     def interrupted(self) -> Journal | None:
-        """The journal of a change that nobody is working on any more, or None."""
-        return self.journals.find(self.node_id) if self.lock.is_free() else None
+        """The journal of a change that nobody is working on any more, or None; InputFileError where it is damaged."""
+        with self._files("read"):
+            path = self.open_journal()
+            return read_journal(path) if path is not None and self.lock.is_free() else None
 
     def refuse_while_open(self) -> None:
-        """Raise SafetyRefusal where an interrupted change of this node waits to be finished."""
-        self.lock.take()
-        if self.journals.path(self.node_id).exists():
+        """Take the lock; SafetyRefusal where another dvtcli has it, or an interrupted change waits to be finished."""
+        with self._files("kept"):
+            self.lock.take()
+            path = self.open_journal()
+        if path is not None:
             raise SafetyRefusal(
                 f"an interrupted change of node {self.node_id} is not finished yet",
                 node=self.node_id,
-                place=str(self.journals.path(self.node_id)),
-                hint="recover puts the old configuration back",
+                place=str(path),
+                hint=f"recover puts the old configuration back, from {path}",
             )
 
     def begin(
@@ -59,14 +73,37 @@ class Keeper:
         *pdos* reads the node's PDOs; it is called for the backup only.
         """
         self.refuse_while_open()
-        if not self._backed_up:
-            self._back_up(identity, pdos())
-            self._backed_up = True
-        self.journals.write(plan, identity, nmt_state)
+        held = {} if self._backed_up else pdos()
+        with self._files("kept"):
+            if not self._backed_up:
+                self._back_up(identity, held)
+                self._backed_up = True
+            self.lock.note(self.journals.write(plan, identity, nmt_state))
 
     def end(self) -> None:
         """After the change was verified, or undone and verified: forget the journal."""
-        self.journals.remove(self.node_id)
+        with self._files("removed"):
+            self.journals.remove(self.node_id)
+            self.lock.note(None)
+
+    def forget(self, journal: Journal) -> None:
+        """After *journal* was recovered, wherever it was kept."""
+        with self._files("removed"):
+            journal.path.unlink(missing_ok=True)
+        self.end()
+
+    @contextmanager
+    def _files(self, what: str) -> Iterator[None]:
+        """A disk that is full or a folder that may not be written is the user's to mend, not a bug of ours."""
+        try:
+            yield
+        except OSError as failed:
+            raise SafetyRefusal(
+                f"the journal of node {self.node_id} cannot be {what}: {failed.strerror or failed}",
+                node=self.node_id,
+                place=str(failed.filename or self.folder),
+                hint="--journal DIR takes another folder; without a journal nothing is written to a real device",
+            ) from failed
 
     def _back_up(self, identity: Identity, pdos: Mapping[Pdo, PdoConfig]) -> None:
         stamp = datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
@@ -33,20 +34,36 @@ class NodeLock:
         self.folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         file = self.path.open("ab+")
         try:
-            _lock(file)
+            _lock_soon(file)
         except OSError as held:
-            file.seek(0)
-            holder = file.read(20).decode("ascii", "replace").strip() or "?"
+            holder = self._lines()[0] or "?"
             file.close()
             raise SafetyRefusal(
                 f"another dvtcli (process {holder}) is changing node {self.node_id} on {self.bus}",
                 node=self.node_id,
                 hint="leave it, or wait until it has finished",
             ) from held
-        file.truncate(0)
-        file.write(str(os.getpid()).encode())
-        file.flush()
         self._file = file
+        self.note(self.noted())
+
+    def note(self, journal: Path | None) -> None:
+        """Write down, beside the holder, where the journal of the change in hand is; it outlives a killed holder."""
+        assert self._file is not None  # noqa: S101 - only the holder writes
+        self._file.truncate(0)
+        self._file.write(f"{os.getpid()}\n{journal or ''}\n".encode())
+        self._file.flush()
+        os.fsync(self._file.fileno())
+
+    def noted(self) -> Path | None:
+        """The journal that the last holder noted, or None."""
+        line = self._lines()[1]
+        return Path(line) if line else None
+
+    def _lines(self) -> tuple[str, str]:
+        """Holder and journal as the file says; empty where it does not."""
+        text = self.path.read_text("utf-8", "replace") if self.path.exists() else ""
+        holder, _, rest = text.partition("\n")
+        return holder.strip()[:20], rest.partition("\n")[0].strip()
 
     def is_free(self) -> bool:
         """Whether nobody else is writing right now."""
@@ -64,6 +81,18 @@ class NodeLock:
         if self._file is not None:
             self._file.close()
             self._file = None
+
+
+def _lock_soon(file: IO[bytes]) -> None:
+    """Lock the file; another dvtcli that only looks holds it for less than a moment."""
+    for wait_s in (0.01, 0.03, 0.06):
+        try:
+            _lock(file)
+        except OSError:
+            time.sleep(wait_s)
+        else:
+            return
+    _lock(file)
 
 
 def _lock(file: IO[bytes]) -> None:

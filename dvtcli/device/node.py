@@ -9,12 +9,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from dvtcli.device.access import Access, Gate
-from dvtcli.device.back import plan_back
+from dvtcli.device.back import plan_back, unknown_before
 from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.carry_out import carry_out
 from dvtcli.device.journal import Identity
 from dvtcli.device.keeper import Keeper
 from dvtcli.device.lazy import LazyMapping
+from dvtcli.device.pending import COMMUNICATION, EVERYTHING, Pending
 from dvtcli.device.raw_write import held_value, raw_write_findings
 from dvtcli.device.read import present_pdos, read_optional, read_pdo
 from dvtcli.domain.abort import Abort
@@ -25,7 +26,7 @@ from dvtcli.domain.ports import CanopenBus, SdoTransport
 from dvtcli.domain.profile import GENERIC, DeviceProfile
 from dvtcli.domain.rules import Finding, Proposal, check_pdo, errors_in
 from dvtcli.domain.rules.mapping import decimal_hint
-from dvtcli.errors import RuleError, SafetyRefusal, SdoAborted, UsageError
+from dvtcli.errors import BusUnavailable, RuleError, SafetyRefusal, SdoAborted, UsageError
 
 Want = PdoConfig | Callable[[Proposal], PdoConfig]
 
@@ -55,14 +56,11 @@ class Node:
     history: list[Plan] = field(default_factory=list)
     #: the wanted state of what this session changed: what `verify` compares with
     wanted: dict[Pdo, PdoConfig] = field(default_factory=dict)
-    #: labels of what changed since the last store, in order
-    unstored: dict[str, None] = field(default_factory=dict)
+    #: what is in RAM only, and why it must not be stored now
+    pending: Pending = field(default_factory=Pending)
     #: lock, backup and journal; None for simulated nodes and twins, which nothing can interrupt half-way
     keeper: Keeper | None = None
-    #: why nothing may be stored: a change that could not be undone or verified; None where all is well
-    suspect: str | None = None
     _gate: Gate | None = None
-    _identity: Identity | None = None
     _pdos: dict[Pdo, PdoConfig] = field(default_factory=dict)
     _present: list[Pdo] | None = None
     _boot_ups: int = 0
@@ -239,7 +237,10 @@ class Node:
         """Put back what the last plan replaced, or all of them, in one transaction."""
         undone = self.history[:] if everything else self.history[-1:]
         kept = self.history[: len(self.history) - len(undone)]
-        applied = self.apply(plan_back(self, undone))
+        plan, unknown = plan_back(self, undone), unknown_before(undone)
+        if unknown and not plan.changes:
+            raise UsageError(unknown[0].text, node=self.node_id)
+        applied = self.apply(plan, unknown)
         self.history = kept
         return applied
 
@@ -250,29 +251,45 @@ class Node:
 
     def prepare_store(self) -> None:
         """Enter the gate where the family stores only pre-operational."""
-        if self.suspect is not None:
+        for reason in self.pending.suspicions.values():
             raise SafetyRefusal(
-                f"node {self.node_id} is not stored: {self.suspect}",
+                f"node {self.node_id} is not stored: {reason}",
                 node=self.node_id,
-                hint="look at it with `pdo`, put it right (recover, map, or nmt reset-node), then store",
+                hint="set it as it should be and `verify`, or `nmt reset-node` brings back what is stored; then store",
             )
         if self.keeper is not None:
             self.keeper.refuse_while_open()
         if self.profile.store.only_pre_operational:
             self.gate.enter()
 
-    def commanded(self, *, reset: bool) -> tuple[str, ...]:
-        """An NMT command is sent by hand: the gate no longer knows the state, a *reset* loses what was not stored.
+    def commanded(self) -> None:
+        """An NMT command was sent by hand: the gate no longer knows the state, and what was read may be old."""
+        self._gate = None
+        self.forget()
+
+    def was_reset(self, *, communication: bool) -> tuple[str, ...]:
+        """A reset that was asked for has happened (*communication*: of the communication objects only).
 
         Returns the labels of what is lost.
         """
-        self._gate = None
         self.forget()
-        lost = tuple(self.unstored) if reset else ()
-        if reset:
-            self.unstored.clear()
-            self.suspect = None
+        return self.pending.was_reset(COMMUNICATION if communication else EVERYTHING, self.bus.boot_ups(self.node_id))
+
+    def notice_reboot(self) -> tuple[str, ...]:
+        """Labels of unstored changes that a restart nobody asked for has lost; empty where there was none."""
+        try:
+            boot_ups = self.bus.boot_ups(self.node_id)
+        except BusUnavailable:
+            return ()  # a dead bus tells nothing, and whoever needs it says so
+        lost = self.pending.rebooted(boot_ups)
+        if lost:
+            self.forget()
         return lost
+
+    def identity(self) -> Identity:
+        """The node's identity (0x1018) as it says now: at a prompt another device may have taken its place."""
+        names = {"vendor": 1, "product": 2, "revision": 3, "serial": 4}
+        return {name: read_optional(self.sdo, 0x1018, sub_index, 4) for name, sub_index in names.items()}
 
     def apply(self, plan: Plan, findings: tuple[Finding, ...] = ()) -> Applied:
         """Run a checked *plan* inside the gate and remember it; on a real bus with lock, backup and journal."""
@@ -282,19 +299,17 @@ class Node:
         self._remember(plan.changes)
         return Applied(plan, findings)
 
-    def identity(self) -> Identity:
-        """The node's identity (0x1018), read once."""
-        if self._identity is None:
-            names = {"vendor": 1, "product": 2, "revision": 3, "serial": 4}
-            self._identity = {name: read_optional(self.sdo, 0x1018, sub, 4) for name, sub in names.items()}
-        return self._identity
+    @property
+    def unstored(self) -> dict[str, int]:
+        """Labels of what changed since the last store, in order, each with its index."""
+        return self.pending.unstored
 
     def _remember(self, changes: tuple[Change, ...]) -> None:
         for change in changes:
             if isinstance(change, PdoChange):
                 self.wanted[change.pdo] = change.after
             if change.steps and self.profile.store.needed_for(change.steps[0].index):
-                self.unstored[change.label] = None
+                self.pending.changed(change.label, change.steps[0].index)
 
 
 def refuse(findings: tuple[Finding, ...], text: str, node_id: int, *, force: bool) -> None:

@@ -8,7 +8,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from dvtcli.device.access import Access
+from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.read import ABSENT
+from dvtcli.device.transaction import Interrupted
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import SdoTransport
@@ -30,7 +32,7 @@ class Signed:
     seconds: float
 
 
-def sign(access: Access, policy: StorePolicy, index: int, sub_index: int | None) -> Signed:
+def sign(access: Access, policy: StorePolicy, index: int, sub_index: int | None, cancellation: Cancellation) -> Signed:
     """Write the signature to *index*:*sub_index*; None takes the first sub-index of *policy* that exists.
 
     Waits up to the policy's own time-out, since EEPROMs are slow. Raises DeviceRefused where the device has no
@@ -41,7 +43,10 @@ def sign(access: Access, policy: StorePolicy, index: int, sub_index: int | None)
     started_s = access.bus.now_s()
     found, boot_ups = access.state(), access.bus.boot_ups(access.node_id)
     try:
-        sdo.download(index, where, SIGNATURES[index], timeout_s=policy.timeout_s)
+        with cancellation.guard():  # a Ctrl-C waits for the answer; a second one does not
+            sdo.download(index, where, SIGNATURES[index], timeout_s=policy.timeout_s)
+    except KeyboardInterrupt as stopped:
+        raise _interrupted(access.node_id, index, cancellation) from stopped
     except SdoAborted as aborted:
         access.explain(aborted)
         raise _refused(aborted, access.node_id, index, where) from aborted
@@ -53,6 +58,17 @@ def sign(access: Access, policy: StorePolicy, index: int, sub_index: int | None)
             return_to(access, found)
         raise
     return Signed(index, where, access.bus.now_s() - started_s)
+
+
+def _interrupted(node_id: int, index: int, cancellation: Cancellation) -> Interrupted:
+    error = Interrupted(
+        f"node {node_id} was asked to {_word(index)}; its answer was not waited for",
+        node=node_id,
+        hint=f"it may still be writing its memory: leave it powered, then `{_word(index)}` again",
+        state="unknown",
+    )
+    error.exit_code = cancellation.exit_code
+    return error
 
 
 def _word(index: int) -> str:

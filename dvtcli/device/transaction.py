@@ -88,6 +88,7 @@ class Transaction:
                     self._stop_if_cancelled(done, total)
                     done += 1
                     self._download(step, change, done, total)
+            self._stop_if_cancelled(done, total)
             self._verify()
         except BaseException as fault:  # a bug of ours must not leave the device half configured either
             self._roll_back(fault)
@@ -129,7 +130,7 @@ class Transaction:
         if not self._touched:
             return
         try:
-            self._restore_patiently()
+            restore_patiently(self.sdo, self.plan.changes, self.clock, self.before_retry)
         except (Exception, KeyboardInterrupt) as second:  # noqa: BLE001 - whatever it is, the device is left changed
             raise left_changed(self.plan, fault, second) from fault
         if isinstance(fault, DvtcliError):
@@ -138,28 +139,28 @@ class Transaction:
             fault.state = "unknown" if unreadable and not refusal else "rolled_back"
             fault.node = self.plan.node_id
 
-    def _restore_patiently(self) -> None:
-        """Put everything back; a node that is silent or refuses may be rebooting, so it is asked again for a while.
 
-        Also what was not begun: a reboot takes that, too, back to what is stored. Each try reads the device anew,
-        so nothing is taken for granted of what an earlier one wrote.
-        """
-        deadline = self.clock.now_s() + PATIENCE_S
-        while True:
-            try:
-                restore(self.sdo, self.plan.changes)
-            except (NoAnswer, SdoProtocolError, SdoAborted, DeviceRefused):
-                if self.clock.now_s() >= deadline:
-                    raise
-                self.clock.sleep(RETRY_S)
-                self._writable_again()
-            else:
-                return
+def restore_patiently(
+    sdo: SdoTransport, changes: Sequence[Change], clock: Clock, before_retry: Callable[[], None]
+) -> None:
+    """Put every change's *before* back; a node that is silent or refuses may be rebooting, so it is asked again.
 
-    def _writable_again(self) -> None:
-        """What the gate needs before the next try; where that fails too, the next try finds out."""
-        with suppress(NoAnswer, SdoProtocolError, SdoAborted, DeviceRefused):
-            self.before_retry()
+    Also what was not begun: a reboot takes that, too, back to what is stored. Each try reads the device anew, so
+    nothing is taken for granted of what an earlier one wrote; what was put back stays put back. *before_retry*
+    makes the device writable again. Raises the last try's error after `PATIENCE_S`.
+    """
+    deadline = clock.now_s() + PATIENCE_S
+    while True:
+        try:
+            restore(sdo, changes)
+        except (NoAnswer, SdoProtocolError, SdoAborted, DeviceRefused):
+            if clock.now_s() >= deadline:
+                raise
+            clock.sleep(RETRY_S)
+            with suppress(NoAnswer, SdoProtocolError, SdoAborted, DeviceRefused):
+                before_retry()  # where that fails too, the next try finds out
+        else:
+            return
 
 
 def step_text(step: Step) -> str:
@@ -195,6 +196,8 @@ def restore(sdo: SdoTransport, changes: Sequence[Change]) -> None:
     for change in reversed(changes):
         try:
             _restore(sdo, change)
+        except NoAnswer:
+            raise  # a silent node answers nothing about the others either
         except Exception as failed:  # noqa: BLE001 - the others are put back all the same
             failures.append(failed)
     if failures:

@@ -70,6 +70,7 @@ class Record(Output):
     def __init__(self) -> None:
         super().__init__()
         self.errors: list[DvtcliError] = []
+        self.warnings: list[str] = []
         self.lines_done = 0
 
     def result(self, result: object) -> None:
@@ -77,6 +78,9 @@ class Record(Output):
 
     def error(self, error: DvtcliError, at: str | None = None) -> None:
         self.errors.append(error)
+
+    def warning(self, text: str) -> None:
+        self.warnings.append(text)
 
     def lines(self, lines: object) -> None:
         """Messages are not looked at."""
@@ -105,7 +109,7 @@ class Run:
     def node(self) -> Node:
         """The node as a session that has just started sees it."""
         node = Node(self.bus, NODE, dictionary(self.family), profile(self.family))
-        node.keeper = Keeper(self.folder, "matrix", NODE)
+        node.keeper = Keeper(self.folder, self.folder / "locks", "matrix", NODE)
         node.keeper._backed_up = True  # reading every PDO first would take a third of the time
         return node
 
@@ -309,6 +313,7 @@ class Judge:
         but the NMT state was changed yet of a node that cannot be reached any more.
         """
         told = any(label == "nmt" for error in self.record.errors for label, _ in error.details)
+        told = told or any("is PRE-OPERATIONAL now" in text for text in self.record.warnings)
         allowed = len(self.ideal.states) > 2 or self.cell.fault in LASTING
         return told and allowed and state is NmtState.PRE_OPERATIONAL
 

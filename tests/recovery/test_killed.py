@@ -17,7 +17,7 @@ import pytest
 from dvtcli.device.read import present_pdos, read_pdo
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.simulator.device import StrictDevice
-from tests.process import ROOT, documents, environment
+from tests.process import ROOT, documents, environment, home
 from tests.prompt.wire import Wire
 
 MAP = ("map", "tpdo1", "6C01:1", "606C", "6041", "--cob-id", "0x201", "--sync", "1")
@@ -110,7 +110,8 @@ def test_recover_finishes_what_a_killed_process_began(bench: Bench, step: int) -
     (journal,) = bench.journals()
     assert journal.stat().st_mode & 0o777 == 0o600
     code, _, stderr = bench.run("recover", "--yes")
-    assert (code, stderr.count("interrupted")) == (0, 1), stderr
+    assert code == 0, stderr
+    assert stderr.count("was interrupted") == 1
     assert bench.pdos() == before
     assert not bench.journals()
     assert bench.run("recover")[:2] == (0, "nothing to recover: no change of this node was interrupted\n")
@@ -176,9 +177,9 @@ def test_a_second_dvtcli_may_read_but_not_write(bench: Bench) -> None:
 
     code, _, stderr = bench.run("set", "tpdo2", "--timer", "7")
     assert code == 0, stderr
-    (lock_file,) = (bench.folder / "locks").glob("*.lock")
-    bus = lock_file.stem.removesuffix("-5")
-    lock = NodeLock(bench.folder / "locks", bus, 5)
+    folder = home() / ".local" / "state" / "dvtcli" / "locks"
+    (lock_file,) = folder.glob(f"*{bench.wire.port}*.lock")
+    lock = NodeLock(folder, lock_file.stem.removesuffix("-5"), 5)
     lock.take()
     try:
         code, _, stderr = bench.run("set", "tpdo2", "--timer", "8")
