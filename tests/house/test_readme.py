@@ -172,3 +172,9 @@ def test_sessions_can_be_read() -> None:
     for block in BLOCK.findall(TEXT):
         assert commands(block.splitlines())
     assert callable(run)
+
+
+def test_every_reason_for_a_refusal_is_told() -> None:
+    (row,) = re.findall(r"^\| 6 \|.*$", section("Exit codes"), re.M)
+    for reason in ("another device", "nobody can answer", "another dvtcli", "recover"):
+        assert reason in row

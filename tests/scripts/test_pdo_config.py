@@ -96,3 +96,11 @@ def test_it_explains_store_and_does_not_do_it() -> None:
     assert "store" not in commands
     assert "store --prove" in TEXT
     assert SCRIPT.is_relative_to(ROOT / "scripts")
+
+
+def test_its_header_counts_the_frames_it_sets_up() -> None:
+    header = TEXT.partition("require identity")[0].replace("\n#", "")
+    assert len(re.findall(r"^map tpdo\d", TEXT, re.M)) == 4
+    assert "sends four TPDOs" in header
+    assert "the four frames below" in header
+    assert "five" not in header
