@@ -107,15 +107,16 @@ def received_but_heartbeats(bus: can.BusABC, wanted: int) -> list[tuple[int, str
 
 
 def test_a_foreign_client_reads_and_receives(gen4: Served) -> None:
-    network = canopen.Network(bus=gen4.attach())
-    network.notifier = can.Notifier(network.bus, network.listeners, 1)
+    bus = gen4.attach()
+    network = canopen.Network(bus=bus)
+    network.notifier = can.Notifier(bus, network.listeners, 1)
     try:
         dictionary = canopen.import_od(str(family_eds("gen4")))
         node = network.add_node(canopen.RemoteNode(1, dictionary))
         node.sdo.RESPONSE_TIMEOUT = 5
         assert node.sdo[0x1018][1].raw == 0x1E
         assert node.sdo[0x1008].raw == "Gen4"
-        node.tpdo.read()
+        node.tpdo.read()  # type: ignore[no-untyped-call]
         node.tpdo[1].clear()
         node.tpdo[1].add_variable(0x606C)
         node.tpdo[1].add_variable(0x6041)

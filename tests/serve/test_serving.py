@@ -1,0 +1,105 @@
+"""Addresses, latency and remote frames of `sim`."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import pytest
+
+from dvtcli.errors import InputFileError, UsageError
+from dvtcli.formats.sim_state import read_state, write_state
+from dvtcli.serving import address, is_loopback
+from dvtcli.transports import open_canbus
+from tests.process import dvtcli
+from tests.serve.served import Served, raw_client, served
+
+
+@pytest.mark.parametrize(
+    ("text", "host", "port"),
+    [
+        ("127.0.0.1:29536", "127.0.0.1", 29536),
+        ("localhost:0", "localhost", 0),
+        (":29537", "127.0.0.1", 29537),
+        ("29538", "127.0.0.1", 29538),
+        ("[::1]:1", "::1", 1),
+    ],
+)
+def test_where_to_listen(text: str, host: str, port: int) -> None:
+    assert address(text) == (host, port)
+    assert is_loopback(host)
+
+
+@pytest.mark.parametrize("text", ["", "host", "host:", "1.2.3.4:99999", "::1:5", "a b:1", "127.0.0.1:-1", "٣"])
+def test_where_nobody_can_listen(text: str) -> None:
+    with pytest.raises(UsageError, match="HOST:PORT"):
+        address(text)
+
+
+@pytest.mark.parametrize("host", ["0.0.0.0", "::", "192.0.2.1", "example.org"])  # noqa: S104 - that is the point
+def test_who_is_reached_by_others(host: str) -> None:
+    assert not is_loopback(host)
+
+
+def test_what_is_kept_is_read_again_and_a_draft_never(tmp_path: Path) -> None:
+    path = tmp_path / "deep" / "a@1.json"
+    assert read_state(path) == {}
+    values = {(0x1800, 1): b"\x81\x01\x00\x00", (0x1008, 0): b"", (0xFFFF, 0xFF): b"\x00"}
+    write_state(path, 1, values)
+    assert read_state(path) == values
+    assert [one.name for one in path.parent.iterdir()] == ["a@1.json"]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "", "[]", "{}", "nonsense", '{"schema":"dvtcli.sim-state/1"}', '{"schema":"other/1","values":{}}',
+        '{"schema":"dvtcli.sim-state/1","values":{"1800:01":5}}', '{"schema":"dvtcli.sim-state/1","values":{"x":"00"}}',
+        '{"schema":"dvtcli.sim-state/1","values":{"10000:01":"00"}}', '{"schema":"dvtcli.sim-state/1","values":[]}',
+        "[" * 100_000,
+    ],
+)  # fmt: skip
+def test_what_is_no_state(text: str, tmp_path: Path) -> None:
+    path = tmp_path / "a@1.json"
+    path.write_text(text)
+    with pytest.raises(InputFileError):
+        read_state(path)
+
+
+def uploads_a_second(server: Served, count: int) -> float:
+    bus = open_canbus("socketcand", "can0", None, {"host": "127.0.0.1", "port": server.port}, timeout_s=5)
+    sdo = bus.sdo(1)
+    sdo.upload(0x1018, 1)
+    began = time.perf_counter()
+    for _ in range(count):
+        sdo.upload(0x1018, 1)
+    rate = count / (time.perf_counter() - began)
+    bus.close()
+    return rate
+
+
+def test_a_server_takes_its_time_to_answer(tmp_path: Path) -> None:
+    with served(tmp_path, "generic@1", "--latency", "5") as server:
+        assert uploads_a_second(server, 40) <= 200
+
+
+def test_no_bit_rate_is_exceeded(tmp_path: Path) -> None:
+    """An upload of 4 bytes and its answer are 2 x 111 bits at least: 450 a second at 100 kbit/s."""
+    with served(tmp_path, "generic@1", "-b", "100000") as server:
+        assert uploads_a_second(server, 100) <= 450
+
+
+def test_a_remote_frame_brings_a_tpdo(tmp_path: Path) -> None:
+    with served(tmp_path, "gen4@1") as server, raw_client(server.port) as client:
+        client.sendall(b"< send 000 2 01 01 >< sendrtr 181 2 >")
+        text = b""
+        while b"< frame 181 " not in text:
+            data = client.recv(4096)
+            assert data
+            text += data
+
+
+def test_what_stands_in_its_help() -> None:
+    said = dvtcli("sim", "--help").stdout
+    for word in ("--listen HOST:PORT", "--state DIR", "--latency MS", "--ready-file FILE", "sim gen4@1"):
+        assert word in said
