@@ -95,7 +95,7 @@ class DataType:
                     raise ValueError(f"{value} does not fit {self.name}")
                 return struct.pack("<LH", value.milliseconds, value.days)
             case str() if self.kind is Kind.VISIBLE_STRING:
-                return value.encode("latin-1", errors="strict")
+                return _encode_latin(value)
             case str() if self.kind is Kind.UNICODE_STRING:
                 return value.encode("utf-16-le")
             case bytes() if self.kind is Kind.OCTETS:
@@ -124,6 +124,13 @@ class DataType:
             case Kind.TIME:
                 days, _, milliseconds = text.partition(":")
                 return self.encode(CanopenTime(parse_number(milliseconds), parse_number(days)))
+
+
+def _encode_latin(text: str) -> bytes:
+    try:
+        return text.encode("latin-1")
+    except UnicodeEncodeError as wrong:
+        raise ValueError(f"{text[wrong.start]!r} is none of the characters of a VISIBLE_STRING") from None
 
 
 _NUMBER = re.compile(r"(?P<sign>-?)(?:(?P<decimal>[0-9]{1,40})|0[xX](?P<hex>[0-9a-fA-F]{1,38}))")

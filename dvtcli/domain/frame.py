@@ -35,11 +35,6 @@ class Field:
         """The bytes of the frame that the field touches."""
         return range(self.start_bit // 8, byte_length(self.end_bit))
 
-    @property
-    def shares_byte(self) -> bool:
-        """Whether the field begins or ends inside a byte."""
-        return bool(self.start_bit % 8 or self.end_bit % 8)
-
 
 class Decoded(NamedTuple):
     """One object in a frame: its *raw* bits as an unsigned number and its *value*, None where the frame ends before."""

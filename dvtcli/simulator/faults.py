@@ -38,11 +38,6 @@ class FaultKind(StrEnum):
         """Whether it happens at one SDO download, `@K`."""
         return self not in (FaultKind.SLOW_STORE, FaultKind.STORE_FAILS)
 
-    @property
-    def transient(self) -> bool:
-        """Whether it happens once and is over, so that the node can be reached afterwards."""
-        return self not in (FaultKind.SILENT, FaultKind.BUS_ERROR)
-
 
 _TIMED = (FaultKind.LATE, FaultKind.RESET, FaultKind.SLOW_STORE)
 

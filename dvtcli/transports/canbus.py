@@ -128,11 +128,6 @@ class CanBus:
         self._receiver.drain()
         return self._watch.emergencies.get(node_id)
 
-    def emergency_count(self, node_id: int) -> int:
-        """How many emergency messages of *node_id* were seen so far."""
-        self._receiver.drain()
-        return self._watch.emergency_counts.get(node_id, 0)
-
     def on_event(self, callback: Callable[[NodeEvent], None]) -> Callable[[], None]:
         """Call *callback* for each boot-up, state change and emergency; returns what ends that.
 

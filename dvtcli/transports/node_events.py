@@ -53,7 +53,6 @@ class NodeWatch:
         #: how often a node gave a sign of life (heartbeat or boot-up)
         self.signs_of_life: dict[int, int] = {}
         self.emergencies: dict[int, Emergency] = {}
-        self.emergency_counts: dict[int, int] = {}
         self.listeners: list[Callable[[NodeEvent], None]] = []
 
     def heartbeat(self, frame: Frame) -> bool:
@@ -88,7 +87,6 @@ class NodeWatch:
         code = int.from_bytes(data[:2], "little")
         said = Emergency(node_id, code, data[2], data[3:], frame.timestamp_s)
         self.emergencies[node_id] = said
-        self.emergency_counts[node_id] = self.emergency_counts.get(node_id, 0) + 1
         self._tell(said)
         return True
 

@@ -68,6 +68,7 @@ WRONG = [
     ("write 60FF 99999999999", 2, "does not fit INTEGER32"),
     ("write 60FF abc", 2, "is not a number"),
     ("write 6041 1", 1, "is ro"),
+    ("write 2000:1 5Ω --as vs", 2, "'Ω' is none of the characters"),
     ("write 6040 6 --as u32", 1, "2 bytes, not 4"),
     ("write 6040 -1", 2, "does not fit UNSIGNED16"),
     # PDOs

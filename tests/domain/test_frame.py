@@ -125,15 +125,15 @@ def test_texts_fill_their_bytes() -> None:
 
 
 @pytest.mark.parametrize(
-    ("start", "bits", "touched", "shares"),
+    ("start", "bits", "touched"),
     [
-        (0, 16, [0, 1], False),
-        (16, 32, [2, 3, 4, 5], False),
-        (1, 1, [0], True),
-        (3, 16, [0, 1, 2], True),
-        (4, 4, [0], True),
+        (0, 16, [0, 1]),
+        (16, 32, [2, 3, 4, 5]),
+        (1, 1, [0]),
+        (3, 16, [0, 1, 2]),
+        (4, 4, [0]),
     ],
 )
-def test_bytes_of_a_field(start: int, bits: int, touched: list[int], shares: bool) -> None:
+def test_bytes_of_a_field(start: int, bits: int, touched: list[int]) -> None:
     field = Field(start, bits, PdoMappingEntry(0x2000, 0, bits))
-    assert (list(field.bytes), field.shares_byte) == (touched, shares)
+    assert list(field.bytes) == touched

@@ -357,3 +357,9 @@ def test_a_semicolon_belongs_to_a_text() -> None:
 def test_octal() -> None:
     file = one(5, "DefaultValue=010")
     assert (entry(file).default, lines(file, "odd-value")) == (b"\x08", [6])
+
+
+def test_a_text_that_its_type_cannot_hold_is_reported() -> None:
+    file = one(9, "DefaultValue=5 Ω")
+    assert lines(file, "bad-value") == [6]
+    assert entry(file).default is None
