@@ -19,6 +19,7 @@ from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.ports import CanopenBus, Frame
 from dvtcli.domain.profile import GENERIC, DeviceProfile
+from dvtcli.domain.several import several
 from dvtcli.errors import InputFileError, SafetyRefusal, UsageError
 from dvtcli.formats.profile_toml import load_profile, profile_for_identity, profile_names
 from dvtcli.options import Options, is_file, node_id
@@ -126,7 +127,7 @@ class Network:
             self.warn(f"{damaged.text}: {damaged.why or damaged.place}; {damaged.hint}")
             return keeper
         if journal is not None:
-            labels = ", ".join(change.label for change in journal.plan.changes)
+            labels = several(change.label for change in journal.plan.changes)
             self.say(
                 f"a change of {labels} of node {node_id} was interrupted: `recover` puts the old configuration back"
             )

@@ -32,6 +32,7 @@ def command(session: Session, /, file: str | None) -> Changed | Facts:
     """
     from dvtcli.device.back import recover, unknown_before
     from dvtcli.device.node import Applied
+    from dvtcli.domain.several import several
     from dvtcli.errors import SafetyRefusal
     from dvtcli.results import Facts
 
@@ -47,7 +48,7 @@ def command(session: Session, /, file: str | None) -> Changed | Facts:
             place=str(journal.path),
             hint="attach to that bus, or --force if it is the same one under another name",
         )
-    labels = ", ".join(change.label for change in journal.plan.changes)
+    labels = several(change.label for change in journal.plan.changes)
     session.consent(f"{labels} of node {node.node_id} will be put back as before the interrupted change; recover?")
     started = time.monotonic()
     plan = recover(node, journal)

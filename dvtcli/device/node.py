@@ -26,6 +26,7 @@ from dvtcli.domain.ports import CanopenBus, SdoTransport
 from dvtcli.domain.profile import GENERIC, DeviceProfile
 from dvtcli.domain.rules import Finding, Proposal, check_pdo, errors_in
 from dvtcli.domain.rules.mapping import decimal_hint
+from dvtcli.domain.several import several
 from dvtcli.errors import BusUnavailable, RuleError, SafetyRefusal, SdoAborted, UsageError
 
 Want = PdoConfig | Callable[[Proposal], PdoConfig]
@@ -200,7 +201,7 @@ class Node:
         for pdo, want in wanted.items():
             if now[pdo] != want:
                 findings += check_pdo(self.proposal(pdo, now[pdo], want, wanted))
-        labels = ", ".join(pdo.label for pdo in wanted)
+        labels = several(pdo.label for pdo in wanted)
         refuse(tuple(findings), f"{labels} not changed", self.node_id, force=force)
         changes = tuple(plan_pdo(pdo, now[pdo], want) for pdo, want in wanted.items())
         return self.apply(Plan(self.node_id, changes), tuple(findings))

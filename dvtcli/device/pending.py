@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from dvtcli.domain.several import several
+
 #: Sub-index of 0x1010 and 0x1011 -> first and last index it covers (CiA 301, 7.5.2.13); 4 and up are the maker's.
 GROUPS = {1: (0x0000, 0xFFFF), 2: (0x1000, 0x1FFF), 3: (0x6000, 0x9FFF)}
 EVERYTHING, COMMUNICATION = 1, 2
@@ -51,5 +53,5 @@ class Pending:
             return ()
         lost = self.forget(EVERYTHING)
         if lost:
-            self.suspicions[REBOOT] = f"it restarted, and what was not stored is lost ({', '.join(lost)})"
+            self.suspicions[REBOOT] = f"it restarted, and what was not stored is lost ({several(lost)})"
         return lost

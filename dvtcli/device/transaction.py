@@ -15,6 +15,7 @@ from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.read import read_pdo
 from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, plan_pdo
 from dvtcli.domain.ports import SdoTransport
+from dvtcli.domain.several import several
 from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, NoAnswer, SdoAborted, SdoProtocolError
 
 #: How long a roll-back keeps trying where the node is silent or refuses, and the pause between two tries, in seconds.
@@ -248,7 +249,7 @@ def _hex(data: bytes | None) -> str:
 
 def left_changed(plan: Plan, fault: BaseException, second: BaseException) -> LeftChanged:
     """The worst case: say what failed twice and what the device may be left with."""
-    labels = ", ".join(change.label for change in plan.changes)
+    labels = several(change.label for change in plan.changes)
     return LeftChanged(
         f"{labels} of node {plan.node_id} could not be put back",
         node=plan.node_id,

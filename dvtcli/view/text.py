@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator
 from importlib import import_module
 from typing import Any
 
+from dvtcli.domain.several import several
 from dvtcli.view.lines import Cell, Line
 
 #: Type of result -> module of `dvtcli.view` and its function of (result, width in columns).
@@ -40,4 +41,4 @@ def remarks(result: Any) -> Iterator[Line]:
         yield from map(finding_line, findings)
     lost = getattr(result, "lost", ())
     if lost:
-        yield [Cell("warning: ", "yellow"), Cell(f"the reset lost what was not stored: {', '.join(lost)}")]
+        yield [Cell("warning: ", "yellow"), Cell(f"the reset lost what was not stored: {several(lost)}")]

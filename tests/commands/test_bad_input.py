@@ -213,3 +213,15 @@ def test_a_file_is_no_object() -> None:
         for line, file in [("eds show pyproject.toml", "pyproject.toml:1"), ("run nofile.dvt", "nofile.dvt")]:
             error = bench.run(f"{line} --json").document
             assert (error["object"], error["file"]) == (None, file), line
+
+
+def test_an_error_about_many_pdos_names_a_few() -> None:
+    with Bench(("generic",), {"fault": ("silent@10",), "timeout": 0.05}) as bench:
+        ran = bench.run("clear all")
+        assert ran.code == 7
+        assert "TPDO1, TPDO2, TPDO3 and 5 more of node 1 could not be put back" in ran.stderr.splitlines()[0]
+    with Bench(("generic",)) as bench:
+        assert bench.run("clear all").code == 0
+        ran = bench.run("enable tpdo1 tpdo2 tpdo3 tpdo4 rpdo1")
+        assert ran.code == 1
+        assert "TPDO1, TPDO2, TPDO3 and 2 more not changed" in ran.stderr.splitlines()[0]
