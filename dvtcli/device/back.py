@@ -3,25 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from dvtcli.device.pending import CHANGE
-from dvtcli.device.read import read_number
 from dvtcli.device.transaction import restore_patiently
-from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, plan_pdo
 from dvtcli.domain.rules.finding import Finding, warning
-from dvtcli.domain.rules.raw_write import with_raw
-from dvtcli.domain.several import several
 from dvtcli.errors import DvtcliError, LeftChanged, SafetyRefusal
 
 if TYPE_CHECKING:
     from dvtcli.device.journal import Identity, Journal
     from dvtcli.device.node import Node
-    from dvtcli.domain.ports import SdoTransport
 
 
 def plan_back(node: Node, plans: Iterable[Plan]) -> Plan:
@@ -30,59 +24,32 @@ def plan_back(node: Node, plans: Iterable[Plan]) -> Plan:
     The node is read anew, since nothing is known of what happened to it meanwhile. A write-only object stays as it
     is (`unknown_before`).
     """
-    pdos: dict[Pdo, PastPdo] = {}
+    pdos: dict[Pdo, PdoConfig] = {}
     values: dict[tuple[int, int], bytes | None] = {}
     for change in (change for plan in reversed(list(plans)) for change in reversed(plan.changes)):
-        pdo = Pdo.at(change.step.index) if isinstance(change, ValueChange) else change.pdo
-        if pdo is None and isinstance(change, ValueChange):
-            values[change.step.index, change.step.sub_index] = change.step.before
-        if pdo is None:
-            continue
-        if pdo not in pdos:
-            pdos[pdo] = PastPdo(pdo, node.pdo(pdo), node.sdo)
-        pdos[pdo].undo(change)
-    changes = [plan_pdo(pdo, past.now, past.config) for pdo, past in pdos.items()]
-    return Plan(node.node_id, (*changes, *_value_changes(node, values)))
-
-
-class PastPdo:
-    """One PDO on its way back in time, from what it is *now*: whole changes and raw writes to its parameters undone."""
-
-    def __init__(self, pdo: Pdo, now: PdoConfig, sdo: SdoTransport) -> None:
-        self.now = self.config = now
-        self._pdo = pdo
-        self._sdo = sdo
-        #: mapping entries by number, also those behind the count, as far as they differ from what the device holds
-        self._entries: dict[int, PdoMappingEntry] = {}
-
-    def undo(self, change: Change) -> None:
-        """Step behind *change*: `config` is what the PDO was before it."""
         if isinstance(change, PdoChange):
-            self.config = change.before
-            self._entries.update(enumerate(change.before.mapping, 1))
-        elif change.step.before is not None:
-            self._unwrite(change.step.index, change.step.sub_index, int.from_bytes(change.step.before, "little"))
-
-    def _unwrite(self, index: int, sub_index: int, before: int) -> None:
-        if index == self._pdo.communication_index:
-            self.config = replace(self.config, communication=with_raw(self.config.communication, sub_index, before))
-            return
-        if sub_index:
-            self._entries[sub_index] = PdoMappingEntry.from_raw(before)
-        count = len(self.config.mapping) if sub_index else before
-        self.config = replace(self.config, mapping=tuple(self._entry(number) for number in range(1, count + 1)))
-
-    def _entry(self, number: int) -> PdoMappingEntry:
-        if number not in self._entries:
-            self._entries[number] = PdoMappingEntry.from_raw(read_number(self._sdo, self._pdo.mapping_index, number, 4))
-        return self._entries[number]
+            pdos[change.pdo] = change.before
+        else:
+            values[change.step.index, change.step.sub_index] = change.step.before
+    changes = [plan_pdo(pdo, node.pdo(pdo), before) for pdo, before in pdos.items()]
+    return Plan(node.node_id, (*changes, *_value_changes(node, pdos, values)))
 
 
-def _value_changes(node: Node, values: dict[tuple[int, int], bytes | None]) -> Iterator[Change]:
+def _value_changes(
+    node: Node, pdos: dict[Pdo, PdoConfig], values: dict[tuple[int, int], bytes | None]
+) -> Iterator[Change]:
     for (index, sub_index), before in values.items():
+        pdo = Pdo.at(index)
+        if pdo is not None and _is_filler(pdos.get(pdo) or node.pdo(pdo)):
+            continue
         held = None if before is None else node.upload(index, sub_index)
         if before is not None and held != before:
             yield ValueChange(Step(index, sub_index, held, before, "put the old value back"))
+
+
+def _is_filler(config: PdoConfig) -> bool:
+    """Whether a mapping entry that changed no configuration means nothing now, nor could be written."""
+    return config.enabled or config.count > 0
 
 
 def unknown_before(plans: Iterable[Plan]) -> tuple[Finding, ...]:
@@ -126,7 +93,7 @@ def _put_back(node: Node, journal: Journal) -> None:
         with node.cancellation.guard():
             restore_patiently(node.sdo, journal.plan.changes, node.bus, node.gate.renew)
     except (DvtcliError, KeyboardInterrupt) as fault:
-        labels = several(change.label for change in journal.plan.changes)
+        labels = ", ".join(change.label for change in journal.plan.changes)
         raise LeftChanged(
             f"{labels} of node {node.node_id} could not be put back",
             node=node.node_id,

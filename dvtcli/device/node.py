@@ -16,12 +16,12 @@ from dvtcli.device.journal import Identity
 from dvtcli.device.keeper import Keeper
 from dvtcli.device.lazy import LazyMapping
 from dvtcli.device.pending import COMMUNICATION, EVERYTHING, Pending
-from dvtcli.device.raw_write import held_value, raw_write_findings
+from dvtcli.device.raw_write import held_value, raw_change, raw_write_findings
 from dvtcli.device.read import present_pdos, read_optional, read_pdo
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, plan_pdo
+from dvtcli.domain.plan import Change, PdoChange, Plan, Step, plan_pdo
 from dvtcli.domain.ports import CanopenBus, SdoTransport
 from dvtcli.domain.profile import GENERIC, DeviceProfile
 from dvtcli.domain.rules import Finding, Proposal, check_pdo, errors_in
@@ -213,12 +213,8 @@ class Node:
         """Write one object as a plan of one step, under the rules of the command that is meant for it."""
         findings = raw_write_findings(self, index, sub_index, data)
         refuse(findings, f"0x{index:04X}:{sub_index:02X} not written", self.node_id, force=force)
-        step = Step(index, sub_index, held_value(self, index, sub_index), data, "write")
-        applied = self.apply(Plan(self.node_id, (ValueChange(step),)), findings)
-        pdo = Pdo.at(index)
-        if pdo in self.wanted:
-            self.wanted[pdo] = self.pdo(pdo)
-        return applied
+        change = raw_change(self, Step(index, sub_index, held_value(self, index, sub_index), data, "write"))
+        return self.apply(Plan(self.node_id, (change,)), findings)
 
     def upload(self, index: int, sub_index: int) -> bytes:
         """Read one object; an abort for a missing sub-index gets the hint that sub-indices are hexadecimal."""
