@@ -55,7 +55,7 @@ class StrictDevice:
         self.node_id = node_id
         self.outbox: list[Frame] = []
         self._state = NmtState.INITIALISING
-        self._memory = Memory(dictionary, node_id, family.store_capability, backing)
+        self._memory = Memory(dictionary, node_id, family.capabilities, backing)
         self._guard = PdoGuard(self._memory, family)
         self._gates = Gates(self._memory, family)
         self._store = ParameterStore(self._memory, family)
@@ -284,7 +284,8 @@ class StrictDevice:
     def _check_value(self, index: int, sub_index: int, data: bytes) -> None:
         """State and PDO rules come before the file's limits: their abort codes say more."""
         self._gates.check(index, self._state)
-        self._guard.check(index, sub_index, data)
+        if self.family.pdo_rules_always or self._state is NmtState.OPERATIONAL:
+            self._guard.check(index, sub_index, data)
         if index == SYNC_OVERFLOW:
             self._check_sync_overflow(data)
         if index == SYNC_COB_ID:

@@ -14,6 +14,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+from dvtcli.domain.abort import Abort
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.object_dictionary import Access
 from dvtcli.domain.pdo import Direction
@@ -72,10 +73,22 @@ class Family:
       instead of the next one; *reports_long_rpdos*: whether an RPDO longer than its mapping is worth an EMCY (0x8220).
     - *answers_remote_frames*: whether a remote frame brings a TPDO whose bit 30 allows it.
     - *tpdo_access*, *rpdo_access*: access types whose objects may be mapped in that direction.
+    - *pdo_rules_always*: whether the PDO rules hold in every NMT state, or in OPERATIONAL only.
+    - *mapping_in_use*: the abort code of a write to a mapping that is in use (valid, or an entry while the count is not
+      0); *same_mapping_accepted*: whether writing what the mapping holds already is no such write.
+    - *entry_length_checked*: whether an entry may not be longer than its object; *entry_access_codes*: whether the
+      wrong direction answers 06010001 or 06010002, else 06040041; *tpdo_dummies*: what a dummy in a TPDO answers, 0
+      for accepted.
+    - *count_within_entries*: whether a count may not exceed the entries there are; *empty_entries_counted*,
+      *zero_bits_counted*: whether a count may cover an entry of 0, or one of 0 bits.
+    - *empty_pdos_enabled*: whether a PDO without a mapping may be enabled; *restricted_ids_refused*: whether a PDO may
+      not have a CAN-ID that CiA 301 keeps for others.
     - *pre_operational_writes*: ranges of indices that refuse downloads outside PRE-OPERATIONAL.
     - *needs_store*: range of indices that a reset reverts unless they were stored, everything outside keeps itself;
       None means that everything must be stored. *save_command*: an object that stores everything when written.
-      *store_capability*: what 0x1010:s and 0x1011:s read.
+      *store_capability*: what 0x1010:s and 0x1011:s read; *restore_capability*: what 0x1011:s reads where it differs.
+      *store_lasts*: whether a store outlasts a reset; *communication_reset_reloads*: whether a reset of communication
+      brings stored values back, or leaves all as it is.
     - *login*: access levels, None for none. *extended_error*: the object that explains abort 0x08000000;
       *reasons*: abort code → reason, for codes that this family hides behind 0x08000000.
     - *state_object* reads the NMT state; *state_request* forces it (1 PRE-OPERATIONAL, 0 OPERATIONAL) where
@@ -97,10 +110,24 @@ class Family:
     answers_remote_frames: bool = True
     tpdo_access: frozenset[Access] = frozenset({Access.RO, Access.RWR, Access.CONST, Access.RW})
     rpdo_access: frozenset[Access] = frozenset({Access.WO, Access.RWW, Access.RW})
+    pdo_rules_always: bool = True
+    mapping_in_use: int = Abort.UNSUPPORTED_ACCESS
+    same_mapping_accepted: bool = False
+    entry_length_checked: bool = True
+    entry_access_codes: bool = False
+    tpdo_dummies: int = Abort.NOT_MAPPABLE
+    count_within_entries: bool = True
+    empty_entries_counted: bool = False
+    zero_bits_counted: bool = False
+    empty_pdos_enabled: bool = False
+    restricted_ids_refused: bool = True
     pre_operational_writes: tuple[Range, ...] = ()
     needs_store: Range | None = None
     save_command: Object | None = None
     store_capability: int = 1
+    restore_capability: int | None = None
+    store_lasts: bool = True
+    communication_reset_reloads: bool = True
     login: Login | None = None
     extended_error: Object | None = None
     reasons: Mapping[int, int] = field(default_factory=dict)
@@ -110,6 +137,12 @@ class Family:
     pins: tuple[PinCopy, ...] = ()
     motors: MotorCopy | None = None
     boot_state: NmtState = NmtState.PRE_OPERATIONAL
+
+    @property
+    def capabilities(self) -> dict[int, int]:
+        """What the sub-indices of 0x1010 and of 0x1011 read (CiA 301, 7.5.2.13 and 7.5.2.14)."""
+        restore = self.store_capability if self.restore_capability is None else self.restore_capability
+        return {0x1010: self.store_capability, 0x1011: restore}
 
 
 GENERIC = Family()

@@ -23,15 +23,19 @@ _COMMUNICATION_TYPES = {0: U8, 1: U32, 2: U8, 3: U16, 5: U16, 6: U8}
 
 
 class Memory:
-    """The values of one node; see `StrictDevice` for *backing*."""
+    """The values of one node; *capabilities* are what 0x1010:s and 0x1011:s read; see `StrictDevice` for *backing*."""
 
     def __init__(
-        self, dictionary: ObjectDictionary, node_id: int, capability: int, backing: Backing | None = None
+        self,
+        dictionary: ObjectDictionary,
+        node_id: int,
+        capabilities: Mapping[int, int],
+        backing: Backing | None = None,
     ) -> None:
         self.dictionary = dictionary
         self.backing = backing
         self._node_id = node_id
-        self._capability = capability
+        self._capabilities = capabilities
         self._ram: dict[Key, bytes] = {}
         self._stored: dict[Key, bytes] = {}
         #: grows whenever what is stored changes
@@ -99,8 +103,8 @@ class Memory:
 
     def _initial(self, index: int, sub_index: int) -> bytes:
         size = self.size(index, sub_index)
-        if index in (STORE, RESTORE) and sub_index:
-            return self._capability.to_bytes(4, "little")
+        if index in self._capabilities and sub_index:
+            return self._capabilities[index].to_bytes(4, "little")
         entry = self.entry(index, sub_index)
         data = (entry.initial(self._node_id) if entry else None) or b""
         return data if size is None else data[:size].ljust(size, b"\0")

@@ -72,10 +72,14 @@ class PdoGuard:
             return
         if held.valid and (held.can_id, held.extended) != (wanted.can_id, wanted.extended):
             raise Refusal(Abort.VALUE_RANGE)
-        if not wanted.fits_frame or (not wanted.extended and within(wanted.can_id, _RESTRICTED)):
+        if not wanted.fits_frame or self._is_restricted(wanted):
             raise Refusal(Abort.VALUE_RANGE)
-        if not held.valid and self._memory.number(pdo.mapping_index, 0) == 0:
+        empty = not held.valid and self._memory.number(pdo.mapping_index, 0) == 0
+        if empty and not self._family.empty_pdos_enabled:
             raise Refusal(Abort.VALUE_RANGE)
+
+    def _is_restricted(self, wanted: CobId) -> bool:
+        return self._family.restricted_ids_refused and not wanted.extended and within(wanted.can_id, _RESTRICTED)
 
     def _check_frame_bits(self, pdo: Pdo, wanted: CobId) -> None:
         policy = self._family.rtr_bit[pdo.direction]
@@ -94,13 +98,18 @@ class PdoGuard:
 
     def _check_count(self, pdo: Pdo, count: int) -> None:
         if self.cob_id(pdo).valid:
-            raise Refusal(Abort.UNSUPPORTED_ACCESS)
-        if count > self._max_entries(pdo):
+            if self._is_same(pdo, 0, count):
+                return
+            raise Refusal(self._family.mapping_in_use)
+        strict = self._family.count_within_entries
+        if strict and count > self._max_entries(pdo):
             raise Refusal(Abort.PDO_LENGTH)
         bits = 0
         for sub_index in range(1, count + 1):
             if not self._memory.exists(pdo.mapping_index, sub_index):
-                raise Refusal(Abort.PDO_LENGTH)
+                if strict:
+                    raise Refusal(Abort.PDO_LENGTH)
+                break
             bits += self._covered_bits(pdo, self._memory.number(pdo.mapping_index, sub_index))
         if bits > 64:
             raise Refusal(Abort.PDO_LENGTH)
@@ -108,9 +117,11 @@ class PdoGuard:
     def _covered_bits(self, pdo: Pdo, raw: int) -> int:
         """The length of an entry that a count is about to make active, checked once more."""
         if raw == 0:
+            if self._family.empty_entries_counted:
+                return 0
             raise Refusal(Abort.NOT_MAPPABLE)
         entry = PdoMappingEntry.from_raw(raw)
-        if entry.bits == 0:
+        if entry.bits == 0 and not self._family.zero_bits_counted:
             raise Refusal(Abort.VALUE_RANGE)
         self._check_entry(pdo, entry)
         return entry.bits
@@ -119,9 +130,15 @@ class PdoGuard:
         if sub_index > self._max_entries(pdo):
             raise Refusal(Abort.NO_SUB_INDEX)
         if self.cob_id(pdo).valid or self._memory.number(pdo.mapping_index, 0):
-            raise Refusal(Abort.UNSUPPORTED_ACCESS)
+            if self._is_same(pdo, sub_index, raw):
+                return
+            raise Refusal(self._family.mapping_in_use)
         if raw:
             self._check_entry(pdo, PdoMappingEntry.from_raw(raw))
+
+    def _is_same(self, pdo: Pdo, sub_index: int, value: int) -> bool:
+        """Whether the mapping holds *value* already, and the family takes that for no write."""
+        return self._family.same_mapping_accepted and self._memory.number(pdo.mapping_index, sub_index) == value
 
     def _max_entries(self, pdo: Pdo) -> int:
         listed = self._memory.highest_sub_index(pdo.mapping_index)
@@ -133,7 +150,7 @@ class PdoGuard:
         else:
             longest = self._object_bits(pdo, entry)
         step = self._granularity
-        too_long = longest is not None and entry.bits > longest
+        too_long = self._family.entry_length_checked and longest is not None and entry.bits > longest
         if too_long or entry.bits > self._family.max_entry_bits or entry.bits % step:
             raise Refusal(Abort.NOT_MAPPABLE)
 
@@ -150,15 +167,16 @@ class PdoGuard:
         supported = self._family.dummies
         if supported is None:
             supported = self._memory.dictionary.info.dummies
-        if pdo.is_tpdo or (supported is not None and entry.index not in supported):
+        if pdo.is_tpdo and self._family.tpdo_dummies:
+            raise Refusal(self._family.tpdo_dummies)
+        if supported is not None and entry.index not in supported:
             raise Refusal(Abort.NOT_MAPPABLE)
         return DUMMY_BITS[entry.index]
 
     def _object_bits(self, pdo: Pdo, entry: PdoMappingEntry) -> int | None:
         """The length of a mapped object, None where nobody knows it."""
         self._memory.require(entry.index, entry.sub_index)
-        if not self._mappable(pdo, entry.index, entry.sub_index):
-            raise Refusal(Abort.NOT_MAPPABLE)
+        self._check_mappable(pdo, entry.index, entry.sub_index)
         data_type = self._memory.data_type(entry.index, entry.sub_index)
         if data_type is not None and data_type.bits is not None:
             return data_type.bits
@@ -167,15 +185,18 @@ class PdoGuard:
         except Refusal:
             return None
 
-    def _mappable(self, pdo: Pdo, index: int, sub_index: int) -> bool:
+    def _check_mappable(self, pdo: Pdo, index: int, sub_index: int) -> None:
         described = self._memory.entry(index, sub_index)
         if described is None:
-            return True
+            return
         if described.access not in (self._family.tpdo_access if pdo.is_tpdo else self._family.rpdo_access):
-            return False
-        if described.pdo_mapping is None:
-            return not self._states_mappability
-        return described.pdo_mapping
+            wrong_way = Abort.WRITE_ONLY if pdo.is_tpdo else Abort.READ_ONLY
+            raise Refusal(
+                wrong_way if self._family.entry_access_codes and described.pdo_mapping else Abort.NOT_MAPPABLE
+            )
+        mappable = not self._states_mappability if described.pdo_mapping is None else described.pdo_mapping
+        if not mappable:
+            raise Refusal(Abort.NOT_MAPPABLE)
 
     @cached_property
     def _states_mappability(self) -> bool:

@@ -42,7 +42,8 @@ class ParameterStore:
             return
         if self.fails:
             raise Refusal(Abort.HARDWARE)
-        self._memory.save(*area)
+        if self._family.store_lasts:
+            self._memory.save(*area)
         self._to_restore.discard(area)
 
     def keep_written(self, index: int) -> None:
@@ -60,6 +61,8 @@ class ParameterStore:
 
     def reset(self, *, communication_only: bool) -> None:
         """Bring stored values back, or the defaults where a restore was asked for."""
+        if communication_only and not self._family.communication_reset_reloads:
+            return
         due = {area for area in self._to_restore if area == COMMUNICATION or not communication_only}
         for area in due:
             self._memory.forget_stored(*area)
