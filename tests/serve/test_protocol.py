@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 import pytest
 from can.interfaces.socketcand.socketcand import (
     convert_ascii_message_to_can_message,
@@ -68,6 +70,17 @@ def test_frames_that_clients_send(request_: bytes, frame: Frame | None) -> None:
 def test_frames_that_do_not_exist(request_: bytes) -> None:
     with pytest.raises(ValueError, match=r"no such|differ"):
         sent_frame(request_)
+
+
+@given(st.lists(st.binary(max_size=60) | st.sampled_from([b"<", b">", b"< send ", b"123 1 ff", b"< open can0 >"])))
+def test_whatever_comes_is_requests_or_rubbish(chunks: list[bytes]) -> None:
+    requests = Requests()
+    with suppress(ValueError):  # RubbishError is one
+        for chunk in chunks:
+            for request in requests.feed(chunk):
+                frame = sent_frame(request)
+                assert frame is None or len(frame.data) <= 8
+                opened_bus(request)
 
 
 @pytest.mark.parametrize("rubbish", [b"GET / HTTP/1.1\r\n", b"\xff\xfe", b"< ok > and more", b"<" + b"a" * LONGEST])
