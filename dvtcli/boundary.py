@@ -58,7 +58,7 @@ def usage_error(wrong: click.ClickException) -> UsageError:
     if ctx is not None and ctx.command.name != "dvtcli":
         usage = " ".join(ctx.command.collect_usage_pieces(ctx)).replace("[OPTIONS] ", "")
         hint = f"{ctx.info_name} {usage}; help {ctx.info_name}"
-    return UsageError(wrong.format_message(), hint=hint)
+    return UsageError(" ".join(wrong.format_message().split()), hint=hint)
 
 
 def _silence_stdout() -> None:

@@ -76,6 +76,11 @@ class Network:
         if options.eds:
             read_dictionary(Path(options.eds))  # a wrong file is said before a bus is touched
         simulated = simulated_nodes(options.sim)
+        if simulated and (options.interface or options.channel):
+            raise UsageError(
+                "--sim and an interface exclude each other: a simulated node lives on no real bus",
+                hint="leave one out; `sim` in dvtcli.toml or DVTCLI_SIM counts, too",
+            )
         faults = simulated_faults(options.fault, simulated)
         if simulated:
             bus = open_simulation(

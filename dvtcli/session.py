@@ -11,7 +11,7 @@ from contextlib import AbstractContextManager, contextmanager
 from typing import TYPE_CHECKING, Any
 
 from dvtcli.device.cancellation import Cancellation
-from dvtcli.errors import SafetyRefusal, UsageError
+from dvtcli.errors import DvtcliError, SafetyRefusal, UsageError
 from dvtcli.options import START_ONLY, Options
 
 if TYPE_CHECKING:
@@ -79,6 +79,11 @@ class Session:
         self._show()
         try:
             yield
+        except DvtcliError as error:
+            if self.dry_run:
+                error.state = "unchanged"
+                error.details.insert(0, ("dry run", "this was the node's twin; nothing was sent"))
+            raise
         finally:
             if fresh_twin:
                 self._twin = None

@@ -109,6 +109,8 @@ def unknown_command(name: str) -> str:
     """What to say of a word that is no command."""
     from difflib import get_close_matches
 
+    if name.lower() in ("quit", "q", "bye", "logout"):
+        return f"no command is called {name!r}; did you mean 'exit'?"
     close = get_close_matches(name, command_names(), n=1)
     return f"no command is called {name!r}" + (f"; did you mean {close[0]!r}?" if close else "; help lists them")
 

@@ -30,10 +30,19 @@ def changed(session: Session, node: Node, applied: Applied, seconds: float, *, u
     if len(applied.plan) and not session.dry_run:
         session.record(node.node_id, change_lines(applied.plan))
     volatile = any(node.profile.store.needed_for(step.index) for step in applied.plan.steps)
+    policy = node.profile.store
+    keep = f"to keep it, {policy.instead}" if policy.instead else "`store` keeps it"
     return Changed(
-        node.node_id, applied.plan, applied.findings, session.dry_run, seconds, undone, volatile,
+        node.node_id,
+        applied.plan,
+        applied.findings,
+        session.dry_run,
+        seconds,
+        undone,
+        volatile,
+        keep,
         names(node, applied.plan.changes),
-    )  # fmt: skip
+    )
 
 
 def names(node: Node, changes: Iterable[object]) -> dict[str, str]:

@@ -38,6 +38,7 @@ def store_settings(session: Session, node: Node, sub_index: int | None, *, prove
     before = node.pdos() if prove else {}
     done = sign(node.access, node.profile.store, STORE, sub_index, node.cancellation)
     changed = node.pending.forget(done.sub_index)
+    node.pending.stored_at = len(node.history)
     proof = _proof(node, before) if prove else None
     if not session.dry_run:
         session.record(node.node_id, ["store" if sub_index is None else f"store {sub_index}"])

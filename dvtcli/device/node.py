@@ -239,6 +239,8 @@ class Node:
             raise UsageError(unknown[0].text, node=self.node_id)
         applied = self.apply(plan, unknown)
         self.history = kept
+        if len(kept) == self.pending.stored_at and not unknown:
+            self.pending.unstored.clear()  # the device holds what was stored, or found, again
         return applied
 
     def is_dynamic(self, pdo: Pdo) -> bool:

@@ -20,6 +20,8 @@ class Pending:
 
     unstored: dict[str, int] = field(default_factory=dict)
     suspicions: dict[str, str] = field(default_factory=dict)
+    #: how many changes of this session were made before the last store
+    stored_at: int = 0
     #: boot-up messages seen when the node was last known to hold what this session set; None before that
     boot_ups: int | None = None
 

@@ -119,7 +119,7 @@ def _refused(aborted: SdoAborted, node_id: int, index: int, sub_index: int) -> D
         hint = f"nmt preop {node_id}, then again"
     elif aborted.code == Abort.HARDWARE:
         hint = "the device could not write its memory; what it had stored before may be lost"
-    return DeviceRefused(
+    error = DeviceRefused(
         f"node {node_id} refused to {_word(index)}",
         node=node_id,
         place=f"{index:04X}:{sub_index:02X}",
@@ -127,6 +127,9 @@ def _refused(aborted: SdoAborted, node_id: int, index: int, sub_index: int) -> D
         why=aborted.why,
         hint=hint,
     )
+    if aborted.code == Abort.HARDWARE:
+        error.state = "unknown"
+    return error
 
 
 def reset_and_wait(access: Access, command: NmtCommand, timeout_s: float = BOOT_TIMEOUT_S) -> float:

@@ -22,6 +22,8 @@ class Changed:
     undone: bool = False
     #: whether anything of it is lost at power-off unless it is stored
     volatile: bool = True
+    #: what makes it last, in words
+    keep: str = "`store` keeps it"
     names: dict[str, str] = field(default_factory=dict)
     exit_code: int = 0
 

@@ -34,7 +34,7 @@ def change_lines(result: Changed, width: int) -> Iterator[Line]:
         ]
         return
     verb = "put back" if result.undone else "set"
-    keeps = "In RAM only: `store` keeps it" if result.volatile else "The device keeps it by itself"
+    keeps = f"In RAM only: {result.keep}" if result.volatile else "The device keeps it by itself"
     next_step = "" if result.undone else ", `undo` reverts it"
     yield [
         Cell(f"{labels} {verb}: {writes}, read back equal, {result.seconds:.2f} s. "),
@@ -97,7 +97,8 @@ def compared_lines(result: Compared, _width: int) -> Iterator[Line]:
         return
     plural = "" if result.pdos == 1 else "s"
     if result.differences:
-        yield f"{len(result.differences)} of {result.pdos} PDO{plural} differ from {result.against}"
+        differing = len({pdo for pdo, _ in result.differences})
+        yield f"{differing} of {result.pdos} PDO{plural} differ{'s' if differing == 1 else ''} from {result.against}"
     else:
         yield f"read back   {result.parameters} parameters of {result.pdos} PDO{plural} equal to {result.against}"
     for pdo, frame, milliseconds in result.frames:

@@ -1,0 +1,96 @@
+"""What was lost, refused or found different is not stored, and is said."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.process import dvtcli
+
+
+def run(*lines: str, words: tuple[str, ...] = ("--sim", "generic")) -> tuple[list[str], str]:
+    """Run *lines* with --keep-going; the lines of stdout, and stderr."""
+    done = dvtcli(*words, "run", "-", "--keep-going", stdin="\n".join(lines) + "\n")
+    assert "Traceback" not in done.stderr
+    return done.stdout.splitlines(), done.stderr
+
+
+def test_a_restart_nobody_asked_for_is_said_and_forbids_to_store() -> None:
+    out, err = run(
+        "set tpdo1 --timer 100", "set tpdo2 --inhibit 20", "store", words=("--sim", "generic", "--fault", "reset@3=0.1")
+    )
+    assert "restarted" in err
+    assert "TPDO1" in err
+    assert "is not stored" in err
+    assert not any("stored, acknowledged" in line for line in out)
+
+
+def test_an_unrelated_verify_does_not_allow_it_again() -> None:
+    out, err = run(
+        "map tpdo2 6041",
+        "map tpdo1 6041 606C",
+        "verify tpdo2",
+        "store",
+        words=("--sim", "gen4", "--fault", "refuse@8=0x08000021"),
+    )
+    assert "0x08000021" in err
+    assert err.count("is not stored") == 1
+    assert any("read back" in line for line in out)
+
+
+def test_a_group_keeps_the_rest_pending() -> None:
+    out, err = run("write 607A 500", "set tpdo1 --timer 7", "store communication", "nmt reset-node")
+    assert any(line.endswith("changed since the last store: TPDO1") for line in out) or "that group alone" in err
+    assert "607A:00" in err, "the reset says what it lost"
+
+
+def test_undo_to_what_was_found_leaves_nothing_to_store() -> None:
+    out, _ = run("map tpdo1 606C", "undo", "store")
+    assert any(line.endswith("nothing by dvtcli") for line in out)
+
+
+@pytest.mark.parametrize("words", [("-i", "virtual"), ("-c", "can0")])
+def test_a_simulated_node_is_on_no_real_bus(words: tuple[str, ...]) -> None:
+    done = dvtcli("--sim", "gen4", *words, "pdo")
+    assert done.returncode == 2
+    assert "exclude each other" in done.stderr
+
+
+def test_a_folder_that_cannot_hold_a_journal_is_no_bug(tmp_path: Path) -> None:
+    from tests.recovery.test_killed import Bench
+
+    blocked = tmp_path / "file"
+    blocked.write_text("")
+    bench = Bench(blocked)
+    try:
+        code, _, err = bench.run("set", "tpdo2", "--timer", "7")
+        assert code == 6, err
+        assert "--journal" in err
+        assert bench.wire.downloads == 0
+        assert bench.run("read", "1018:1")[0] == 0
+    finally:
+        bench.wire.close()
+
+
+def test_a_recover_that_fails_keeps_the_journal_and_its_progress(tmp_path: Path) -> None:
+    from tests.recovery.test_killed import MAP, Bench
+
+    bench = Bench(tmp_path)
+    try:
+        before = bench.pdos()
+        child = bench.start(*MAP)
+        bench.wire.at_download = lambda number: child.kill() if number == 6 else None
+        child.communicate(timeout=60)
+        bench.wire.at_download = lambda _number: None
+        bench.wire.slowness_s = 1.0
+        code, _, err = bench.run("recover", "--yes", "--timeout", "0.2")
+        assert code == 7, err
+        assert len(bench.journals()) == 1
+        bench.wire.slowness_s = 0.0
+        code, _, err = bench.run("recover", "--yes")
+        assert code == 0, err
+        assert bench.pdos() == before
+        assert not bench.journals()
+    finally:
+        bench.wire.close()
