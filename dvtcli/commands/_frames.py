@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from dvtcli.commands._sync_frame import sync_frame
 from dvtcli.device.transaction import Interrupted
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import Frame
@@ -58,16 +59,18 @@ def _return(node: Node, found: NmtState | None) -> str:
 
 def _frames(session: Session, node: Node, pdos: list[Pdo]) -> Look:
     enabled = {pdo: config for pdo in pdos if (config := node.pdo(pdo)).enabled}
-    return tuple(_frame(session, pdo, config) for pdo, config in enabled.items() if not node.cancellation.requested)
+    sync = sync_frame(node.sdo)
+    asked = (one for one in enabled.items() if not node.cancellation.requested)
+    return tuple(_frame(session, sync, pdo, config) for pdo, config in asked)
 
 
-def _frame(session: Session, pdo: Pdo, config: PdoConfig) -> tuple[str, Frame | None, float]:
+def _frame(session: Session, sync: Frame, pdo: Pdo, config: PdoConfig) -> tuple[str, Frame | None, float]:
     cob_id, kind = config.communication.cob_id, config.communication.transmission_type
     bus = session.bus
     began_s = bus.now_s()
     for _ in range(kind if kind is not None and 1 <= kind <= 240 else 1):
         if kind is not None and kind <= 240:
-            bus.send(Frame(0x080, b""))
+            bus.send(sync)
         listen_s = FRAME_TIMEOUT_S if kind is None or kind <= 1 or kind > 240 else 0.02
         for frame in bus.receive(listen_s):
             if frame.can_id == cob_id.can_id and frame.extended == cob_id.extended:

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 import click
 
-from dvtcli.domain.ports import Frame
 from dvtcli.params import MillisecondsType, NumberType
 from dvtcli.shell import DvtCommand
 
 if TYPE_CHECKING:
+    from dvtcli.domain.ports import Frame
     from dvtcli.results import Facts, Synced
     from dvtcli.session import Session
 
@@ -25,13 +25,16 @@ _LISTEN_S = 0.05
 @click.option("--check", is_flag=True, help="Send none; say who produces SYNC, and warn where nobody does.")
 @click.pass_obj
 def command(session: Session, /, period: int | None, count: int | None, check: bool) -> Synced | Facts:
-    """Produce SYNC (CAN-ID 0x080) and list what synchronous PDOs send.
+    """Produce SYNC and list what synchronous PDOs send.
+
+    Its CAN-ID is what the selected node's 0x1005 says, 0x080 where no node is selected.
 
     \b
     sync
     sync --period 20 --count 50
     sync --check
     """
+    from dvtcli.commands._sync_frame import DEFAULT, sync_frame
     from dvtcli.results import Synced
 
     if check:
@@ -43,16 +46,18 @@ def command(session: Session, /, period: int | None, count: int | None, check: b
     times, gap_s = count or 1, (20 if period is None else period) / 1000
     seen: dict[int, tuple[Frame, int]] = {}
     bus = session.bus
+    selected = session.selected_id()
+    sync = DEFAULT if selected is None else sync_frame(bus.sdo(selected))
     began = time.monotonic()
     for number in range(times):
-        bus.send(Frame(0x080, b""))
+        bus.send(sync)
         due = began + (number + 1) * gap_s
         for frame in bus.receive(_LISTEN_S if number == times - 1 else max(0.0, due - time.monotonic())):
             if 0x181 <= frame.can_id <= 0x57F or 0x680 <= frame.can_id < 0x700 or frame.extended:
                 seen[frame.can_id] = (frame, seen.get(frame.can_id, (frame, 0))[1] + 1)
     labels = _labels(session)
     rows = tuple((frame, number, labels.get(can_id, "")) for can_id, (frame, number) in sorted(seen.items()))
-    return Synced(times, gap_s * 1000, rows, session.dry_run)
+    return Synced(times, gap_s * 1000, rows, session.dry_run, sync.can_id)
 
 
 def _labels(session: Session) -> dict[int, str]:

@@ -11,6 +11,7 @@ from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, plan_pdo
 from dvtcli.domain.rules.finding import Finding, warning
+from dvtcli.domain.several import several
 from dvtcli.errors import DvtcliError, LeftChanged, SafetyRefusal
 
 if TYPE_CHECKING:
@@ -93,7 +94,7 @@ def _put_back(node: Node, journal: Journal) -> None:
         with node.cancellation.guard():
             restore_patiently(node.sdo, journal.plan.changes, node.bus, node.gate.renew)
     except (DvtcliError, KeyboardInterrupt) as fault:
-        labels = ", ".join(change.label for change in journal.plan.changes)
+        labels = several(change.label for change in journal.plan.changes)
         raise LeftChanged(
             f"{labels} of node {node.node_id} could not be put back",
             node=node.node_id,

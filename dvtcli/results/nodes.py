@@ -87,6 +87,7 @@ class Synced:
     period_ms: float
     frames: tuple[tuple[Frame, int, str], ...]
     dry_run: bool
+    can_id: int = 0x080
     exit_code: int = 0
 
     def document(self) -> Document:
@@ -95,4 +96,10 @@ class Synced:
             {"cob_id": frame.can_id, "pdo": label or None, "count": count, "data": hex_bytes(frame.data)}
             for frame, count, label in self.frames
         ]
-        return {"schema": "dvtcli.sync/1", "syncs": self.count, "period_ms": self.period_ms, "frames": rows}
+        return {
+            "schema": "dvtcli.sync/1",
+            "syncs": self.count,
+            "period_ms": self.period_ms,
+            "cob_id": self.can_id,
+            "frames": rows,
+        }

@@ -67,7 +67,8 @@ def synced_lines(result: Synced, width: int) -> Iterator[Line]:
     """How many SYNCs went out, and what came in answer."""
     dry = " (dry run: nothing was sent)" if result.dry_run else ""
     came = sum(count for _, count, _ in result.frames)
-    yield f"{plural(result.count, 'SYNC')} sent{dry}, {plural(came, 'frame')} came"
+    with_id = "" if result.can_id == 0x080 else f" with CAN-ID 0x{result.can_id:03X} (the node's 0x1005)"
+    yield f"{plural(result.count, 'SYNC')} sent{with_id}{dry}, {plural(came, 'frame')} came"
     table = Table(("COB-ID", "WHAT", "FRAMES", "LAST DATA"), frozenset({2}))
     for frame, count, label in result.frames:
         table.add(f"0x{frame.can_id:03X}", label or "-", str(count), frame.data.hex(" ").upper())

@@ -1,0 +1,26 @@
+"""The SYNC message that a node listens for."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.ports import Frame
+from dvtcli.errors import NoAnswer, SdoAborted
+
+if TYPE_CHECKING:
+    from dvtcli.domain.ports import SdoTransport
+
+#: SYNC as it is where nobody says otherwise (CiA 301, 7.5.2.5)
+DEFAULT = Frame(0x080, b"")
+_EXTENDED = 1 << 29
+
+
+def sync_frame(sdo: SdoTransport) -> Frame:
+    """A SYNC with the CAN-ID that the node's 0x1005 says; the usual one where it has none or does not answer."""
+    try:
+        raw = int.from_bytes(sdo.upload(0x1005, 0, retries=0)[:4], "little")
+    except (NoAnswer, SdoAborted):
+        return DEFAULT
+    if raw & _EXTENDED:
+        return Frame(raw & 0x1FFF_FFFF, b"", extended=True)
+    return Frame(raw & 0x7FF, b"") if raw & 0x7FF else DEFAULT
