@@ -67,7 +67,8 @@ def command(session: Session, /, command_: str, node_id: int | None) -> Commande
         for label in node.was_reset(communication=communication)
     )
     if not session.dry_run:
-        session.record(session.node_id() if target == 0 else target, [f"nmt {command_}{' all' if target == 0 else ''}"])
+        said = f"nmt {command_}{'' if target else ' all'}"
+        session.record(target or session.selected_id() or 0, [said])
     return Commanded(target, command_, state.label if state is not None else None, session.dry_run, lost)
 
 
