@@ -144,7 +144,7 @@ class CanBus:
         """What was noticed since the last call that should not be: another SDO client, two nodes with one node-ID."""
         with suppress(BusUnavailable):  # a dead bus has told whoever used it
             self._receiver.drain()
-        return self._oddities.news(self._channels, self._watch.boot_ups)
+        return self._oddities.news(self._channels, self._watch.boot_ups, self._watch.double_boot_ups)
 
     def tap(self, callback: Tap) -> Callable[[], None]:
         """Call *callback*(frame, sent) for each frame received or sent here; returns what ends that. As `on_event`."""

@@ -9,6 +9,8 @@ from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.ports import Frame
 
 HEARTBEAT = 0x700
+#: No node starts twice within this time, in seconds.
+TWICE_S = 1.0
 EMERGENCY = 0x080
 
 
@@ -50,6 +52,9 @@ class NodeWatch:
     def __init__(self) -> None:
         self.states: dict[int, NmtState] = {}
         self.boot_ups: dict[int, int] = {}
+        #: when each node said boot-up last, and how often it did within TWICE_S of the time before
+        self._booted_s: dict[int, float] = {}
+        self.double_boot_ups: dict[int, int] = {}
         #: how often a node gave a sign of life (heartbeat or boot-up)
         self.signs_of_life: dict[int, int] = {}
         self.emergencies: dict[int, Emergency] = {}
@@ -70,6 +75,7 @@ class NodeWatch:
         self.signs_of_life[node_id] = self.signs_of_life.get(node_id, 0) + 1
         if state is NmtState.INITIALISING:
             self.boot_ups[node_id] = self.boot_ups.get(node_id, 0) + 1
+            self._count_double(node_id, frame.timestamp_s)
             self._tell(BootUp(node_id, frame.timestamp_s))
             state = NmtState.PRE_OPERATIONAL
         before = self.states.get(node_id)
@@ -77,6 +83,14 @@ class NodeWatch:
         if before is not state:
             self._tell(StateChange(node_id, before, state, frame.timestamp_s))
         return True
+
+    def _count_double(self, node_id: int, now_s: float) -> None:
+        """Not on a bus that gives no times: frames that were waiting would seem to come at once."""
+        before_s = self._booted_s.get(node_id)
+        if now_s and before_s is not None and 0 <= now_s - before_s < TWICE_S:
+            self.double_boot_ups[node_id] = self.double_boot_ups.get(node_id, 0) + 1
+        if now_s:
+            self._booted_s[node_id] = now_s
 
     def emergency(self, frame: Frame) -> bool:
         """Take an emergency message, also a shortened one; whether it was one."""

@@ -198,20 +198,30 @@ class StrictSdoClient(SdoClient):
         self._late_answers = 0
 
     def _exchange(self, request: bytes) -> bytes | None:
-        """Send *request* once; its answer, or None at the time-out."""
+        """Send *request* once; its answer, or None at the time-out.
+
+        However it ends without one, by Ctrl-C too, the answer is expected late.
+        """
         unsettled_before, self._unsettled = self._unsettled, True
         self.last_request = request
         deadline_s = self._link.now_s() + self.timeout_s
-        self._link.send_sdo(self.rx_cobid, request)
         take, inbox = self._link.take, self.inbox
-        while (answer := take(inbox, deadline_s)) is not None:
-            if self._fits(request, answer):
-                self._unsettled = unsettled_before
-                if answer[0] >> 5 == _ABORT:
-                    raise SdoAborted(*_object_of(answer[1:4]), int.from_bytes(answer[4:], "little"), node=self.node_id)
-                return answer
-        self._late_answers += 1
-        return None
+        answered = False
+        try:
+            self._link.send_sdo(self.rx_cobid, request)
+            while (answer := take(inbox, deadline_s)) is not None:
+                if self._fits(request, answer):
+                    answered = True
+                    break
+        finally:
+            if not answered:
+                self._late_answers += 1
+        if answer is None:
+            return None
+        self._unsettled = unsettled_before
+        if answer[0] >> 5 == _ABORT:
+            raise SdoAborted(*_object_of(answer[1:4]), int.from_bytes(answer[4:], "little"), node=self.node_id)
+        return answer
 
     def _fits(self, request: bytes, answer: bytes) -> bool:
         """Whether *answer* is the answer to *request*; any other is dropped and counted."""
@@ -239,7 +249,7 @@ class StrictSdoClient(SdoClient):
             if self._late_answers:
                 self._late_answers -= 1
             else:
-                self.dropped.other_client += 1
+                self.dropped.doubled += 1
 
     def _broken(self, what: str, code: Abort) -> SdoProtocolError:
         """End a transfer that breaks the protocol."""

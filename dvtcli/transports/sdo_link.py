@@ -40,13 +40,15 @@ class DroppedAnswers:
     """How many answers of a node did not count.
 
     *stale*: late, or a second one to the same request; *foreign*: for an object that was not asked for, or with a
-    29-bit CAN-ID; *malformed*: not 8 bytes, or no such command specifier; *other_client*: signs that somebody
-    else uses the node's SDO channel (requests that are not ours, answers nobody here waits for).
+    29-bit CAN-ID; *malformed*: not 8 bytes, or no such command specifier; *doubled*: those of *stale* that are not
+    late; *other_client*: signs that somebody else uses the node's SDO channel (requests that are not ours, and answers
+    for objects that were not asked for).
     """
 
     stale: int = 0
     foreign: int = 0
     malformed: int = 0
+    doubled: int = 0
     other_client: int = 0
 
     @property

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import signal
+import threading
 import time
 from collections.abc import Callable
 
@@ -226,11 +228,54 @@ def test_only_malformed_answers_are_a_protocol_error(serve: Serve) -> None:
     assert server.ended()[-1] == frame(f"80 00 20 03 {TIME_OUT}")
 
 
-def test_second_answers_point_at_another_client(serve: Serve) -> None:
+def test_second_answers_point_at_a_second_node(serve: Serve) -> None:
     bus, _ = serve(lambda request: well_behaved(request) * 2)
     assert [bus.sdo(NODE).upload(0x2000 + i, 0)[:2] for i in range(3)] == [b"\x00\x20", b"\x01\x20", b"\x02\x20"]
     bus.sdo(NODE).download(0x2000, 0, b"\0")
-    assert bus.sdo(NODE).dropped.other_client >= 2
+    bus.sdo(NODE).upload(0x2000, 0)
+    assert bus.sdo(NODE).dropped.other_client == 0
+    (said,) = bus.disturbances()
+    assert said.endswith(f"answers came twice: are there two nodes with node-ID {NODE}?")
+    assert bus.disturbances() == []
+
+
+def test_one_doubled_answer_means_nothing(serve: Serve) -> None:
+    bus, _ = serve(Steps(*[well_behaved(frame(text)) * n for text, n in (("40 00 20", 2), ("40 01 20", 1))]))
+    bus.sdo(NODE).upload(0x2000, 0)
+    bus.sdo(NODE).upload(0x2001, 0)
+    dropped = bus.sdo(NODE).dropped
+    assert (dropped.stale, dropped.doubled, dropped.other_client) == (1, 1, 0)
+    assert bus.disturbances() == []
+
+
+def test_the_late_answer_of_an_interrupted_transfer_means_nothing(serve: Serve) -> None:
+    late = frame("43 00 20 00")
+    bus, server = serve(lambda request: well_behaved(request) if request[1:3] != b"\0\x20" else [], timeout_s=5)
+    for _ in range(4):
+        timer = threading.Timer(0.05, signal.raise_signal, [signal.SIGINT])
+        timer.start()
+        with pytest.raises(KeyboardInterrupt):
+            bus.sdo(NODE).upload(0x2000, 0)
+        timer.join()
+        server.send(0x580 + NODE, late)
+    bus.sdo(NODE).upload(0x2001, 0)
+    dropped = bus.sdo(NODE).dropped
+    assert (dropped.doubled, dropped.other_client) == (0, 0)
+    assert bus.disturbances() == []
+
+
+def test_two_boot_ups_at_once_mean_two_nodes(serve: Serve) -> None:
+    bus, server = serve()
+    server.send(0x700 + NODE, b"\0")
+    bus.boot_ups(NODE)
+    assert bus.disturbances() == []
+    time.sleep(1.1)
+    server.send(0x700 + NODE, b"\0")
+    assert bus.disturbances() == []
+    server.send(0x700 + NODE, b"\0")
+    (said,) = bus.disturbances()
+    assert f"two nodes with node-ID {NODE}" in said
+    assert bus.disturbances() == []
 
 
 def test_doubled_segments_do_not_double_the_data(serve: Serve) -> None:
