@@ -106,7 +106,7 @@ class Keeper:
             ) from failed
 
     def _back_up(self, identity: Identity, pdos: Mapping[Pdo, PdoConfig]) -> None:
-        stamp = datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
+        stamp = datetime.now(UTC).strftime("%Y%m%dT%H%M%S.%fZ")
         path = self.folder / "backups" / f"{file_name(self.bus)}-{self.node_id}-{stamp}.dvt"
         lines = backup_lines(identity, pdos, {pdo for pdo in pdos if self.is_fixed(pdo)})
         write_private(path, "\n".join(lines) + "\n")
