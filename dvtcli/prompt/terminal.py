@@ -64,10 +64,10 @@ class PlainReader:
     def read(self) -> str:
         """Ask on stderr, so that stdout holds results only."""
         with self._notices.shown_by(lambda text: self._output.lines([text])):
-            self._notices.pump()
-            self._output.stderr.write(self._status.prompt())
-            self._output.stderr.flush()
             try:
+                self._notices.pump()
+                self._output.stderr.write(self._status.prompt())
+                self._output.stderr.flush()
                 line = sys.stdin.readline()
             except KeyboardInterrupt:
                 self._output.lines([""])
