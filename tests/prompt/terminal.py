@@ -12,7 +12,11 @@ import pexpect
 import pyte
 
 #: How long a screen may take to show something, in seconds: generous, since a test never waits longer than needed.
-PATIENCE_S = 15.0
+PATIENCE_S = 30.0
+#: a program that wrote nothing for so long (s) has drawn its screen
+QUIET_S = 0.05
+#: a screen that never rests, as a monitor's, is looked at after this long (s)
+RESTLESS_S = 1.0
 
 UP, DOWN, TAB, ENTER, ESCAPE = "\x1b[A", "\x1b[B", "\t", "\r", "\x1b"
 CTRL_C, CTRL_D, CTRL_R, F1 = "\x03", "\x04", "\x12", "\x1bOP"
@@ -87,9 +91,16 @@ class Terminal:
         self.until(lambda: self.cursor_line == prompt.rstrip() and self.screen.cursor.x == len(prompt), f"{prompt!r}")
 
     def until(self, condition: Callable[[], bool], what: str) -> None:
-        """Read what the program writes until *condition* holds; AssertionError with the screen otherwise."""
+        """Read what the program writes until *condition* holds on a screen at rest; AssertionError with it otherwise.
+
+        A screen is drawn in pieces: what a test reads off it in the middle of a drawing is on no screen a person sees.
+        """
         end_s = time.monotonic() + PATIENCE_S
-        while not condition():
+        while True:
+            if condition():
+                self._rest()
+                if condition():
+                    return
             in_time = time.monotonic() < end_s and not self.child.eof()
             assert in_time, f"waited for {what}; the screen is:\n{self.text}"
             self._read()
@@ -103,16 +114,25 @@ class Terminal:
         self.child.close()
         return self.child.exitstatus
 
-    def _read(self) -> None:
+    def _rest(self) -> None:
+        """Read until a drawing is complete: its cursor is shown again and nothing more comes."""
+        end_s = time.monotonic() + RESTLESS_S
+        while time.monotonic() < end_s and not self.child.eof():
+            if not self._read() and not self.screen.cursor.hidden:
+                return
+
+    def _read(self) -> bool:
+        """Feed the screen what the program wrote; whether it wrote anything."""
         try:
-            data = self.child.read_nonblocking(65536, timeout=0.05)
+            data = self.child.read_nonblocking(65536, timeout=QUIET_S)
         except pexpect.TIMEOUT:
-            return
+            return False
         except pexpect.EOF:
             self.child.flag_eof = True
-            return
+            return False
         self.written += data
         self._stream.feed(data)
+        return True
 
     def close(self) -> None:
         self.child.close(force=True)

@@ -103,7 +103,8 @@ def test_menus_say_what_each_word_is(open_terminal: Open) -> None:
     terminal.type(ENTER)
     terminal.type(" --syn")
     terminal.wait("On every N-th SYNC.")
-    assert terminal.cursor_line.startswith("sim/1 PRE-OP> map tpdo1 6C01:1 606C:00 --syn")
+    line = "sim/1 PRE-OP> map tpdo1 6C01:1 606C:00 --syn"
+    terminal.until(lambda: terminal.cursor_line.startswith(line), repr(line))
 
 
 def test_enter_on_a_menu_entry_takes_it_and_runs_nothing(gen4: Terminal) -> None:
