@@ -12,7 +12,7 @@ from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, plan_pdo
 from dvtcli.domain.rules.finding import Finding, warning
 from dvtcli.domain.several import several
-from dvtcli.errors import DvtcliError, LeftChanged, SafetyRefusal
+from dvtcli.errors import DvtcliError, LeftChanged, SafetyRefusal, SdoAborted
 
 if TYPE_CHECKING:
     from dvtcli.device.journal import Identity, Journal
@@ -100,11 +100,18 @@ def _put_back(node: Node, journal: Journal) -> None:
             node=node.node_id,
             place=str(journal.path),
             why=str(fault) or "interrupted",
-            hint=f"recover tries again, from {journal.path}",
+            hint=_next_step(node, fault, journal),
             state="left_changed",
         ) from fault
     finally:
         node.forget()
+
+
+def _next_step(node: Node, fault: BaseException, journal: Journal) -> str:
+    again = f"recover tries again, from {journal.path}"
+    if isinstance(fault, SdoAborted):  # the same again would be refused again; what it stored the device can go back to
+        return f"nmt reset-node {node.node_id} brings back what it has stored, then recover checks that; {again}"
+    return again
 
 
 def _text(identity: Identity) -> str:
