@@ -19,9 +19,10 @@ from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.ports import CanopenBus, Frame
 from dvtcli.domain.profile import GENERIC, DeviceProfile
+from dvtcli.domain.sdo_frame import sdo_value_of
 from dvtcli.domain.several import several
 from dvtcli.errors import InputFileError, SafetyRefusal, UsageError
-from dvtcli.formats.profile_toml import load_profile, profile_for_identity, profile_names
+from dvtcli.formats.profile_toml import load_profile, passcode_objects, profile_for_identity, profile_names
 from dvtcli.options import Options, is_file, node_id
 
 if TYPE_CHECKING:
@@ -172,6 +173,11 @@ class Network:
         sdo = self.bus.sdo(node_id)
         vendor, product = read_identity(sdo, 1), read_identity(sdo, 2)
         return GENERIC if vendor is None else profile_for_identity(vendor, product or 0)
+
+
+def carries_passcode(frame: Frame) -> bool:
+    """Whether *frame* is an SDO that carries a passcode of any family: such a value is shown and recorded nowhere."""
+    return sdo_value_of(frame) in passcode_objects()
 
 
 def state_folder(options: Options | None) -> Path:

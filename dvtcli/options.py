@@ -16,6 +16,8 @@ import click
 PREFIX = "global_"
 #: Put before an argument such as `-1500`, so that click does not take it for an option; `params` takes it off.
 NEGATIVE_MARK = "\ue000"
+#: The key of `dvtcli.toml` that is no option: what `login` would ask for.
+PASSCODE = "passcode"
 #: A `dvtcli.toml` is a few lines; beyond this many bytes it is something else.
 _MOST_BYTES = 100_000
 #: What only the start of the program may choose: a bus, a node's files, where things are kept.
@@ -183,17 +185,45 @@ def file_defaults(start: str | None = None) -> dict[str, Any]:
 
     Raises InputFileError where the file is no TOML or has an unknown key.
     """
+    path = _settings_file(start)
+    return {} if path is None else _read_defaults(path)
+
+
+def file_passcode() -> str | None:
+    """The passcode that the nearest `dvtcli.toml` holds, as it is written there; None where it holds none."""
+    path = _settings_file(None)
+    value = None if path is None else _keys(path).get(PASSCODE)
+    return None if value is None else str(value)
+
+
+def _settings_file(start: str | None) -> str | None:
     folder = os.path.abspath(start or os.curdir)  # noqa: PTH100 - pathlib costs 7 ms of a --help
     while True:
         path = os.path.join(folder, "dvtcli.toml")  # noqa: PTH118
         if os.path.isfile(path):  # noqa: PTH113
-            return _read_defaults(path)
+            return path
         folder, below = os.path.dirname(folder), folder  # noqa: PTH120
         if folder == below:
-            return {}
+            return None
 
 
 def _read_defaults(path: str) -> dict[str, Any]:
+    from dvtcli.errors import InputFileError
+
+    keys = _keys(path)
+    keys.pop(PASSCODE, None)  # no option: it would stand in process lists
+    known = {names[-1].lstrip("-").replace("-", "_") for names, _ in _TABLE}
+    unknown = sorted(key for key in keys if key.replace("-", "_") not in known)
+    if unknown:
+        raise InputFileError(
+            f"{path}: unknown key {unknown[0]!r}",
+            place=path,
+            hint=f"keys are the options: {', '.join(sorted(known))}; and {PASSCODE}",
+        )
+    return {PREFIX + key.replace("-", "_"): _setting(path, key, value) for key, value in keys.items()}
+
+
+def _keys(path: str) -> dict[str, Any]:
     import tomllib
 
     from dvtcli.errors import InputFileError
@@ -203,18 +233,9 @@ def _read_defaults(path: str) -> dict[str, Any]:
             data = file.read(_MOST_BYTES + 1)
         if len(data) > _MOST_BYTES:
             raise InputFileError(f"{path}: more than {_MOST_BYTES} bytes are no settings", place=path)
-        keys = tomllib.loads(data.decode())
+        return tomllib.loads(data.decode())
     except (ValueError, RecursionError) as wrong:  # no TOML, no UTF-8, a number of 5000 digits, too deep a nest
         raise InputFileError(f"{path}: not valid TOML: {wrong}", place=path) from wrong
-    known = {names[-1].lstrip("-").replace("-", "_") for names, _ in _TABLE}
-    unknown = sorted(key for key in keys if key.replace("-", "_") not in known)
-    if unknown:
-        raise InputFileError(
-            f"{path}: unknown key {unknown[0]!r}",
-            place=path,
-            hint=f"keys are the options: {', '.join(sorted(known))}",
-        )
-    return {PREFIX + key.replace("-", "_"): _setting(path, key, value) for key, value in keys.items()}
 
 
 def _setting(path: str, key: str, value: Any) -> Any:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from dvtcli.device.access import Gate
     from dvtcli.device.node import Node
     from dvtcli.domain.object_dictionary import ObjectDictionary
-    from dvtcli.domain.ports import CanopenBus
+    from dvtcli.domain.ports import CanopenBus, Frame
     from dvtcli.network import Network
     from dvtcli.serving import Serving, Wanted
     from dvtcli.view.output import Output
@@ -111,7 +111,12 @@ class Session:
             self._untap()
             self._untap = None
         else:
-            self._untap = self._network.tap(lambda frame, sent: self.output.traffic(frame, sent=sent))
+            self._untap = self._network.tap(self._show_frame)
+
+    def _show_frame(self, frame: Frame, sent: bool) -> None:
+        from dvtcli.network import carries_passcode
+
+        self.output.traffic(frame, sent=sent, secret=carries_passcode(frame))
 
     @property
     def in_script(self) -> bool:

@@ -34,7 +34,7 @@ class StoreGroup(CanopenType):
 
 def store_settings(session: Session, node: Node, sub_index: int | None, *, prove: bool) -> Stored:
     """Store what the node holds; with *prove* reset it and compare the PDOs that it comes back with."""
-    node.prepare_store()
+    node.prepare_store(force=session.options.force)
     before = node.pdos() if prove else {}
     done = sign(node.access, node.profile.store, STORE, sub_index, node.cancellation)
     changed = node.pending.forget(done.sub_index)
@@ -69,7 +69,7 @@ def _proof(node: Node, before: dict[Pdo, PdoConfig]) -> list[str]:
 def restore_defaults(session: Session, node: Node, sub_index: int | None, *, prove: bool) -> Stored:
     """Ask the node for its defaults; they come with the next reset, which *prove* does at once."""
     session.consent(f"node {node.node_id} will lose what is set and stored, and take its defaults; restore?")
-    node.prepare_store()
+    node.prepare_store(force=session.options.force)
     done = sign(node.access, node.profile.store, RESTORE, sub_index, node.cancellation)
     reset = None
     if prove:

@@ -15,6 +15,7 @@ from dvtcli.device.carry_out import carry_out
 from dvtcli.device.journal import Identity
 from dvtcli.device.keeper import Keeper
 from dvtcli.device.lazy import LazyMapping
+from dvtcli.device.login import level_finding, level_findings
 from dvtcli.device.pending import COMMUNICATION, EVERYTHING, Pending
 from dvtcli.device.raw_write import held_value, raw_change, raw_write_findings
 from dvtcli.device.read import present_pdos, read_optional, read_pdo
@@ -204,7 +205,7 @@ class Node:
         labels = several(pdo.label for pdo in wanted)
         refuse(tuple(findings), f"{labels} not changed", self.node_id, force=force)
         changes = tuple(plan_pdo(pdo, now[pdo], want) for pdo, want in wanted.items())
-        return self.apply(Plan(self.node_id, changes), tuple(findings))
+        return self.apply(Plan(self.node_id, changes), tuple(findings), force=force)
 
     def _made(self, pdo: Pdo, now: PdoConfig, want: Want) -> PdoConfig:
         return want if isinstance(want, PdoConfig) else want(self.proposal(pdo, now, now))
@@ -214,7 +215,7 @@ class Node:
         findings = raw_write_findings(self, index, sub_index, data)
         refuse(findings, f"0x{index:04X}:{sub_index:02X} not written", self.node_id, force=force)
         change = raw_change(self, Step(index, sub_index, held_value(self, index, sub_index), data, "write"))
-        return self.apply(Plan(self.node_id, (change,)), findings)
+        return self.apply(Plan(self.node_id, (change,)), findings, force=force)
 
     def upload(self, index: int, sub_index: int) -> bytes:
         """Read one object; an abort for a missing sub-index gets the hint that sub-indices are hexadecimal."""
@@ -248,7 +249,7 @@ class Node:
         entry = self.dictionary.entry(pdo.mapping_index, 0) if self.dictionary else None
         return entry is None or entry.access.writable
 
-    def prepare_store(self) -> None:
+    def prepare_store(self, *, force: bool = False) -> None:
         """Enter the gate where the family stores only pre-operational."""
         for reason in self.pending.suspicions.values():
             raise SafetyRefusal(
@@ -256,6 +257,7 @@ class Node:
                 node=self.node_id,
                 hint="set it as it should be and `verify`, or `nmt reset-node` brings back what is stored; then store",
             )
+        refuse(level_finding(self.access), "nothing was stored or restored", self.node_id, force=force)
         if self.keeper is not None:
             self.keeper.refuse_while_open()
         if self.profile.store.only_pre_operational:
@@ -290,9 +292,12 @@ class Node:
         names = {"vendor": 1, "product": 2, "revision": 3, "serial": 4}
         return {name: read_optional(self.sdo, 0x1018, sub_index, 4) for name, sub_index in names.items()}
 
-    def apply(self, plan: Plan, findings: tuple[Finding, ...] = ()) -> Applied:
+    def apply(self, plan: Plan, findings: tuple[Finding, ...] = (), *, force: bool = False) -> Applied:
         """Run a checked *plan* inside the gate and remember it; on a real bus with lock, backup and journal."""
         if len(plan):
+            locked = level_findings(self.access, plan)
+            refuse(locked, f"{several(change.label for change in plan.changes)} not changed", self.node_id, force=force)
+            findings += locked
             carry_out(self, plan, findings)
             self.history.append(plan)
         self._remember(plan.changes)

@@ -69,7 +69,8 @@ class StorePolicy:
 class LoginPolicy:
     """How a device is logged in to: write *user_id* (u16), then *passcode* (u16), read *level* (u8) back.
 
-    *needed* is the level that PDO work and a store ask for, *highest* the highest there is; 0 is logged out.
+    *needed* is the level that writes to the indices in *covers* ask for, *highest* the highest there is; 0 is logged
+    out. *user* is the user ID (1..0xFFFF) where nobody names another.
     """
 
     level: ObjectAddress
@@ -77,6 +78,12 @@ class LoginPolicy:
     user_id: ObjectAddress
     needed: int
     highest: int
+    covers: tuple[Range, ...]
+    user: int = 1
+
+    def asked_for(self, index: int) -> bool:
+        """Whether a write to the object at *index* takes the level *needed*."""
+        return within(index, self.covers)
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,6 +20,7 @@ from dvtcli.domain.profile import (
     DeviceProfile,
     LoginPolicy,
     MappingAdvice,
+    ObjectAddress,
     PreOperational,
     Severity,
     StorePolicy,
@@ -80,6 +81,13 @@ def profile_for_identity(vendor_id: int, product_code: int) -> DeviceProfile:
     fitting = [profile for profile in fitting if profile.matches(vendor_id, product_code)]
     fitting.sort(key=lambda profile: (product_code in profile.product_codes, bool(profile.product_masks)))
     return fitting[-1] if fitting else load_profile("generic")
+
+
+@cache
+def passcode_objects() -> frozenset[ObjectAddress]:
+    """The objects that take a passcode, of every family: what is written there is nobody's business."""
+    profiles = map(load_profile, profile_names())
+    return frozenset(profile.login.passcode for profile in profiles if profile.login is not None)
 
 
 def read_profile(text: str, source: str) -> DeviceProfile:
@@ -146,7 +154,7 @@ def _store(item: Item) -> StorePolicy:
 
 
 def _login(item: Item) -> LoginPolicy:
-    return LoginPolicy(**item.table(_LOGIN, required=_LOGIN))
+    return LoginPolicy(**item.table(_LOGIN, required=_LOGIN.keys() - {"user"}))
 
 
 def _vpdo(item: Item) -> dict[str, VpdoGroup]:
@@ -167,6 +175,8 @@ _LOGIN: Schema = {
     "user_id": object_address,
     "needed": integer(1, 0xFF),
     "highest": integer(1, 0xFF),
+    "covers": number_ranges(0xFFFF),
+    "user": integer(1, 0xFFFF),
 }
 _VPDO: Schema = {
     "index": integer(1, 0xFFFF),

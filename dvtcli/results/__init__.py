@@ -10,6 +10,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from dvtcli.results.access import LoggedIn as LoggedIn
     from dvtcli.results.changes import Changed as Changed
     from dvtcli.results.changes import Compared as Compared
     from dvtcli.results.changes import Stored as Stored
@@ -51,6 +52,7 @@ _WHERE = {
     "NodeListing": "nodes",
     "Commanded": "nodes",
     "Synced": "nodes",
+    "LoggedIn": "access",
     "FileFinding": "files",
     "FileReport": "files",
     "Facts": "files",

@@ -69,6 +69,7 @@ class StrictDevice:
         self._polled_changes = -1
         self._due_s = -_NEVER
         self._sync_changes = 0
+        self._gates.wake()
         self._vpdos.copy()
 
     @property
@@ -336,4 +337,6 @@ class StrictDevice:
         self._exchange.forget()
         self._errors.reset()
         self._sync_producer.reset()
+        if not communication_only:
+            self._gates.wake()
         self._vpdos.copy()

@@ -54,13 +54,15 @@ class MotorCopy:
 class Login:
     """Access levels: sub 1 of *index* is the level, 2 takes a passcode, 3 a user ID.
 
-    *passcodes* maps a passcode (0..0xFFFF) to the level it gives; writes to the ranges in *writes* need *level*.
+    *passcodes* maps a passcode (0..0xFFFF) to the level it gives; writes to the ranges in *writes* need *level*. The
+    device wakes at level *start*, None for what its dictionary says.
     """
 
     index: int
     level: int
     writes: tuple[Range, ...]
     passcodes: Mapping[int, int]
+    start: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,15 +161,19 @@ def family_names() -> tuple[str, ...]:
 
 
 def family_eds(name: str) -> Path:
-    """The EDS file of family *name*; KeyError where there is no such family."""
-    return _file(name, "eds")
+    """The EDS file of family *name*, or of the family it is `like`; KeyError where there is no such family."""
+    return _file(_table(name).get("like", name), "eds")
 
 
 @cache
 def load_family(name: str) -> Family:
     """Read family *name*; KeyError where there is no such family, ValueError where its file is wrong."""
-    table = tomllib.loads(_file(name, "toml").read_text(encoding="utf-8"))
-    return family_from_table(name, table)
+    table = _table(name)
+    return family_from_table(name, {**_table(base), **table} if (base := table.pop("like", None)) else table)
+
+
+def _table(name: str) -> dict[str, Any]:
+    return tomllib.loads(_file(name, "toml").read_text(encoding="utf-8"))
 
 
 def family_from_table(name: str, table: Mapping[str, Any]) -> Family:
@@ -203,7 +209,8 @@ def _numbered(value: Mapping[str, Any], convert: Callable[[Any], Any] = int) -> 
 
 
 def _login(value: Mapping[str, Any]) -> Login:
-    return Login(value["index"], value["level"], _ranges(value["writes"]), _numbered(value["passcodes"]))
+    passcodes = _numbered(value["passcodes"])
+    return Login(value["index"], value["level"], _ranges(value["writes"]), passcodes, value.get("start"))
 
 
 def _pin_copy(value: Mapping[str, Any]) -> PinCopy:

@@ -57,6 +57,12 @@ class Gates:
     def _level(self, login: Login) -> int:
         return self._memory.number(login.index, LEVEL)
 
+    def wake(self) -> None:
+        """Begin at the access level that the family wakes with."""
+        login = self._family.login
+        if login is not None and login.start is not None:
+            self._memory.write(login.index, LEVEL, bytes([login.start]))
+
     def is_passcode(self, index: int, sub_index: int) -> bool:
         """Whether a download to the object is an attempt to log in or out."""
         return self._family.login is not None and (index, sub_index) == (self._family.login.index, PASSCODE)
@@ -70,7 +76,7 @@ class Gates:
         if login is None:
             return
         passcode = int.from_bytes(data, "little")
-        unknown = login.level if self._memory.backing is not None else 0
+        unknown = max(login.passcodes.values()) if self._memory.backing is not None else 0
         level = login.passcodes.get(passcode, unknown) if passcode else 0
         if not self._memory.number(login.index, USER_ID):
             level = 0

@@ -79,11 +79,11 @@ class Output:
             self._write(self.stderr, line)
         self.stderr.flush()
 
-    def traffic(self, frame: Frame, *, sent: bool) -> None:
-        """Show a frame as -v and -vv ask; nothing without them."""
+    def traffic(self, frame: Frame, *, sent: bool, secret: bool = False) -> None:
+        """Show a frame as -v and -vv ask, nothing without them; of a *secret* one not what it carries."""
         from dvtcli.view.traffic import traffic_line
 
-        line = traffic_line(frame, self.verbose, sent=sent) if self.verbose else None
+        line = traffic_line(frame, self.verbose, sent=sent, secret=secret) if self.verbose else None
         if line is not None:
             self._write(self.stderr, line)
 

@@ -8,15 +8,21 @@ from dvtcli.domain.ports import Frame
 _REQUEST, _ANSWER = 0x600, 0x580
 
 
-def traffic_line(frame: Frame, verbose: int, *, sent: bool) -> str | None:
-    """The line for *frame*: with *verbose* 1 only what begins or ends an SDO, from 2 on every frame."""
+def traffic_line(frame: Frame, verbose: int, *, sent: bool, secret: bool = False) -> str | None:
+    """The line for *frame*: with *verbose* 1 only what begins or ends an SDO, from 2 on every frame.
+
+    Of a *secret* SDO frame the value is not shown.
+    """
     if verbose > 1:
         way = "->" if sent else "<-"
         kind = " remote" if frame.remote else ""
-        return f"{way} 0x{frame.can_id:03X} [{len(frame.data)}]{kind} {frame.data.hex(' ').upper()}"
+        shown = frame.data[:4].hex(" ").upper() + " ** ** ** **" if secret else frame.data.hex(" ").upper()
+        return f"{way} 0x{frame.can_id:03X} [{len(frame.data)}]{kind} {shown}"
     base, node_id = frame.can_id & 0x780, frame.can_id & 0x7F
     if frame.extended or len(frame.data) < 8 or base not in (_REQUEST, _ANSWER):
         return None
+    if secret:
+        return f"sdo {node_id}  {_object(frame.data)} <- (not shown)"
     words = _request(frame.data) if base == _REQUEST else _answer(frame.data)
     return None if words is None else f"sdo {node_id}  {words}"
 

@@ -98,6 +98,8 @@ def test_objects_and_reasons_of_a_device_that_guards_its_state() -> None:
     assert profile.reasons[4] == "the node is not pre-operational"
     assert profile.login is not None
     assert (profile.login.level, profile.login.needed) == ((0x5000, 1), 4)
+    covered = [index for index in (0x1006, 0x1010, 0x1800, 0x2800, 0x3300, 0x60FF) if profile.login.asked_for(index)]
+    assert covered == [0x1010, 0x1800, 0x2800, 0x3300]
     assert (profile.store.only_pre_operational, profile.store.timeout_s) == (True, 20)
     assert [index for index in (0x1006, 0x1200, 0x1A00, 0x2800, 0x3000) if profile.store.needed_for(index)] == [
         0x1200,

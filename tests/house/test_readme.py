@@ -155,7 +155,7 @@ def test_every_schema_is_listed() -> None:
 
 def test_scripts_and_families_are_listed() -> None:
     assert {cell.strip("`") for cell in first_column("Scripts")} == {path.name for path in SCRIPTS.iterdir()}
-    families = set(re.findall(r"`(\w+)`", " ".join(first_column("Simulated devices"))))
+    families = set(re.findall(r"`([\w-]+)`", " ".join(first_column("Simulated devices"))))
     assert families == set(family_names())
     for line in section("Scripts").splitlines():
         if line.startswith("| `"):
