@@ -1,99 +1,21 @@
-"""Time on a CAN wire: how many bits a frame takes, and whose frame goes first.
+"""Time on a CAN wire: when a frame has arrived, and whose frame goes first.
 
-Pure arithmetic of classical CAN (ISO 11898-1): headers, CRC-15, stuff bits, arbitration. Does not know clocks, threads
-or what a frame means; times are seconds on a clock of the caller's.
+Arbitration of classical CAN (ISO 11898-1); how many bits a frame takes is `domain.bus_load`'s. Does not know clocks,
+threads or what a frame means; times are seconds on a clock of the caller's.
 """
 
 from __future__ import annotations
 
 from collections import deque
 
+from dvtcli.domain.bus_load import frame_bits, header
 from dvtcli.domain.ports import Frame
-
-_CRC_15 = 0x4599
-#: CRC delimiter, acknowledge and its delimiter, seven bits that end the frame: never stuffed
-_TRAILER = 10
-#: bits that stay recessive between two frames
-INTERFRAME = 3
-#: bits in front of the start of frame that fill up a byte: they end in 1, as an idle bus, and need no stuffing
-_FILL = 0b01010101
-
-
-def _crc_table() -> tuple[int, ...]:
-    table = []
-    for byte in range(256):
-        crc = byte << 7
-        for _ in range(8):
-            crc = (crc << 1) ^ (_CRC_15 if crc & 0x4000 else 0)
-        table.append(crc & 0x7FFF)
-    return tuple(table)
-
-
-def _stuff_table() -> tuple[tuple[int, int], ...]:
-    """For each state (the last bit, and how many equal ones there were) and byte: the state behind it, its stuff bits.
-
-    A state is `bit * 4 + equal - 1`; the table's index is `state * 256 + byte`.
-    """
-    table = []
-    for state in range(8):
-        for byte in range(256):
-            last, equal, stuffed = state >> 2, (state & 3) + 1, 0
-            for place in range(7, -1, -1):
-                bit = byte >> place & 1
-                last, equal = bit, equal + 1 if bit == last else 1
-                if equal == 5:
-                    last, equal, stuffed = 1 - bit, 1, stuffed + 1
-            table.append((last << 2 | equal - 1, stuffed))
-    return tuple(table)
-
-
-_CRC_TABLE, _STUFF_TABLE = _crc_table(), _stuff_table()
-_IDLE = 0b100
-
-
-def frame_bits(frame: Frame) -> int:
-    """Bits that *frame* takes on the wire: its own, its stuff bits, and the 3 bits between two frames.
-
-    A remote frame carries the length of its data and no data.
-    """
-    content, bits = _stuffed_part(frame)
-    fill = -bits % 8
-    state, total = _IDLE, bits + _TRAILER + INTERFRAME
-    for byte in ((_FILL & (1 << fill) - 1) << bits | content).to_bytes((bits + fill) // 8, "big"):
-        state, stuffed = _STUFF_TABLE[state << 8 | byte]
-        total += stuffed
-    return total
-
-
-def unstuffed_bits(frame: Frame) -> int:
-    """As `frame_bits` without the stuff bits: what a frame takes at least."""
-    return _stuffed_part(frame)[1] + _TRAILER + INTERFRAME
-
-
-def _stuffed_part(frame: Frame) -> tuple[int, int]:
-    """The bits from the start of the frame to the end of its CRC as one number, and how many they are."""
-    header, bits = _header(frame.can_id, len(frame.data), frame.extended, frame.remote)
-    sent = b"" if frame.remote else frame.data
-    content, bits = header << 8 * len(sent) | int.from_bytes(sent, "big"), bits + 8 * len(sent)
-    # Zeros in front change no CRC that starts at 0, so whole bytes may be looked up.
-    crc = 0
-    for byte in content.to_bytes((bits + 7) // 8, "big"):
-        crc = (crc << 8 & 0x7FFF) ^ _CRC_TABLE[crc >> 7 ^ byte]
-    return content << 15 | crc, bits + 15
-
-
-def _header(can_id: int, length: int, extended: bool, remote: bool) -> tuple[int, int]:
-    """Start of frame (0), arbitration and control field as one number, and how many bits that is."""
-    if extended:
-        base, extension = can_id >> 18 & 0x7FF, can_id & 0x3FFFF
-        return base << 27 | 0b11 << 25 | extension << 7 | remote << 6 | length, 39
-    return (can_id & 0x7FF) << 7 | remote << 6 | length, 19
 
 
 def arbitration(frame: Frame) -> int:
     """The bits that decide who goes first, as a number: the lower one wins, as 0 is dominant."""
-    header, _ = _header(frame.can_id, 0, frame.extended, frame.remote)
-    return header >> 6 if frame.extended else header >> 6 << 20
+    bits, _ = header(frame.can_id, 0, frame.extended, frame.remote)
+    return bits >> 6 if frame.extended else bits >> 6 << 20
 
 
 class Wire:
@@ -158,5 +80,5 @@ class Wire:
         _, frame = self._waiting[winner].popleft()
         if not self._waiting[winner]:
             del self._waiting[winner]
-        self._free_s = start_s + frame_bits(frame) * self._bit_s
+        self._free_s = start_s + frame_bits(frame.can_id, frame.data, frame.extended, frame.remote) * self._bit_s
         self._travelling = (self._free_s, winner, frame)

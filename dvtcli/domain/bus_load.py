@@ -1,0 +1,101 @@
+"""How long a CAN frame is on the wire: its bits exactly, at least and at most.
+
+Pure arithmetic of classical CAN (ISO 11898-1): headers, CRC-15, stuff bits. Does not know bit rates, time, nor what a
+frame means; whose frame goes first is the wire's (`simulator.wire`).
+"""
+
+from __future__ import annotations
+
+_CRC_15 = 0x4599
+#: CRC delimiter, acknowledge and its delimiter, seven bits that end the frame: never stuffed
+TRAILER = 10
+#: bits that stay recessive between two frames
+INTERFRAME = 3
+#: bits in front of the start of frame that fill up a byte: they end in 1, as an idle bus, and need no stuffing
+_FILL = 0b01010101
+_CRC_BITS = 15
+
+
+def _crc_table() -> tuple[int, ...]:
+    table = []
+    for byte in range(256):
+        crc = byte << 7
+        for _ in range(8):
+            crc = (crc << 1) ^ (_CRC_15 if crc & 0x4000 else 0)
+        table.append(crc & 0x7FFF)
+    return tuple(table)
+
+
+def _stuff_table() -> tuple[tuple[int, int], ...]:
+    """For each state (the last bit, and how many equal ones there were) and byte: the state behind it, its stuff bits.
+
+    A state is `bit * 4 + equal - 1`; the table's index is `state * 256 + byte`.
+    """
+    table = []
+    for state in range(8):
+        for byte in range(256):
+            last, equal, stuffed = state >> 2, (state & 3) + 1, 0
+            for place in range(7, -1, -1):
+                bit = byte >> place & 1
+                last, equal = bit, equal + 1 if bit == last else 1
+                if equal == 5:
+                    last, equal, stuffed = 1 - bit, 1, stuffed + 1
+            table.append((last << 2 | equal - 1, stuffed))
+    return tuple(table)
+
+
+_CRC_TABLE, _STUFF_TABLE = _crc_table(), _stuff_table()
+_IDLE = 0b100
+
+
+def frame_bits(can_id: int, data: bytes = b"", extended: bool = False, remote: bool = False) -> int:
+    """Bits that a frame takes on the wire: its own, its stuff bits, and the 3 bits between two frames.
+
+    *can_id* has 11 bits, 29 where it is *extended*; *data* has 0..8 bytes. A *remote* frame carries the length of
+    *data* and no data.
+    """
+    content, bits = _stuffed_part(can_id, data, extended, remote)
+    fill = -bits % 8
+    state, total = _IDLE, bits + TRAILER + INTERFRAME
+    for byte in ((_FILL & (1 << fill) - 1) << bits | content).to_bytes((bits + fill) // 8, "big"):
+        state, stuffed = _STUFF_TABLE[state << 8 | byte]
+        total += stuffed
+    return total
+
+
+def unstuffed_bits(length: int, extended: bool = False, remote: bool = False) -> int:
+    """As `frame_bits` without the stuff bits: what a frame with *length* bytes (0..8) takes at least."""
+    return _stuffed_length(length, extended, remote) + TRAILER + INTERFRAME
+
+
+def worst_case_bits(length: int, extended: bool = False, remote: bool = False) -> int:
+    """As `frame_bits` for the unluckiest CAN-ID and data of *length* bytes (0..8): a stuff bit after every 4 bits.
+
+    The first stuff bit needs 5 equal bits, each later one only 4, as a stuff bit begins the next run.
+    """
+    return unstuffed_bits(length, extended, remote) + (_stuffed_length(length, extended, remote) - 1) // 4
+
+
+def header(can_id: int, length: int, extended: bool, remote: bool) -> tuple[int, int]:
+    """Start of frame (0), arbitration and control field as one number, and how many bits that is."""
+    if extended:
+        base, extension = can_id >> 18 & 0x7FF, can_id & 0x3FFFF
+        return base << 27 | 0b11 << 25 | extension << 7 | remote << 6 | length, 39
+    return (can_id & 0x7FF) << 7 | remote << 6 | length, 19
+
+
+def _stuffed_length(length: int, extended: bool, remote: bool) -> int:
+    """Bits from the start of the frame to the end of its CRC, among which bits are stuffed."""
+    return header(0, 0, extended, remote)[1] + (0 if remote else 8 * length) + _CRC_BITS
+
+
+def _stuffed_part(can_id: int, data: bytes, extended: bool, remote: bool) -> tuple[int, int]:
+    """The bits from the start of the frame to the end of its CRC as one number, and how many they are."""
+    content, bits = header(can_id, len(data), extended, remote)
+    sent = b"" if remote else data
+    content, bits = content << 8 * len(sent) | int.from_bytes(sent, "big"), bits + 8 * len(sent)
+    # Zeros in front change no CRC that starts at 0, so whole bytes may be looked up.
+    crc = 0
+    for byte in content.to_bytes((bits + 7) // 8, "big"):
+        crc = (crc << 8 & 0x7FFF) ^ _CRC_TABLE[crc >> 7 ^ byte]
+    return content << _CRC_BITS | crc, bits + _CRC_BITS
