@@ -38,6 +38,11 @@ class DvtCommand(click.Command):
         marked = [NEGATIVE_MARK + arg if _NEGATIVE.fullmatch(arg) else arg for arg in args]
         return super().parse_args(ctx, marked)
 
+    def format_epilog(self, _ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Name the global options that a line may have, once."""
+        formatter.write_paragraph()
+        formatter.write_text("Also: --dry-run --json --force --yes --timeout S -q -v (help options)")
+
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command with its line's own global options in force."""
         session: Session = ctx.obj
@@ -78,9 +83,12 @@ class Registry(click.Group):
         return super().resolve_command(ctx, args)
 
     def format_commands(self, _ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """List the commands with the first sentence of their files, importing none."""
-        with formatter.section("Commands"):
-            formatter.write_dl([(name, summary(name)) for name in command_names()])
+        """List the commands by task, with the first sentence of their files, importing none."""
+        from dvtcli.guide import task_sections
+
+        for task, rows in task_sections():
+            with formatter.section(task):
+                formatter.write_dl(rows)
 
     def invoke(self, ctx: click.Context) -> Any:
         """Take the global options given before the command, then run it."""
@@ -105,13 +113,13 @@ def summary(name: str) -> str:
         return file.readline().strip().strip('"').strip()
 
 
-def unknown_command(name: str) -> str:
-    """What to say of a word that is no command."""
+def unknown_command(name: str, others: Sequence[str] = ()) -> str:
+    """What to say of a word that is no command, nor one of *others*."""
     from difflib import get_close_matches
 
     if name.lower() in ("quit", "q", "bye", "logout"):
         return f"no command is called {name!r}; did you mean 'exit'?"
-    close = get_close_matches(name, command_names(), n=1)
+    close = get_close_matches(name, [*command_names(), *others], n=1)
     return f"no command is called {name!r}" + (f"; did you mean {close[0]!r}?" if close else "; help lists them")
 
 

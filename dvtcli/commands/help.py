@@ -1,36 +1,66 @@
-"""Show all commands, or one with its options and examples."""
+"""Show all commands by task, one command with its examples, or a topic."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 import click
+from click.shell_completion import CompletionItem
 
-from dvtcli.params import TEXT
-from dvtcli.shell import REGISTRY, DvtCommand, unknown_command
+from dvtcli.params import TextType
+from dvtcli.shell import REGISTRY, DvtCommand, command_names, summary, unknown_command
 
 if TYPE_CHECKING:
     from dvtcli.results import Facts
 
 
+class Subject(TextType):
+    """The name of a command or of a topic."""
+
+    name = "subject"
+
+    def shell_complete(self, _ctx: click.Context, _param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        """Commands with what they do, then topics with what they are about."""
+        from dvtcli.guide import topic, topic_names
+
+        rows = [(name, summary(name)) for name in command_names()]
+        rows += [(name, topic(name).splitlines()[0]) for name in topic_names()]
+        return [CompletionItem(name, help=text) for name, text in rows if name.startswith(incomplete.lower())]
+
+
 @click.command("help", cls=DvtCommand, short_help=__doc__)
-@click.argument("name", type=TEXT, required=False, metavar="[COMMAND]")
+@click.argument("name", type=Subject(), required=False, metavar="[COMMAND|TOPIC]")
+@click.option("--all", "everything", is_flag=True, help="What each command does, and the global options.")
 @click.pass_context
-def command(ctx: click.Context, /, name: str | None) -> Facts:
-    """Show all commands, or COMMAND with its options and examples.
+def command(ctx: click.Context, /, name: str | None, everything: bool) -> Facts:
+    """Show all commands by task, or COMMAND with its options and examples, or a TOPIC.
 
     \b
     help
     help map
+    help objects
+    help --all
     """
     from dvtcli.results import Facts
 
-    root = click.Context(REGISTRY, info_name="dvtcli")
-    if name is None:
-        text = REGISTRY.get_help(root)
-    else:
-        found = REGISTRY.get_command(root, name)
-        if found is None:
-            raise click.UsageError(unknown_command(name), ctx)
-        text = found.get_help(click.Context(found, info_name=name))
+    text = _subject(ctx, name.lower()) if name is not None else _general(everything=everything)
     return Facts("help", (("text", text),), tuple(text.splitlines()))
+
+
+def _general(*, everything: bool) -> str:
+    from dvtcli.guide import overview
+
+    root = click.Context(REGISTRY, info_name="dvtcli")
+    return REGISTRY.get_help(root) if everything else "\n".join(overview())
+
+
+def _subject(ctx: click.Context, name: str) -> str:
+    """The help of a command, or the text of a topic; a command wins."""
+    from dvtcli.guide import topic, topic_names
+
+    found = REGISTRY.get_command(click.Context(REGISTRY, info_name="dvtcli"), name)
+    if found is not None:
+        return found.get_help(click.Context(found, info_name=name))
+    if name in topic_names():
+        return topic(name)
+    raise click.UsageError(unknown_command(name, topic_names()), ctx)

@@ -22,10 +22,11 @@ MAY: dict[str, set[str]] = {
     "completion": {"domain", "errors", "device", "formats", "options", "session", "network", "params"},
     "commands": {
         "domain", "errors", "device", "formats", "options", "session", "params", "results", "shell", "script",
-        "completion", "serving",
+        "completion", "serving", "guide",
     },
+    "guide": {"shell"},
     "boundary": {"errors", "session"},
-    "shell": {"errors", "options", "session", "results", "boundary", "commands", "front"},
+    "shell": {"errors", "options", "session", "results", "boundary", "commands", "front", "guide"},
     "script": {"errors", "session", "shell", "boundary"},
     "front": {"errors", "session", "script", "repl", "shell"},
     "prompt": {

@@ -1,0 +1,67 @@
+"""Help is short, complete and true: what it shows as typed is run on a simulated node."""
+
+from __future__ import annotations
+
+import pytest
+
+from dvtcli.guide import TASKS, by_task, overview, topic, topic_names
+from dvtcli.shell import command_names
+from tests.commands.bench import Bench
+
+every_topic = pytest.mark.parametrize("name", topic_names())
+
+
+def test_help_without_a_name_fits_a_small_screen_and_names_every_command() -> None:
+    lines = overview()
+    assert len(lines) < 24
+    assert max(map(len, lines)) <= 80
+    shown = {word for line in lines[1 : len(TASKS) + 2] for word in line.split()}
+    assert set(command_names()) <= shown
+
+
+def test_every_command_has_its_task() -> None:
+    """A new command goes into one of the tasks in `dvtcli.guide`."""
+    groups = list(by_task(command_names()))
+    assert "More" not in dict(groups)
+    assert sorted(name for _, group in groups for name in group) == command_names()
+
+
+def test_no_topic_hides_behind_a_command() -> None:
+    assert not set(topic_names()) & set(command_names())
+
+
+@every_topic
+def test_a_topic_fits_the_terminal_and_says_what_it_is_about(name: str) -> None:
+    lines = topic(name).splitlines()
+    assert len(lines[0]) <= 65
+    assert max(map(len, lines)) <= 100
+
+
+@every_topic
+def test_lines_that_a_topic_shows_run_one_after_another(name: str) -> None:
+    typed = [line.strip()[2:] for line in topic(name).splitlines() if line.strip().startswith("> ")]
+    with Bench() as bench:
+        for line in typed:
+            ran = bench.run(line)
+            assert ran.code == 0, f"{line}: {ran.stderr}"
+
+
+@pytest.mark.parametrize("name", [*command_names(), *topic_names()])
+def test_help_shows_each(name: str) -> None:
+    with Bench() as bench:
+        assert bench.run(f"help {name}").code == 0
+
+
+def test_an_unknown_name_gets_the_nearest_command_or_topic() -> None:
+    with Bench() as bench:
+        for wrong, near in (("mapp", "map"), ("writin", "writing")):
+            ran = bench.run(f"help {wrong}")
+            assert ran.code == 2
+            assert f"did you mean '{near}'?" in ran.stderr
+
+
+def test_the_long_list_says_what_each_command_does() -> None:
+    with Bench() as bench:
+        ran = bench.run("help --all")
+        assert "Map objects into a PDO" in ran.stdout
+        assert "--bus-kwargs" in ran.stdout
