@@ -34,6 +34,8 @@ class Wire:
         self.at_download: Callable[[int], None] = lambda _number: None
         #: seconds that each SDO download takes
         self.slowness_s = 0.0
+        #: held while the node is at a frame: whoever looks at the device takes it first
+        self.at_work = threading.RLock()
         self._node = SimulatedNode(self.device)
         self._listener = socket.create_server(("127.0.0.1", 0))
         self.port: int = self._listener.getsockname()[1]
@@ -83,7 +85,8 @@ class Wire:
             pending += data
             *whole, pending = pending.replace(b">", b">\n").split(b"\n")
             for line in whole:
-                self._take(line)
+                with self.at_work:
+                    self._take(line)
 
     def _take(self, line: bytes) -> None:
         match = _SEND.fullmatch(line)

@@ -76,7 +76,8 @@ class Bench:
 
     def pdos(self) -> dict[Pdo, PdoConfig]:
         sdo = Direct(self.wire.device)
-        return {pdo: read_pdo(sdo, pdo) for pdo in present_pdos(sdo, None)}
+        with self.wire.at_work:  # a killed child is gone before the node has seen its last request
+            return {pdo: read_pdo(sdo, pdo) for pdo in present_pdos(sdo, None)}
 
     def journals(self) -> list[Path]:
         folder = self.folder / "journals"
