@@ -172,7 +172,16 @@ class Network:
                 return load_profile(one.family)
         sdo = self.bus.sdo(node_id)
         vendor, product = read_identity(sdo, 1), read_identity(sdo, 2)
-        return GENERIC if vendor is None else profile_for_identity(vendor, product or 0)
+        if vendor is None:  # a device that does not say who it is: its file does
+            return profile_of(self._dictionary(node_id))
+        return profile_for_identity(vendor, product or 0)
+
+
+def profile_of(dictionary: ObjectDictionary | None) -> DeviceProfile:
+    """The profile for the device that a file describes (`[DeviceInfo]`), the generic one where it does not say."""
+    if dictionary is None or dictionary.info.vendor_id is None:
+        return GENERIC
+    return profile_for_identity(dictionary.info.vendor_id, dictionary.info.product_code or 0)
 
 
 def carries_passcode(frame: Frame) -> bool:
@@ -282,9 +291,8 @@ def offline_dictionaries(options: Options) -> list[tuple[ObjectDictionary, dict[
     """Dictionaries, with the aliases of their profile, that are known before any bus is opened."""
     paths = [Path(options.eds)] if options.eds else []
     found = []
-    for one in () if paths else simulated_nodes(options.sim):
-        name = options.profile or (one.family if one.family in profile_names() else None)
-        found.append((read_dictionary(one.eds), load_profile(name).aliases if name else {}))
-    profile = load_profile(options.profile) if options.profile else GENERIC
-    found += [(read_dictionary(path), profile.aliases) for path in paths]
+    paths += [] if paths else [one.eds for one in simulated_nodes(options.sim)]
+    for dictionary in map(read_dictionary, paths):
+        profile = load_profile(options.profile) if options.profile else profile_of(dictionary)
+        found.append((dictionary, profile.aliases))
     return found

@@ -25,10 +25,18 @@ def configure(session: Session, node: Node, wants: Mapping[Pdo, Want]) -> Change
     return changed(session, node, applied, time.monotonic() - started)
 
 
-def changed(session: Session, node: Node, applied: Applied, seconds: float, *, undone: bool = False) -> Changed:
-    """The answer to an applied plan; what changed something is remembered as script lines."""
+def changed(
+    session: Session,
+    node: Node,
+    applied: Applied,
+    seconds: float,
+    *,
+    undone: bool = False,
+    lines: list[str] | None = None,
+) -> Changed:
+    """The answer to an applied plan; what changed something is remembered as script *lines* (None: the plan's own)."""
     if len(applied.plan) and not session.dry_run:
-        session.record(node.node_id, change_lines(applied.plan))
+        session.record(node.node_id, change_lines(applied.plan) if lines is None else lines)
     volatile = any(node.profile.store.needed_for(step.index) for step in applied.plan.steps)
     policy = node.profile.store
     keep = f"to keep it, {policy.instead}" if policy.instead else "`store` keeps it"

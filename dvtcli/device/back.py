@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from dvtcli.device.pending import CHANGE
@@ -26,26 +27,25 @@ def plan_back(node: Node, plans: Iterable[Plan]) -> Plan:
     is (`unknown_before`).
     """
     pdos: dict[Pdo, PdoConfig] = {}
-    values: dict[tuple[int, int], bytes | None] = {}
+    values: dict[tuple[int, int], Step] = {}
     for change in (change for plan in reversed(list(plans)) for change in reversed(plan.changes)):
         if isinstance(change, PdoChange):
             pdos[change.pdo] = change.before
         else:
-            values[change.step.index, change.step.sub_index] = change.step.before
+            values[change.step.index, change.step.sub_index] = change.step
     changes = [plan_pdo(pdo, node.pdo(pdo), before) for pdo, before in pdos.items()]
     return Plan(node.node_id, (*changes, *_value_changes(node, pdos, values)))
 
 
-def _value_changes(
-    node: Node, pdos: dict[Pdo, PdoConfig], values: dict[tuple[int, int], bytes | None]
-) -> Iterator[Change]:
-    for (index, sub_index), before in values.items():
+def _value_changes(node: Node, pdos: dict[Pdo, PdoConfig], values: dict[tuple[int, int], Step]) -> Iterator[Change]:
+    for (index, sub_index), step in values.items():
+        before = step.before
         pdo = Pdo.at(index)
         if pdo is not None and _is_filler(pdos.get(pdo) or node.pdo(pdo)):
             continue
         held = None if before is None else node.upload(index, sub_index)
         if before is not None and held != before:
-            yield ValueChange(Step(index, sub_index, held, before, "put the old value back"))
+            yield ValueChange(replace(step, before=held, after=before, reason="put the old value back"))
 
 
 def _is_filler(config: PdoConfig) -> bool:

@@ -27,6 +27,8 @@ class Step:
     before: bytes | None
     after: bytes
     reason: str
+    #: whether the value is the index of an object
+    names_object: bool = False
 
     @property
     def object(self) -> str:

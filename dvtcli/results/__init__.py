@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from dvtcli.results.values import ObjectListing as ObjectListing
     from dvtcli.results.values import ObjectRow as ObjectRow
     from dvtcli.results.values import ValueRead as ValueRead
+    from dvtcli.results.vpdos import VpdoListing as VpdoListing
 
 _WHERE = {
     "Document": "documents",
@@ -53,6 +54,7 @@ _WHERE = {
     "Commanded": "nodes",
     "Synced": "nodes",
     "LoggedIn": "access",
+    "VpdoListing": "vpdos",
     "FileFinding": "files",
     "FileReport": "files",
     "Facts": "files",

@@ -20,9 +20,8 @@ def change_lines(result: Changed, width: int) -> Iterator[Line]:
         return
     table = Table(right=frozenset({0, 2, 4}), shrink=5)
     for number, step in enumerate(result.plan.steps, 1):
-        before = "-" if step.before is None else shown(step.before)
         table.add(
-            str(number), f"0x{step.object}", before, "->", shown(step.after),
+            str(number), f"0x{step.object}", _value(step, step.before), "->", _value(step, step.after),
             Cell(_reason(step, result), "dim"), Cell("ok", "green"),
         )  # fmt: skip
     yield from table.lines(width)
@@ -40,6 +39,13 @@ def change_lines(result: Changed, width: int) -> Iterator[Line]:
         Cell(f"{labels} {verb}: {writes}, read back equal, {result.seconds:.2f} s. "),
         Cell(f"{keeps}{next_step}.", "dim"),
     ]
+
+
+def _value(step: Step, data: bytes | None) -> str:
+    """A step's value; one that is an object's index in hexadecimal, as the field writes it."""
+    if data is None:
+        return "-"
+    return f"0x{int.from_bytes(data, 'little'):04X}" if step.names_object else shown(data)
 
 
 def shown(data: bytes) -> str:

@@ -20,6 +20,7 @@ _RENDERERS = {
     "NodeListing": ("nodes", "node_lines"),
     "Commanded": ("nodes", "commanded_lines"),
     "Synced": ("nodes", "synced_lines"),
+    "VpdoListing": ("vpdos", "vpdo_lines"),
     "LoggedIn": ("access", "login_lines"),
     "FileReport": ("files", "file_lines"),
     "Facts": ("files", "fact_lines"),

@@ -1,0 +1,84 @@
+"""Virtual PDOs: which application object each physical pin of a node is tied to, and how that is changed.
+
+Knows what a group may hold. Reads no device, and does not know what a pin is wired to.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from dvtcli.domain.abort import Abort
+from dvtcli.domain.object_dictionary import ObjectDictionary
+from dvtcli.domain.plan import Step, ValueChange
+from dvtcli.domain.profile import VpdoGroup
+from dvtcli.domain.rules.finding import Finding, error
+
+
+@dataclass(frozen=True, slots=True)
+class Pins:
+    """The pins of one group, called *name*: *values* are the tied objects' indices by pin, the first *active* count.
+
+    Source: Sevcon PDO Fundamentals rev 2, 2.2: sub 0 is the number of active mappings, sub k belongs to pin k.
+    """
+
+    name: str
+    group: VpdoGroup
+    active: int
+    values: tuple[int, ...]
+
+    def place(self, sub_index: int) -> str:
+        """A sub-index of the group for a person: `0x3300:01`."""
+        return f"0x{self.group.index:04X}:{sub_index:02X}"
+
+    def tied(self) -> tuple[int | None, ...]:
+        """The object index of every active pin, None for a pin that is tied to nothing."""
+        return tuple(None if value == self.group.none else value for value in self.values[: self.active])
+
+    def findings(self, pin: int, value: int, dictionary: ObjectDictionary | None) -> Iterator[Finding]:
+        """What speaks against tying *pin* to the object at index *value*."""
+        if not self.group.allows(value):
+            ranges = ", ".join(
+                f"{low:04X}" if low == high else f"{low:04X}-{high:04X}" for low, high in self.group.values
+            )
+            text = f"{self.name} takes objects {ranges}, not {value:04X}"
+            yield error("vpdo-range", self.place(pin), text, Abort.GENERAL, "or the word none")
+        elif value != self.group.none and dictionary is not None and value not in dictionary:
+            text = f"0x{value:04X} is not in {dictionary.source}: the device has nothing to tie the pin to"
+            yield error("vpdo-object", self.place(pin), text, Abort.GENERAL, "objects TEXT searches the dictionary")
+
+    def tie(self, pin: int, value: int, name: str = "") -> Iterator[ValueChange]:
+        """The writes that tie *pin* (1…) to the object at index *value*, called *name*; the group's none unties it.
+
+        Pins in between that were not active are untied, so that no old value wakes up; untied pins at the end are
+        not counted.
+        """
+        none = self.group.none
+        wanted = list(self.values[: self.active]) + [none] * (pin - self.active)
+        wanted[pin - 1] = value
+        for number, after in enumerate(wanted, 1):
+            if number >= min(pin, self.active + 1) and self.values[number - 1] != after:
+                said = "tied to nothing" if after == none else f"{after:04X} {name}".rstrip()
+                yield self._write(number, self.values[number - 1], after, f"{self.name} pin {number}: {said}")
+        count = len(wanted)
+        while count and wanted[count - 1] == none:
+            count -= 1
+        yield from self.count(count)
+
+    def count(self, count: int) -> Iterator[ValueChange]:
+        """The write that makes *count* pins active, none where they are."""
+        if count != self.active:
+            before, after = bytes([self.active]), bytes([count])
+            yield ValueChange(Step(self.group.index, 0, before, after, f"{self.name}: {count} active"))
+
+    def _write(self, pin: int, before: int, after: int, reason: str) -> ValueChange:
+        return ValueChange(
+            Step(
+                self.group.index,
+                pin,
+                before.to_bytes(2, "little"),
+                after.to_bytes(2, "little"),
+                reason,
+                names_object=True,
+            )
+        )
