@@ -15,6 +15,7 @@ from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.keeper import Keeper
 from dvtcli.device.node import Node
 from dvtcli.device.read import read_identity
+from dvtcli.domain.nmt import UNCONFIGURED
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.ports import CanopenBus, Frame
@@ -33,11 +34,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Simulated:
-    """One `--sim`: its node-ID, the family (None for a file), and the file that describes its dictionary."""
+    """One `--sim`: its node-ID (255: none yet), the family (None for a file), and the file of its dictionary."""
 
     node_id: int
     family: str | None
     eds: Path
+
+    @property
+    def label(self) -> str:
+        """Which node it is, in words."""
+        what = self.family or self.eds.name
+        return f"{what} without a node-ID" if self.node_id == UNCONFIGURED else f"node {self.node_id} {what}"
 
 
 @dataclass(slots=True)
@@ -226,16 +233,20 @@ def simulated_device(one: Simulated) -> StrictDevice:
     return StrictDevice(read_dictionary(one.eds), _family(one.family or "generic"), one.node_id)
 
 
-def simulated_nodes(words: tuple[str, ...], by: str = "--sim") -> tuple[Simulated, ...]:
-    """What each of *words* means, which *by* took: a file wins over `@`; node-IDs default to the first free one."""
+def simulated_nodes(words: tuple[str, ...], by: str = "--sim", *, unconfigured: bool = False) -> tuple[Simulated, ...]:
+    """What each of *words* means, which *by* took: a file wins over `@`; node-IDs default to the first free one.
+
+    With *unconfigured* a node may wait for its node-ID: `WHAT@255`.
+    """
     found: list[Simulated] = []
     for word in words:
-        what, wanted = _split(word)
+        what, wanted = _split(word, unconfigured=unconfigured)
         used = {one.node_id for one in found}
         chosen = wanted if wanted is not None else next((n for n in range(1, 128) if n not in used), 1)
-        if chosen in used:
+        one = _simulated(what, chosen, by)
+        if one in found if chosen == UNCONFIGURED else chosen in used:
             raise UsageError(f"{by} {word}: node-ID {chosen} is given twice", hint="WHAT@ID sets the node-ID")
-        found.append(_simulated(what, chosen, by))
+        found.append(one)
     return tuple(found)
 
 
@@ -253,11 +264,11 @@ def simulated_faults(words: tuple[str, ...], simulated: tuple[Simulated, ...]) -
         raise UsageError(f"--fault {wrong}") from wrong
 
 
-def _split(word: str) -> tuple[str, int | None]:
+def _split(word: str, *, unconfigured: bool) -> tuple[str, int | None]:
     if is_file(word) or "@" not in word:
         return word, None
     what, _, digits = word.rpartition("@")
-    return what, node_id(digits)
+    return what, UNCONFIGURED if unconfigured and digits == str(UNCONFIGURED) else node_id(digits)
 
 
 def _simulated(what: str, chosen: int, by: str) -> Simulated:

@@ -9,7 +9,7 @@ import ipaddress
 import re
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -82,10 +82,11 @@ def serving(options: Options, wanted: Wanted, warn: Callable[[str], None]) -> It
 
     if options.sim:
         raise UsageError("--sim is a node in this process; nodes to serve stand behind sim", hint="sim gen4@1")
-    nodes = simulated_nodes(wanted.nodes, "sim")
-    faults = simulated_faults(options.fault, nodes)
+    nodes = simulated_nodes(wanted.nodes, "sim", unconfigured=True)
     devices = [simulated_device(one) for one in nodes]
     keep = _keeper(wanted.state, nodes, devices, warn)
+    nodes = tuple(replace(one, node_id=device.node_id) for one, device in zip(nodes, devices, strict=True))
+    faults = simulated_faults(options.fault, nodes)
     with ExitStack() as stack:
         hub = _hub(wanted.address, warn)
         stack.callback(hub.close)
@@ -93,7 +94,7 @@ def serving(options: Options, wanted: Wanted, warn: Callable[[str], None]) -> It
         if joined is not None:
             stack.callback(joined.close)
         server = Server(
-            stations(devices, faults),
+            stations(devices, faults, options.bitrate),
             hub,
             Wire(None if wanted.join else options.bitrate),
             [] if joined is None else [joined],
@@ -137,15 +138,17 @@ def _keeper(
         return lambda _device: None
     if folder.exists() and not folder.is_dir():
         raise InputFileError(f"{folder}: not a folder", place=str(folder), hint="--state takes a folder")
-    paths = {one.node_id: folder / f"{one.family or one.eds.stem}@{one.node_id}.json" for one in nodes}
-    for device in devices:
-        device.power_on(read_state(paths[device.node_id]))
+    names = [f"{one.family or one.eds.stem}@{one.node_id}.json" for one in nodes]
+    paths = {device: folder / name for device, name in zip(devices, names, strict=True)}
+    for device, path in paths.items():
+        kept = read_state(path)
+        device.power_on(kept.values, kept.node_id)
 
     def keep(device: StrictDevice) -> None:
         try:
-            write_state(paths[device.node_id], device.node_id, device.stored())
+            write_state(paths[device], device.lss.stored, device.stored())
         except OSError as failed:
             why = failed.strerror or str(failed)
-            warn(f"{paths[device.node_id]}: {why}; node {device.node_id} keeps what it stored only while sim runs")
+            warn(f"{paths[device]}: {why}; node {device.node_id} keeps what it stored only while sim runs")
 
     return keep

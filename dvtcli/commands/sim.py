@@ -36,7 +36,7 @@ def command(
     latency: int | None,
     ready_file: str | None,
 ) -> None:
-    """Serve each NODE (a family or an EDS/DCF file, @ID sets its node-ID) until Ctrl-C.
+    """Serve each NODE (a family or an EDS/DCF file, @ID sets its node-ID, @255 leaves it to LSS) until Ctrl-C.
 
     Every program that speaks socketcand attaches: dvtcli, python-can, ... With -i/-c the nodes join that bus instead,
     or besides with --listen. With -b frames take the time that their bits need at that bit rate.
@@ -82,7 +82,7 @@ def _say_ready(ready: Path | None, served: Serving, where: tuple[str, int] | Non
 def _facts(served: Serving, host: str) -> Facts:
     from dvtcli.results import Facts
 
-    names = [f"node {one.node_id} {one.family or one.eds.name}" for one in served.nodes]
+    names = [one.label for one in served.nodes]
     more = f", and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
     who = ", ".join(names[:_NAMED]) + more
     places, hint = [], ""

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from enum import IntEnum
 
+#: the node-ID of a node that has none and waits for one (CiA 305)
+UNCONFIGURED = 0xFF
+
 
 class NmtState(IntEnum):
     """A node's state as its heartbeat carries it."""

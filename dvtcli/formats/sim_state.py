@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from dvtcli.errors import InputFileError
@@ -19,22 +20,37 @@ _MOST_BYTES = 10_000_000
 Values = dict[tuple[int, int], bytes]
 
 
-def read_state(path: Path) -> Values:
-    """The stored values by index and sub-index, none where there is no file; InputFileError for a wrong one."""
+@dataclass(frozen=True, slots=True)
+class Kept:
+    """What a node woke with: its *node_id* (1..127, 255 for none; None: nothing is kept) and *values* by object."""
+
+    node_id: int | None = None
+    values: Values = field(default_factory=dict)
+
+
+def read_state(path: Path) -> Kept:
+    """What *path* keeps, nothing where there is no file; InputFileError for a wrong one."""
     try:
         with path.open("rb") as file:
             text = file.read(_MOST_BYTES)
     except FileNotFoundError:
-        return {}
+        return Kept()
     except OSError as failed:
         raise _wrong(path, failed.strerror or str(failed)) from failed
     try:
         document = json.loads(text)
         if document["schema"] != SCHEMA:
             raise _wrong(path, f"its schema is not {SCHEMA}")
-        return dict(_value(place, data) for place, data in document["values"].items())
+        values = dict(_value(place, data) for place, data in document["values"].items())
+        return Kept(_node_id(document["node"]), values)
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as wrong:
         raise _wrong(path, f"it is no {SCHEMA}: {wrong}") from wrong
+
+
+def _node_id(number: object) -> int:
+    if not isinstance(number, int) or not (1 <= number <= 127 or number == 255):
+        raise ValueError(f"no such node-ID: {number!r}")
+    return number
 
 
 def _value(place: str, data: str) -> tuple[tuple[int, int], bytes]:
@@ -45,7 +61,7 @@ def _value(place: str, data: str) -> tuple[tuple[int, int], bytes]:
 
 
 def write_state(path: Path, node_id: int, values: Mapping[tuple[int, int], bytes]) -> None:
-    """Put *values* of node *node_id* into *path*: all of them or, where that fails (OSError), what was there before."""
+    """Put *node_id* and *values* into *path*: all of it or, where that fails (OSError), what was there before."""
     document = {
         "schema": SCHEMA,
         "node": node_id,

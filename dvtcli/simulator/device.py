@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from dvtcli.domain.abort import Abort
-from dvtcli.domain.nmt import NmtCommand, NmtState
+from dvtcli.domain.nmt import UNCONFIGURED, NmtCommand, NmtState
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.ports import Frame
@@ -17,15 +17,16 @@ from dvtcli.simulator.emergency import ERROR_HISTORY, Emergencies
 from dvtcli.simulator.exchange import PdoExchange
 from dvtcli.simulator.family import Family
 from dvtcli.simulator.gates import Gates
+from dvtcli.simulator.heartbeat import HEARTBEAT, Heartbeat
 from dvtcli.simulator.limits import check_limits
+from dvtcli.simulator.lss import LssSlave
 from dvtcli.simulator.memory import Backing, Memory
 from dvtcli.simulator.pdo_guard import PdoGuard
 from dvtcli.simulator.refusal import Refusal
 from dvtcli.simulator.store import ParameterStore
-from dvtcli.simulator.sync_producer import SYNC_COB_ID, SYNC_OVERFLOW, SYNC_PERIOD, SyncProducer
+from dvtcli.simulator.sync_producer import SYNC_COB_ID, SyncProducer
 from dvtcli.simulator.vpdo import VirtualPdos
 
-HEARTBEAT_TIME = 0x1017
 _NEVER = float("inf")
 _STATES = {
     NmtCommand.START: NmtState.OPERATIONAL,
@@ -37,7 +38,8 @@ _STATES = {
 class StrictDevice:
     """A simulated node that refuses what CiA 301 and its family refuse.
 
-    *dictionary* says which objects exist, *family* how the device behaves, *node_id* is 1..127. With *backing* the
+    *dictionary* says which objects exist, *family* how the device behaves, *node_id* is 1..127, or 255 for a
+    node that waits for one (LSS). With *backing* the
     device is a twin of a real node: an object that was not written yet is fetched by `backing(index, sub_index)`,
     which raises Refusal where the node refuses; existence is what the node says, the dictionary (it may be empty) adds
     types, access, limits and mappability, and what nobody knows is not refused. Nothing is ever written through it.
@@ -48,29 +50,33 @@ class StrictDevice:
     def __init__(
         self, dictionary: ObjectDictionary, family: Family, node_id: int, *, backing: Backing | None = None
     ) -> None:
-        if not 1 <= node_id <= 127:
+        if not 1 <= node_id <= 127 and node_id != UNCONFIGURED:
             raise ValueError(f"node-ID {node_id} is not within 1..127")
         self.dictionary = dictionary
         self.family = family
-        self.node_id = node_id
         self.outbox: list[Frame] = []
         self._state = NmtState.INITIALISING
         self._memory = Memory(dictionary, node_id, family.capabilities, backing)
         self._guard = PdoGuard(self._memory, family)
         self._gates = Gates(self._memory, family)
         self._store = ParameterStore(self._memory, family)
+        self.lss = LssSlave(self._memory, self._store, node_id)
         self._vpdos = VirtualPdos(self._memory, family)
-        self._errors = Emergencies(self._memory, node_id)
+        self._errors = Emergencies(self._memory)
         self._exchange = PdoExchange(self._memory, family, self._errors)
         self._sync_producer = SyncProducer(self._memory)
-        self._heartbeat_ms = 0
-        self._heartbeat_due_s = _NEVER
+        self._heartbeat = Heartbeat(self._memory)
         #: what the memory counted when it was last polled, and when it is due if nothing changes
         self._polled_changes = -1
         self._due_s = -_NEVER
         self._sync_changes = 0
         self._gates.wake()
         self._vpdos.copy()
+
+    @property
+    def node_id(self) -> int:
+        """The node's own node-ID, 1..127; 255 while it has none."""
+        return self._memory.node_id
 
     @property
     def state(self) -> NmtState:
@@ -102,9 +108,10 @@ class StrictDevice:
         """What the next power-on brings back, by index and sub-index; the rest are defaults."""
         return self._store.kept()
 
-    def power_on(self, stored: Mapping[tuple[int, int], bytes]) -> None:
-        """Wake with *stored* as what was kept, and nothing else; INITIALISING until `boot_up`."""
+    def power_on(self, stored: Mapping[tuple[int, int], bytes], node_id: int | None = None) -> None:
+        """Wake with *stored* and *node_id* as what was kept, and nothing else; INITIALISING until `boot_up`."""
         self._memory.put_stored(stored)
+        self.lss.stored = node_id or self.lss.stored
         self.restart()
 
     def upload(self, index: int, sub_index: int) -> bytes:
@@ -160,11 +167,25 @@ class StrictDevice:
         else:
             self._reset(communication_only=command == NmtCommand.RESET_COMMUNICATION)
 
+    def layer_setting(self, request: bytes) -> bytes | None:
+        """Obey an LSS *request*; the answer, None for none. An INITIALISING node obeys only while it has no node-ID."""
+        if self._state is NmtState.INITIALISING and self.node_id != UNCONFIGURED:
+            return None
+        answer = self.lss.handle(request)
+        if self.lss.woken:
+            self._reset(communication_only=True)
+        return answer
+
     def boot_up(self) -> None:
-        """Finish initialising: the boot-up frame goes to the outbox, the state is the family's."""
-        self.outbox.append(Frame(0x700 + self.node_id, b"\0"))
+        """Finish initialising: the boot-up frame goes to the outbox, the state is the family's.
+
+        A node without a node-ID goes on waiting for one (CiA 305).
+        """
+        if self.node_id == UNCONFIGURED:
+            return
+        self.outbox.append(Frame(HEARTBEAT + self.node_id, b"\0"))
         self.state = self.family.boot_state
-        self._heartbeat_ms, self._heartbeat_due_s = 0, _NEVER
+        self._heartbeat.reset()
 
     def restart(self) -> None:
         """Lose what was not stored, as at power-on; INITIALISING, silent and deaf until `boot_up`."""
@@ -221,7 +242,7 @@ class StrictDevice:
         self._polled_changes = changes
         frames: list[Frame] = []
         if self._state is not NmtState.INITIALISING:
-            frames += self._heartbeat(now_s)
+            frames += self._heartbeat.poll(now_s, self._state)
         if self._state in (NmtState.PRE_OPERATIONAL, NmtState.OPERATIONAL):
             frames += self._produce_sync(now_s) + self._errors.poll(now_s)
         if self._state is NmtState.OPERATIONAL:
@@ -238,23 +259,12 @@ class StrictDevice:
     def _next_due_s(self) -> float:
         if self._state is NmtState.INITIALISING:
             return _NEVER
-        due_s = self._heartbeat_due_s
+        due_s = self._heartbeat.due_s
         if self._state is not NmtState.STOPPED:
             due_s = min(due_s, self._sync_producer.due_s, self._errors.due_s)
         if self._state is NmtState.OPERATIONAL:
             due_s = min(due_s, self._exchange.due_s)
         return due_s
-
-    def _heartbeat(self, now_s: float) -> list[Frame]:
-        period_ms = self._memory.number(HEARTBEAT_TIME, 0)
-        if period_ms != self._heartbeat_ms:
-            self._heartbeat_ms, self._heartbeat_due_s = period_ms, now_s if period_ms else _NEVER
-        if now_s < self._heartbeat_due_s:
-            return []
-        period_s = period_ms / 1000
-        late = now_s >= self._heartbeat_due_s + period_s
-        self._heartbeat_due_s = (now_s if late else self._heartbeat_due_s) + period_s
-        return [Frame(0x700 + self.node_id, bytes([self._state]))]
 
     def _produce_sync(self, now_s: float) -> list[Frame]:
         """The SYNC due, and the TPDOs that the node's own SYNC brings."""
@@ -287,27 +297,13 @@ class StrictDevice:
         self._gates.check(index, self._state)
         if self.family.pdo_rules_always or self._state is NmtState.OPERATIONAL:
             self._guard.check(index, sub_index, data)
-        if index == SYNC_OVERFLOW:
-            self._check_sync_overflow(data)
-        if index == SYNC_COB_ID:
-            self._check_sync_cob_id(data)
+        self._sync_producer.check(index, data)
         entry = self._memory.entry(index, sub_index)
         if entry is not None and not self._store.handles(index, sub_index):
             check_limits(entry, self.node_id, data)
         if index == ERROR_HISTORY and any(data):
             raise Refusal(Abort.VALUE_RANGE)
         self._gates.check_selection(index, sub_index, data)
-
-    def _check_sync_overflow(self, data: bytes) -> None:
-        """CiA 301, 7.5.2.22: not to be changed while the SYNC period is not 0."""
-        if data != self._memory.read(SYNC_OVERFLOW, 0) and self._memory.number(SYNC_PERIOD, 0):
-            raise Refusal(Abort.DEVICE_STATE)
-
-    def _check_sync_cob_id(self, data: bytes) -> None:
-        """CiA 301, 7.5.2.5: bits 29 to 0 are not to be changed while the node produces SYNC (bit 30)."""
-        held, wanted = self._memory.number(SYNC_COB_ID, 0), int.from_bytes(data, "little")
-        if held & wanted & 1 << 30 and (held ^ wanted) & 0x3FFF_FFFF:
-            raise Refusal(Abort.VALUE_RANGE)
 
     def _accept(self, index: int, sub_index: int, data: bytes) -> None:
         if self._store.handles(index, sub_index):
@@ -332,6 +328,7 @@ class StrictDevice:
         self.boot_up()
 
     def _initialise(self, *, communication_only: bool) -> None:
+        self.lss.reset(communication_only=communication_only)
         self._store.reset(communication_only=communication_only)
         self._state = NmtState.INITIALISING
         self._exchange.forget()

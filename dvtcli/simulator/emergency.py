@@ -26,9 +26,8 @@ class Emergencies:
     *due_s* is when a frame that the inhibit time (0x1015) held back may go, infinite for none.
     """
 
-    def __init__(self, memory: Memory, node_id: int) -> None:
+    def __init__(self, memory: Memory) -> None:
         self._memory = memory
-        self._node_id = node_id
         self._active: dict[Hashable, int] = {}
         self._own_bits = 0
         self._waiting: deque[Frame] = deque(maxlen=_WAITING_MOST)
@@ -89,7 +88,7 @@ class Emergencies:
 
     def _frame(self, code: int, register: int) -> Frame | None:
         """The EMCY frame, None where 0x1014 switches EMCY off."""
-        raw = self._memory.number(EMCY_COB_ID, 0, missing=0x80 + self._node_id)
+        raw = self._memory.number(EMCY_COB_ID, 0, missing=0x80 + self._memory.node_id)
         if raw & _INVALID:
             return None
         data = code.to_bytes(2, "little") + bytes([register]) + bytes(5)

@@ -34,7 +34,8 @@ class Memory:
     ) -> None:
         self.dictionary = dictionary
         self.backing = backing
-        self._node_id = node_id
+        #: the node's own node-ID, 255 for none; what defaults with $NODEID follow
+        self.node_id = node_id
         self._capabilities = capabilities
         self._ram: dict[Key, bytes] = {}
         self._stored: dict[Key, bytes] = {}
@@ -46,6 +47,12 @@ class Memory:
         self._initials: dict[Key, bytes] = {}
         #: how often something was written or noted, so that whoever looks on sees that there is something new
         self.changes = 0
+
+    def take_node_id(self, node_id: int) -> None:
+        """Make *node_id* (1..127, 255 for none) the node's own: defaults with $NODEID follow it."""
+        if node_id != self.node_id:
+            self.node_id = node_id
+            self._initials.clear()
 
     def entry(self, index: int, sub_index: int) -> OdEntry | None:
         """What the dictionary says about an object, None where it is silent."""
@@ -106,7 +113,7 @@ class Memory:
         if index in self._capabilities and sub_index:
             return self._capabilities[index].to_bytes(4, "little")
         entry = self.entry(index, sub_index)
-        data = (entry.initial(self._node_id) if entry else None) or b""
+        data = (entry.initial(self.node_id) if entry else None) or b""
         return data if size is None else data[:size].ljust(size, b"\0")
 
     def number(self, index: int, sub_index: int, missing: int = 0) -> int:

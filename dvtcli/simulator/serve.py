@@ -12,12 +12,12 @@ from typing import Protocol
 
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.device import StrictDevice
+from dvtcli.simulator.heartbeat import HEARTBEAT
 from dvtcli.simulator.hub import Client, Hub
 from dvtcli.simulator.socketcand import told_frame
-from dvtcli.simulator.station import NMT_CAN_ID, SDO_REQUEST, SDO_RESPONSE, SimulatedNode
+from dvtcli.simulator.station import LSS_MASTER, NMT_CAN_ID, SDO_REQUEST, SDO_RESPONSE, SimulatedNode
 from dvtcli.simulator.wire import Wire
 
-HEARTBEAT, LSS_MASTER = 0x700, 0x7E5
 #: what every node obeys, whatever its state
 _NETWORK_IDS = (NMT_CAN_ID, LSS_MASTER)
 #: longest wait (s) where nothing is due: whoever has something wakes the thread

@@ -17,6 +17,7 @@ from dvtcli.simulator.sdo_server import SdoServer
 from dvtcli.simulator.signals import Signal, SignalSource
 
 NMT_CAN_ID, SDO_REQUEST, SDO_RESPONSE = 0x000, 0x600, 0x580
+LSS_MASTER, LSS_SLAVE = 0x7E5, 0x7E4
 
 
 class Source(Protocol):
@@ -42,6 +43,8 @@ class SimulatedNode:
         #: answers that are still to come, with their times
         self._later: deque[tuple[float, Frame]] = deque()
         self._sources: list[Source] = []
+        #: until when an LSS master wants silence (s)
+        self._quiet_until_s = float("-inf")
 
     @property
     def bus_failed(self) -> bool:
@@ -58,10 +61,12 @@ class SimulatedNode:
 
     def handle(self, frame: Frame, now_s: float = 0.0) -> list[Frame]:
         """What the node sends at once on hearing *frame* at *now_s*, a monotonic time in seconds, in order."""
-        if self._dead:
+        if self._dead or now_s < self._quiet_until_s:
             return []
         if not frame.extended and frame.can_id == NMT_CAN_ID:
             self._obey(frame)
+        elif not frame.extended and frame.can_id == LSS_MASTER:
+            return self._set_layer(frame, now_s)
         elif not frame.extended and frame.can_id == SDO_REQUEST + self.device.node_id:
             return self._answer(frame, now_s)
         elif self.device.hears_sync(frame):
@@ -72,7 +77,7 @@ class SimulatedNode:
 
     def poll(self, now_s: float) -> list[Frame]:
         """What the node sends by itself at *now_s*, a monotonic time in seconds."""
-        if self._dead:
+        if self._dead or now_s < self._quiet_until_s:
             return []
         if self._faulty is not None and self._faulty.boots_at_s is not None and self._faulty.boots_at_s <= now_s:
             self._faulty.boots_at_s = None
@@ -87,6 +92,10 @@ class SimulatedNode:
 
     def next_poll_s(self) -> float | None:
         """When `poll` has something to send next, on the same clock; None for never."""
+        due_s = self._next_poll_s()
+        return None if due_s is None else max(due_s, self._quiet_until_s)
+
+    def _next_poll_s(self) -> float | None:
         faulty, due_s = self._faulty, self.device.next_poll_s()
         if self._sources:
             soonest_s = min(source.due_s for source in self._sources)
@@ -109,6 +118,21 @@ class SimulatedNode:
             return
         before = len(self.device.outbox)
         self.device.nmt(frame.data[0])
+        self._start_over(before)
+
+    def _set_layer(self, frame: Frame, now_s: float) -> list[Frame]:
+        """Obey an LSS master."""
+        if frame.remote:
+            return []
+        before, lss = len(self.device.outbox), self.device.lss
+        answer = self.device.layer_setting(frame.data)
+        self._start_over(before)
+        if lss.quiet_ms:
+            self._quiet_until_s, lss.quiet_ms = now_s + lss.quiet_ms / 1000, 0
+        return ([] if answer is None else [Frame(LSS_SLAVE, answer)]) + self.device.take_outbox()
+
+    def _start_over(self, before: int) -> None:
+        """Where the device has reset, its boot-up is in the outbox beside *before* frames: transfers are forgotten."""
         if len(self.device.outbox) > before:
             self.server.reset()
             self._later.clear()
@@ -136,7 +160,14 @@ class SimulatedNode:
         return []
 
 
-def stations(devices: Sequence[StrictDevice], faults: Sequence[Fault] = ()) -> list[SimulatedNode]:
-    """*devices* as nodes, each with its own of *faults*; those that name no node are the first one's."""
+def stations(
+    devices: Sequence[StrictDevice], faults: Sequence[Fault] = (), bit_rate: int | None = None
+) -> list[SimulatedNode]:
+    """*devices* as nodes, each with its own of *faults*; those that name no node are the first one's.
+
+    *bit_rate* is the bus's (bit/s), None where frames take no time.
+    """
+    for device in devices:
+        device.lss.bit_rate = bit_rate
     first = devices[0].node_id if devices else 0
     return [SimulatedNode(device, faults_of(device.node_id, first, faults)) for device in devices]

@@ -5,8 +5,10 @@ Time is passed in. Does not know what a SYNC makes a node do.
 
 from __future__ import annotations
 
+from dvtcli.domain.abort import Abort
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.memory import Memory
+from dvtcli.simulator.refusal import Refusal
 
 SYNC_COB_ID, SYNC_PERIOD, SYNC_OVERFLOW = 0x1005, 0x1006, 0x1019
 _PRODUCES, _EXTENDED = 1 << 30, 1 << 29
@@ -25,6 +27,24 @@ class SyncProducer:
         self._period_us = 0
         self._counter = 0
         self.due_s = float("inf")
+
+    def check(self, index: int, data: bytes) -> None:
+        """Refuse a download to 0x1005 or 0x1019 that the standard forbids while SYNCs are produced."""
+        if index == SYNC_OVERFLOW:
+            self._check_overflow(data)
+        elif index == SYNC_COB_ID:
+            self._check_cob_id(data)
+
+    def _check_overflow(self, data: bytes) -> None:
+        """CiA 301, 7.5.2.22: not to be changed while the SYNC period is not 0."""
+        if data != self._memory.read(SYNC_OVERFLOW, 0) and self._memory.number(SYNC_PERIOD, 0):
+            raise Refusal(Abort.DEVICE_STATE)
+
+    def _check_cob_id(self, data: bytes) -> None:
+        """CiA 301, 7.5.2.5: bits 29 to 0 are not to be changed while the node produces SYNC (bit 30)."""
+        held, wanted = self._memory.number(SYNC_COB_ID, 0), int.from_bytes(data, "little")
+        if held & wanted & _PRODUCES and (held ^ wanted) & 0x3FFF_FFFF:
+            raise Refusal(Abort.VALUE_RANGE)
 
     def poll(self, now_s: float) -> Frame | None:
         """The SYNC due at *now_s* (s); the first comes one period (0x1006, µs) after it was switched on."""

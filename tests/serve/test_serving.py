@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from dvtcli.errors import InputFileError, UsageError
-from dvtcli.formats.sim_state import read_state, write_state
+from dvtcli.formats.sim_state import Kept, read_state, write_state
 from dvtcli.serving import address, is_loopback
 from dvtcli.transports import open_canbus
 from tests.process import dvtcli
@@ -43,10 +43,10 @@ def test_who_is_reached_by_others(host: str) -> None:
 
 def test_what_is_kept_is_read_again_and_a_draft_never(tmp_path: Path) -> None:
     path = tmp_path / "deep" / "a@1.json"
-    assert read_state(path) == {}
+    assert read_state(path) == Kept()
     values = {(0x1800, 1): b"\x81\x01\x00\x00", (0x1008, 0): b"", (0xFFFF, 0xFF): b"\x00"}
-    write_state(path, 1, values)
-    assert read_state(path) == values
+    write_state(path, 7, values)
+    assert read_state(path) == Kept(7, values)
     assert [one.name for one in path.parent.iterdir()] == ["a@1.json"]
 
 
@@ -55,6 +55,7 @@ def test_what_is_kept_is_read_again_and_a_draft_never(tmp_path: Path) -> None:
     [
         "", "[]", "{}", "nonsense", '{"schema":"dvtcli.sim-state/1"}', '{"schema":"other/1","values":{}}',
         '{"schema":"dvtcli.sim-state/1","values":{"1800:01":5}}', '{"schema":"dvtcli.sim-state/1","values":{"x":"00"}}',
+        '{"schema":"dvtcli.sim-state/1","values":{},"node":0}', '{"schema":"dvtcli.sim-state/1","values":{},"node":[]}',
         '{"schema":"dvtcli.sim-state/1","values":{"10000:01":"00"}}', '{"schema":"dvtcli.sim-state/1","values":[]}',
         "[" * 100_000,
     ],
