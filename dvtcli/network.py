@@ -5,6 +5,7 @@ The only place where transports, simulator and formats meet. Does not know lines
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -189,6 +190,12 @@ def profile_of(dictionary: ObjectDictionary | None) -> DeviceProfile:
     if dictionary is None or dictionary.info.vendor_id is None:
         return GENERIC
     return profile_for_identity(dictionary.info.vendor_id, dictionary.info.product_code or 0)
+
+
+def names_passcode(line: str) -> bool:
+    """Whether a typed *line* names an object that takes a passcode, and so may hold one."""
+    words = line.lower().replace("0x", "").replace(":", " ")
+    return any(re.search(rf"\b{index:04x}\s+0?{sub:x}\b", words) for index, sub in passcode_objects())
 
 
 def carries_passcode(frame: Frame) -> bool:

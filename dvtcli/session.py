@@ -245,6 +245,12 @@ class Session:
                 if left_behind:
                     self.output.warning(left_behind)
 
+    def names_passcode(self, line: str) -> bool:
+        """Whether a typed *line* may hold a passcode, and is to be kept nowhere."""
+        from dvtcli.network import names_passcode
+
+        return names_passcode(line)
+
     def warn_of_disturbances(self) -> None:
         """Say what was noticed on the SDO channels: another client, two nodes with one node-ID."""
         for text in self._network.disturbances() if self._network is not None else ():

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.plan import PdoChange
+from dvtcli.domain.rules.producer import producer_findings, sent_by
 from dvtcli.domain.script_line import change_lines
 from dvtcli.errors import UsageError
 from dvtcli.results import Changed
@@ -14,7 +16,7 @@ from dvtcli.results import Changed
 if TYPE_CHECKING:
     from dvtcli.device.node import Applied, Node, Want
     from dvtcli.domain.pdo import Pdo, PdoConfig
-    from dvtcli.domain.rules import Proposal
+    from dvtcli.domain.rules import Finding, Proposal
     from dvtcli.session import Session
 
 
@@ -22,7 +24,17 @@ def configure(session: Session, node: Node, wants: Mapping[Pdo, Want]) -> Change
     """Carry *wants* out on *node* and answer what was done."""
     started = time.monotonic()
     applied = node.configure(wants, force=session.options.force)
+    applied = replace(applied, findings=(*applied.findings, *_without_producer(session, node, applied)))
     return changed(session, node, applied, time.monotonic() - started)
+
+
+def _without_producer(session: Session, node: Node, applied: Applied) -> Iterator[Finding]:
+    """Warnings about RPDOs that nobody feeds, on a family that minds."""
+    changes = [change for change in applied.plan.changes if isinstance(change, PdoChange)]
+    if not node.profile.silent_rpdo or all(change.pdo.is_tpdo for change in changes):
+        return iter(())
+    known = [config for other in session.network.nodes.values() for config in other.tpdos_known()]
+    return producer_findings(changes, set(sent_by(known)), node.profile.silent_rpdo)
 
 
 def changed(

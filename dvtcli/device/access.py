@@ -12,7 +12,7 @@ from dvtcli.device.transaction import PATIENCE_S, RETRY_S
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import CanopenBus
-from dvtcli.domain.profile import DeviceProfile, PreOperational
+from dvtcli.domain.profile import DeviceProfile, ObjectAddress, PreOperational
 from dvtcli.errors import DeviceRefused, DvtcliError, NoAnswer, SafetyRefusal, SdoAborted, SdoProtocolError
 
 #: How long a node may take to confirm a state change, in seconds.
@@ -54,16 +54,30 @@ class Access:
     def request(self, state: NmtState) -> None:
         """Bring the node to PRE-OPERATIONAL or OPERATIONAL and confirm it; DeviceRefused where it stays.
 
-        A node that is a master takes its state from an object of its own, a slave from NMT.
+        A node that is a master takes its state from an object of its own, a slave from NMT. A master remembers what
+        it was asked for, even without power: a request that it did not obey is taken back (the published Gen4 manual).
         """
-        if self._is_master() and self.profile.state_request is not None:
-            index, sub_index = self.profile.state_request
-            value = 1 if state is NmtState.PRE_OPERATIONAL else 0
-            self.bus.sdo(self.node_id).download(index, sub_index, bytes([value]))
-        else:
+        if self.profile.state_request is None or not self._is_master():
             command = NmtCommand.ENTER_PRE_OPERATIONAL if state is NmtState.PRE_OPERATIONAL else NmtCommand.START
             self.bus.send_nmt(command, self.node_id)
-        self._confirm(state)
+            self._confirm(state)
+            return
+        self._force(self.profile.state_request, state)
+        try:
+            self._confirm(state)
+        except DeviceRefused:
+            if state is NmtState.PRE_OPERATIONAL:
+                self._force(self.profile.state_request, NmtState.OPERATIONAL)
+            raise
+
+    def _force(self, place: ObjectAddress, state: NmtState) -> None:
+        index, sub_index = place
+        value = 1 if state is NmtState.PRE_OPERATIONAL else 0
+        try:
+            self.bus.sdo(self.node_id).download(index, sub_index, bytes([value]))
+        except SdoAborted as aborted:
+            self.explain(aborted)
+            raise
 
     def insist(self, state: NmtState) -> None:
         """As `request`, but where the node is silent or aborts it is asked again for a while: it may be rebooting."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.rules.finding import Finding, error
-from dvtcli.errors import DeviceRefused, DvtcliError, SdoAborted, UsageError
+from dvtcli.errors import DeviceRefused, DvtcliError, SafetyRefusal, SdoAborted, UsageError
 
 if TYPE_CHECKING:
     from dvtcli.device.access import Access
@@ -91,6 +91,18 @@ def _not_reached(access: Access, wanted: int, aborted: SdoAborted | None) -> Dev
         why=aborted.why if aborted else "the passcode is one for another level",
         hint="is it the passcode of this level, and of this user (--user)?",
     )
+
+
+def refuse_passcode(access: Access, index: int, sub_index: int) -> None:
+    """Raise SafetyRefusal where a raw write is about to send a passcode, which its words have shown already."""
+    policy = access.profile.login
+    if policy is not None and (index, sub_index) == policy.passcode:
+        raise SafetyRefusal(
+            f"0x{index:04X}:{sub_index:02X} takes a passcode, and a command line is no place for one",
+            node=access.node_id,
+            place=f"{index:04X}:{sub_index:02X}",
+            hint="login asks for it without echo",
+        )
 
 
 def level_findings(access: Access, plan: Plan) -> tuple[Finding, ...]:

@@ -15,7 +15,7 @@ from dvtcli.device.carry_out import carry_out
 from dvtcli.device.journal import Identity
 from dvtcli.device.keeper import Keeper
 from dvtcli.device.lazy import LazyMapping
-from dvtcli.device.login import level_finding, level_findings
+from dvtcli.device.login import level_finding, level_findings, refuse_passcode
 from dvtcli.device.pending import COMMUNICATION, EVERYTHING, Pending
 from dvtcli.device.raw_write import held_value, raw_change, raw_write_findings
 from dvtcli.device.read import present_pdos, read_optional, read_pdo
@@ -148,6 +148,10 @@ class Node:
         """The PDOs that are known without asking the node: those of the EDS, or those that were read."""
         return self._present or list(self._pdos)
 
+    def tpdos_known(self) -> list[PdoConfig]:
+        """The TPDOs as this session set or last read them; reads nothing."""
+        return [config for pdo, config in {**self._pdos, **self.wanted}.items() if pdo.is_tpdo]
+
     def forget(self) -> None:
         """Drop what was read: the device may hold something else now."""
         self._pdos.clear()
@@ -212,6 +216,7 @@ class Node:
 
     def write(self, index: int, sub_index: int, data: bytes, *, force: bool = False) -> Applied:
         """Write one object as a plan of one step, under the rules of the command that is meant for it."""
+        refuse_passcode(self.access, index, sub_index)
         findings = raw_write_findings(self, index, sub_index, data)
         refuse(findings, f"0x{index:04X}:{sub_index:02X} not written", self.node_id, force=force)
         change = raw_change(self, Step(index, sub_index, held_value(self, index, sub_index), data, "write"))

@@ -125,6 +125,7 @@ class DeviceProfile:
     device tells its NMT state; *state_request* where a master takes one (u8: 1 pre-operational, 0 operational),
     *master_object* where it says that it is one (1); *extended_error* where the reason after 0x08000000 stands and
     *reasons* its texts; *dummies* the supported dummy indices; *login* how access is unlocked, if it is locked;
+    *silent_rpdo* what the device does where an RPDO's producer is silent, if anything;
     *aliases* names a human types → objects; *type_texts* the maker's words for a transmission type and *type_notes*
     what to know about one; *warn_mapped* what should not feed a TPDO; *vpdo* its virtual PDOs.
     """
@@ -158,6 +159,7 @@ class DeviceProfile:
     dummies: frozenset[int] | None = None
     store: StorePolicy = StorePolicy()
     login: LoginPolicy | None = None
+    silent_rpdo: str = ""
     aliases: dict[str, str] = field(default_factory=dict)
     type_texts: dict[int, str] = field(default_factory=dict)
     type_notes: dict[int, str] = field(default_factory=dict)

@@ -212,6 +212,7 @@ _PROFILE: Schema = {
     "dummies": lambda item: frozenset(integers(1, 7)(item)),
     "store": _store,
     "login": _login,
+    "silent_rpdo": string,
     "aliases": _aliases,
     "type_texts": by_number(255),
     "type_notes": by_number(255),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 from prompt_toolkit.history import FileHistory, History, InMemoryHistory
@@ -13,6 +14,15 @@ from dvtcli.view.output import Output
 class KeptHistory(FileHistory):
     """A history file; where the disk refuses a line, the session goes on with what is in memory."""
 
+    def __init__(self, filename: str, is_secret: Callable[[str], bool]) -> None:
+        super().__init__(filename)
+        self._is_secret = is_secret
+
+    def append_string(self, string: str) -> None:
+        """Remember *string*, unless it may hold what is nobody's business."""
+        if not self._is_secret(string):
+            super().append_string(string)
+
     def store_string(self, string: str) -> None:
         """Append *string* to the file, if that is possible."""
         try:
@@ -21,8 +31,11 @@ class KeptHistory(FileHistory):
             return  # a full disk must not take the prompt away
 
 
-def open_history(output: Output) -> History:
-    """The history file, made where there is none; memory only, with a note, where it cannot be."""
+def open_history(output: Output, is_secret: Callable[[str], bool]) -> History:
+    """The history file, made where there is none; memory only, with a note, where it cannot be.
+
+    Lines that *is_secret* says may hold a passcode are not kept.
+    """
     import platformdirs
 
     path = platformdirs.user_state_path("dvtcli") / "history"
@@ -31,7 +44,7 @@ def open_history(output: Output) -> History:
     except OSError as failed:
         output.note(f"this session's lines are not kept: {path}: {failed.strerror or failed}")
         return InMemoryHistory()
-    return KeptHistory(str(path))
+    return KeptHistory(str(path), is_secret)
 
 
 def _prepare(path: Path) -> None:

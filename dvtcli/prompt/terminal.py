@@ -140,7 +140,7 @@ def _prompt_session(session: Session, status: Status, show_help: Callable[[str],
 
     return PromptSession(
         message=status.prompt,
-        history=open_history(session.output),
+        history=open_history(session.output, session.names_passcode),
         auto_suggest=AutoSuggestFromHistory(),
         completer=LineCompleter(session),
         complete_in_thread=True,

@@ -70,7 +70,6 @@ class StrictDevice:
         self._polled_changes = -1
         self._due_s = -_NEVER
         self._sync_changes = 0
-        self._gates.wake()
         self._vpdos.copy()
 
     @property
@@ -163,7 +162,7 @@ class StrictDevice:
         if self._state is NmtState.INITIALISING or command not in list(NmtCommand) or self._gates.is_master:
             return
         if command in _STATES:
-            self.state = _STATES[NmtCommand(command)]
+            self.state = self._gates.granted(_STATES[NmtCommand(command)], self._state)
         else:
             self._reset(communication_only=command == NmtCommand.RESET_COMMUNICATION)
 
@@ -321,7 +320,7 @@ class StrictDevice:
         if pdo is not None:
             self._exchange.forget(pdo)
         self._vpdos.copy()
-        self.state = self._gates.forced_state(index, sub_index) or self._state
+        self.state = self._gates.granted(self._gates.forced_state(index, sub_index), self._state)
 
     def _reset(self, *, communication_only: bool) -> None:
         self._initialise(communication_only=communication_only)
@@ -334,6 +333,5 @@ class StrictDevice:
         self._exchange.forget()
         self._errors.reset()
         self._sync_producer.reset()
-        if not communication_only:
-            self._gates.wake()
+        self._gates.reset(communication_only=communication_only)
         self._vpdos.copy()

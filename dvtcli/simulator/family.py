@@ -94,7 +94,8 @@ class Family:
     - *login*: access levels, None for none. *extended_error*: the object that explains abort 0x08000000;
       *reasons*: abort code → reason, for codes that this family hides behind 0x08000000.
     - *state_object* reads the NMT state; *state_request* forces it (1 PRE-OPERATIONAL, 0 OPERATIONAL) where
-      *master_object* is 1; such a master ignores NMT commands.
+      *master_object* is 1; such a master ignores NMT commands. *stays_operational*: whether it goes on in OPERATIONAL
+      whatever it is asked, as a vehicle that is being driven does.
     - *pins*, *motors*: virtual PDOs. *boot_state*: the state after boot-up.
     """
 
@@ -136,6 +137,7 @@ class Family:
     state_object: Object | None = None
     state_request: Object | None = None
     master_object: Object | None = None
+    stays_operational: bool = False
     pins: tuple[PinCopy, ...] = ()
     motors: MotorCopy | None = None
     boot_state: NmtState = NmtState.PRE_OPERATIONAL

@@ -21,6 +21,7 @@ class Gates:
     def __init__(self, memory: Memory, family: Family) -> None:
         self._memory = memory
         self._family = family
+        self.reset(communication_only=False)
 
     @property
     def is_master(self) -> bool:
@@ -57,10 +58,10 @@ class Gates:
     def _level(self, login: Login) -> int:
         return self._memory.number(login.index, LEVEL)
 
-    def wake(self) -> None:
-        """Begin at the access level that the family wakes with."""
+    def reset(self, *, communication_only: bool) -> None:
+        """Begin at the access level that the family wakes with; one of communication alone logs nobody out."""
         login = self._family.login
-        if login is not None and login.start is not None:
+        if login is not None and login.start is not None and not communication_only:
             self._memory.write(login.index, LEVEL, bytes([login.start]))
 
     def is_passcode(self, index: int, sub_index: int) -> bool:
@@ -90,6 +91,11 @@ class Gates:
             return None
         forced = self._memory.number(index, sub_index)
         return NmtState.PRE_OPERATIONAL if forced else NmtState.OPERATIONAL
+
+    def granted(self, wanted: NmtState | None, now: NmtState) -> NmtState:
+        """The state that the device takes when it is *now* in one and is asked for the *wanted* one, None for none."""
+        stays = self._family.stays_operational and now is NmtState.OPERATIONAL
+        return now if stays or wanted is None else wanted
 
     def explained(self, refusal: Refusal) -> Refusal:
         """The refusal as this family answers it, its reason left in the extended error object."""

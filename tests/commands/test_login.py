@@ -187,3 +187,29 @@ def test_a_reset_logs_out(tmp_path: Path) -> None:
     ran = run(tmp_path, "--json", stdin="login\nnmt reset-node\nread 5000:1\n", DVTCLI_PASSCODE=RIGHT)
     assert [documents(ran.stdout)[number]["schema"] for number in (0, 1)] == ["dvtcli.login/1", "dvtcli.nmt/1"]
     assert documents(ran.stdout)[2]["value"] == 0
+
+
+@pytest.mark.parametrize(
+    "line", ["write 5000:2 17476", "write 0x5000:02 0x4444 --force", "write 5000:2 17476 --as u16"]
+)
+def test_a_raw_write_of_a_passcode_is_refused(line: str) -> None:
+    with Bench((LOCKED,)) as bench:
+        ran = bench.run(f"{line} --json")
+        assert (ran.code, ran.document["hint"]) == (6, "login asks for it without echo")
+        assert bench.run("read 5000:1 --json").document["value"] == 0
+
+
+def test_a_line_with_a_passcode_is_not_kept(tmp_path: Path) -> None:
+    terminal = Terminal(tmp_path, "--sim", LOCKED)
+    try:
+        terminal.wait_prompt()
+        terminal.run("write 0x5000:02 17476")
+        terminal.wait("no place for one")
+        terminal.wait_prompt()
+        terminal.run("read 5000:1")
+        terminal.wait("Access level indication")
+        terminal.wait_prompt()
+    finally:
+        terminal.close()
+    assert files_with(tmp_path, b"read 5000:1")
+    assert not files_with(tmp_path, b"17476")

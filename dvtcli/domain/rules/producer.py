@@ -1,0 +1,35 @@
+"""Whether anybody sends what an RPDO waits for. Knows the PDOs it is given; listens to nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Iterator
+
+from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.pdo import PdoConfig
+from dvtcli.domain.plan import PdoChange
+from dvtcli.domain.rules.finding import Finding, warning
+
+
+def sent_by(pdos: Iterable[PdoConfig]) -> Iterator[tuple[int, bool]]:
+    """CAN-ID, and whether it has 29 bits, of every enabled one of *pdos*, which are TPDOs."""
+    return (_identifier(config.communication.cob_id) for config in pdos if config.enabled)
+
+
+def producer_findings(
+    changes: Iterable[PdoChange], sent: Collection[tuple[int, bool]], consequence: str
+) -> Iterator[Finding]:
+    """A warning for each RPDO that *changes* enable or move to a CAN-ID that is none of those *sent* by known nodes.
+
+    *consequence* is what the device does where nothing comes.
+    """
+    for change in changes:
+        before, after = change.before.communication.cob_id, change.after.communication.cob_id
+        if change.pdo.is_tpdo or not after.valid or before == after or _identifier(after) in sent:
+            continue
+        text = f"{change.label} waits for {after}, which no node that dvtcli has looked at sends: {consequence}"
+        hint = "map it into a TPDO of another node, or `disable` the RPDO"
+        yield warning("rpdo-producer", f"0x{change.pdo.communication_index:04X}:01", text, hint)
+
+
+def _identifier(cob_id: CobId) -> tuple[int, bool]:
+    return cob_id.can_id, cob_id.extended
