@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
+from dvtcli.domain.nmt import NmtCommand
+from dvtcli.domain.ports import Frame
 from dvtcli.formats.eds import read_eds
 from dvtcli.simulator.device import StrictDevice
 from dvtcli.simulator.family import family_eds, load_family
@@ -31,11 +34,67 @@ def multiplexer(index: int, sub_index: int) -> bytes:
     return index.to_bytes(2, "little") + bytes([sub_index])
 
 
+class Server(Protocol):
+    """What answers SDO requests."""
+
+    def handle(self, request: bytes) -> bytes | None:
+        """The answer to *request*, None for silence."""
+        ...
+
+
+class Bench(Protocol):
+    """A node under test as a table of probes needs it, wherever it is."""
+
+    @property
+    def client(self) -> Client: ...
+
+    def nmt(self, command: NmtCommand) -> None:
+        """Send an NMT command, and wait until it was obeyed."""
+        ...
+
+    def sync(self) -> list[Frame]:
+        """Send a SYNC; the PDOs that come in answer."""
+        ...
+
+    def receive(self, frame: Frame) -> list[Frame]:
+        """Send *frame*; the PDOs and EMCYs that come in answer."""
+        ...
+
+    def events(self, can_id: int, duration_ms: int) -> int:
+        """How many frames *can_id* the node sends by itself in so many ms."""
+        ...
+
+
+class InProcess:
+    """A node in this process, with a clock that goes as fast as it is looked at."""
+
+    def __init__(self, device: StrictDevice) -> None:
+        self.device = device
+        self.client = Client.on(device)
+        self._now_ms = 0
+
+    def nmt(self, command: NmtCommand) -> None:
+        self.device.nmt(command)
+        self.device.take_outbox()
+
+    def sync(self) -> list[Frame]:
+        return self.device.sync()
+
+    def receive(self, frame: Frame) -> list[Frame]:
+        return self.device.receive(frame)
+
+    def events(self, can_id: int, duration_ms: int) -> int:
+        self.device.poll(self._now_ms / 1000)
+        began_ms, self._now_ms = self._now_ms, self._now_ms + duration_ms + 1
+        polls = [self.device.poll(ms / 1000) for ms in range(began_ms + 1, self._now_ms + 1)]
+        return sum(frame.can_id == can_id for sent in polls for frame in sent)
+
+
 @dataclass
 class Client:
     """An SDO client straight on a server: expedited where it fits, else (or on demand) segmented."""
 
-    server: SdoServer
+    server: Server
 
     @classmethod
     def on(cls, device: StrictDevice) -> Client:
