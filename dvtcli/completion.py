@@ -31,7 +31,8 @@ def object_items(ctx: click.Context, incomplete: str, *, mapped: bool) -> list[C
     session = ctx.find_root().obj
     if session is None:
         return []
-    for dictionary, aliases in session.completion_dictionaries():
+    chosen = ctx.params.get("pdo")
+    for dictionary, aliases in session.completion_dictionaries(getattr(chosen, "node_id", None)):
         room = _room(ctx, dictionary, aliases) if mapped else None
         items = _items(dictionary, aliases, room, incomplete)
         if items:

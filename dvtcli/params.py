@@ -120,16 +120,25 @@ class PdoType(CanopenType):
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
         """The node's PDOs with what each is set to, where a session is open; else the first four each way."""
         session = ctx.find_root().obj
-        rows = _known_pdos(session) if session is not None else []
+        head, colon, wanted = incomplete.lower().rpartition(":")
+        rows = _known_pdos(session, _node_id(head)) if session is not None else []
         words = rows or [(f"{way}{number}", "") for way in ("tpdo", "rpdo") for number in range(1, 5)]
-        return [CompletionItem(word, help=text) for word, text in words if word.startswith(incomplete.lower())]
+        return [CompletionItem(head + colon + word, help=text) for word, text in words if word.startswith(wanted)]
 
 
-def _known_pdos(session: Session) -> list[tuple[str, str]]:
-    """PDOs the open node is known to have; never touches the bus, since a key was only pressed."""
+def _node_id(text: str) -> int | None:
+    """The node-ID before the colon of `5:tpdo1`, None where there is none yet."""
+    try:
+        return parse_number(text)
+    except ValueError:
+        return None
+
+
+def _known_pdos(session: Session, node_id: int | None) -> list[tuple[str, str]]:
+    """PDOs that the open node (None: the selected one) is known to have; never touches the bus: a key was pressed."""
     if not session.is_open:
         return []
-    node = session.network.nodes.get(session.node_id())
+    node = session.network.nodes.get((session.selected_id() if node_id is None else node_id) or 0)
     if node is None:
         return []
     from dvtcli.domain.pdo import transmission_type_text
@@ -219,6 +228,24 @@ class NumberType(CanopenType):
         if not self.low <= value <= self.high:
             raise ValueError(f"{text}: {self.what} is {self.low}…{self.high}")
         return value
+
+
+class TransmissionType(NumberType):
+    """A transmission type 0…255; the menu offers those that are used most."""
+
+    def __init__(self) -> None:
+        super().__init__(0, 255, "a transmission type")
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        """The common types with what they mean for a TPDO and for an RPDO."""
+        from dvtcli.domain.pdo import Direction, transmission_type_text
+
+        def text(kind: int) -> str:
+            sent, taken = (transmission_type_text(kind, way) for way in (Direction.TPDO, Direction.RPDO))
+            return sent if sent == taken else f"{sent}; RPDO: {taken}"
+
+        kinds = [kind for kind in (1, 2, 4, 10, 0, 254, 255) if str(kind).startswith(incomplete)]
+        return [CompletionItem(str(kind), help=text(kind)) for kind in kinds]
 
 
 class MillisecondsType(CanopenType):

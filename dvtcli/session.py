@@ -206,10 +206,10 @@ class Session:
 
         return offline_dictionaries(self.base)
 
-    def completion_dictionaries(self) -> list[tuple[ObjectDictionary, dict[str, str]]]:
-        """The dictionaries that completion may offer: the open node's, else those known offline."""
+    def completion_dictionaries(self, node_id: int | None = None) -> list[tuple[ObjectDictionary, dict[str, str]]]:
+        """The dictionaries that completion may offer: the open node's (None: the selected one), else those offline."""
         if self._network is not None:
-            node = self._network.nodes.get(self.selected_id() or 0)
+            node = self._network.nodes.get((self.selected_id() if node_id is None else node_id) or 0)
             if node is not None and node.dictionary is not None:
                 return [(node.dictionary, node.profile.aliases)]
         return self.offline_dictionaries()

@@ -8,13 +8,13 @@ from typing import Any, TypeVar
 import click
 
 from dvtcli.domain.request import PdoRequest
-from dvtcli.params import COB_ID, MillisecondsType, NumberType
+from dvtcli.params import COB_ID, MillisecondsType, NumberType, TransmissionType
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 _OPTIONS = [
     click.option("--cob-id", type=COB_ID, metavar="ID", help="CAN-ID with 0x, `auto` or `keep`."),
-    click.option("--type", "type_", type=NumberType(0, 255, "a transmission type"), metavar="N",
+    click.option("--type", "type_", type=TransmissionType(), metavar="N",
                  help="Transmission type 0…255."),
     click.option("--sync", type=NumberType(1, 240, "a number of SYNCs"), metavar="N", help="On every N-th SYNC."),
     click.option("--event", is_flag=True, help="Event-driven (type 255)."),

@@ -23,10 +23,14 @@ class LineLexer(Lexer):
 
     def lex_document(self, document: Document) -> Callable[[int], StyleAndTextTuples]:
         """The styled words of each line of *document*."""
-        return lambda number: self._styled(document.lines[number])
+        lines = document.lines
 
-    def _styled(self, line: str) -> StyleAndTextTuples:
-        first = True
+        def styled(number: int) -> StyleAndTextTuples:
+            return self._styled(lines[number], first=not number or not lines[number - 1].endswith("\\"))
+
+        return styled
+
+    def _styled(self, line: str, *, first: bool) -> StyleAndTextTuples:
         styled: StyleAndTextTuples = []
         for word in _WORDS.findall(line):
             styled.append((self._style(word, first=first), word))

@@ -15,7 +15,7 @@ from prompt_toolkit.document import Document
 
 from dvtcli.errors import DvtcliError
 from dvtcli.options import START_ONLY, global_options
-from dvtcli.prompt.typed import Typed, quoted, typed
+from dvtcli.prompt.typed import Typed, last_line, quoted, typed
 from dvtcli.shell import PREFIX, REGISTRY, command_names, summary
 from dvtcli.view.safe import safe
 
@@ -35,14 +35,15 @@ class LineCompleter(Completer):
 
     def get_completions(self, document: Document, complete_event: CompleteEvent) -> Iterable[Completion]:
         """What the word before the cursor may become."""
-        line = typed(document.text_before_cursor)
+        before = last_line(document.text_before_cursor)
+        line = typed(before)
         if line is None:
             return
         items = self._items(line)
         if any(item.type in ("file", "dir") for item in items):
             yield from self._paths.get_completions(Document(line.incomplete), complete_event)
             return
-        start = line.start - len(document.text_before_cursor)
+        start = line.start - len(before)
         for item, meta in zip(items, _aligned([safe(item.help or "") for item in items]), strict=True):
             yield Completion(quoted(item.value), start, display=safe(item.value), display_meta=meta)
 

@@ -43,6 +43,8 @@ class Life:
         #: what ended the listening, None while all is well
         self.failure: str | None = None
         self._beats: dict[int, Beat] = {}
+        #: nodes whose heartbeat was said to be missing
+        self._missing: set[int] = set()
         self._seen: set[int] = set()
         self._booted: set[int] = set()
         self._stopping = threading.Event()
@@ -77,12 +79,30 @@ class Life:
             while not self._stopping.is_set():
                 self._bus.idle(TICK_S)
                 self.states = self._bus.heard_nodes()
+                self._tell_silence()
                 self.notices.pump()
         except BusUnavailable as failed:
             if not self._stopping.is_set():
                 self.failure = failed.text
                 self.notices.add(f"{failed.text}: nothing is heard any more; leave, and start again once it is back")
                 self.notices.pump()
+
+    def _tell_silence(self) -> None:
+        """Say once that a heartbeat is missing, and once that it is back."""
+        for node_id in tuple(self._beats):
+            silence = self.silence_s(node_id)
+            overdue = silence is not None and silence[1]
+            if silence is None or overdue == (node_id in self._missing):
+                continue
+            if overdue:
+                self._missing.add(node_id)
+                self._say(f"node {node_id}  no heartbeat any more: the last one came {silence[0]:.1f} s ago")
+            else:
+                self._missing.discard(node_id)
+                self._say(f"node {node_id}  heartbeat is back")
+
+    def _say(self, text: str) -> None:
+        self.notices.add(f"{strftime('%H:%M:%S')}  {text}")
 
     def _on_frame(self, frame: Frame, sent: bool) -> None:
         """Time heartbeats; called with every frame, so it must be quick."""
@@ -98,12 +118,13 @@ class Life:
         if isinstance(event, BootUp):
             self._booted.add(node_id)
             self._beats.pop(node_id, None)
+            self._missing.discard(node_id)
         elif isinstance(event, Emergency):
             count, _ = self.emergencies.get(node_id, (0, 0))
             self.emergencies[node_id] = count + 1, event.code
         self._seen.add(node_id)
         if told:
-            self.notices.add(f"{strftime('%H:%M:%S')}  {event_text(event)}")
+            self._say(event_text(event))
 
     def _is_news(self, node_id: int) -> bool:
         """Whether a change of state is worth a line: not a node's first sign of life, nor what a boot-up said."""

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 from dvtcli.domain.nmt import NmtState
 from dvtcli.errors import DvtcliError
 from dvtcli.prompt.events import SHORT_STATES, emergency_text
+from dvtcli.prompt.fitting import BETWEEN, Part, fitted
+from dvtcli.prompt.syntax import syntax
 from dvtcli.view.glyphs import ascii_only
 from dvtcli.view.safe import safe
 
@@ -19,8 +21,6 @@ if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.prompt.life import Life
     from dvtcli.session import Session
-
-Fragment = tuple[str, str]
 
 _STATE_STYLES = {NmtState.OPERATIONAL: "class:good", NmtState.PRE_OPERATIONAL: "class:careful"}
 #: PDOs that are read before a prompt is shown, so that the menu can say what they are set to.
@@ -64,54 +64,66 @@ class Status:
         """What is not stored, by node-ID."""
         return {node.node_id: list(node.unstored) for node in self._nodes() if node.unstored}
 
-    def toolbar(self) -> StyleAndTextTuples:
-        """One line: bus, node, state, emergencies, what is not stored."""
+    def toolbar(self, width: int, line: str = "") -> StyleAndTextTuples:
+        """Bus, node, state, emergencies and what is not stored, on one line of *width* columns.
+
+        Above it, where *line* begins with a command, that command's syntax.
+        """
         parts = [self._bus_part(), *self._node_parts(), *self._unstored_parts(), *self._hints()]
         fragments: StyleAndTextTuples = []
-        for number, (style, text) in enumerate(parts):
-            fragments += [("", " │ " if number else " "), (style, safe(text))]
+        command = syntax(line, width - 1)
+        if command is not None:
+            fragments += [("class:command", f" {safe(command[0])} "), ("", f"{safe(command[1])}\n")]
+        for number, (style, text) in enumerate(fitted(parts, width)):
+            fragments += [("", BETWEEN if number else " "), (style, text)]
         if self._session.options.ascii:
             return [(fragment[0], ascii_only(fragment[1])) for fragment in fragments]
         return fragments
 
-    def _bus_part(self) -> Fragment:
+    def _bus_part(self) -> Part:
         if self._life.failure is not None:
-            return "class:bad", f"{self._bus_name()} FAILED"
+            return Part(9, "class:bad", (f"{self._bus_name()} FAILED", "FAILED"))
         name = "SIMULATED" if self._session.wire.simulated else self._bus_name()
-        return "", f"{name} (dry run)" if self._session.dry_run else name
+        return Part(7, "", (f"{name} (dry run)", "dry run") if self._session.dry_run else (name, name[-12:]))
 
-    def _node_parts(self) -> list[Fragment]:
+    def _node_parts(self) -> list[Part]:
         node_id, node = self._session.selected_id(), self._node()
         if node_id is None:
-            return [("", "no node selected")]
-        title = f" {node.title[:24]}" if node is not None and node.title else ""
+            return [Part(8, "", ("no node selected", "no node"))]
+        title = f" {safe(node.title[:24])}" if node is not None and node.title else ""
+        parts = [Part(2, "", (f"node {node_id}{title}", f"node {node_id}"))]
         silence = self._life.silence_s(node_id)
         state = self._state()
-        parts = [("", f"node {node_id}{title}")]
         if silence is not None and silence[1]:
-            parts.append(("class:bad", f"NO HEARTBEAT {silence[0]:.0f} s"))
+            parts.append(Part(9, "class:bad", (f"NO HEARTBEAT {silence[0]:.0f} s",)))
         elif state is None:
-            parts.append(("", "state unknown"))
+            parts.append(Part(4, "", ("state unknown", "")))
         else:
-            beat = f" HB {silence[0]:.1f} s" if silence is not None else ""
-            parts.append((_STATE_STYLES.get(state, "class:bad"), f"{SHORT_STATES[state]}{beat}"))
-        count, code = self._life.emergencies.get(node_id, (0, 0))
-        if count:
-            parts.append(("class:bad" if code else "", f"EMCY {count}: 0x{code:04X} {emergency_text(code)}"))
-        return parts
+            short = SHORT_STATES[state]
+            beat = f"{short} HB {silence[0]:.1f} s" if silence is not None else short
+            parts.append(Part(4, _STATE_STYLES.get(state, "class:bad"), (beat, short)))
+        return parts + self._emergency_parts(node_id)
 
-    def _unstored_parts(self) -> list[Fragment]:
+    def _emergency_parts(self, node_id: int) -> list[Part]:
+        count, code = self._life.emergencies.get(node_id, (0, 0))
+        if not count:
+            return []
+        said = f"EMCY {count}: 0x{code:04X}"
+        return [Part(5, "class:bad" if code else "", (f"{said} {emergency_text(code)}", said))]
+
+    def _unstored_parts(self) -> list[Part]:
         selected = self._session.selected_id()
         parts = []
         for node_id, labels in self.unstored().items():
             whose = "" if node_id == selected else f"node {node_id}: "
-            parts.append(("class:careful", f"{whose}{_listed(labels)} not stored"))
+            forms = (f"{whose}{_listed(labels)} not stored", f"{whose}{len(labels)} not stored", "not stored")
+            parts.append(Part(6, "class:careful", forms))
         return parts
 
-    def _hints(self) -> list[Fragment]:
+    def _hints(self) -> list[Part]:
         from dvtcli.shell import command_names
 
-        return [("", "F1 help")] if "help" in command_names() else []
+        return [Part(1, "", ("F1 help", ""))] if "help" in command_names() else []
 
     def _bus_name(self) -> str:
         name = self._session.wire.name

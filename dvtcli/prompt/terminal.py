@@ -16,6 +16,7 @@ from dvtcli.view.output import Output
 
 if TYPE_CHECKING:
     from prompt_toolkit import PromptSession
+    from prompt_toolkit.formatted_text import StyleAndTextTuples
     from prompt_toolkit.key_binding import KeyBindings, KeyPressEvent
     from prompt_toolkit.output import ColorDepth
 
@@ -33,6 +34,7 @@ STYLE = {
     "unknown": "ansired",
     "option": "ansiyellow",
     "number": "ansigreen",
+    "validation-toolbar": "bg:#5f0000 #ffffff",
 }
 
 
@@ -130,13 +132,24 @@ def _held_interrupts() -> Iterator[list[int]]:
 
 def _prompt_session(session: Session, status: Status, show_help: Callable[[str], None]) -> PromptSession[str]:
     from prompt_toolkit import PromptSession
+    from prompt_toolkit.application import get_app
     from prompt_toolkit.auto_suggest import AutoSuggestFromHistory
     from prompt_toolkit.shortcuts import CompleteStyle
     from prompt_toolkit.styles import Style
 
+    from dvtcli.prompt.checking import LineValidator
     from dvtcli.prompt.colours import LineLexer
     from dvtcli.prompt.completer import LineCompleter
     from dvtcli.prompt.history import open_history
+
+    def columns() -> int:
+        return get_app().output.get_size().columns
+
+    def toolbar() -> StyleAndTextTuples:
+        buffer = get_app().current_buffer
+        rest = getattr(buffer.validation_error, "rest", "")
+        wrong: StyleAndTextTuples = [("class:validation-toolbar", f"{rest}\n")] if rest else []
+        return wrong + status.toolbar(columns(), buffer.document.text_before_cursor)
 
     return PromptSession(
         message=status.prompt,
@@ -146,7 +159,10 @@ def _prompt_session(session: Session, status: Status, show_help: Callable[[str],
         complete_in_thread=True,
         complete_style=CompleteStyle.COLUMN,
         lexer=LineLexer(),
-        bottom_toolbar=status.toolbar,
+        bottom_toolbar=toolbar,
+        validator=LineValidator(session, columns),
+        validate_while_typing=False,
+        prompt_continuation=lambda _width, _number, wrapped: "" if wrapped else "  ... ",
         refresh_interval=0.5,
         search_ignore_case=True,
         key_bindings=_keys(show_help),
@@ -168,19 +184,29 @@ def _keys(show_help: Callable[[str], None]) -> KeyBindings:
     from prompt_toolkit.filters import Condition, completion_is_selected, has_completions, has_focus
     from prompt_toolkit.key_binding import KeyBindings
 
-    from dvtcli.prompt.typed import typed
+    from dvtcli.prompt.typed import last_line, typed
 
     keys = KeyBindings()
 
     @Condition
     def between_words() -> bool:
-        line = typed(get_app().current_buffer.document.text_before_cursor)
+        line = typed(last_line(get_app().current_buffer.document.text_before_cursor))
         return line is not None and not line.incomplete
+
+    @Condition
+    def continued() -> bool:
+        document = get_app().current_buffer.document
+        return document.is_cursor_at_the_end and document.text.endswith("\\")
 
     @keys.add("enter", filter=has_completions & completion_is_selected)
     def _accept(event: KeyPressEvent) -> None:
         """Take the chosen word; the line is run by the next Enter."""
         event.current_buffer.complete_state = None
+
+    @keys.add("enter", filter=continued & has_focus(DEFAULT_BUFFER))
+    def _continue(event: KeyPressEvent) -> None:
+        """A backslash at the end: the command goes on in the next line."""
+        event.current_buffer.newline(copy_margin=False)
 
     @keys.add("f1")
     @keys.add("?", filter=between_words)

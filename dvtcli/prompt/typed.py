@@ -44,6 +44,14 @@ def typed(text: str) -> Typed | None:
     return Typed(words, "".join(word), start if inside else len(text))
 
 
+def last_line(text: str) -> str:
+    """The line that the cursor is in: of pasted lines the last one, with the parts that a backslash continues.
+
+    As long as the end of *text* that it stands for, so that positions from the end stay what they are.
+    """
+    return text.replace("\\\n", "  ").rpartition("\n")[2]
+
+
 def quoted(word: str) -> str:
     """*word* as it must be typed to stay one word."""
     if word and not any(char.isspace() or char in "\"'#" for char in word):

@@ -44,9 +44,7 @@ class Output:
         """Columns of the terminal, at most 100; 100 where stdout is none."""
         from dvtcli.view.lines import MAX_WIDTH
 
-        if not self.stdout.isatty():
-            return MAX_WIDTH
-        return min(MAX_WIDTH, os.get_terminal_size(self.stdout.fileno()).columns or 80)
+        return min(MAX_WIDTH, _columns(self.stdout) or MAX_WIDTH)
 
     def result(self, result: Result) -> None:
         """Print what a command answered."""
@@ -116,7 +114,8 @@ class Output:
     def _write(self, stream: TextIO, line: Line) -> None:
         from dvtcli.view.paint import painted
 
-        print(painted(line, stream, colored=self._colored(stream), plain=self.plain), file=stream)
+        width = _columns(stream)
+        print(painted(line, stream, colored=self._colored(stream), plain=self.plain, width=width), file=stream)
 
     def _colored(self, stream: TextIO) -> bool:
         if self.color != "auto":
@@ -124,3 +123,10 @@ class Output:
         if os.environ.get("FORCE_COLOR"):
             return True
         return stream.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
+
+
+def _columns(stream: TextIO) -> int:
+    """The width of the terminal that *stream* is, 80 where it does not say; 0 where it is none."""
+    if not stream.isatty():
+        return 0
+    return os.get_terminal_size(stream.fileno()).columns or 80

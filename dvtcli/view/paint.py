@@ -10,11 +10,15 @@ import click
 from dvtcli.view.glyphs import ascii_only
 from dvtcli.view.lines import Cell, Line
 from dvtcli.view.safe import safe
+from dvtcli.view.wrap import wrapped
 
 
-def painted(line: Line, stream: TextIO, *, colored: bool, plain: bool) -> str:
-    """The text of *line* for *stream*; *plain* asks for ASCII look-alikes."""
+def painted(line: Line, stream: TextIO, *, colored: bool, plain: bool, width: int = 0) -> str:
+    """The text of *line* for *stream*; *plain* asks for ASCII look-alikes, *width* (columns, 0: any) for wrapping."""
     cells: Sequence[Cell] = [Cell(line)] if isinstance(line, str) else [line] if isinstance(line, Cell) else line
+    if width and sum(len(cell.text) for cell in cells) > width:
+        broken = wrapped([Cell(safe(cell.text), cell.style) for cell in cells], width)
+        return "\n".join(painted(part, stream, colored=colored, plain=plain) for part in broken)
     text = "".join(_styled(cell) if colored else safe(cell.text) for cell in cells).rstrip()
     return ascii_only(text) if plain or not _carries(stream, text) else text
 

@@ -57,6 +57,19 @@ def test_options_come_with_the_commands_own_first(session: Session) -> None:
     assert words(session, "map tpdo1 6041 --cob-id ")[:2] == ["auto", "keep"]
 
 
+def test_a_nodes_prefix_and_the_values_of_options_are_completed(session: Session) -> None:
+    assert words(session, "pdo 1:tp")[:2] == ["1:tpdo1", "1:tpdo2"]
+    assert words(session, "map 1:tpdo1 velocity_a")[0] == "606C:00"
+    assert menu(session, "map rpdo1 60FF --type 25")[-1].display_meta_text == "event-driven; RPDO: immediate"
+    assert "i16" in words(session, "read 6041 --as i")
+    assert words(session, "nmt reset")[0] == "reset-node"
+
+
+def test_a_continued_line_is_one_line(session: Session) -> None:
+    (found, *_) = menu(session, "map tpdo1 \\\n606C:0")
+    assert (found.text, found.start_position) == ("606C:00", -6)
+
+
 def test_a_comment_and_an_unknown_command_offer_nothing(session: Session) -> None:
     assert words(session, "# ma") == []
     assert words(session, "mpa tp") == []

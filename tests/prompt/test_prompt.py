@@ -68,13 +68,10 @@ def test_yes_answers_the_question(open_terminal: Open) -> None:
 
 def test_the_prompt_survives_what_goes_wrong(gen4: Terminal) -> None:
     gen4.run("map tpdo1 1018:1")
-    gen4.wait("is not mappable: ")
+    gen4.wait("is not mappable:")
     gen4.wait_prompt()
-    gen4.run('read "Velocity')
-    gen4.wait("a quote is not closed")
-    gen4.wait_prompt()
-    gen4.run("mpa tpdo1")
-    gen4.wait("did you mean 'map'?")
+    gen4.run("read 5FFF")
+    gen4.wait("object does not exist")
     gen4.wait_prompt()
     gen4.run("pdo --sim gen4")
     gen4.wait("--sim chooses the bus")
@@ -83,6 +80,62 @@ def test_the_prompt_survives_what_goes_wrong(gen4: Terminal) -> None:
     gen4.wait_prompt()
     gen4.run("exit")
     assert gen4.ended() == 0
+
+
+def test_what_no_command_takes_is_said_before_it_runs_and_the_line_stays(gen4: Terminal) -> None:
+    for line, wrong in [
+        ('read "Velocity', "a quote is not closed"),
+        ("mpa tpdo1", "did you mean 'map'?"),
+        ("map tpdo1 6041 --snyc 1", "'--snyc'"),
+        ("map tpdo1 velocity_actul", "velocity_actual_value"),
+        ("set tpdo1 --type 999", "0…255"),
+    ]:
+        gen4.run(line)
+        gen4.wait(wrong)
+        assert gen4.cursor_line.startswith(f"sim/1 PRE-OP> {line[:8]}")
+        assert "error:" not in gen4.text
+        gen4.type(CTRL_C)
+        gen4.wait_prompt()
+    gen4.run("map --help")
+    gen4.wait("Leave the PDO disabled.")
+    gen4.wait_prompt()
+
+
+def test_the_syntax_of_the_command_stands_above_the_state(gen4: Terminal) -> None:
+    gen4.type("map ")
+    gen4.until(lambda: gen4.lines[-2].startswith(" map PDO OBJECT... [--cob-id ID]"), "the syntax")
+    assert gen4.lines[-2].endswith("…")
+    assert "PRE-OP" in gen4.toolbar
+    gen4.type("tpdo1 6041 --cob-id auto ")
+    gen4.until(lambda: "[--type N]" in gen4.lines[-2] and "--cob-id" not in gen4.lines[-2], "the options that are left")
+    gen4.type(CTRL_C)
+    gen4.until(lambda: "map PDO" not in gen4.text, "the syntax gone")
+
+
+def test_a_backslash_continues_the_line(gen4: Terminal) -> None:
+    gen4.type("map tpdo1 \\")
+    gen4.until(lambda: gen4.cursor_line.endswith("\\"), "the backslash")
+    gen4.type(ENTER)
+    gen4.until(lambda: gen4.cursor_line == "  ...", "the second line")
+    gen4.type("velocity_a")
+    gen4.wait("4 of 8 free bytes")
+    gen4.type("ctual_value --sync 1")
+    gen4.until(lambda: gen4.cursor_line.endswith("--sync 1"), "the whole line")
+    gen4.type(ENTER)
+    gen4.wait("TPDO1 set: ")
+
+
+def test_a_narrow_terminal_shows_what_matters_most_whole(open_terminal: Open) -> None:
+    terminal = open_terminal("--sim", "gen4", columns=48)
+    terminal.wait_prompt()
+    terminal.until(lambda: "PRE-OP" in terminal.toolbar, "the state")
+    terminal.run("map tpdo1 6C01:1 606C 6041")
+    terminal.wait_prompt("sim/1 PRE-OP*> ")
+    terminal.until(lambda: terminal.toolbar.endswith("TPDO1 not stored"), "what is not stored")
+    assert "F1" not in terminal.toolbar
+    terminal.child.setwinsize(24, 100)
+    terminal.screen.resize(24, 100)
+    terminal.until(lambda: terminal.toolbar.endswith("TPDO1 not stored │ F1 help"), "all of it on the wider screen")
 
 
 def test_menus_say_what_each_word_is(open_terminal: Open) -> None:
