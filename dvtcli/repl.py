@@ -36,7 +36,8 @@ def run_prompt(session: Session) -> int:
     _banner(session)
     bus = session.wire
     assert isinstance(bus, CanBus)  # noqa: S101 - every wire is one; only twins are not
-    life = Life(bus, Notices())
+    life = Life(bus, Notices(), bus.bitrate)
+    session.frames = life.frames
     status = Status(session, life)
     life.start()
     try:

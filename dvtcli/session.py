@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from dvtcli.device.access import Gate
     from dvtcli.device.node import Node
+    from dvtcli.domain.heard import LastFrames
     from dvtcli.domain.object_dictionary import ObjectDictionary
     from dvtcli.domain.ports import CanopenBus, Frame
     from dvtcli.network import Network
@@ -50,6 +51,8 @@ class Session:
         self.selected: int | None = None
         #: script lines of everything that succeeded and changed something, with the node that each is about
         self.executed: list[tuple[int, str]] = []
+        #: the last frames that were heard, where somebody listens all the time as the prompt does
+        self.frames: LastFrames | None = None
         self._network: Network | None = None
         self._twin: Network | None = None
         self._untap: Callable[[], None] | None = None

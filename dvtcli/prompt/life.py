@@ -10,10 +10,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from time import monotonic, strftime
 
+from dvtcli.domain.heard import LastFrames
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import BusUnavailable
 from dvtcli.prompt.events import event_text
+from dvtcli.prompt.load import BusLoad
 from dvtcli.prompt.notices import Notices
 from dvtcli.transports.canbus import CanBus
 from dvtcli.transports.node_events import HEARTBEAT, BootUp, Emergency, NodeEvent
@@ -33,9 +35,9 @@ class Beat:
 
 
 class Life:
-    """What is heard on *bus*; events become *notices*."""
+    """What is heard on *bus*; events become *notices*. *bitrate* (bit/s), where it is known, gives the load."""
 
-    def __init__(self, bus: CanBus, notices: Notices) -> None:
+    def __init__(self, bus: CanBus, notices: Notices, bitrate: int | None = None) -> None:
         self._bus = bus
         self.notices = notices
         self.states: dict[int, NmtState] = {}
@@ -45,6 +47,9 @@ class Life:
         self._beats: dict[int, Beat] = {}
         #: nodes whose heartbeat was said to be missing
         self._missing: set[int] = set()
+        #: the last frame of each CAN-ID, at times of time.monotonic
+        self.frames = LastFrames()
+        self._load = None if bitrate is None or bus.simulated else BusLoad(bitrate)
         self._seen: set[int] = set()
         self._booted: set[int] = set()
         self._stopping = threading.Event()
@@ -73,6 +78,10 @@ class Life:
             return None
         age_s = monotonic() - beat.last_s
         return age_s, age_s > PERIODS * beat.period_s + GRACE_S
+
+    def load(self) -> float | None:
+        """The share of the bit rate that the frames of the last second took, 0..1; None where the rate is not known."""
+        return None if self._load is None else self._load.share(monotonic())
 
     def _listen(self) -> None:
         try:
@@ -105,10 +114,14 @@ class Life:
         self.notices.add(f"{strftime('%H:%M:%S')}  {text}")
 
     def _on_frame(self, frame: Frame, sent: bool) -> None:
-        """Time heartbeats; called with every frame, so it must be quick."""
+        """Count bits, keep the frame and time heartbeats; called with every frame, so it must be quick."""
+        now_s = monotonic()
+        if self._load is not None:
+            self._load.add(frame, now_s)
+        self.frames.take(frame, now_s)
         if sent or frame.extended or frame.can_id & ~0x7F != HEARTBEAT or len(frame.data) != 1 or not frame.data[0]:
             return
-        node_id, now_s = frame.can_id & 0x7F, monotonic()
+        node_id = frame.can_id & 0x7F
         known = self._beats.get(node_id)
         self._beats[node_id] = Beat(now_s, None if known is None else now_s - known.last_s)
 

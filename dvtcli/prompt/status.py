@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 _STATE_STYLES = {NmtState.OPERATIONAL: "class:good", NmtState.PRE_OPERATIONAL: "class:careful"}
 #: PDOs that are read before a prompt is shown, so that the menu can say what they are set to.
 MOST_PDOS_READ = 32
+#: A load (0..1) above which messages of low priority wait long.
+HIGH_LOAD = 0.7
 
 
 class Status:
@@ -65,11 +67,11 @@ class Status:
         return {node.node_id: list(node.unstored) for node in self._nodes() if node.unstored}
 
     def toolbar(self, width: int, line: str = "") -> StyleAndTextTuples:
-        """Bus, node, state, emergencies and what is not stored, on one line of *width* columns.
+        """Bus, load, node, state, emergencies and what is not stored, on one line of *width* columns.
 
         Above it, where *line* begins with a command, that command's syntax.
         """
-        parts = [self._bus_part(), *self._node_parts(), *self._unstored_parts(), *self._hints()]
+        parts = [self._bus_part(), *self._load_parts(), *self._node_parts(), *self._unstored_parts(), *self._hints()]
         fragments: StyleAndTextTuples = []
         command = syntax(line, width - 1)
         if command is not None:
@@ -85,6 +87,13 @@ class Status:
             return Part(9, "class:bad", (f"{self._bus_name()} FAILED", "FAILED"))
         name = "SIMULATED" if self._session.wire.simulated else self._bus_name()
         return Part(7, "", (f"{name} (dry run)", "dry run") if self._session.dry_run else (name, name[-12:]))
+
+    def _load_parts(self) -> list[Part]:
+        load = self._life.load()
+        if load is None:
+            return []
+        text = f"load {load:.0%}"
+        return [Part(5, "class:bad", (text,)) if load > HIGH_LOAD else Part(3, "", (text, ""))]
 
     def _node_parts(self) -> list[Part]:
         node_id, node = self._session.selected_id(), self._node()

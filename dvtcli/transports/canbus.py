@@ -49,9 +49,12 @@ class CanBus:
         simulated: bool = False,
         timeout_s: float = DEFAULT_TIMEOUT_S,
         retries: int = DEFAULT_RETRIES,
+        bitrate: int | None = None,
         on_close: Callable[[], None] | None = None,
     ) -> None:
         self._bus = bus
+        #: bit/s, None where nobody said
+        self.bitrate = bitrate
         self._name = name
         self._simulated = simulated
         self.settings = SdoSettings(timeout_s, retries)

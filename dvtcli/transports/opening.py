@@ -85,7 +85,7 @@ def open_bus(
         bus = can.Bus(**options)
     except OPEN_FAILURES as error:
         raise _unavailable(config, error) from error
-    return CanBus(bus, _name(config), timeout_s=timeout_s, retries=retries)
+    return CanBus(bus, _name(config), timeout_s=timeout_s, retries=retries, bitrate=_bitrate(config))
 
 
 def _given(
@@ -122,6 +122,15 @@ def _name(config: Mapping[str, object]) -> str:
     if "host" in config:
         where = f"{config['host']}:{config.get('port')}"
     return f"{config['interface']}:{where}" if where is not None else str(config["interface"])
+
+
+def _bitrate(config: Mapping[str, object]) -> int | None:
+    """The bit rate in bit/s that was asked for, None where the interface was set up by somebody else."""
+    try:
+        rate = int(str(config.get("bitrate")))
+    except ValueError:
+        return None
+    return rate if rate > 0 else None
 
 
 def _unavailable(config: Mapping[str, object], error: Exception) -> BusUnavailable:

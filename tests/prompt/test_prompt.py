@@ -251,7 +251,7 @@ def test_help_keeps_the_line(open_terminal: Open) -> None:
     terminal.wait("Map OBJECTs into PDO, in frame order")
     terminal.until(lambda: terminal.cursor_line == "sim/1 PRE-OP> map tpdo1", "the line again")
     terminal.type(CTRL_C + F1)
-    terminal.wait("Try it without hardware")
+    terminal.wait("Commands, by task:")
 
 
 def test_pasted_lines_run_one_by_one_until_one_fails(gen4: Terminal) -> None:

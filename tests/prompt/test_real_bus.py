@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 
 import pytest
@@ -23,8 +24,12 @@ def wire() -> Iterator[Wire]:
 @pytest.fixture
 def terminal(wire: Wire, open_terminal: Open) -> Terminal:
     """A prompt on *wire*, with the node's EDS, ready to type at."""
+    return opened(wire, open_terminal)
+
+
+def opened(wire: Wire, open_terminal: Open, *options: str) -> Terminal:
     bus = ["-i", "socketcand", "-c", "can0", "--bus-kwargs", "host=127.0.0.1", "--bus-kwargs", f"port={wire.port}"]
-    terminal = open_terminal(*bus, "-n", "5", "--eds", str(wire.eds), columns=120, rows=40)
+    terminal = open_terminal(*bus, "-n", "5", "--eds", str(wire.eds), *options, columns=120, rows=40)
     terminal.wait_prompt(prompt(wire, "PRE-OP> "))
     return terminal
 
@@ -91,6 +96,25 @@ def test_a_heartbeat_that_stops_is_said(wire: Wire, terminal: Terminal) -> None:
     for _ in range(3):
         wire.say(0x705, PRE_OPERATIONAL)
     terminal.wait("NO HEARTBEAT")
+    terminal.wait("node 5  no heartbeat any more: the last one came")
+    wire.say(0x705, PRE_OPERATIONAL)
+    terminal.wait("node 5  heartbeat is back")
+
+
+def test_the_load_is_shown_where_the_bit_rate_is_known(wire: Wire, open_terminal: Open) -> None:
+    terminal = opened(wire, open_terminal, "-b", "125000")
+    terminal.wait("load 0%")
+
+    def loaded() -> bool:
+        for number in range(20):
+            wire.say(0x185, bytes([number] * 8))
+        return re.search(r"load [1-9]", terminal.toolbar) is not None
+
+    terminal.until(loaded, "a load")
+
+
+def test_a_bus_of_unknown_bit_rate_shows_no_load(terminal: Terminal) -> None:
+    assert "load" not in terminal.toolbar
 
 
 def test_a_bus_that_goes_away_is_said_and_the_prompt_stays(wire: Wire, terminal: Terminal) -> None:

@@ -1,0 +1,41 @@
+"""The last frames of a bus, heard at given times."""
+
+from __future__ import annotations
+
+import pytest
+
+from dvtcli.domain.heard import MOST, LastFrames
+from dvtcli.domain.ports import Frame
+
+
+def test_the_last_frame_and_its_period_are_kept() -> None:
+    frames = LastFrames()
+    assert frames.last(0x181) is None
+    for at_s, byte in [(1.0, 1), (1.02, 2), (1.05, 3), (1.06, 4)]:
+        frames.take(Frame(0x181, bytes([byte])), at_s)
+    heard = frames.last(0x181)
+    assert heard is not None
+    assert heard.period is not None
+    assert (heard.data, heard.at_s) == (b"\x04", 1.06)
+    assert (heard.period.last_s, heard.period.least_s, heard.period.most_s) == pytest.approx((0.01, 0.01, 0.03))
+
+
+def test_one_frame_has_no_period_and_a_remote_frame_is_none() -> None:
+    frames = LastFrames()
+    frames.take(Frame(0x181, b"\x05"), 1.0)
+    frames.take(Frame(0x181, b"", remote=True), 2.0)
+    heard = frames.last(0x181)
+    assert heard is not None
+    assert (heard.data, heard.period) == (b"\x05", None)
+    assert frames.last(0x181, extended=True) is None
+
+
+def test_the_can_id_that_was_silent_longest_is_forgotten() -> None:
+    frames = LastFrames()
+    frames.take(Frame(0x001, b""), 0.0)
+    frames.take(Frame(0x002, b""), 0.0)
+    frames.take(Frame(0x001, b""), 1.0)
+    for can_id in range(0x100, 0x100 + MOST - 1):
+        frames.take(Frame(can_id, b""), 2.0)
+    assert frames.last(0x001) is not None
+    assert frames.last(0x002) is None
