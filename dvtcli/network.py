@@ -24,7 +24,7 @@ from dvtcli.domain.profile import GENERIC, DeviceProfile
 from dvtcli.domain.sdo_frame import sdo_value_of
 from dvtcli.domain.several import several
 from dvtcli.errors import InputFileError, SafetyRefusal, UsageError
-from dvtcli.formats.profile_toml import load_profile, passcode_objects, profile_for_identity, profile_names
+from dvtcli.formats.profile_library import load_profile, passcode_objects, profile_for_identity, profile_names
 from dvtcli.options import Options, is_file, node_id
 
 if TYPE_CHECKING:

@@ -52,7 +52,7 @@ def _ask(bus: CanopenBus, node_id: int, limit_s: float) -> NodeRow | None:
     from dvtcli.commands._identity import device_name, silent
     from dvtcli.device.read import read_identity
     from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
-    from dvtcli.formats.profile_toml import profile_for_identity
+    from dvtcli.formats.profile_library import profile_for_identity
     from dvtcli.results import NodeRow
 
     sdo = bus.sdo(node_id)

@@ -9,7 +9,6 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 
 from dvtcli.domain.object_dictionary import normalised
@@ -20,13 +19,11 @@ from dvtcli.domain.profile import (
     DeviceProfile,
     LoginPolicy,
     MappingAdvice,
-    ObjectAddress,
     PreOperational,
     Severity,
     StorePolicy,
     VpdoGroup,
 )
-from dvtcli.errors import UsageError
 from dvtcli.formats.toml_item import (
     Item,
     alternatives,
@@ -54,40 +51,14 @@ _FINE = "fine"
 Schema = dict[str, Callable[[Item], object]]
 
 
-def profile_names() -> tuple[str, ...]:
+def builtin_names() -> tuple[str, ...]:
     """Names of the built-in profiles, sorted; no file is opened."""
     return tuple(sorted(path.stem for path in _FOLDER.glob("*.toml")))
 
 
-@cache
-def load_profile(name: str) -> DeviceProfile:
-    """The built-in profile *name*; UsageError, with the nearest name as a hint, where there is none."""
-    if name not in profile_names():
-        raise UsageError(
-            f"no profile is called {name!r}", hint=suggest(name, profile_names()) or ", ".join(profile_names())
-        )
-    path = _FOLDER / f"{name}.toml"
-    return read_profile(path.read_text(encoding="utf-8"), path.name)
-
-
-@cache
-def profile_for_identity(vendor_id: int, product_code: int) -> DeviceProfile:
-    """The built-in profile for a device's identity (0x1018:1 and :2), the generic one where none fits.
-
-    A profile that names the very product goes before one that fits by mask, and that before one for all of
-    the vendor's products.
-    """
-    fitting = [load_profile(name) for name in profile_names()]
-    fitting = [profile for profile in fitting if profile.matches(vendor_id, product_code)]
-    fitting.sort(key=lambda profile: (product_code in profile.product_codes, bool(profile.product_masks)))
-    return fitting[-1] if fitting else load_profile("generic")
-
-
-@cache
-def passcode_objects() -> frozenset[ObjectAddress]:
-    """The objects that take a passcode, of every family: what is written there is nobody's business."""
-    profiles = map(load_profile, profile_names())
-    return frozenset(profile.login.passcode for profile in profiles if profile.login is not None)
+def builtin_path(name: str) -> Path:
+    """Where the built-in profile *name* is kept."""
+    return _FOLDER / f"{name}.toml"
 
 
 def read_profile(text: str, source: str) -> DeviceProfile:
@@ -102,9 +73,10 @@ def read_profile(text: str, source: str) -> DeviceProfile:
 
 
 def _base(item: Item) -> DeviceProfile:
-    if item.value not in profile_names():
-        item.fail(f"no profile is called {item.value!r}", suggest(str(item.value), profile_names()))
-    return load_profile(str(item.value))
+    if item.value not in builtin_names():
+        item.fail(f"no built-in profile is called {item.value!r}", suggest(str(item.value), builtin_names()))
+    path = builtin_path(str(item.value))
+    return read_profile(path.read_text(encoding="utf-8"), path.name)
 
 
 def _name(item: Item) -> str:

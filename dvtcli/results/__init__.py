@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from dvtcli.results.pdos import MappedName as MappedName
     from dvtcli.results.pdos import PdoListing as PdoListing
     from dvtcli.results.pdos import PdoRow as PdoRow
+    from dvtcli.results.profiles import ProfileListing as ProfileListing
+    from dvtcli.results.profiles import ProfileShown as ProfileShown
     from dvtcli.results.values import ObjectListing as ObjectListing
     from dvtcli.results.values import ObjectRow as ObjectRow
     from dvtcli.results.values import ValueRead as ValueRead
@@ -55,6 +57,8 @@ _WHERE = {
     "Synced": "nodes",
     "LoggedIn": "access",
     "VpdoListing": "vpdos",
+    "ProfileListing": "profiles",
+    "ProfileShown": "profiles",
     "FileFinding": "files",
     "FileReport": "files",
     "Facts": "files",

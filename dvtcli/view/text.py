@@ -20,6 +20,8 @@ _RENDERERS = {
     "NodeListing": ("nodes", "node_lines"),
     "Commanded": ("nodes", "commanded_lines"),
     "Synced": ("nodes", "synced_lines"),
+    "ProfileListing": ("profiles", "profile_list_lines"),
+    "ProfileShown": ("profiles", "profile_lines"),
     "VpdoListing": ("vpdos", "vpdo_lines"),
     "LoggedIn": ("access", "login_lines"),
     "FileReport": ("files", "file_lines"),

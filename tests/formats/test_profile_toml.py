@@ -12,7 +12,8 @@ from dvtcli.domain.mapping import split_dummy
 from dvtcli.domain.pdo import Direction
 from dvtcli.domain.profile import GENERIC, BitPolicy, PreOperational, Severity, VpdoGroup
 from dvtcli.errors import InputFileError, UsageError
-from dvtcli.formats.profile_toml import load_profile, profile_for_identity, profile_names, read_profile
+from dvtcli.formats.profile_library import load_profile, profile_for_identity, profile_names
+from dvtcli.formats.profile_toml import read_profile
 
 FOLDER = Path(dvtcli.__file__).parent / "profiles"
 SOURCE = re.compile(
@@ -184,7 +185,7 @@ def test_unknown_names_get_a_hint(name: str, hint: str) -> None:
         ('[aliases]\n"Seat switch" = "2124:00"', 4, "small letters", "did you mean 'seat_switch'?"),
         ('[aliases]\nseat = "2124"', 4, "aliases.seat: must be an object", None),
         ('[warn_mapped]\n21XX = "x"', 4, "the key must be a number", None),
-        ('like = "gen5"', 3, "no profile is called 'gen5'", "did you mean 'gen4'?"),
+        ('like = "gen5"', 3, "no built-in profile is called 'gen5'", "did you mean 'gen4'?"),
         ("pdo_count = ", "3:13", "Invalid value", None),
         ("pdo_count = 1\npdo_count = 2", "4:14", "Cannot overwrite a value", None),
     ],

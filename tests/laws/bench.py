@@ -14,7 +14,7 @@ from dvtcli.domain.profile import GENERIC, DeviceProfile
 from dvtcli.domain.rules import Proposal
 from dvtcli.errors import NoAnswer, SdoAborted
 from dvtcli.formats.eds import read_eds
-from dvtcli.formats.profile_toml import load_profile
+from dvtcli.formats.profile_library import load_profile
 from dvtcli.simulator.device import StrictDevice
 from dvtcli.simulator.family import Family, family_eds, load_family
 from dvtcli.simulator.refusal import Refusal
