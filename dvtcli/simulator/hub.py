@@ -23,6 +23,8 @@ HOLD_S = 0.1
 #: clients at once, and what is kept for one before the others wait (bytes; a frame is some 45)
 MOST_CLIENTS, MOST_KEPT = 64, 256 * 1024
 _READ = 64 * 1024
+#: clients that wait for an acknowledgement before they send their next frame get it at once, where the system can
+_QUICK_ACK: int | None = getattr(socket, "TCP_QUICKACK", None)
 
 MayRead = Callable[["Client"], bool]
 
@@ -173,6 +175,8 @@ class Hub:
             return
         try:
             data = client.connection.recv(_READ)
+            if _QUICK_ACK is not None:
+                client.connection.setsockopt(socket.IPPROTO_TCP, _QUICK_ACK, 1)
         except BlockingIOError:
             return
         except OSError:

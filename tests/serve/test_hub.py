@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from statistics import median
 
 import can
 import pytest
@@ -107,6 +108,20 @@ def test_no_frame_comes_with_the_answer_to_rawmode(bench: Bench) -> None:
         finally:
             stopping.set()
             thread.join()
+
+
+@pytest.mark.skipif(not hasattr(socket, "TCP_QUICKACK"), reason="this system acknowledges when it likes")
+def test_frames_sent_one_after_the_other_do_not_wait_for_an_acknowledgement(bench: Bench) -> None:
+    """A client without TCP_NODELAY, as python-can's is, else sends its second frame some 40 ms after the first."""
+    gaps = []
+    with bench.attach() as one, bench.attach() as other:
+        for _ in range(21):
+            one.send(can.Message(arbitration_id=0x123, is_extended_id=False))
+            one.send(can.Message(arbitration_id=0x601, data=bytes.fromhex("4000100000000000"), is_extended_id=False))
+            first, second, _ = received(other, 3)
+            gaps.append(second.timestamp - first.timestamp)
+            assert len(received(one, 1)) == 1
+    assert median(gaps) < 0.02
 
 
 def test_remote_frames_can_be_asked_for(bench: Bench) -> None:
