@@ -134,7 +134,18 @@ class Session:
     @property
     def network(self) -> Network:
         """The bus with its nodes, or their twins under --dry-run; opened on first use."""
-        from dvtcli.network import Network, twin_of
+        from dvtcli.network import twin_of
+
+        network = self.open_network()
+        if not self.dry_run:
+            return network
+        if self._twin is None:
+            self._twin = twin_of(network)
+        return self._twin
+
+    def open_network(self) -> Network:
+        """The bus itself with its nodes, also under --dry-run; opened on first use."""
+        from dvtcli.network import Network
 
         if self._network is None:
             self.on_open()
@@ -142,11 +153,7 @@ class Session:
                 self.base, self.cancellation, self._consent, self.output.note, self.output.warning
             )
             self._watch()
-        if not self.dry_run:
-            return self._network
-        if self._twin is None:
-            self._twin = twin_of(self._network)
-        return self._twin
+        return self._network
 
     def serving(self, wanted: Wanted) -> AbstractContextManager[Serving]:
         """Simulated nodes for other programs, instead of a bus of our own."""

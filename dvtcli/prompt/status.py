@@ -7,9 +7,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.emergency import emergency_text
 from dvtcli.domain.nmt import NmtState
 from dvtcli.errors import DvtcliError
-from dvtcli.prompt.events import SHORT_STATES, emergency_text
+from dvtcli.prompt.events import SHORT_STATES
 from dvtcli.prompt.fitting import BETWEEN, Part, fitted
 from dvtcli.prompt.syntax import syntax
 from dvtcli.view.glyphs import ascii_only

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from dvtcli.results.files import Facts as Facts
     from dvtcli.results.files import FileFinding as FileFinding
     from dvtcli.results.files import FileReport as FileReport
+    from dvtcli.results.frames import FrameSeen as FrameSeen
     from dvtcli.results.nodes import Commanded as Commanded
     from dvtcli.results.nodes import NodeListing as NodeListing
     from dvtcli.results.nodes import NodeRow as NodeRow
@@ -59,6 +60,7 @@ _WHERE = {
     "VpdoListing": "vpdos",
     "ProfileListing": "profiles",
     "ProfileShown": "profiles",
+    "FrameSeen": "frames",
     "FileFinding": "files",
     "FileReport": "files",
     "Facts": "files",

@@ -111,6 +111,15 @@ class Output:
 
         print(json.dumps(document, ensure_ascii=True, separators=(",", ":")), file=self.stdout, flush=True)
 
+    def documents(self, documents: Iterable[Document]) -> None:
+        """Print a stream of documents to stdout, one a line, and hand them over at once."""
+        import json
+
+        lines = [json.dumps(one, ensure_ascii=True, separators=(",", ":")) + "\n" for one in documents]
+        if lines:
+            self.stdout.write("".join(lines))
+            self.stdout.flush()
+
     def _write(self, stream: TextIO, line: Line) -> None:
         from dvtcli.view.paint import painted
 

@@ -13,6 +13,7 @@ MAY: dict[str, set[str]] = {
     "formats": {"domain", "errors"},
     "transports": {"domain", "errors", "simulator"},
     "results": {"domain"},
+    "live": {"domain", "errors", "results", "view", "session"},
     "view": {"domain", "errors", "results"},
     "options": {"errors"},
     "network": {"domain", "errors", "device", "formats", "options", "simulator", "transports"},
@@ -22,7 +23,7 @@ MAY: dict[str, set[str]] = {
     "completion": {"domain", "errors", "device", "formats", "options", "session", "network", "params"},
     "commands": {
         "domain", "errors", "device", "formats", "options", "session", "params", "results", "shell", "script",
-        "completion", "serving", "guide",
+        "completion", "serving", "guide", "live", "transports",
     },
     "guide": {"shell"},
     "boundary": {"errors", "session"},
@@ -46,7 +47,7 @@ MAY: dict[str, set[str]] = {
 ONLY_IN: dict[str, tuple[str, ...]] = {
     "can": ("transports/", "simulator/node.py", "simulator/network.py"),
     "canopen": ("transports/",),
-    "prompt_toolkit": ("prompt/", "repl.py"),
+    "prompt_toolkit": ("prompt/", "repl.py", "live/app.py"),
     "rich": ("view/",),
     "click": (
         "shell.py", "options.py", "params.py", "completion.py", "cli.py", "front.py", "boundary.py", "script.py",

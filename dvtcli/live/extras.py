@@ -1,0 +1,19 @@
+"""Packages that dvtcli can do without: imported when first needed, with one clear error where they are missing."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+from dvtcli.errors import UsageError
+
+
+def extra(package: str, name: str, purpose: str) -> Any:
+    """The *package* that comes with dvtcli's extra *name*; UsageError where it is not installed."""
+    try:
+        return import_module(package)
+    except ModuleNotFoundError as missing:
+        if missing.name is None or missing.name.partition(".")[0] != package.partition(".")[0]:
+            raise
+        top = package.partition(".")[0]
+        raise UsageError(f"{purpose} needs {top}", hint=f"pip install 'dvtcli[{name}]'") from missing

@@ -1,0 +1,104 @@
+"""Frames as they arrive, kept until somebody takes them: a thread reads the bus and does nothing else.
+
+Sends nothing. Does not know what a frame means.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Callable
+from dataclasses import replace
+from time import time
+from typing import Protocol
+
+from dvtcli.domain.ports import Frame
+from dvtcli.errors import BusUnavailable
+
+#: frames that wait to be taken; one more is dropped and counted
+WAITING = 50_000
+#: how long the bus is read in one go (s): how long leaving takes
+TICK_S = 0.1
+#: a bus whose clock differs by more than this (s) from the computer's counts from some other beginning
+FOREIGN_CLOCK_S = 60.0
+
+
+class Listened(Protocol):
+    """What listening needs of a bus."""
+
+    def tap(self, callback: Callable[[Frame, bool], None]) -> Callable[[], None]:
+        """Call *callback*(frame, sent) for each frame; returns what ends that."""
+        ...
+
+    def idle(self, duration_s: float) -> None:
+        """Read the bus for *duration_s*."""
+        ...
+
+
+class Listener:
+    """Everything that passes on *bus*, also what is sent from here; at most *waiting* frames are kept.
+
+    Use it in a `with`: it listens inside of it. Times of its frames are seconds since 1970.
+    """
+
+    def __init__(self, bus: Listened, waiting: int = WAITING) -> None:
+        self._bus = bus
+        self._frames: deque[Frame] = deque()
+        self._most = waiting
+        self._arrived = threading.Event()
+        self._stopping = threading.Event()
+        self._clock_s: float | None = None
+        self._failure: BusUnavailable | None = None
+        self._thread = threading.Thread(target=self._listen, name="listening to frames", daemon=True)
+        self._untap: Callable[[], None] = lambda: None
+        #: frames that came while too many waited
+        self.dropped = 0
+
+    def __enter__(self) -> Listener:
+        self._untap = self._bus.tap(self._keep)
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_exception: object) -> None:
+        self._stopping.set()
+        self._untap()
+        self._thread.join(1.0)
+
+    def _listen(self) -> None:
+        try:
+            while not self._stopping.is_set():
+                self._bus.idle(TICK_S)
+        except BusUnavailable as failure:
+            self._failure = failure
+            self._arrived.set()
+
+    def _keep(self, frame: Frame, _sent: bool) -> None:
+        """Called by whichever thread reads the bus, with every frame: it only keeps it."""
+        if len(self._frames) >= self._most:
+            self.dropped += 1
+            return
+        self._frames.append(frame)
+        self._arrived.set()
+
+    def take(self, wait_s: float = 0.0) -> list[Frame]:
+        """What came since the last call; waits up to *wait_s* for the first one.
+
+        Raises BusUnavailable where the bus failed and everything that came before was taken.
+        """
+        if not self._frames and wait_s > 0 and self._failure is None:
+            self._arrived.wait(wait_s)
+        self._arrived.clear()
+        count = len(self._frames)
+        if not count and self._failure is not None:
+            raise self._failure
+        taken = [self._frames.popleft() for _ in range(count)]
+        return [self._dated(frame) for frame in taken]
+
+    def _dated(self, frame: Frame) -> Frame:
+        """*frame* with a time of day: some drivers count from their start, and a frame sent from here has no time."""
+        if not frame.timestamp_s:
+            return replace(frame, timestamp_s=time())
+        if self._clock_s is None:
+            ahead_s = time() - frame.timestamp_s
+            self._clock_s = ahead_s if abs(ahead_s) > FOREIGN_CLOCK_S else 0.0
+        return replace(frame, timestamp_s=frame.timestamp_s + self._clock_s) if self._clock_s else frame

@@ -1,0 +1,111 @@
+"""How often a frame comes and how its values move: rate, jitter, least and most, and what happened lately.
+
+Pure: times are given in seconds, nothing is read from a clock.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from itertools import pairwise
+from math import isfinite
+from statistics import fmean, pstdev
+from typing import NamedTuple
+
+from dvtcli.domain.datatypes import Value
+
+#: frames that rate and jitter are taken from
+LATELY = 64
+#: a frame is overdue after this many of its mean periods, and at least this long (s)
+PERIODS, GRACE_S = 4, 1.0
+#: values are kept as one point for each such time (s), and this many points: 60 s
+POINT_S, POINTS = 0.1, 600
+
+
+class Rhythm:
+    """When a frame came lately."""
+
+    __slots__ = ("times_s",)
+
+    def __init__(self) -> None:
+        self.times_s: deque[float] = deque(maxlen=LATELY)
+
+    def beat(self, time_s: float) -> None:
+        """The frame came at *time_s*."""
+        self.times_s.append(time_s)
+
+    def _gaps(self) -> list[float]:
+        return [later - before for before, later in pairwise(self.times_s)]
+
+    def rate_hz(self, now_s: float) -> float | None:
+        """Frames a second: 0 where the frame is overdue at *now_s*, None where too few came to tell."""
+        gaps = self._gaps()
+        if not gaps:
+            return None
+        mean_s = fmean(gaps)
+        if now_s - self.times_s[-1] > max(PERIODS * mean_s, GRACE_S):
+            return 0.0
+        return 1 / mean_s if mean_s > 0 else None
+
+    def jitter_s(self) -> float | None:
+        """The standard deviation of the time between two frames, in seconds; None where too few came to tell."""
+        gaps = self._gaps()
+        return pstdev(gaps) if len(gaps) >= 2 else None
+
+
+class Point(NamedTuple):
+    """What a value was within one `POINT_S`: *time_s* is its beginning."""
+
+    time_s: float
+    low: float
+    high: float
+    last: float
+
+
+class Course:
+    """How one signal moved: its value now, the least and the most, and the last minute as points."""
+
+    __slots__ = ("changed_s", "high", "last", "low", "points")
+
+    def __init__(self) -> None:
+        self.last: Value | None = None
+        self.changed_s = float("-inf")
+        self.points: deque[Point] = deque(maxlen=POINTS)
+        self.low: float | None = None
+        self.high: float | None = None
+
+    def take(self, value: Value, time_s: float) -> bool:
+        """The signal was *value* at *time_s*; whether that is another value than before."""
+        changed = value != self.last
+        if changed:
+            self.last, self.changed_s = value, time_s
+        if isinstance(value, int | float) and isfinite(value):
+            self._count(value, time_s)
+        return changed
+
+    def _count(self, number: float, time_s: float) -> None:
+        self.low = number if self.low is None else min(self.low, number)
+        self.high = number if self.high is None else max(self.high, number)
+        start_s = time_s // POINT_S * POINT_S
+        points = self.points
+        if points and points[-1].time_s >= start_s:
+            point = points[-1]
+            points[-1] = Point(point.time_s, min(point.low, number), max(point.high, number), number)
+        else:
+            points.append(Point(start_s, number, number, number))
+
+    def forget(self) -> None:
+        """Begin anew with least, most and points; the value stays."""
+        self.low = self.high = None
+        self.points.clear()
+
+
+def spark(values: Sequence[float], levels: str) -> str:
+    """*values* as one character each, from the first of *levels* (the least) to the last (the most)."""
+    if not values:
+        return ""
+    low, span = min(values), max(values) - min(values)
+    if not span or not isfinite(span):
+        return levels[0] * len(values)
+    top = len(levels) - 1
+    return "".join(levels[round((value - low) / span * top)] for value in values)
