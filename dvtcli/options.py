@@ -185,18 +185,19 @@ def file_defaults(start: str | None = None) -> dict[str, Any]:
 
     Raises InputFileError where the file is no TOML or has an unknown key.
     """
-    path = _settings_file(start)
+    path = settings_file(start)
     return {} if path is None else _read_defaults(path)
 
 
 def file_passcode() -> str | None:
     """The passcode that the nearest `dvtcli.toml` holds, as it is written there; None where it holds none."""
-    path = _settings_file(None)
+    path = settings_file()
     value = None if path is None else _keys(path).get(PASSCODE)
     return None if value is None else str(value)
 
 
-def _settings_file(start: str | None) -> str | None:
+def settings_file(start: str | None = None) -> str | None:
+    """The path of the nearest `dvtcli.toml` at or above *start* (default: here), None where there is none."""
     folder = os.path.abspath(start or os.curdir)  # noqa: PTH100 - pathlib costs 7 ms of a --help
     while True:
         path = os.path.join(folder, "dvtcli.toml")  # noqa: PTH118

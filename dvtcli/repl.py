@@ -26,12 +26,14 @@ SILENT = 5
 
 def run_prompt(session: Session) -> int:
     """Open the bus and run lines until the user leaves; the program's exit code. BusUnavailable where none opens."""
+    from dvtcli.prompt.first_start import first_start
     from dvtcli.prompt.life import Life
     from dvtcli.prompt.notices import Notices
     from dvtcli.prompt.status import Status
     from dvtcli.prompt.terminal import reader
     from dvtcli.transports.canbus import CanBus
 
+    first_start(session)
     session.started = True
     _banner(session)
     bus = session.wire

@@ -45,3 +45,10 @@ def open_simulation(
     from dvtcli.transports.simulated import simulate
 
     return simulate(devices, faults=faults, timeout_s=timeout_s, retries=retries)
+
+
+def is_configured() -> bool:
+    """Whether python-can's own files or environment name an interface."""
+    from dvtcli.transports.opening import configured_interface
+
+    return configured_interface() is not None

@@ -19,6 +19,7 @@ from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import BusUnavailable, UsageError
 from dvtcli.transports import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S
+from dvtcli.transports.error_frames import ErrorFrames
 from dvtcli.transports.node_events import EMERGENCY, HEARTBEAT, Emergency, NodeEvent, NodeWatch
 from dvtcli.transports.oddities import Oddities
 from dvtcli.transports.receiver import Receiver, Wake, bus_closed
@@ -68,6 +69,8 @@ class CanBus:
         self._life_waiters: WeakSet[SimpleQueue[bool | Wake]] = WeakSet()
         self._traffic = Traffic()
         self._oddities = Oddities()
+        #: what the CAN controller complained about
+        self.error_frames = ErrorFrames()
         self._closed = False
 
     @property
@@ -144,10 +147,11 @@ class CanBus:
         self.settings.timeout_s = timeout_s
 
     def disturbances(self) -> list[str]:
-        """What was noticed since the last call that should not be: another SDO client, two nodes with one node-ID."""
+        """What was noticed since the last call: error frames, another SDO client, two nodes with one node-ID."""
         with suppress(BusUnavailable):  # a dead bus has told whoever used it
             self._receiver.drain()
-        return self._oddities.news(self._channels, self._watch.boot_ups, self._watch.double_boot_ups)
+        odd = self._oddities.news(self._channels, self._watch.boot_ups, self._watch.double_boot_ups)
+        return [*self.error_frames.news(), *odd]
 
     def tap(self, callback: Tap) -> Callable[[], None]:
         """Call *callback*(frame, sent) for each frame received or sent here; returns what ends that. As `on_event`."""
@@ -237,6 +241,7 @@ class CanBus:
 
     def _deliver(self, message: can.Message) -> None:
         if message.is_error_frame:
+            self.error_frames.notice(message)
             return
         self._traffic.received(message)
         function, node_id = message.arbitration_id & ~0x7F, message.arbitration_id & 0x7F

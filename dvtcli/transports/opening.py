@@ -47,13 +47,14 @@ _DRIVER_PACKAGES = {
     "pcan": "python-can[pcan]",
 }
 _NO_CHANNEL = "is the adapter plugged in, and the channel's name right? `dvtcli doctor` lists what is there"
+_NO_PERMISSION = "no permission: sudo usermod -aG dialout $USER, then log in again (`ls -l` shows the port's group)"
 _ERRNO_HINTS = {
     errno.ENODEV: "no such channel: `ip -br link show type can` lists them",
     errno.ENXIO: _NO_CHANNEL,
     errno.ENOENT: _NO_CHANNEL,
     errno.ENETDOWN: "it is down: sudo ip link set {channel} up type can bitrate 500000",
-    errno.EACCES: "no permission: add yourself to the port's group (often `dialout`), then log in again",
-    errno.EPERM: "no permission: add yourself to the port's group (often `dialout`), then log in again",
+    errno.EACCES: _NO_PERMISSION,
+    errno.EPERM: _NO_PERMISSION,
     errno.EBUSY: "another program has opened it",
     errno.EAFNOSUPPORT: "this system's kernel has no SocketCAN (sudo modprobe can_raw)",
     errno.ECONNREFUSED: "nothing listens there: start the server first (`dvtcli sim NODE --listen HOST:PORT`)",
@@ -107,6 +108,11 @@ def _completed(given: dict[str, object]) -> dict[str, object]:
     if "receive_own_messages" not in given:
         config.pop("receive_own_messages", None)  # a file's setting for other programs: our own frames are no answers
     return config
+
+
+def configured_interface() -> object:
+    """The interface that python-can's files and environment name, None where they name none."""
+    return {**util.load_file_config(), **util.load_environment_config(), **can.rc}.get("interface")
 
 
 def _probe(config: Mapping[str, object]) -> None:

@@ -32,7 +32,7 @@ MAY: dict[str, set[str]] = {
     "front": {"errors", "session", "script", "repl", "shell"},
     "prompt": {
         "domain", "errors", "device", "options", "session", "params", "results", "shell", "view", "completion",
-        "boundary", "transports",
+        "boundary", "transports", "formats",
     },
     "repl": {
         "domain", "errors", "options", "session", "shell", "view", "prompt", "completion", "boundary", "device",

@@ -1,0 +1,66 @@
+"""Error frames in plain words: what the CAN controller noticed, and what a person does about it.
+
+Knows the error classes that Linux puts into an error frame's CAN-ID and data (linux/can/error.h); other drivers' error
+frames are only counted. Does not read the bus.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import can
+
+_CONTROLLER, _NO_ACKNOWLEDGE, _BUS_OFF = 0x004, 0x020, 0x040
+#: bits of data[1] where the class is _CONTROLLER
+_WARNING, _PASSIVE = 0x0C, 0x30
+#: one or two error frames happen when something is plugged in
+MANY = 5
+
+_BIT_RATE = "does -b/--bitrate fit the nodes'? Is there a 120 ohm terminator at each end of the line?"
+_TEXTS = {
+    "bus-off": f"the CAN controller went bus-off: nothing is sent or heard until it is restarted (SocketCAN: sudo ip "
+    f"link set CHANNEL down, then up). {_BIT_RATE}",
+    "no acknowledge": "no other node acknowledges our frames: is a node connected and powered, with this bit rate?",
+    "error-passive": f"the CAN controller is error-passive, so most frames fail: {_BIT_RATE}",
+    "error warning": f"the CAN controller counts many errors: {_BIT_RATE}",
+    "bus errors": f"the bus carries error frames: {_BIT_RATE}",
+}
+
+
+@dataclass(slots=True)
+class ErrorFrames:
+    """Error frames of a bus: how many there were, and which kinds were not told yet."""
+
+    count: int = 0
+    _kinds: dict[str, bool] = field(default_factory=dict)
+
+    def notice(self, message: can.Message) -> None:
+        """Take one error frame into account; quick, since a broken bus has thousands a second."""
+        self.count += 1
+        kind = _kind(message.arbitration_id, bytes(message.data))
+        if kind is None and self.count >= MANY:
+            kind = "bus errors"
+        if kind is not None:
+            self._kinds.setdefault(kind, False)
+
+    def news(self) -> list[str]:
+        """Each kind once, with the next step; the worst first, and not what a worse one explains."""
+        worst = next((kind for kind in _TEXTS if kind in self._kinds), None)
+        if worst is None or self._kinds[worst]:
+            return []
+        self._kinds[worst] = True
+        return [_TEXTS[worst]]
+
+
+def _kind(error_class: int, data: bytes) -> str | None:
+    """The kind of an error frame, None where it says nothing by itself."""
+    if error_class & _BUS_OFF:
+        return "bus-off"
+    if error_class & _NO_ACKNOWLEDGE:
+        return "no acknowledge"
+    status = data[1] if error_class & _CONTROLLER and len(data) > 1 else 0
+    if status & _PASSIVE:
+        return "error-passive"
+    return "error warning" if status & _WARNING else None
