@@ -32,7 +32,7 @@ class Link:
         self.node_id = node_id
         self.client = Client(self)
         self._bus = bus
-        self._restore()
+        self.restore()
 
     def handle(self, request: bytes) -> bytes | None:
         """The SDO answer to *request*, None for silence."""
@@ -96,7 +96,7 @@ class Link:
     def _is_answer(self, frame: Frame) -> bool:
         return frame.can_id == 0x580 + self.node_id and not frame.extended
 
-    def _restore(self) -> None:
+    def restore(self) -> None:
         """Back to what the node was when it was made: nothing stored, nothing changed."""
         self.nmt(NmtCommand.ENTER_PRE_OPERATIONAL)
         with suppress(Aborted):  # a family without 0x1011 has nothing stored
