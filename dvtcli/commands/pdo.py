@@ -11,8 +11,10 @@ from dvtcli.shell import DvtCommand
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
+    from dvtcli.domain.datatypes import DataType
+    from dvtcli.domain.mapping import PdoMappingEntry
     from dvtcli.domain.pdo import Pdo, PdoConfig
-    from dvtcli.results import MappedName, PdoListing, PdoRow
+    from dvtcli.results import LastFrame, MappedName, PdoListing, PdoRow
     from dvtcli.session import Session
 
 
@@ -27,6 +29,8 @@ def command(session: Session, /, pdo: NodePdo | None, show_all: bool) -> PdoList
     pdo            the list
     pdo tpdo1      one, with the picture of its frame
     """
+    from dataclasses import replace
+
     from dvtcli.device.read import read_optional
     from dvtcli.results import PdoListing
 
@@ -35,6 +39,7 @@ def command(session: Session, /, pdo: NodePdo | None, show_all: bool) -> PdoList
         rows = tuple(_row(node, one, config) for one, config in node.pdos().items())
         return PdoListing(node.node_id, node.title, rows, show_all)
     row = _row(node, pdo.pdo, node.pdo(pdo.pdo))
+    row = replace(row, last=_last_frame(session, node, row.config))
     period = read_optional(node.sdo, 0x1006, 0, 4)
     return PdoListing(node.node_id, node.title, (row,), detail=True, sync_period_us=period)
 
@@ -52,4 +57,28 @@ def _name(node: Node, index: int, sub_index: int) -> MappedName:
     entry = node.dictionary.entry(index, sub_index) if node.dictionary else None
     if entry is None or node.dictionary is None:
         return MappedName()
-    return MappedName(node.dictionary.display_name(index, sub_index), entry.data_type.short if entry.data_type else "")
+    kind = entry.data_type.short if entry.data_type else ""
+    return MappedName(node.dictionary.display_name(index, sub_index), kind, entry.unit)
+
+
+def _last_frame(session: Session, node: Node, config: PdoConfig) -> LastFrame | None:
+    """The last frame with the PDO's COB-ID, where the session listens and heard one."""
+    from time import monotonic
+
+    from dvtcli.domain.frame import decode
+    from dvtcli.results import LastFrame
+
+    cob_id = config.communication.cob_id
+    if session.frames is None or not config.enabled or config.mpdo is not None:
+        return None
+    heard = session.frames.last(cob_id.can_id, extended=cob_id.extended)
+    if heard is None:
+        return None
+
+    def type_of(mapped: PdoMappingEntry) -> DataType | None:
+        entry = node.dictionary.entry(mapped.index, mapped.sub_index) if node.dictionary else None
+        return None if entry is None else entry.data_type
+
+    found = iter(decode(config.mapping, heard.data, type_of))
+    values = tuple(None if entry.is_dummy else next(found).value for entry in config.mapping)
+    return LastFrame(heard.data, monotonic() - heard.at_s, heard.period, values)

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from dvtcli.results.nodes import NodeListing as NodeListing
     from dvtcli.results.nodes import NodeRow as NodeRow
     from dvtcli.results.nodes import Synced as Synced
+    from dvtcli.results.pdos import LastFrame as LastFrame
     from dvtcli.results.pdos import MappedName as MappedName
     from dvtcli.results.pdos import PdoListing as PdoListing
     from dvtcli.results.pdos import PdoRow as PdoRow
@@ -43,6 +44,7 @@ _WHERE = {
     "hex_bytes": "documents",
     "json_value": "documents",
     "finding_document": "documents",
+    "LastFrame": "pdos",
     "MappedName": "pdos",
     "PdoRow": "pdos",
     "PdoListing": "pdos",

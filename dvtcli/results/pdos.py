@@ -4,16 +4,41 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from dvtcli.domain.datatypes import Value
+from dvtcli.domain.heard import Period
 from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.results.documents import Document
+from dvtcli.results.documents import Document, hex_bytes
 
 
 @dataclass(frozen=True, slots=True)
 class MappedName:
-    """What a mapped object is called and which type it has; empty where no file says."""
+    """What a mapped object is called, which type and unit it has; empty where no file says."""
 
     name: str = ""
     type_name: str = ""
+    unit: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class LastFrame:
+    """The last frame that was heard of a PDO, *age_s* seconds ago.
+
+    *values* stand for the mapping's entries, None for what is skipped or was not in the frame.
+    """
+
+    data: bytes
+    age_s: float
+    period: Period | None
+    values: tuple[Value | None, ...]
+
+    def document(self) -> Document:
+        """The element `last_frame` of `dvtcli.pdo/1`."""
+        times = () if self.period is None else (self.period.last_s, self.period.least_s, self.period.most_s)
+        return {
+            "data": hex_bytes(self.data),
+            "age_s": round(self.age_s, 3),
+            "period_ms": [round(1000 * time_s, 2) for time_s in times] or None,
+        }
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,6 +50,8 @@ class PdoRow:
     names: tuple[MappedName, ...] = ()
     default_can_id: int | None = None
     unstored: bool = False
+    #: None where no frame of it was heard in this session
+    last: LastFrame | None = None
 
     def document(self) -> Document:
         """One element of `pdos` in `dvtcli.pdo/1`."""
@@ -41,6 +68,7 @@ class PdoRow:
             "sync_start": parameter.sync_start_value,
             "bits": self.config.bits,
             "mapping": self._mapping(),
+            "last_frame": None if self.last is None else self.last.document(),
         }
 
     def _mapping(self) -> list[Document]:

@@ -12,8 +12,8 @@ from dvtcli.domain.mapping import MAX_PDO_BITS
 from dvtcli.results.pdos import PdoRow
 from dvtcli.view.safe import safe
 
-#: Characters a byte takes, its right border included: 8 bytes fill 73 columns.
-_PER_BYTE = 9
+#: What stands before a picture and its left border, and the least characters of a byte with its right border.
+_MARGIN, _LEAST = 7, 9
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,39 +66,34 @@ def _box(group: list[tuple[int, int, str, str, bool]]) -> Box:
     return Box(first, last, f"{len(group)} fields", "", " ", fields)
 
 
-def picture(row: PdoRow) -> Iterator[str]:
-    """The picture's lines, with the sub-byte fields listed below it."""
-    parts = boxes(row)
-    yield "byte  " + "".join(f"    {number}    " for number in range(8)).rstrip()
-    yield _border(parts, "┌", "┬", "┐")
-    yield "      │" + "│".join(_centred(part.label, part) for part in parts) + "│"
-    yield "      │" + "│".join(_centred(part.detail, part) for part in parts) + "│"
-    yield _border(parts, "└", "┴", "┘")
+def picture(row: PdoRow, width: int) -> Iterator[str]:
+    """The picture's lines on *width* columns, at least 79, with the sub-byte fields listed below it."""
+    parts, cell = boxes(row), max(_LEAST, (width - _MARGIN) // 8)
+    numbers = "".join(f"{number:^{cell - 1}} " for number in range(8))
+    yield f"byte   {numbers}".rstrip()
+    yield _border(parts, cell, "┌┬┐")
+    yield "      │" + "│".join(_centred(part.label, part, cell) for part in parts) + "│"
+    yield "      │" + "│".join(_centred(part.detail, part, cell) for part in parts) + "│"
+    yield _border(parts, cell, "└┴┘")
     for part in parts:
         if part.fields:
-            yield (
-                f"      bits of byte {part.first}"
-                + (f"-{part.last}" if part.last > part.first else "")
-                + ": "
-                + "  ".join(safe(text) for text in part.fields)
-            )
+            last = f"-{part.last}" if part.last > part.first else ""
+            yield f"      bits of byte {part.first}{last}: " + "  ".join(safe(text) for text in part.fields)
 
 
-def _width(part: Box) -> int:
-    return (part.last - part.first + 1) * _PER_BYTE - 1
+def _width(part: Box, cell: int) -> int:
+    return (part.last - part.first + 1) * cell - 1
 
 
-def _border(parts: list[Box], left: str, middle: str, right: str) -> str:
-    return "      " + left + middle.join("─" * _width(part) for part in parts) + right
+def _border(parts: list[Box], cell: int, corners: str) -> str:
+    return "      " + corners[0] + corners[1].join("─" * _width(part, cell) for part in parts) + corners[2]
 
 
-def _centred(text: str, part: Box) -> str:
-    width = _width(part)
+def _centred(text: str, part: Box, cell: int) -> str:
+    width = _width(part, cell)
     if len(text) > width and "." in text:
         text = text.rpartition(".")[2]  # the sub-index's own name says more than the start of the object's
     shown = safe(text) if len(text) <= width else safe(text)[: width - 1] + "…"
-    return (
-        shown.center(width, part.fill)
-        if part.fill == " " or not shown
-        else f" {shown} ".center(width, part.fill)[:width]
-    )
+    if part.fill == " " or not shown:
+        return shown.center(width, part.fill)
+    return f" {shown} ".center(width, part.fill)[:width]

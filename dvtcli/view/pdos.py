@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 
+from dvtcli.domain.datatypes import Value
+from dvtcli.domain.frame import layout
 from dvtcli.domain.pdo import PdoConfig, transmission_type_text
-from dvtcli.results.pdos import PdoListing, PdoRow
+from dvtcli.results.pdos import LastFrame, MappedName, PdoListing, PdoRow
 from dvtcli.view.frame_picture import picture
 from dvtcli.view.lines import Cell, Line, Table
+
+#: A unit that files write with the value of one count: `1/16 V`.
+_SCALE = re.compile(r"(\d{1,6})/([1-9]\d{0,6}) (\S.*)")
 
 
 def listing_lines(result: PdoListing, width: int) -> Iterator[Line]:
@@ -82,7 +88,7 @@ def _detail(result: PdoListing, row: PdoRow, width: int) -> Iterator[Line]:
         yield f"  event     {parameter.event_timer} ms" + ("" if parameter.event_timer else " = off")
     if parameter.sync_start_value:
         yield f"  SYNC start value {parameter.sync_start_value}"
-    yield from picture(row)
+    yield from picture(row, width)
     used = row.config.bits
     yield f"      {used} of 64 bits used ({(used + 7) // 8} bytes on the bus), least significant byte first"
     yield from _entries(row, width)
@@ -100,14 +106,47 @@ def _sync_note(result: PdoListing, row: PdoRow) -> str:
 def _entries(row: PdoRow, width: int) -> Iterator[Line]:
     if not row.config.mapping:
         return
-    table = Table(("#", "OBJECT", "NAME", "TYPE", "BITS", "BYTES"), frozenset({0, 4, 5}), shrink=2)
-    start = 0
-    for number, entry in enumerate(row.config.mapping, 1):
-        mapped = row.names[number - 1] if number <= len(row.names) else None
-        stop = start + entry.bits - 1
-        name = f"(skip {entry.bits} bits)" if entry.is_dummy else (mapped.name if mapped else "")
-        bits = f"{start}" if start == stop else f"{start}-{stop}"
-        span = f"{start // 8}" if start // 8 == stop // 8 else f"{start // 8}-{stop // 8}"
-        table.add(str(number), entry.object, Cell(name, "bold"), mapped.type_name if mapped else "", bits, span)
-        start += entry.bits
+    last = ("LAST VALUE",) if row.last else ()
+    units = ("UNIT",) if any(mapped.unit for mapped in row.names) else ()
+    table = Table(("#", "OBJECT", "NAME", "TYPE", "BITS", "BYTES", *last, *units), frozenset({0, 4, 5}), shrink=2)
+    for number, field in enumerate(layout(row.config.mapping)):
+        mapped = row.names[number] if number < len(row.names) else MappedName()
+        name = f"(skip {field.bits} bits)" if field.entry.is_dummy else mapped.name
+        cells = [_range(field.start_bit, field.end_bit - 1), _range(field.start_bit // 8, (field.end_bit - 1) // 8)]
+        unit = mapped.unit
+        if row.last:
+            shown, unit = _value(row.last.values[number], field.bits, mapped)
+            cells.append(shown)
+        cells += [unit] if units else []
+        table.add(str(number + 1), field.entry.object, Cell(name, "bold"), mapped.type_name, *cells)
     yield from table.lines(width)
+    if row.last:
+        yield from _last_frame(row.last)
+
+
+def _range(first: int, last: int) -> str:
+    return f"{first}" if first >= last else f"{first}-{last}"
+
+
+def _value(value: Value | None, bits: int, mapped: MappedName) -> tuple[str, str]:
+    """A value as a person reads it, and its unit; one of an unsigned type also in hex: its bits may mean something."""
+    scale = _SCALE.fullmatch(mapped.unit)
+    if value is None:
+        return "-", mapped.unit
+    if isinstance(value, bytes):
+        return value.hex(" ").upper(), mapped.unit
+    if not isinstance(value, int) or isinstance(value, bool):
+        return str(value), mapped.unit
+    if scale is not None:
+        return f"{value * int(scale[1]) / int(scale[2]):g}  (raw {value} x {scale[1]}/{scale[2]})", scale[3]
+    if mapped.type_name.startswith("i"):
+        return str(value), mapped.unit
+    return f"{value}  (0x{value:0{(bits + 3) // 4}X})", mapped.unit
+
+
+def _last_frame(last: LastFrame) -> Iterator[Line]:
+    period = ""
+    if last.period is not None:
+        times = last.period
+        period = f", period {1000 * times.last_s:.1f} ms ({1000 * times.least_s:.1f}..{1000 * times.most_s:.1f})"
+    yield f"  last frame  {last.data.hex(' ').upper()}     {last.age_s:.1f} s ago{period}"
