@@ -224,6 +224,11 @@ class Session:
                 return [(node.dictionary, node.profile.aliases)]
         return self.offline_dictionaries()
 
+    def known_ids(self) -> list[int]:
+        """Node-IDs that are known without asking any bus: those met, those simulated, and the selected one."""
+        met = set(self._network.nodes) | set(self._network.simulated_ids) if self._network is not None else set()
+        return sorted(met | {one for one in (self.selected, self.base.node) if one is not None})
+
     def record(self, node_id: int, lines: list[str]) -> None:
         """Remember script *lines* about a node that succeeded and changed something, for `save`."""
         self.executed += [(node_id, line) for line in lines]

@@ -71,14 +71,14 @@ class Registry(click.Group):
     def get_command(self, _ctx: click.Context, cmd_name: str) -> click.Command | None:
         """The command *cmd_name*, imported now, or None."""
         if cmd_name not in command_names():
-            return None
+            return _dvt_word(cmd_name)
         command = import_module(f"dvtcli.commands.{cmd_name}").command
         assert isinstance(command, click.Command)  # noqa: S101 - the house's convention, also tested
         return command
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
         """Find the command; an unknown one gets the nearest name."""
-        if args[0] not in command_names():
+        if self.get_command(ctx, args[0]) is None:
             raise click.UsageError(unknown_command(args[0]), ctx)
         return super().resolve_command(ctx, args)
 
@@ -101,6 +101,13 @@ class Registry(click.Group):
         return super().invoke(ctx)
 
 
+def _dvt_word(name: str) -> click.Command | None:
+    """One of the DVT's own words, which are made from one table; None where *name* is none."""
+    from dvtcli.dvt.command import word_command
+
+    return word_command(name)
+
+
 def command_names() -> list[str]:
     """Names of all commands, sorted."""
     names = (name for name in os.listdir(_COMMANDS) if name.endswith(".py"))  # noqa: PTH208
@@ -119,7 +126,9 @@ def unknown_command(name: str, others: Sequence[str] = ()) -> str:
 
     if name.lower() in ("quit", "q", "bye", "logout"):
         return f"no command is called {name!r}; did you mean 'exit'?"
-    close = get_close_matches(name, [*command_names(), *others], n=1)
+    from dvtcli.dvt.words import WORDS
+
+    close = get_close_matches(name, [*command_names(), *others, *WORDS], n=1)
     return f"no command is called {name!r}" + (f"; did you mean {close[0]!r}?" if close else "; help lists them")
 
 

@@ -14,6 +14,7 @@ from dvtcli.params import PDO, CanopenType, NodePdo
 from dvtcli.shell import DvtCommand
 
 if TYPE_CHECKING:
+    from dvtcli.device.node import Node
     from dvtcli.results import Changed
     from dvtcli.session import Session
 
@@ -40,7 +41,11 @@ def command(session: Session, /, pdos: tuple[NodePdo | None, ...]) -> Changed:
     """
     if None not in pdos:
         return switch(session, [pdo for pdo in pdos if pdo is not None], cleared)
-    node = session.node()
+    return clear_all(session, session.node())
+
+
+def clear_all(session: Session, node: Node) -> Changed:
+    """Clear every PDO of *node* whose mapping can be changed; DvtcliError where there is none."""
     dynamic = {pdo: config for pdo, config in node.pdos().items() if node.is_dynamic(pdo)}
     if not dynamic:
         raise DvtcliError(f"node {node.node_id} has no PDO whose mapping can be changed", node=node.node_id)

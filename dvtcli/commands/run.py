@@ -26,6 +26,11 @@ def command(session: Session, /, file: str, keep_going: bool) -> int:
     run scripts/pdo_config.dvt
     run setup.dvt --dry-run
     """
+    return run_file(session, file, keep_going=keep_going)
+
+
+def run_file(session: Session, file: str, *, keep_going: bool = False) -> int:
+    """Run the script *file*, stdin with `-`; the exit code. UsageError where it cannot be read."""
     from dvtcli.errors import UsageError
     from dvtcli.script import MOST_BYTES, run_script
 

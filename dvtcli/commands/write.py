@@ -42,7 +42,7 @@ def command(session: Session, /, object_: ObjectWord, value: str, data_type: Dat
     node = session.node()
     index, sub_index = object_.resolve(node)
     if index in SIGNATURES:
-        return _signature(session, node, index, sub_index, value)
+        return signature(session, node, index, sub_index, value)
     data = _encoded(node, index, sub_index, value, data_type)
     started = time.monotonic()
     applied = node.write(index, sub_index, data, force=session.options.force)
@@ -73,7 +73,7 @@ def _size(node: Node, index: int, sub_index: int) -> int:
         raise
 
 
-def _signature(session: Session, node: Node, index: int, sub_index: int, value: str) -> Stored:
+def signature(session: Session, node: Node, index: int, sub_index: int, value: str) -> Stored:
     """0x1010 and 0x1011 take one signature each: the same as `store` and `restore`."""
     word = SIGNATURES[index]
     accepted = {word.decode(), f"0x{int.from_bytes(word, 'little'):x}", str(int.from_bytes(word, "little"))}

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from dvtcli.results.documents import finding_document as finding_document
     from dvtcli.results.documents import hex_bytes as hex_bytes
     from dvtcli.results.documents import json_value as json_value
+    from dvtcli.results.dvt import DvtAnswer as DvtAnswer
     from dvtcli.results.files import Facts as Facts
     from dvtcli.results.files import FileFinding as FileFinding
     from dvtcli.results.files import FileReport as FileReport
@@ -66,6 +67,7 @@ _WHERE = {
     "FileFinding": "files",
     "FileReport": "files",
     "Facts": "files",
+    "DvtAnswer": "dvt",
 }
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
+from dvtcli.results.dvt import DvtAnswer
 from dvtcli.results.files import Facts, FileReport
 from dvtcli.view.lines import Cell, Line
 
@@ -24,3 +25,8 @@ def file_lines(result: FileReport, _width: int) -> Iterator[Line]:
 def fact_lines(result: Facts, _width: int) -> Iterable[Line]:
     """The lines as they are."""
     return result.text
+
+
+def answer_lines(result: DvtAnswer, _width: int) -> Iterable[Line]:
+    """The word's answer alone, as the DVT prints it."""
+    return (result.answer,)

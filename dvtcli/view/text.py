@@ -26,6 +26,7 @@ _RENDERERS = {
     "LoggedIn": ("access", "login_lines"),
     "FileReport": ("files", "file_lines"),
     "Facts": ("files", "fact_lines"),
+    "DvtAnswer": ("files", "answer_lines"),
 }
 
 
@@ -39,10 +40,12 @@ def text(result: Any, width: int) -> Iterable[Line]:
 def remarks(result: Any) -> Iterator[Line]:
     """Warnings and notes that belong to *result*; they go to stderr."""
     findings = getattr(result, "findings", ())
-    if findings and type(result).__name__ in ("Changed", "Facts"):
+    if findings and type(result).__name__ in ("Changed", "Facts", "DvtAnswer"):
         from dvtcli.view.errors import finding_line
 
         yield from map(finding_line, findings)
     lost = getattr(result, "lost", ())
     if lost:
         yield [Cell("warning: ", "yellow"), Cell(f"the reset lost what was not stored: {several(lost)}")]
+    for number, reason in enumerate(getattr(result, "reasons", ())):
+        yield [Cell("          " if number else "refused:  ", "yellow"), Cell(reason)]

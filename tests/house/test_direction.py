@@ -23,11 +23,14 @@ MAY: dict[str, set[str]] = {
     "completion": {"domain", "errors", "device", "formats", "options", "session", "network", "params"},
     "commands": {
         "domain", "errors", "device", "formats", "options", "session", "params", "results", "shell", "script",
-        "completion", "serving", "guide", "live", "transports",
+        "completion", "serving", "guide", "live", "transports", "dvt",
+    },
+    "dvt": {
+        "domain", "errors", "device", "session", "params", "results", "shell", "commands", "boundary", "script",
     },
     "guide": {"shell"},
     "boundary": {"errors", "session"},
-    "shell": {"errors", "options", "session", "results", "boundary", "commands", "front", "guide"},
+    "shell": {"errors", "options", "session", "results", "boundary", "commands", "front", "guide", "dvt"},
     "script": {"errors", "session", "shell", "boundary"},
     "front": {"errors", "session", "script", "repl", "shell"},
     "prompt": {
@@ -51,7 +54,7 @@ ONLY_IN: dict[str, tuple[str, ...]] = {
     "rich": ("view/",),
     "click": (
         "shell.py", "options.py", "params.py", "completion.py", "cli.py", "front.py", "boundary.py", "script.py",
-        "commands/", "prompt/", "repl.py", "view/",
+        "commands/", "prompt/", "repl.py", "view/", "dvt/command.py",
     ),
 }  # fmt: skip
 

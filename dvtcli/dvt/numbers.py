@@ -1,0 +1,79 @@
+"""How the DVT's words write numbers: `0x` is hexadecimal, everything else decimal. Knows no device and no click."""
+
+from __future__ import annotations
+
+from dvtcli.domain.datatypes import parse_number
+
+#: Widths of values in bytes.
+WIDTHS = (1, 2, 3, 4, 8)
+#: Below this index CiA 301 keeps data types: who types it without `0x` most likely forgot the `0x`.
+_FIRST_OBJECT = 0x1000
+
+
+def node_id(text: str) -> int:
+    """A node-ID, 1…127; ValueError otherwise."""
+    return _within(text, 1, 127, "a node-ID")
+
+
+def index(text: str) -> int:
+    """An object's index; ValueError where it is none, or where a hexadecimal one was typed without `0x`."""
+    digits = text.strip().lower()
+    looks_hex = len(digits) == 4 and all(digit in "0123456789abcdef" for digit in digits)
+    if looks_hex and (not digits.isdigit() or int(digits) < _FIRST_OBJECT):
+        raise ValueError(f"{text}: a number without 0x is decimal here; for index 0x{digits.upper()} write the 0x")
+    return _within(text, 1, 0xFFFF, "an index")
+
+
+def sub_index(text: str) -> int:
+    """A sub-index, 0…255; ValueError otherwise."""
+    return _within(text, 0, 0xFF, "a sub-index")
+
+
+def can_id(text: str) -> int:
+    """A CAN-ID of 11 bits; ValueError otherwise."""
+    return _within(text, 1, 0x7FF, "a CAN-ID")
+
+
+def level(text: str) -> int:
+    """An access level, 0 to log out; ValueError otherwise."""
+    return _within(text, 0, 0xFF, "an access level")
+
+
+def width(text: str) -> int:
+    """A value's width in bytes; ValueError where values have no such width."""
+    found = parse_number(text)
+    if found not in WIDTHS:
+        raise ValueError(f"{text}: a value has {', '.join(map(str, WIDTHS))} bytes")
+    return found
+
+
+def value_bytes(text: str, wanted: int | None) -> bytes:
+    """*text* as the bytes of an SDO download, lowest first; *wanted* is the width in bytes, None: what the digits give.
+
+    ValueError where the width is not told, or the number does not fit.
+    """
+    number = parse_number(text)
+    size = wanted if wanted is not None else _width_of_digits(text)
+    low = -(1 << 8 * size - 1)
+    if not low <= number < 1 << 8 * size:
+        raise ValueError(f"{text} does not fit into {size} byte{'' if size == 1 else 's'}")
+    return (number % (1 << 8 * size)).to_bytes(size, "little")
+
+
+def _width_of_digits(text: str) -> int:
+    digits = text.strip().lower()
+    if not digits.startswith("0x"):
+        raise ValueError(
+            f"{text}: a decimal value needs its width in bytes behind it, or write it in hex: 0x00 is 1 byte"
+        )
+    count = len(digits) - 2
+    if count % 2 or count // 2 not in WIDTHS:
+        raise ValueError(f"{text}: in hex the digits give the width, 2 a byte; {count} digits are no width")
+    return count // 2
+
+
+def _within(text: str, low: int, high: int, what: str) -> int:
+    found = parse_number(text)
+    if not low <= found <= high:
+        raise ValueError(f"{text}: {what} is {low}…{high}")
+    return found
