@@ -141,6 +141,14 @@ def taken(params: dict[str, Any]) -> dict[str, Any]:
     return given
 
 
+def source_of(ctx: click.Context, name: str) -> str:
+    """Where the global option *name* was said, for people."""
+    source = ctx.get_parameter_source(PREFIX + name)
+    if source is click.core.ParameterSource.ENVIRONMENT:
+        return f"DVTCLI_{name.upper()}"
+    return "dvtcli.toml" if source is click.core.ParameterSource.DEFAULT_MAP else "option"
+
+
 def _checked(name: str, value: Any) -> Any:
     if name == "node":
         return node_id(str(value))

@@ -49,6 +49,8 @@ class Session:
         #: `FILE:LINE` of the script line that runs
         self.place: str | None = None
         self.selected: int | None = None
+        #: where each option of the program's start was said: `option`, `environment` or the settings file
+        self.sources: dict[str, str] = {}
         #: script lines of everything that succeeded and changed something, with the node that each is about
         self.executed: list[tuple[int, str]] = []
         #: the last frames that were heard, where somebody listens all the time as the prompt does

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from dvtcli.options import NEGATIVE_MARK, PREFIX, global_options, one_pair_each, taken
+from dvtcli.options import NEGATIVE_MARK, PREFIX, global_options, one_pair_each, source_of, taken
 
 if TYPE_CHECKING:
     from dvtcli.results import Result
@@ -98,6 +98,7 @@ class Registry(click.Group):
             raise click.UsageError("options stand behind the command", ctx)
         if not session.started:
             session.start(given)
+            session.sources.update((name, source_of(ctx, name)) for name in given)
         return super().invoke(ctx)
 
 

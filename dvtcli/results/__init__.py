@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from dvtcli.results.files import FileFinding as FileFinding
     from dvtcli.results.files import FileReport as FileReport
     from dvtcli.results.frames import FrameSeen as FrameSeen
+    from dvtcli.results.health import Check as Check
+    from dvtcli.results.health import Diagnosis as Diagnosis
     from dvtcli.results.nodes import Commanded as Commanded
     from dvtcli.results.nodes import NodeListing as NodeListing
     from dvtcli.results.nodes import NodeRow as NodeRow
@@ -68,6 +70,8 @@ _WHERE = {
     "FileReport": "files",
     "Facts": "files",
     "DvtAnswer": "dvt",
+    "Check": "health",
+    "Diagnosis": "health",
 }
 
 

@@ -49,6 +49,11 @@ def open_simulation(
 
 def is_configured() -> bool:
     """Whether python-can's own files or environment name an interface."""
-    from dvtcli.transports.opening import configured_interface
+    return library_settings().get("interface") is not None
 
-    return configured_interface() is not None
+
+def library_settings() -> dict[str, tuple[object, str]]:
+    """What python-can's own files and environment say, by key, each with where it stands."""
+    from dvtcli.transports.opening import library_settings
+
+    return library_settings()

@@ -10,6 +10,7 @@ import logging
 import socket
 from collections.abc import Mapping
 from difflib import get_close_matches
+from pathlib import Path
 from typing import Any
 
 import can
@@ -110,9 +111,12 @@ def _completed(given: dict[str, object]) -> dict[str, object]:
     return config
 
 
-def configured_interface() -> object:
-    """The interface that python-can's files and environment name, None where they name none."""
-    return {**util.load_file_config(), **util.load_environment_config(), **can.rc}.get("interface")
+def library_settings() -> dict[str, tuple[object, str]]:
+    """What python-can's files and environment say, by key, each with where it stands."""
+    files = ", ".join(path for path in util.CONFIG_FILES if Path(path).expanduser().is_file())
+    found: dict[str, tuple[object, str]] = {key: (value, files) for key, value in util.load_file_config().items()}
+    found |= {key: (value, f"CAN_{key.upper()}") for key, value in util.load_environment_config().items()}
+    return found | {key: (value, "can.rc") for key, value in can.rc.items()}
 
 
 def _probe(config: Mapping[str, object]) -> None:

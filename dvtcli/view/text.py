@@ -27,6 +27,7 @@ _RENDERERS = {
     "FileReport": ("files", "file_lines"),
     "Facts": ("files", "fact_lines"),
     "DvtAnswer": ("files", "answer_lines"),
+    "Diagnosis": ("health", "diagnosis_lines"),
 }
 
 

@@ -27,8 +27,10 @@ MAY: dict[str, set[str]] = {
     },
     "dvt": {
         "domain", "errors", "device", "session", "params", "results", "shell", "commands", "boundary", "script",
+        "completion", "serving", "guide", "health", "live", "transports",
     },
     "guide": {"shell"},
+    "health": {"domain", "errors", "formats", "options", "results", "session", "transports"},
     "boundary": {"errors", "session"},
     "shell": {"errors", "options", "session", "results", "boundary", "commands", "front", "guide", "dvt"},
     "script": {"errors", "session", "shell", "boundary"},

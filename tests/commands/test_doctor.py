@@ -1,0 +1,119 @@
+"""doctor says what is well, what is missing and the next step; its exit code is that of the first failure."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+import can
+
+from tests.commands.bench import Bench
+from tests.commands.bus import Wire, device
+from tests.process import documents, environment
+
+_NUMBERS = count(1)
+
+
+def checks(ran_document: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    assert ran_document["schema"] == "dvtcli.doctor/1"
+    return {check["check"]: check for check in ran_document["checks"]}
+
+
+def doctor(folder: Path, *words: str, **variables: str) -> tuple[int, dict[str, dict[str, Any]]]:
+    """Exit code and checks of a doctor in a process of its own, in *folder*."""
+    done = subprocess.run(
+        [sys.executable, "-m", "dvtcli", *words, "doctor", "--json"],
+        capture_output=True, encoding="utf-8", cwd=folder, env=environment() | {"HOME": str(folder)} | variables,
+        timeout=60, check=False,
+    )  # fmt: skip
+    (document,) = documents(done.stdout)
+    assert document["healthy"] == (done.returncode == 0)
+    return done.returncode, checks(document)
+
+
+def test_a_simulated_node_is_well(tmp_path: Path) -> None:
+    code, found = doctor(tmp_path, "--sim", "gen4", "--journal", str(tmp_path / "kept"))
+    assert code == 0
+    assert {check["verdict"] for check in found.values()} == {"ok"}
+    assert 'node 1 "Gen4" answers; gen4.eds' in found["node"]["text"]
+    assert "python-can" in found["packages"]["text"]
+
+
+def test_each_setting_is_told_with_where_it_was_said(tmp_path: Path) -> None:
+    (tmp_path / "dvtcli.toml").write_text('sim = ["gen4"]\ntimeout = 1.5\n')
+    _, found = doctor(tmp_path, "-q", DVTCLI_ASCII="1")
+    text = found["settings"]["text"]
+    for said in ("sim = gen4 (dvtcli.toml)", "timeout = 1.5 (dvtcli.toml)", "(DVTCLI_ASCII)", "quiet = True (option)"):
+        assert said in text
+    assert str(tmp_path / "dvtcli.toml") in text
+
+    (tmp_path / "dvtcli.toml").unlink()
+    (tmp_path / "can.conf").write_text("[default]\ninterface = virtual\nchannel = doctor\n")
+    code, found = doctor(tmp_path)
+    assert code == 0
+    assert "interface = virtual (~/can.conf)" in found["settings"]["text"]
+    assert found["bus"]["text"] == "virtual:doctor opened"
+    assert found["traffic"]["verdict"] == "warn"
+
+
+def test_nothing_configured_is_a_warning_with_the_next_step(tmp_path: Path) -> None:
+    code, found = doctor(tmp_path)
+    assert code == 0
+    assert found["bus"]["verdict"] == "warn"
+    assert "--sim" in found["bus"]["hint"]
+
+
+def test_a_bus_that_does_not_open_and_a_silent_node_fail(tmp_path: Path) -> None:
+    code, found = doctor(tmp_path, "-i", "nosuch")
+    assert (code, found["bus"]["verdict"]) == (5, "fail")
+    code, found = doctor(tmp_path, "-i", "virtual", "-c", "doctor", "-n", "9")
+    assert (code, found["node"]["verdict"]) == (5, "fail")
+    assert found["terminal"]["verdict"] == "ok"
+
+
+def test_a_broken_profile_and_a_folder_that_is_none_fail(tmp_path: Path) -> None:
+    own = tmp_path / ".config" / "dvtcli" / "profiles"
+    own.mkdir(parents=True)
+    (own / "mine.toml").write_text("not a profile")
+    code, found = doctor(tmp_path)
+    assert (code, found["profiles"]["verdict"]) == (4, "fail")
+    (own / "mine.toml").unlink()
+    (tmp_path / "file").touch()
+    code, found = doctor(tmp_path, "--journal", str(tmp_path / "file" / "below"))
+    assert (code, found["state"]["verdict"]) == (1, "fail")
+
+
+def test_an_interrupted_change_is_told(tmp_path: Path) -> None:
+    (tmp_path / "virtual_x-5.json").write_text("{}")
+    _, found = doctor(tmp_path, "--journal", str(tmp_path))
+    assert found["journals"]["verdict"] == "warn"
+    assert found["journals"]["hint"] == "recover finishes it"
+
+
+def test_what_is_heard_on_a_bus() -> None:
+    with Wire(device("gen4")) as wire, Bench((), wire.options) as bench:
+        assert bench.run("nmt preop").code == 0
+        found = checks(bench.run("doctor --json").document)
+        assert found["bus"]["verdict"] == "ok"
+        assert found["heartbeats"]["text"] == "heard of node 1"
+        assert "no EDS is known" in found["node"]["text"]
+
+
+def test_error_frames_fail_with_what_they_mean() -> None:
+    channel = f"doctor-{next(_NUMBERS)}"
+    bus = can.Bus(channel, interface="virtual", ignore_config=True)
+    with Bench((), {"interface": "virtual", "channel": channel}) as bench:
+        assert bench.session.network.bus.name == f"virtual:{channel}"
+        task = bus.send_periodic(can.Message(arbitration_id=0x040, is_error_frame=True, data=bytes(8)), 0.01)
+        try:
+            ran = bench.run("doctor")
+        finally:
+            task.stop()
+            bus.shutdown()
+    assert ran.code == 5
+    (line,) = [line for line in ran.stdout.splitlines() if "traffic" in line]
+    assert line.startswith("FAIL")
+    assert "bus-off" in ran.stdout
