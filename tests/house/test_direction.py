@@ -23,11 +23,10 @@ MAY: dict[str, set[str]] = {
     "completion": {"domain", "errors", "device", "formats", "options", "session", "network", "params"},
     "commands": {
         "domain", "errors", "device", "formats", "options", "session", "params", "results", "shell", "script",
-        "completion", "serving", "guide", "live", "transports", "dvt",
+        "completion", "serving", "guide", "health", "live", "transports", "dvt",
     },
     "dvt": {
         "domain", "errors", "device", "session", "params", "results", "shell", "commands", "boundary", "script",
-        "completion", "serving", "guide", "health", "live", "transports",
     },
     "guide": {"shell"},
     "health": {"domain", "errors", "formats", "options", "results", "session", "transports"},
