@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 from click.core import ParameterSource
 
+from dvtcli.errors import UsageError
 from dvtcli.options import PREFIX
 from dvtcli.params import FILE, MillisecondsType
 from dvtcli.shell import DvtCommand
@@ -57,8 +58,8 @@ def command(
     ready = None if ready_file is None else Path(ready_file)
     try:
         with session.serving(wanted) as served:
-            session.output.result(_facts(served, where[0] if where else LOOPBACK))
             _say_ready(ready, served, where)
+            session.output.result(_facts(served, where[0] if where else LOOPBACK))
             served.server.run()
     finally:
         if ready is not None:
@@ -75,8 +76,11 @@ def _say_ready(ready: Path | None, served: Serving, where: tuple[str, int] | Non
     if ready is None:
         return
     draft = ready.with_name(f"{ready.name}.new")
-    draft.write_text(f"{where[0]}:{served.port}\n" if where else f"{served.joined}\n", encoding="utf-8")
-    draft.replace(ready)
+    try:
+        draft.write_text(f"{where[0]}:{served.port}\n" if where else f"{served.joined}\n", encoding="utf-8")
+        draft.replace(ready)
+    except OSError as failed:
+        raise UsageError(f"--ready-file {ready}: {failed.strerror}") from failed
 
 
 def _facts(served: Serving, host: str) -> Facts:

@@ -6,6 +6,7 @@ others should wait for it, and one that takes nothing for `STALL_S` is dropped. 
 
 from __future__ import annotations
 
+import errno
 import selectors
 import socket
 from collections.abc import Callable
@@ -23,6 +24,9 @@ HOLD_S = 0.1
 #: clients at once, and what is kept for one before the others wait (bytes; a frame is some 45)
 MOST_CLIENTS, MOST_KEPT = 64, 256 * 1024
 _READ = 64 * 1024
+#: how long nobody is let in after the system had no room for a client (s)
+_FULL_S = 1.0
+_NO_ROOM = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 #: clients that wait for an acknowledgement before they send their next frame get it at once, where the system can
 _QUICK_ACK: int | None = getattr(socket, "TCP_QUICKACK", None)
 
@@ -61,6 +65,9 @@ class Hub:
         self._stall_s = stall_s
         self._selector = selectors.SelectSelector()  # the only one that waits for less than a millisecond
         self._clients: dict[socket.socket, Client] = {}
+        #: until when nobody is let in (s), None where clients may come; and whether the user was told
+        self._full_until_s: float | None = None
+        self._full_told = False
         self._listener = None if address is None else _listener(address)
         #: port that it listens at, None where it does not
         self.port: int | None = None if self._listener is None else self._listener.getsockname()[1]
@@ -98,6 +105,7 @@ class Hub:
         Only clients for which *may_read* holds are read, and none while it is congested; the others keep what they say.
         """
         self._flush()
+        self._open_again()
         congested = self.congested
         for client in self._clients.values():
             self._listen(client, not congested and may_read(client))
@@ -126,12 +134,15 @@ class Hub:
             with suppress(KeyError):  # cut before
                 self._selector.unregister(self._listener)
             self._listener.close()
+            self._full_until_s = None
         for client in tuple(self._clients.values()):
             self._drop(client, None)
 
     def _shorter(self, timeout_s: float) -> float:
         """*timeout_s*, or less where a client must be looked at earlier."""
         now_s = monotonic()
+        if self._full_until_s is not None:
+            timeout_s = min(timeout_s, self._full_until_s - now_s)
         for client in self._clients.values():
             if client.held_until_s is not None:
                 timeout_s = min(timeout_s, client.held_until_s - now_s)
@@ -155,18 +166,35 @@ class Hub:
         assert self._listener is not None  # noqa: S101 - it just said that somebody calls
         try:
             connection, where = self._listener.accept()
-        except OSError:  # the caller has hung up already
+        except OSError as failed:  # the caller has hung up already, or
+            if failed.errno in _NO_ROOM:
+                self._close_for_a_while(failed)
             return
         if len(self._clients) >= MOST_CLIENTS:
             self._tell(f"refused a client: {MOST_CLIENTS} are connected already")
             connection.close()
             return
+        self._full_told = False
         connection.setblocking(False)
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, MOST_KEPT)  # or the system keeps megabytes
         client = self._clients[connection] = Client(connection, f"{where[0]}:{where[1]}")
         self._selector.register(connection, client.events, client)
         self._reply(client, HI)
+
+    def _close_for_a_while(self, failed: OSError) -> None:
+        """Let nobody in: who knocks would wake the thread again and again."""
+        assert self._listener is not None  # noqa: S101 - it has just refused somebody
+        if not self._full_told:
+            self._full_told = True
+            self._tell(f"cannot take another client: {failed.strerror}")
+        self._selector.unregister(self._listener)
+        self._full_until_s = monotonic() + _FULL_S
+
+    def _open_again(self) -> None:
+        if self._full_until_s is not None and self._listener is not None and self._full_until_s <= monotonic():
+            self._full_until_s = None
+            self._selector.register(self._listener, selectors.EVENT_READ)
 
     def _serve(self, client: Client, events: int, frames: list[tuple[Client, Frame]]) -> None:
         if events & selectors.EVENT_WRITE:
@@ -175,8 +203,6 @@ class Hub:
             return
         try:
             data = client.connection.recv(_READ)
-            if _QUICK_ACK is not None:
-                client.connection.setsockopt(socket.IPPROTO_TCP, _QUICK_ACK, 1)
         except BlockingIOError:
             return
         except OSError:
@@ -184,6 +210,9 @@ class Hub:
         if not data:
             self._drop(client, None)
             return
+        if _QUICK_ACK is not None:
+            with suppress(OSError):  # what it said counts, even if it has hung up since
+                client.connection.setsockopt(socket.IPPROTO_TCP, _QUICK_ACK, 1)
         self._release(client)
         try:
             requests = client.requests.feed(data)
