@@ -258,6 +258,32 @@ def test_a_bus_that_is_not_there_is_said(tmp_path: Path) -> None:
     assert "cannot open socketcan:vcan0" in ran.stderr
 
 
+def why_no_vcan() -> str:
+    """What keeps this machine from having a bus vcan0; empty where it has one."""
+    if not hasattr(socket, "AF_CAN"):
+        return "this Python has no AF_CAN"
+    try:
+        with socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW) as bus:
+            bus.bind(("vcan0",))
+    except OSError as failed:
+        return f"no vcan0: {failed.strerror} (ip link add vcan0 type vcan; ip link set vcan0 up)"
+    return ""
+
+
+@pytest.mark.skipif(bool(why_no_vcan()), reason=why_no_vcan())
+def test_nodes_on_a_bus_of_the_kernel(tmp_path: Path) -> None:
+    with served(tmp_path, "gen4@1", "-i", "socketcan", "-c", "vcan0"):
+        bus = ("-i", "socketcan", "-c", "vcan0")
+        assert dvtcli(*bus, "-n", "1", "read", "1018:1").stdout.startswith("0x1018:01 = 30")
+        ran = dvtcli(*bus, "-n", "1", "map", "tpdo1", "6041", "606C/32", "--sync", "1")
+        assert ran.returncode == 0, ran.stderr
+        with can.Bus(interface="socketcan", channel="vcan0", ignore_config=True) as other:
+            other.send(can.Message(arbitration_id=0, data=[1, 1], is_extended_id=False))
+            other.send(can.Message(arbitration_id=0x080, is_extended_id=False))
+            while received_but_heartbeats(other, 1) != [(0x181, "371224faffff")]:
+                pass
+
+
 def test_faults_happen_and_a_dead_bus_cuts_everybody_off(tmp_path: Path) -> None:
     with served(tmp_path, "gen4@1", "--fault", "refuse@2=0x06040041", "--fault", "bus-error@20") as server:
         ran = server.dvtcli("-n", "1", "map", "tpdo1", "6041", "606C/32", "--sync", "1")
