@@ -12,6 +12,7 @@ from dvtcli.formats.eds import read_eds
 from dvtcli.simulator.device import StrictDevice
 from dvtcli.simulator.family import family_eds, load_family
 from dvtcli.simulator.station import SimulatedNode, stations
+from dvtcli.transports.virtual_time import VirtualTimeBus
 from tests.simulator.bench import booted
 
 #: vendor, product, revision and serial number of the node
@@ -274,6 +275,16 @@ def test_questions_that_a_fast_scan_does_not_have(bit: int, place: int, followin
     node = node_of(UNCONFIGURED)
     assert scan(node, 0, 0x80, 0, 0)
     assert not scan(node, 0, bit, place, following)
+
+
+def test_in_virtual_time() -> None:
+    bus = VirtualTimeBus([node_of(UNCONFIGURED).device])
+    bus.send(request("4C"))
+    assert [(frame.can_id, frame.data[0]) for frame in bus.receive(0.1)] == [(0x7E4, 0x50)]
+    for text in (CONFIGURE, "1107", WAIT):
+        bus.send(request(text))
+    assert bus.wait_boot_up(7, 0, 1.0)
+    assert bus.sdo(7).upload(0x1018, 1) == ADDRESS[0].to_bytes(4, "little")
 
 
 def test_a_node_that_resets_hears_no_lss() -> None:

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dvtcli.domain.mapping import DUMMY_BITS
-from dvtcli.domain.nmt import NmtState
+from dvtcli.domain.nmt import UNCONFIGURED, NmtState
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.block_transfer import BLOCK_DOWNLOAD, BLOCK_UPLOAD
 from dvtcli.simulator.device import StrictDevice
@@ -141,11 +141,20 @@ FRAMES = st.builds(
 )
 
 
+LSS = st.builds(
+    lambda service, rest: Frame(0x7E5, bytes([service]) + rest),
+    st.sampled_from([0x04, 0x11, 0x13, 0x15, 0x17, 0x4C, 0x51, 0x5E, *range(0x40, 0x4C), *range(0x5A, 0x5E)]),
+    st.sampled_from([b"\x01", b"\0", b"\x05", b"\xff", b"\0\0\0\0\x80"]).map(lambda it: it.ljust(7, b"\0"))
+    | st.binary(min_size=7, max_size=7),
+)
+
+
 @settings(max_examples=300, deadline=None)
-@given(st.sampled_from(FAMILIES), st.lists(FRAMES, max_size=40))
+@given(st.sampled_from(FAMILIES), st.lists(FRAMES | LSS, max_size=40))
 def test_any_frame_leaves_a_node_alive(family: str, frames: list[Frame]) -> None:
     node = SimulatedNode(fresh(family))
     for at_s, frame in enumerate(frames):
         for answer in node.handle(frame) + node.poll(at_s / 10):
             assert len(answer.data) <= 8
     assert node.device.state in NmtState
+    assert node.device.node_id in {*range(1, 128), UNCONFIGURED}
