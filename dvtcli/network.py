@@ -180,7 +180,7 @@ class Network:
                 return load_profile(one.family)
         sdo = self.bus.sdo(node_id)
         vendor, product = read_identity(sdo, 1), read_identity(sdo, 2)
-        if vendor is None:  # a device that does not say who it is: its file does
+        if not vendor:  # a device that does not say who it is (0 is nobody's number): its file does
             return profile_of(self._dictionary(node_id))
         return profile_for_identity(vendor, product or 0)
 
@@ -215,13 +215,13 @@ def state_folder(options: Options | None) -> Path:
 def twin_of(network: Network) -> Network:
     """A network of copy-on-write twins of *network*'s nodes: what is written there never reaches the bus."""
     from dvtcli.simulator.device import StrictDevice
+    from dvtcli.simulator.reversed import ReversedDevice
     from dvtcli.transports.twin import TwinBus
 
     def device_for(node_id: int, backing: Callable[[int, int], bytes]) -> StrictDevice:
         node = network.node(node_id)
-        return StrictDevice(
-            node.dictionary or ObjectDictionary({}), _family(node.profile.name), node_id, backing=backing
-        )
+        kind = ReversedDevice if node.profile.reversed_entries else StrictDevice
+        return kind(node.dictionary or ObjectDictionary({}), _family(node.profile.name), node_id, backing=backing)
 
     bus = TwinBus(network.bus, device_for)
     return Network(bus, network.options, network.cancellation, network.consent, network.simulated)

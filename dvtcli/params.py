@@ -17,6 +17,7 @@ from dvtcli.domain.object_syntax import (
     MappedObject,
     Skipped,
     UnknownName,
+    notation_note,
     parse_cob_id,
     parse_object,
     resolve_entry,
@@ -46,6 +47,11 @@ class ObjectWord:
 
     text: str
 
+    @property
+    def notation_note(self) -> str | None:
+        """What to say of the way it was written, or None."""
+        return notation_note(self.text)
+
     def resolve(self, node: Node) -> tuple[int, int]:
         """Index and sub-index; UsageError where the node's dictionary does not know the name."""
         return _resolved(resolve_object, self.text, node)
@@ -56,6 +62,11 @@ class EntryWord:
     """A mapping entry as it was typed."""
 
     text: str
+
+    @property
+    def notation_note(self) -> str | None:
+        """What to say of the way it was written, or None."""
+        return notation_note(self.text)
 
     def resolve(self, node: Node) -> MappedObject | Skipped:
         """The object and its length, or the bits to skip; UsageError where the name is unknown."""

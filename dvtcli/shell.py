@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -47,6 +47,8 @@ class DvtCommand(click.Command):
         """Run the command with its line's own global options in force."""
         session: Session = ctx.obj
         with session.line(taken(ctx.params)):
+            for text in _notation_notes(ctx.params.values()):
+                session.output.note(text)
             return _deliver(session, super().invoke(ctx))
 
 
@@ -107,6 +109,15 @@ def _dvt_word(name: str) -> click.Command | None:
     from dvtcli.dvt.command import word_command
 
     return word_command(name)
+
+
+def _notation_notes(values: Iterable[Any]) -> Iterator[str]:
+    """What to say of the way some words were written."""
+    for value in values:
+        if isinstance(value, tuple):
+            yield from _notation_notes(value)
+        elif note := getattr(value, "notation_note", None):
+            yield note
 
 
 def command_names() -> list[str]:

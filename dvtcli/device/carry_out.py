@@ -91,8 +91,17 @@ def run(node: Node, plan: Plan) -> None:
 def _explain(node: Node, error: DvtcliError, findings: tuple[Finding, ...]) -> None:
     foreseen = (finding.text for finding in findings if finding.place == f"0x{error.place}")
     error.why = error.why or next(foreseen, None)
+    error.hint = error.hint or _hint(node, error)
     if error.abort in node.profile.store.never_after:
         node.pending.suspicions[CHANGE] = f"the device answered 0x{error.abort:08X} to a change"
+
+
+def _hint(node: Node, error: DvtcliError) -> str | None:
+    """What the family's maker says of this refusal at this step."""
+    if error.abort is None or error.place is None or ":" not in error.place:
+        return None
+    index, _, sub_index = error.place.partition(":")
+    return node.profile.hint(int(index, 16), int(sub_index, 16), error.abort)
 
 
 def _return(node: Node, found: NmtState | None, boot_ups: int) -> bool:

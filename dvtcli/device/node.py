@@ -19,6 +19,7 @@ from dvtcli.device.login import level_finding, level_findings, refuse_passcode
 from dvtcli.device.pending import COMMUNICATION, EVERYTHING, Pending
 from dvtcli.device.raw_write import held_value, raw_change, raw_write_findings
 from dvtcli.device.read import present_pdos, read_optional, read_pdo
+from dvtcli.device.reversed_entries import ReversedEntries
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import Pdo, PdoConfig
@@ -70,7 +71,8 @@ class Node:
     @property
     def sdo(self) -> SdoTransport:
         """The node's SDO channel."""
-        return self.bus.sdo(self.node_id)
+        channel = self.bus.sdo(self.node_id)
+        return ReversedEntries(channel) if self.profile.reversed_entries else channel
 
     @property
     def access(self) -> Access:

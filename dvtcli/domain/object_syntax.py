@@ -15,6 +15,8 @@ from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry, normalise
 
 _OBJECT = re.compile(r"(?:0[xX])?([0-9A-Fa-f]{4})(?::(?:0[xX])?([0-9A-Fa-f]{1,2}))?")
 _WRONG_NUMBER = re.compile(r"0[xX][0-9A-Fa-f]+(?::.*)?|[0-9A-Fa-f]+:[0-9A-Fa-fxX]*")
+#: A maker's manual that counts sub-indices in decimal: `0x2005-13` is 2005:0D.
+_DECIMAL_SUB = re.compile(r"(?:0[xX])?([0-9A-Fa-f]{4})-([0-9]{1,3})(?:/[0-9]{1,3})?")
 _BITS = re.compile(r"[0-9]{1,3}")
 
 
@@ -45,16 +47,29 @@ class Skipped:
 def parse_object(text: str) -> tuple[int, int] | None:
     """Read `0x6C01:1`, `6C01:01` or `6041` (index and sub-index hexadecimal); None where *text* is a name.
 
+    Also `0x2005-13`, whose sub-index is decimal (RoboteQ CAN Networking Manual).
+
     ValueError where it is meant as a number and is none: an index has exactly four hexadecimal digits.
     """
     match = _OBJECT.fullmatch(text)
     if match:
         return int(match[1], 16), int(match[2] or "0", 16)
+    decimal = _DECIMAL_SUB.fullmatch(text)
+    if decimal and "/" not in text and int(decimal[2]) <= 0xFF:
+        return int(decimal[1], 16), int(decimal[2])
     if _WRONG_NUMBER.fullmatch(text):
         raise ValueError(
             f"{text!r} is not an object: an index has four hexadecimal digits, a sub-index one or two (6C01:1)"
         )
     return None
+
+
+def notation_note(text: str) -> str | None:
+    """What to say of an object written with a decimal sub-index, as some manuals do: `0x2005-13`."""
+    decimal = _DECIMAL_SUB.fullmatch(text)
+    if decimal is None or int(decimal[2]) > 0xFF:
+        return None
+    return f"{text}: the sub-index after - is decimal; this is {decimal[1].upper()}:{int(decimal[2]):02X}"
 
 
 def resolve_object(

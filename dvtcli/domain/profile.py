@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-from dvtcli.domain.pdo import Direction
+from dvtcli.domain.pdo import Direction, Pdo
 
 #: An inclusive range: lowest and highest.
 Range = tuple[int, int]
@@ -103,6 +103,26 @@ class VpdoGroup:
         return value == self.none or within(value, self.values)
 
 
+class StepKind(StrEnum):
+    """What a step of a PDO's change writes, as far as a device's refusal means something else there."""
+
+    ENTRY = "entry"
+    COUNT = "count"
+    COB_ID = "cob_id"
+    PARAMETER = "parameter"
+    OTHER = "other"
+
+
+def step_kind(index: int, sub_index: int) -> StepKind:
+    """What a write to *index*:*sub_index* is, as a step of a PDO's change."""
+    pdo = Pdo.at(index)
+    if pdo is None:
+        return StepKind.OTHER
+    if index == pdo.mapping_index:
+        return StepKind.ENTRY if sub_index else StepKind.COUNT
+    return StepKind.COB_ID if sub_index == 1 else StepKind.PARAMETER
+
+
 @dataclass(frozen=True, slots=True)
 class MappingAdvice:
     """Why the objects from index *first* to *last* should not feed a TPDO."""
@@ -126,6 +146,8 @@ class DeviceProfile:
     device tells its NMT state; *state_request* where a master takes one (u8: 1 pre-operational, 0 operational),
     *master_object* where it says that it is one (1); *extended_error* where the reason after 0x08000000 stands and
     *reasons* its texts; *dummies* the supported dummy indices; *login* how access is unlocked, if it is locked;
+    *hints* what an abort code usually means at a step of that kind, where the maker says more than the standard;
+    *reversed_entries* whether a mapping entry has its fields the other way round on the wire;
     *silent_rpdo* what the device does where an RPDO's producer is silent, if anything;
     *aliases* names a human types → objects; *type_texts* the maker's words for a transmission type and *type_notes*
     what to know about one; *warn_mapped* what should not feed a TPDO; *vpdo* its virtual PDOs.
@@ -160,6 +182,8 @@ class DeviceProfile:
     dummies: frozenset[int] | None = None
     store: StorePolicy = StorePolicy()
     login: LoginPolicy | None = None
+    hints: dict[StepKind, dict[int, str]] = field(default_factory=dict)
+    reversed_entries: bool = False
     silent_rpdo: str = ""
     aliases: dict[str, str] = field(default_factory=dict)
     type_texts: dict[int, str] = field(default_factory=dict)
@@ -178,6 +202,10 @@ class DeviceProfile:
             return True
         masked = any(product_code & mask == value for mask, value in self.product_masks)
         return masked or product_code in self.product_codes
+
+    def hint(self, index: int, sub_index: int, abort: int) -> str | None:
+        """What the abort code *abort* of a write to *index*:*sub_index* usually means in this family, or None."""
+        return self.hints.get(step_kind(index, sub_index), {}).get(abort)
 
     def allows_type(self, transmission_type: int) -> bool:
         """Whether the family knows *transmission_type* (0..255)."""

@@ -21,6 +21,7 @@ from dvtcli.domain.profile import (
     MappingAdvice,
     PreOperational,
     Severity,
+    StepKind,
     StorePolicy,
     VpdoGroup,
 )
@@ -125,6 +126,18 @@ def _store(item: Item) -> StorePolicy:
     return StorePolicy(**item.table(_STORE))
 
 
+def _hints(item: Item) -> dict[StepKind, dict[int, str]]:
+    tables = item.table(dict.fromkeys([kind.value for kind in StepKind], _by_abort))
+    return {StepKind(key): hints for key, hints in tables.items()}
+
+
+def _by_abort(item: Item) -> dict[int, str]:
+    for member in item.items():
+        if not re.fullmatch(r"0x[0-9A-Fa-f]{8}", member.key):
+            member.fail("the key must be an abort code such as 0x06040041")
+    return {int(member.key, 16): string(member) for member in item.items()}
+
+
 def _login(item: Item) -> LoginPolicy:
     return LoginPolicy(**item.table(_LOGIN, required=_LOGIN.keys() - {"user"}))
 
@@ -184,6 +197,8 @@ _PROFILE: Schema = {
     "dummies": lambda item: frozenset(integers(1, 7)(item)),
     "store": _store,
     "login": _login,
+    "hints": _hints,
+    "reversed_entries": boolean,
     "silent_rpdo": string,
     "aliases": _aliases,
     "type_texts": by_number(255),

@@ -55,7 +55,7 @@ def test_the_list_has_every_profile_and_the_folder_for_one_s_own(tmp_path: Path)
 
 
 def test_a_profile_is_shown_with_the_reason_for_every_value(tmp_path: Path) -> None:
-    for name in ("generic", "gen4", "espac", "tmcm", "roboteq"):
+    for name in ("generic", "gen4", "espac", "tmcm", "roboteq", "curtis-reversed", "canopennode"):
         (document,) = documents(run(tmp_path, "--json", "profiles", "show", name).stdout)
         assert document["name"] == name
         assert document["values"]

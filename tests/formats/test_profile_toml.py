@@ -18,7 +18,7 @@ from dvtcli.formats.profile_toml import read_profile
 FOLDER = Path(dvtcli.__file__).parent / "profiles"
 SOURCE = re.compile(
     r"#.*(CiA 30[16]|Sevcon PDO Fundamentals rev 2|Gen4 (manual|DCF)|Trinamic AN076|TMCM-6212 EDS"
-    r"|RoboteQ (CAN Networking Manual|EDS)|assumed)"
+    r"|RoboteQ (CAN Networking Manual|EDS)|Curtis AC F2-A EDS|CANopenNode, observed|pull request 89|assumed)"
 )
 HEAD = 'name = "x"\ntitle = "X"\n'
 
@@ -28,7 +28,9 @@ def read(text: str) -> None:
 
 
 def test_the_families_are_there() -> None:
-    assert profile_names() == ("espac", "gen4", "generic", "roboteq", "tmcm")
+    assert profile_names() == (
+        "canopennode", "curtis", "curtis-reversed", "espac", "gen4", "generic", "roboteq", "tmcm"
+    )  # fmt: skip
     assert [load_profile(name).name for name in profile_names()] == list(profile_names())
 
 
@@ -145,7 +147,7 @@ def test_the_notes_dummy_lists_can_skip_16_bits() -> None:
         assert entry.raw == word
 
 
-@pytest.mark.parametrize(("name", "hint"), [("gen5", "did you mean 'gen4'?"), ("zzz", "espac, gen4, generic, ")])
+@pytest.mark.parametrize(("name", "hint"), [("gen5", "did you mean 'gen4'?"), ("zzz", "canopennode, curtis, ")])
 def test_unknown_names_get_a_hint(name: str, hint: str) -> None:
     with pytest.raises(UsageError, match=name) as caught:
         load_profile(name)
@@ -231,5 +233,5 @@ def test_a_simulated_family_s_identity_chooses_the_profile_of_its_name(path: Pat
     vendor, product = (re.search(rf"^{key}Number=(\w+)", text, re.MULTILINE) for key in ("Vendor", "Product"))
     assert vendor is not None
     assert product is not None
-    wanted = path.stem if path.stem in profile_names() else "generic"
+    wanted = path.stem if path.stem in profile_names() and load_profile(path.stem).vendor_ids else "generic"
     assert profile_for_identity(int(vendor[1], 0), int(product[1], 0)).name == wanted
