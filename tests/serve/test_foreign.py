@@ -14,7 +14,7 @@ import pytest
 from dvtcli.simulator.family import family_eds
 from tests.process import documents
 from tests.prompt.terminal import Terminal
-from tests.serve.served import PATIENCE_S, Served, served, wait_for
+from tests.serve.served import Served, served, wait_for
 
 #: an object of the generic node that takes a text of any length
 TEXT = 0x2002
@@ -91,8 +91,10 @@ def test_it_maps_and_both_directions_work(network: canopen.Network, node: canope
     node.rpdo[1].map[0].raw = 123456
     node.rpdo[1].transmit()
     assert node.sdo[0x2000].raw == 123456
+    came: list[Any] = []
+    node.tpdo[1].add_callback(came.append)  # wait_for_reception misses a frame that is quicker than it
     network.sync.transmit()
-    assert node.tpdo[1].wait_for_reception(PATIENCE_S) is not None
+    wait_for(lambda: came, "the TPDO")
     assert node.tpdo[1].map[0].raw == 123456
 
 

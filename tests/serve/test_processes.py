@@ -18,7 +18,7 @@ import pytest
 
 from dvtcli.simulator.family import family_eds
 from tests.process import ROOT, dvtcli
-from tests.serve.served import PATIENCE_S, Served, own_environment, raw_client, received, served
+from tests.serve.served import PATIENCE_S, Served, own_environment, raw_client, received, served, wait_for
 
 #: what pdo_config.dvt puts into the frames, as the simulated controller's values are
 FRAMES = {
@@ -124,8 +124,10 @@ def test_a_foreign_client_reads_and_receives(gen4: Served) -> None:
         node.tpdo[1].enabled = True
         node.tpdo[1].save()
         node.nmt.state = "OPERATIONAL"
+        came: list[object] = []
+        node.tpdo[1].add_callback(came.append)  # wait_for_reception misses a frame that is quicker than it
         network.sync.transmit()
-        assert node.tpdo[1].wait_for_reception(5) is not None
+        wait_for(lambda: came, "the TPDO")
         assert [variable.raw for variable in node.tpdo[1].map] == [-1500, 0x1237]
     finally:
         network.notifier.stop()
