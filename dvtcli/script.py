@@ -6,6 +6,7 @@ Does not know where the text came from, and never asks anything.
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -40,19 +41,33 @@ def run_script(session: Session, data: bytes, source: str, *, keep_going: bool) 
     The first failing line stops it and gives the exit code; with *keep_going* it runs on and ends with the
     first failure's code, or 7 where there was one.
     """
-    if source in session.scripts:
-        raise UsageError(f"{source} runs itself: {' runs '.join([*session.scripts, source])}", place=source)
+    refuse_own_run(session, source)
     lines = script_lines(data, source)
     session.started = True
     parsed = [(line, _parsed(line, session, source)) for line in lines]
+
+    def run() -> int:
+        codes = _run_lines(session, parsed, source, keep_going=keep_going)
+        return 0 if not codes else 7 if 7 in codes else codes[0]
+
+    return enclosed(session, source, run)
+
+
+def refuse_own_run(session: Session, source: str) -> None:
+    """Raise UsageError where the script *source* is under way already."""
+    if source in session.scripts:
+        raise UsageError(f"{source} runs itself: {' runs '.join([*session.scripts, source])}", place=source)
+
+
+def enclosed(session: Session, source: str, run: Callable[[], int]) -> int:
+    """Run a script's content inside one NMT gate; its exit code."""
     outer = session.place
     session.scripts.append(source)
     try:
-        codes = _run_lines(session, parsed, source, keep_going=keep_going)
+        code = boundary(session, run)
     finally:
         session.scripts.pop()
         session.place = outer
-    code = 0 if not codes else 7 if 7 in codes else codes[0]
     if session.in_script:
         return code
     # after a failure (a difference is none) the set-up is neither old nor new: its nodes stay PRE-OPERATIONAL
@@ -80,13 +95,7 @@ def _run_lines(
 
 def script_lines(data: bytes, source: str) -> list[ScriptLine]:
     """The commands in *data*; a backslash at a line's end continues it. UsageError or InputFileError with FILE:LINE."""
-    if len(data) > MOST_BYTES:
-        raise InputFileError(f"{source}: {len(data)} bytes are no script", place=source)
-    try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError as wrong:
-        number = data[: wrong.start].count(b"\n") + 1
-        raise InputFileError(f"{source}:{number}: not UTF-8 text", place=f"{source}:{number}") from wrong
+    text = script_text(data, source)
     found: list[ScriptLine] = []
     pending: list[str] = []
     began = 0
@@ -106,6 +115,17 @@ def script_lines(data: bytes, source: str) -> list[ScriptLine]:
                 raise InputFileError(f"{place}: more than {MOST_COMMANDS} commands are no script", place=place)
         pending, began = [], 0
     return found
+
+
+def script_text(data: bytes, source: str) -> str:
+    """The text of a script; InputFileError with FILE:LINE where it is none."""
+    if len(data) > MOST_BYTES:
+        raise InputFileError(f"{source}: {len(data)} bytes are no script", place=source)
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as wrong:
+        number = data[: wrong.start].count(b"\n") + 1
+        raise InputFileError(f"{source}:{number}: not UTF-8 text", place=f"{source}:{number}") from wrong
 
 
 def _words(line: str, place: str) -> list[str]:

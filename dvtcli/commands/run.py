@@ -8,28 +8,46 @@ from typing import TYPE_CHECKING
 
 import click
 
-from dvtcli.params import FILE
+from dvtcli.params import FILE, CanopenType
 from dvtcli.shell import DvtCommand
 
 if TYPE_CHECKING:
     from dvtcli.session import Session
 
 
+class SecondsType(CanopenType):
+    """A time in seconds, 0.1…86400."""
+
+    name = "seconds"
+
+    def parse(self, text: str, ctx: click.Context | None) -> float:
+        """The seconds; ValueError outside the range."""
+        del ctx
+        seconds = float(text)
+        if not 0.1 <= seconds <= 86_400:
+            raise ValueError(f"{text}: a script may compute for 0.1…86400 s")
+        return seconds
+
+
 @click.command("run", cls=DvtCommand, short_help=__doc__)
 @click.argument("file", type=FILE)
 @click.option("--keep-going", is_flag=True, help="Run on after a failing line; end with the first failure's code.")
+@click.option(
+    "--max-seconds", "most_seconds", type=SecondsType(), metavar="S", help="How long a Tcl script may compute [600 s]."
+)
 @click.pass_obj
-def command(session: Session, /, file: str, keep_going: bool) -> int:
-    """Run the commands in FILE, or of stdin with `-`.
+def command(session: Session, /, file: str, keep_going: bool, most_seconds: float | None) -> int:
+    """Run the commands in FILE, or of stdin with `-`; a FILE.tcl is a Tcl script with the DVT's words (help dvt).
 
     \b
     run scripts/pdo_config.dvt
     run setup.dvt --dry-run
+    run scripts/pdo_config.tcl
     """
-    return run_file(session, file, keep_going=keep_going)
+    return run_file(session, file, keep_going=keep_going, most_seconds=most_seconds)
 
 
-def run_file(session: Session, file: str, *, keep_going: bool = False) -> int:
+def run_file(session: Session, file: str, *, keep_going: bool = False, most_seconds: float | None = None) -> int:
     """Run the script *file*, stdin with `-`; the exit code. UsageError where it cannot be read."""
     from dvtcli.errors import UsageError
     from dvtcli.script import MOST_BYTES, run_script
@@ -41,4 +59,8 @@ def run_file(session: Session, file: str, *, keep_going: bool = False) -> int:
             data = script.read(MOST_BYTES + 1)
     except OSError as failed:
         raise UsageError(f"{file}: {failed.strerror}", place=file, hint="run takes the path of a script") from failed
+    if file.lower().endswith(".tcl"):
+        from dvtcli.dvt.tcl import run_tcl
+
+        return run_tcl(session, data, file, keep_going=keep_going, most_seconds=most_seconds)
     return run_script(session, data, file, keep_going=keep_going)

@@ -13,7 +13,7 @@ from dvtcli.device.read import read_identity
 from dvtcli.domain.several import several
 from dvtcli.errors import UsageError
 from dvtcli.params import FILE
-from dvtcli.shell import DvtCommand
+from dvtcli.shell import DvtCommand, split
 
 if TYPE_CHECKING:
     from dvtcli.results import Facts
@@ -28,6 +28,7 @@ def command(session: Session, /, file: str) -> Facts:
 
     \b
     save tpdo1.dvt
+    save tpdo1.tcl             the same for Tcl
     """
     from dvtcli.results import Facts
 
@@ -37,6 +38,8 @@ def command(session: Session, /, file: str) -> Facts:
     if os.path.exists(path):  # noqa: PTH110 - Path.exists raises OSError for a name that is too long
         session.consent(f"{file} exists; overwrite it?")
     text, identity = _script(session)
+    if file.lower().endswith(".tcl"):
+        text = _as_tcl(text)
     try:
         _write(path, text)
     except OSError as failed:
@@ -64,6 +67,17 @@ def _script(session: Session) -> tuple[str, str]:
         lines.append(line)
     shown = [f"node {node_id} ({pins[node_id][1]})" if named else pins[node_id][1] for node_id in node_ids]
     return "\n".join([*lines, ""]), several(shown)
+
+
+def _as_tcl(text: str) -> str:
+    """A script's lines for Tcl, where `dvtcli` stands before each; words that Tcl would read otherwise get braces."""
+    head, *lines = text.splitlines()
+    shown = [" ".join(["dvtcli", *map(_tcl_word, split(line))]) for line in lines if line]
+    return "\n".join([head, *shown, ""])
+
+
+def _tcl_word(word: str) -> str:
+    return word if word and not set(word) & set(' \t"[]{}$;#\\') else f"{{{word}}}"
 
 
 def _default_id(session: Session) -> int | None:

@@ -77,6 +77,13 @@ class Output:
             self._write(self.stderr, line)
         self.stderr.flush()
 
+    def said(self, lines: Iterable[Line], *, error: bool) -> None:
+        """Print what a script says itself: to stdout, or to stderr with *error* and where stdout has documents."""
+        stream = self.stderr if error or self.json else self.stdout
+        for line in lines:
+            self._write(stream, line)
+        stream.flush()
+
     def traffic(self, frame: Frame, *, sent: bool, secret: bool = False) -> None:
         """Show a frame as -v and -vv ask, nothing without them; of a *secret* one not what it carries."""
         from dvtcli.view.traffic import traffic_line

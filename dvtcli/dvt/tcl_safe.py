@@ -1,0 +1,118 @@
+"""What a Tcl script may do besides the DVT's words: print, end, and read files of its own folder; all else is refused.
+
+Knows Tcl's own commands. Does not know the DVT's words.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dvtcli.errors import UsageError
+
+if TYPE_CHECKING:
+    from dvtcli.dvt.tcl_interp import BareInterpreter
+    from dvtcli.session import Session
+
+#: Tcl's commands that reach outside of the interpreter: none of them is there, and each says so.
+REFUSED = ("exec", "socket", "load", "unload", "glob", "cd", "pwd", "fconfigure", "encoding", "interp", "gets")
+#: Parts of `file` that only work on names.
+_NAMES_ONLY = ("dirname", "tail", "extension", "rootname", "join", "split")
+_MOST_EXIT_CODE = 125
+
+
+class Commands:
+    """These commands for one script in *folder*; *stop* ends the script past any `catch`."""
+
+    def __init__(self, session: Session, tcl: BareInterpreter, folder: Path, stop: Callable[[], None]) -> None:
+        self._session, self._tcl, self._folder, self._stop = session, tcl, folder, stop
+        #: what `exit` was given
+        self.exit_code: int | None = None
+        self._unfinished = {"stdout": "", "stderr": ""}
+        self._own: dict[str, Callable[..., str]] = {
+            "puts": self._puts, "flush": self._flush, "exit": self._exit, "file": self._file,
+            "source": self._source_path, "open": self._open_path,
+        }  # fmt: skip
+
+    @property
+    def names(self) -> list[str]:
+        """Every command that is ours to answer."""
+        return [*self._own, *REFUSED]
+
+    def run(self, name: str, texts: tuple[str, ...]) -> str:
+        """Answer one command; UsageError where it is refused or misused."""
+        if name in REFUSED:
+            raise _refused(name)
+        return self._own[name](*texts)
+
+    def flush(self) -> None:
+        """Print what `puts -nonewline` left unfinished."""
+        for stream in ("stdout", "stderr"):
+            if self._unfinished[stream]:
+                self._print(stream, "", newline=True)
+
+    def _puts(self, *texts: str) -> str:
+        words = list(texts)
+        newline = words[:1] != ["-nonewline"]
+        if not newline:
+            words.pop(0)
+        stream = words.pop(0) if len(words) == 2 else "stdout"
+        if len(words) != 1:
+            raise UsageError("puts: it is: puts [-nonewline] [stdout|stderr] TEXT")
+        if stream not in self._unfinished:
+            raise UsageError(f"puts: {stream} cannot be written to: a Tcl script prints to stdout and stderr only")
+        self._print(stream, words[0], newline=newline)
+        return ""
+
+    def _print(self, stream: str, text: str, *, newline: bool) -> None:
+        *lines, rest = (self._unfinished[stream] + text + ("\n" if newline else "")).split("\n")
+        self._unfinished[stream] = rest
+        self._session.output.said(lines, error=stream == "stderr")
+
+    def _flush(self, *_channel: str) -> str:
+        return ""  # every line is flushed as it is printed
+
+    def _exit(self, code: str = "0") -> str:
+        if not code.isascii() or not code.isdigit() or int(code) > _MOST_EXIT_CODE:
+            raise UsageError(f"exit {code}: an exit code is 0…{_MOST_EXIT_CODE}")
+        self.exit_code = int(code)
+        self._stop()
+        return ""
+
+    def _file(self, what: str = "", *names: str) -> str:
+        if what == "exists" and len(names) == 1:
+            return str(int(self._inside(names[0]).exists()))
+        if what not in _NAMES_ONLY:
+            raise _refused(f"file {what}".strip())
+        found = self._tcl.call("file", what, *names)
+        return str(self._tcl.call("concat", found))
+
+    def _source_path(self, *texts: str) -> str:
+        if not texts or (len(texts) == 3) != (texts[0] == "-encoding") or len(texts) not in (1, 3):
+            raise UsageError("source: it is: source FILE")
+        path = self._inside(texts[-1])
+        if not path.is_file():
+            raise UsageError(f"source: there is no file {texts[-1]}")
+        return str(path)
+
+    def _open_path(self, *texts: str) -> str:
+        if not texts or texts[1:] not in ((), ("r",)):
+            raise UsageError("open: a Tcl script may only read files, of its own folder: open FILE r")
+        return str(self._inside(texts[0]))
+
+    def _inside(self, name: str) -> Path:
+        """The path of a file in the script's folder or below; UsageError where it is anywhere else."""
+        try:
+            path = (self._folder / name).resolve()
+        except (OSError, ValueError) as wrong:
+            raise UsageError(f"{name}: {wrong}") from wrong
+        if not path.is_relative_to(self._folder):
+            raise UsageError(f"{name} is outside of the script's folder: a Tcl script reads no file elsewhere")
+        return path
+
+
+def _refused(name: str) -> UsageError:
+    return UsageError(
+        f"{name} is not available: Tcl scripts run in safe mode, without programs, network and other people's files"
+    )

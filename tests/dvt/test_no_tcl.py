@@ -1,0 +1,21 @@
+"""Where Python has no tkinter: a real process whose first `tkinter` cannot be imported."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+from tests.process import ROOT, environment
+
+
+def test_without_tkinter_one_error_names_the_package(tmp_path: Path) -> None:
+    (tmp_path / "tkinter.py").write_text("raise ImportError(\"No module named '_tkinter'\")\n")
+    done = subprocess.run(
+        [sys.executable, "-m", "dvtcli", "--sim", "gen4", "run", "scripts/pdo_config.tcl"],
+        capture_output=True, encoding="utf-8", cwd=ROOT, env=environment() | {"PYTHONPATH": str(tmp_path)},
+        check=False, timeout=60,
+    )  # fmt: skip
+    assert done.returncode == 1
+    assert "python3-tk" in done.stderr
+    assert done.stdout == ""
