@@ -65,7 +65,10 @@ class BareInterpreter:
         self._created.append(name)
 
     def close(self) -> None:
-        """Delete the interpreter now, in this thread: Tcl aborts the process where another thread's collector does it."""
+        """Delete the interpreter now, in this thread.
+
+        Tcl aborts the process where garbage collection deletes it in another thread.
+        """
         for name in self._created:  # they hold whoever called us, and so the interpreter itself
             self._tk.deletecommand(name)
         del self._tk, self._interpreter
