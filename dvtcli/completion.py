@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import click
 from click.shell_completion import CompletionItem
@@ -16,6 +17,11 @@ from dvtcli.domain.mapping import DUMMY_BITS, MAX_PDO_BITS
 from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry, normalised
 from dvtcli.domain.object_syntax import parse_object
 from dvtcli.domain.rules.mapping import FEEDS_TPDO, TAKES_RPDO
+from dvtcli.errors import DvtcliError
+from dvtcli.options import Options, taken
+
+if TYPE_CHECKING:
+    from dvtcli.session import Session
 
 #: How many objects a menu shows at most.
 MOST = 60
@@ -32,12 +38,28 @@ def object_items(ctx: click.Context, incomplete: str, *, mapped: bool) -> list[C
     if session is None:
         return []
     chosen = ctx.params.get("pdo")
-    for dictionary, aliases in session.completion_dictionaries(getattr(chosen, "node_id", None)):
+    for dictionary, aliases in _dictionaries(ctx, session, getattr(chosen, "node_id", None)):
         room = _room(ctx, dictionary, aliases) if mapped else None
         items = _items(dictionary, aliases, room, incomplete)
         if items:
             return items[:MOST]
     return []
+
+
+def _dictionaries(
+    ctx: click.Context, session: Session, node_id: int | None
+) -> list[tuple[ObjectDictionary, dict[str, str]]]:
+    """What the session knows; in a shell, where none has begun, what the options typed so far name."""
+    if session.started or session.is_open or session.base != Options():
+        return session.completion_dictionaries(node_id)
+    contexts = [ctx.find_root(), ctx]
+    try:
+        given = {name: value for one in contexts for name, value in taken(dict(one.params)).items()}
+        from dvtcli.network import offline_dictionaries
+
+        return offline_dictionaries(Options()._replace(**given))
+    except (DvtcliError, click.ClickException):
+        return []  # a wrong option or file: it is said once the line is run
 
 
 def _items(
