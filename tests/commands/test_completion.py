@@ -27,7 +27,7 @@ def completed(folder: Path, words: list[str], **variables: str) -> list[str]:
         env=environment() | asked | variables, timeout=60, check=False,
     )  # fmt: skip
     assert (done.returncode, done.stderr) == (0, "")
-    return [line.partition(",")[2] for line in done.stdout.splitlines()]
+    return [line.partition(",")[2] for line in done.stdout.splitlines() if line]
 
 
 def test_commands_options_pdos_and_words(tmp_path: Path) -> None:
