@@ -19,6 +19,9 @@ from dvtcli.simulator.node import SimulatedNetwork
 from tests.process import dvtcli
 from tests.serve.served import PATIENCE_S, served, wait_for
 
+#: what canopen waits for each 1 in an address, since nobody answers then, and all that a busy machine has to answer (s)
+SCAN_S = 0.25
+
 
 def address(family: str) -> tuple[int, ...]:
     """The identity (0x1018:1..4) in the file of *family*."""
@@ -31,11 +34,11 @@ GEN4, TMCM = address("gen4"), address("tmcm")
 
 
 @contextmanager
-def master(bus: can.BusABC, patience_s: float = 5.0) -> Iterator[canopen.Network]:
-    """canopen on *bus*; *patience_s* is how long its LSS master waits for an answer."""
+def master(bus: can.BusABC) -> Iterator[canopen.Network]:
+    """canopen on *bus*."""
     network = canopen.Network(bus=bus)
     network.notifier = can.Notifier(bus, network.listeners, 0.1)
-    network.lss.RESPONSE_TIMEOUT = patience_s
+    network.lss.RESPONSE_TIMEOUT = 5
     try:
         yield network
     finally:
@@ -68,9 +71,11 @@ def is_silent(network: canopen.Network, node_id: int) -> bool:
 
 def fast_scan(network: canopen.Network) -> list[int]:
     """The address of the lowest node without a node-ID; scans again where an answer came too late for canopen."""
+    patience_s, network.lss.RESPONSE_TIMEOUT = network.lss.RESPONSE_TIMEOUT, SCAN_S
     for _ in range(10):
         found, address = network.lss.fast_scan()
         if found:
+            network.lss.RESPONSE_TIMEOUT = patience_s
             return list(address)
     raise AssertionError("no scan found a node")
 
@@ -113,8 +118,7 @@ def test_a_node_id_is_set_stored_and_kept(tmp_path: Path) -> None:
 
 def test_fast_scan_finds_the_nodes_without_a_node_id_and_configures_them(tmp_path: Path) -> None:
     with served(tmp_path, "gen4@255", "tmcm@255", "generic@3") as server:
-        # the patience is what each 1 in an address costs, and what a busy machine may take to answer
-        with master(server.attach(), 0.25) as network:
+        with master(server.attach()) as network:
             for node_id, wanted in ((11, GEN4), (12, TMCM)):
                 booted = boot_ups(network, node_id)
                 assert fast_scan(network) == list(wanted)
@@ -140,9 +144,7 @@ def test_one_process_on_a_virtual_bus() -> None:
         assert network.lss.inquire_node_id() == 255
         assert identity(network) == GEN4
         network.lss.send_switch_state_global(network.lss.WAITING_STATE)
-        network.lss.RESPONSE_TIMEOUT = 0.2
         assert fast_scan(network) == list(GEN4)
-        network.lss.RESPONSE_TIMEOUT = 5
         network.lss.configure_node_id(7)
         network.lss.send_switch_state_global(network.lss.WAITING_STATE)
         until = time.monotonic() + PATIENCE_S
