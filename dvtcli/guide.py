@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Sequence
 
+from dvtcli.options import file_aliases
 from dvtcli.shell import command_names, summary
 
 _TOPICS = os.path.join(os.path.dirname(__file__), "topics")  # noqa: PTH118, PTH120 - pathlib costs 7 ms
@@ -55,6 +56,9 @@ def overview() -> list[str]:
     lines += [f"  {task:<{width}}  {'  '.join(group)}" for task, group in by_task(command_names())]
     lines += ["", "Topics:"]
     lines += [f"  {name:<{width}}  {topic(name).splitlines()[0]}" for name in topic_names()]
+    aliases = file_aliases()
+    lines += ["", "Aliases, at the prompt:"] if aliases else []
+    lines += [f"  {word:<{width}}  {text}" for word, text in sorted(aliases.items())]
     lines += [
         "",
         "help NAME     a command with examples, or a topic",

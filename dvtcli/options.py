@@ -18,6 +18,8 @@ PREFIX = "global_"
 NEGATIVE_MARK = "\ue000"
 #: The key of `dvtcli.toml` that is no option: what `login` would ask for.
 PASSCODE = "passcode"
+#: The table of `dvtcli.toml` with words of the prompt's user.
+ALIASES = "aliases"
 #: A `dvtcli.toml` is a few lines; beyond this many bytes it is something else.
 _MOST_BYTES = 100_000
 #: What only the start of the program may choose: a bus, a node's files, where things are kept.
@@ -35,6 +37,7 @@ START_ONLY = frozenset(
         "journal",
         "color",
         "ascii",
+        "no_shell",
     }
 )
 
@@ -60,6 +63,7 @@ class Options(NamedTuple):
     verbose: int = 0
     color: str = "auto"
     ascii: bool = False
+    no_shell: bool = False
     yes: bool = False
     force: bool = False
     timeout: float = 0.5
@@ -101,6 +105,7 @@ _TABLE: list[tuple[tuple[str, ...], dict[str, Any]]] = [
     (("-v", "--verbose"), {"count": True, "help": "Show each SDO; -vv each frame."}),
     (("--color",), {"type": click.Choice(["auto", "always", "never"]), "help": "Colours [auto]."}),
     (("--ascii",), {"is_flag": True, "help": "No characters beyond ASCII on screens."}),
+    (("--no-shell",), {"is_flag": True, "help": "At the prompt: no `|`, so that no program is started."}),
     (("-y", "--yes"), {"is_flag": True, "help": "Answer questions with yes."}),
     (("--force",), {"is_flag": True, "help": "Send what dvtcli's own rules refuse."}),
     (("--timeout",), {"metavar": "S", "help": "SDO time-out in seconds [0.5]."}),
@@ -204,6 +209,27 @@ def file_passcode() -> str | None:
     return None if value is None else str(value)
 
 
+def file_aliases() -> dict[str, str]:
+    """The table `[aliases]` of the nearest `dvtcli.toml`: a word, and the beginning of a line that it stands for.
+
+    Raises InputFileError where it is no table of texts, or a word could not be typed as one.
+    """
+    from dvtcli.errors import InputFileError
+
+    path = settings_file()
+    found = {} if path is None else _keys(path).get(ALIASES, {})
+    if not isinstance(found, dict):
+        raise InputFileError(f"{path}: {ALIASES} is a table", place=path, hint='[aliases]  then  v = "read 606C"')
+    for word, text in found.items():
+        if not re.fullmatch(r"[\w.-]+", word) or not isinstance(text, str) or not text.strip() or "\n" in text:
+            raise InputFileError(
+                f"{path}: the alias {word!r} is not one word that stands for one line",
+                place=path,
+                hint='[aliases]  then  v = "read 606C"',
+            )
+    return found
+
+
 def settings_file(start: str | None = None) -> str | None:
     """The path of the nearest `dvtcli.toml` at or above *start* (default: here), None where there is none."""
     folder = os.path.abspath(start or os.curdir)  # noqa: PTH100 - pathlib costs 7 ms of a --help
@@ -221,13 +247,14 @@ def _read_defaults(path: str) -> dict[str, Any]:
 
     keys = _keys(path)
     keys.pop(PASSCODE, None)  # no option: it would stand in process lists
+    keys.pop(ALIASES, None)
     known = {names[-1].lstrip("-").replace("-", "_") for names, _ in _TABLE}
     unknown = sorted(key for key in keys if key.replace("-", "_") not in known)
     if unknown:
         raise InputFileError(
             f"{path}: unknown key {unknown[0]!r}",
             place=path,
-            hint=f"keys are the options: {', '.join(sorted(known))}; and {PASSCODE}",
+            hint=f"keys are the options: {', '.join(sorted(known))}; and {PASSCODE}, [{ALIASES}]",
         )
     return {PREFIX + key.replace("-", "_"): _setting(path, key, value) for key, value in keys.items()}
 

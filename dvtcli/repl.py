@@ -8,7 +8,7 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING
 
-from dvtcli.errors import DvtcliError
+from dvtcli.errors import DvtcliError, UsageError
 from dvtcli.shell import LEAVE, boundary, command_names, run_words, split
 from dvtcli.view.lines import Cell, Line
 
@@ -26,6 +26,8 @@ SILENT = 5
 
 def run_prompt(session: Session) -> int:
     """Open the bus and run lines until the user leaves; the program's exit code. BusUnavailable where none opens."""
+    from dvtcli.options import file_aliases
+    from dvtcli.prompt.elsewhere import paged
     from dvtcli.prompt.first_start import first_start
     from dvtcli.prompt.life import Life
     from dvtcli.prompt.notices import Notices
@@ -35,6 +37,8 @@ def run_prompt(session: Session) -> int:
 
     first_start(session)
     session.started = True
+    session.aliases = _aliases(file_aliases())
+    session.output.pager = lambda text: not session.in_script and paged(text)
     _banner(session)
     bus = session.wire
     assert isinstance(bus, CanBus)  # noqa: S101 - every wire is one; only twins are not
@@ -46,6 +50,14 @@ def run_prompt(session: Session) -> int:
         return Prompt(session, status, reader(session, status, life.notices, lambda line: _help(session, line))).run()
     finally:
         life.stop()
+
+
+def _aliases(found: dict[str, str]) -> dict[str, str]:
+    """The user's words; UsageError for one that is a command already, which would hide it."""
+    hidden = sorted(found.keys() & set(command_names()))
+    if hidden:
+        raise UsageError(f"the alias {hidden[0]!r} is a command already", hint="[aliases] in dvtcli.toml: rename it")
+    return found
 
 
 class Prompt:
@@ -84,11 +96,20 @@ class Prompt:
 
     def _run(self, line: str) -> int:
         """Run one line; unless it left something changed, every node goes back to the state it was found in."""
+        from dvtcli.prompt.elsewhere import sent
+        from dvtcli.prompt.line import checked, cut, expanded
+
         session = self._session
 
         def run() -> int:
-            words = split(line)
-            return run_words(words, session) if words else 0
+            command, destination = cut(expanded(line, session.aliases))
+            words = split(command)
+            if destination is not None:
+                destination = checked(destination, programs=not session.options.no_shell)
+            if not words:
+                return 0
+            with sent(session.output, destination):
+                return run_words(words, session)
 
         code = boundary(session, run)
         code = boundary(session, lambda: session.end_line(code)) or code

@@ -53,6 +53,8 @@ class Session:
         self.sources: dict[str, str] = {}
         #: script lines of everything that succeeded and changed something, with the node that each is about
         self.executed: list[tuple[int, str]] = []
+        #: words of the prompt's user, each with what it stands for
+        self.aliases: dict[str, str] = {}
         #: the last frames that were heard, where somebody listens all the time as the prompt does
         self.frames: LastFrames | None = None
         self._network: Network | None = None

@@ -15,6 +15,7 @@ from prompt_toolkit.validation import ValidationError, Validator
 
 from dvtcli.boundary import usage_error
 from dvtcli.errors import DvtcliError, UsageError
+from dvtcli.prompt.line import checked, cut, expanded
 from dvtcli.shell import parse, split
 from dvtcli.view.lines import Cell
 from dvtcli.view.safe import safe
@@ -65,7 +66,10 @@ class LineValidator(Validator):
 
     def _wrong(self, line: str) -> str | None:
         try:
-            words = split(line)
+            command, destination = cut(expanded(line, self._session.aliases))
+            if destination is not None:
+                checked(destination, programs=not self._session.options.no_shell)
+            words = split(command)
             if words and not _ANSWERED_AT_ONCE & set(words):
                 parse(words, self._session).close()
         except click.ClickException as wrong:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 from prompt_toolkit.document import Document
 from prompt_toolkit.formatted_text import StyleAndTextTuples
@@ -16,10 +16,10 @@ _HEXADECIMAL = re.compile(r"0x[0-9a-f]+(:[0-9a-fx]+)?|[0-9a-f]{4}(:[0-9a-f]{1,2}
 
 
 class LineLexer(Lexer):
-    """Styles the words of a line."""
+    """Styles the words of a line; *aliases* are known as commands are."""
 
-    def __init__(self) -> None:
-        self._commands = frozenset(command_names())
+    def __init__(self, aliases: Iterable[str]) -> None:
+        self._commands = frozenset({*command_names(), *aliases})
 
     def lex_document(self, document: Document) -> Callable[[int], StyleAndTextTuples]:
         """The styled words of each line of *document*."""
@@ -42,6 +42,6 @@ class LineLexer(Lexer):
             return ""
         if first:
             return "class:command" if word in self._commands else "class:unknown"
-        if word.startswith("--"):
+        if word.startswith("--") or word in ("|", ">", ">>"):
             return "class:option"
         return "class:number" if _HEXADECIMAL.fullmatch(word) else ""

@@ -15,6 +15,7 @@ from prompt_toolkit.document import Document
 
 from dvtcli.errors import DvtcliError
 from dvtcli.options import START_ONLY, global_options
+from dvtcli.prompt.line import cut
 from dvtcli.prompt.typed import Typed, last_line, quoted, typed
 from dvtcli.shell import PREFIX, REGISTRY, command_names, summary
 from dvtcli.view.safe import safe
@@ -31,21 +32,35 @@ class LineCompleter(Completer):
         self._paths = PathCompleter(expanduser=True)
         # Summaries are read from the commands' files once: a menu is drawn with every key.
         self._commands = {name: summary(name) for name in command_names()}
+        self._commands |= {word: f"alias of: {text}" for word, text in session.aliases.items()}
         self._global = list(_global_items())
 
     def get_completions(self, document: Document, complete_event: CompleteEvent) -> Iterable[Completion]:
         """What the word before the cursor may become."""
         before = last_line(document.text_before_cursor)
-        line = typed(before)
-        if line is None:
+        line, destination = self._taken_apart(before)
+        if line is None or destination == "|":
             return
-        items = self._items(line)
+        items = self._items(line) if destination is None else [CompletionItem(line.incomplete, type="file")]
         if any(item.type in ("file", "dir") for item in items):
             yield from self._paths.get_completions(Document(line.incomplete), complete_event)
             return
         start = line.start - len(before)
         for item, meta in zip(items, _aligned([safe(item.help or "") for item in items]), strict=True):
             yield Completion(quoted(item.value), start, display=safe(item.value), display_meta=meta)
+
+    def _taken_apart(self, before: str) -> tuple[Typed | None, str | None]:
+        """The words of the line, an alias for what it stands for; or the file behind `>` and its sign."""
+        command, destination = cut(before)
+        if destination is not None:
+            line = typed(before[len(command) + len(destination.sign) :])
+            moved = len(command) + len(destination.sign)
+            return line and Typed([], line.incomplete, line.start + moved), destination.sign
+        line = typed(before)
+        if line is not None and line.words and line.words[0] in self._session.aliases:
+            words = typed(self._session.aliases[line.words[0]] + " ")
+            line = Typed([*(words.words if words else []), *line.words[1:]], line.incomplete, line.start)
+        return line, None
 
     def _items(self, line: Typed) -> list[CompletionItem]:
         if not line.words:

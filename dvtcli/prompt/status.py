@@ -74,7 +74,7 @@ class Status:
         """
         parts = [self._bus_part(), *self._load_parts(), *self._node_parts(), *self._unstored_parts(), *self._hints()]
         fragments: StyleAndTextTuples = []
-        command = syntax(line, width - 1)
+        command = syntax(line, width - 1, self._session.aliases)
         if command is not None:
             fragments += [("class:command", f" {safe(command[0])} "), ("", f"{safe(command[1])}\n")]
         for number, (style, text) in enumerate(fitted(parts, width)):

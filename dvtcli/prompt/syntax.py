@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import lru_cache
 
 import click
 
+from dvtcli.prompt.line import cut, expanded
 from dvtcli.prompt.typed import last_line, typed
 from dvtcli.shell import REGISTRY
 
 
-def syntax(text: str, width: int) -> tuple[str, str] | None:
+def syntax(text: str, width: int, aliases: Mapping[str, str]) -> tuple[str, str] | None:
     """The command that *text* begins with and its parameters, in at most *width* columns; None where there is none.
 
     Options that were typed already give way to those that were not.
     """
-    line = typed(last_line(text))
+    command = cut(last_line(text))[0]
+    if not (before := typed(command)) or not before.words:
+        return None
+    line = typed(expanded(command, aliases))
     if line is None or not line.words:
         return None
     name = line.words[0]

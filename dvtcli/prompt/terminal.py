@@ -141,6 +141,7 @@ def _prompt_session(session: Session, status: Status, show_help: Callable[[str],
     from dvtcli.prompt.colours import LineLexer
     from dvtcli.prompt.completer import LineCompleter
     from dvtcli.prompt.history import open_history
+    from dvtcli.prompt.line import expanded
 
     def columns() -> int:
         return get_app().output.get_size().columns
@@ -151,14 +152,17 @@ def _prompt_session(session: Session, status: Status, show_help: Callable[[str],
         wrong: StyleAndTextTuples = [("class:validation-toolbar", f"{rest}\n")] if rest else []
         return wrong + status.toolbar(columns(), buffer.document.text_before_cursor)
 
+    def is_secret(line: str) -> bool:
+        return session.names_passcode(expanded(line, session.aliases))
+
     return PromptSession(
         message=status.prompt,
-        history=open_history(session.output, session.names_passcode),
+        history=open_history(session.output, is_secret),
         auto_suggest=AutoSuggestFromHistory(),
         completer=LineCompleter(session),
         complete_in_thread=True,
         complete_style=CompleteStyle.COLUMN,
-        lexer=LineLexer(),
+        lexer=LineLexer(session.aliases),
         bottom_toolbar=toolbar,
         validator=LineValidator(session, columns),
         validate_while_typing=False,

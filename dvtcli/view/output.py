@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, TextIO
 
 if TYPE_CHECKING:
@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from dvtcli.errors import DvtcliError
     from dvtcli.results import Document, Result
     from dvtcli.view.lines import Line
+
+#: Results that are read at leisure; what a change did is shown as it is.
+_LISTS = frozenset({"PdoListing", "ObjectListing", "NodeListing", "Facts", "FileReport"})
 
 
 class Output:
@@ -28,6 +31,8 @@ class Output:
         self.verbose = 0
         self.quiet = False
         self.plain = False
+        #: shows a text that is more than a screen, and says whether it did
+        self.pager: Callable[[str], bool] | None = None
 
     def configure(self, format_name: str, color: str, verbose: int, *, quiet: bool, plain: bool) -> None:
         """Take the options that count from now on."""
@@ -55,8 +60,10 @@ class Output:
 
         for line in () if self.quiet else remarks(result):
             self._write(self.stderr, line)
-        for line in text(result, self.width):
-            self._write(self.stdout, line)
+        lines = self._painted(self.stdout, text(result, self.width))
+        if type(result).__name__ not in _LISTS or not self._page(lines):
+            for line in lines:
+                print(line, file=self.stdout)
         self.stdout.flush()
 
     def error(self, error: DvtcliError, at: str | None = None) -> None:
@@ -127,11 +134,22 @@ class Output:
             self.stdout.write("".join(lines))
             self.stdout.flush()
 
+    def _page(self, lines: Sequence[str]) -> bool:
+        """Show *lines* with the pager where they are more than a screen; whether they were shown."""
+        rows = sum(line.count("\n") + 1 for line in lines)
+        if self.pager is None or not self.stdout.isatty() or rows < os.get_terminal_size(self.stdout.fileno()).lines:
+            return False
+        return self.pager("\n".join([*lines, ""]))
+
     def _write(self, stream: TextIO, line: Line) -> None:
+        for text in self._painted(stream, [line]):
+            print(text, file=stream)
+
+    def _painted(self, stream: TextIO, lines: Iterable[Line]) -> list[str]:
         from dvtcli.view.paint import painted
 
-        width = _columns(stream)
-        print(painted(line, stream, colored=self._colored(stream), plain=self.plain, width=width), file=stream)
+        width, colored = _columns(stream), self._colored(stream)
+        return [painted(line, stream, colored=colored, plain=self.plain, width=width) for line in lines]
 
     def _colored(self, stream: TextIO) -> bool:
         if self.color != "auto":

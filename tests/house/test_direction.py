@@ -28,7 +28,7 @@ MAY: dict[str, set[str]] = {
     "dvt": {
         "domain", "errors", "device", "session", "params", "results", "shell", "commands", "boundary", "script",
     },
-    "guide": {"shell"},
+    "guide": {"options", "shell"},
     "health": {"domain", "errors", "formats", "options", "results", "session", "transports"},
     "boundary": {"errors", "session"},
     "shell": {"errors", "options", "session", "results", "boundary", "commands", "front", "guide", "dvt"},

@@ -1,0 +1,101 @@
+"""Results that leave the screen: into files, programs and the pager, in real terminals."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.prompt.conftest import Open
+from tests.prompt.terminal import CTRL_D, Terminal
+
+
+def test_results_go_into_files(gen4: Terminal, tmp_path: Path) -> None:
+    gen4.run("read 6041 > out.txt")
+    gen4.wait_prompt()
+    gen4.run("read 606C >> out.txt")
+    gen4.wait_prompt()
+    first, second = (tmp_path / "out.txt").read_text("utf-8").splitlines()
+    assert "Statusword" in first
+    assert "Velocity actual value" in second
+    assert "0x6041:00" not in gen4.text
+    gen4.run("read 6041 > no/such/folder")
+    gen4.wait("No such file or directory")
+    gen4.wait_prompt()
+    gen4.run("read 6041")
+    gen4.wait("0x6041:00")
+
+
+def test_results_go_through_programs(gen4: Terminal) -> None:
+    gen4.run("pdo --all | grep -c '^  [TR]PDO'")
+    gen4.until(lambda: "10" in [line.strip() for line in gen4.lines], "the number of PDOs")
+    gen4.wait_prompt()
+    gen4.run("objects | head -n 1")
+    gen4.wait("OBJECT")
+    gen4.wait_prompt()
+    gen4.run("read 6041")
+    gen4.wait("0x6041:00")
+    gen4.wait_prompt()
+    gen4.type(CTRL_D)
+    assert gen4.ended() == 0
+
+
+def test_no_shell_starts_no_program(open_terminal: Open, tmp_path: Path) -> None:
+    terminal = open_terminal("--sim", "gen4", "--no-shell")
+    terminal.wait_prompt()
+    terminal.run("read 6041 | tee out.txt")
+    terminal.wait("`|` is off")
+    assert not (tmp_path / "out.txt").exists()
+
+
+def test_scripts_have_no_pipes(gen4: Terminal, tmp_path: Path) -> None:
+    (tmp_path / "a.dvt").write_text("read 6041 > out.txt\n")
+    gen4.run("run a.dvt")
+    gen4.wait("unexpected extra arguments")
+    assert not (tmp_path / "out.txt").exists()
+
+
+@pytest.mark.parametrize(("columns", "rows"), [(80, 24), (120, 40)])
+def test_what_is_more_than_a_screen_is_paged(open_terminal: Open, columns: int, rows: int) -> None:
+    terminal = open_terminal("--sim", "gen4", columns=columns, rows=rows, environment={"PAGER": "less"})
+    terminal.wait_prompt()
+    terminal.run("objects")
+    terminal.until(lambda: terminal.lines[-1] == ":", "the pager")
+    assert "OBJECT" in terminal.lines[0] or "OBJECT" in terminal.text
+    terminal.type("q")
+    terminal.wait_prompt()
+    terminal.run("read 6041")
+    terminal.wait("Statusword")
+
+
+def test_a_pager_that_is_cat_is_none(open_terminal: Open) -> None:
+    terminal = open_terminal("--sim", "gen4", environment={"PAGER": "cat"})
+    terminal.wait_prompt()
+    terminal.run("objects")
+    terminal.wait("objects of gen4.eds")
+    terminal.wait_prompt()
+
+
+def test_aliases_are_commands_of_ones_own(open_terminal: Open, tmp_path: Path) -> None:
+    (tmp_path / "dvtcli.toml").write_text('[aliases]\nsw = "read 6041"\nm1 = "map tpdo1"\n')
+    terminal = open_terminal("--sim", "gen4")
+    terminal.wait_prompt()
+    terminal.type("s")
+    terminal.wait("alias of: read 6041")
+    terminal.type("w \r")
+    terminal.wait("0x6041:00")
+    terminal.wait_prompt()
+    terminal.type("m1 velocity_a")
+    terminal.wait("4 of 8 free bytes")
+    terminal.until(lambda: terminal.lines[-2].startswith(" map PDO"), "the syntax")
+    terminal.type("ctual_value\r")
+    terminal.wait("TPDO1 set: ")
+    terminal.run("help")
+    terminal.wait("Aliases, at the prompt:")
+
+
+def test_an_alias_hides_no_command(open_terminal: Open, tmp_path: Path) -> None:
+    (tmp_path / "dvtcli.toml").write_text('[aliases]\nmap = "pdo"\n')
+    terminal = open_terminal("--sim", "gen4")
+    assert terminal.ended() == 2
+    assert "the alias 'map' is a command already" in terminal.text
