@@ -52,7 +52,7 @@ def cut(line: str) -> tuple[str, Destination | None]:
 
 
 def checked(destination: Destination, *, programs: bool) -> Destination:
-    """*destination* as it can be opened; UsageError where it names nothing, or a program while *programs* are not allowed."""
+    """*destination* as it can be opened; UsageError where it names nothing, or a forbidden program."""
     if destination.sign == "|":
         if not programs:
             raise UsageError("`|` is off: dvtcli was started with --no-shell")
