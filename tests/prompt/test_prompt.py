@@ -304,7 +304,7 @@ def test_results_go_into_a_pipe_while_the_prompt_stays(open_terminal: Open, tmp_
 
 
 def test_no_bus_is_an_error_that_says_what_to_do(open_terminal: Open) -> None:
-    terminal = open_terminal()
+    terminal = open_terminal("pdo")
     assert terminal.ended() == 5
     assert "no CAN interface is configured" in terminal.text
     assert "--sim" in terminal.text
