@@ -13,6 +13,9 @@ def entry() -> None:
         code = main()
     except KeyboardInterrupt:  # so early, or so late, that nothing was open
         code = 130
+    # CPython kills the process at its end where a Ctrl-C once arrived in a string that was executed, as those of which
+    # dataclasses are made, even if it was caught. Executing another one makes it forget that.
+    exec("")  # noqa: S102
     sys.exit(code)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import signal
 import socket
@@ -213,3 +214,29 @@ def test_signals_end_it_with_their_code(number: signal.Signals, code: int, line:
     assert "Traceback" not in stderr
     assert re.search("interrupted|terminated", stderr)
     assert "TPDO1" not in stdout
+
+
+_INTERRUPTED_IMPORT = """
+import sys
+from dvtcli.__main__ import entry
+from dvtcli.cli import main
+main(["--version"])
+try:
+    exec("raise KeyboardInterrupt")  # as in the making of a dataclass
+except KeyboardInterrupt:
+    pass
+sys.argv = ["dvtcli", "--version"]
+entry()
+"""
+
+
+def test_a_caught_interrupt_does_not_kill_the_process_at_its_end(tmp_path: Path) -> None:
+    (tmp_path / "interrupted.py").write_text(_INTERRUPTED_IMPORT, "utf-8")
+    run = subprocess.run(
+        [sys.executable, "-m", "interrupted"],
+        capture_output=True,
+        env=environment() | {"PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}"},
+        cwd=tmp_path,
+        check=False,
+    )
+    assert run.returncode == 0, run.stderr
