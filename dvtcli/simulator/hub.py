@@ -50,6 +50,8 @@ class Client:
     progress_s: float = 0.0
     blocked: bool = False
     events: int = selectors.EVENT_READ
+    #: whether it said something since anything was sent to it
+    unanswered: bool = False
     complained: bool = False
 
 
@@ -109,6 +111,8 @@ class Hub:
         congested = self.congested
         for client in self._clients.values():
             self._listen(client, not congested and may_read(client))
+            if client.unanswered:
+                self._acknowledge(client)
         frames: list[tuple[Client, Frame]] = []
         for key, events in self._selector.select(max(0.0, self._shorter(timeout_s))):
             if key.fileobj is self._awake:
@@ -149,6 +153,14 @@ class Hub:
             if client.out:
                 timeout_s = min(timeout_s, client.progress_s + self._stall_s - now_s)
         return timeout_s
+
+    @staticmethod
+    def _acknowledge(client: Client) -> None:
+        """Let the system acknowledge what *client* said, since no answer does."""
+        client.unanswered = False
+        if _QUICK_ACK is not None:
+            with suppress(OSError):  # it has hung up
+                client.connection.setsockopt(socket.IPPROTO_TCP, _QUICK_ACK, 1)
 
     def _listen(self, client: Client, read: bool) -> None:
         events = (selectors.EVENT_READ if read else 0) | (selectors.EVENT_WRITE if client.blocked else 0)
@@ -210,9 +222,7 @@ class Hub:
         if not data:
             self._drop(client, None)
             return
-        if _QUICK_ACK is not None:
-            with suppress(OSError):  # what it said counts, even if it has hung up since
-                client.connection.setsockopt(socket.IPPROTO_TCP, _QUICK_ACK, 1)
+        client.unanswered = True
         self._release(client)
         try:
             requests = client.requests.feed(data)
@@ -288,6 +298,7 @@ class Hub:
             self._drop(client, None)
             return
         if sent:
+            client.unanswered = False
             client.progress_s = monotonic()
             del client.out[:sent]
         client.blocked = bool(client.out)
