@@ -281,35 +281,6 @@ class MillisecondsType(CanopenType):
         return round(counts)
 
 
-class SecondsType(CanopenType):
-    """A time in seconds, more than 0 and at most *most*."""
-
-    name = "s"
-
-    def __init__(self, most: float = 1e6) -> None:
-        self.most = most
-
-    def parse(self, text: str, ctx: click.Context | None) -> float:
-        """The time; ValueError where it is no number or out of range."""
-        try:
-            value = float(text)
-        except ValueError:
-            raise ValueError(f"{text!r} is not a time in seconds") from None
-        if not 0 < value <= self.most:
-            raise ValueError(f"{text} s is not within 0…{self.most:g} s")
-        return value
-
-
-class NodesType(CanopenType):
-    """Node-IDs with commas between them: `1,5`."""
-
-    name = "nodes"
-
-    def parse(self, text: str, ctx: click.Context | None) -> tuple[int, ...]:
-        """The node-IDs, in their order; ValueError where one is outside 1…127."""
-        return tuple(dict.fromkeys(NODE_ID.parse(word.strip(), ctx) for word in text.split(",")))
-
-
 class TextType(CanopenType):
     """Any text, such as a value to write; only the mark of a leading minus sign is taken off."""
 

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from dvtcli.params import FILE, TEXT, NodesType, SecondsType
+from dvtcli.commands._live_params import NodesType, SecondsType
+from dvtcli.params import FILE, TEXT
 from dvtcli.shell import DvtCommand
 
 if TYPE_CHECKING:

@@ -51,16 +51,26 @@ class _Canvas:
         return ["".join(chr(_BRAILLE + cell) if cell else " " for cell in row) for row in self.cells]
 
 
-def graph(points: Sequence[Point], width: int, height: int, span_s: tuple[float, float], *, plain: bool) -> list[str]:
-    """*points* within *span_s* (begin, end) on *width* x *height* characters, with both axes; a value holds until
-    the next one."""
+def graph(
+    points: Sequence[Point],
+    width: int,
+    height: int,
+    span_s: tuple[float, float],
+    *,
+    ends: tuple[str, str],
+    plain: bool,
+) -> list[str]:
+    """*points* within *span_s* (begin, end) on *width* x *height* characters; a value holds until the next one.
+
+    *ends* are the words below the ends of the time axis.
+    """
     canvas = _Canvas.empty(max(8, width - _LABEL - 2), max(2, height - 2), plain=plain)
     begin_s, end_s = span_s
     shown = [point for point in points if begin_s <= point.time_s <= end_s]
     low = min((point.low for point in shown), default=0.0)
     high = max((point.high for point in shown), default=0.0)
     _draw(canvas, shown, span_s, (low, high))
-    return _framed(canvas, low, high, end_s - begin_s)
+    return _framed(canvas, low, high, ends)
 
 
 def _draw(canvas: _Canvas, points: Sequence[Point], span_s: tuple[float, float], range_: tuple[float, float]) -> None:
@@ -93,13 +103,12 @@ def number(value: float) -> str:
     return text[:10]
 
 
-def _framed(canvas: _Canvas, low: float, high: float, length_s: float) -> list[str]:
+def _framed(canvas: _Canvas, low: float, high: float, ends: tuple[str, str]) -> list[str]:
     lines = canvas.lines()
-    marks = {0: number(high), len(lines) - 1: number(low)}
-    if len(lines) >= 5:
+    marks = {0: number(high), len(lines) - 1: number(low)} if high > low else {}
+    if len(lines) >= 5 or not marks:
         marks[len(lines) // 2] = number((low + high) / 2)
     framed = [f"{marks.get(row, ''):>{_LABEL - 1}} │{line}" for row, line in enumerate(lines)]
-    ends = f"-{length_s:g} s", "0"
     middle = canvas.columns - len(ends[0]) - len(ends[1])
     return [
         *framed,

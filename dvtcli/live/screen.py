@@ -9,11 +9,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import datetime
 
-from dvtcli.domain.datatypes import Value
 from dvtcli.live.graph import graph
 from dvtcli.live.signals import Signal
 from dvtcli.live.statistics import Course, spark
 from dvtcli.live.store import Event, FrameStore, Row
+from dvtcli.view.frames import shown_value
 from dvtcli.view.lines import Cell
 from dvtcli.view.safe import safe
 
@@ -159,15 +159,6 @@ def _bytes(row: Row, moment: Moment) -> Iterator[Cell]:
         yield Cell(f"{byte:02X} ", "yellow" if moment.now_s - changed_s < FRESH_S else "")
 
 
-def shown_value(value: Value | None) -> str:
-    """A value for a table."""
-    if value is None:
-        return "-"
-    if isinstance(value, bytes):
-        return value.hex(" ").upper()
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
-
-
 def _signal_line(signal: Signal, course: Course, view: View, moment: Moment, width: int, *, chosen: bool) -> list[Cell]:
     name_width = max(10, min(40, width - 57))
     name = safe(signal.name)
@@ -196,7 +187,8 @@ def _graph(store: FrameStore, view: View, moment: Moment, width: int, room: int)
     if course.low is None:
         return [[Cell(title, "bold"), Cell(now)], [Cell("  it is no number", "dim")]]
     span_s = (moment.now_s - GRAPH_S, moment.now_s)
-    drawn = graph(list(course.points), width, max(4, room - 1), span_s, plain=view.plain)
+    ends = f"-{GRAPH_S:g} s", "now"
+    drawn = graph(list(course.points), width, max(4, room - 1), span_s, ends=ends, plain=view.plain)
     spread = f"   {shown_value(course.low)} .. {shown_value(course.high)}"
     return [[Cell(title, "bold"), Cell(now, "yellow"), Cell(spread, "dim")], *([Cell(line)] for line in drawn)]
 

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from dvtcli.results.files import FileFinding as FileFinding
     from dvtcli.results.files import FileReport as FileReport
     from dvtcli.results.frames import FrameSeen as FrameSeen
+    from dvtcli.results.frames import Plotted as Plotted
+    from dvtcli.results.frames import PlottedSignal as PlottedSignal
     from dvtcli.results.health import Check as Check
     from dvtcli.results.health import Diagnosis as Diagnosis
     from dvtcli.results.nodes import Commanded as Commanded
@@ -66,6 +68,8 @@ _WHERE = {
     "ProfileListing": "profiles",
     "ProfileShown": "profiles",
     "FrameSeen": "frames",
+    "Plotted": "frames",
+    "PlottedSignal": "frames",
     "FileFinding": "files",
     "FileReport": "files",
     "Facts": "files",

@@ -47,3 +47,40 @@ class FrameSeen:
         """Whether *text* (in lower case) is in the name of the frame or of one of its signals."""
         who = f"0x{self.frame.can_id:03x} {self.label} node {self.node} {self.kind}".lower()
         return text in who or any(text in name.lower() for name in self.signals)
+
+
+@dataclass(frozen=True, slots=True)
+class PlottedSignal:
+    """One signal of a plot: what it is, its samples' *count*, least and most, and its *drawing*, if there is one."""
+
+    name: str
+    object: str
+    unit: str
+    count: int
+    low: float
+    high: float
+    drawing: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Plotted:
+    """Signals over the time of a recording; *output* is the picture's file, None where it is drawn as text."""
+
+    file: str
+    signals: tuple[PlottedSignal, ...]
+    seconds: float
+    output: str | None = None
+    exit_code: int = 0
+
+    def document(self) -> Document:
+        """`dvtcli.plot/1`."""
+        return {
+            "schema": "dvtcli.plot/1",
+            "file": self.file,
+            "output": self.output,
+            "seconds": round(self.seconds, 6),
+            "signals": [
+                {"name": s.name, "object": s.object, "unit": s.unit, "samples": s.count, "low": s.low, "high": s.high}
+                for s in self.signals
+            ],
+        }

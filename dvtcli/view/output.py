@@ -125,14 +125,25 @@ class Output:
 
         print(json.dumps(document, ensure_ascii=True, separators=(",", ":")), file=self.stdout, flush=True)
 
+    def stream(self, results: Iterable[Result]) -> None:
+        """Print many answers of one command as they come: a document or a few lines each."""
+        if self.json:
+            self.documents(one.document() for one in results)
+            return
+        from dvtcli.view.text import text
+
+        for one in results:
+            for line in text(one, self.width):
+                self._write(self.stdout, line)
+        self.stdout.flush()
+
     def documents(self, documents: Iterable[Document]) -> None:
         """Print a stream of documents to stdout, one a line, and hand them over at once."""
         import json
 
-        lines = [json.dumps(one, ensure_ascii=True, separators=(",", ":")) + "\n" for one in documents]
-        if lines:
-            self.stdout.write("".join(lines))
-            self.stdout.flush()
+        for one in documents:
+            self.stdout.write(json.dumps(one, ensure_ascii=True, separators=(",", ":")) + "\n")
+        self.stdout.flush()
 
     def _page(self, lines: Sequence[str]) -> bool:
         """Show *lines* with the pager where they are more than a screen; whether they were shown."""

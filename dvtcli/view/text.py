@@ -25,6 +25,8 @@ _RENDERERS = {
     "VpdoListing": ("vpdos", "vpdo_lines"),
     "LoggedIn": ("access", "login_lines"),
     "FileReport": ("files", "file_lines"),
+    "FrameSeen": ("frames", "frame_lines"),
+    "Plotted": ("frames", "plot_lines"),
     "Facts": ("files", "fact_lines"),
     "DvtAnswer": ("files", "answer_lines"),
     "Diagnosis": ("health", "diagnosis_lines"),
