@@ -13,6 +13,7 @@ from click.shell_completion import CompletionItem, ShellComplete
 from prompt_toolkit.completion import CompleteEvent, Completer, Completion, PathCompleter
 from prompt_toolkit.document import Document
 
+from dvtcli.dvt.words import WORDS
 from dvtcli.errors import DvtcliError
 from dvtcli.options import START_ONLY, global_options
 from dvtcli.prompt.line import cut
@@ -33,6 +34,7 @@ class LineCompleter(Completer):
         # Summaries are read from the commands' files once: a menu is drawn with every key.
         self._commands = {name: summary(name) for name in command_names()}
         self._commands |= {word: f"alias of: {text}" for word, text in session.aliases.items()}
+        self._words = {name: f"{word.summary}: {word.grammar}" for name, word in WORDS.items()}
         self._global = list(_global_items())
 
     def get_completions(self, document: Document, complete_event: CompleteEvent) -> Iterable[Completion]:
@@ -76,7 +78,9 @@ class LineCompleter(Completer):
     def _matching(self, incomplete: str) -> Iterator[tuple[str, str]]:
         wanted = incomplete.lower()
         yield from ((name, text) for name, text in self._commands.items() if name.startswith(wanted))
-        if wanted:
+        if wanted:  # the DVT's words, and parts of names, only for who begins to type one
+            others = {name: text for name, text in self._words.items() if name not in self._commands}
+            yield from ((name, text) for name, text in others.items() if name.startswith(wanted))
             for name, text in self._commands.items():
                 if wanted in name and not name.startswith(wanted):
                     yield name, text

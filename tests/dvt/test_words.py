@@ -141,3 +141,22 @@ def test_help_explains_every_word(name: str) -> None:
     with Bench() as bench:
         assert name in bench.run("help dvt").stdout
         assert bench.run(f"help {name}").code == 0
+
+
+def test_the_menu_offers_words_to_who_begins_one_and_the_nodes_behind_it() -> None:
+    from prompt_toolkit.completion import CompleteEvent
+    from prompt_toolkit.document import Document
+
+    from dvtcli.prompt.completer import LineCompleter
+
+    with Bench(("gen4@1", "gen4@12")) as bench:
+        bench.run("node 1")
+        completer = LineCompleter(bench.session)
+
+        def offered(line: str) -> list[str]:
+            return [item.text for item in completer.get_completions(Document(line), CompleteEvent())]
+
+        assert offered("sdo_w")[:2] == ["sdo_wnx", "sdo_wn"]
+        assert not set(offered("")) & (set(WORDS) - {"store"})
+        assert offered("sdo_rnx ") == ["1", "12"]
+        assert offered("map_in_tpdo 12") == ["12"]

@@ -36,7 +36,7 @@ MAY: dict[str, set[str]] = {
     "front": {"errors", "session", "script", "repl", "shell"},
     "prompt": {
         "domain", "errors", "device", "options", "session", "params", "results", "shell", "view", "completion",
-        "boundary", "transports", "formats",
+        "boundary", "transports", "formats", "dvt",
     },
     "repl": {
         "domain", "errors", "options", "session", "shell", "view", "prompt", "completion", "boundary", "device",
