@@ -48,6 +48,8 @@ def run_tcl(session: Session, data: bytes, source: str, *, keep_going: bool, mos
             "--keep-going is for .dvt scripts: a Tcl script runs on after an Abort by itself, and looks at the answers"
         )
     refuse_own_run(session, source)
+    if not Path(source).is_file():  # Tcl reads it itself: a pipe would be empty by then
+        raise UsageError(f"{source}: a Tcl script is a file", place=source)
     text, tcl = script_text(data, source), bare_interpreter()
     try:
         script = TclScript(session, source, tcl, most_seconds or MOST_SECONDS)
@@ -227,7 +229,10 @@ class TclScript:
 
     def _here(self) -> str:
         """`FILE:LINE` of the script's command that called us."""
-        found = str(self._tcl.eval("dvt_here"))
+        try:
+            found = str(self._tcl.eval("dvt_here"))
+        except self._tcl.error as failed:  # the script calls itself so deep that not even this goes on
+            raise UsageError(str(failed)) from failed
         line, _, file = found.partition(" ")
         return self._place(file, int(line)) if file else self._source
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import importlib.util
+import os
 import signal
 import subprocess
 import sys
@@ -103,6 +104,8 @@ REFUSED = [
     ("set a [expr {1/0}]", 1, "divide by zero"),
     ("sdo_wnx 1 0x1800", 1, "it is: sdo_wnx NODE INDEX SUB VALUE [BYTES]"),
     ("sdo_wnx 1 0x1800 1 0x201", 1, "3 digits are no width"),
+    ("proc f {} {f}\nf", 2, "too many nested evaluations"),
+    ("source x.tcl", 1, "too many nested evaluations"),
     ("puts a\nproc f {} {\nputs b", 2, "is not closed"),
     ('puts a\nputs "b', 2, "is not closed"),
 ]
@@ -234,6 +237,25 @@ def test_control_characters_never_reach_the_terminal(tmp_path: Path) -> None:
         ran = tcl(bench, tmp_path, 'puts "a\\x1b\\[31mb"')
         assert ran.code == 0
         assert "\x1b" not in ran.stdout
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
+def test_a_pipe_is_no_tcl_script(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "x.tcl")
+    with Bench() as bench:
+        writer = threading.Thread(target=(tmp_path / "x.tcl").write_text, args=("puts x",))
+        writer.start()
+        ran = bench.run(f"run {tmp_path}/x.tcl")
+        writer.join()
+        assert ran.code == 2
+        assert "is a file" in ran.stderr
+
+
+def test_a_step_that_the_device_refuses_is_told_with_its_line() -> None:
+    done = dvtcli("--sim", "gen4", "--fault", "refuse@3=0x06040041", "run", "scripts/pdo_config.tcl")
+    assert done.returncode == 1
+    assert "pdo_config.tcl:36: sdo_wnx answered Abort 0x06040041" in done.stderr
+    assert done.stdout == ""
 
 
 def test_in_a_process_with_json(tmp_path: Path) -> None:
