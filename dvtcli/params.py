@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     from dvtcli.session import Session
 
 T = TypeVar("T")
+#: The word of `pdo edit tpdo1`.
+EDIT = "edit"
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,6 +166,22 @@ def _known_pdos(session: Session, node_id: int | None) -> list[tuple[str, str]]:
         return f"{state}, {words}, {64 - config.bits} bits free"
 
     return [(str(pdo), text(pdo)) for pdo in node.present_known()]
+
+
+class EditOrPdo(PdoType):
+    """A PDO, or the word `edit` before it."""
+
+    def parse(self, text: str, ctx: click.Context | None) -> Any:
+        """`edit`, or the PDO."""
+        return EDIT if text.lower() == EDIT else super().parse(text, ctx)
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        """The PDOs, and before them what can be done with one."""
+        before = ctx.params.get(param.name or "") or ()
+        words = [] if before or not EDIT.startswith(incomplete.lower()) else [EDIT]
+        items = [CompletionItem(word, help="one PDO as text, in your editor") for word in words]
+        known = any(word != EDIT for word in before)
+        return [] if known else items + super().shell_complete(ctx, param, incomplete)
 
 
 class ObjectType(CanopenType):

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from dvtcli.params import PDO, NodePdo
+from dvtcli.params import EDIT, EditOrPdo, NodePdo
 from dvtcli.shell import DvtCommand
 
 if TYPE_CHECKING:
@@ -14,21 +14,35 @@ if TYPE_CHECKING:
     from dvtcli.domain.datatypes import DataType
     from dvtcli.domain.mapping import PdoMappingEntry
     from dvtcli.domain.pdo import Pdo, PdoConfig
-    from dvtcli.results import LastFrame, MappedName, PdoListing, PdoRow
+    from dvtcli.results import Changed, Facts, LastFrame, MappedName, PdoListing, PdoRow
     from dvtcli.session import Session
 
 
 @click.command("pdo", cls=DvtCommand, short_help=__doc__)
-@click.argument("pdo", type=PDO, required=False)
+@click.argument("words", type=EditOrPdo(), nargs=-1, metavar="[edit] [PDO]")
 @click.option("--all", "show_all", is_flag=True, help="Also PDOs that are off and empty.")
 @click.pass_obj
-def command(session: Session, /, pdo: NodePdo | None, show_all: bool) -> PdoListing:
-    """Show the PDOs as the node holds them now.
+def command(session: Session, /, words: tuple[NodePdo | str, ...], show_all: bool) -> PdoListing | Changed | Facts:
+    """Show the PDOs as the node holds them now, or edit one as text.
 
     \b
-    pdo            the list
-    pdo tpdo1      one, with the picture of its frame
+    pdo                 the list
+    pdo tpdo1           one, with the picture of its frame
+    pdo edit tpdo1      in $EDITOR as YAML; what is saved is checked, shown and written
     """
+    pdos = [word for word in words if isinstance(word, NodePdo)]
+    editing = words[:1] == (EDIT,)
+    if len(pdos) > 1 or len(words) - len(pdos) != editing or (editing and not pdos):
+        raise click.UsageError("give one PDO: pdo tpdo1, or pdo edit tpdo1")
+    pdo = pdos[0] if pdos else None
+    if editing and pdo is not None:
+        from dvtcli.commands._pdo_edit import edit
+
+        return edit(session, session.node(pdo.node_id), pdo.pdo)
+    return _listing(session, pdo, show_all=show_all)
+
+
+def _listing(session: Session, pdo: NodePdo | None, *, show_all: bool) -> PdoListing:
     from dataclasses import replace
 
     from dvtcli.device.read import read_optional
