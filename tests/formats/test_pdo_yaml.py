@@ -17,33 +17,31 @@ from dvtcli.formats.pdo_yaml import PdoText, Word, read_pdo_yaml, write_pdo_yaml
 TPDO1 = Pdo(Direction.TPDO, 1)
 
 
-@given(
-    st.integers(1, 0x1FFFFFFF), st.booleans(), st.booleans(), st.none() | st.integers(0, 255),
-    st.none() | st.integers(0, 0xFFFF), st.none() | st.integers(0, 0xFFFF), st.none() | st.integers(0, 240),
-    st.lists(st.tuples(st.integers(8, 0xFFFF), st.integers(0, 255), st.integers(0, 255)), max_size=8),
-    st.text(max_size=20),
+NUMBERS = st.tuples(
+    st.none() | st.integers(0, 255), st.none() | st.integers(0, 0xFFFF), st.none() | st.integers(0, 0xFFFF),
+    st.none() | st.integers(0, 240),
 )  # fmt: skip
+OBJECTS = st.lists(st.tuples(st.integers(8, 0xFFFF), st.integers(0, 255), st.integers(0, 255)), max_size=8)
+
+
+@given(st.integers(1, 0x1FFFFFFF), st.booleans(), st.booleans(), NUMBERS, OBJECTS, st.text(max_size=20))
 def test_what_is_written_is_read_back(
     can_id: int,
     valid: bool,
     rtr: bool,
-    kind: int | None,
-    inhibit: int | None,
-    timer: int | None,
-    start: int | None,
+    numbers: tuple[int | None, int | None, int | None, int | None],
     objects: list[tuple[int, int, int]],
     name: str,
 ) -> None:
     cob_id = CobId(can_id, valid=valid, rtr_allowed=rtr, extended=can_id > 0x7FF)
     mapping = tuple(PdoMappingEntry(*entry) for entry in objects)
-    config = PdoConfig(PdoCommunicationParameter(cob_id, kind, inhibit, timer, start), mapping)
+    config = PdoConfig(PdoCommunicationParameter(cob_id, *numbers), mapping)
     text = write_pdo_yaml(TPDO1, config, [name] * len(mapping), name)
     words = tuple(map(str, mapping))
     read = read_pdo_yaml(text, TPDO1)
     assert tuple(word.text for word in read.mapping or ()) == words
     assert (read.cob_id, read.enabled, read.rtr_allowed, read.extended) == (can_id, valid, rtr, can_id > 0x7FF)
-    assert (read.transmission_type, read.inhibit_time, read.event_timer) == (kind, inhibit, timer)
-    assert read.sync_start_value == start
+    assert (read.transmission_type, read.inhibit_time, read.event_timer, read.sync_start_value) == numbers
 
 
 def test_values_are_read_as_they_stand() -> None:
