@@ -31,8 +31,9 @@ class Subject(TextType):
 @click.command("help", cls=DvtCommand, short_help=__doc__)
 @click.argument("name", type=Subject(), required=False, metavar="[COMMAND|TOPIC]")
 @click.option("--all", "everything", is_flag=True, help="What each command does, and the global options.")
+@click.option("--man", "manual_page", is_flag=True, help="The manual page in roff: help --man > dvtcli.1")
 @click.pass_context
-def command(ctx: click.Context, /, name: str | None, everything: bool) -> Facts:
+def command(ctx: click.Context, /, name: str | None, everything: bool, manual_page: bool) -> Facts:
     """Show all commands by task, or COMMAND with its options and examples, or a TOPIC.
 
     \b
@@ -40,9 +41,16 @@ def command(ctx: click.Context, /, name: str | None, everything: bool) -> Facts:
     help map
     help objects
     help --all
+    help --man
     """
     from dvtcli.results import Facts
 
+    if manual_page:
+        from dvtcli import __version__
+        from dvtcli.commands._manual import manual
+
+        page = manual(__version__)
+        return Facts("help", (("text", "\n".join(page)),), tuple(page))
     text = _subject(ctx, name.lower()) if name is not None else _general(everything=everything)
     return Facts("help", (("text", text),), tuple(text.splitlines()))
 

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import shutil
+import subprocess
+
 import pytest
 
 from dvtcli.guide import TASKS, by_task, overview, topic, topic_names
 from dvtcli.shell import command_names
 from tests.commands.bench import Bench
+from tests.process import dvtcli
 
 every_topic = pytest.mark.parametrize("name", topic_names())
 
@@ -65,3 +69,22 @@ def test_the_long_list_says_what_each_command_does() -> None:
         ran = bench.run("help --all")
         assert "Map objects into a PDO" in ran.stdout
         assert "--bus-kwargs" in ran.stdout
+
+
+def test_the_manual_page_names_everything() -> None:
+    with Bench() as bench:
+        page = bench.run("help --man").stdout
+    for name in command_names():
+        assert f"\n.SS {name}" in page
+    assert r"\-\-bus\-kwargs" in page
+
+
+@pytest.mark.skipif(shutil.which("groff") is None, reason="no groff")
+def test_groff_understands_the_manual_page() -> None:
+    page = dvtcli("help", "--man").stdout
+    done = subprocess.run(
+        ["groff", "-man", "-Tutf8", "-ww", "-P-c"], input=page, capture_output=True, encoding="utf-8", check=True
+    )
+    assert done.stderr == ""
+    assert "dvtcli - configure the PDOs of CANopen devices" in done.stdout
+    assert "map tpdo1 6C01:1 606C 6041 --cob-id 0x201 --sync 1" in done.stdout
