@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
 MOST_BYTES = 10_000_000
 #: Each command takes time and memory to parse, and all are parsed before the first one runs.
 MOST_COMMANDS = 10_000
+#: Scripts that run scripts that run scripts; deeper is a mistake.
+MOST_NESTED = 20
 #: What editors show as the end of a line; `str.splitlines` also splits at characters that nobody sees.
 _LINE_END = re.compile("\r\n|\n|\r")
 
@@ -44,7 +47,7 @@ def run_script(session: Session, data: bytes, source: str, *, keep_going: bool) 
     refuse_own_run(session, source)
     lines = script_lines(data, source)
     session.started = True
-    parsed = [(line, _parsed(line, session, source)) for line in lines]
+    parsed = _all_parsed(lines, session, [*session.scripts, source], set())
 
     def run() -> int:
         codes = _run_lines(session, parsed, source, keep_going=keep_going)
@@ -135,14 +138,61 @@ def _words(line: str, place: str) -> list[str]:
         raise _placed(wrong, place) from wrong
 
 
+def _all_parsed(
+    lines: list[ScriptLine], session: Session, sources: list[str], checked: set[str]
+) -> list[tuple[ScriptLine, click.Context]]:
+    """Every line parsed, and those of the scripts that it runs, before any of them runs.
+
+    *sources* run each other, the outermost first; *checked* are files that were found right.
+    """
+    parsed: list[tuple[ScriptLine, click.Context]] = []
+    written: set[str] = set()
+    for line in lines:
+        ctx = _parsed(line, session, sources[-1])
+        parsed.append((line, ctx))
+        file = str(ctx.params.get("file"))
+        if ctx.command.name == "save":
+            written.add(file)
+        elif ctx.command.name == "run" and file != "-" and file not in written and not file.lower().endswith(".tcl"):
+            _check_nested(file, session, sources, checked, f"{sources[-1]}:{line.number}")
+    return parsed
+
+
+def _check_nested(file: str, session: Session, sources: list[str], checked: set[str], place: str) -> None:
+    """Parse the script *file*, which the line at *place* runs; UsageError where it is missing or runs itself."""
+    if file in checked:
+        return
+    if file in sources:
+        raise UsageError(f"{place}: {file} runs itself: {' runs '.join([*sources, file])}", place=place)
+    if len(sources) > MOST_NESTED:
+        raise UsageError(f"{place}: more than {MOST_NESTED} scripts that run each other", place=place)
+    try:
+        with Path(file).open("rb") as script:
+            data = script.read(MOST_BYTES + 1)
+    except OSError as failed:
+        raise UsageError(f"{place}: {file}: {failed.strerror}", place=place) from failed
+    _all_parsed(script_lines(data, file), session, [*sources, file], checked)
+    checked.add(file)
+
+
 def _parsed(line: ScriptLine, session: Session, source: str) -> click.Context:
     place = f"{source}:{line.number}"
     try:
-        return parse(line.words, session)
+        return _parsed_as_asked(line, session)
     except click.ClickException as wrong:
         raise _placed(usage_error(wrong), place) from wrong
     except DvtcliError as wrong:
         raise _placed(wrong, place) from wrong
+
+
+def _parsed_as_asked(line: ScriptLine, session: Session) -> click.Context:
+    """The line parsed; an error of a line with --json is a document as its result would have been."""
+    try:
+        return parse(line.words, session)
+    except (click.ClickException, DvtcliError):
+        if "--json" in line.words:
+            session.output.format = "json"  # until the error is shown: then the session settles
+        raise
 
 
 def _placed(wrong: DvtcliError, place: str) -> DvtcliError:

@@ -237,6 +237,15 @@ class Session:
         """Remember script *lines* about a node that succeeded and changed something, for `save`."""
         self.executed += [(node_id, line) for line in lines]
 
+    def unrecord(self, node_id: int, lines: list[str]) -> bool:
+        """Forget *lines* where they are the last that are remembered about the node; whether they were."""
+        own = [number for number, (about, _) in enumerate(self.executed) if about == node_id][-len(lines) :]
+        if not lines or [self.executed[number][1] for number in own] != lines:
+            return False
+        for number in reversed(own):
+            del self.executed[number]
+        return True
+
     def consent(self, question: str) -> None:
         """Ask *question* where somebody can answer; returns on yes, raises SafetyRefusal otherwise."""
         self._consent(question)

@@ -19,13 +19,14 @@ _SUB_INDICES = {"vendor": 1, "product": 2, "revision": 3, "serial": 4}
 
 @click.command("require", cls=DvtCommand, short_help=__doc__)
 @click.argument("what", type=click.Choice(["identity"]), metavar="identity")
-@click.argument("pairs", type=TEXT, nargs=-1, required=True, metavar="vendor=… product=… [revision=…]")
+@click.argument("pairs", type=TEXT, nargs=-1, required=True, metavar="vendor=… product=… [revision=…] [serial=…]")
 @click.pass_obj
 def command(session: Session, /, what: str, pairs: tuple[str, ...]) -> Facts:
     """Stop with exit code 6 unless the node's identity (0x1018) is the one given.
 
     \b
     require identity vendor=0x1E product=0x0705302D
+    require identity vendor=0x1E serial=0x12345      this very device
     """
     from dvtcli.device.read import read_identity
     from dvtcli.errors import SafetyRefusal

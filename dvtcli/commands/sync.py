@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from dvtcli.domain.several import several
 from dvtcli.params import MillisecondsType, NumberType
 from dvtcli.shell import DvtCommand
 
@@ -57,7 +58,19 @@ def command(session: Session, /, period: int | None, count: int | None, check: b
                 seen[frame.can_id] = (frame, seen.get(frame.can_id, (frame, 0))[1] + 1)
     labels = _labels(session)
     rows = tuple((frame, number, labels.get(can_id, "")) for can_id, (frame, number) in sorted(seen.items()))
-    return Synced(times, gap_s * 1000, rows, session.dry_run, sync.can_id)
+    return Synced(times, gap_s * 1000, rows, session.dry_run, sync.can_id, note=_held_back(session))
+
+
+def _held_back(session: Session) -> str:
+    """Says so where nodes send no PDOs because the script has them PRE-OPERATIONAL."""
+    held = [node.node_id for node in session.network.nodes.values() if node.gate.found is not None]
+    if not held:
+        return ""
+    named = several(f"node {node_id}" for node_id in held)
+    return (
+        f"{named} sent none: this script changes PDOs, so it stays PRE-OPERATIONAL until the last line; "
+        "`nmt start` before sync starts it now"
+    )
 
 
 def _labels(session: Session) -> dict[int, str]:

@@ -89,6 +89,8 @@ class Synced:
     dry_run: bool
     can_id: int = 0x080
     exit_code: int = 0
+    #: why no frame came, where that is known
+    note: str = ""
 
     def document(self) -> Document:
         """`dvtcli.sync/1`."""

@@ -21,6 +21,8 @@ _STATES: dict[State, str] = {
     "left_changed": "LEFT CHANGED: see above; nothing was stored",
     "unknown": "unknown: the device did not answer",
 }
+#: in a script the lines above may have changed things
+_IN_SCRIPT = "unchanged by this line; what lines above it changed stays"
 _STYLES = {Severity.ERROR: "red", Severity.WARNING: "yellow", Severity.NOTE: "cyan"}
 
 
@@ -51,26 +53,30 @@ def error_lines(error: DvtcliError, at: str | None = None) -> Iterator[Line]:
     """The error's screen, most telling line first; *at* is the `FILE:LINE` of the script line that failed."""
     yield [Cell(f"{at}: " if at else ""), Cell("error: ", "red"), Cell(error.text, "bold")]
     if isinstance(error, RuleError):
-        yield from _rule_lines(error)
+        yield from _rule_lines(error, at)
         return
     rows = [*error.details]
     if error.abort is not None:
         rows.append(("abort", f"0x{error.abort:08X}  {abort_text(error.abort)}"))
     rows += [(label, text) for label, text in (("why", error.why), ("hint", error.hint)) if text]
     if error.exit_code not in (2, 4):
-        rows.append(("state", _STATES[error.state]))
+        rows.append(("state", _state(error, at)))
     for label, text in rows:
         yield [Cell(f"  {label:<7} ", "dim"), Cell(text)]
 
 
-def _rule_lines(error: RuleError) -> Iterator[Line]:
+def _state(error: DvtcliError, at: str | None) -> str:
+    return _IN_SCRIPT if at and error.state == "unchanged" else _STATES[error.state]
+
+
+def _rule_lines(error: RuleError, at: str | None) -> Iterator[Line]:
     for number, finding in enumerate(error.findings):
         if number:
             yield [Cell("  also    ", "dim"), Cell(finding.text)]
         yield [Cell("  rule    ", "dim"), Cell(_rule_text(finding))]
         if finding.hint:
             yield [Cell("  hint    ", "dim"), Cell(finding.hint)]
-    yield [Cell("  state   ", "dim"), Cell(_STATES[error.state] + "; --force sends it anyway")]
+    yield [Cell("  state   ", "dim"), Cell(_state(error, at) + "; --force sends it anyway")]
 
 
 def _rule_text(finding: Finding) -> str:

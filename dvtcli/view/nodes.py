@@ -74,3 +74,5 @@ def synced_lines(result: Synced, width: int) -> Iterator[Line]:
         table.add(f"0x{frame.can_id:03X}", label or "-", str(count), frame.data.hex(" ").upper())
     if result.frames:
         yield from table.lines(width)
+    elif result.note:
+        yield result.note

@@ -226,3 +226,30 @@ def test_what_was_saved_keeps_each_dummy_as_it_was(tmp_path: Path) -> None:
         assert ran.code == 0, ran.stderr
         raws = [other.run(f"read 1600:{number} --json").document["raw"] for number in (1, 2)]
         assert raws == ["08 00 05 00", "08 00 02 00"]
+
+
+def test_a_change_that_was_undone_is_not_saved(tmp_path: Path) -> None:
+    saved = tmp_path / "saved.dvt"
+    with Bench(("generic",)) as bench:
+        for line in ("map tpdo1 606C", "map tpdo2 6041", "clear tpdo2", "undo", "undo", f"save {saved}"):
+            assert bench.run(line).code == 0, line
+        wanted = bench.run("pdo --all --json").document
+        assert [line.split()[0] for line in saved.read_text().splitlines()] == ["#", "require", "map"]
+        assert bench.run("undo --all").code == 0
+        assert bench.run("save x.dvt").code == 2
+    with Bench(("generic",)) as other:
+        assert other.run(f"run {saved}").code == 0
+        assert other.run("pdo --all --json").document == wanted
+
+
+def test_an_undo_after_a_store_is_saved_as_a_change_of_its_own(tmp_path: Path) -> None:
+    saved = tmp_path / "saved.dvt"
+    with Bench(("generic",)) as bench:
+        for line in ("map tpdo1 606C", "store", "undo", f"save {saved}"):
+            assert bench.run(line).code == 0, line
+        wanted = bench.run("pdo --all --json").document
+    with Bench(("generic",)) as other:
+        assert other.run(f"run {saved}").code == 0
+        assert other.run("pdo --all --json").document == wanted
+        assert other.run("nmt reset-node").code == 0
+        assert other.run("pdo tpdo1 --json").document["pdos"][0]["mapping"][0]["object"] == "606C:00"
