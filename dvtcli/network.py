@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from dvtcli.simulator.device import StrictDevice
     from dvtcli.simulator.family import Family
     from dvtcli.simulator.faults import Fault
+    from dvtcli.simulator.signals import Signal
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,10 +92,10 @@ class Network:
                 hint="leave one out; `sim` in dvtcli.toml or DVTCLI_SIM counts, too",
             )
         faults = simulated_faults(options.fault, simulated)
+        signals = simulated_signals(options.signal, simulated)
         if simulated:
-            bus = open_simulation(
-                [simulated_device(one) for one in simulated], faults=faults, timeout_s=options.timeout
-            )
+            devices = [simulated_device(one) for one in simulated]
+            bus = open_simulation(devices, faults=faults, signals=signals, timeout_s=options.timeout)
         else:
             extra = dict(pair.split("=", 1) for pair in options.bus_kwargs)
             bus = open_canbus(options.interface, options.channel, options.bitrate, extra, timeout_s=options.timeout)
@@ -269,6 +270,28 @@ def simulated_faults(words: tuple[str, ...], simulated: tuple[Simulated, ...]) -
         return read_faults(words, [one.node_id for one in simulated])
     except ValueError as wrong:
         raise UsageError(f"--fault {wrong}") from wrong
+
+
+def simulated_signals(words: tuple[str, ...], simulated: tuple[Simulated, ...]) -> tuple[Signal, ...]:
+    """What each `--signal` means; UsageError for a wrong one, or without simulated nodes; InputFileError for a file."""
+    if not words:
+        return ()
+    if not simulated:
+        raise UsageError(
+            "--signal is for simulated nodes", hint='give --sim too: --sim gen4 --signal "606C=sine(1500,2s)"'
+        )
+    from dvtcli.simulator.signals import RowsError, read_signals
+
+    try:
+        return read_signals(words, [(one.node_id, read_dictionary(one.eds)) for one in simulated])
+    except RowsError as wrong:
+        raise InputFileError(
+            f"--signal: {wrong.place}: {wrong}", place=wrong.place, hint="rows are TIME,VALUE,…"
+        ) from wrong
+    except OSError as failed:
+        raise UsageError(f"--signal: {failed.filename}: {failed.strerror or failed}") from failed
+    except ValueError as wrong:
+        raise UsageError(f"--signal {wrong}") from wrong
 
 
 def _split(word: str, *, unconfigured: bool) -> tuple[str, int | None]:

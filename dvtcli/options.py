@@ -32,6 +32,7 @@ START_ONLY = frozenset(
         "node",
         "sim",
         "fault",
+        "signal",
         "eds",
         "profile",
         "journal",
@@ -55,6 +56,7 @@ class Options(NamedTuple):
     node: int | None = None
     sim: tuple[str, ...] = ()
     fault: tuple[str, ...] = ()
+    signal: tuple[str, ...] = ()
     dry_run: bool = False
     eds: str | None = None
     profile: str | None = None
@@ -94,6 +96,15 @@ _TABLE: list[tuple[tuple[str, ...], dict[str, Any]]] = [
             "metavar": "[NODE:]FAULT",
             "help": "What goes wrong with the (first) simulated node, at its K-th SDO download: refuse@K=0x06040041, "
             "lose-response@K, reset@K, …; a wrong one lists all; repeatable.",
+        },
+    ),
+    (
+        ("--signal",),
+        {
+            "multiple": True,
+            "metavar": "[NODE:]OBJECT=SHAPE(…)",
+            "help": "An object of a simulated node that moves: 606C=sine(1500,2s), ramp, square, walk, const, csv; "
+            "a wrong one lists all; repeatable.",
         },
     ),
     (("--dry-run",), {"is_flag": True, "help": "Work on an exact twin of the node; write nothing to the bus."}),

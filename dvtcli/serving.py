@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 
 from dvtcli.errors import BusUnavailable, InputFileError, UsageError
 from dvtcli.formats.sim_state import read_state, write_state
-from dvtcli.network import Simulated, simulated_device, simulated_faults, simulated_nodes
-from dvtcli.options import Options
+from dvtcli.network import Simulated, simulated_device, simulated_faults, simulated_nodes, simulated_signals
+from dvtcli.options import Options, node_id
 
 if TYPE_CHECKING:
     from dvtcli.simulator.device import StrictDevice
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 #: where socketcand listens, by its own documentation
 DEFAULT_PORT = 29536
 LOOPBACK = "127.0.0.1"
+_LONGEST_LATENCY_MS = 60_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,14 +35,15 @@ class Wanted:
     """What `sim` was asked for.
 
     *nodes* as for `--sim`; *address* is where to listen, None for nowhere; *join* says that the bus of the options is
-    joined; *state* is the folder of what nodes store; *latency_s* how long an SDO server takes to answer (s).
+    joined; *state* is the folder of what nodes store; *latencies* how long SDO servers take to answer:
+    node-ID, None for the others, and time (s).
     """
 
     nodes: tuple[str, ...]
     address: tuple[str, int] | None
     join: bool = False
     state: Path | None = None
-    latency_s: float = 0.0
+    latencies: tuple[tuple[int | None, float], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +62,14 @@ def address(text: str) -> tuple[str, int]:
     if match is None or int(match[3]) > 65535:
         raise UsageError(f"--listen {text}: not HOST:PORT", hint="for example 127.0.0.1:29536; port 0 is a free one")
     return match[1] or match[2] or LOOPBACK, int(match[3])
+
+
+def latency_of(text: str) -> tuple[int | None, float]:
+    """Read `[NODE:]MS`, 0…60000 ms; the node-ID, None for every other node, and the time (s). UsageError otherwise."""
+    node, colon, time = text.rpartition(":")
+    if not re.fullmatch(r"\d{1,5}(\.\d{1,3})?", time, re.ASCII) or float(time) > _LONGEST_LATENCY_MS:
+        raise UsageError(f"--latency {text}: not [NODE:]MS", hint="for example 2 or 5:20, up to 60000 ms")
+    return (node_id(node) if colon else None), float(time) / 1000
 
 
 def is_loopback(host: str) -> bool:
@@ -87,6 +97,8 @@ def serving(options: Options, wanted: Wanted, warn: Callable[[str], None]) -> It
     keep = _keeper(wanted.state, nodes, devices, warn)
     nodes = tuple(replace(one, node_id=device.node_id) for one, device in zip(nodes, devices, strict=True))
     faults = simulated_faults(options.fault, nodes)
+    signals = simulated_signals(options.signal, nodes)
+    latencies_s = _latencies(wanted.latencies, devices)
     with ExitStack() as stack:
         hub = _hub(wanted.address, warn)
         stack.callback(hub.close)
@@ -94,15 +106,27 @@ def serving(options: Options, wanted: Wanted, warn: Callable[[str], None]) -> It
         if joined is not None:
             stack.callback(joined.close)
         server = Server(
-            stations(devices, faults, options.bitrate),
+            stations(devices, faults, signals, bit_rate=options.bitrate),
             hub,
             Wire(None if wanted.join else options.bitrate),
             [] if joined is None else [joined],
-            latency_s=wanted.latency_s,
+            latencies_s=latencies_s,
             stored=keep,
             bus_failed=lambda: warn("the bus is dead (a simulated fault): every client was cut off"),
         )
         yield Serving(server, nodes, hub.port, None if joined is None else joined.name)
+
+
+def _latencies(wanted: tuple[tuple[int | None, float], ...], devices: list[StrictDevice]) -> list[float]:
+    """How long each of *devices* takes to answer (s); UsageError for a node that is not there, or said twice."""
+    said, here = dict(wanted), {device.node_id for device in devices}
+    for one in said:
+        name = "--latency" if one is None else f"--latency {one}:"
+        if sum(other == one for other, _ in wanted) > 1:
+            raise UsageError(f"{name} is given twice")
+        if one is not None and one not in here:
+            raise UsageError(f"{name} no such node here", hint="NODE:MS is the node-ID of a node behind sim")
+    return [said.get(device.node_id, said.get(None, 0.0)) for device in devices]
 
 
 def _hub(where: tuple[str, int] | None, warn: Callable[[str], None]) -> Hub:

@@ -10,7 +10,7 @@ from click.core import ParameterSource
 
 from dvtcli.errors import UsageError
 from dvtcli.options import PREFIX
-from dvtcli.params import FILE, MillisecondsType
+from dvtcli.params import FILE
 from dvtcli.shell import DvtCommand
 
 if TYPE_CHECKING:
@@ -26,7 +26,12 @@ _NAMED = 8
 @click.argument("nodes", nargs=-1, required=True, metavar="NODE…")
 @click.option("--listen", metavar="HOST:PORT", help="Where to listen [127.0.0.1:29536]; port 0 is a free one.")
 @click.option("--state", type=FILE, metavar="DIR", help="Folder that keeps what nodes store (0x1010) for the next sim.")
-@click.option("--latency", type=MillisecondsType(100), metavar="MS", help="Time an SDO server takes to answer [0].")
+@click.option(
+    "--latency",
+    multiple=True,
+    metavar="[NODE:]MS",
+    help="Time an SDO server takes to answer [0]; repeatable.",
+)
 @click.option("--ready-file", type=FILE, metavar="FILE", help="Written with HOST:PORT once clients can come.")
 @click.pass_context
 def command(
@@ -34,7 +39,7 @@ def command(
     nodes: tuple[str, ...],
     listen: str | None,
     state: str | None,
-    latency: int | None,
+    latency: tuple[str, ...],
     ready_file: str | None,
 ) -> None:
     """Serve each NODE (a family or an EDS/DCF file, @ID sets its node-ID, @255 leaves it to LSS) until Ctrl-C.
@@ -45,16 +50,17 @@ def command(
     \b
     sim gen4@1
     sim gen4@1 tmcm@5 --listen 127.0.0.1:0 --state kept
-    sim gen4 -b 125000 --latency 2
+    sim gen4@1 tmcm@5 -b 125000 --latency 2 --latency 5:20
+    sim gen4 --signal "606C=sine(1500,2s)"
     sim gen4 -i socketcan -c vcan0
     """
-    from dvtcli.serving import DEFAULT_PORT, LOOPBACK, Wanted, address
+    from dvtcli.serving import DEFAULT_PORT, LOOPBACK, Wanted, address, latency_of
 
     session: Session = ctx.obj
     join = _typed(ctx, "interface") or _typed(ctx, "channel")
     where = address(listen) if listen is not None else None if join else (LOOPBACK, DEFAULT_PORT)
     kept = None if state is None else Path(state)
-    wanted = Wanted(nodes, where, join, kept, (latency or 0) / 10_000)
+    wanted = Wanted(nodes, where, join, kept, tuple(map(latency_of, latency)))
     ready = None if ready_file is None else Path(ready_file)
     try:
         with session.serving(wanted) as served:

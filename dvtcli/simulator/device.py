@@ -17,32 +17,34 @@ from dvtcli.simulator.emergency import ERROR_HISTORY, Emergencies
 from dvtcli.simulator.exchange import PdoExchange
 from dvtcli.simulator.family import Family
 from dvtcli.simulator.gates import Gates
-from dvtcli.simulator.heartbeat import HEARTBEAT, Heartbeat
-from dvtcli.simulator.limits import check_limits
+from dvtcli.simulator.heartbeat import CONSUMER_TIMES, HEARTBEAT, Heartbeat, HeartbeatConsumer
+from dvtcli.simulator.judge import Judge
 from dvtcli.simulator.lss import LssSlave
 from dvtcli.simulator.memory import Backing, Memory
-from dvtcli.simulator.pdo_guard import PdoGuard
 from dvtcli.simulator.refusal import Refusal
 from dvtcli.simulator.store import ParameterStore
 from dvtcli.simulator.sync_producer import SYNC_COB_ID, SyncProducer
 from dvtcli.simulator.vpdo import VirtualPdos
 
+ERROR_BEHAVIOUR = 0x1029
 _NEVER = float("inf")
 _STATES = {
     NmtCommand.START: NmtState.OPERATIONAL,
     NmtCommand.STOP: NmtState.STOPPED,
     NmtCommand.ENTER_PRE_OPERATIONAL: NmtState.PRE_OPERATIONAL,
 }
+#: value of 0x1029:1 -> the state that a communication error leads to; others keep the state (CiA 301, 7.5.2.32)
+_AFTER_AN_ERROR = {0: NmtState.PRE_OPERATIONAL, 2: NmtState.STOPPED}
 
 
 class StrictDevice:
     """A simulated node that refuses what CiA 301 and its family refuse.
 
     *dictionary* says which objects exist, *family* how the device behaves, *node_id* is 1..127, or 255 for a
-    node that waits for one (LSS). With *backing* the
-    device is a twin of a real node: an object that was not written yet is fetched by `backing(index, sub_index)`,
-    which raises Refusal where the node refuses; existence is what the node says, the dictionary (it may be empty) adds
-    types, access, limits and mappability, and what nobody knows is not refused. Nothing is ever written through it.
+    node that waits for one (LSS). With *backing* the device is a twin of a real node: an object that was not written
+    yet is fetched by `backing(index, sub_index)`, which raises Refusal where the node refuses; existence is what the
+    node says, the dictionary (it may be empty) adds types, access, limits and mappability, and what nobody knows is
+    not refused. Nothing is ever written through it.
 
     A new device is INITIALISING until `boot_up`. Frames that it sends of its own accord collect in `outbox`.
     """
@@ -57,7 +59,6 @@ class StrictDevice:
         self.outbox: list[Frame] = []
         self._state = NmtState.INITIALISING
         self._memory = Memory(dictionary, node_id, family.capabilities, backing)
-        self._guard = PdoGuard(self._memory, family)
         self._gates = Gates(self._memory, family)
         self._store = ParameterStore(self._memory, family)
         self.lss = LssSlave(self._memory, self._store, node_id)
@@ -66,6 +67,9 @@ class StrictDevice:
         self._exchange = PdoExchange(self._memory, family, self._errors)
         self._sync_producer = SyncProducer(self._memory)
         self._heartbeat = Heartbeat(self._memory)
+        self._producers = HeartbeatConsumer(self._memory, self._errors)
+        services = (self._errors, self._sync_producer, self._producers)
+        self._judge = Judge(self._memory, family, self._gates, self._store, services)
         #: what the memory counted when it was last polled, and when it is due if nothing changes
         self._polled_changes = -1
         self._due_s = -_NEVER
@@ -99,6 +103,11 @@ class StrictDevice:
         self._store.fails = fails
 
     @property
+    def changes(self) -> int:
+        """A number that grows whenever an object was written, or may have been."""
+        return self._memory.changes
+
+    @property
     def stored_changes(self) -> int:
         """A number that grows whenever `stored` changes."""
         return self._memory.stored_changes
@@ -126,8 +135,8 @@ class StrictDevice:
     def download(self, index: int, sub_index: int, data: bytes) -> None:
         """Write *data* as an SDO download does; Refusal where the device refuses it, then nothing has changed."""
         try:
-            self._check_download(index, sub_index, len(data))
-            self._check_value(index, sub_index, data)
+            self._judge.check_access(index, sub_index, len(data))
+            self._judge.check_value(index, sub_index, data, self._state)
             self._accept(index, sub_index, bytes(data))
         except Refusal as refusal:
             raise self._gates.explained(refusal) from None
@@ -135,7 +144,7 @@ class StrictDevice:
     def begin_download(self, index: int, sub_index: int, size: int | None) -> None:
         """Refuse what is hopeless whatever the value: existence, access, and *size* in bytes where it is known."""
         try:
-            self._check_download(index, sub_index, size)
+            self._judge.check_access(index, sub_index, size)
         except Refusal as refusal:
             raise self._gates.explained(refusal) from None
 
@@ -205,7 +214,10 @@ class StrictDevice:
         return frames
 
     def receive(self, frame: Frame) -> list[Frame]:
-        """Take a frame that may be one of the device's RPDOs, or ask for a TPDO; returns what it sends in answer."""
+        """Take a frame: an RPDO, a heartbeat, or one that asks for a TPDO; returns what the device sends in answer."""
+        if self._state is not NmtState.INITIALISING and self._producers.listens(frame):
+            over = self._producers.hear(frame)
+            return [] if self._state is NmtState.STOPPED else over
         if self._state is not NmtState.OPERATIONAL:
             return []
         if frame.remote:
@@ -215,15 +227,15 @@ class StrictDevice:
         return answers
 
     def hears(self, frame: Frame) -> bool:
-        """Whether *frame*, no NMT command and no SDO, may mean something to the device: its SYNC, one of its PDOs."""
+        """Whether *frame*, no NMT command and no SDO, may mean something to the device: SYNC, PDO or heartbeat."""
         if self._state is not NmtState.OPERATIONAL:
-            return False
-        return self._exchange.knows(frame) or self.hears_sync(frame)
+            return self._producers.listens(frame)
+        return self._exchange.knows(frame) or self.hears_sync(frame) or self._producers.listens(frame)
 
     @property
     def hearing_changes(self) -> int:
         """A number that grows whenever `hears` may answer differently from before."""
-        return self._exchange.forgotten + self._sync_changes
+        return self._exchange.forgotten + self._sync_changes + self._producers.changes
 
     def hears_sync(self, frame: Frame) -> bool:
         """Whether *frame* is a SYNC to this device (0x1005, else 0x080)."""
@@ -241,7 +253,7 @@ class StrictDevice:
         self._polled_changes = changes
         frames: list[Frame] = []
         if self._state is not NmtState.INITIALISING:
-            frames += self._heartbeat.poll(now_s, self._state)
+            frames += self._watch_producers(now_s) + self._heartbeat.poll(now_s, self._state)
         if self._state in (NmtState.PRE_OPERATIONAL, NmtState.OPERATIONAL):
             frames += self._produce_sync(now_s) + self._errors.poll(now_s)
         if self._state is NmtState.OPERATIONAL:
@@ -258,12 +270,19 @@ class StrictDevice:
     def _next_due_s(self) -> float:
         if self._state is NmtState.INITIALISING:
             return _NEVER
-        due_s = self._heartbeat.due_s
+        due_s = min(self._heartbeat.due_s, self._producers.due_s)
         if self._state is not NmtState.STOPPED:
             due_s = min(due_s, self._sync_producer.due_s, self._errors.due_s)
         if self._state is NmtState.OPERATIONAL:
             due_s = min(due_s, self._exchange.due_s)
         return due_s
+
+    def _watch_producers(self, now_s: float) -> list[Frame]:
+        """The EMCYs of heartbeat producers that are lost, which also ends OPERATIONAL."""
+        frames = self._producers.poll(now_s)
+        if frames is not None and self._state is NmtState.OPERATIONAL:
+            self.state = _AFTER_AN_ERROR.get(self._memory.number(ERROR_BEHAVIOUR, 1), self._state)
+        return [] if frames is None or self._state is NmtState.STOPPED else frames
 
     def _produce_sync(self, now_s: float) -> list[Frame]:
         """The SYNC due, and the TPDOs that the node's own SYNC brings."""
@@ -281,29 +300,6 @@ class StrictDevice:
         frames = self._errors.set(code, code) if code else self._errors.clear_all()
         return [] if self._state is NmtState.STOPPED else frames
 
-    def _check_download(self, index: int, sub_index: int, size: int | None) -> None:
-        self._memory.require(index, sub_index)
-        entry = self._memory.entry(index, sub_index)
-        if entry is not None and not entry.access.writable:
-            raise Refusal(Abort.READ_ONLY)
-        wanted = self._memory.size(index, sub_index)
-        if wanted is None or size is None or size == wanted:
-            return
-        raise Refusal(Abort.TOO_LONG if size > wanted else Abort.TOO_SHORT)
-
-    def _check_value(self, index: int, sub_index: int, data: bytes) -> None:
-        """State and PDO rules come before the file's limits: their abort codes say more."""
-        self._gates.check(index, self._state)
-        if self.family.pdo_rules_always or self._state is NmtState.OPERATIONAL:
-            self._guard.check(index, sub_index, data)
-        self._sync_producer.check(index, data)
-        entry = self._memory.entry(index, sub_index)
-        if entry is not None and not self._store.handles(index, sub_index):
-            check_limits(entry, self.node_id, data)
-        if index == ERROR_HISTORY and any(data):
-            raise Refusal(Abort.VALUE_RANGE)
-        self._gates.check_selection(index, sub_index, data)
-
     def _accept(self, index: int, sub_index: int, data: bytes) -> None:
         if self._store.handles(index, sub_index):
             self._store.command(index, sub_index, data)
@@ -316,6 +312,8 @@ class StrictDevice:
         self._sync_changes += index == SYNC_COB_ID
         if index == ERROR_HISTORY:
             self._errors.forget_history()
+        if index == CONSUMER_TIMES:
+            self._producers.configure()
         pdo = Pdo.at(index)
         if pdo is not None:
             self._exchange.forget(pdo)
@@ -332,6 +330,7 @@ class StrictDevice:
         self._state = NmtState.INITIALISING
         self._exchange.forget()
         self._errors.reset()
+        self._producers.configure()
         self._sync_producer.reset()
         self._gates.reset(communication_only=communication_only)
         self._vpdos.copy()

@@ -8,8 +8,10 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Hashable
 
+from dvtcli.domain.abort import Abort
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.memory import Memory
+from dvtcli.simulator.refusal import Refusal
 
 ERROR_REGISTER, ERROR_HISTORY, EMCY_COB_ID, EMCY_INHIBIT = 0x1001, 0x1003, 0x1014, 0x1015
 NO_ERROR = 0x0000
@@ -43,6 +45,11 @@ class Emergencies:
         self._active.clear()
         self._waiting.clear()
         self._own_bits = 0
+
+    def check(self, index: int, _sub_index: int, data: bytes) -> None:
+        """Refuse a download to the history that is no 0: it is only emptied (CiA 301, 7.5.2.4)."""
+        if index == ERROR_HISTORY and any(data):
+            raise Refusal(Abort.VALUE_RANGE)
 
     def set(self, source: Hashable, code: int) -> list[Frame]:
         """Note error *code* (0x0001..0xFFFF) of *source*; the frames to send, none if it was known already."""

@@ -96,6 +96,7 @@ class Family:
     - *state_object* reads the NMT state; *state_request* forces it (1 PRE-OPERATIONAL, 0 OPERATIONAL) where
       *master_object* is 1; such a master ignores NMT commands. *stays_operational*: whether it goes on in OPERATIONAL
       whatever it is asked, as a vehicle that is being driven does.
+    - *plant*: what moves in the simulation where the device has its objects: `cia402`, a motor; "" for nothing.
     - *pins*, *motors*: virtual PDOs. *boot_state*: the state after boot-up.
     """
 
@@ -140,6 +141,7 @@ class Family:
     stays_operational: bool = False
     pins: tuple[PinCopy, ...] = ()
     motors: MotorCopy | None = None
+    plant: str = ""
     boot_state: NmtState = NmtState.PRE_OPERATIONAL
 
     @property
@@ -215,6 +217,12 @@ def _login(value: Mapping[str, Any]) -> Login:
     return Login(value["index"], value["level"], _ranges(value["writes"]), passcodes, value.get("start"))
 
 
+def _plant(value: str) -> str:
+    if value not in ("", "cia402"):
+        raise ValueError(f"plant {value!r}: there is cia402")
+    return value
+
+
 def _pin_copy(value: Mapping[str, Any]) -> PinCopy:
     return PinCopy(value["selector"], _ranges(value["pins"]), value["to_pin"], value.get("bitwise", False))
 
@@ -240,5 +248,6 @@ _CONVERTERS: dict[str, Callable[[Any], Any]] = {
     "master_object": _object,
     "pins": lambda value: tuple(_pin_copy(each) for each in value),
     "motors": _motor_copy,
+    "plant": _plant,
     "boot_state": lambda value: NmtState[value],
 }

@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import NamedTuple
+from typing import NamedTuple, Protocol, TypeVar
 
 #: how long a node takes from a reset to its boot-up where `reset@K` does not say (s)
 BOOT_S = 0.1
@@ -139,9 +139,21 @@ def read_faults(words: Iterable[str], node_ids: Sequence[int]) -> tuple[Fault, .
     return tuple(found.values())
 
 
-def faults_of(node_id: int, first: int, faults: Iterable[Fault]) -> tuple[Fault, ...]:
-    """Those of *faults* that are *node_id*'s, where *first* is the first simulated node."""
-    return tuple(fault for fault in faults if (first if fault.node_id is None else fault.node_id) == node_id)
+class _Directed(Protocol):
+    """What is meant for one node."""
+
+    @property
+    def node_id(self) -> int | None:
+        """Which one, 1..127; None for the first simulated node."""
+        ...
+
+
+_Each = TypeVar("_Each", bound=_Directed)
+
+
+def own_of(node_id: int, first: int, them: Iterable[_Each]) -> tuple[_Each, ...]:
+    """Those of *them* that are *node_id*'s, where *first* is the first simulated node."""
+    return tuple(each for each in them if (first if each.node_id is None else each.node_id) == node_id)
 
 
 def _known() -> str:

@@ -9,6 +9,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 import can
 
@@ -17,6 +18,9 @@ from dvtcli.simulator.device import StrictDevice
 from dvtcli.simulator.faults import Fault
 from dvtcli.simulator.station import SimulatedNode, stations
 
+if TYPE_CHECKING:
+    from dvtcli.simulator.signals import Signal
+
 #: Longest wait for a frame, in seconds: bounds how long `stop` takes, never how long an answer takes.
 _LONGEST_WAIT_S = 0.05
 
@@ -24,9 +28,9 @@ _LONGEST_WAIT_S = 0.05
 class SimulatedNetwork:
     """Serves *devices* on *bus* between `start` and `stop`; also a context manager.
 
-    Nodes hear each other as well as the bus. *faults* go wrong with them; where one kills the bus, *on_bus_error* is
-    called once, from the serving thread. *lock* is held while a frame is dealt with; take it to look at a
-    device or to change it from another thread. *error* is what ended the thread early, None otherwise.
+    Nodes hear each other as well as the bus. *faults* go wrong with them, *signals* move them; where a fault kills the
+    bus, *on_bus_error* is called once, from the serving thread. *lock* is held while a frame is dealt with; take it to
+    look at a device or to change it from another thread. *error* is what ended the thread early, None otherwise.
     """
 
     def __init__(
@@ -34,10 +38,11 @@ class SimulatedNetwork:
         bus: can.BusABC,
         devices: Sequence[StrictDevice],
         faults: Sequence[Fault] = (),
+        signals: Sequence[Signal] = (),
         on_bus_error: Callable[[], None] = lambda: None,
     ) -> None:
         self.bus = bus
-        self.nodes = stations(devices, faults)
+        self.nodes = stations(devices, faults, signals)
         self._on_bus_error = on_bus_error
         self._bus_failed = False
         self.lock = threading.Lock()

@@ -12,7 +12,6 @@ from typing import Protocol
 
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.device import StrictDevice
-from dvtcli.simulator.heartbeat import HEARTBEAT
 from dvtcli.simulator.hub import Client, Hub
 from dvtcli.simulator.socketcand import told_frame
 from dvtcli.simulator.station import LSS_MASTER, NMT_CAN_ID, SDO_REQUEST, SDO_RESPONSE, SimulatedNode
@@ -47,8 +46,9 @@ class Member(Protocol):
 class Server:
     """Serves *nodes* to the clients of *hub* and to other buses, *members*.
 
-    *latency_s* is how long an SDO server takes to answer (s). *stored* is called where what a device keeps has changed,
-    before the device's answer is sent; *bus_failed* where a fault has killed the bus.
+    *latencies_s* is how long the SDO server of each node takes to answer (s), none for at once. *stored* is
+    called where what a device keeps has changed, before the device's answer is sent; *bus_failed* where a fault has
+    killed the bus.
     """
 
     def __init__(
@@ -58,7 +58,7 @@ class Server:
         wire: Wire,
         members: Sequence[Member] = (),
         *,
-        latency_s: float = 0.0,
+        latencies_s: Sequence[float] = (),
         stored: Callable[[StrictDevice], None] = lambda _device: None,
         bus_failed: Callable[[], None] = lambda: None,
     ) -> None:
@@ -68,7 +68,7 @@ class Server:
         self._wire = wire
         self._members = members
         self._nodes = tuple(nodes)
-        self._latency_s = latency_s
+        self._latencies_s = dict(zip(nodes, latencies_s, strict=False))
         self._stored, self._on_stored = {node: node.device.stored_changes for node in nodes}, stored
         self._bus_failed, self._on_bus_failed = False, bus_failed
         #: which nodes a CAN-ID means something to, as long as no node's hearing changes
@@ -160,9 +160,9 @@ class Server:
 
     @staticmethod
     def _concerns(node: SimulatedNode, frame: Frame) -> bool:
-        """SDOs and heartbeats have CAN-IDs that CiA 301 keeps from PDOs: they concern one node, or none."""
+        """SDOs have CAN-IDs that CiA 301 keeps from PDOs: they concern one node, or none."""
         function, node_id = frame.can_id & ~0x7F, frame.can_id & 0x7F
-        if frame.extended or not node_id or function not in (SDO_REQUEST, SDO_RESPONSE, HEARTBEAT):
+        if frame.extended or not node_id or function not in (SDO_REQUEST, SDO_RESPONSE):
             return (frame.can_id in _NETWORK_IDS and not frame.extended) or node.device.hears(frame)
         return function == SDO_REQUEST and node.device.node_id == node_id
 
@@ -194,8 +194,9 @@ class Server:
 
     def _say(self, node: SimulatedNode, frame: Frame, at_s: float) -> None:
         """Let *node* send *frame*, an SDO answer after its latency."""
-        if self._latency_s and frame.can_id == SDO_RESPONSE + node.device.node_id and not frame.extended:
+        latency_s = self._latencies_s.get(node)
+        if latency_s and frame.can_id == SDO_RESPONSE + node.device.node_id and not frame.extended:
             self._answers += 1
-            heappush(self._thinking, (at_s + self._latency_s, self._answers, node, frame))
+            heappush(self._thinking, (at_s + latency_s, self._answers, node, frame))
         else:
             self._wire.offer(node, frame, at_s)

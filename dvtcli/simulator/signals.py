@@ -1,7 +1,8 @@
 """Signals: objects of a simulated device that move by themselves, as written in one line of text.
 
-`606C=sine(1500,2s)` makes object 606C:00 swing. Time is passed in, in seconds of a monotonic clock; a signal begins
-when it is polled for the first time. Does not know PDOs: the device sends what changed as it is configured.
+`606C=sine(1500,2s)` makes object 606C:00 swing, `5:606C=…` that of node 5. Time is passed in, in seconds of a monotonic
+clock; a signal begins when it is polled for the first time. Does not know PDOs: the device sends what changed as it is
+configured.
 """
 
 from __future__ import annotations
@@ -11,18 +12,23 @@ import math
 import random
 import re
 from bisect import bisect_right
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from dvtcli.domain.datatypes import DataType, Kind
+from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.simulator.device import StrictDevice
+from dvtcli.simulator.moving import put_number
 
 #: how often a signal is written (s)
 SAMPLE_S = 0.01
 Shape = Callable[[float], float]
 
-_FORM = re.compile(r"(?P<index>[0-9A-Fa-f]{4})(?::(?P<sub>[0-9A-Fa-f]{1,2}))?=(?P<shape>[a-z]+)\((?P<rest>.*)\)")
+_FORM = re.compile(
+    r"(?:(?P<node>\d{1,3}|0[xX][0-9A-Fa-f]{1,2}):)?"
+    r"(?P<index>[0-9A-Fa-f]{4})(?::(?P<sub>[0-9A-Fa-f]{1,2}))?=(?P<shape>[a-z]+)\((?P<rest>.*)\)"
+)
 _NUMBER = re.compile(r"[+-]?\d{1,20}(\.\d{1,9})?|[+-]?0[xX][0-9a-fA-F]{1,16}")
 _PERIOD = re.compile(r"(\d{1,9}(?:\.\d{1,9})?)(ms|s|min)?")
 _UNITS = {None: 1.0, "s": 1.0, "ms": 1e-3, "min": 60.0}
@@ -38,28 +44,34 @@ _FORMS = {
 
 @dataclass(frozen=True, slots=True)
 class Signal:
-    """What object *index*:*sub_index* does: *shape* gives its value at a time in seconds since it began, 0…"""
+    """What object *index*:*sub_index* does: *shape* gives its value at a time in seconds since it began, 0…
+
+    *node_id* is 1..127, None for the first simulated node.
+    """
 
     index: int
     sub_index: int
     shape: Shape = field(repr=False)
+    node_id: int | None = None
 
     @classmethod
     def parse(cls, text: str) -> Signal:
-        """Read `INDEX[:SUB]=SHAPE(…)`, index and sub-index in hex; ValueError says what would be right.
+        """Read `[NODE:]INDEX[:SUB]=SHAPE(…)`, index and sub-index in hex; ValueError says what would be right.
 
         `sine(AMPLITUDE,PERIOD)` around 0; `ramp(FROM,TO,PERIOD)`, then from FROM again; `square(A,B,PERIOD)`, half of
         the period each; `walk(STEP,MIN,MAX,PERIOD)`, by up to STEP each period; `const(VALUE)`; `csv(FILE,COLUMN)`:
         rows of a time in seconds and values, COLUMN counted from 1 after the time or named in the first row, each
-        value holds until the next row, the last one for ever. A period is `2s`, `500ms`, `1min` or a number of seconds.
+        value holds until the next row, the last one for ever (RowsError where the file has none). A period is `2s`,
+        `500ms`, `1min` or a number of seconds.
         """
         found = _FORM.fullmatch(text.strip())
         if found is None or found["shape"] not in _FORMS:
-            raise ValueError(
-                f"{text!r} is no signal; write 606C=sine(1500,2s), with one of {', '.join(_FORMS.values())}"
-            )
-        shape = _shape(found["shape"], [word.strip() for word in found["rest"].split(",")])
-        return cls(int(found["index"], 16), int(found["sub"] or "0", 16), shape)
+            raise ValueError(f"no such signal; write 606C=sine(1500,2s), with one of {', '.join(_FORMS.values())}")
+        name, node = found["shape"], found["node"]
+        words = found["rest"].rsplit(",", 1) if name == "csv" else found["rest"].split(",")  # a file may have commas
+        shape = _shape(name, [word.strip() for word in words])
+        node_id = None if node is None else int(node, 16 if node[1:2] in ("x", "X") else 10)
+        return cls(int(found["index"], 16), int(found["sub"] or "0", 16), shape, node_id)
 
 
 def sine(amplitude: float, period_s: float) -> Shape:
@@ -102,40 +114,99 @@ def rows(points: list[tuple[float, float]]) -> Shape:
     return lambda t_s: points[max(0, bisect_right(times, t_s) - 1)][1]
 
 
+class RowsError(ValueError):
+    """A CSV file has no rows that could be a signal; *place* is its path, with `:LINE` where a line is to blame."""
+
+    def __init__(self, text: str, place: str) -> None:
+        super().__init__(text)
+        self.place = place
+
+
 def read_rows(path: Path, column: str) -> list[tuple[float, float]]:
-    """The times (s) and values of *column* in CSV file *path*; ValueError where there are none."""
+    """The times (s) and values of *column* in CSV file *path*; RowsError where there are none."""
     try:
-        lines = [line for line in csv.reader(path.read_text("utf-8").splitlines()) if line]
-    except (OSError, UnicodeError, csv.Error) as wrong:
-        raise ValueError(f"{path}: {wrong}") from wrong
-    names = [name.strip() for name in lines[0]] if lines and not _is_number(lines[0][0]) else []
-    body = lines[1:] if names else lines
-    place = names.index(column) if column in names else int(column) if column.isdecimal() else 0
-    try:
-        points = [(float(line[0]), float(line[place])) for line in body]
-    except (ValueError, IndexError) as wrong:
-        raise ValueError(f"{path}: rows are a time in seconds and numbers ({wrong})") from wrong
-    if not points or place == 0 or not all(math.isfinite(each) for point in points for each in point):
-        raise ValueError(f"{path} has no column {column!r} with values; columns are counted from 1 after the time")
+        reader = csv.reader(_lines(path))
+        numbered = [(reader.line_num, line) for line in reader if line]
+    except (UnicodeError, csv.Error) as wrong:
+        raise RowsError(f"no CSV file: {wrong}", str(path)) from wrong
+    names = [name.strip() for name in numbered[0][1]] if numbered and not _is_number(numbered[0][1][0]) else []
+    place = names.index(column) if column in names else int(column) if _COLUMN.fullmatch(column) else 0
+    points = [(_cell(path, line, cells, 0), _cell(path, line, cells, place)) for line, cells in numbered[bool(names) :]]
+    if not points or place == 0:
+        known = f"; it has {', '.join(names[1:])}" if len(names) > 1 else ""
+        raise RowsError(f"no column {column!r} with values; columns count from 1 after the time{known}", str(path))
     return sorted(points)
+
+
+_COLUMN = re.compile(r"[0-9]{1,4}")
+#: more than this many characters of a CSV file are no signal
+_MOST_CHARACTERS = 100_000_000
+
+
+def _lines(path: Path) -> list[str]:
+    """The lines of *path*, read as far as a file of sane size goes; OSError where it cannot be read."""
+    with path.open(encoding="utf-8-sig", newline="") as file:
+        text = file.read(_MOST_CHARACTERS + 1)
+    if len(text) > _MOST_CHARACTERS:
+        raise RowsError(f"more than {_MOST_CHARACTERS:,} characters", str(path))
+    return text.splitlines(keepends=True)
+
+
+def _cell(path: Path, line: int, cells: list[str], place: int) -> float:
+    try:
+        value = float(cells[place])
+    except (ValueError, IndexError):
+        value = math.nan
+    if not math.isfinite(value):
+        raise RowsError("rows are a time in seconds and numbers", f"{path}:{line}")
+    return value
+
+
+def read_signals(words: Iterable[str], dictionaries: Sequence[tuple[int, ObjectDictionary]]) -> tuple[Signal, ...]:
+    """What each of *words* says, for nodes by node-ID and dictionary; ValueError names the word that is wrong.
+
+    Wrong are also a node that is not simulated, an object that holds no number, and two signals for one object.
+    RowsError and OSError come from files.
+    """
+    found: dict[tuple[int, int, int], Signal] = {}
+    known = dict(dictionaries)
+    for word in words:
+        try:
+            signal = Signal.parse(word)
+            node_id = dictionaries[0][0] if signal.node_id is None else signal.node_id
+            if node_id not in known:
+                raise ValueError(f"no simulated node {node_id}")
+            number_type(known[node_id], signal.index, signal.sub_index)
+            if (key := (node_id, signal.index, signal.sub_index)) in found:
+                raise ValueError("another signal moves that object already")
+        except RowsError:
+            raise
+        except ValueError as wrong:
+            raise ValueError(f"{word}: {wrong}") from wrong
+        found[key] = signal
+    return tuple(found.values())
+
+
+def number_type(dictionary: ObjectDictionary, index: int, sub_index: int) -> DataType:
+    """The type of an object that a signal may move; ValueError where there is none."""
+    entry = dictionary.entry(index, sub_index)
+    data_type = None if entry is None else entry.data_type
+    place = f"{index:04X}:{sub_index:02X}"
+    if data_type is None or not (data_type.limits or data_type.kind is Kind.REAL):
+        raise ValueError(f"the node has no object {place} that holds a number")
+    if 0x1000 <= index < 0x2000:
+        raise ValueError(f"{place} says how the node communicates; signals move what it measures, from 2000 on")
+    return data_type
 
 
 class SignalSource:
     """*signal* at work on *device*; ValueError where the device has no such number object. *due_s* as in `Source`."""
 
     def __init__(self, device: StrictDevice, signal: Signal) -> None:
-        entry = device.dictionary.entry(signal.index, signal.sub_index)
-        place = f"{signal.index:04X}:{signal.sub_index:02X}"
-        if (
-            entry is None
-            or entry.data_type is None
-            or not (entry.data_type.limits or entry.data_type.kind is Kind.REAL)
-        ):
-            raise ValueError(f"node {device.node_id} has no object {place} that holds a number")
         self.due_s = 0.0
         self._device = device
         self._signal = signal
-        self._type = entry.data_type
+        self._type = number_type(device.dictionary, signal.index, signal.sub_index)
         self._began_s: float | None = None
 
     def poll(self, now_s: float) -> None:
@@ -145,16 +216,6 @@ class SignalSource:
         value = self._signal.shape(now_s - self._began_s)
         put_number(self._device, (self._signal.index, self._signal.sub_index), self._type, value)
         self.due_s = now_s + SAMPLE_S
-
-
-def put_number(device: StrictDevice, place: tuple[int, int], data_type: DataType, value: float) -> None:
-    """Let *device* have *value* in the object at *place*, rounded and clipped to its type, if it is another one."""
-    if data_type.limits is not None:
-        low, high = data_type.limits
-        value = min(high, max(low, round(value)))
-    data = data_type.encode(value)
-    if device.value(*place) != data:
-        device.set_value(*place, data)
 
 
 def _shape(name: str, words: list[str]) -> Shape:

@@ -7,27 +7,21 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from typing import Protocol
+from typing import TYPE_CHECKING
 
+from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.device import StrictDevice
-from dvtcli.simulator.faults import Fault, faults_of
+from dvtcli.simulator.faults import Fault, own_of
 from dvtcli.simulator.faulty import Answer, FaultyServer
+from dvtcli.simulator.moving import NEVER, Source
 from dvtcli.simulator.sdo_server import SdoServer
-from dvtcli.simulator.signals import Signal, SignalSource
+
+if TYPE_CHECKING:
+    from dvtcli.simulator.signals import Signal
 
 NMT_CAN_ID, SDO_REQUEST, SDO_RESPONSE = 0x000, 0x600, 0x580
 LSS_MASTER, LSS_SLAVE = 0x7E5, 0x7E4
-
-
-class Source(Protocol):
-    """What changes a device's objects by itself, a signal or a plant; *due_s* is when it wants to be polled (s)."""
-
-    due_s: float
-
-    def poll(self, now_s: float) -> None:
-        """Change what has changed by *now_s* (s)."""
-        ...
 
 
 class SimulatedNode:
@@ -51,13 +45,19 @@ class SimulatedNode:
         """Whether a fault has killed the bus."""
         return self._faulty is not None and self._faulty.bus_failed
 
-    def add_source(self, source: Source) -> None:
-        """Let *source* move the device's objects from now on; a Plant is one."""
-        self._sources.append(source)
+    def animate(self, signals: Sequence[Signal] = ()) -> None:
+        """Let *signals* move their objects from now on, and the family's plant what is left to it.
 
-    def add_signal(self, signal: Signal) -> None:
-        """Let *signal* move its object from now on; ValueError where the device has no such number."""
-        self.add_source(SignalSource(self.device, signal))
+        ValueError where the device has no such number.
+        """
+        from dvtcli.simulator.plant import Plant, is_drive
+
+        if signals:
+            from dvtcli.simulator.signals import SignalSource
+
+            self._sources += [SignalSource(self.device, signal) for signal in signals]
+        if self.device.family.plant and is_drive(self.device):
+            self._sources.append(Plant(self.device, [(signal.index, signal.sub_index) for signal in signals]))
 
     def handle(self, frame: Frame, now_s: float = 0.0) -> list[Frame]:
         """What the node sends at once on hearing *frame* at *now_s*, a monotonic time in seconds, in order."""
@@ -82,9 +82,10 @@ class SimulatedNode:
         if self._faulty is not None and self._faulty.boots_at_s is not None and self._faulty.boots_at_s <= now_s:
             self._faulty.boots_at_s = None
             self.device.boot_up()
-        for source in self._sources:
-            if source.due_s <= now_s:
-                source.poll(now_s)
+        if self.device.state is not NmtState.INITIALISING:
+            for source in self._sources:
+                if source.due_s <= now_s:
+                    source.poll(now_s)
         due: list[Frame] = []
         while self._later and self._later[0][0] <= now_s:
             due.append(self._later.popleft()[1])
@@ -97,9 +98,10 @@ class SimulatedNode:
 
     def _next_poll_s(self) -> float | None:
         faulty, due_s = self._faulty, self.device.next_poll_s()
-        if self._sources:
+        if self._sources and self.device.state is not NmtState.INITIALISING:
             soonest_s = min(source.due_s for source in self._sources)
-            due_s = soonest_s if due_s is None else min(due_s, soonest_s)
+            if soonest_s < NEVER:
+                due_s = soonest_s if due_s is None else min(due_s, soonest_s)
         if faulty is None:
             return due_s
         if faulty.dead:
@@ -161,13 +163,20 @@ class SimulatedNode:
 
 
 def stations(
-    devices: Sequence[StrictDevice], faults: Sequence[Fault] = (), bit_rate: int | None = None
+    devices: Sequence[StrictDevice],
+    faults: Sequence[Fault] = (),
+    signals: Sequence[Signal] = (),
+    *,
+    bit_rate: int | None = None,
 ) -> list[SimulatedNode]:
-    """*devices* as nodes, each with its own of *faults*; those that name no node are the first one's.
+    """*devices* as nodes, each with its own of *faults* and *signals*; those that name no node are the first one's.
 
-    *bit_rate* is the bus's (bit/s), None where frames take no time.
+    *bit_rate* is the bus's (bit/s), None where frames take no time. ValueError where a signal has no object.
     """
     for device in devices:
         device.lss.bit_rate = bit_rate
     first = devices[0].node_id if devices else 0
-    return [SimulatedNode(device, faults_of(device.node_id, first, faults)) for device in devices]
+    nodes = [SimulatedNode(device, own_of(device.node_id, first, faults)) for device in devices]
+    for node in nodes:
+        node.animate(own_of(node.device.node_id, first, signals))
+    return nodes

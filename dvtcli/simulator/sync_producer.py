@@ -28,7 +28,7 @@ class SyncProducer:
         self._counter = 0
         self.due_s = float("inf")
 
-    def check(self, index: int, data: bytes) -> None:
+    def check(self, index: int, _sub_index: int, data: bytes) -> None:
         """Refuse a download to 0x1005 or 0x1019 that the standard forbids while SYNCs are produced."""
         if index == SYNC_OVERFLOW:
             self._check_overflow(data)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from dvtcli.simulator.device import StrictDevice
     from dvtcli.simulator.faults import Fault
+    from dvtcli.simulator.signals import Signal
     from dvtcli.transports.canbus import CanBus
 
 DEFAULT_TIMEOUT_S = 0.5
@@ -38,13 +39,14 @@ def open_simulation(
     devices: Sequence[StrictDevice],
     *,
     faults: Sequence[Fault] = (),
+    signals: Sequence[Signal] = (),
     timeout_s: float = DEFAULT_TIMEOUT_S,
     retries: int = DEFAULT_RETRIES,
 ) -> CanBus:
-    """Open a bus on which only the simulated *devices* live, *faults* included; nothing leaves this process."""
+    """Open a bus on which only the simulated *devices* live, *faults* and *signals* included; nothing leaves us."""
     from dvtcli.transports.simulated import simulate
 
-    return simulate(devices, faults=faults, timeout_s=timeout_s, retries=retries)
+    return simulate(devices, faults=faults, signals=signals, timeout_s=timeout_s, retries=retries)
 
 
 def is_configured() -> bool:

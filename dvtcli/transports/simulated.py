@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import count
+from typing import TYPE_CHECKING
 
 import can
 from can.interfaces.virtual import VirtualBus
@@ -16,6 +17,9 @@ from dvtcli.simulator.faults import Fault
 from dvtcli.simulator.node import SimulatedNetwork
 from dvtcli.transports import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S
 from dvtcli.transports.canbus import CanBus
+
+if TYPE_CHECKING:
+    from dvtcli.simulator.signals import Signal
 
 #: python-can's virtual channels are shared by name within a process: each simulation has its own
 _NUMBERS = count(1)
@@ -46,10 +50,11 @@ def simulate(
     devices: Sequence[StrictDevice],
     *,
     faults: Sequence[Fault] = (),
+    signals: Sequence[Signal] = (),
     timeout_s: float = DEFAULT_TIMEOUT_S,
     retries: int = DEFAULT_RETRIES,
 ) -> CanBus:
-    """Start *devices*, with their *faults*, on a bus of their own and join it; closing the bus stops them."""
+    """Start *devices*, with their *faults* and *signals*, on a bus of their own and join it; closing it stops them."""
     channel = f"dvtcli-sim-{next(_NUMBERS)}"
     # Our side first: the nodes' boot-up messages are sent once.
     ours = FailingBus(channel)
@@ -58,7 +63,7 @@ def simulate(
     def fail() -> None:
         ours.failed = True
 
-    network = SimulatedNetwork(theirs, devices, faults, on_bus_error=fail)
+    network = SimulatedNetwork(theirs, devices, faults, signals, on_bus_error=fail)
     network.start()
 
     def stop() -> None:

@@ -1,7 +1,7 @@
 """A CANopenBus of simulated devices with a time of its own: whoever waits makes the clock go on, and nobody sleeps.
 
-For one thread: with the same devices and faults, the same calls see the same frames at the same times. Uses the real
-SDO client. Does not know python-can, nor how a device behaves.
+For one thread: with the same devices, faults and signals, the same calls see the same frames at the same times. Uses
+the real SDO client. Does not know python-can, nor how a device behaves.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from heapq import heappop, heappush
+from typing import TYPE_CHECKING
 from weakref import ref
 
 from dvtcli.domain.nmt import NmtCommand, NmtState
@@ -25,6 +26,9 @@ from dvtcli.transports.sdo_client import StrictSdoClient
 from dvtcli.transports.sdo_link import ANSWER_ID, REQUEST_ID, Inbox, SdoSettings
 from dvtcli.transports.traffic import ANSWERS_KEPT_S, Tap
 
+if TYPE_CHECKING:
+    from dvtcli.simulator.signals import Signal
+
 #: from a frame of ours to a node's answer (s): two frames at 500 kbit/s and a quick device
 ANSWER_S = 0.0005
 _UPLOAD = b"\x40"
@@ -32,20 +36,21 @@ _NEVER = float("inf")
 
 
 class VirtualTimeBus:
-    """A CanopenBus of *devices*, which boot now, and of their *faults*; its clock starts at 0 s."""
+    """A CanopenBus of *devices*, which boot now, with *faults* and *signals*; its clock starts at 0 s."""
 
     def __init__(
         self,
         devices: Sequence[StrictDevice],
         *,
         faults: Sequence[Fault] = (),
+        signals: Sequence[Signal] = (),
         timeout_s: float = DEFAULT_TIMEOUT_S,
         retries: int = DEFAULT_RETRIES,
     ) -> None:
         self.name = "virtual time"
         self.simulated = True
         self.settings = SdoSettings(timeout_s, retries)
-        self.nodes = stations(devices, faults)
+        self.nodes = stations(devices, faults, signals)
         self._now_s = 0.0
         #: frames on their way to us: (time, order, frame)
         self._coming: list[tuple[float, int, Frame]] = []

@@ -84,6 +84,30 @@ def test_a_server_takes_its_time_to_answer(tmp_path: Path) -> None:
         assert uploads_a_second(server, 40) <= 200
 
 
+def test_each_server_takes_its_own_time(tmp_path: Path) -> None:
+    with served(tmp_path, "generic@1", "generic@2", "--latency", "2:20") as server:
+        bus = open_canbus("socketcand", "can0", None, {"host": "127.0.0.1", "port": server.port}, timeout_s=5)
+        fast, slow = bus.sdo(1), bus.sdo(2)
+        took = []
+        for sdo in (fast, slow):
+            sdo.upload(0x1018, 1)
+            began = time.perf_counter()
+            for _ in range(10):
+                sdo.upload(0x1018, 1)
+            took.append(time.perf_counter() - began)
+        bus.close()
+        assert took[1] >= 0.2
+        assert took[0] < took[1]
+
+
+@pytest.mark.parametrize(
+    "words", [("2:20",), ("20", "30"), ("1:20", "1:20"), ("x:20",), ("200:1",), ("1:",), ("1:-5",), ("60001",)]
+)
+def test_wrong_latencies(words: tuple[str, ...]) -> None:
+    ran = dvtcli("sim", "generic@1", *[word for each in words for word in ("--latency", each)])
+    assert (ran.returncode, ran.stdout) == (2, "")
+
+
 def test_no_bit_rate_is_exceeded(tmp_path: Path) -> None:
     """An upload of 4 bytes and its answer are 2 x 111 bits at least: 450 a second at 100 kbit/s."""
     with served(tmp_path, "generic@1", "-b", "100000") as server:
@@ -102,5 +126,5 @@ def test_a_remote_frame_brings_a_tpdo(tmp_path: Path) -> None:
 
 def test_what_stands_in_its_help() -> None:
     said = dvtcli("sim", "--help").stdout
-    for word in ("--listen HOST:PORT", "--state DIR", "--latency MS", "--ready-file FILE", "sim gen4@1"):
+    for word in ("--listen HOST:PORT", "--state DIR", "--latency [NODE:]MS", "--ready-file FILE", "sim gen4@1"):
         assert word in said

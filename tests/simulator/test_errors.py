@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import pytest
 
-from dvtcli.domain.nmt import NmtCommand
+from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.device import StrictDevice
-from dvtcli.simulator.family import GENERIC
+from dvtcli.simulator.family import GENERIC, family_names
 from tests.simulator.bench import Aborted, Client, booted
 
 
@@ -165,3 +165,85 @@ def test_the_sync_cob_id_stays_while_it_is_produced() -> None:
     with pytest.raises(Aborted, match="06090030"):
         client.write(0x1005, 0, 0x40000081, 4)
     client.write(0x1005, 0, 0x81, 4)
+
+
+def watching(*times_ms: tuple[int, int]) -> StrictDevice:
+    """A device in OPERATIONAL that waits for heartbeats: (node-ID, ms) each."""
+    device = quiet()
+    for sub_index, (node_id, time_ms) in enumerate(times_ms, 1):
+        Client.on(device).write(0x1016, sub_index, node_id << 16 | time_ms, 4)
+    return device
+
+
+def beat(node_id: int) -> Frame:
+    return Frame(0x700 + node_id, b"\x05")
+
+
+def test_a_producer_is_watched_from_its_first_heartbeat_and_its_loss_ends_operational() -> None:
+    device = watching((5, 100))
+    assert device.poll(1.0) == []
+    assert device.next_poll_s() is None
+    assert device.hears(beat(5))
+    assert not device.hears(beat(6))
+    assert device.receive(beat(5)) == []
+    assert device.poll(2.0) == []
+    assert device.next_poll_s() == pytest.approx(2.1)
+    device.receive(beat(5))
+    assert device.poll(2.09) == []
+    assert device.poll(2.2) == [emcy(0x8130, 0x11)]
+    assert device.state is NmtState.PRE_OPERATIONAL
+    assert device.poll(9.0) == []
+    assert device.receive(beat(5)) == [emcy(0, 0)]
+
+
+def test_a_reset_or_a_new_time_waits_for_heartbeats_anew() -> None:
+    device = watching((5, 100))
+    device.receive(beat(5))
+    device.poll(1.0)
+    Client.on(device).write(0x1016, 1, 0, 4)
+    assert device.poll(2.0) == []
+    assert not device.hears(beat(5))
+    Client.on(device).write(0x1016, 1, 5 << 16 | 100, 4)
+    device.receive(beat(5))
+    device.poll(3.0)
+    device.nmt(NmtCommand.RESET_NODE)
+    device.take_outbox()
+    assert emcy(0x8130, 0x11) not in device.poll(4.0)
+
+
+def test_a_producer_has_one_time() -> None:
+    known = booted().dictionary
+    fields = known[0x1016].entries
+    longer = replace(known[0x1016], entries=fields | {2: replace(fields[1], sub_index=2)})
+    device = StrictDevice(ObjectDictionary({index: known[index] for index in known} | {0x1016: longer}), GENERIC, 1)
+    device.boot_up()
+    client = Client.on(device)
+    client.write(0x1016, 1, 5 << 16 | 100, 4)
+    client.write(0x1016, 1, 5 << 16 | 200, 4)
+    client.write(0x1016, 2, 6 << 16 | 100, 4)
+    with pytest.raises(Aborted, match="06040043"):
+        client.write(0x1016, 2, 5 << 16 | 100, 4)
+    client.write(0x1016, 2, 5 << 16, 4)
+
+
+@pytest.mark.parametrize("family", family_names())
+def test_there_is_no_node_guarding(family: str) -> None:
+    device = booted(family)
+    for index in (0x100C, 0x100D):
+        with pytest.raises(Aborted, match="06020000"):
+            Client.on(device).read(index)
+        with pytest.raises(Aborted, match="06020000"):
+            Client.on(device).write(index, 0, 100, 2 if index == 0x100C else 1)
+    assert device.receive(Frame(0x701, b"", remote=True)) == []
+
+
+def test_a_file_with_node_guarding_gets_none() -> None:
+    known = booted().dictionary
+    guard = {0x100C: replace(known[0x1017], index=0x100C), 0x100D: replace(known[0x1019], index=0x100D)}
+    device = StrictDevice(ObjectDictionary({index: known[index] for index in known} | guard), GENERIC, 1)
+    device.boot_up()
+    client = Client.on(device)
+    for index, size in ((0x100C, 2), (0x100D, 1)):
+        client.write(index, 0, 0, size)
+        with pytest.raises(Aborted, match="06090030"):
+            client.write(index, 0, 100, size)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.ports import Frame
-from dvtcli.simulator.faults import Fault, FaultKind, faults_of, read_faults
+from dvtcli.simulator.faults import Fault, FaultKind, own_of, read_faults
 from dvtcli.simulator.station import SimulatedNode
 from tests.simulator.bench import booted
 
@@ -114,8 +114,8 @@ def test_an_unknown_word_lists_the_known_ones() -> None:
 
 def test_faults_find_their_nodes() -> None:
     read = read_faults(["silent@1", "5:late@2=1", "3:silent@1"], [3, 5][::-1])
-    assert [str(fault) for fault in faults_of(5, 5, read)] == ["silent@1", "5:late@2=1.0"]
-    assert [str(fault) for fault in faults_of(3, 5, read)] == ["3:silent@1"]
+    assert [str(fault) for fault in own_of(5, 5, read)] == ["silent@1", "5:late@2=1.0"]
+    assert [str(fault) for fault in own_of(3, 5, read)] == ["3:silent@1"]
 
 
 @pytest.mark.parametrize(
