@@ -136,14 +136,13 @@ def _record(
     began_s = monotonic()
     until_s = None if duration_s is None else began_s + duration_s
     with session.cancellation.guard():
-        while not session.cancellation.requested:
-            late = until_s is not None and monotonic() >= until_s
-            for frame in listener.take(0.0 if late else _BATCH_S):
+        ended = False
+        while not ended:
+            ended = session.cancellation.requested or (until_s is not None and monotonic() >= until_s)
+            for frame in listener.take(0.0 if ended else _BATCH_S):
                 if not filters or any(frame.can_id & mask == can_id & mask for can_id, mask in filters):
                     write(frame)
             flush()
-            if late:
-                break
     return monotonic() - began_s
 
 
