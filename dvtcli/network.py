@@ -193,15 +193,25 @@ def profile_of(dictionary: ObjectDictionary | None) -> DeviceProfile:
     return profile_for_identity(dictionary.info.vendor_id, dictionary.info.product_code or 0)
 
 
-def names_passcode(line: str) -> bool:
-    """Whether a typed *line* names an object that takes a passcode, and so may hold one."""
-    words = line.lower().replace("0x", "").replace(":", " ")
-    return any(re.search(rf"\b{index:04x}\s+0?{sub:x}\b", words) for index, sub in passcode_objects())
+@dataclass(frozen=True, slots=True)
+class Secrets:
+    """The objects that take a passcode, of every profile: what is written there is shown and recorded nowhere."""
 
+    objects: frozenset[tuple[int, int]]
 
-def carries_passcode(frame: Frame) -> bool:
-    """Whether *frame* is an SDO that carries a passcode of any family: such a value is shown and recorded nowhere."""
-    return sdo_value_of(frame) in passcode_objects()
+    @classmethod
+    def known(cls) -> Secrets:
+        """Those of all profiles; InputFileError where one of the user's own is wrong."""
+        return cls(passcode_objects())
+
+    def in_frame(self, frame: Frame) -> bool:
+        """Whether *frame* is an SDO that carries a passcode."""
+        return sdo_value_of(frame) in self.objects
+
+    def in_line(self, line: str) -> bool:
+        """Whether a typed *line* names an object that takes a passcode, and so may hold one."""
+        words = line.lower().replace("0x", "").replace(":", " ")
+        return any(re.search(rf"\b{index:04x}\s+0?{sub:x}\b", words) for index, sub in self.objects)
 
 
 def state_folder(options: Options | None) -> Path:

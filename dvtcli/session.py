@@ -8,6 +8,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from dvtcli.device.cancellation import Cancellation
@@ -21,8 +22,8 @@ if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.domain.heard import LastFrames
     from dvtcli.domain.object_dictionary import ObjectDictionary
-    from dvtcli.domain.ports import CanopenBus, Frame
-    from dvtcli.network import Network
+    from dvtcli.domain.ports import CanopenBus
+    from dvtcli.network import Network, Secrets
     from dvtcli.serving import Serving, Wanted
     from dvtcli.view.output import Output
 
@@ -118,12 +119,8 @@ class Session:
             self._untap()
             self._untap = None
         else:
-            self._untap = self._network.tap(self._show_frame)
-
-    def _show_frame(self, frame: Frame, sent: bool) -> None:
-        from dvtcli.network import carries_passcode
-
-        self.output.traffic(frame, sent=sent, secret=carries_passcode(frame))
+            secret, traffic = self.secrets.in_frame, self.output.traffic
+            self._untap = self._network.tap(lambda frame, sent: traffic(frame, sent=sent, secret=secret(frame)))
 
     @property
     def in_script(self) -> bool:
@@ -273,11 +270,12 @@ class Session:
                 if left_behind:
                     self.output.warning(left_behind)
 
-    def names_passcode(self, line: str) -> bool:
-        """Whether a typed *line* may hold a passcode, and is to be kept nowhere."""
-        from dvtcli.network import names_passcode
+    @cached_property
+    def secrets(self) -> Secrets:
+        """What no screen and no file may show: passcodes on the wire and in lines."""
+        from dvtcli.network import Secrets
 
-        return names_passcode(line)
+        return Secrets.known()
 
     def warn_of_disturbances(self) -> None:
         """Say what was noticed on the SDO channels: another client, two nodes with one node-ID."""

@@ -38,11 +38,15 @@ class Listened(Protocol):
 class Listener:
     """Everything that passes on *bus*, also what is sent from here; at most *waiting* frames are kept.
 
+    Of a frame that *is_secret* the value is kept as zeros: whoever logs in is not to find the passcode in a recording.
     Use it in a `with`: it listens inside of it. Times of its frames are seconds since 1970.
     """
 
-    def __init__(self, bus: Listened, waiting: int = WAITING) -> None:
+    def __init__(
+        self, bus: Listened, waiting: int = WAITING, is_secret: Callable[[Frame], bool] = lambda _frame: False
+    ) -> None:
         self._bus = bus
+        self._is_secret = is_secret
         self._frames: deque[Frame] = deque()
         self._most = waiting
         self._arrived = threading.Event()
@@ -77,7 +81,7 @@ class Listener:
         if len(self._frames) >= self._most:
             self.dropped += 1
             return
-        self._frames.append(frame)
+        self._frames.append(replace(frame, data=frame.data[:4] + bytes(4)) if self._is_secret(frame) else frame)
         self._arrived.set()
 
     def take(self, wait_s: float = 0.0) -> list[Frame]:
