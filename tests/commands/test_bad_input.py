@@ -81,7 +81,7 @@ WRONG = [
     ("enable tpdo3", 1, "an empty PDO cannot be enabled"),
     ("enable 1:tpdo1 2:tpdo1", 2, "several nodes"),
     ("pdo 128:tpdo1", 2, "1…127"),
-    ("pdo tpdo1 tpdo2", 2, "unexpected extra argument"),
+    ("pdo tpdo1 tpdo2", 2, "give one PDO"),
     ("clear", 2, "Missing argument"),
     # raw writes meet the guards of the command for it
     ("write 1800:1 0x181701", 1, "frozen while the PDO is enabled"),
