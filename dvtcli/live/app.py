@@ -9,6 +9,7 @@ from copy import deepcopy
 from time import monotonic, time
 from typing import TYPE_CHECKING
 
+from dvtcli.errors import BusUnavailable
 from dvtcli.live.screen import GRAPH, RAW, TABLE, Moment, View, chosen_signals, picture
 from dvtcli.live.store import FrameStore
 from dvtcli.view.glyphs import ascii_only
@@ -107,8 +108,14 @@ def _application(monitor: Monitor, duration_s: float | None, color: str) -> Appl
     until_s = None if duration_s is None else monotonic() + duration_s
 
     def gather(application: Application[None]) -> None:
-        monitor.gather()
-        if until_s is not None and monotonic() >= until_s and not application.is_done:
+        if application.is_done:
+            return
+        try:
+            monitor.gather()
+        except BusUnavailable as failed:  # raised here it would stay inside of prompt_toolkit's event loop
+            application.exit(exception=failed)
+            return
+        if until_s is not None and monotonic() >= until_s:
             application.exit()
 
     application: Application[None] = Application(

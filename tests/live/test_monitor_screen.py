@@ -9,6 +9,8 @@ import pytest
 
 from tests.prompt.conftest import Open, open_terminal
 from tests.prompt.terminal import CTRL_C, DOWN, ENTER, ESCAPE, Terminal
+from tests.prompt.wire import Wire
+from tests.serve.served import bus_words
 
 __all__ = ["open_terminal"]
 PROMPT = "sim/1 OP> "
@@ -157,3 +159,18 @@ def test_a_terminated_monitor_leaves_the_terminal_as_it_was(open_terminal: Open)
     assert terminal.ended() == 143
     assert b"\x1b[?1049l" in terminal.written
     assert "Traceback" not in terminal.text
+
+
+def test_a_bus_that_fails_ends_the_monitor_with_its_reason(open_terminal: Open) -> None:
+    wire = Wire()
+    try:
+        terminal = open_terminal(*bus_words(wire.port), "-n", "5", "monitor")
+        terminal.wait("MONITOR socketcand")
+        wire.say(0x705, b"\x05")
+        terminal.wait("node 5  is OPERATIONAL")
+        wire.hang_up()
+        assert terminal.ended() == 5
+    finally:
+        wire.close()
+    assert "failed (receive)" in terminal.text
+    assert "Press ENTER" not in terminal.text, "prompt_toolkit's own words for an exception that nobody expected"

@@ -14,6 +14,8 @@ import can
 import pytest
 
 from dvtcli.domain.ports import Frame
+from dvtcli.errors import UsageError
+from dvtcli.live.extras import extra
 from dvtcli.simulator.family import family_eds
 from dvtcli.transports.recording import Recorder
 from tests.live.recordings import BEGIN_S
@@ -194,3 +196,9 @@ def test_names_in_files_steer_no_terminal(tmp_path: Path) -> None:
         assert done.returncode == 0, done.stderr
         assert "\x1b" not in done.stdout
         assert "Velo\\x1b]0;pwned" in done.stdout
+
+
+def test_an_extra_that_is_missing_is_named() -> None:
+    with pytest.raises(UsageError, match="drawing a picture needs no_such_package") as caught:
+        extra("no_such_package.figure", "plot", "drawing a picture")
+    assert caught.value.hint == "pip install 'dvtcli[plot]'"
