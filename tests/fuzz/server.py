@@ -20,8 +20,6 @@ from dvtcli.transports.sdo_link import ANSWER_ID, REQUEST_ID, Inbox, SdoSettings
 NODE, INDEX, SUB_INDEX = 5, 0x1A00, 1
 _TIMEOUT_S, _RETRIES = 0.5, 1
 _ANSWER_S = 0.0005
-#: after so many requests the server falls silent, so that one input stays cheap
-_MOST_REQUESTS = 400
 _MULTIPLEXER = INDEX.to_bytes(2, "little") + bytes([SUB_INDEX])
 _DEVICE_TYPE = b"\x00\x10\x00"
 
@@ -42,12 +40,14 @@ class HostileLink:
     heard: list[tuple[float, bytes]] = field(default_factory=list)
     toggle: int = 0
     left: int = 0
+    #: after so many requests the server falls silent, so that one input stays cheap
+    most_requests: int = 400
 
     def send_sdo(self, can_id: int, data: bytes) -> None:
         assert can_id == REQUEST_ID + NODE
         assert len(data) == 8
         self.asked.append((self.now, data))
-        if data[0] >> 5 == 4 or len(self.asked) > _MOST_REQUESTS:
+        if data[0] >> 5 == 4 or len(self.asked) > self.most_requests:
             return
         move = self.moves.popleft() if self.moves else self.last
         shape = self.moves.popleft() if self.moves else 0
