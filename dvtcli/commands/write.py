@@ -36,7 +36,7 @@ def command(session: Session, /, object_: ObjectWord, value: str, data_type: Dat
     \b
     write 1017 1000
     write 60FF -1500
-    write 2000:1 0x1234 --as u16
+    write 1017 0x3E8 --as u16
     write 1010:1 save          the same as store
     """
     node = session.node()

@@ -1,0 +1,98 @@
+"""Every example in the commands' help is run, with what `help_examples.toml` says it needs."""
+
+from __future__ import annotations
+
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import tomllib
+from contextlib import chdir
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from dvtcli.shell import command_names, split
+from dvtcli.simulator.family import family_eds
+from tests.commands.bench import Bench
+from tests.house.test_commands import examples
+from tests.live.test_recording_commands import DBC, ramp
+from tests.process import ROOT, environment
+
+#: how long a command may take to be at work, in seconds
+PATIENCE_S = 60.0
+NEEDS: dict[str, dict[str, Any]] = tomllib.loads(Path(__file__).with_name("help_examples.toml").read_text("utf-8"))
+EXAMPLES = [line for name in command_names() for line in examples(name)]
+
+
+def kind(key: str) -> list[str]:
+    """The examples that have *key*."""
+    return [line for line in EXAMPLES if key in NEEDS.get(line, {})]
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with the files that examples name, and the home of whoever runs them."""
+    for name in ("HOME", "XDG_DATA_HOME", "XDG_STATE_HOME", "XDG_CONFIG_HOME"):
+        monkeypatch.setenv(name, str(tmp_path / "home"))
+    (tmp_path / "scripts").symlink_to(ROOT / "scripts")
+    for name in ("drive.eds", "press.dcf"):
+        shutil.copy(family_eds("gen4"), tmp_path / name)
+    (tmp_path / "drive.dbc").write_text(DBC, encoding="utf-8")
+    (tmp_path / "setup.dvt").write_text("map tpdo1 6041\nverify\n", encoding="utf-8")
+    for suffix in ("log", "asc", "blf"):
+        ramp(tmp_path / f"run.{suffix}")
+    return tmp_path
+
+
+def test_nothing_is_said_of_examples_that_are_gone() -> None:
+    assert NEEDS.keys() <= set(EXAMPLES)
+    assert len(kind("why_not")) <= 3
+
+
+@pytest.mark.parametrize("line", [line for line in EXAMPLES if line not in kind("until") + kind("why_not")])
+def test_an_example_does_what_it_says(line: str, folder: Path) -> None:
+    needs = NEEDS.get(line, {})
+    with chdir(folder), Bench(tuple(needs.get("sim", ["gen4"])), {"yes": True}) as bench:
+        for before in needs.get("before", []):
+            assert bench.run(before).code == 0
+        ran = bench.run(line)
+    assert ran.code == needs.get("code", 0), ran.stderr
+
+
+@pytest.mark.parametrize("line", kind("until"))
+def test_an_example_without_an_end_works_until_control_c(line: str, folder: Path) -> None:
+    needs = NEEDS[line]
+    words = [] if line.startswith("sim ") else [word for sim in needs.get("sim", ["gen4"]) for word in ("--sim", sim)]
+    script = folder / "example.dvt"
+    script.write_text("\n".join([*needs.get("before", []), line, ""]), encoding="utf-8")
+    run = ["run", str(script)] if "before" in needs else split(line)
+    process = subprocess.Popen(
+        [sys.executable, "-m", "dvtcli", "--yes", *words, *run, *needs.get("also", [])],
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, encoding="utf-8", cwd=folder,
+        env=environment() | {"PYTHONPATH": str(ROOT), "HOME": str(folder / "home"), "PYTHONUNBUFFERED": "1"},
+    )  # fmt: skip
+    impatient = threading.Timer(PATIENCE_S, process.kill)
+    impatient.start()
+    try:
+        said = until(process, needs["until"])
+        process.send_signal(signal.SIGINT)
+        said += process.communicate()[0]
+    finally:
+        impatient.cancel()
+        process.kill()
+    assert process.returncode == 130, said
+    assert "Traceback" not in said
+
+
+def until(process: subprocess.Popen[str], text: str) -> str:
+    """What *process* says until *text* is in it."""
+    assert process.stdout is not None
+    said = ""
+    while text not in said:
+        row = process.stdout.readline()
+        said += row
+        assert row, said
+    return said
