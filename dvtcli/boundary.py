@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
 from collections.abc import Callable
@@ -24,6 +25,16 @@ class Bug(DvtcliError):
     slug = "bug"
 
 
+class ResultsLost(DvtcliError):
+    """What a command answered cannot be written where it should go; what it did before is done."""
+
+    slug = "results_lost"
+
+
+#: What only writing ends with: a full disk, a file that may not grow, a terminal that went away.
+_NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO})
+
+
 def guarded(session: Session, run: Callable[[], Any]) -> int:
     """Run something; its result's exit code, or that of the error, which is shown."""
     try:
@@ -44,6 +55,8 @@ def guarded(session: Session, run: Callable[[], Any]) -> int:
         _silence_stdout()
         return 0
     except Exception as bug:  # noqa: BLE001 - the one boundary: a bug becomes exit code 70 with its traceback kept
+        if isinstance(bug, OSError) and bug.errno in _NO_ROOM:
+            return _lost(session, bug)
         session.output.error(_bug(bug), session.place)
         return BUG
     finally:
@@ -59,6 +72,14 @@ def usage_error(wrong: click.ClickException) -> UsageError:
         usage = " ".join(ctx.command.collect_usage_pieces(ctx)).replace("[OPTIONS] ", "")
         hint = f"{ctx.info_name} {usage}; help {ctx.info_name}"
     return UsageError(" ".join(wrong.format_message().split()), hint=hint)
+
+
+def _lost(session: Session, failed: OSError) -> int:
+    """Say on stderr that results are lost, also where they are documents: stdout takes no more."""
+    _silence_stdout()
+    lost = ResultsLost(f"the results cannot be written: {failed.strerror}", state="unknown")
+    session.output.error(lost, session.place, readable=True)
+    return lost.exit_code
 
 
 def _silence_stdout() -> None:

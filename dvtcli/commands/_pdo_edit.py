@@ -11,7 +11,7 @@ from dvtcli.commands._changing import configure, made
 from dvtcli.commands.map import refuse_missing
 from dvtcli.domain.object_syntax import MappedObject, Skipped
 from dvtcli.domain.request import PdoRequest, mapping_entries, wanted_config
-from dvtcli.errors import DvtcliError, RuleError, SafetyRefusal, UsageError
+from dvtcli.errors import DvtcliError, InputFileError, RuleError, SafetyRefusal, UsageError
 from dvtcli.formats.pdo_yaml import PdoText, Word, read_pdo_yaml, write_pdo_yaml, wrong_at
 from dvtcli.params import EntryWord
 from dvtcli.results import Facts
@@ -40,7 +40,7 @@ def edit(session: Session, node: Node, pdo: Pdo) -> Changed | Facts:
     names = [_name(node, entry) for entry in config.mapping]
     before = text = write_pdo_yaml(pdo, config, names, f'node {node.node_id} "{node.title}"')
     while True:
-        edited = click.edit(text, extension=".yaml", require_save=False)
+        edited = _edited(text)
         if edited is None or edited == before:
             return _left(pdo)
         text = edited
@@ -52,6 +52,17 @@ def edit(session: Session, node: Node, pdo: Pdo) -> Changed | Facts:
             session.output.error(wrong)
             if not session.output.ask("Edit it again?"):
                 return _left(pdo, wrong.exit_code)
+
+
+def _edited(text: str) -> str | None:
+    """*text* as the user's editor leaves it; UsageError where there is no editor, or none that works."""
+    try:
+        return click.edit(text, extension=".yaml", require_save=False)
+    except UnicodeDecodeError as wrong:
+        raise InputFileError("what the editor saved is no UTF-8 text; the PDO is left as it is") from wrong
+    except (click.ClickException, ValueError) as failed:
+        why = failed.format_message() if isinstance(failed, click.ClickException) else f"$EDITOR: {failed}"
+        raise UsageError(why, hint="EDITOR names your editor: EDITOR=nano dvtcli") from failed
 
 
 def _left(pdo: Pdo, exit_code: int = 0) -> Facts:

@@ -12,7 +12,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager, redirect_stdout, suppress
+from contextlib import AbstractContextManager, contextmanager, redirect_stdout, suppress
 from pathlib import Path
 from typing import IO, TextIO, cast
 
@@ -56,19 +56,24 @@ def _file(destination: Destination) -> Iterator[TextIO]:
         yield stream
 
 
-@contextmanager
-def _program(command: str) -> Iterator[TextIO]:
+def _program(command: str) -> AbstractContextManager[TextIO]:
     """A program's stdin, as the user's own shell starts it; waits for its end."""
     shell = ["cmd", "/c"] if os.name == "nt" else [os.environ.get("SHELL") or "/bin/sh", "-c"]
-    with _fed([*shell, command]) as stream:
-        yield stream
+    return _fed(_started([*shell, command]))
+
+
+def _started(words: list[str], environment: dict[str, str] | None = None) -> subprocess.Popen[str]:
+    """A program that waits for its input; UsageError where it cannot be started."""
+    try:
+        return subprocess.Popen(  # noqa: S603 - the user's own program, from the user's own keyboard
+            words, stdin=subprocess.PIPE, text=True, encoding="utf-8", errors="backslashreplace", env=environment
+        )
+    except OSError as failed:
+        raise UsageError(f"{words[0]} cannot be started: {failed.strerror}") from failed
 
 
 @contextmanager
-def _fed(words: list[str], environment: dict[str, str] | None = None) -> Iterator[TextIO]:
-    process = subprocess.Popen(  # noqa: S603 - the user's own program, from the user's own keyboard
-        words, stdin=subprocess.PIPE, text=True, encoding="utf-8", errors="backslashreplace", env=environment
-    )
+def _fed(process: subprocess.Popen[str]) -> Iterator[TextIO]:
     stream = cast(IO[str], process.stdin)
     try:
         yield cast(TextIO, stream)
@@ -90,14 +95,18 @@ def _ctrl_c_is_the_programs() -> Iterator[None]:
 
 
 def paged(text: str) -> bool:
-    """Show *text* with the user's pager ($PAGER, else `less`); False where there is none, or no keyboard to leave it.
+    """Show *text* with the user's pager ($PAGER, else `less`); False where none showed it, or no keyboard can leave it.
 
     `PAGER=cat` or an empty one switches paging off.
     """
-    words = shlex.split(os.environ.get("PAGER", "less"))
+    try:
+        words = shlex.split(os.environ.get("PAGER", "less"))
+    except ValueError:  # a quote that is not closed
+        return False
     program = shutil.which(words[0]) if words and words[0] != "cat" else None
     if program is None or not sys.stdin.isatty():
         return False
-    with suppress(BrokenPipeError), _fed([program, *words[1:]], {"LESS": LESS, **os.environ}) as stream:
+    process = _started([program, *words[1:]], {"LESS": LESS, **os.environ})
+    with suppress(BrokenPipeError), _fed(process) as stream:
         stream.write(text)
-    return True
+    return process.returncode == 0

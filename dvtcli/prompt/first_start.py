@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dvtcli.errors import InputFileError
 from dvtcli.options import settings_file
 from dvtcli.view.lines import Cell, Line, Table
 
@@ -98,10 +99,15 @@ def _answer(session: Session, question: str) -> str | None:
 
 
 def _keep(session: Session, choice: Choice) -> None:
-    """Write *choice* into the settings file where the user wants that."""
+    """Write *choice* into the settings file where the user wants that; what cannot be kept is used all the same."""
     from dvtcli.formats.settings_toml import save_settings
 
     path = Path(settings_file() or "dvtcli.toml")
-    if session.output.ask(f"Save as default in {path}?"):
+    if not session.output.ask(f"Save as default in {path}?"):
+        return
+    try:
         save_settings(path, choice)
-        session.output.note(f"{path} chooses it from now on; -i, -c or --sim on the command line win over it")
+    except InputFileError as failed:
+        session.output.warning(failed.text)
+        return
+    session.output.note(f"{path} chooses it from now on; -i, -c or --sim on the command line win over it")

@@ -19,7 +19,7 @@ _STATES: dict[State, str] = {
     "unchanged": "unchanged: nothing was written",
     "rolled_back": "rolled back: everything is as it was, read back equal; nothing was stored",
     "left_changed": "LEFT CHANGED: see above; nothing was stored",
-    "unknown": "unknown: the device did not answer",
+    "unknown": "unknown: read back what the device holds",
 }
 #: in a script the lines above may have changed things
 _IN_SCRIPT = "unchanged by this line; what lines above it changed stays"

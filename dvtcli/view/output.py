@@ -66,9 +66,12 @@ class Output:
                 print(line, file=self.stdout)
         self.stdout.flush()
 
-    def error(self, error: DvtcliError, at: str | None = None) -> None:
-        """Print a failure: as a document on stdout with --json, else as lines on stderr; *at* is `FILE:LINE`."""
-        if self.json:
+    def error(self, error: DvtcliError, at: str | None = None, *, readable: bool = False) -> None:
+        """Print a failure: as a document on stdout with --json, else as lines on stderr; *at* is `FILE:LINE`.
+
+        With *readable* it is lines on stderr in any case: for a stdout that takes no documents.
+        """
+        if self.json and not readable:
             from dvtcli.view.errors import error_document
 
             self._document(error_document(error, at))

@@ -72,6 +72,19 @@ def test_the_documents_have_the_stable_fields() -> None:
     assert "hint" in error
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
+@pytest.mark.parametrize("line", ["objects", "objects --json", "--help", "map tpdo1 606C --json"])
+def test_results_that_a_full_disk_loses_are_said(line: str) -> None:
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "dvtcli", "--sim", "gen4", *line.split()],
+            stdout=full, stderr=subprocess.PIPE, encoding="utf-8", cwd=ROOT, env=environment(), timeout=60, check=False,
+        )  # fmt: skip
+    assert done.returncode == 1
+    assert done.stderr.startswith("error: the results cannot be written: No space left on device")
+    assert "Traceback" not in done.stderr
+
+
 @pytest.mark.parametrize("option", [["--json"], ["--format", "json"]])
 @pytest.mark.parametrize("behind", [True, False])
 def test_options_work_before_and_after_the_command(option: list[str], behind: bool) -> None:

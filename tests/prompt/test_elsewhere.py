@@ -40,6 +40,23 @@ def test_results_go_through_programs(gen4: Terminal) -> None:
     assert gen4.ended() == 0
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
+def test_what_takes_no_results_is_said_and_the_prompt_stays(open_terminal: Open) -> None:
+    terminal = open_terminal("--sim", "gen4", environment={"SHELL": "/no/such/shell"})
+    terminal.wait_prompt()
+    terminal.run("objects > /dev/full")
+    terminal.wait("error: the results cannot be written: No space left on device")
+    terminal.wait_prompt()
+    terminal.run("read 6041 | cat")
+    terminal.wait("error: /no/such/shell cannot be started: No such file or directory")
+    terminal.wait_prompt()
+    terminal.run("read 6041")
+    terminal.wait("0x6041:00")
+    terminal.wait_prompt()
+    terminal.type(CTRL_D)
+    assert terminal.ended() == 0
+
+
 def test_no_shell_starts_no_program(open_terminal: Open, tmp_path: Path) -> None:
     terminal = open_terminal("--sim", "gen4", "--no-shell")
     terminal.wait_prompt()
@@ -68,8 +85,9 @@ def test_what_is_more_than_a_screen_is_paged(open_terminal: Open, columns: int, 
     terminal.wait("Statusword")
 
 
-def test_a_pager_that_is_cat_is_none(open_terminal: Open) -> None:
-    terminal = open_terminal("--sim", "gen4", environment={"PAGER": "cat"})
+@pytest.mark.parametrize("pager", ["cat", "", "less '", "/no/such/pager", "false"])
+def test_without_a_pager_that_works_all_is_shown(open_terminal: Open, pager: str) -> None:
+    terminal = open_terminal("--sim", "gen4", environment={"PAGER": pager})
     terminal.wait_prompt()
     terminal.run("objects")
     terminal.wait("objects of gen4.eds")

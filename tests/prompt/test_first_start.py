@@ -49,6 +49,23 @@ def test_no_is_the_answer_to_saving(open_terminal: Open, tmp_path: Path) -> None
     assert not (tmp_path / "dvtcli.toml").exists()
 
 
+def test_a_choice_that_cannot_be_kept_is_used_all_the_same(open_terminal: Open, tmp_path: Path) -> None:
+    (tmp_path / "dvtcli.toml").symlink_to(tmp_path / "no" / "such" / "folder.toml")
+    terminal = open_terminal()
+    answer(terminal, "Use which?", simulated(terminal))
+    answer(terminal, "Save as default in dvtcli.toml? [y/N]", "y")
+    terminal.wait("warning: dvtcli.toml: not saved:")
+    terminal.wait_prompt()
+
+
+def test_settings_that_are_broken_are_said_before_anything_is_asked(open_terminal: Open, tmp_path: Path) -> None:
+    (tmp_path / "dvtcli.toml").write_text("sim = [\n")
+    terminal = open_terminal(columns=250)
+    assert terminal.ended() == 4
+    assert "not valid TOML" in terminal.text
+    assert (tmp_path / "dvtcli.toml").read_text() == "sim = [\n"
+
+
 def test_control_c_and_control_d_leave_without_anything(open_terminal: Open, tmp_path: Path) -> None:
     terminal = open_terminal()
     terminal.wait("Use which?")

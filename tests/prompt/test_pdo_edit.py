@@ -76,6 +76,24 @@ def test_a_wrong_text_can_be_given_up(editing: Edit) -> None:
     terminal.wait_prompt()
 
 
+@pytest.mark.parametrize(
+    ("editor", "said"),
+    [
+        ("false", "false: Editing failed"),
+        ("/no/such/editor", "No such file or directory"),
+        ("vi 'x", "$EDITOR: No closing quotation"),
+        ("sh -c 'printf \"\\377\" > $0'", "no UTF-8 text"),
+    ],
+)
+def test_an_editor_that_does_not_work_leaves_the_pdo(open_terminal: Open, editor: str, said: str) -> None:
+    terminal = open_terminal("--sim", "gen4", columns=120, rows=40, environment={"EDITOR": editor, "VISUAL": editor})
+    terminal.wait_prompt()
+    terminal.run("pdo edit tpdo1")
+    terminal.wait(said)
+    terminal.wait_prompt()
+    assert "a bug" not in terminal.text
+
+
 def test_without_a_terminal_it_is_refused() -> None:
     done = dvtcli("--sim", "gen4", "pdo", "edit", "tpdo1")
     assert done.returncode == 6
