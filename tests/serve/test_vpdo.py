@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 
 import pytest
@@ -9,6 +10,7 @@ import pytest
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.ports import Frame
 from tests.serve.link import Link, linked
+from tests.serve.served import PATIENCE_S
 
 NONE = {0x3000: 0x20FF, 0x3100: 0x23FF, 0x3200: 0x24FF, 0x3300: 0x21FF, 0x3400: 0x22FF}
 
@@ -115,22 +117,32 @@ def test_analogue_outputs(node: Link) -> None:
         assert at_sync(node, 0x181) == b"".join(value.to_bytes(2, "little") for value in values).hex()
 
 
+def at_rest(node: Link) -> None:
+    """Wait until the motor has the velocity that it should have: until then its objects change between two reads."""
+    until_s = time.monotonic() + PATIENCE_S
+    while not node.client.number(0x6041) & 0x0400:
+        assert time.monotonic() < until_s, "the motor does not come to rest"
+        time.sleep(0.01)
+
+
 def test_motors(node: Link) -> None:
     """Controlword and demands go down to 0x6000…, status and actual values come up, for the motor that is chosen."""
     down, up = {1: 0x6040, 3: 0x60FF, 5: 0x6072}, {2: 0x6041, 4: 0x606C, 6: 0x6077}
     mapped(node, 0x1400, 0x201, 0x60FF0020, 0x60400010)
-    mapped(node, 0x1800, 0x181, 0x20200210, 0x20200420)
     node.nmt(NmtCommand.START)
     node.receive(Frame(0x201, bytes.fromhex("640000000600")))
     assert (node.client.number(0x60FF), node.client.number(0x6040)) == (100, 6)
     node.nmt(NmtCommand.ENTER_PRE_OPERATIONAL)
     for motor in (0x2020, 0x2021):
         tie(node, 0x3000, motor)
+        mapped(node, 0x1800, 0x181, motor << 16 | 0x0210, motor << 16 | 0x0420)
+        at_rest(node)
         for sub_index, profile in (down | up).items():
             assert node.client.number(motor, sub_index) == node.client.number(profile), f"{motor:X}:{sub_index}"
         node.nmt(NmtCommand.START)
         node.receive(Frame(0x201, bytes.fromhex("640000000600")))
         assert node.client.number(0x60FF) == node.client.number(motor, 3) != 100, "the motor's own demand wins"
         node.nmt(NmtCommand.ENTER_PRE_OPERATIONAL)
-    status, velocity = node.client.read(0x6041), node.client.read(0x606C)
-    assert at_sync(node, 0x181) == (status + velocity).hex()
+        at_rest(node)
+        status, velocity = node.client.read(0x6041), node.client.read(0x606C)
+        assert at_sync(node, 0x181) == (status + velocity).hex()
