@@ -6,7 +6,7 @@ The only place where transports, simulator and formats meet. Does not know lines
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -17,7 +17,7 @@ from dvtcli.device.keeper import Keeper
 from dvtcli.device.node import Node
 from dvtcli.device.read import read_identity
 from dvtcli.domain.nmt import UNCONFIGURED
-from dvtcli.domain.object_dictionary import ObjectDictionary
+from dvtcli.domain.object_dictionary import ObjectDictionary, normalised
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.ports import CanopenBus, Frame
 from dvtcli.domain.profile import GENERIC, DeviceProfile
@@ -208,10 +208,16 @@ class Secrets:
         """Whether *frame* is an SDO that carries a passcode."""
         return sdo_value_of(frame) in self.objects
 
-    def in_line(self, line: str) -> bool:
-        """Whether a typed *line* names an object that takes a passcode, and so may hold one."""
-        words = line.lower().replace("0x", "").replace(":", " ")
-        return any(re.search(rf"\b{index:04x}\s+0?{sub:x}\b", words) for index, sub in self.objects)
+    def in_line(self, line: str, dictionaries: Iterable[ObjectDictionary] = ()) -> bool:
+        """Whether a typed *line* names an object that takes a passcode, and so may hold one.
+
+        By number in any notation, or by one of the names that *dictionaries* have for it.
+        """
+        words = line.lower().replace("0x", "").replace(":", " ").replace("-", " ")
+        if any(re.search(rf"\b(?:{index:04x}|{index})\s+0*{sub:x}\b", words) for index, sub in self.objects):
+            return True
+        found = (one.entry(*place) for one in dictionaries for place in self.objects)
+        return any(normalised(entry.name) in normalised(line) for entry in found if entry is not None)
 
 
 def state_folder(options: Options | None) -> Path:

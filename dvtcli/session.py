@@ -277,6 +277,11 @@ class Session:
 
         return Secrets.known()
 
+    def is_secret(self, line: str) -> bool:
+        """Whether a typed *line* may hold a passcode; asks no bus."""
+        nodes = self._network.nodes.values() if self._network is not None else ()
+        return self.secrets.in_line(line, [node.dictionary for node in nodes if node.dictionary is not None])
+
     def warn_of_disturbances(self) -> None:
         """Say what was noticed on the SDO channels: another client, two nodes with one node-ID."""
         for text in self._network.disturbances() if self._network is not None else ():

@@ -86,8 +86,8 @@ def _log_frames(
     from dvtcli.transports.recording import Recorder, checked_suffix, size_of
 
     checked_suffix(path)
-    bus = open_wire(session)
-    with Recorder(path, append=append, most_bytes=most_bytes) as recorder, Listener(bus) as listener:
+    listening = Listener(open_wire(session), session.secrets.in_frame)
+    with Recorder(path, append=append, most_bytes=most_bytes) as recorder, listening as listener:
         seconds = _record(session, listener, recorder.write, recorder.flush, filters, duration_s)
     if recorder.left_out:
         session.output.warning(f"{recorder.left_out} remote frames are missing: a {path.suffix} file cannot hold them")
@@ -108,12 +108,12 @@ def _log_values(
     from dvtcli.live.listener import Listener
     from dvtcli.live.table import SignalTable
 
-    bus = open_wire(session)
+    listening = Listener(open_wire(session), session.secrets.in_frame)
     decoder: Decoder = live_decoder(session, nodes or (), dbc)
     if not len(decoder):
         raise UsageError("no mapping is known: there is nothing to decode", hint="name --nodes that answer, or --dbc")
     try:
-        with closing(path.open("w", encoding="utf-8", newline="")) as file, Listener(bus) as listener:
+        with closing(path.open("w", encoding="utf-8", newline="")) as file, listening as listener:
             table = SignalTable(file, decoder)
             seconds = _record(session, listener, table.write, file.flush, filters, duration_s)
         size = path.stat().st_size

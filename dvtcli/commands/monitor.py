@@ -54,7 +54,7 @@ def command(
 
     bus = open_wire(session)
     decoder = live_decoder(session, nodes or (), decode)
-    with Listener(bus, is_secret=session.secrets.in_frame) as listener:
+    with Listener(bus, session.secrets.in_frame) as listener:
         if _full_screen(session):
             from dvtcli.live.app import watch
 

@@ -42,9 +42,7 @@ class Listener:
     Use it in a `with`: it listens inside of it. Times of its frames are seconds since 1970.
     """
 
-    def __init__(
-        self, bus: Listened, waiting: int = WAITING, is_secret: Callable[[Frame], bool] = lambda _frame: False
-    ) -> None:
+    def __init__(self, bus: Listened, is_secret: Callable[[Frame], bool], waiting: int = WAITING) -> None:
         self._bus = bus
         self._is_secret = is_secret
         self._frames: deque[Frame] = deque()

@@ -153,7 +153,7 @@ def _prompt_session(session: Session, status: Status, show_help: Callable[[str],
         return wrong + status.toolbar(columns(), buffer.document.text_before_cursor)
 
     def is_secret(line: str) -> bool:
-        return session.secrets.in_line(expanded(line, session.aliases))
+        return session.is_secret(expanded(line, session.aliases))
 
     return PromptSession(
         message=status.prompt,
