@@ -23,6 +23,8 @@ from tests.process import ROOT, SCRIPTS
 README = ROOT / "README.md"
 TEXT = README.read_text("utf-8")
 BLOCK = re.compile(r"^```console\n(.*?)^```$", re.M | re.S)
+#: a golden screen of a terminal, by its file under tests/
+SCREEN = re.compile(r"^<!-- screen: (\S+) -->\n```text\n(.*?)^```$", re.M | re.S)
 TRANSCRIPTS = ROOT / "tests" / "transcripts"
 
 
@@ -46,10 +48,28 @@ def test_screens_are_what_commands_print(tmp_path: Path, request: pytest.Fixture
     assert len(blocks) >= 5
     if request.config.getoption("--update-transcripts"):
         fresh = iter(["\n".join(["```console", *rewritten(block, folder), "```"]) for block in blocks])
-        README.write_text(BLOCK.sub(lambda _: next(fresh), TEXT), encoding="utf-8")
+        README.write_text(BLOCK.sub(lambda _: next(fresh), README.read_text("utf-8")), encoding="utf-8")
         return
     for block in blocks:
         compare(block, folder)
+
+
+def screen(name: str) -> str:
+    """A golden screen without its empty rows; the tests beside it play it in a real terminal."""
+    rows = (ROOT / "tests" / name).read_text("utf-8").strip("\n").splitlines()
+    return "".join(f"{row}\n" for row in rows if row)
+
+
+def test_pictures_of_terminals_are_the_golden_screens(request: pytest.FixtureRequest) -> None:
+    if request.config.getoption("--update-transcripts"):
+        whole = README.read_text("utf-8")
+        fresh = SCREEN.sub(lambda old: f"<!-- screen: {old[1]} -->\n```text\n{screen(old[1])}```", whole)
+        README.write_text(fresh, encoding="utf-8")
+        return
+    shown = dict(SCREEN.findall(TEXT))
+    assert {Path(name).stem.rpartition("_")[0] for name in shown} >= {"menu", "toolbar", "tour", "table"}
+    for name, text in shown.items():
+        assert text == screen(name), name
 
 
 def test_screens_fit_a_page() -> None:
