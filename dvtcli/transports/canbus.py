@@ -39,7 +39,8 @@ _SDO_IDS = (ANSWER_ID, REQUEST_ID)
 class CanBus:
     """A CANopenBus on a python-can *bus*, called *name* on screens; *on_close* is called after the bus was left.
 
-    No thread of its own: whoever waits reads the bus. *timeout_s* (s) and *retries* are those of `SdoSettings`.
+    *hung_up* says whether the other end is gone where the driver only falls silent. No thread of its own: whoever
+    waits reads the bus. *timeout_s* (s) and *retries* are those of `SdoSettings`.
     """
 
     def __init__(
@@ -52,8 +53,10 @@ class CanBus:
         retries: int = DEFAULT_RETRIES,
         bitrate: int | None = None,
         on_close: Callable[[], None] | None = None,
+        hung_up: Callable[[], bool] = lambda: False,
     ) -> None:
         self._bus = bus
+        self._hung_up = hung_up
         #: bit/s, None where nobody said
         self.bitrate = bitrate
         self._name = name
@@ -228,7 +231,10 @@ class CanBus:
 
     def _read(self, wait_s: float) -> can.Message | None:
         try:
-            return self._bus.recv(wait_s)
+            message = self._bus.recv(wait_s)
+            if message is None and self._hung_up():
+                raise ConnectionResetError(errno.ECONNRESET, "the server has closed the connection")
+            return message
         except BUS_FAILURES as error:
             failure = self._failed("receive", error)
             self._receiver.fail(failure)
@@ -237,6 +243,8 @@ class CanBus:
     def _failed(self, what: str, error: Exception) -> BusUnavailable:
         why = str(error).partition("\n")[0] or type(error).__name__  # python-can puts tracebacks into messages
         hint = "is the adapter still plugged in, and the interface up?"
+        if isinstance(error, ConnectionError):
+            hint = "is the server still running? start dvtcli again when it is"
         return BusUnavailable(f"{self._name} failed ({what})", why=why, hint=hint)
 
     def _deliver(self, message: can.Message) -> None:

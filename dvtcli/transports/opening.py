@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import errno
 import logging
+import select
 import socket
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
@@ -87,7 +88,14 @@ def open_bus(
         bus = can.Bus(**options)
     except OPEN_FAILURES as error:
         raise _unavailable(config, error) from error
-    return CanBus(bus, _name(config), timeout_s=timeout_s, retries=retries, bitrate=_bitrate(config))
+    return CanBus(
+        bus,
+        _name(config),
+        timeout_s=timeout_s,
+        retries=retries,
+        bitrate=_bitrate(config),
+        hung_up=_hung_up(bus),
+    )
 
 
 def _given(
@@ -125,6 +133,14 @@ def _probe(config: Mapping[str, object]) -> None:
     if not isinstance(port, int) or "host" not in config:
         raise ValueError("socketcand needs host=… and port=…")
     socket.create_connection((str(config["host"]), port), timeout=PROBE_S).close()
+
+
+def _hung_up(bus: can.BusABC) -> Callable[[], bool]:
+    """Whether a socketcand server closed *bus*: python-can's driver takes that for a silent bus, in a busy loop."""
+    link = getattr(bus, "_SocketCanDaemonBus__socket", None)  # it has no other name: neither fileno() nor a property
+    if not isinstance(link, socket.socket):
+        return lambda: False
+    return lambda: bool(select.select([link], [], [], 0)[0]) and not link.recv(1, socket.MSG_PEEK)
 
 
 def _name(config: Mapping[str, object]) -> str:

@@ -71,6 +71,24 @@ def test_mf4_is_decoded(tmp_path: Path) -> None:
     assert len(found) == documents(done.stdout)[-1]["frames"]
 
 
+@pytest.mark.parametrize("words", [["log", "run.log"], ["monitor"]])
+def test_a_server_that_goes_away_ends_the_watching(tmp_path: Path, words: list[str]) -> None:
+    words = [str(tmp_path / word) if word == "run.log" else word for word in words]
+    with served(tmp_path, "gen4@5") as server:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "dvtcli", *bus_words(server.port), *words],
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, encoding="utf-8", cwd=ROOT, env=own_environment(tmp_path),
+        )  # fmt: skip
+        began = process.stderr if words[0] == "log" else process.stdout  # "Ctrl-C ends it", or the first frame
+        assert began is not None
+        assert began.readline()
+        server.end()
+        _, complaints = process.communicate(timeout=60)
+    assert process.returncode == 5, complaints
+    assert "closed the connection" in complaints
+    assert "Traceback" not in complaints
+
+
 def test_ctrl_c_ends_a_log_with_its_summary(tmp_path: Path) -> None:
     path = tmp_path / "run.log"
     with served(tmp_path, "gen4@5") as server:

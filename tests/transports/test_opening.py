@@ -137,7 +137,6 @@ def test_nothing_listens_and_that_is_said_at_once() -> None:
 
 
 def read_until_it_fails(bus: CanopenBus) -> None:
-    """Python-can takes a closed connection for silence until something is sent again."""
     for _ in range(20):
         with suppress(NoAnswer):
             bus.sdo(1).upload(0x1000, 0)
@@ -151,6 +150,19 @@ def test_a_server_that_goes_away_in_use(socketcand: tuple[int, list[socket.socke
     with pytest.raises(BusUnavailable) as caught:
         read_until_it_fails(bus)
     assert caught.value.why
+    bus.close()
+
+
+def test_a_server_that_goes_away_while_nothing_is_sent(socketcand: tuple[int, list[socket.socket]]) -> None:
+    """Python-can's driver takes a closed connection for silence: a recording would wait for ever, at full load."""
+    port, connections = socketcand
+    bus = open_canbus("socketcand", "can0", None, {"host": "127.0.0.1", "port": port})
+    assert list(bus.receive(0.05)) == []
+    connections[-1].close()
+    with pytest.raises(BusUnavailable) as caught:
+        list(bus.receive(60))
+    assert "closed the connection" in str(caught.value.why)
+    assert "server" in str(caught.value.hint)
     bus.close()
 
 
