@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from dvtcli.prompt.terminal import Reader
     from dvtcli.session import Session
 
-#: Exit code of a line that SIGTERM ended: the prompt ends with it.
-TERMINATED = 143
+#: Exit code of a line that Ctrl-C ended; another signal (SIGTERM, SIGHUP) ends the prompt too, with its own code.
+INTERRUPTED = 130
 #: Exit code of a line that got no answer from its node or its bus.
 SILENT = 5
 
@@ -69,7 +69,7 @@ class Prompt:
         self._answers = True
 
     def run(self) -> int:
-        """Read and run lines until the user leaves; 0, or 143 after SIGTERM."""
+        """Read and run lines until the user leaves; 0, or the code of the signal that ended it."""
         while True:
             self._session.cancellation.reset()
             try:
@@ -78,9 +78,9 @@ class Prompt:
             except EOFError:
                 code = LEAVE
             except KeyboardInterrupt:
-                code = 0  # Ctrl-C throws the line away; SIGTERM is told apart below
+                code = 0  # Ctrl-C throws the line away; other signals are told apart below
             if self._terminated():
-                return TERMINATED
+                return self._session.cancellation.exit_code
             if code == LEAVE and self._may_leave():
                 return 0
 
@@ -117,7 +117,7 @@ class Prompt:
         return code
 
     def _terminated(self) -> bool:
-        return self._session.cancellation.exit_code == TERMINATED
+        return self._session.cancellation.exit_code != INTERRUPTED
 
     def _may_leave(self) -> bool:
         """Whether nothing is left unstored, or the user says that this is meant."""

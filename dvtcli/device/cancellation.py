@@ -9,7 +9,7 @@ from contextlib import contextmanager
 class Cancellation:
     """*requested* is set from outside; *active* says that a device is being written and stopping must wait.
 
-    *exit_code* is what the stopped command ends with: 130 after Ctrl-C, 143 after SIGTERM.
+    *exit_code* is what the stopped command ends with: 130 after Ctrl-C, 143 after SIGTERM, 129 after SIGHUP.
     """
 
     def __init__(self) -> None:

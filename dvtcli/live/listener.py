@@ -97,10 +97,17 @@ class Listener:
         return [self._dated(frame) for frame in taken]
 
     def _dated(self, frame: Frame) -> Frame:
-        """*frame* with a time of day: some drivers count from their start, and a frame sent from here has no time."""
+        """*frame* with a time of day: some drivers count from their start, and a frame sent from here has no time.
+
+        A time that is far from now, as a gateway may send it, is no time: the frame came now.
+        """
+        now_s = time()
         if not frame.timestamp_s:
-            return replace(frame, timestamp_s=time())
+            return replace(frame, timestamp_s=now_s)
         if self._clock_s is None:
-            ahead_s = time() - frame.timestamp_s
+            ahead_s = now_s - frame.timestamp_s
             self._clock_s = ahead_s if abs(ahead_s) > FOREIGN_CLOCK_S else 0.0
-        return replace(frame, timestamp_s=frame.timestamp_s + self._clock_s) if self._clock_s else frame
+        dated_s = frame.timestamp_s + self._clock_s
+        if not abs(now_s - dated_s) <= FOREIGN_CLOCK_S:  # also what is no number
+            dated_s = now_s
+        return frame if dated_s == frame.timestamp_s else replace(frame, timestamp_s=dated_s)

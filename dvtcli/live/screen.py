@@ -185,7 +185,7 @@ def _graph(store: FrameStore, view: View, moment: Moment, width: int, room: int)
     title = f"{_title(row)}  {signal.object}  {signal.name}".rstrip()
     now = f"  {shown_value(course.last)} {signal.unit}".rstrip()
     if course.low is None:
-        return [[Cell(title, "bold"), Cell(now)], [Cell("  it is no number", "dim")]]
+        return [[Cell(title, "bold"), Cell(now)], [Cell("  no number came yet", "dim")]]
     span_s = (moment.now_s - GRAPH_S, moment.now_s)
     ends = f"-{GRAPH_S:g} s", "now"
     drawn = graph(list(course.points), width, max(4, room - 1), span_s, ends=ends, plain=view.plain)

@@ -36,6 +36,8 @@ _REFUSED = {
 _BROKEN = (
     ValueError, LookupError, TypeError, AttributeError, NotImplementedError, struct.error, zlib.error, BLFParseError,
 )  # fmt: skip
+#: the times that frames may have, in seconds since 1970: those of the years 1653 to 5138
+_FIRST_S, _LAST_S = -1e10, 1e11
 #: what the writers leave out, by suffix
 _NO_REMOTE = (".trc",)
 
@@ -205,12 +207,19 @@ def read_recording(path: Path) -> Iterator[Frame]:
         try:
             for message in _reader(suffix, source):
                 if not message.is_error_frame:
+                    _refuse_no_date(message.timestamp)
                     count += 1
                     yield frame_of(message)
         except (*_BROKEN, can.CanError) as wrong:
             raise _damaged(path, source, count, wrong) from wrong
     if not count:
         raise InputFileError(f"{path.name} holds no frame", hint=f"is it a {suffix} file?", place=str(path))
+
+
+def _refuse_no_date(time_s: float) -> None:
+    """ValueError for a time that no calendar has: neither from a recording's own start nor since 1970."""
+    if not _FIRST_S <= time_s <= _LAST_S:
+        raise ValueError(f"{time_s:g} s is no time of a frame")
 
 
 def _source(suffix: str, raw: Any, path: Path) -> Any:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
 from pathlib import Path
 
 import can
@@ -14,7 +16,7 @@ from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
 from dvtcli.domain.ports import Frame
 from dvtcli.live.graph import graph
-from dvtcli.live.listener import Listener
+from dvtcli.live.listener import FOREIGN_CLOCK_S, Listener
 from dvtcli.live.screen import GRAPH, RAW, Moment, View, picture
 from dvtcli.live.service import service_of
 from dvtcli.live.signals import Decoder, Layout, Signal, pdo_layouts, unique
@@ -220,6 +222,31 @@ def test_what_is_too_much_is_dropped_and_counted() -> None:
     assert [frame.data[0] for frame in taken] == list(range(20))
     assert taken[1].timestamp_s - taken[0].timestamp_s == pytest.approx(1.0)
     assert taken[0].timestamp_s > BEGIN_S, "a clock of the bus's own is set to the time of day"
+
+
+class Gateway:
+    """A bus whose frames carry the times that it is made with."""
+
+    def __init__(self, *times_s: float) -> None:
+        self._times_s = times_s
+
+    def tap(self, callback: Callable[[Frame, bool], None]) -> Callable[[], None]:
+        for time_s in self._times_s:
+            callback(Frame(0x185, b"\x37", timestamp_s=time_s), False)
+        return lambda: None
+
+    def idle(self, duration_s: float) -> None:
+        time.sleep(duration_s)
+
+
+@pytest.mark.parametrize("first_s", [1e300, -1e18, float("nan"), float("inf"), 5.0])
+def test_a_gateways_clock_may_be_nonsense(first_s: float) -> None:
+    with Listener(Gateway(first_s, time.time(), 1e18, float("nan"), -5.0, 0.0), lambda _frame: False) as listener:
+        taken = listener.take(1.0)
+    assert len(taken) == 6
+    for frame in taken:
+        assert frame.timestamp_s == pytest.approx(time.time(), abs=FOREIGN_CLOCK_S + 30)
+        assert utc(frame.timestamp_s)
 
 
 def golden_store() -> FrameStore:

@@ -106,6 +106,15 @@ def test_other_files_are_said_to_be_no_recording(tmp_path: Path, suffix: str, co
         list(read_recording(path))
 
 
+@pytest.mark.parametrize("time_s", ["1000000000000000000.0", "99999999999999.0", "-99999999999999.0", "nan", "inf"])
+def test_a_time_that_no_calendar_has_is_damage(tmp_path: Path, time_s: str) -> None:
+    path = tmp_path / "run.log"
+    path.write_text(f"(1.5) can0 705#05\n({time_s}) can0 185#3712\n", encoding="utf-8")
+    with pytest.raises(InputFileError, match="damaged after 1 frames") as wrong:
+        list(read_recording(path))
+    assert wrong.value.place == f"{path}:2"
+
+
 def test_a_missing_file_is_a_usage_error(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="No such file"):
         list(read_recording(tmp_path / "none.log"))

@@ -7,6 +7,8 @@ import stat
 import sys
 from pathlib import Path
 
+import pytest
+
 from tests.prompt.conftest import Open
 from tests.prompt.terminal import CTRL_C, CTRL_D, CTRL_R, DOWN, ENTER, ESCAPE, F1, TAB, UP, Terminal
 
@@ -200,11 +202,12 @@ def test_an_interrupt_from_outside_throws_the_line_away(gen4: Terminal) -> None:
     gen4.wait_prompt()
 
 
-def test_a_termination_ends_the_prompt_without_a_question(gen4: Terminal) -> None:
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_a_termination_ends_the_prompt_without_a_question(gen4: Terminal, number: int) -> None:
     gen4.run(MAP)
     gen4.wait_prompt("sim/1 PRE-OP*> ")
-    gen4.child.kill(signal.SIGTERM)
-    assert gen4.ended() == 143
+    gen4.child.kill(number)
+    assert gen4.ended() == 128 + number
     assert "leave?" not in gen4.text
 
 
