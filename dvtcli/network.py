@@ -24,7 +24,13 @@ from dvtcli.domain.profile import GENERIC, DeviceProfile
 from dvtcli.domain.sdo_frame import sdo_value_of
 from dvtcli.domain.several import several
 from dvtcli.errors import InputFileError, SafetyRefusal, UsageError
-from dvtcli.formats.profile_library import load_profile, passcode_objects, profile_for_identity, profile_names
+from dvtcli.formats.profile_library import (
+    load_profile,
+    own_names,
+    passcode_objects,
+    profile_for_identity,
+    profile_names,
+)
 from dvtcli.options import Options, is_file, node_id
 
 if TYPE_CHECKING:
@@ -178,12 +184,20 @@ class Network:
             return load_profile(self.options.profile)
         for one in self.simulated:
             if one.node_id == node_id and one.family in profile_names():
-                return load_profile(one.family)
+                return self._simulated_profile(node_id, one.family)
         sdo = self.bus.sdo(node_id)
         vendor, product = read_identity(sdo, 1), read_identity(sdo, 2)
         if not vendor:  # a device that does not say who it is (0 is nobody's number): its file does
             return profile_of(self._dictionary(node_id))
         return profile_for_identity(vendor, product or 0)
+
+    def _simulated_profile(self, node_id: int, family: str) -> DeviceProfile:
+        """The user's own profile where it names the identity that a simulated node's file tells, else the family's."""
+        if own := own_names():
+            found = profile_of(self._dictionary(node_id))
+            if found.name in own:
+                return found
+        return load_profile(family)
 
 
 def profile_of(dictionary: ObjectDictionary | None) -> DeviceProfile:

@@ -10,6 +10,7 @@ import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from dvtcli.domain.object_dictionary import normalised
 from dvtcli.domain.pdo import Direction
@@ -70,7 +71,14 @@ def read_profile(text: str, source: str) -> DeviceProfile:
     """
     fields = read_toml(text, source).table(_PROFILE, required=("name", "title"))
     base: DeviceProfile = fields.pop("like", GENERIC)
-    return replace(base, **fields)
+    return replace(base, **{key: _over(getattr(base, key), value) for key, value in fields.items()})
+
+
+def _over(base: Any, given: Any) -> Any:
+    """What a profile says of a key over what the one it is like says: of a table only the keys that differ."""
+    if isinstance(base, StorePolicy) and isinstance(given, dict):
+        return replace(base, **given)
+    return {**base, **given} if isinstance(base, dict) and isinstance(given, dict) else given
 
 
 def _base(item: Item) -> DeviceProfile:
@@ -122,8 +130,8 @@ def _advice(item: Item) -> tuple[MappingAdvice, ...]:
     return tuple(MappingAdvice(*key_range(member, 16, 0xFFFF), string(member)) for member in item.items())
 
 
-def _store(item: Item) -> StorePolicy:
-    return StorePolicy(**item.table(_STORE))
+def _store(item: Item) -> dict[str, object]:
+    return item.table(_STORE)
 
 
 def _hints(item: Item) -> dict[StepKind, dict[int, str]]:

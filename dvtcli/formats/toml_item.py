@@ -218,7 +218,8 @@ def _numbers_fit(value: object) -> bool:
 def _syntax_error(error: ValueError, text: str, source: str) -> InputFileError:
     place = re.search(r"\(at line (\d+), column (\d+)\)", str(error))
     where = f"{place[1]}:{place[2]}" if place else str(text.count("\n") + 1)
-    return InputFileError(str(error).partition(" (at ")[0], place=f"{source}:{where}")
+    said = str(error).partition(" (at ")[0]
+    return InputFileError(f"no valid TOML: {said}", place=f"{source}:{where}")
 
 
 _HEADER = re.compile(r"\s*\[+\s*([^\]]+?)\s*\]+\s*(?:#.*)?")

@@ -36,7 +36,7 @@ def error_document(error: DvtcliError, at: str | None = None) -> Document:
         "error": error.slug,
         "node": error.node,
         "object": place.removeprefix("0x") if is_object else None,
-        "file": None if is_object or _PDO.fullmatch(place) else error.place,
+        "file": _file(error),
         "abort": None if error.abort is None else f"0x{error.abort:08X}",
         "text": error.text,
         "why": error.why,
@@ -49,6 +49,12 @@ def error_document(error: DvtcliError, at: str | None = None) -> Document:
     return document
 
 
+def _file(error: DvtcliError) -> str | None:
+    """The file that the error is about, with its line where there is one."""
+    place = error.place or ""
+    return None if _OBJECT.fullmatch(place) or _PDO.fullmatch(place) else error.place
+
+
 def error_lines(error: DvtcliError, at: str | None = None) -> Iterator[Line]:
     """The error's screen, most telling line first; *at* is the `FILE:LINE` of the script line that failed."""
     yield [Cell(f"{at}: " if at else ""), Cell("error: ", "red"), Cell(error.text, "bold")]
@@ -56,6 +62,9 @@ def error_lines(error: DvtcliError, at: str | None = None) -> Iterator[Line]:
         yield from _rule_lines(error, at)
         return
     rows = [*error.details]
+    file = _file(error)
+    if error.exit_code == 4 and file and file != at and file.rpartition(":")[0] not in error.text:
+        rows.append(("file", file))
     if error.abort is not None:
         rows.append(("abort", f"0x{error.abort:08X}  {abort_text(error.abort)}"))
     rows += [(label, text) for label, text in (("why", error.why), ("hint", error.hint)) if text]

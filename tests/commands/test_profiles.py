@@ -89,6 +89,15 @@ def test_one_s_own_profile_is_found_by_identity(tmp_path: Path) -> None:
     assert value["object"] == "6C01:02"
 
 
+def test_a_simulated_family_s_name_does_not_hide_one_s_own_profile(tmp_path: Path) -> None:
+    own(tmp_path, PUMP)
+    done = run(tmp_path, "--sim", "gen4", "--json", stdin="node\nread pressure\nread throttle\n")
+    assert done.returncode == 0, done.stdout + done.stderr
+    nodes, own_alias, alias_of_the_family = documents(done.stdout)
+    assert nodes["nodes"][0]["profile"] == "pump"
+    assert (own_alias["object"], alias_of_the_family["object"]) == ("6C01:02", "2220:00")
+
+
 def test_an_eds_tells_the_family_of_a_device_that_does_not(tmp_path: Path) -> None:
     text = (ROOT / "dvtcli" / "simulator" / "families" / "gen4.eds").read_text("utf-8")
     start = text.index("[1018]")
@@ -125,6 +134,7 @@ def test_a_wrong_profile_is_an_error_with_line_and_key(tmp_path: Path, text: str
         done = run(tmp_path, *words)
         assert done.returncode == 4, done.stderr
         assert said in done.stderr
+        assert f"{path}{place}" in "".join(line.strip() for line in done.stderr.splitlines())
         done = run(tmp_path, "--json", *words)
         assert documents(done.stdout)[0]["file"].startswith(f"{path}{place}")
 

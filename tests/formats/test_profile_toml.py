@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -198,6 +199,13 @@ def test_complaints_name_line_and_key(text: str, line: int | str, words: str, hi
     assert caught.value.place == f"x.toml:{line}"
     assert (hint or "") in (caught.value.hint or "")
     assert hint is not None or caught.value.hint is None
+
+
+def test_a_table_says_only_what_differs() -> None:
+    base = read_profile(HEAD + 'like = "gen4"\n', "x.toml")
+    profile = read_profile(HEAD + 'like = "gen4"\n[store]\ntimeout_s = 30\n[aliases]\npressure = "6C01:02"\n', "x.toml")
+    assert profile.aliases == {**base.aliases, "pressure": "6C01:02"}
+    assert profile.store == replace(base.store, timeout_s=30.0)
 
 
 @pytest.mark.parametrize("missing", ["name", "title"])
