@@ -197,7 +197,8 @@ class Session:
         if self.base.sim:
             return self.network.simulated_ids[0]
         raise UsageError(
-            "no node is selected", hint="give -n ID (scan finds the nodes), or --sim gen4 to try without one"
+            "no node is selected",
+            hint="scan finds the nodes; `node ID` selects one at the prompt and in scripts, -n ID on the command line",
         )
 
     def selected_id(self) -> int | None:

@@ -17,8 +17,8 @@ STEPS = (
     Step("A PDO is a CAN frame that a node sends (TPDO) or takes (RPDO) by itself.\nThis node has some:", "pdo"),
     Step("What could a TPDO carry? The object dictionary says it:", "objects velocity --mappable tpdo"),
     Step(
-        "Map two objects into TPDO1, to be sent on every SYNC. dvtcli checks the whole\n"
-        "plan first, then disables the PDO, writes, enables it, and reads back:",
+        "Map two objects into TPDO1, to be sent on every SYNC. dvtcli checks the\n"
+        "whole plan first, then disables the PDO, writes, enables it, and reads back:",
         "map tpdo1 statusword velocity_actual_value --sync 1",
     ),
     Step("This is the frame now, byte by byte:", "pdo tpdo1"),

@@ -95,10 +95,10 @@ def _facts(served: Serving, host: str) -> Facts:
     names = [one.label for one in served.nodes]
     more = f", and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
     who = ", ".join(names[:_NAMED]) + more
-    places, hint = [], ""
+    places, attach = [], ""
     if served.port is not None:
         places.append(f"listening on {f'[{host}]' if ':' in host else host}:{served.port}")
-        hint = f"; attach with dvtcli -i socketcand -c can0 --bus-kwargs host={host} --bus-kwargs port={served.port}"
+        attach = f"dvtcli -i socketcand -c can0 --bus-kwargs host={host} --bus-kwargs port={served.port}"
     if served.joined is not None:
         places.append(f"on {served.joined}")
     rows = (
@@ -107,4 +107,6 @@ def _facts(served: Serving, host: str) -> Facts:
         ("bus", served.joined),
         ("nodes", [one.node_id for one in served.nodes]),
     )
-    return Facts("sim", rows, (f"{' and '.join(places)}: {who}{hint}",))
+    here = f"{' and '.join(places)}: {who}"
+    # in a line of its own and a terminal's width it can be copied
+    return Facts("sim", rows, (f"{here}; attach with", attach) if attach else (here,))

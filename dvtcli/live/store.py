@@ -18,6 +18,8 @@ from dvtcli.live.statistics import Course, Rhythm
 EVENTS = 100
 #: rows that are kept: a CAN-ID that is one too many is counted only (29 bits make half a billion)
 ROWS = 1024
+#: an empty screen is not to be a riddle: PDOs pass in OPERATIONAL only (CiA 301, 7.3.2.2)
+_WITHOUT_PDOS = dict.fromkeys((NmtState.PRE_OPERATIONAL, NmtState.STOPPED), ": no PDOs until `nmt start`")
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,7 +123,7 @@ class FrameStore:
         if state is None or service.node is None or self.states.get(service.node) is state:
             return False
         self.states[service.node] = state
-        said = "boot-up" if state is NmtState.INITIALISING else f"is {state.label}"
+        said = "boot-up" if state is NmtState.INITIALISING else f"is {state.label}{_WITHOUT_PDOS.get(state, '')}"
         self.events.append(Event(frame.timestamp_s, f"node {service.node}  {said}"))
         return True
 

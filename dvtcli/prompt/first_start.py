@@ -59,7 +59,7 @@ def _choose(session: Session, found: list[Found]) -> Choice | None:
         number = usual if answer == "" else int(answer) if answer.isdecimal() and answer.isascii() else 0
         if 1 <= number <= len(found) + 1:
             break
-        session.output.lines([f"1 to {len(found) + 1}, please, or Ctrl-C to leave"])
+        session.output.lines([f"{f'1 to {len(found) + 1}' if found else 'only 1'}, please, or Ctrl-C to leave"])
     if number == len(found) + 1:
         return {"sim": [SIMULATED]}
     return _bus(session, found[number - 1])

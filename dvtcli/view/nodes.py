@@ -24,10 +24,14 @@ def node_lines(result: NodeListing, width: int) -> Iterator[Line]:
     for row in result.rows:
         table.add(
             str(row.node), Cell(row.state, _STATE_STYLES.get(row.state, "")), _word(row.device_type),
-            _word(row.vendor_id), _word(row.product_code), row.name or row.note or "-", row.profile or "-",
+            _word(row.vendor_id), _word(row.product_code), row.name or "-", row.profile or "-",
         )  # fmt: skip
     if result.rows:
         yield from table.lines(width)
+    noted = [row for row in result.rows if row.note]
+    yield from ([Cell(f"  {row.note}", "yellow")] for row in noted)
+    if noted:
+        yield [Cell("  scan --wait 500 gives each node more time", "dim")]
     count = len(result.rows)
     what = f"{count} node{'' if count == 1 else 's'} on {result.bus}, {result.seconds:.1f} s."
     yield what + (

@@ -121,7 +121,10 @@ class Output:
 
         self.stderr.write(painted(f"{question} [y/N]", self.stderr, colored=False, plain=self.plain) + " ")
         self.stderr.flush()
-        return sys.stdin.readline().strip().lower() in ("y", "yes")
+        answer = sys.stdin.readline()
+        if not answer.endswith("\n"):
+            self.stderr.write("\n")  # Ctrl-D: what comes next begins in a line of its own
+        return answer.strip().lower() in ("y", "yes")
 
     def _document(self, document: Document) -> None:
         import json

@@ -167,11 +167,21 @@ def test_it_leaves_cleanly(gen4: Served, number: int, code: int) -> None:
         while client.recv(4096):
             pass
     assert gen4.said == (
-        f"listening on 127.0.0.1:{gen4.port}: node 1 gen4; attach with dvtcli -i socketcand -c can0 "
-        f"--bus-kwargs host=127.0.0.1 --bus-kwargs port={gen4.port}\n"
+        f"listening on 127.0.0.1:{gen4.port}: node 1 gen4; attach with\n"
+        f"dvtcli -i socketcand -c can0 --bus-kwargs host=127.0.0.1 --bus-kwargs port={gen4.port}\n"
     )
     assert gen4.complaints.strip() == ("interrupted" if code == 130 else "terminated")
     assert list(gen4.folder.glob("ready*")) == []
+
+
+def test_a_slow_node_is_told_in_full_by_scan(tmp_path: Path) -> None:
+    with served(tmp_path, "gen4@1", "--latency", "300") as server:
+        done = server.dvtcli("scan")
+    assert done.returncode == 0, done.stderr
+    assert (
+        "  node 1 did not answer for 0x1000:00 within 0.05 s\n  scan --wait 500 gives each node more time"
+        in done.stdout
+    )
 
 
 def test_rubbish_is_said_and_disturbs_nobody(gen4: Served) -> None:
