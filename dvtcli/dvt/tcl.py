@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.dvt.answers import answer
 from dvtcli.dvt.tcl_interp import BRIDGE, SAFE, BareInterpreter, bare_interpreter
-from dvtcli.dvt.tcl_safe import Commands
+from dvtcli.dvt.tcl_safe import Commands, refuse_beyond_nodes
 from dvtcli.dvt.words import WORDS, Word
 from dvtcli.errors import DvtcliError, InputFileError, UsageError
 from dvtcli.script import enclosed, refuse_own_run, script_text
@@ -61,10 +61,12 @@ def run_tcl(session: Session, data: bytes, source: str, *, keep_going: bool, mos
 
 
 class TclScript:
-    """One run of the Tcl script at *source*, which may compute for *most_seconds* of its own."""
+    """One run of the Tcl script at *source*: it may compute for *most_seconds* of its own, *most_steps* commands."""
 
-    def __init__(self, session: Session, source: str, tcl: BareInterpreter, most_seconds: float) -> None:
-        self._session, self._source, self._most_s = session, source, most_seconds
+    def __init__(
+        self, session: Session, source: str, tcl: BareInterpreter, most_seconds: float, most_steps: int = MOST_STEPS
+    ) -> None:
+        self._session, self._source, self._most_s, self._most_steps = session, source, most_seconds, most_steps
         self._path = Path(source).resolve()
         self._tcl = tcl
         self._commands = Commands(session, self._tcl, self._path.parent, self._stop)
@@ -134,6 +136,7 @@ class TclScript:
 
     def _failure(self, message: str) -> DvtcliError:
         """What ended the script, with its place."""
+        self._session.place = None  # the text below has the place
         info = str(self._tcl.call("set", "::errorInfo"))
         at = _FILE_LINE.search(info)
         place = self._place(at[1], int(at[2])) if at else self._source
@@ -145,7 +148,7 @@ class TclScript:
         if message == self._refused[0]:
             place = self._refused[1]
         if "limit exceeded" in message:
-            return InputFileError(f"{place}: stopped after {MOST_STEPS} Tcl commands", place=place)
+            return InputFileError(f"{place}: stopped after {self._most_steps} Tcl commands", place=place)
         return UsageError(
             f"{place}: {message}", place=place,
             hint="the script ended at this line; what it had set before stays set",
@@ -161,8 +164,9 @@ class TclScript:
             tcl.call("interp", "alias", SAFE, name, "", "dvt_call", name)
         for name in ("source", "open"):
             tcl.call("interp", "alias", SAFE, name, "", f"dvt_{name}")
-        tcl.call("interp", "limit", SAFE, "commands", "-value", MOST_STEPS)
+        tcl.call("interp", "limit", SAFE, "commands", "-value", self._most_steps)
         tcl.call("interp", "eval", SAFE, "set argc 0; set argv {}")
+        tcl.call("interp", "eval", SAFE, "rename ::tcl::chan::pipe {}")  # nobody would read what is written there
 
     def _arm(self) -> None:
         """Have `_tick` called in a moment, wherever Tcl is then; nothing but this lets the script go on."""
@@ -186,23 +190,33 @@ class TclScript:
         began = time.monotonic()
         try:
             self._session.place = self._here()
-            return 0, self._run(name, texts)
+            return 0, self._interruptible(name, texts)
         except UsageError as wrong:
             text = f"{wrong.text}; {wrong.hint}" if wrong.hint else wrong.text
             self._refused = (text, self._session.place or self._source)
             return 1, text
+        except RecursionError:  # the script has made a command that calls ours out of one that we call
+            return 1, "too many nested evaluations: a word calls itself"
         except BaseException as raised:  # noqa: BLE001 - Tcl swallows what is raised here: `run` raises it again
             self._raised = raised
             self._stop()
             return 1, "stopped"
         finally:
             self._waited_s += time.monotonic() - began
+
+    def _interruptible(self, name: str, texts: tuple[str, ...]) -> str:
+        """Run a command of ours, which a Ctrl-C ends as it does outside of Tcl."""
+        self._session.cancellation.active = False
+        try:
+            return self._run(name, texts)
+        finally:
             self._session.cancellation.active = True
 
     def _run(self, name: str, texts: tuple[str, ...]) -> str:
         if self._session.cancellation.requested:
             raise KeyboardInterrupt
         if name == "dvtcli":
+            refuse_beyond_nodes(texts)
             code = run_words(texts, self._session)
             if code:
                 raise _Ended(code)

@@ -5,7 +5,7 @@ Knows Tcl's own commands. Does not know the DVT's words.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,10 +16,15 @@ if TYPE_CHECKING:
     from dvtcli.session import Session
 
 #: Tcl's commands that reach outside of the interpreter: none of them is there, and each says so.
-REFUSED = ("exec", "socket", "load", "unload", "glob", "cd", "pwd", "fconfigure", "encoding", "interp", "gets")
+REFUSED = ("exec", "socket", "load", "unload", "glob", "cd", "pwd", "fconfigure", "encoding", "interp")
 #: Parts of `file` that only work on names.
 _NAMES_ONLY = ("dirname", "tail", "extension", "rootname", "join", "split")
 _MOST_EXIT_CODE = 125
+#: What `dvtcli` may do in a script: work on nodes. Not: write other files, run programs, serve, or wait for a person.
+ON_NODES = (
+    "clear", "disable", "enable", "login", "map", "nmt", "node", "objects", "pdo", "read",
+    "require", "restore", "scan", "set", "store", "sync", "undo", "verify", "vpdo", "write",
+)  # fmt: skip
 
 
 class Commands:
@@ -44,7 +49,10 @@ class Commands:
         """Answer one command; UsageError where it is refused or misused."""
         if name in REFUSED:
             raise _refused(name)
-        return self._own[name](*texts)
+        try:
+            return self._own[name](*texts)
+        except self._tcl.error as wrong:
+            raise UsageError(str(wrong)) from wrong
 
     def flush(self) -> None:
         """Print what `puts -nonewline` left unfinished."""
@@ -73,7 +81,8 @@ class Commands:
     def _flush(self, *_channel: str) -> str:
         return ""  # every line is flushed as it is printed
 
-    def _exit(self, code: str = "0") -> str:
+    def _exit(self, *texts: str) -> str:
+        code = " ".join(texts or ("0",))
         if not code.isascii() or not code.isdigit() or int(code) > _MOST_EXIT_CODE:
             raise UsageError(f"exit {code}: an exit code is 0…{_MOST_EXIT_CODE}")
         self.exit_code = int(code)
@@ -99,7 +108,10 @@ class Commands:
     def _open_path(self, *texts: str) -> str:
         if not texts or texts[1:] not in ((), ("r",)):
             raise UsageError("open: a Tcl script may only read files, of its own folder: open FILE r")
-        return str(self._inside(texts[0]))
+        path = self._inside(texts[0])
+        if path.exists() and not path.is_file():  # a pipe would be waited for without end
+            raise UsageError(f"open: {texts[0]} is no file")
+        return str(path)
 
     def _inside(self, name: str) -> Path:
         """The path of a file in the script's folder or below; UsageError where it is anywhere else."""
@@ -110,6 +122,15 @@ class Commands:
         if not path.is_relative_to(self._folder):
             raise UsageError(f"{name} is outside of the script's folder: a Tcl script reads no file elsewhere")
         return path
+
+
+def refuse_beyond_nodes(words: Sequence[str]) -> None:
+    """Raise UsageError where the line *words* of `dvtcli` would do more than work on nodes."""
+    if not words:
+        raise UsageError("dvtcli: a command is missing behind it, as in: dvtcli read 6041")
+    files = [word for word in words[1:] if words[0] == "verify" and Path(word).suffix]
+    if words[0] not in ON_NODES or files:
+        raise _refused(f"dvtcli {words[0]}{' with a file' if files else ''}")
 
 
 def _refused(name: str) -> UsageError:

@@ -14,6 +14,9 @@ from pathlib import Path
 
 import pytest
 
+from dvtcli.dvt.tcl import MOST_SECONDS, TclScript
+from dvtcli.dvt.tcl_interp import bare_interpreter
+from dvtcli.errors import InputFileError
 from tests.commands.bench import Bench, Ran
 from tests.process import ROOT, SCRIPTS, documents, dvtcli, environment
 
@@ -99,7 +102,28 @@ REFUSED = [
     ("cd /", 1, "cd is not available"),
     ("interp create", 1, "interp is not available"),
     ("puts file7 x", 1, "file7 cannot be written to"),
-    ("gets stdin", 1, "gets is not available"),
+    ("gets stdin", 1, 'can not find channel named "stdin"'),
+    ("chan pipe", 1, "invalid command name"),
+    ("fconfigure stdout", 1, "fconfigure is not available"),
+    ("encoding system", 1, "encoding is not available"),
+    ("rename interp mine\nmine create x", 2, "interp is not available"),
+    ("interp invokehidden {} exec ls", 1, "interp is not available"),
+    ("namespace eval ::tcl {exec ls}", 1, "exec is not available"),
+    ("open ..", 1, "outside of the script's folder"),
+    ("open .", 1, ". is no file"),
+    ("open link r", 1, "outside of the script's folder"),
+    ("source link", 1, "outside of the script's folder"),
+    ("source ~/.profile", 1, "there is no file"),
+    ("package require http", 1, "can't find package"),
+    ("puts $env(HOME)", 1, "no such variable"),
+    ("file dirname", 1, "wrong # args"),
+    ("exit 1 2", 1, "an exit code is 0…125"),
+    ("dvtcli", 1, "a command is missing"),
+    ("dvtcli save ../x.dvt", 1, "dvtcli save is not available"),
+    ("dvtcli log ../x.log", 1, "dvtcli log is not available"),
+    ("dvtcli run ../x.dvt", 1, "dvtcli run is not available"),
+    ("dvtcli eds add ../x.eds", 1, "dvtcli eds is not available"),
+    ("dvtcli verify ../x.dcf", 1, "dvtcli verify with a file is not available"),
     ("set a 1\nbogus 2", 2, 'invalid command name "bogus"'),
     ("set a [expr {1/0}]", 1, "divide by zero"),
     ("sdo_wnx 1 0x1800", 1, "it is: sdo_wnx NODE INDEX SUB VALUE [BYTES]"),
@@ -115,9 +139,11 @@ REFUSED = [
 def test_what_reaches_outside_or_is_wrong_is_refused_with_its_line(
     text: str, line: int, says: str, tmp_path: Path
 ) -> None:
+    (tmp_path / "link").symlink_to(__file__)
     with Bench() as bench:
         ran = tcl(bench, tmp_path, text)
         assert ran.code == 2, ran.stderr
+        assert ran.stderr.count("x.tcl:") == 1
         assert says in ran.stderr
         assert f"x.tcl:{line}: " in ran.stderr
         assert (tmp_path / "x.tcl").exists()
@@ -164,6 +190,43 @@ def test_what_no_answer_can_say_ends_the_script_with_its_own_code(tmp_path: Path
         assert ran.stdout == ""
 
 
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
+def test_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    with Bench() as bench:
+        ran = tcl(bench, tmp_path, "open pipe r")
+        assert ran.code == 2
+        assert "x.tcl:1: open: pipe is no file" in ran.stderr
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "proc info args {sdo_rnx 1 0x1018 1}\nsdo_rnx 1 0x1018 1",
+        "rename info {}\nsdo_rnx 1 0x1018 1",
+        "proc if args {error broken}\nsdo_rnx 1 0x1018 1",
+        "trace add execution sdo_rnx enter {sdo_rnx 1 0x1018 1 ;#}\nproc dict args {}\nsdo_rnx 1 0x1018 1",
+    ],
+)
+def test_a_script_that_bends_tcl_itself_harms_itself_only(text: str, tmp_path: Path) -> None:
+    with Bench() as bench:
+        ran = tcl(bench, tmp_path, text)
+        assert ran.code in (0, 2), ran.stderr
+        assert tcl(bench, tmp_path, "puts [sdo_rnx 1 0x1018 1]").stdout == "0x0000001E\n"
+
+
+def test_commands_are_counted(tmp_path: Path) -> None:
+    (tmp_path / "x.tcl").write_text("set i 0\nwhile {$i < 9999} {incr i}\nputs never\n")
+    tcl_ = bare_interpreter()
+    try:
+        with Bench() as bench:
+            script = TclScript(bench.session, str(tmp_path / "x.tcl"), tcl_, MOST_SECONDS, most_steps=1000)
+            with pytest.raises(InputFileError, match="stopped after 1000 Tcl commands"):
+                script.run()
+    finally:
+        tcl_.close()
+
+
 @pytest.mark.parametrize("loop", ["while 1 {}", "while 1 {catch {while 1 {incr i}}}", "after 100000000", "vwait x"])
 def test_a_script_without_end_is_stopped(loop: str, tmp_path: Path) -> None:
     with Bench() as bench:
@@ -204,7 +267,15 @@ def test_what_was_saved_as_tcl_runs(tmp_path: Path) -> None:
         assert another.run(f"run {tmp_path}/saved.tcl").code == 6
 
 
-@pytest.mark.parametrize("loop", ["while 1 {}", "while 1 {sdo_rn 1 0x1018 1}", "while 1 {catch {after 1000}}"])
+@pytest.mark.parametrize(
+    "loop",
+    [
+        "while 1 {}",
+        "while 1 {sdo_rn 1 0x1018 1}",
+        "while 1 {catch {after 1000}}",
+        "dvtcli sync --period 20 --count 9999",
+    ],
+)
 def test_ctrl_c_stops_it(loop: str, tmp_path: Path) -> None:
     script = tmp_path / "x.tcl"
     script.write_text(f"puts [sdo_rnx 1 0x1018 1]\n{loop}\n")
