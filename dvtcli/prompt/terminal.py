@@ -37,6 +37,11 @@ STYLE = {
     "validation-toolbar": "bg:#5f0000 #ffffff",
 }
 
+#: What stands before a line that a backslash continues.
+CONTINUED = "  ... "
+#: Rows that a line and what stands below it need; what a terminal has beyond them is for the menu.
+ROWS_OF_TEXT = 4
+
 
 class Reader(Protocol):
     """Where lines come from."""
@@ -68,9 +73,9 @@ class PlainReader:
         with self._notices.shown_by(lambda text: self._output.lines([text])):
             try:
                 self._notices.pump()
-                self._output.stderr.write(self._status.prompt())
-                self._output.stderr.flush()
-                line = sys.stdin.readline()
+                line = self._asked(self._status.prompt())
+                while line.endswith("\\\n"):
+                    line += self._asked(CONTINUED)
             except KeyboardInterrupt:
                 self._output.lines([""])
                 raise
@@ -79,6 +84,11 @@ class PlainReader:
             raise EOFError
         return line
 
+    def _asked(self, prompt: str) -> str:
+        self._output.stderr.write(prompt)
+        self._output.stderr.flush()
+        return sys.stdin.readline()
+
 
 class FullReader:
     """Lines with a menu, history and a toolbar; messages of nodes appear above the prompt."""
@@ -86,9 +96,10 @@ class FullReader:
     def __init__(self, session: Session, status: Status, notices: Notices, show_help: Callable[[str], None]) -> None:
         self._session, self._status, self._notices = session, status, notices
         self._prompt = _prompt_session(session, status, show_help)
+        self._most_menu = self._prompt.reserve_space_for_menu
 
     def read(self) -> str:
-        """Ask with everything that prompt_toolkit has."""
+        """Ask with everything that prompt_toolkit has and the terminal has rows for."""
         from prompt_toolkit.patch_stdout import StdoutProxy
 
         # The proxy that patch_stdout(raw=True) makes; a shorter pause, since a command waits for it to close.
@@ -102,6 +113,8 @@ class FullReader:
                 self._notices.shown_by(lambda text: output.lines([text])),
             ):
                 self._notices.pump()
+                rows = self._prompt.output.get_size().rows
+                self._prompt.reserve_space_for_menu = max(0, min(self._most_menu, rows - ROWS_OF_TEXT))
                 with _held_interrupts() as held:
                     line = self._typed()
         if held or line is None:
@@ -147,10 +160,10 @@ def _prompt_session(session: Session, status: Status, show_help: Callable[[str],
         return get_app().output.get_size().columns
 
     def toolbar() -> StyleAndTextTuples:
-        buffer = get_app().current_buffer
-        rest = getattr(buffer.validation_error, "rest", "")
+        buffer, low = get_app().current_buffer, get_app().output.get_size().rows <= ROWS_OF_TEXT + 1
+        rest = "" if low else getattr(buffer.validation_error, "rest", "")
         wrong: StyleAndTextTuples = [("class:validation-toolbar", f"{rest}\n")] if rest else []
-        return wrong + status.toolbar(columns(), buffer.document.text_before_cursor)
+        return wrong + status.toolbar(columns(), "" if low else buffer.document.text_before_cursor)
 
     def is_secret(line: str) -> bool:
         return session.is_secret(expanded(line, session.aliases))
@@ -166,7 +179,7 @@ def _prompt_session(session: Session, status: Status, show_help: Callable[[str],
         bottom_toolbar=toolbar,
         validator=LineValidator(session, columns),
         validate_while_typing=False,
-        prompt_continuation=lambda _width, _number, wrapped: "" if wrapped else "  ... ",
+        prompt_continuation=lambda _width, _number, wrapped: "" if wrapped else CONTINUED,
         refresh_interval=0.5,
         search_ignore_case=True,
         key_bindings=_keys(show_help),

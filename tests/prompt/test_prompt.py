@@ -146,6 +146,24 @@ def test_a_narrow_terminal_shows_what_matters_most_whole(open_terminal: Open) ->
     terminal.until(lambda: terminal.toolbar.endswith("TPDO1 not stored │ F1 help"), "all of it on the wider screen")
 
 
+@pytest.mark.parametrize(("columns", "rows"), [(20, 5), (30, 4), (80, 3)])
+def test_a_tiny_terminal_can_be_typed_at(open_terminal: Open, columns: int, rows: int) -> None:
+    terminal = open_terminal("--sim", "gen4", columns=columns, rows=rows)
+    terminal.wait_prompt()
+    terminal.type("read 6041")
+    terminal.until(lambda: "sim/1 PRE-OP> read 6041".endswith(terminal.cursor_line[-3:]), "the line")
+    assert "too small" not in terminal.text
+    terminal.type(f" > out{ENTER}")
+    terminal.until(lambda: "sim/1 PRE-OP>".endswith(terminal.cursor_line[-3:]), "the prompt again")
+    terminal.type("mpa" + ENTER)
+    terminal.until(lambda: "mpa" in terminal.text, "the wrong line")
+    assert "too small" not in terminal.text
+    terminal.type(CTRL_C)
+    terminal.until(lambda: "sim/1 PRE-OP>".endswith(terminal.cursor_line[-3:]), "the prompt again")
+    terminal.type(CTRL_D)
+    assert terminal.ended() == 0
+
+
 def test_menus_say_what_each_word_is(open_terminal: Open) -> None:
     terminal = open_terminal("--sim", "gen4", columns=120, rows=40)
     terminal.wait_prompt()
@@ -295,7 +313,14 @@ def test_a_dumb_terminal_gets_a_plain_prompt(open_terminal: Open) -> None:
     terminal.type(CTRL_C)
     terminal.wait_prompt()
     assert "MAPPED OBJECTS" not in terminal.text
+    terminal.run("map tpdo1 \\")
+    terminal.until(lambda: terminal.cursor_line == "  ...", "the second line")
+    terminal.run("606C")
+    terminal.wait("TPDO1 set: ")
+    terminal.wait_prompt("sim/1 PRE-OP*> ")
     terminal.type(CTRL_D)
+    terminal.wait("leave? [y/N]")
+    terminal.type("y\r")
     assert terminal.ended() == 0
     assert b"\x1b" not in terminal.written
 
