@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
 #: how long is waited for a first heartbeat where no node is named (s): most are sent once a second or faster
 HEARD_S = 1.2
+_WITHOUT_EDS = "its values have no names, and no sign: -1 reads 65535; --eds FILE, or `eds add FILE`, gives them"
 
 
 def open_wire(session: Session) -> CanBus:
@@ -41,6 +42,8 @@ def live_decoder(session: Session, nodes: tuple[int, ...], dbc: str | None = Non
         try:
             node = session.node(node_id)
             decoder.add(pdo_layouts(node_id, node.pdos(), node.dictionary))
+            if node.dictionary is None:
+                session.output.note(f"node {node_id} has no EDS: {_WITHOUT_EDS}")
         except BusUnavailable:
             raise
         except (NoAnswer, SdoAborted, SdoProtocolError) as silent:

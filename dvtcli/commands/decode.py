@@ -36,10 +36,10 @@ def command(
     """
     from dvtcli.commands._recorded import decoder_for
     from dvtcli.live.documents import frame_seen
-    from dvtcli.transports.recording import checked_suffix, read_recording
+    from dvtcli.transports.recording import check_readable, read_recording
 
     path = Path(file)
-    checked_suffix(path, reading=True)
+    check_readable(path)
     decoder = decoder_for(session, nodes, dbc)
     text = (wanted or "").lower()
     seen = (frame_seen(frame, decoder) for frame in read_recording(path))

@@ -47,9 +47,9 @@ def command(
     from dvtcli.errors import UsageError
     from dvtcli.live.tracks import fill, find_tracks
     from dvtcli.results import Plotted
-    from dvtcli.transports.recording import checked_suffix, read_recording
+    from dvtcli.transports.recording import check_readable, read_recording
 
-    checked_suffix(Path(file), reading=True)
+    check_readable(Path(file))
     if output is not None:
         _check_output(session, Path(output))
     decoder = decoder_for(session, nodes, dbc)

@@ -233,7 +233,7 @@ class CanBus:
         try:
             message = self._bus.recv(wait_s)
             if message is None and self._hung_up():
-                raise ConnectionResetError(errno.ECONNRESET, "the server has closed the connection")
+                raise ConnectionResetError("the server has closed the connection")
             return message
         except BUS_FAILURES as error:
             failure = self._failed("receive", error)

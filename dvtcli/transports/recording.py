@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from io import TextIOWrapper
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import Any, BinaryIO
 
 import can
 from can.io.blf import BLFParseError
@@ -197,11 +197,7 @@ def read_recording(path: Path) -> Iterator[Frame]:
     it is damaged or holds no frame.
     """
     suffix = checked_suffix(path, reading=True)
-    try:
-        raw = path.open("rb")
-    except OSError as failed:
-        raise UsageError(f"{path}: {failed.strerror or failed}", hint="`log FILE` records one") from failed
-    with raw:
+    with _opened(path) as raw:
         source = _source(suffix, raw, path)
         count = 0
         try:
@@ -220,6 +216,19 @@ def _refuse_no_date(time_s: float) -> None:
     """ValueError for a time that no calendar has: neither from a recording's own start nor since 1970."""
     if not _FIRST_S <= time_s <= _LAST_S:
         raise ValueError(f"{time_s:g} s is no time of a frame")
+
+
+def check_readable(path: Path) -> None:
+    """UsageError where *path* is missing or its format unknown: said before anything else is asked for."""
+    checked_suffix(path, reading=True)
+    _opened(path).close()
+
+
+def _opened(path: Path) -> BinaryIO:
+    try:
+        return path.open("rb")
+    except OSError as failed:
+        raise UsageError(f"{path}: {failed.strerror or failed}", hint="`log FILE` records one") from failed
 
 
 def _source(suffix: str, raw: Any, path: Path) -> Any:

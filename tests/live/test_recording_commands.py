@@ -185,6 +185,8 @@ def test_plot_draws_a_picture(tmp_path: Path, suffix: str, begin: bytes) -> None
         (["plot", "run.log", "velocity", "--eds", GEN4], 2, "Velocity actual value"),
         (["plot", "run.log", "606C"], 2, "no signal is known"),
         (["plot", "run.log", "606C", "--eds", GEN4, "-o", "x.gif"], 2, ".png"),
+        (["plot", "nowhere.log", "velocity_actual_value"], 2, "nowhere.log: No such file"),
+        (["decode", "nowhere.log", "--csv"], 2, "nowhere.log: No such file"),
         (["log", "run.db", "--sim", "gen4"], 2, "loses frames"),
         (["log", "run.csv", "--sim", "gen4"], 2, "base64"),
         (["log", "new.asc", "-a", "--sim", "gen4"], 2, "appended"),
