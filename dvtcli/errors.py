@@ -55,6 +55,8 @@ class DvtcliError(Exception):
         self.why = why
         self.hint = hint
         self.state: State = state
+        #: the state in words where those for *state* say too much or too little
+        self.state_text: str | None = None
         #: further labelled lines for the screen, e.g. ("step", "0x1A00:03 <- 0x27030120")
         self.details: list[tuple[str, str]] = []
 

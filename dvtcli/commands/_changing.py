@@ -50,6 +50,7 @@ def changed(
     if len(applied.plan) and not session.dry_run:
         session.record(node.node_id, change_lines(applied.plan) if lines is None else lines)
     volatile = any(node.profile.store.needed_for(step.index) for step in applied.plan.steps)
+    saved = any(node.saves((step.index, step.sub_index)) for step in applied.plan.steps)
     policy = node.profile.store
     keep = f"to keep it, {policy.instead}" if policy.instead else "`store` keeps it"
     return Changed(
@@ -62,6 +63,7 @@ def changed(
         volatile,
         keep,
         names(node, applied.plan.changes),
+        saved=saved and not session.dry_run,
     )
 
 

@@ -50,9 +50,10 @@ def log_in(access: Access, wanted: int, passcode: Callable[[], int], user: int |
     held = access_level(access)
     if held >= wanted:
         return held
+    code = passcode()  # asked for before anything is written: there may be none
     _introduce(access, policy, policy.user if user is None else user)
     try:
-        _present(access, policy, passcode())
+        _present(access, policy, code)
     except SdoAborted as aborted:
         access.explain(aborted)
         raise _not_reached(access, wanted, aborted) from aborted
@@ -83,7 +84,7 @@ def _present(access: Access, policy: LoginPolicy, passcode: int) -> None:
 def _not_reached(access: Access, wanted: int, aborted: SdoAborted | None) -> DeviceRefused:
     policy = policy_of(access)
     held = access_level(access)
-    return DeviceRefused(
+    refused = DeviceRefused(
         f"node {access.node_id} was not logged in at level {wanted}: it is at level {held}",
         node=access.node_id,
         place=f"{policy.passcode[0]:04X}:{policy.passcode[1]:02X}",
@@ -91,6 +92,8 @@ def _not_reached(access: Access, wanted: int, aborted: SdoAborted | None) -> Dev
         why=aborted.why if aborted else "the passcode is one for another level",
         hint="is it the passcode of this level, and of this user (--user)?",
     )
+    refused.state_text = "no setting was written, only the user ID and a passcode"
+    return refused
 
 
 def refuse_passcode(access: Access, index: int, sub_index: int) -> None:

@@ -219,6 +219,8 @@ class Node:
     def write(self, index: int, sub_index: int, data: bytes, *, force: bool = False) -> Applied:
         """Write one object as a plan of one step, under the rules of the command that is meant for it."""
         refuse_passcode(self.access, index, sub_index)
+        if self.saves((index, sub_index)):
+            self.prepare_store(force=force)
         findings = raw_write_findings(self, index, sub_index, data)
         refuse(findings, f"0x{index:04X}:{sub_index:02X} not written", self.node_id, force=force)
         change = raw_change(self, Step(index, sub_index, held_value(self, index, sub_index), data, "write"))
@@ -306,9 +308,14 @@ class Node:
             refuse(locked, f"{several(change.label for change in plan.changes)} not changed", self.node_id, force=force)
             findings += locked
             carry_out(self, plan, findings)
-            self.history.append(plan)
+            if not any(self.saves((step.index, step.sub_index)) for step in plan.steps):
+                self.history.append(plan)
         self._remember(plan.changes)
         return Applied(plan, findings)
+
+    def saves(self, place: tuple[int, int]) -> bool:
+        """Whether a write to *place* is how this family keeps its settings: nothing that could be undone."""
+        return place == self.profile.store.saved_by
 
     @property
     def unstored(self) -> dict[str, int]:
@@ -319,7 +326,10 @@ class Node:
         for change in changes:
             if isinstance(change, PdoChange):
                 self.wanted[change.pdo] = change.after
-            if change.steps and self.profile.store.needed_for(change.steps[0].index):
+            if any(self.saves((step.index, step.sub_index)) for step in change.steps):
+                self.pending.forget(EVERYTHING)
+                self.pending.stored_at = len(self.history)
+            elif change.steps and self.profile.store.needed_for(change.steps[0].index):
                 self.pending.changed(change.label, change.steps[0].index)
 
 

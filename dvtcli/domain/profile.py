@@ -50,8 +50,9 @@ class StorePolicy:
     """How a device is told to keep its settings.
 
     *sub_indices* of 0x1010 in order of preference, none where the device has no such object (*instead* then says
-    what its way is); *timeout_s* seconds to wait for the answer; *covers* the indices that are lost without a
-    store, all others save themselves; *never_after* abort codes of a change after which nothing may be stored.
+    what its way is, *saved_by* which object's write it is, if any); *timeout_s* seconds to wait for the answer;
+    *covers* the indices that are lost without a store, all others save themselves; *never_after* abort codes of a
+    change after which nothing may be stored.
     """
 
     sub_indices: tuple[int, ...] = (1,)
@@ -60,6 +61,7 @@ class StorePolicy:
     covers: Range = (0x0000, 0xFFFF)
     never_after: tuple[int, ...] = ()
     instead: str = ""
+    saved_by: ObjectAddress | None = None
 
     def needed_for(self, index: int) -> bool:
         """Whether a change of the object at *index* is lost at power-off unless it is stored."""

@@ -161,6 +161,7 @@ _STORE: Schema = {
     "covers": number_range(0xFFFF),
     "never_after": integers(0, 0xFFFF_FFFF),
     "instead": string,
+    "saved_by": object_address,
 }
 _LOGIN: Schema = {
     "level": object_address,

@@ -26,6 +26,8 @@ class Changed:
     keep: str = "`store` keeps it"
     names: dict[str, str] = field(default_factory=dict)
     exit_code: int = 0
+    #: whether it was the family's way to keep its settings
+    saved: bool = False
 
     def document(self) -> Document:
         """`dvtcli.change/1`."""
@@ -47,7 +49,7 @@ class Changed:
             "steps": steps,
             "writes": len(steps),
             "verified": True,
-            "stored": False,
+            "stored": self.saved,
             "dry_run": self.dry_run,
             "findings": [finding_document(finding) for finding in self.findings],
         }

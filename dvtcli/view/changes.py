@@ -35,6 +35,8 @@ def change_lines(result: Changed, width: int) -> Iterator[Line]:
     verb = "put back" if result.undone else "set"
     keeps = f"In RAM only: {result.keep}" if result.volatile else "The device keeps it by itself"
     next_step = "" if result.undone else ", `undo` reverts it"
+    if result.saved:
+        keeps, next_step = "By this the device keeps what is set (assumed: nobody published it)", ""
     yield [
         Cell(f"{labels} {verb}: {writes}, read back equal, {result.seconds:.2f} s. "),
         Cell(f"{keeps}{next_step}.", "dim"),

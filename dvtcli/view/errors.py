@@ -75,6 +75,8 @@ def error_lines(error: DvtcliError, at: str | None = None) -> Iterator[Line]:
 
 
 def _state(error: DvtcliError, at: str | None) -> str:
+    if error.state_text is not None:
+        return error.state_text
     return _IN_SCRIPT if at and error.state == "unchanged" else _STATES[error.state]
 
 

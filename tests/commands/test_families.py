@@ -64,7 +64,14 @@ def test_what_cannot_be_stored_is_said_in_one_sentence_with_the_maker_s_way() ->
         assert "error: this device cannot store" in ran.stderr
         assert "write 2017 1` (assumed" in ran.stderr
         assert bench.run("map tpdo1 2100-1").code == 0
-        assert bench.run("write 2017 1").code == 0
+        assert bench.session.node().unstored
+        ran = bench.run("write 2017 1")
+        assert ran.code == 0
+        assert "In RAM only" not in ran.stdout
+        assert "keeps what is set (assumed" in ran.stdout
+        assert not bench.session.node().unstored
+        assert bench.run("write 2017 1 --json").document["stored"]
+        assert len(bench.session.node().history) == 1, "a save is nothing to undo"
         assert bench.run("nmt reset-node").code == 0
         (row,) = bench.run("pdo tpdo1 --json").document["pdos"]
         assert [entry["object"] for entry in row["mapping"]] == ["2100:01"]

@@ -78,6 +78,16 @@ def test_a_wrong_passcode_is_one_error_with_the_device_s_reason(tmp_path: Path) 
     assert ran.stderr.count("error:") == 1
     assert "node 1 was not logged in at level 4: it is at level 0" in ran.stderr
     assert "the device says 9 at 0x5310:00: the login failed" in ran.stderr
+    assert "no setting was written, only the user ID and a passcode" in ran.stderr
+    assert "nothing was written" not in ran.stderr
+
+
+@pytest.mark.parametrize("passcode", ["", "nonsense"])
+def test_without_a_passcode_not_even_the_user_id_is_written(tmp_path: Path, passcode: str) -> None:
+    ran = run(tmp_path, "login", "-v", DVTCLI_PASSCODE=passcode)
+    assert ran.returncode in (2, 6)
+    assert "0x5000:01" in ran.stderr, "reads are shown"
+    assert "<-" not in ran.stderr
 
 
 def test_a_passcode_of_a_lower_level_is_no_success(tmp_path: Path) -> None:

@@ -68,6 +68,19 @@ def test_answers_are_values_that_a_script_looks_at(tmp_path: Path) -> None:
         assert f"{tmp_path}/x.tcl:2: sdo_rnx answered Abort 0x06020000" in ran.stderr
 
 
+def test_lg_and_store_are_words_too(tmp_path: Path) -> None:
+    (tmp_path / "x.tcl").write_text(
+        "puts [lg 1 4]\nputs [sdo_wnx 1 0x1800 2 0x01]\nputs [store 1]\nputs [lg 1 0]\nputs [store 1]\nexit 0\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-m", "dvtcli", "--sim", "gen4-locked", "run", str(tmp_path / "x.tcl")],
+        capture_output=True, encoding="utf-8", cwd=ROOT, env=environment() | {"DVTCLI_PASSCODE": "0x4444"},
+        check=False, timeout=60,
+    )  # fmt: skip
+    assert (done.returncode, done.stdout) == (0, "OK\nOK\nOK\nOK\nAbort 0x08000000\n"), done.stderr
+    assert "4444" not in done.stderr
+
+
 def test_a_failure_that_nobody_meant_is_the_exit_code(tmp_path: Path) -> None:
     with Bench() as bench:
         ran = tcl(bench, tmp_path, "sdo_rnx 1 0x1018 1\nsdo_rnx 1 0x5FFF 0\nputs on\n")

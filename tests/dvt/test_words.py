@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -9,6 +11,7 @@ import pytest
 from dvtcli.dvt.numbers import index, value_bytes
 from dvtcli.dvt.words import WORDS
 from tests.commands.bench import Bench
+from tests.process import ROOT, environment
 
 REMAP = [
     "sdo_wnx 1 0x1800 1 0x80000181",
@@ -79,6 +82,38 @@ def test_clear_all_pdos_empties_and_disables() -> None:
         assert bench.run("clear_all_pdos 1").stdout == "OK\n"
         rows = bench.run("pdo --all --json").document["pdos"]
         assert not any(row["enabled"] or row["mapping"] for row in rows)
+
+
+def test_store_and_a_typed_signature_are_the_command_s_store(tmp_path: Path) -> None:
+    with Bench() as bench:
+        assert bench.run("map tpdo1 606C").code == 0
+        assert bench.run("sdo_wnx 1 0x1010 1 0x65766174").stdout == "Abort 0x08000020\n"
+        assert bench.session.node().unstored
+        assert bench.run("sdo_wnx 1 0x1010 1 0x65766173").stdout == "OK\n"
+        assert not bench.session.node().unstored
+        assert bench.run("nmt reset-node").code == 0
+        (tpdo1,) = bench.run("pdo tpdo1 --json").document["pdos"]
+        assert [entry["object"] for entry in tpdo1["mapping"]] == ["606C:00"]
+        refused = bench.run("sdo_wnx 1 0x1011 1 0x64616F6C")
+        assert refused.code == 6, "restore is asked about, as with the command"
+        assert bench.run("sdo_wnx 1 0x1011 1 0x64616F6C --yes").stdout == "OK\n"
+
+
+def test_lg_logs_in_and_out_with_the_passcode_from_the_environment(tmp_path: Path) -> None:
+    lines = "lg 1 4\nsdo_rn 1 0x5000 1\nlg 1 0\nsdo_rn 1 0x5000 1\n"
+    environment_ = environment() | {"DVTCLI_PASSCODE": "0x4444"}
+    done = subprocess.run(
+        [sys.executable, "-m", "dvtcli", "--sim", "gen4-locked"],
+        input=lines, capture_output=True, encoding="utf-8", cwd=ROOT, env=environment_, check=False, timeout=60,
+    )  # fmt: skip
+    assert (done.returncode, done.stdout) == (0, "OK\n4\nOK\n0\n"), done.stderr
+    wrong = environment_ | {"DVTCLI_PASSCODE": "48879"}
+    done = subprocess.run(
+        [sys.executable, "-m", "dvtcli", "--sim", "gen4-locked", "lg", "1", "4"],
+        capture_output=True, encoding="utf-8", cwd=ROOT, env=wrong, check=False, timeout=60,
+    )  # fmt: skip
+    assert (done.returncode, done.stdout) == (1, "Abort 0x08000000\n")
+    assert "48879" not in done.stderr
 
 
 def test_fpo_brings_a_node_there_and_back() -> None:
