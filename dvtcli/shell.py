@@ -36,7 +36,13 @@ class DvtCommand(click.Command):
         """Parse *args*, with `-1500` and `-0x10` as values."""
         one_pair_each(args)
         marked = [NEGATIVE_MARK + arg if _NEGATIVE.fullmatch(arg) else arg for arg in args]
-        return super().parse_args(ctx, marked)
+        try:
+            return super().parse_args(ctx, marked)
+        except click.BadParameter as wrong:  # click's own types quote what was typed, with the mark
+            said = wrong.message.replace(repr(NEGATIVE_MARK)[1:-1], "").replace(NEGATIVE_MARK, "")
+            if said == wrong.message:
+                raise
+            raise click.BadParameter(said, wrong.ctx, wrong.param, wrong.param_hint) from wrong
 
     def format_epilog(self, _ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Name the global options that a line may have, once."""

@@ -10,7 +10,7 @@ from click.core import ParameterSource
 
 from dvtcli.errors import UsageError
 from dvtcli.options import PREFIX
-from dvtcli.params import FILE
+from dvtcli.params import FILE, TEXT
 from dvtcli.shell import DvtCommand
 
 if TYPE_CHECKING:
@@ -24,10 +24,13 @@ _NAMED = 8
 
 @click.command("sim", cls=DvtCommand, short_help=__doc__)
 @click.argument("nodes", nargs=-1, required=True, metavar="NODE…")
-@click.option("--listen", metavar="HOST:PORT", help="Where to listen [127.0.0.1:29536]; port 0 is a free one.")
+@click.option(
+    "--listen", type=TEXT, metavar="HOST:PORT", help="Where to listen [127.0.0.1:29536]; port 0 is a free one."
+)
 @click.option("--state", type=FILE, metavar="DIR", help="Folder that keeps what nodes store (0x1010) for the next sim.")
 @click.option(
     "--latency",
+    type=TEXT,
     multiple=True,
     metavar="[NODE:]MS",
     help="Time an SDO server takes to answer [0]; repeatable.",

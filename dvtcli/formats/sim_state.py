@@ -39,7 +39,7 @@ def read_state(path: Path) -> Kept:
         raise _wrong(path, failed.strerror or str(failed)) from failed
     try:
         document = json.loads(text)
-        if document["schema"] != SCHEMA:
+        if not isinstance(document, dict) or document.get("schema") != SCHEMA:
             raise _wrong(path, f"its schema is not {SCHEMA}")
         values = dict(_value(place, data) for place, data in document["values"].items())
         return Kept(_node_id(document["node"]), values)

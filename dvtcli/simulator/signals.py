@@ -131,6 +131,8 @@ def read_rows(path: Path, column: str) -> list[tuple[float, float]]:
         raise RowsError(f"no CSV file: {wrong}", str(path)) from wrong
     names = [name.strip() for name in numbered[0][1]] if numbered and not _is_number(numbered[0][1][0]) else []
     place = names.index(column) if column in names else int(column) if _COLUMN.fullmatch(column) else 0
+    if numbered and place >= max(len(line) for _, line in numbered):
+        place = 0  # a number beyond every row is no column either
     points = [(_cell(path, line, cells, 0), _cell(path, line, cells, place)) for line, cells in numbered[bool(names) :]]
     if not points or place == 0:
         known = f"; it has {', '.join(names[1:])}" if len(names) > 1 else ""

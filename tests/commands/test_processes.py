@@ -138,6 +138,11 @@ def test_negative_numbers_are_values() -> None:
     assert dvtcli("write", "60FF", "-1500", "--sim", "generic").returncode == 0
 
 
+def test_a_wrong_negative_word_is_quoted_as_it_was_typed() -> None:
+    ran = dvtcli("--sim", "generic", "nmt", "-5")
+    assert (ran.returncode, "'-5' is not one of" in ran.stderr) == (2, True)
+
+
 def test_several_pairs_after_one_bus_kwargs_get_a_hint() -> None:
     ran = dvtcli("-n", "1", "-i", "socketcand", "--bus-kwargs", "host=127.0.0.1", "port=1", "pdo")
     assert ran.returncode == 2

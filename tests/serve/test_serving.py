@@ -108,6 +108,11 @@ def test_wrong_latencies(words: tuple[str, ...]) -> None:
     assert (ran.returncode, ran.stdout) == (2, "")
 
 
+def test_a_negative_latency_is_named_as_it_was_typed() -> None:
+    ran = dvtcli("sim", "generic@1", "--latency", "-5")
+    assert (ran.returncode, "--latency -5: not" in ran.stderr) == (2, True)
+
+
 def test_no_bit_rate_is_exceeded(tmp_path: Path) -> None:
     """An upload of 4 bytes and its answer are 2 x 111 bits at least: 450 a second at 100 kbit/s."""
     with served(tmp_path, "generic@1", "-b", "100000") as server:

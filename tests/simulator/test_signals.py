@@ -93,6 +93,8 @@ def test_columns_that_a_file_does_not_have(tmp_path: Path) -> None:
     assert at(f"606C=csv({path},speed)", 0) == [1]
     with pytest.raises(RowsError, match="it has speed"):
         Signal.parse(f"606C=csv({path},current)")
+    with pytest.raises(RowsError, match=r"no column '7' with values.*it has speed"):
+        Signal.parse(f"606C=csv({path},7)")
     with pytest.raises(FileNotFoundError):
         Signal.parse("606C=csv(nowhere.csv,1)")
 
