@@ -96,7 +96,7 @@ def _output(command: Sequence[str], patience_s: float) -> str | None:
     try:
         done = subprocess.run(  # noqa: S603 - our own words
             command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, stdin=subprocess.DEVNULL,
-            timeout=patience_s, encoding="utf-8", check=False,
+            timeout=patience_s, encoding="utf-8", errors="replace", check=False,
         )  # fmt: skip
     except (OSError, subprocess.TimeoutExpired):
         return None

@@ -45,6 +45,23 @@ def test_drivers_are_asked_in_a_process_of_their_own() -> None:
     assert adapters(["nosuch"], patience_s=60) == []
 
 
+def test_a_driver_may_print_what_it_likes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "noisy.py").write_text(
+        "import os, can\n"
+        "class Bus(can.BusABC):\n"
+        "    @staticmethod\n"
+        "    def _detect_available_configs():\n"
+        "        os.write(1, b'\\xff\\xfe looking\\n')\n"
+        "        return [{'interface': 'noisy', 'channel': '\u00e9'}]\n",
+        encoding="utf-8",
+    )
+    (tmp_path / "noisy-1.dist-info").mkdir()
+    (tmp_path / "noisy-1.dist-info" / "METADATA").write_text("Name: noisy\nVersion: 1\n")
+    (tmp_path / "noisy-1.dist-info" / "entry_points.txt").write_text("[can.interface]\nnoisy = noisy:Bus\n")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    assert adapters(["noisy"], patience_s=60) == [Found("noisy", "\u00e9")]
+
+
 def test_a_driver_that_takes_too_long_finds_nothing() -> None:
     assert adapters(["virtual"], patience_s=0.001) == []
 
