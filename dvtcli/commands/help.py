@@ -63,12 +63,16 @@ def _general(*, everything: bool) -> str:
 
 
 def _subject(ctx: click.Context, name: str) -> str:
-    """The help of a command, or the text of a topic; a command wins."""
+    """The help of a command, the text of a topic, or what an alias stands for; a command wins."""
     from dvtcli.guide import topic, topic_names
+    from dvtcli.options import file_aliases
 
     found = REGISTRY.get_command(click.Context(REGISTRY, info_name="dvtcli"), name)
     if found is not None:
         return found.get_help(click.Context(found, info_name=name))
     if name in topic_names():
         return topic(name)
+    aliases = {word.lower(): text for word, text in file_aliases().items()}
+    if name in aliases:
+        return f"{name}  at the prompt, an alias of: {aliases[name]}"
     raise click.UsageError(unknown_command(name, topic_names()), ctx)

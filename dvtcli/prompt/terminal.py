@@ -206,9 +206,11 @@ def _keys(show_help: Callable[[str], None]) -> KeyBindings:
     keys = KeyBindings()
 
     @Condition
-    def between_words() -> bool:
-        line = typed(last_line(get_app().current_buffer.document.text_before_cursor))
-        return line is not None and not line.incomplete
+    def no_text() -> bool:
+        """A question mark in quotes or in a comment is one; elsewhere no word has any."""
+        text = last_line(get_app().current_buffer.document.text_before_cursor)
+        line = typed(text)
+        return line is not None and not any(quote in text[line.start :] for quote in "\"'")
 
     @Condition
     def continued() -> bool:
@@ -226,7 +228,7 @@ def _keys(show_help: Callable[[str], None]) -> KeyBindings:
         event.current_buffer.newline(copy_margin=False)
 
     @keys.add("f1")
-    @keys.add("?", filter=between_words)
+    @keys.add("?", filter=no_text)
     def _help(event: KeyPressEvent) -> None:
         """Print help for the line so far, and keep the line."""
         line = event.current_buffer.text

@@ -110,6 +110,9 @@ def test_aliases_are_commands_of_ones_own(open_terminal: Open, tmp_path: Path) -
     terminal.wait("TPDO1 set: ")
     terminal.run("help")
     terminal.wait("Aliases, at the prompt:")
+    terminal.wait_prompt("sim/1 PRE-OP*> ")
+    terminal.run("help sw")
+    terminal.wait("sw  at the prompt, an alias of: read 6041")
 
 
 def test_an_alias_hides_no_command(open_terminal: Open, tmp_path: Path) -> None:

@@ -247,6 +247,11 @@ def test_help_keeps_the_line(open_terminal: Open) -> None:
     terminal.until(lambda: terminal.cursor_line == "sim/1 PRE-OP> map tpdo1", "the line again")
     terminal.type(CTRL_C + F1)
     terminal.wait("Commands, by task:")
+    terminal.type("set?")
+    terminal.wait("Usage: set")
+    terminal.until(lambda: terminal.cursor_line == "sim/1 PRE-OP> set", "the word without the question mark")
+    terminal.type(" 'a?")
+    terminal.until(lambda: terminal.cursor_line == "sim/1 PRE-OP> set 'a?", "a question mark in quotes")
 
 
 def test_pasted_lines_run_one_by_one_until_one_fails(gen4: Terminal) -> None:
