@@ -139,8 +139,10 @@ def _gone() -> bool:
 
 
 def _help(session: Session, line: str) -> None:
-    """Print help for the command that *line* begins with, else the list of commands."""
-    name = line.split()[:1]
+    """Print help for the command that *line* begins with, by its name or an alias, else the list of commands."""
+    from dvtcli.prompt.line import expanded
+
+    name = expanded(line, session.aliases).split()[:1]
     if "help" in command_names():
         run_words(["help", *(name if name and name[0] in command_names() else [])], session)
 

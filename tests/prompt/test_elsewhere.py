@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests.prompt.conftest import Open
-from tests.prompt.terminal import CTRL_D, Terminal
+from tests.prompt.terminal import CTRL_C, CTRL_D, Terminal
 
 
 def test_results_go_into_files(gen4: Terminal, tmp_path: Path) -> None:
@@ -108,6 +108,11 @@ def test_aliases_are_commands_of_ones_own(open_terminal: Open, tmp_path: Path) -
     terminal.until(lambda: terminal.lines[-2].startswith(" map PDO"), "the syntax")
     terminal.type("ctual_value\r")
     terminal.wait("TPDO1 set: ")
+    terminal.wait_prompt("sim/1 PRE-OP*> ")
+    terminal.type("m1 ?")
+    terminal.wait("Leave the PDO disabled.")
+    terminal.type(CTRL_C)
+    terminal.wait_prompt("sim/1 PRE-OP*> ")
     terminal.run("help")
     terminal.wait("Aliases, at the prompt:")
     terminal.wait_prompt("sim/1 PRE-OP*> ")

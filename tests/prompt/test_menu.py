@@ -1,8 +1,7 @@
-"""What the menu offers and how fast, asked of the completer itself: no key waits for it, none uses the bus."""
+"""What the menu offers, asked of the completer itself; no key uses the bus. Its speed: benchmarks/bench_keys.py."""
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,14 +9,12 @@ import pytest
 from prompt_toolkit.completion import CompleteEvent, Completion
 from prompt_toolkit.document import Document
 
+from dvtcli.completion import MOST
 from dvtcli.prompt.completer import LineCompleter
 from dvtcli.prompt.typed import quoted, typed
 from dvtcli.session import Session
 from dvtcli.transports.canbus import CanBus
 from dvtcli.view.output import Output
-
-#: A key's share of a second that nobody notices is 0.02; a busy test machine gets more.
-A_KEY_S = 0.1
 
 
 @pytest.fixture
@@ -87,7 +84,7 @@ def test_a_key_never_uses_the_bus(session: Session) -> None:
     assert frames == []
 
 
-def test_a_large_dictionary_is_looked_through_between_two_keys(tmp_path: Path) -> None:
+def test_a_large_dictionary_gives_a_menu_that_can_be_read(tmp_path: Path) -> None:
     eds = tmp_path / "large.eds"
     names = ["velocity actual", "torque demand", "motor temperature", "battery voltage"]
     objects = [
@@ -98,15 +95,14 @@ def test_a_large_dictionary_is_looked_through_between_two_keys(tmp_path: Path) -
     session = Session(Output())
     session.start({"sim": (str(eds),)})
     session.started = True
-    completer = LineCompleter(session)
-    slowest = 0.0
-    for line in ["read x", "read vel", "read 27", "read qqq", "map rpdo1 2001 torque", "map rpdo1 2001 zqv"]:
-        list(completer.get_completions(Document(line), CompleteEvent()))  # the first key makes the index
-        began = time.perf_counter()
-        list(completer.get_completions(Document(line), CompleteEvent()))
-        slowest = max(slowest, time.perf_counter() - began)
+    for line, first in [
+        ("read vel", "2000:00"), ("read 27", "2700:00"), ("read voltage 4999", ""), ("read voltage_4999", "3387:00"),
+        ("map rpdo1 2001 torque", "2001:00"), ("map rpdo1 2001 zqv", ""),
+    ]:  # fmt: skip
+        found = words(session, line)
+        assert found[:1] == ([first] if first else []), line
+        assert len(found) <= MOST
     session.close()
-    assert slowest < A_KEY_S
 
 
 @pytest.mark.parametrize(
