@@ -9,6 +9,7 @@ from dvtcli.domain.mapping import DUMMY_BITS, MAX_ENTRIES, MAX_PDO_BITS, PdoMapp
 from dvtcli.domain.object_dictionary import Access, ObjectDictionary, OdEntry
 from dvtcli.domain.profile import Severity
 from dvtcli.domain.rules.finding import Finding, Proposal, error, note, warning
+from dvtcli.domain.several import several
 
 #: Access types whose objects may feed a TPDO, and be an RPDO's target (CiA 306, 4.6.3).
 FEEDS_TPDO = frozenset({Access.RO, Access.RWR, Access.CONST, Access.RW})
@@ -37,11 +38,20 @@ def mapping_findings(proposal: Proposal) -> Iterator[Finding]:
         return
     yield from _static_findings(proposal)
     yield from _size_findings(proposal)
+    yield from _unknown_objects(proposal)
     for number, entry in enumerate(want.mapping, 1):
         place = proposal.mapping_place(number)
         yield from (_dummy if entry.is_dummy else _object)(proposal, place, entry)
         yield from _length(proposal, place, entry)
     yield from _double_targets(proposal)
+
+
+def _unknown_objects(proposal: Proposal) -> Iterator[Finding]:
+    """One note for all objects of which no EDS tells anything."""
+    objects = [entry.object for entry in proposal.want.mapping if not entry.is_dummy]
+    if proposal.dictionary is None and objects:
+        text = f"no EDS: nothing is known beforehand about {several(objects)}; --eds FILE gives one"
+        yield note("no-dictionary", proposal.mapping_place(0), text)
 
 
 def _static_findings(proposal: Proposal) -> Iterator[Finding]:
@@ -132,7 +142,6 @@ def usable_dummies(proposal: Proposal) -> frozenset[int] | None:
 def _object(proposal: Proposal, place: str, entry: PdoMappingEntry) -> Iterator[Finding]:
     dictionary = proposal.dictionary
     if dictionary is None:
-        yield note("no-dictionary", place, f"no EDS: nothing is known about {entry.object} beforehand")
         return
     found = dictionary.entry(entry.index, entry.sub_index)
     if found is None and entry.index in DUMMY_BITS:
