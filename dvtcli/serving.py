@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ipaddress
 import re
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
@@ -96,6 +97,9 @@ def serving(options: Options, wanted: Wanted, warn: Callable[[str], None]) -> It
     devices = [simulated_device(one) for one in nodes]
     keep = _keeper(wanted.state, nodes, devices, warn)
     nodes = tuple(replace(one, node_id=device.node_id) for one, device in zip(nodes, devices, strict=True))
+    for one, many in Counter(device.node_id for device in devices).items():
+        if many > 1:
+            warn(f"{many} nodes have node-ID {one}, as --state {wanted.state} keeps it: they will answer as one")
     faults = simulated_faults(options.fault, nodes)
     signals = simulated_signals(options.signal, nodes)
     latencies_s = _latencies(wanted.latencies, devices)
@@ -113,6 +117,7 @@ def serving(options: Options, wanted: Wanted, warn: Callable[[str], None]) -> It
             latencies_s=latencies_s,
             stored=keep,
             bus_failed=lambda: warn("the bus is dead (a simulated fault): every client was cut off"),
+            frames_lost=lambda: warn("the nodes have more to say than the bus carries: what does not fit is lost"),
         )
         yield Serving(server, nodes, hub.port, None if joined is None else joined.name)
 

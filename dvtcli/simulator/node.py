@@ -23,6 +23,10 @@ if TYPE_CHECKING:
 
 #: Longest wait for a frame, in seconds: bounds how long `stop` takes, never how long an answer takes.
 _LONGEST_WAIT_S = 0.05
+#: Nodes that answer each other for ever must not keep others out, nor flood the bus: after so many frames it rests (s).
+_AT_ONCE, _REST_S = 500, 0.02
+#: Frames that nodes have not heard yet; what more they want to send is lost, as on a bus that is never silent.
+_MOST_WAITING = 4096
 
 
 class SimulatedNetwork:
@@ -49,6 +53,8 @@ class SimulatedNetwork:
         self.error: can.CanError | None = None
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
+        #: what was said on the bus, with the node that said it, and not heard by the nodes yet
+        self._said: deque[tuple[Frame, SimulatedNode | None]] = deque()
 
     def __enter__(self) -> SimulatedNetwork:
         self.start()
@@ -79,7 +85,8 @@ class SimulatedNetwork:
                 message = self.bus.recv(self._wait_s())
                 with self.lock:
                     if message is not None and not message.is_error_frame:
-                        self._deliver(_frame(message), sender=None)
+                        self._said.append((_frame(message), None))
+                    self._settle()
                     self._poll()
                     self._fail_once()
         except can.CanError as error:
@@ -87,6 +94,8 @@ class SimulatedNetwork:
 
     def _wait_s(self) -> float:
         """Seconds until a node has something to send by itself, at most 0.05."""
+        if self._said:
+            return _REST_S
         times = [due for node in self.nodes if (due := node.next_poll_s()) is not None]
         return min(_LONGEST_WAIT_S, max(0.0, min(times) - time.monotonic())) if times else _LONGEST_WAIT_S
 
@@ -94,28 +103,29 @@ class SimulatedNetwork:
         now_s = time.monotonic()
         for node in self.nodes:
             self._send(node, node.poll(now_s))
+        self._settle()
 
     def _fail_once(self) -> None:
         if not self._bus_failed and any(node.bus_failed for node in self.nodes):
             self._bus_failed = True
             self._on_bus_error()
 
-    def _deliver(self, frame: Frame, sender: SimulatedNode | None) -> None:
-        """Hand *frame* to every node but its sender, and what they send to the bus and to each other."""
-        waiting = deque([(frame, sender)])
-        while waiting:
-            heard, source = waiting.popleft()
+    def _settle(self) -> None:
+        """Let every node hear what the others and the bus have said, and what is answered to that."""
+        for _ in range(_AT_ONCE):
+            if not self._said:
+                return
+            heard, sender = self._said.popleft()
             for node in self.nodes:
-                if node is source:
-                    continue
-                for answer in node.handle(heard, time.monotonic()):
-                    self.bus.send(_message(answer))
-                    waiting.append((answer, node))
+                if node is not sender:
+                    self._send(node, node.handle(heard, time.monotonic()))
 
     def _send(self, node: SimulatedNode, frames: list[Frame]) -> None:
         for frame in frames:
+            if len(self._said) >= _MOST_WAITING:
+                return
             self.bus.send(_message(frame))
-            self._deliver(frame, sender=node)
+            self._said.append((frame, node))
 
 
 def _frame(message: can.Message) -> Frame:

@@ -48,7 +48,7 @@ class Server:
 
     *latencies_s* is how long the SDO server of each node takes to answer (s), none for at once. *stored* is
     called where what a device keeps has changed, before the device's answer is sent; *bus_failed* where a fault has
-    killed the bus.
+    killed the bus; *frames_lost* where nodes first had more to say than the bus carries.
     """
 
     def __init__(
@@ -61,6 +61,7 @@ class Server:
         latencies_s: Sequence[float] = (),
         stored: Callable[[StrictDevice], None] = lambda _device: None,
         bus_failed: Callable[[], None] = lambda: None,
+        frames_lost: Callable[[], None] = lambda: None,
     ) -> None:
         self.hub = hub
         #: frames that were on the bus so far
@@ -71,6 +72,7 @@ class Server:
         self._latencies_s = dict(zip(nodes, latencies_s, strict=False))
         self._stored, self._on_stored = {node: node.device.stored_changes for node in nodes}, stored
         self._bus_failed, self._on_bus_failed = False, bus_failed
+        self._frames_lost, self._on_frames_lost = False, frames_lost
         #: which nodes a CAN-ID means something to, as long as no node's hearing changes
         self._routes: dict[tuple[int, bool], list[SimulatedNode]] = {}
         self._hearing: dict[SimulatedNode, tuple[int, int]] = {}
@@ -198,5 +200,13 @@ class Server:
         if latency_s and frame.can_id == SDO_RESPONSE + node.device.node_id and not frame.extended:
             self._answers += 1
             heappush(self._thinking, (at_s + latency_s, self._answers, node, frame))
+        elif self._wire.full(node):
+            self._lose()
         else:
             self._wire.offer(node, frame, at_s)
+
+    def _lose(self) -> None:
+        """Lose a frame, and say so the first time."""
+        if not self._frames_lost:
+            self._frames_lost = True
+            self._on_frames_lost()

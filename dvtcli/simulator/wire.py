@@ -11,6 +11,9 @@ from collections import deque
 from dvtcli.domain.bus_load import frame_bits, header
 from dvtcli.domain.ports import Frame
 
+#: frames of one source, or of all where they take no time, that wait before the wire is full
+_MOST_OF_ONE, _MOST_OF_ALL = 512, 10_000
+
 
 def arbitration(frame: Frame) -> int:
     """The bits that decide who goes first, as a number: the lower one wins, as 0 is dominant."""
@@ -42,9 +45,15 @@ class Wire:
             self._waiting[source] = deque([(at_s, frame)])
 
     def waiting(self, source: object) -> int:
-        """How many frames of *source* have not begun to travel."""
+        """How many frames of *source*, or of all where they take no time, have not begun to travel."""
+        if not self._bit_s:
+            return len(self._straight)
         queue = self._waiting.get(source)
         return 0 if queue is None else len(queue)
+
+    def full(self, source: object) -> bool:
+        """Whether so much waits that a node, *source*, loses what more it has to say."""
+        return self.waiting(source) >= (_MOST_OF_ONE if self._bit_s else _MOST_OF_ALL)
 
     def take(self, now_s: float) -> tuple[float, object, Frame] | None:
         """The next frame that has arrived by *now_s*, with the time of its last bit and its source; None for none."""

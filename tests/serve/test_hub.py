@@ -13,6 +13,7 @@ from statistics import median
 import can
 import pytest
 
+from dvtcli.domain.ports import Frame
 from dvtcli.formats.eds import read_eds
 from dvtcli.simulator.device import StrictDevice
 from dvtcli.simulator.family import family_eds, load_family
@@ -234,3 +235,40 @@ def test_there_is_room_for_many_and_more_are_refused(bench: Bench) -> None:
     for client in clients:
         client.close()
     assert bench.said == [f"refused a client: {MOST_CLIENTS} are connected already"]
+
+
+@dataclass
+class Starter:
+    """A bus on which somebody starts all nodes and sends one SYNC."""
+
+    frames: list[Frame]
+
+    def tell(self, frame: Frame) -> None:
+        """Nobody listens there."""
+
+    def heard(self) -> list[Frame]:
+        frames, self.frames = self.frames, []
+        return frames
+
+
+def test_nodes_that_answer_each_other_for_ever_lose_what_is_too_much() -> None:
+    """Each of three takes the others' TPDOs for SYNCs: every frame brings two more."""
+    devices = []
+    for node_id in (1, 2, 3):
+        device = StrictDevice(read_eds(family_eds("generic")).dictionary, load_family("generic"), node_id)
+        device.download(0x1800, 1, (0xC000_0180 + node_id).to_bytes(4, "little"))
+        device.download(0x1800, 2, b"\x01")
+        device.download(0x1800, 1, (0x4000_0080).to_bytes(4, "little"))
+        devices.append(device)
+    said: list[str] = []
+    hub, wire = Hub(None, said.append), Wire()
+    starter = Starter([Frame(0x000, b"\x01\x00"), Frame(0x080, b"")])
+    server = Server(stations(devices), hub, wire, [starter], frames_lost=lambda: said.append("lost"))
+    thread = threading.Thread(target=server.run, daemon=True)
+    thread.start()
+    wait_for(lambda: server.frames > 40_000, "frames")
+    server.stop()
+    thread.join()
+    hub.close()
+    assert said == ["lost"]
+    assert wire.waiting(devices[0]) <= 10_000

@@ -57,3 +57,19 @@ def test_without_a_bit_rate_frames_come_in_order_and_at_once() -> None:
     assert [taken[2].can_id for _ in range(3) if (taken := wire.take(1.0)) is not None] == [5, 3, 4]
     assert wire.take(1.0) is None
     assert wire.next_s() is None
+
+
+@pytest.mark.parametrize("bit_rate", [None, 125_000])
+def test_who_has_too_much_to_say_is_told(bit_rate: int | None) -> None:
+    wire, frame = Wire(bit_rate), Frame(0x181, b"")
+    wire.offer("node", frame, 0.0)
+    assert wire.waiting("node") == 1
+    assert not wire.full("node")
+    for _ in range(10_000):
+        wire.offer("node", frame, 0.0)
+    assert wire.full("node")
+    assert wire.full("other") is (bit_rate is None), "where frames take no time there is one queue"
+    while wire.take(1e6) is not None:
+        pass
+    assert wire.waiting("node") == 0
+    assert not wire.full("node")

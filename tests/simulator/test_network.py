@@ -188,3 +188,20 @@ def test_stock_client_remaps_a_pdo(node: canopen.RemoteNode, bench: Bench) -> No
     node.network.sync.transmit()
     assert heard.wait(2)
     assert received == [b"\x00\x0a"]
+
+
+def test_nodes_that_answer_each_other_for_ever_keep_nobody_out(bench: Bench) -> None:
+    """Each takes the other's TPDO for a SYNC, and answers it with its own."""
+    for node in bench.network.nodes:
+        node.device.download(0x1800, 1, (0xC000_0180 + node.device.node_id).to_bytes(4, "little"))
+        node.device.download(0x1800, 2, b"\x01")
+        node.device.download(0x1800, 1, (0x4000_0080).to_bytes(4, "little"))
+    bench.network.start()
+    bench.send(0x000, "0100")
+    bench.send(0x080)
+    for _ in range(1000):
+        assert bench.hear(0x080) is not None
+    assert bench.write(1, "4000100000000000") is not None
+    start = time.monotonic()
+    bench.network.stop()
+    assert time.monotonic() - start < 5
