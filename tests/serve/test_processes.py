@@ -152,6 +152,13 @@ def test_what_was_stored_survives_a_restart(tmp_path: Path) -> None:
         assert (pdo["enabled"], pdo["bits"]) == (False, 0)
 
 
+def test_nodes_that_keep_the_same_node_id_are_told(tmp_path: Path) -> None:
+    (tmp_path / "gen4@1.json").write_text('{"schema":"dvtcli.sim-state/1","node":7,"values":{}}')
+    ran = dvtcli("sim", "gen4@1", "tmcm@7", "--listen", "0", "--state", str(tmp_path), "--latency", "1:5")
+    assert (ran.returncode, ran.stdout) == (2, "")
+    assert "2 nodes have node-ID 7" in ran.stderr
+
+
 def test_a_state_that_is_none_is_named(tmp_path: Path) -> None:
     (tmp_path / "gen4@1.json").write_text('{"schema":"dvtcli.sim-state/1","values":{"1800":"01"}}')
     ran = dvtcli("sim", "gen4@1", "--listen", "0", "--state", str(tmp_path))
