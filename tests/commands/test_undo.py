@@ -58,11 +58,19 @@ def test_undo_brings_everything_back(lines: list[str], at_once: bool) -> None:
         assert node.upload(0x1017, 0) == heartbeat
 
 
-@pytest.mark.parametrize("line", ["write 2017 1", "write 2017 1 --json"])
+@pytest.mark.parametrize("line", ["write 2005:1 1", "write 2005:1 1 --json"])
 def test_a_write_only_object_is_written_without_being_read(line: str) -> None:
-    """The way RoboteQ's controllers store, and what the hint of `store` names."""
     with Bench(("roboteq",)) as bench:
         assert bench.run(line).code == 0
         undone = bench.run("undo")
         assert undone.code == 2
         assert "write-only" in undone.stderr
+
+
+def test_a_makers_own_way_to_save_is_nothing_to_undo() -> None:
+    """RoboteQ's controllers store by a write to 0x2017, as the hint of `store` says."""
+    with Bench(("roboteq",)) as bench:
+        assert bench.run("write 2017 1").code == 0
+        undone = bench.run("undo")
+        assert undone.code == 2
+        assert "nothing to undo" in undone.stderr
