@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -252,7 +252,8 @@ def twin_of(network: Network) -> Network:
     def device_for(node_id: int, backing: Callable[[int, int], bytes]) -> StrictDevice:
         node = network.node(node_id)
         kind = ReversedDevice if node.profile.reversed_entries else StrictDevice
-        return kind(node.dictionary or ObjectDictionary({}), _family(node.profile.name), node_id, backing=backing)
+        family = replace(_family(node.profile.name), filler=node.profile.filler or 0)
+        return kind(node.dictionary or ObjectDictionary({}), family, node_id, backing=backing)
 
     bus = TwinBus(network.bus, device_for)
     return Network(bus, network.options, network.cancellation, network.consent, network.simulated)

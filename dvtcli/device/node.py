@@ -12,6 +12,7 @@ from dvtcli.device.access import Access, Gate
 from dvtcli.device.back import plan_back, unknown_before
 from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.carry_out import carry_out
+from dvtcli.device.fixed_count import FixedCount
 from dvtcli.device.journal import Identity
 from dvtcli.device.keeper import Keeper
 from dvtcli.device.lazy import LazyMapping
@@ -71,8 +72,10 @@ class Node:
     @property
     def sdo(self) -> SdoTransport:
         """The node's SDO channel."""
-        channel = self.bus.sdo(self.node_id)
-        return ReversedEntries(channel) if self.profile.reversed_entries else channel
+        channel: SdoTransport = self.bus.sdo(self.node_id)
+        if self.profile.reversed_entries:
+            channel = ReversedEntries(channel)
+        return channel if self.profile.filler is None else FixedCount(channel, self.profile.filler)
 
     @property
     def access(self) -> Access:

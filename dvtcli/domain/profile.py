@@ -149,7 +149,8 @@ class DeviceProfile:
     *master_object* where it says that it is one (1); *extended_error* where the reason after 0x08000000 stands and
     *reasons* its texts; *dummies* the supported dummy indices; *login* how access is unlocked, if it is locked;
     *hints* what an abort code usually means at a step of that kind, where the maker says more than the standard;
-    *reversed_entries* whether a mapping entry has its fields the other way round on the wire;
+    *reversed_entries* whether a mapping entry has its fields the other way round on the wire; *filler* what unused
+    entries hold (u32) where the count of a mapping cannot be written (None: it is);
     *silent_rpdo* what the device does where an RPDO's producer is silent, if anything;
     *aliases* names a human types → objects; *type_texts* the maker's words for a transmission type and *type_notes*
     what to know about one; *warn_mapped* what should not feed a TPDO; *vpdo* its virtual PDOs.
@@ -186,6 +187,7 @@ class DeviceProfile:
     login: LoginPolicy | None = None
     hints: dict[StepKind, dict[int, str]] = field(default_factory=dict)
     reversed_entries: bool = False
+    filler: int | None = None
     silent_rpdo: str = ""
     aliases: dict[str, str] = field(default_factory=dict)
     type_texts: dict[int, str] = field(default_factory=dict)

@@ -208,6 +208,7 @@ _PROFILE: Schema = {
     "login": _login,
     "hints": _hints,
     "reversed_entries": boolean,
+    "filler": integer(0, 0xFFFF_FFFF),
     "silent_rpdo": string,
     "aliases": _aliases,
     "type_texts": by_number(255),

@@ -85,6 +85,7 @@ class Family:
       *zero_bits_counted*: whether a count may cover an entry of 0, or one of 0 bits.
     - *empty_pdos_enabled*: whether a PDO without a mapping may be enabled; *restricted_ids_refused*: whether a PDO may
       not have a CAN-ID that CiA 301 keeps for others.
+    - *filler*: what an entry may hold, besides 0, that is not used where the count of a mapping is read-only.
     - *pre_operational_writes*: ranges of indices that refuse downloads outside PRE-OPERATIONAL.
     - *needs_store*: range of indices that a reset reverts unless they were stored, everything outside keeps itself;
       None means that everything must be stored. *save_command*: an object that stores everything when written.
@@ -125,6 +126,7 @@ class Family:
     zero_bits_counted: bool = False
     empty_pdos_enabled: bool = False
     restricted_ids_refused: bool = True
+    filler: int = 0
     pre_operational_writes: tuple[Range, ...] = ()
     needs_store: Range | None = None
     save_command: Object | None = None

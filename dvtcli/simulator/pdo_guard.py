@@ -74,9 +74,24 @@ class PdoGuard:
             raise Refusal(Abort.VALUE_RANGE)
         if not wanted.fits_frame or self._is_restricted(wanted):
             raise Refusal(Abort.VALUE_RANGE)
-        empty = not held.valid and self._memory.number(pdo.mapping_index, 0) == 0
+        used = self._filled_mapping(pdo) if self._count_is_fixed(pdo) else self._memory.number(pdo.mapping_index, 0)
+        empty = not held.valid and used == 0
         if empty and not self._family.empty_pdos_enabled:
             raise Refusal(Abort.VALUE_RANGE)
+
+    def _count_is_fixed(self, pdo: Pdo) -> bool:
+        """Whether entries can be written and their count cannot: unused ones hold a filler then."""
+        count, first = (self._memory.entry(pdo.mapping_index, sub_index) for sub_index in (0, 1))
+        return count is not None and first is not None and not count.access.writable and first.access.writable
+
+    def _filled_mapping(self, pdo: Pdo) -> int:
+        """How many entries of a fixed count are no filler; Refusal where they do not fit a frame together."""
+        count = self._memory.number(pdo.mapping_index, 0)
+        words = (self._memory.number(pdo.mapping_index, sub_index) for sub_index in range(1, count + 1))
+        used = [word for word in words if word not in (0, self._family.filler)]
+        if sum(self._covered_bits(pdo, word) for word in used) > 64:
+            raise Refusal(Abort.PDO_LENGTH)
+        return len(used)
 
     def _is_restricted(self, wanted: CobId) -> bool:
         return self._family.restricted_ids_refused and not wanted.extended and within(wanted.can_id, _RESTRICTED)
@@ -129,11 +144,12 @@ class PdoGuard:
     def _check_entry_write(self, pdo: Pdo, sub_index: int, raw: int) -> None:
         if sub_index > self._max_entries(pdo):
             raise Refusal(Abort.NO_SUB_INDEX)
-        if self.cob_id(pdo).valid or self._memory.number(pdo.mapping_index, 0):
+        fixed = self._count_is_fixed(pdo)
+        if self.cob_id(pdo).valid or (not fixed and self._memory.number(pdo.mapping_index, 0)):
             if self._is_same(pdo, sub_index, raw):
                 return
             raise Refusal(self._family.mapping_in_use)
-        if raw:
+        if raw and not (fixed and raw == self._family.filler):
             self._check_entry(pdo, PdoMappingEntry.from_raw(raw))
 
     def _is_same(self, pdo: Pdo, sub_index: int, value: int) -> bool:

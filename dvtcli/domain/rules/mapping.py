@@ -57,7 +57,8 @@ def _unknown_objects(proposal: Proposal) -> Iterator[Finding]:
 def _static_findings(proposal: Proposal) -> Iterator[Finding]:
     """A mapping is static where its sub-indices are read-only; Granularity says nothing about it."""
     dictionary, index = proposal.dictionary, proposal.pdo.mapping_index
-    for sub_index in range(len(proposal.want.mapping) + 1):
+    first = 0 if proposal.profile.filler is None else 1  # fillers stand for a count that is read-only
+    for sub_index in range(first, len(proposal.want.mapping) + 1):
         entry = dictionary.entry(index, sub_index) if dictionary else None
         if dictionary and entry and not entry.access.writable:
             yield error(
@@ -66,7 +67,9 @@ def _static_findings(proposal: Proposal) -> Iterator[Finding]:
                 f"the mapping of {proposal.pdo.label} is static: {proposal.mapping_place(sub_index)} is "
                 f"{entry.access} in {dictionary.place(entry)}",
                 Abort.READ_ONLY,
-                "this device fixes what the PDO carries; choose another PDO (pdo --all)",
+                "this device fixes what the PDO carries; choose another PDO (pdo --all)"
+                if sub_index
+                else "choose another PDO (pdo --all); if only the count is fixed, a profile's `filler` helps",
             )
             return
 

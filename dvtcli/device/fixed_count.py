@@ -1,0 +1,53 @@
+"""An SDO channel to a device whose mappings have a count that cannot be written: unused entries hold a filler instead.
+
+Everything above sees the count that CiA 301 has, and writes it; on the wire the entries behind it become fillers.
+Knows nothing of PDOs but where their mappings are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from dvtcli.domain.pdo import Pdo, is_mpdo
+from dvtcli.domain.ports import SdoTransport
+
+
+@dataclass(slots=True)
+class FixedCount:
+    """*inner* with the count of every PDO mapping told by its entries; *filler* is what an unused one holds (u32)."""
+
+    inner: SdoTransport
+    filler: int
+
+    def upload(
+        self, index: int, sub_index: int, *, timeout_s: float | None = None, retries: int | None = None
+    ) -> bytes:
+        """Read an object; the count of a mapping is that of the entries before the fillers at its end."""
+        data = self.inner.upload(index, sub_index, timeout_s=timeout_s, retries=retries)
+        if not _is_count(index, sub_index) or len(data) != 1 or is_mpdo(data[0]):
+            return data
+        used = (place for place, word in self._entries(index, range(data[0], 0, -1)) if word != self._filler)
+        return bytes([next(used, 0)])
+
+    def download(self, index: int, sub_index: int, data: bytes, *, timeout_s: float | None = None) -> None:
+        """Write an object; for a count the entries behind it that hold anything else become fillers."""
+        if not _is_count(index, sub_index):
+            self.inner.download(index, sub_index, data, timeout_s=timeout_s)
+            return
+        highest = self.inner.upload(index, 0)[0]
+        for place, word in self._entries(index, range(data[0] + 1, highest + 1)):
+            if word != self._filler:
+                self.inner.download(index, place, self._filler, timeout_s=timeout_s)
+
+    @property
+    def _filler(self) -> bytes:
+        return self.filler.to_bytes(4, "little")
+
+    def _entries(self, index: int, places: range) -> Iterator[tuple[int, bytes]]:
+        return ((place, self.inner.upload(index, place)) for place in places)
+
+
+def _is_count(index: int, sub_index: int) -> bool:
+    pdo = Pdo.at(index)
+    return sub_index == 0 and pdo is not None and index == pdo.mapping_index
