@@ -138,6 +138,9 @@ def summary(name: str) -> str:
         return file.readline().strip().strip('"').strip()
 
 
+_TCL_WORDS = frozenset(("proc", "puts", "foreach", "for", "while", "if", "expr", "incr", "catch", "after"))
+
+
 def unknown_command(name: str, others: Sequence[str] = ()) -> str:
     """What to say of a word that is no command, nor one of *others*."""
     from difflib import get_close_matches
@@ -146,7 +149,9 @@ def unknown_command(name: str, others: Sequence[str] = ()) -> str:
         return f"no command is called {name!r}; did you mean 'exit'?"
     from dvtcli.dvt.words import WORDS
 
-    close = get_close_matches(name, [*command_names(), *others, *WORDS], n=1)
+    if name in _TCL_WORDS:
+        return f"no command is called {name!r}: it is Tcl's, and a Tcl script is a file whose name ends in .tcl"
+    close = get_close_matches(name.lower(), [*command_names(), *others, *WORDS], n=1)
     return f"no command is called {name!r}" + (f"; did you mean {close[0]!r}?" if close else "; help lists them")
 
 

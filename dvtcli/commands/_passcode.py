@@ -24,9 +24,10 @@ def passcode(session: Session, node_id: int, level: int) -> int:
     """The passcode (0..0xFFFF) for *level* of a node; SafetyRefusal where nobody can be asked for it."""
     if session.dry_run:
         return 1  # a twin believes any, and none is spent on it
-    given = os.environ.get(VARIABLE) or file_passcode()
-    if given is not None:
-        return _number(given, _SOURCES)
+    if given := os.environ.get(VARIABLE):
+        return _number(given, f"{VARIABLE} in the environment")
+    if (kept := file_passcode()) is not None:
+        return _number(kept, "`passcode` in dvtcli.toml")
     if session.in_script or not (sys.stdin.isatty() and sys.stderr.isatty()):
         raise SafetyRefusal(
             f"nobody can be asked for the passcode of node {node_id}", node=node_id, hint=f"give it as {_SOURCES}"
@@ -42,10 +43,14 @@ def _asked(session: Session, question: str, node_id: int) -> str:
         warnings.simplefilter("error", GetPassWarning)
         try:
             return getpass(question, session.output.stderr)
+        except KeyboardInterrupt:
+            session.output.stderr.write("\n")  # what is said next begins a line
+            raise
         except (GetPassWarning, EOFError) as failed:
+            session.output.stderr.write("\n")
             why = None if isinstance(failed, EOFError) else "this terminal cannot hide what is typed"
             raise SafetyRefusal(
-                "not logged in: no passcode was given", node=node_id, why=why, hint=f"or give it as {_SOURCES}"
+                "not logged in: no passcode was given", node=node_id, why=why, hint=f"type it, or give it as {_SOURCES}"
             ) from None
 
 
@@ -56,5 +61,5 @@ def _number(text: str, where: str) -> int:
     except ValueError:
         value = -1
     if not 0 < value <= 0xFFFF:
-        raise UsageError(f"{where}: a passcode is a number 1…65535, decimal or 0x") from None
+        raise UsageError(f"{where}: a passcode is a number 1…65535, decimal or 0x… in hexadecimal") from None
     return value

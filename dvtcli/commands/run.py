@@ -23,7 +23,10 @@ class SecondsType(CanopenType):
     def parse(self, text: str, ctx: click.Context | None) -> float:
         """The seconds; ValueError outside the range."""
         del ctx
-        seconds = float(text)
+        try:
+            seconds = float(text)
+        except ValueError:
+            raise ValueError(f"{text!r} is no number of seconds") from None
         if not 0.1 <= seconds <= 86_400:
             raise ValueError(f"{text}: a script may compute for 0.1…86400 s")
         return seconds

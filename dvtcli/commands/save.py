@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -45,7 +46,7 @@ def command(session: Session, /, file: str) -> Facts:
     except OSError as failed:
         raise UsageError(f"{file}: {failed.strerror}", place=file) from failed
     count = len(session.executed)
-    said = f"{file}: {count} command{'' if count == 1 else 's'} for {identity}. Run it: dvtcli run {file}"
+    said = f"{file}: {count} command{'' if count == 1 else 's'} for {identity}. Run it: dvtcli run {shlex.quote(file)}"
     return Facts("save", (("file", file), ("commands", count)), (said,))
 
 

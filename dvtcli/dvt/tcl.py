@@ -16,7 +16,7 @@ from dvtcli.dvt.tcl_safe import Commands, refuse_beyond_nodes
 from dvtcli.dvt.words import WORDS, Word
 from dvtcli.errors import DvtcliError, InputFileError, UsageError
 from dvtcli.script import enclosed, refuse_own_run, script_text
-from dvtcli.shell import run_words
+from dvtcli.shell import command_names, run_words
 
 if TYPE_CHECKING:
     from dvtcli.results import DvtAnswer
@@ -27,6 +27,7 @@ MOST_SECONDS = 600.0
 MOST_STEPS = 100_000_000
 #: How often (s) it is looked after whether the script must stop.
 _TICK_S = 0.1
+_NO_COMMAND = re.compile(r'invalid command name "(\w+)"')
 _FILE_LINE = re.compile(r'\(file "(.*)" line (\d+)\)')
 
 
@@ -151,7 +152,7 @@ class TclScript:
             return InputFileError(f"{place}: stopped after {self._most_steps} Tcl commands", place=place)
         return UsageError(
             f"{place}: {message}", place=place,
-            hint="the script ended at this line; what it had set before stays set",
+            hint=f"{_modern(message)}the script ended at this line; what it had set before stays set",
         )  # fmt: skip
 
     def _register(self) -> None:
@@ -257,3 +258,9 @@ class TclScript:
     def _stop(self) -> None:
         """End the script at its next command, past any `catch`."""
         self._tcl.call("interp", "cancel", "-unwind", "--", SAFE, "stopped")
+
+
+def _modern(message: str) -> str:
+    """How a command of dvtcli is called in Tcl, where Tcl's *message* is that it has none of that name."""
+    found = _NO_COMMAND.fullmatch(message)
+    return f"in a Tcl script it is `dvtcli {found[1]} …`; " if found and found[1] in command_names() else ""

@@ -54,7 +54,11 @@ class Word:
         least = sum(argument.required for argument in self.arguments)
         if not least <= len(texts) <= len(self.arguments):
             raise ValueError(f"it is: {self.grammar}")
-        values = [argument.read(text) for argument, text in zip(self.arguments, texts, strict=False)]
+        given: Sequence[str | None] = texts
+        if texts and len(texts) < len(self.arguments) and not (self.arguments[0].required or texts[0][:1].isdigit()):
+            given = (None, *texts)  # `fpo pre`: the node is left out
+        pairs = zip(self.arguments, given, strict=False)
+        values: list[Any] = [None if text is None else argument.read(text) for argument, text in pairs]
         values += [None] * (len(self.arguments) - len(values))
         names = [argument.name for argument in self.arguments]
         if "VALUE" in names:  # its bytes depend on the width behind it
@@ -88,7 +92,7 @@ WORDS: dict[str, Word] = {
         Word("sdo_wnx", _VALUE, "write an object, in hex", "write 1800:2 1", "sdo:write"),
         Word("sdo_wn", _VALUE, "write an object, in decimal", "write 1017 1000", "sdo:write"),
         Word(
-            "fpo", (_MAYBE_NODE, Argument("STATE", _state, required=False)),
+            "fpo", (_MAYBE_NODE, Argument("pre|op", _state, required=False)),
             "force pre-operational (pre) or operational (op)", "nmt preop", "state:force",
         ),
         Word(

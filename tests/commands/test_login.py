@@ -106,7 +106,8 @@ def test_levels_and_users_that_are_none(tmp_path: Path, words: tuple[str, ...]) 
 def test_what_is_no_passcode_is_not_repeated(tmp_path: Path, passcode: str) -> None:
     ran = run(tmp_path, "login", DVTCLI_PASSCODE=passcode)
     assert ran.returncode == 2
-    assert "a passcode is a number 1…65535" in ran.stderr
+    assert "DVTCLI_PASSCODE in the environment: a passcode is a number 1…65535, decimal or 0x…" in ran.stderr
+    assert "dvtcli.toml" not in ran.stderr
     assert "wxyz99" not in ran.stderr
 
 
@@ -184,6 +185,7 @@ def test_an_answer_may_be_refused(tmp_path: Path) -> None:
         terminal.wait("passcode of node 1")
         terminal.type(CTRL_D)
         terminal.wait("no passcode was given")
+        assert any(line.startswith("error: not logged in") for line in terminal.lines)
         terminal.wait_prompt()
         terminal.run("login 5")
         terminal.wait("for level 5:")

@@ -100,6 +100,19 @@ def test_with_json_every_word_is_a_document_and_puts_goes_aside(tmp_path: Path) 
         assert "text" in ran.stderr
 
 
+def test_an_error_of_the_script_names_its_line_only_and_the_tcl_form_of_a_command(tmp_path: Path) -> None:
+    with Bench() as bench:
+        ran = tcl(bench, tmp_path, "sdo_rnx 1 0x1018 1\nputs hi\nmap tpdo1 6041\n", "--json")
+        document = ran.documents[-1]
+        assert (document["at"], document["exit_code"]) == (None, 2)
+        assert document["file"] == f"{tmp_path}/x.tcl:3"
+        assert document["hint"].startswith("in a Tcl script it is `dvtcli map …`; ")
+        ran = tcl(bench, tmp_path, "sdo_rnx 1 0x1018 1\nputs hi\nnosuch\n")
+        assert ran.stderr.startswith(f"error: {tmp_path}/x.tcl:3: invalid command name")
+        (tmp_path / "x.dvt").write_text("puts hi\n")
+        assert "Tcl script is a file whose name ends in .tcl" in bench.run(f"run {tmp_path}/x.dvt").stderr
+
+
 def test_an_unclosed_brace_is_found_before_anything_runs(tmp_path: Path) -> None:
     with Bench() as bench:
         ran = tcl(bench, tmp_path, "sdo_wnx 1 0x1017 0 0x0064\nwhile {1} {\n  puts x\n")

@@ -124,6 +124,13 @@ def test_fpo_brings_a_node_there_and_back() -> None:
         assert bench.run("node --json").document["nodes"][0]["state"] == "PRE-OPERATIONAL"
 
 
+def test_the_node_may_be_left_out_before_a_word() -> None:
+    with Bench() as bench:
+        assert bench.run("fpo op").stdout == "OK\n"
+        assert bench.run("node --json").document["nodes"][0]["state"] == "OPERATIONAL"
+        assert "the state is pre or op" in bench.run("fpo nowhere").stderr
+
+
 @pytest.mark.parametrize(
     ("line", "says"),
     [
@@ -135,6 +142,7 @@ def test_fpo_brings_a_node_there_and_back() -> None:
         ("sdo_rnx 200 0x1018 1", "1…127"),
         ("fpo 1 start", "pre or op"),
         ("sdo_wnxx 1 2 3", "did you mean 'sdo_wnx'"),
+        ("SDO_RNX 1 0x1018 1", "did you mean 'sdo_rnx'"),
     ],
 )
 def test_what_is_not_understood_is_said_before_anything_is_sent(line: str, says: str) -> None:
