@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING
 
 from dvtcli.errors import BusUnavailable, InputFileError, UsageError
 from dvtcli.formats.sim_state import read_state, write_state
-from dvtcli.network import Simulated, simulated_device, simulated_faults, simulated_nodes, simulated_signals
 from dvtcli.options import Options, node_id
+from dvtcli.simulated import Simulated, simulated_device, simulated_faults, simulated_nodes, simulated_signals
 
 if TYPE_CHECKING:
     from dvtcli.simulator.device import StrictDevice
