@@ -26,15 +26,16 @@ class Done:
 
 def answer(word: Word, session: Session, values: Sequence[Any]) -> DvtAnswer:
     """Run *word*: what our rules or the device refuse is `Abort`, silence is `Timeout`; all else is raised on."""
-    node = next((value for arg, value in zip(word.arguments, values, strict=False) if arg.name == "NODE"), None)
+    given = next((value for arg, value in zip(word.arguments, values, strict=False) if arg.name == "NODE"), None)
+    node, dry_run = _node(session, given), session.dry_run
     try:
         done = word.run(session, values)
     except (SdoAborted, DeviceRefused, RuleError) as refused:
         code = Abort.GENERAL if refused.abort is None else refused.abort
-        return DvtAnswer(word.name, _node(session, node), f"Abort 0x{code:08X}", _reasons(refused), exit_code=1)
+        return DvtAnswer(word.name, node, f"Abort 0x{code:08X}", _reasons(refused), exit_code=1, dry_run=dry_run)
     except (NoAnswer, SdoProtocolError) as silent:
-        return DvtAnswer(word.name, _node(session, node), "Timeout", _reasons(silent), exit_code=5)
-    return DvtAnswer(word.name, _node(session, node), done.text, findings=done.findings)
+        return DvtAnswer(word.name, node, "Timeout", _reasons(silent), exit_code=5, dry_run=dry_run)
+    return DvtAnswer(word.name, node, done.text, findings=done.findings, dry_run=dry_run)
 
 
 def _node(session: Session, given: int | None) -> int | None:

@@ -10,7 +10,10 @@ from dvtcli.results.documents import Document, finding_document
 
 @dataclass(frozen=True, slots=True)
 class DvtAnswer:
-    """What *word* answered: `OK`, a value, `Abort 0x…` or `Timeout`; *reasons* say why, what first."""
+    """What *word* answered: `OK`, a value, `Abort 0x…` or `Timeout`; *reasons* say why, what first.
+
+    *dry_run* says that the node's twin answered.
+    """
 
     word: str
     node: int | None
@@ -18,6 +21,7 @@ class DvtAnswer:
     reasons: tuple[str, ...] = ()
     exit_code: int = 0
     findings: tuple[Finding, ...] = ()
+    dry_run: bool = False
 
     def document(self) -> Document:
         """`dvtcli.dvt/1`."""
@@ -28,4 +32,5 @@ class DvtAnswer:
             "answer": self.answer,
             "reasons": list(self.reasons),
             "findings": [finding_document(finding) for finding in self.findings],
+            "dry_run": self.dry_run,
         }

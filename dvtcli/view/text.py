@@ -51,4 +51,6 @@ def remarks(result: Any) -> Iterator[Line]:
     if lost:
         yield [Cell("warning: ", "yellow"), Cell(f"the reset lost what was not stored: {several(lost)}")]
     for number, reason in enumerate(getattr(result, "reasons", ())):
-        yield [Cell("          " if number else "refused:  ", "yellow"), Cell(reason)]
+        yield [Cell("      " if number else "why:  ", "yellow"), Cell(reason)]
+    if type(result).__name__ == "DvtAnswer" and result.dry_run:
+        yield "dry run: the node's twin answered; nothing was written to the bus"

@@ -164,7 +164,9 @@ def test_the_digits_give_the_width() -> None:
 def test_dry_run_holds_for_words() -> None:
     with Bench() as bench:
         before = bench.run("pdo --all --json").document
-        assert bench.run("map_in_tpdo 1 0x6C01 1 --dry-run").stdout == "OK\n"
+        tried = bench.run("map_in_tpdo 1 0x6C01 1 --dry-run")
+        assert tried.stdout == "OK\n"
+        assert "nothing was written to the bus" in tried.stderr
         assert bench.run("pdo --all --json").document == before
 
 
