@@ -167,6 +167,11 @@ def _keeper(
         return lambda _device: None
     if folder.exists() and not folder.is_dir():
         raise InputFileError(f"{folder}: not a folder", place=str(folder), hint="--state takes a folder")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)  # now, rather than when a node first stores
+    except OSError as failed:
+        why = failed.strerror or str(failed)
+        raise UsageError(f"{folder}: {why}", place=str(folder), hint="--state takes a folder to write to") from failed
     names = [f"{one.family or one.eds.stem}@{one.node_id}.json" for one in nodes]
     paths = {device: folder / name for device, name in zip(devices, names, strict=True)}
     for device, path in paths.items():

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator
 
 from dvtcli.domain.datatypes import Value
+from dvtcli.domain.drive_state import STATUSWORD, drive_state
 from dvtcli.domain.frame import layout
 from dvtcli.domain.pdo import PdoConfig, transmission_type_text
 from dvtcli.results.pdos import LastFrame, MappedName, PdoListing, PdoRow
@@ -115,7 +116,10 @@ def _entries(row: PdoRow, width: int) -> Iterator[Line]:
         cells = [_range(field.start_bit, field.end_bit - 1), _range(field.start_bit // 8, (field.end_bit - 1) // 8)]
         unit = mapped.unit
         if row.last:
-            shown, unit = _value(row.last.values[number], field.bits, mapped)
+            value = row.last.values[number]
+            shown, unit = _value(value, field.bits, mapped)
+            if field.entry.object == STATUSWORD and isinstance(value, int):
+                shown = f"{shown}  {drive_state(value)}".rstrip()
             cells.append(shown)
         cells += [unit] if units else []
         table.add(str(number + 1), field.entry.object, Cell(name, "bold"), mapped.type_name, *cells)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from dvtcli.domain.drive_state import STATUSWORD, drive_state
 from dvtcli.results.values import ObjectListing, ValueRead
 from dvtcli.view.lines import Cell, Line, Table
 
@@ -17,6 +18,8 @@ def value_lines(result: ValueRead, _width: int) -> Iterator[Line]:
     elif isinstance(number, int) and not isinstance(number, bool):
         size = 2 * max(1, len(result.raw))
         shown = f"{number}  (0x{number & ((1 << 4 * size) - 1):0{size}X})"
+        if result.object == STATUSWORD:
+            shown = f"{shown}  {drive_state(number)}".rstrip()
     unit = f" {result.unit}" if result.unit else ""
     verb = " <- " if result.written else " = "
     name = f"  {result.name}" if result.name else ""

@@ -331,3 +331,10 @@ def test_a_bit_rate_is_kept(tmp_path: Path) -> None:
         seconds = frames[159].timestamp - frames[0].timestamp
         bits = 39 * (51 + 117 + 110 + 121 + 102)
         assert seconds == pytest.approx(bits / 20000, rel=0.1)
+
+
+def test_a_state_folder_that_cannot_be_made_is_said_at_once(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("", "utf-8")
+    ran = dvtcli("sim", "generic", "--listen", "127.0.0.1:0", "--state", str(tmp_path / "file" / "kept"))
+    assert ran.returncode == 2
+    assert "Not a directory" in ran.stderr

@@ -1,0 +1,22 @@
+"""The words of a statusword, against the states of the simulated motor, which has a table of its own."""
+
+from __future__ import annotations
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dvtcli.domain.drive_state import drive_state
+from dvtcli.simulator.plant import DriveState, state_of
+from tests.process import dvtcli
+
+
+@given(st.sampled_from(DriveState), st.integers(0, 0xFFFF))
+def test_words_and_simulated_states_agree(state: DriveState, more: int) -> None:
+    statusword = state | more & ~0x6F
+    assert drive_state(statusword) == state.name.replace("_", " ").lower()
+    assert state_of(statusword) is state
+
+
+def test_read_says_the_state_of_a_drive() -> None:
+    assert "(0x1237)  operation enabled" in dvtcli("--sim", "gen4", "read", "statusword").stdout
+    assert "enabled" not in dvtcli("--sim", "gen4", "read", "6040").stdout
