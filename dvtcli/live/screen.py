@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import datetime
 
+from dvtcli.domain.drive_state import STATUSWORD, drive_state
 from dvtcli.live.graph import graph
 from dvtcli.live.signals import Signal
 from dvtcli.live.statistics import Course, spark
@@ -160,21 +161,28 @@ def _bytes(row: Row, moment: Moment) -> Iterator[Cell]:
 
 
 def _signal_line(signal: Signal, course: Course, view: View, moment: Moment, width: int, *, chosen: bool) -> list[Cell]:
-    name_width = max(10, min(40, width - 57))
+    name_width = max(10, min(40, width - 58))
     name = safe(signal.name)
     name = name if len(name) <= name_width else name[: name_width - 1] + "…"
     fresh = moment.now_s - course.changed_s < FRESH_S
-    value = f"{shown_value(course.last)} {signal.unit}".rstrip()
+    value, about = _value_and_more(signal, course)
     levels = _PLAIN_LEVELS if view.plain else _LEVELS
     drawn = spark([point.last for point in list(course.points)[-SPARK:]], levels)
-    spread = "" if course.low is None else f"{shown_value(course.low)} .. {shown_value(course.high)}"
     return [
         Cell("  > " if chosen else "    ", "cyan"),
         Cell(f"{signal.object:<7}  {name:<{name_width}} "),
         Cell(f"{value:>13}  ", "yellow" if fresh else ""),
         Cell(f"{drawn:<{SPARK}}  ", "green"),
-        Cell(spread, "dim"),
+        Cell(about, "dim"),
     ]
+
+
+def _value_and_more(signal: Signal, course: Course) -> tuple[str, str]:
+    """A signal's value with its unit, and its lowest and highest one; a statusword in hex, and what it says."""
+    if signal.object == STATUSWORD and isinstance(course.last, int):
+        return f"0x{course.last:04X}", drive_state(course.last)
+    spread = "" if course.low is None else f"{shown_value(course.low)} .. {shown_value(course.high)}"
+    return f"{shown_value(course.last)} {signal.unit}".rstrip(), spread
 
 
 def _graph(store: FrameStore, view: View, moment: Moment, width: int, room: int) -> Lines:
