@@ -9,7 +9,11 @@ from collections import namedtuple
 def entry() -> None:
     """Run dvtcli and end the process with its exit code."""
     try:
-        from dvtcli.cli import main
+        if None in (sys.stdin, sys.stdout, sys.stderr):
+            from dvtcli.cli.view.streams import open_missing
+
+            open_missing()
+        from dvtcli.cli.main import main
 
         code = main()
     except KeyboardInterrupt:  # so early, or so late, that nothing was open

@@ -6,6 +6,7 @@
     ├── RuleError                  1   our rules refused it before any write
     ├── SdoAborted                 1   the device refused one SDO
     ├── DeviceRefused              1   a change was refused by the device, or read back differently; undone
+    ├── Restarted                  1   a node lost what was set, before it was stored
     ├── NoAnswer                   5   a node is silent
     ├── SdoProtocolError           5   a node answers nonsense
     ├── BusUnavailable             5   the bus cannot be opened, or died
@@ -57,6 +58,8 @@ class DvtcliError(Exception):
         self.state: State = state
         #: the state in words where those for *state* say too much or too little
         self.state_text: str | None = None
+        #: `FILE:LINE` of the script lines above it whose changes stay
+        self.stays: tuple[str, ...] = ()
         #: further labelled lines for the screen, e.g. ("step", "0x1A00:03 <- 0x27030120")
         self.details: list[tuple[str, str]] = []
 
@@ -103,6 +106,12 @@ class DeviceRefused(DvtcliError):
     """The device refused a step, or reads back differently from what was written."""
 
     slug = "device_refused"
+
+
+class Restarted(DvtcliError):
+    """A node restarted of its own accord and lost what was set and not stored."""
+
+    slug = "restarted"
 
 
 class NoAnswer(DvtcliError):

@@ -5,42 +5,40 @@ Joins reading, rules, plan and transaction. Does not print, ask, or know what a 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import cache
 
-from dvtcli.device.access import Access, Gate
-from dvtcli.device.back import plan_back, unknown_before
-from dvtcli.device.cancellation import Cancellation
-from dvtcli.device.carry_out import carry_out
-from dvtcli.device.fixed_count import FixedCount
-from dvtcli.device.journal import Identity
-from dvtcli.device.keeper import Keeper
-from dvtcli.device.lazy import LazyMapping
-from dvtcli.device.login import level_finding, level_findings, refuse_passcode
-from dvtcli.device.pending import COMMUNICATION, EVERYTHING, Pending
-from dvtcli.device.raw_write import held_value, raw_change, raw_write_findings
-from dvtcli.device.read import present_pdos, read_optional, read_pdo
-from dvtcli.device.reversed_entries import ReversedEntries
-from dvtcli.domain.abort import Abort
+from dvtcli.device.access_level import level_finding, level_findings, refuse_passcode
+from dvtcli.device.applied import Applied, refuse
+from dvtcli.device.came_up import CameUp
+from dvtcli.device.change.cancellation import Cancellation
+from dvtcli.device.change.carry_out import carry_out
+from dvtcli.device.change.expected import Expected
+from dvtcli.device.change.journal import Identity
+from dvtcli.device.change.pending import COMMUNICATION, EVERYTHING, Pending
+from dvtcli.device.change.safekeeping import Keeper
+from dvtcli.device.change.way_back import plan_back, refuse_unless_left, unknown_before
+from dvtcli.device.lazy_pdos import LazyMapping
+from dvtcli.device.missing import hint_for_missing, no_pdo
+from dvtcli.device.neighbours import producers
+from dvtcli.device.nmt_gate import Access, Gate
+from dvtcli.device.observe import BusWitness, Found, observed
+from dvtcli.device.quirks.fixed_count import FixedCount
+from dvtcli.device.quirks.reversed_entries import ReversedEntries
+from dvtcli.device.raw_write_check import held_value, raw_change, raw_write_findings
+from dvtcli.device.read_pdos import learnt_lengths, present_pdos, read_optional, read_pdo, service_can_ids
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Change, PdoChange, Plan, Step, plan_pdo
 from dvtcli.domain.ports import CanopenBus, SdoTransport
 from dvtcli.domain.profile import GENERIC, DeviceProfile
-from dvtcli.domain.rules import Finding, Proposal, check_pdo, errors_in
-from dvtcli.domain.rules.mapping import decimal_hint
+from dvtcli.domain.rules import Finding, Proposal, check_pdo
 from dvtcli.domain.several import several
-from dvtcli.errors import BusUnavailable, RuleError, SafetyRefusal, SdoAborted, UsageError
+from dvtcli.errors import BusUnavailable, SafetyRefusal, SdoAborted, UsageError
 
 Want = PdoConfig | Callable[[Proposal], PdoConfig]
-
-
-@dataclass(frozen=True, slots=True)
-class Applied:
-    """A plan that the device took, with what the rules said beforehand."""
-
-    plan: Plan
-    findings: tuple[Finding, ...] = ()
 
 
 @dataclass(slots=True)
@@ -58,13 +56,25 @@ class Node:
     consent: Callable[[str], None] = lambda _question: None
     #: plans that were applied, oldest first: what `undo` puts back
     history: list[Plan] = field(default_factory=list)
+    #: node-IDs of this session's changes on all its nodes, oldest first
+    order: list[int] = field(default_factory=list)
     #: the wanted state of what this session changed: what `verify` compares with
     wanted: dict[Pdo, PdoConfig] = field(default_factory=dict)
+    #: the same of single objects that are no part of a PDO and can be read back
+    wanted_values: dict[tuple[int, int], bytes] = field(default_factory=dict)
     #: what is in RAM only, and why it must not be stored now
     pending: Pending = field(default_factory=Pending)
     #: lock, backup and journal; None for simulated nodes and twins, which nothing can interrupt half-way
     keeper: Keeper | None = None
+    #: what this session knows that the node's RAM must hold before it is stored: changed here, or seen beside a change
+    expected: Expected = field(default_factory=Expected)
+    #: what it came up with, for `store --if-changed`
+    came_up: CameUp = field(default_factory=CameUp)
+    #: the other nodes that this session knows
+    neighbours: Callable[[], Iterable[Node]] = tuple
     _gate: Gate | None = None
+    #: how many changes were put back that were none of this session's
+    unkept: int = 0
     _pdos: dict[Pdo, PdoConfig] = field(default_factory=dict)
     _present: list[Pdo] | None = None
     _boot_ups: int = 0
@@ -76,6 +86,11 @@ class Node:
         if self.profile.reversed_entries:
             channel = ReversedEntries(channel)
         return channel if self.profile.filler is None else FixedCount(channel, self.profile.filler)
+
+    @property
+    def witness(self) -> BusWitness:
+        """Who tells whether the node restarted."""
+        return BusWitness(self.bus, self.node_id)
 
     @property
     def access(self) -> Access:
@@ -105,7 +120,14 @@ class Node:
         return self._present
 
     def pdos(self) -> dict[Pdo, PdoConfig]:
-        """Every PDO as the device holds it now; a PDO that the EDS lists and the device lacks is left out."""
+        """Every PDO as the device holds it now, in one life of it; one that the EDS lists and it lacks is left out."""
+        boot_ups = self.bus.boot_ups(self.node_id)
+        self._pdos = observed(self.witness, self._read_pdos)
+        if self.bus.boot_ups(self.node_id) == boot_ups:
+            self.came_up.read(boot_ups, self._pdos)
+        return dict(self._pdos)
+
+    def _read_pdos(self) -> dict[Pdo, PdoConfig]:
         found: dict[Pdo, PdoConfig] = {}
         for pdo in self.present():
             try:
@@ -113,28 +135,16 @@ class Node:
             except SdoAborted as aborted:
                 if aborted.index not in (pdo.communication_index, pdo.mapping_index):
                     raise
-        self._pdos = found
-        return dict(found)
+        return found
 
     def pdo(self, pdo: Pdo) -> PdoConfig:
         """One PDO as the device holds it now; UsageError where the node has no such PDO."""
         try:
-            config = read_pdo(self.sdo, pdo)
+            config = observed(self.witness, lambda: read_pdo(self.sdo, pdo))
         except SdoAborted as aborted:
-            raise self._no_pdo(pdo, aborted) from aborted
+            raise no_pdo(self.node_id, pdo, self.present(), aborted) from aborted
         self._pdos[pdo] = config
         return config
-
-    def _no_pdo(self, pdo: Pdo, aborted: SdoAborted) -> Exception:
-        same = [other for other in self.present() if other.direction is pdo.direction]
-        if pdo in same:
-            return aborted
-        have = f"it has {same[0]}…{same[-1]}" if same else f"it has no {pdo.direction.upper()}s"
-        error = UsageError(f"node {self.node_id} has no {pdo.label}: {have}", node=self.node_id, place=aborted.place)
-        error.abort = aborted.abort
-        error.hint = "pdo --all lists what it has"
-        error.exit_code = 1
-        return error
 
     def known_pdos(self) -> Mapping[Pdo, PdoConfig]:
         """The node's PDOs as last read; read anew once a boot-up was seen, since a reset changes them."""
@@ -157,9 +167,22 @@ class Node:
         """The TPDOs as this session set or last read them; reads nothing."""
         return [config for pdo, config in {**self._pdos, **self.wanted}.items() if pdo.is_tpdo]
 
-    def forget(self) -> None:
-        """Drop what was read: the device may hold something else now."""
+    def claim(self) -> Found:
+        """Before the first read of a change: let no other dvtcli write to the node until this process ends.
+
+        What was read before counts no longer. Returns how the node is found. SafetyRefusal where another one holds it,
+        or was interrupted.
+        """
+        if self.keeper is not None:
+            self.keeper.refuse_while_open()
         self._pdos.clear()
+        return Found(self.access.state(), self.bus.boot_ups(self.node_id), self.bus.upsets(self.node_id))
+
+    def forget(self) -> None:
+        """Drop what was read: the device was written, or may hold something else now."""
+        self._pdos.clear()
+        with suppress(BusUnavailable):  # a dead bus stays dead: nothing will be stored over it
+            self.came_up.wrote(self.bus.boot_ups(self.node_id))
 
     def proposal(
         self, pdo: Pdo, now: PdoConfig, want: PdoConfig, together: Mapping[Pdo, PdoConfig] | None = None
@@ -167,28 +190,16 @@ class Node:
         """What the rules look at before *pdo* may become *want*; *together* are PDOs changed in the same plan."""
         others = LazyMapping(lambda: self._others(pdo, together or {}))
         moves = now.communication.cob_id != want.communication.cob_id
-        sync, emcy = self._service_can_ids() if moves else (0x080, None)
-        lengths = self._lengths(want) if now.mapping != want.mapping else {}
-        return Proposal(self.node_id, pdo, now, want, others, self.profile, self.dictionary, lengths, sync, emcy)
+        sync, emcy = service_can_ids(self.sdo) if moves else (0x080, None)
+        learn = self.dictionary is None and now.mapping != want.mapping
+        lengths = learnt_lengths(want.mapping, self.length_of) if learn else {}
+        elsewhere = cache(lambda: producers(self.neighbours()))
+        return Proposal(
+            self.node_id, pdo, now, want, others, self.profile, self.dictionary, lengths, sync, emcy, elsewhere
+        )
 
     def _others(self, pdo: Pdo, together: Mapping[Pdo, PdoConfig]) -> dict[Pdo, PdoConfig]:
         return {other: config for other, config in {**self.known_pdos(), **together}.items() if other != pdo}
-
-    def _service_can_ids(self) -> tuple[int, int | None]:
-        """CAN-IDs of SYNC and of this node's EMCY as 0x1005 and 0x1014 say, else the defaults."""
-        sync = read_optional(self.sdo, 0x1005, 0, 4)
-        emcy = read_optional(self.sdo, 0x1014, 0, 4)
-        return 0x080 if sync is None else sync & 0x7FF, None if emcy is None else emcy & 0x7FF
-
-    def _lengths(self, want: PdoConfig) -> dict[tuple[int, int], int]:
-        """Lengths in bits of mapped objects that no file describes, learnt by reading them."""
-        lengths = {}
-        for entry in want.mapping:
-            if not entry.is_dummy and (self.dictionary is None):
-                bits = self.length_of(entry.index, entry.sub_index)
-                if bits is not None:
-                    lengths[entry.index, entry.sub_index] = bits
-        return lengths
 
     def length_of(self, index: int, sub_index: int) -> int | None:
         """An object's length in bits: the EDS's, else eight times what an upload brings; None if neither tells."""
@@ -205,6 +216,7 @@ class Node:
 
         A want is a configuration, or a function that makes one from the PDO as it is.
         """
+        found = self.claim()
         now = {pdo: self.pdo(pdo) for pdo in wants}
         wanted = {pdo: self._made(pdo, now[pdo], want) for pdo, want in wants.items()}
         findings: list[Finding] = []
@@ -214,7 +226,7 @@ class Node:
         labels = several(pdo.label for pdo in wanted)
         refuse(tuple(findings), f"{labels} not changed", self.node_id, force=force)
         changes = tuple(plan_pdo(pdo, now[pdo], want) for pdo, want in wanted.items())
-        return self.apply(Plan(self.node_id, changes), tuple(findings), force=force)
+        return self.apply(Plan(self.node_id, changes), tuple(findings), force=force, found=found)
 
     def _made(self, pdo: Pdo, now: PdoConfig, want: Want) -> PdoConfig:
         return want if isinstance(want, PdoConfig) else want(self.proposal(pdo, now, now))
@@ -222,12 +234,13 @@ class Node:
     def write(self, index: int, sub_index: int, data: bytes, *, force: bool = False) -> Applied:
         """Write one object as a plan of one step, under the rules of the command that is meant for it."""
         refuse_passcode(self.access, index, sub_index)
+        found = self.claim()
         if self.saves((index, sub_index)):
             self.prepare_store(force=force)
         findings = raw_write_findings(self, index, sub_index, data)
         refuse(findings, f"0x{index:04X}:{sub_index:02X} not written", self.node_id, force=force)
         change = raw_change(self, Step(index, sub_index, held_value(self, index, sub_index), data, "write"))
-        return self.apply(Plan(self.node_id, (change,)), findings, force=force)
+        return self.apply(Plan(self.node_id, (change,)), findings, force=force, found=found)
 
     def upload(self, index: int, sub_index: int) -> bytes:
         """Read one object; an abort for a missing sub-index gets the hint that sub-indices are hexadecimal."""
@@ -235,25 +248,36 @@ class Node:
             return self.sdo.upload(index, sub_index)
         except SdoAborted as aborted:
             self.access.explain(aborted)
-            if aborted.code == Abort.NO_SUB_INDEX and self.dictionary is not None:
-                aborted.hint = decimal_hint(self.dictionary, index, sub_index)
-            elif aborted.code == Abort.NO_OBJECT:
-                aborted.hint = (
-                    "objects TEXT searches the dictionary" if self.dictionary else "--eds FILE names its objects"
-                )
+            aborted.hint = hint_for_missing(aborted, self.dictionary) or aborted.hint
             raise
 
-    def undo(self, *, everything: bool = False) -> Applied:
+    def undo(self, *, everything: bool = False, force: bool = False) -> Applied:
         """Put back what the last plan replaced, or all of them, in one transaction."""
         undone = self.history[:] if everything else self.history[-1:]
         kept = self.history[: len(self.history) - len(undone)]
-        plan, unknown = plan_back(self, undone), unknown_before(undone)
+        applied = self.put_back(undone, force=force, own=True)
+        self.history = kept
+        for _ in undone:
+            del self.order[max(number for number, node_id in enumerate(self.order) if node_id == self.node_id)]
+        if self.keeper is not None:
+            self.keeper.past.forget_own(len(undone))
+        if self.pending.is_as_stored(len(kept)) and not applied.findings:
+            self.pending.unstored.clear()  # the device holds what was stored, or found, again
+        return applied
+
+    def put_back(self, plans: Sequence[Plan], *, force: bool = False, own: bool = False) -> Applied:
+        """Put back what *plans* (oldest first) replaced; SafetyRefusal where the device holds something else by now.
+
+        *own* says that they are of this session's history.
+        """
+        found = self.claim()
+        if not force:
+            refuse_unless_left(self, plans)
+        plan, unknown = plan_back(self, plans), unknown_before(plans)
         if unknown and not plan.changes:
             raise UsageError(unknown[0].text, node=self.node_id)
-        applied = self.apply(plan, unknown)
-        self.history = kept
-        if len(kept) == self.pending.stored_at and not unknown:
-            self.pending.unstored.clear()  # the device holds what was stored, or found, again
+        applied = self.apply(plan, unknown, kept=False, found=found)
+        self.unkept += not own
         return applied
 
     def is_dynamic(self, pdo: Pdo) -> bool:
@@ -261,8 +285,13 @@ class Node:
         entry = self.dictionary.entry(pdo.mapping_index, 0) if self.dictionary else None
         return entry is None or entry.access.writable
 
-    def prepare_store(self, *, force: bool = False) -> None:
-        """Enter the gate where the family stores only pre-operational."""
+    def prepare_store(self, *, force: bool = False, confirm: bool = True) -> None:
+        """Before a store: let nothing be stored that is not as it should be; enter the gate where the family needs it.
+
+        What this session changed is read again, and the PDOs whole, since a device may have lost or altered them;
+        *confirm* says whether: not where all of it is about to be given up.
+        """
+        self.claim()
         for reason in self.pending.suspicions.values():
             raise SafetyRefusal(
                 f"node {self.node_id} is not stored: {reason}",
@@ -270,22 +299,24 @@ class Node:
                 hint="set it as it should be and `verify`, or `nmt reset-node` brings back what is stored; then store",
             )
         refuse(level_finding(self.access), "nothing was stored or restored", self.node_id, force=force)
-        if self.keeper is not None:
-            self.keeper.refuse_while_open()
+        if confirm and not force:
+            self.expected.require(self)
         if self.profile.store.only_pre_operational:
             self.gate.enter()
 
     def commanded(self) -> None:
         """An NMT command was sent by hand: the gate no longer knows the state, and what was read may be old."""
         self._gate = None
-        self.forget()
+        self._pdos.clear()
 
     def was_reset(self, *, communication: bool) -> tuple[str, ...]:
         """A reset that was asked for has happened (*communication*: of the communication objects only).
 
         Returns the labels of what is lost.
         """
-        self.forget()
+        self._pdos.clear()
+        self.expected.clear()
+        self.pending.lost_until = len(self.history)
         return self.pending.was_reset(COMMUNICATION if communication else EVERYTHING, self.bus.boot_ups(self.node_id))
 
     def notice_reboot(self) -> tuple[str, ...]:
@@ -296,7 +327,8 @@ class Node:
             return ()  # a dead bus tells nothing, and whoever needs it says so
         lost = self.pending.rebooted(boot_ups)
         if lost:
-            self.forget()
+            self._pdos.clear()
+            self.pending.lost_until = len(self.history)
         return lost
 
     def identity(self) -> Identity:
@@ -304,17 +336,41 @@ class Node:
         names = {"vendor": 1, "product": 2, "revision": 3, "serial": 4}
         return {name: read_optional(self.sdo, 0x1018, sub_index, 4) for name, sub_index in names.items()}
 
-    def apply(self, plan: Plan, findings: tuple[Finding, ...] = (), *, force: bool = False) -> Applied:
-        """Run a checked *plan* inside the gate and remember it; on a real bus with lock, backup and journal."""
+    def apply(
+        self,
+        plan: Plan,
+        findings: tuple[Finding, ...] = (),
+        *,
+        force: bool = False,
+        kept: bool = True,
+        found: Found | None = None,
+    ) -> Applied:
+        """Run a checked *plan* inside the gate; on a real bus with lock, backup and journal.
+
+        With *kept* it is remembered, so that `undo` can put it back. *found* is what `claim` answered before the reads
+        that the plan was made from.
+        """
         if len(plan):
             locked = level_findings(self.access, plan)
             refuse(locked, f"{several(change.label for change in plan.changes)} not changed", self.node_id, force=force)
             findings += locked
-            carry_out(self, plan, findings)
-            if not any(self.saves((step.index, step.sub_index)) for step in plan.steps):
-                self.history.append(plan)
-        self._remember(plan.changes)
+            carry_out(self, plan, findings, found=found, done=lambda: self._done(plan, kept=kept))
+        else:
+            self._remember(plan.changes)
         return Applied(plan, findings)
+
+    def _done(self, plan: Plan, *, kept: bool) -> None:
+        """*plan* was carried out and read back: whatever fails from here on, it is so."""
+        if kept and not any(self.saves((step.index, step.sub_index)) for step in plan.steps):
+            self._keep(plan)
+        self._remember(plan.changes)
+
+    def _keep(self, plan: Plan) -> None:
+        """What can be undone, by this session and on a real bus by a later one."""
+        self.history.append(plan)
+        self.order.append(self.node_id)
+        if self.keeper is not None:
+            self.keeper.remember(plan)
 
     def saves(self, place: tuple[int, int]) -> bool:
         """Whether a write to *place* is how this family keeps its settings: nothing that could be undone."""
@@ -327,17 +383,16 @@ class Node:
 
     def _remember(self, changes: tuple[Change, ...]) -> None:
         for change in changes:
+            self.expected.changed(change)
             if isinstance(change, PdoChange):
                 self.wanted[change.pdo] = change.after
+            elif self._is_kept(change.step):
+                self.wanted_values[change.step.index, change.step.sub_index] = change.step.after
             if any(self.saves((step.index, step.sub_index)) for step in change.steps):
-                self.pending.forget(EVERYTHING)
-                self.pending.stored_at = len(self.history)
+                self.pending.was_stored(EVERYTHING, len(self.history))
             elif change.steps and self.profile.store.needed_for(change.steps[0].index):
                 self.pending.changed(change.label, change.steps[0].index)
 
-
-def refuse(findings: tuple[Finding, ...], text: str, node_id: int, *, force: bool) -> None:
-    """Raise RuleError where *findings* hold an error and *force* is not given."""
-    stopping = errors_in(findings)
-    if stopping and not force:
-        raise RuleError(f"{text}: {stopping[0].text}", stopping, node=node_id)
+    def _is_kept(self, step: Step) -> bool:
+        """Whether what a single write left can be compared: not write-only, no way to save, no part of a PDO."""
+        return step.before is not None and Pdo.at(step.index) is None and not self.saves((step.index, step.sub_index))

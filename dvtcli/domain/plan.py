@@ -1,7 +1,7 @@
 """Plans: what will be written, in which order and why; the only source of action.
 
 Knows how CiA 301 wants a PDO changed. Does not know whether the result is legal (`rules`) nor how it is run
-(`device.transaction`).
+(`device.change.transaction`).
 """
 
 from __future__ import annotations
@@ -101,6 +101,16 @@ class Plan:
     def reversed(self) -> Plan:
         """The plan that undoes this one."""
         return Plan(self.node_id, tuple(change.reversed() for change in reversed(self.changes)))
+
+
+def writes_cob_id(plan: Plan) -> bool:
+    """Whether *plan* writes the COB-ID of a PDO, which a device may take as a reason to move others."""
+    return any(step.sub_index == 1 and step.index == _communication_index(step.index) for step in plan.steps)
+
+
+def _communication_index(index: int) -> int | None:
+    pdo = Pdo.at(index)
+    return None if pdo is None else pdo.communication_index
 
 
 def plan_pdo(pdo: Pdo, now: PdoConfig, want: PdoConfig) -> PdoChange:

@@ -1,6 +1,6 @@
 """The two seams to the world: one node's dictionary, and the network.
 
-Everything above is written against these protocols; `transports` implements them. Errors that implementations
+Everything above is written against these protocols; `bus` implements them. Errors that implementations
 raise are those of `dvtcli.errors`: SdoAborted, NoAnswer, BusUnavailable, SdoProtocolError.
 """
 
@@ -54,6 +54,11 @@ class CanopenBus(Protocol):
         """Whether nothing leaves this process."""
         ...
 
+    @property
+    def carries_remote_frames(self) -> bool:
+        """Whether `send` can send a remote frame."""
+        ...
+
     def sdo(self, node_id: int) -> SdoTransport:
         """The default SDO channel of *node_id* (1..127); the same object for the same node."""
         ...
@@ -71,6 +76,17 @@ class CanopenBus(Protocol):
 
     def boot_ups(self, node_id: int) -> int:
         """How many boot-up messages of *node_id* were seen so far."""
+        ...
+
+    def upsets(self, node_id: int) -> int:
+        """A number that grows with each boot-up of *node_id*, and with each upload that had to be asked again.
+
+        As long as it stays the same, everything that was read of the node is of one and the same life of it.
+        """
+        ...
+
+    def downloads_of_others(self, node_id: int) -> int:
+        """How many downloads of other SDO clients to *node_id* were seen since its last boot-up."""
         ...
 
     def wait_boot_up(self, node_id: int, seen: int, timeout_s: float) -> bool:

@@ -1,7 +1,7 @@
 """What a family of devices allows and asks for, as data named by behaviour.
 
-Knows no vendor, and neither where profiles are kept (`formats.profile_library`) nor how they are written
-(`formats.profile_toml`).
+Knows no vendor, and neither where profiles are kept (`files.profile.library`) nor how they are written
+(`files.profile.toml`).
 """
 
 from __future__ import annotations

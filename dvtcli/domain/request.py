@@ -16,7 +16,7 @@ from dvtcli.domain.pdo import PdoCommunicationParameter, PdoConfig
 from dvtcli.domain.profile import BitPolicy, Severity
 from dvtcli.domain.rules.can_id import automatic_can_id, can_id_findings
 from dvtcli.domain.rules.finding import Proposal
-from dvtcli.domain.rules.mapping import usable_dummies
+from dvtcli.domain.rules.mappable import usable_dummies
 
 
 @dataclass(frozen=True, slots=True)

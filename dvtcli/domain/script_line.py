@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping
 
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
-from dvtcli.domain.plan import PdoChange, Plan, ValueChange
+from dvtcli.domain.plan import PdoChange, Plan, Step, ValueChange
 
 
 def change_lines(plan: Plan) -> list[str]:
@@ -15,9 +15,14 @@ def change_lines(plan: Plan) -> list[str]:
 
 def _lines(change: PdoChange | ValueChange) -> Iterator[str]:
     if isinstance(change, ValueChange):
-        yield f"write {change.step.object} {_value(change.step.after)}"
+        yield value_line(change.step, change.step.after)
     elif change.steps:
-        yield _pdo_line(change)
+        yield change_line(change)
+
+
+def value_line(step: Step, data: bytes) -> str:
+    """The `write` line that sets the object of *step* to *data*."""
+    return f"write {step.object} {_value(data)}"
 
 
 def _value(data: bytes) -> str:
@@ -27,7 +32,10 @@ def _value(data: bytes) -> str:
     return f"{data.hex()} --as os"
 
 
-def _pdo_line(change: PdoChange) -> str:
+def change_line(change: PdoChange) -> str:
+    """The line, or lines, for a change of one PDO; empty where nothing changes."""
+    if not change.steps:
+        return ""
     before, after, pdo = change.before, change.after, change.pdo
     words = [*_parameter_words(before.communication, after.communication)]
     if before.mapping != after.mapping:
@@ -44,6 +52,13 @@ def map_line(pdo: Pdo, config: PdoConfig) -> str:
     """The `map` line that sets *pdo* to *config* whatever it was before."""
     words = [f"map {pdo}", *map(str, config.mapping), *_parameter_words(None, config.communication)]
     return " ".join(words if config.enabled else [*words, "--off"])
+
+
+def whole_line(pdo: Pdo, config: PdoConfig) -> str:
+    """All that *pdo* is set to, for a person; an MPDO is a comment, since it is never written."""
+    if config.mpdo is not None:
+        return f"# {pdo} is a multiplexed PDO (count 0x{config.mpdo:02X})"
+    return "; ".join(whole_lines(pdo, config))
 
 
 def _parameter_words(before: PdoCommunicationParameter | None, after: PdoCommunicationParameter) -> Iterator[str]:
@@ -72,20 +87,26 @@ def backup_lines(
     It disables them first, since a CAN-ID may be in use elsewhere by the time it runs; not those of *fixed*, whose
     COB-IDs cannot be written. An MPDO is never written: it becomes a comment.
     """
-    lines = ["# dvtcli script 1"]
-    words = [f"{name}=0x{value:08X}" for name, value in identity.items() if value is not None and name != "serial"]
-    lines += [f"require identity {' '.join(words)}"] if words else []
+    pin = identity_line(identity)
+    lines = ["# dvtcli script 1", *([pin] if pin else [])]
     movable = [str(pdo) for pdo, config in pdos.items() if config.mpdo is None and pdo not in fixed]
     lines += [f"disable {' '.join(movable)}"] if movable else []
     for pdo, config in pdos.items():
         if config.mpdo is not None:
             lines.append(f"# {pdo} is a multiplexed PDO (count 0x{config.mpdo:02X}) and is left alone")
         else:
-            lines += _whole(pdo, config)
+            lines += whole_lines(pdo, config)
     return lines
 
 
-def _whole(pdo: Pdo, config: PdoConfig) -> list[str]:
+def identity_line(identity: Mapping[str, int | None]) -> str:
+    """The line that requires a device of this *identity*, whatever its serial number; empty where it has none."""
+    words = [f"{name}=0x{value:08X}" for name, value in identity.items() if value is not None and name != "serial"]
+    return f"require identity {' '.join(words)}" if words else ""
+
+
+def whole_lines(pdo: Pdo, config: PdoConfig) -> list[str]:
+    """The lines that set *pdo* to *config* whatever it was before."""
     if config.mapping:
         return [map_line(pdo, config)]
     return _empty(pdo, [*_parameter_words(None, config.communication)])

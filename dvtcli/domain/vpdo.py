@@ -13,6 +13,14 @@ from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.plan import Step, ValueChange
 from dvtcli.domain.profile import VpdoGroup
 from dvtcli.domain.rules.finding import Finding, error
+from dvtcli.domain.rules.rule import ERROR, Rule
+
+RULES = (
+    Rule("vpdo-range", ERROR, "a virtual PDO names an object outside its group's published range", "the family",
+         (Abort.GENERAL,)),
+    Rule("vpdo-object", ERROR, "a virtual PDO names an object that the device's file does not have", "the EDS",
+         (Abort.GENERAL,)),
+)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)

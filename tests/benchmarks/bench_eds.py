@@ -16,7 +16,7 @@ from pathlib import Path
 
 import canopen
 
-from dvtcli.formats.eds import read_eds
+from dvtcli.files.eds.reader import read_eds
 
 OBJECTS = 2_000
 SUB_INDICES = 2

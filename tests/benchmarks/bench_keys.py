@@ -14,11 +14,11 @@ from statistics import median, quantiles
 from prompt_toolkit.completion import CompleteEvent
 from prompt_toolkit.document import Document
 
-from dvtcli.prompt.colours import LineLexer
-from dvtcli.prompt.completer import LineCompleter
-from dvtcli.prompt.syntax import syntax
-from dvtcli.session import Session
-from dvtcli.view.output import Output
+from dvtcli.cli.prompt.colours import LineLexer
+from dvtcli.cli.prompt.completer import LineCompleter
+from dvtcli.cli.prompt.syntax import syntax
+from dvtcli.cli.view.output import Output
+from dvtcli.operations.session import Session
 
 OBJECTS, ROUNDS, GOAL_MS = 5000, 5, 20.0
 NAMES = ("Velocity actual value", "Torque demand", "Motor temperature", "Battery voltage", "Position target")

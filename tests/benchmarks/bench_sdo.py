@@ -18,7 +18,7 @@ from time import perf_counter
 import can
 import canopen
 
-from dvtcli.transports.canbus import CanBus
+from dvtcli.bus.python_can import CanBus
 
 CHANNEL, NODE = "bench-sdo", 1
 Upload = Callable[[int, int], bytes]

@@ -22,7 +22,7 @@ from statistics import median, pstdev
 import can
 import canopen
 
-from dvtcli.transports import open_canbus
+from dvtcli.bus import open_canbus
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -18,15 +18,15 @@ from itertools import count
 import can
 import canopen
 
+from dvtcli.bus.python_can import CanBus
 from dvtcli.device.node import Node
-from dvtcli.device.read import read_pdo
+from dvtcli.device.read_pdos import read_pdo
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.formats.eds import read_eds
-from dvtcli.simulator.device import StrictDevice
-from dvtcli.simulator.family import family_eds, load_family
-from dvtcli.simulator.node import SimulatedNetwork
-from dvtcli.transports.canbus import CanBus
+from dvtcli.files.eds.reader import read_eds
+from dvtcli.simulator.device.family import family_eds, load_family
+from dvtcli.simulator.device.strict_device import StrictDevice
+from dvtcli.simulator.network.simulated_network import SimulatedNetwork
 
 NODE = 1
 TPDO1 = Pdo.parse("tpdo1")

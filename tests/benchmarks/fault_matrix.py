@@ -26,10 +26,10 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from tests.faults.matrix import NEW, OLD, RECOVERED, Cell, cells_of, groups, outcome
+from tests.faults.matrix import NEW, OLD, RECOVERED, TOLD, UNNOTICED, Cell, cells_of, groups, outcome
 from tests.faults.sequences import FAULTS, Start
 
-FINE = (OLD, NEW, RECOVERED)
+FINE = (OLD, NEW, RECOVERED, TOLD, UNNOTICED)
 BAD = "bad"
 _SHOWN = 40
 
@@ -59,10 +59,10 @@ def outcomes(*, thorough: bool, stride: int, processes: int) -> Iterator[tuple[C
 def table(counts: Counter[tuple[str, str]]) -> Iterator[str]:
     """One line a fault."""
     columns = (*FINE, BAD)
-    yield f"{'fault':16}{'cells':>8}" + "".join(f"{column:>14}" for column in columns)
+    yield f"{'fault':30}{'cells':>8}" + "".join(f"{column:>20}" for column in columns)
     for fault in (*FAULTS, "all"):
         row = [sum(counts[one, column] for one in FAULTS if fault in (one, "all")) for column in columns]
-        yield f"{fault:16}{sum(row):8}" + "".join(f"{number or '-':>14}" for number in row)
+        yield f"{fault:30}{sum(row):8}" + "".join(f"{number or '-':>20}" for number in row)
 
 
 def main() -> int:

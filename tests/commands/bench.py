@@ -7,10 +7,11 @@ import json
 from dataclasses import dataclass, field
 from typing import Any
 
-from dvtcli.script import run_script
-from dvtcli.session import Session
-from dvtcli.shell import boundary, run_words, split
-from dvtcli.view.output import Output
+from dvtcli.cli.lexer import split
+from dvtcli.cli.run_line import boundary, run_words
+from dvtcli.cli.script import run_script
+from dvtcli.cli.view.output import Output
+from dvtcli.operations.session import Session
 
 
 @dataclass

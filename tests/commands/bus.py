@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import threading
 from itertools import count
 from types import TracebackType
 
 import can
 
-from dvtcli.formats.eds import read_eds
-from dvtcli.simulator.device import StrictDevice
-from dvtcli.simulator.family import family_eds, load_family
-from dvtcli.simulator.node import SimulatedNetwork
+from dvtcli.files.eds.reader import read_eds
+from dvtcli.simulator.device.family import family_eds, load_family
+from dvtcli.simulator.device.faults import Fault
+from dvtcli.simulator.device.strict_device import StrictDevice
+from dvtcli.simulator.network.simulated_network import SimulatedNetwork
 
 _NUMBERS = count(1)
 
@@ -20,13 +22,13 @@ def device(family: str, node_id: int = 1) -> StrictDevice:
 
 
 class Wire:
-    """Serves *devices* on a channel of its own."""
+    """Serves *devices* on a channel of its own; *faults* are words of `--fault`."""
 
-    def __init__(self, *devices: StrictDevice) -> None:
+    def __init__(self, *devices: StrictDevice, faults: tuple[str, ...] = ()) -> None:
         self.channel = f"wire-{next(_NUMBERS)}"
         self._recorder = can.Bus(self.channel, interface="virtual", ignore_config=True)
         self._theirs = can.Bus(self.channel, interface="virtual", ignore_config=True)
-        self._network = SimulatedNetwork(self._theirs, devices)
+        self._network = SimulatedNetwork(self._theirs, devices, [Fault.parse(word) for word in faults])
 
     def __enter__(self) -> Wire:
         self._network.start()
@@ -43,6 +45,17 @@ class Wire:
     def options(self) -> dict[str, object]:
         """What dvtcli needs to meet the nodes."""
         return {"interface": "virtual", "channel": self.channel, "node": 1}
+
+    @property
+    def lock(self) -> threading.Lock:
+        """Held while a frame is dealt with: take it to touch a device."""
+        return self._network.lock
+
+    def power_cycle(self, device: StrictDevice) -> None:
+        """Switch *device* off and on: its boot-up is sent by the network's thread."""
+        with self._network.lock:
+            device.restart()
+            device.boot_up()
 
     def frames(self) -> list[can.Message]:
         """Every frame since the last call, from all sides."""

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from dvtcli.simulator.family import family_eds
+from dvtcli.simulator.device.family import family_eds
 from tests.commands.bench import Bench
 from tests.commands.bus import Wire, device
 
@@ -108,7 +108,7 @@ WRONG = [
     ("require identity colour=1", 2, "vendor="),
     ("undo", 2, "nothing to undo"),
     ("restore", 6, "--yes"),
-    ("verify --frame", 6, "--yes"),
+    ("verify --frame", 2, "nothing to compare"),
     ("bogus", 2, "no command is called 'bogus'"),
     ("mpa tpdo1 6041", 2, "did you mean 'map'"),
     ("map tpdo1 6041 -Z", 2, "-Z"),

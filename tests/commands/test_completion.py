@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from dvtcli.simulator.family import family_eds
+from dvtcli.simulator.device.family import family_eds
 from tests.process import documents, dvtcli, environment
 from tests.prompt.terminal import CTRL_C, TAB, Terminal
 

@@ -46,7 +46,8 @@ def test_each_setting_is_told_with_where_it_was_said(tmp_path: Path) -> None:
     (tmp_path / "dvtcli.toml").write_text('sim = ["gen4"]\ntimeout = 1.5\n')
     _, found = doctor(tmp_path, "-q", DVTCLI_ASCII="1")
     text = found["settings"]["text"]
-    for said in ("sim = gen4 (dvtcli.toml)", "timeout = 1.5 (dvtcli.toml)", "(DVTCLI_ASCII)", "quiet = True (option)"):
+    file = tmp_path / "dvtcli.toml"
+    for said in (f"sim = gen4 ({file})", f"timeout = 1.5 ({file})", "(DVTCLI_ASCII)", "quiet = True (option)"):
         assert said in text
     assert str(tmp_path / "dvtcli.toml") in text
 
@@ -55,7 +56,7 @@ def test_each_setting_is_told_with_where_it_was_said(tmp_path: Path) -> None:
     code, found = doctor(tmp_path)
     assert code == 0
     assert "interface = virtual (~/can.conf)" in found["settings"]["text"]
-    assert found["bus"]["text"] == "virtual:doctor opened"
+    assert found["bus"]["text"] == "virtual:doctor opened, chosen by ~/can.conf"
     assert found["traffic"]["verdict"] == "warn"
 
 
@@ -87,7 +88,8 @@ def test_a_broken_profile_and_a_folder_that_is_none_fail(tmp_path: Path) -> None
 
 
 def test_an_interrupted_change_is_told(tmp_path: Path) -> None:
-    (tmp_path / "virtual_x-5.json").write_text("{}")
+    (tmp_path / "journals").mkdir()
+    (tmp_path / "journals" / "virtual_x-5.json").write_text("{}")
     _, found = doctor(tmp_path, "--journal", str(tmp_path))
     assert found["journals"]["verdict"] == "warn"
     assert found["journals"]["hint"] == "recover finishes it"

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from dvtcli.domain.nmt import NmtState
-from dvtcli.simulator.family import family_eds
+from dvtcli.simulator.device.family import family_eds
 from tests.commands.bench import Bench, Ran
 from tests.commands.bus import Wire, device
 
@@ -26,7 +26,7 @@ SCRIPT = [
     "sync",
     "sync --count 3 --period 1",
     "nmt preop",
-    "verify --frame",
+    "verify tpdo1 --frame",
     "nmt reset-comm",
     "verify tpdo1",
     "store --prove",
@@ -106,7 +106,7 @@ SAME = [
 
 def told(ran: Ran) -> list[dict[str, object]]:
     """The documents without what a clock or the dry run itself changes."""
-    changing = ("dry_run", "seconds", "reset", "ms", "state")
+    changing = ("dry_run", "seconds", "stored", "ms", "state", "stays")
     return [{key: value for key, value in document.items() if key not in changing} for document in ran.documents]
 
 

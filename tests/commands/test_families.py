@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from dvtcli.domain.profile import StepKind, step_kind
-from dvtcli.formats.profile_library import load_profile
+from dvtcli.files.profile.library import load_profile
 from tests.commands.bench import Bench
 
 

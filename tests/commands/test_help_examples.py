@@ -14,11 +14,12 @@ from typing import Any
 
 import pytest
 
-from dvtcli.shell import command_names, split
-from dvtcli.simulator.family import family_eds
+from dvtcli.cli.catalogue import command_names
+from dvtcli.cli.lexer import split
+from dvtcli.simulator.device.family import family_eds
 from tests.commands.bench import Bench
+from tests.commands.test_recording_commands import DBC, ramp
 from tests.house.test_commands import examples
-from tests.live.test_recording_commands import DBC, ramp
 from tests.process import ROOT, environment
 
 #: how long a command may take to be at work, in seconds
@@ -42,6 +43,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         shutil.copy(family_eds("gen4"), tmp_path / name)
     (tmp_path / "drive.dbc").write_text(DBC, encoding="utf-8")
     (tmp_path / "setup.dvt").write_text("map tpdo1 6041\nverify\n", encoding="utf-8")
+    (tmp_path / "press.dvt").write_text("map tpdo2 606C --sync 1\n", encoding="utf-8")
     for suffix in ("log", "asc", "blf"):
         ramp(tmp_path / f"run.{suffix}")
     return tmp_path

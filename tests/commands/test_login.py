@@ -115,12 +115,16 @@ def test_nobody_to_ask_names_both_ways(tmp_path: Path) -> None:
     for ran in (run(tmp_path, "login"), run(tmp_path, stdin="login\n")):
         assert ran.returncode == 6
         assert "DVTCLI_PASSCODE" in ran.stderr
-        assert "`passcode` in dvtcli.toml" in ran.stderr
+        assert "`passcode` in your config.toml" in ran.stderr
 
 
 @pytest.mark.parametrize("value", [RIGHT, '"0x4444"', "17476"])
-def test_the_passcode_may_stand_in_the_settings(tmp_path: Path, value: str) -> None:
+def test_the_passcode_may_stand_in_the_users_settings_and_in_no_projects(tmp_path: Path, value: str) -> None:
     (tmp_path / "dvtcli.toml").write_text(f"passcode = {value}\n")
+    ran = run(tmp_path, "login")
+    assert (ran.returncode, "dvtcli.toml: passcode: never taken from a project's file" in ran.stderr) == (6, True)
+    (tmp_path / "dvtcli").mkdir(mode=0o700)
+    (tmp_path / "dvtcli.toml").rename(tmp_path / "dvtcli" / "config.toml")
     assert run(tmp_path, "login").returncode == 0
 
 

@@ -70,10 +70,10 @@ def test_an_error_of_a_line_with_json_is_a_document() -> None:
 
 def test_a_failing_line_says_that_what_was_done_above_stays() -> None:
     with Bench() as bench:
-        for wrong in ("read 5FFF", "map tpdo1 1018:1"):
-            ran = bench.script("map tpdo1 606C", wrong)
+        for number, wrong in enumerate(("read 5FFF", "map tpdo1 1018:1")):
+            ran = bench.script(f"map tpdo1 {('606C', '6041')[number]}", wrong)
             assert ran.code == 1
-            assert "unchanged by this line; what lines above it changed stays" in ran.stderr
+            assert "unchanged by this line; what test.dvt:1 changed stays" in ran.stderr
         assert "nothing was written" in bench.run("map tpdo1 1018:1").stderr
 
 

@@ -237,7 +237,7 @@ def test_signals_end_it_with_their_code(number: signal.Signals, code: int, line:
 _INTERRUPTED_IMPORT = """
 import sys
 from dvtcli.__main__ import entry
-from dvtcli.cli import main
+from dvtcli.cli.main import main
 main(["--version"])
 try:
     exec("raise KeyboardInterrupt")  # as in the making of a dataclass

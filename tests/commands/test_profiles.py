@@ -99,7 +99,7 @@ def test_a_simulated_family_s_name_does_not_hide_one_s_own_profile(tmp_path: Pat
 
 
 def test_an_eds_tells_the_family_of_a_device_that_does_not(tmp_path: Path) -> None:
-    text = (ROOT / "dvtcli" / "simulator" / "families" / "gen4.eds").read_text("utf-8")
+    text = (ROOT / "dvtcli" / "families" / "gen4" / "gen4.eds").read_text("utf-8")
     start = text.index("[1018]")
     end = text.index("[", text.rindex("[1018sub") + 1)
     listed = text.replace(text[start:end], "").replace("=0x1018\n", "=0x1000\n")

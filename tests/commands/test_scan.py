@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 
 from dvtcli.domain.abort import Abort
-from dvtcli.formats.eds import read_eds
-from dvtcli.simulator.device import StrictDevice
-from dvtcli.simulator.family import family_eds, load_family
-from dvtcli.simulator.refusal import Refusal
+from dvtcli.files.eds.reader import read_eds
+from dvtcli.simulator.device.family import family_eds, load_family
+from dvtcli.simulator.device.refusal import Refusal
+from dvtcli.simulator.device.strict_device import StrictDevice
 from tests.commands.bench import Bench
 from tests.commands.bus import Wire, device
 

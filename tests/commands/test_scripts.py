@@ -76,7 +76,7 @@ def test_comments_continuations_quotes_and_line_ends() -> None:
             "\ufeff# a comment\r\n\r\nmap tpdo1 606C \\\r\n  6041   # tail\r\n"
             'read "Statusword" --json\r\n# hidden:\u2028bogus\x0bbogus\x85bogus\n'
         ).encode()
-        from dvtcli.script import script_lines
+        from dvtcli.cli.script import script_lines
 
         lines = script_lines(data, "test.dvt")
         assert [(line.number, line.words) for line in lines] == [
@@ -87,8 +87,8 @@ def test_comments_continuations_quotes_and_line_ends() -> None:
 
 
 def test_text_that_is_not_utf_8_is_an_invalid_file() -> None:
+    from dvtcli.cli.script import script_lines
     from dvtcli.errors import InputFileError
-    from dvtcli.script import script_lines
 
     with pytest.raises(InputFileError) as caught:
         script_lines(b"pdo\n# caf\xe9\n", "test.dvt")
@@ -100,6 +100,7 @@ def test_text_that_is_not_utf_8_is_an_invalid_file() -> None:
 def test_nobody_is_asked_and_the_flag_is_named() -> None:
     for line in ("restore", "verify --frame"):
         with Bench() as bench:
+            assert bench.run("map tpdo1 6041 --sync 1").code == 0
             ran = bench.script(line)
             assert ran.code == 6
             assert "--yes" in ran.stderr
@@ -245,7 +246,7 @@ def test_a_change_that_was_undone_is_not_saved(tmp_path: Path) -> None:
 def test_an_undo_after_a_store_is_saved_as_a_change_of_its_own(tmp_path: Path) -> None:
     saved = tmp_path / "saved.dvt"
     with Bench(("generic",)) as bench:
-        for line in ("map tpdo1 606C", "store", "undo", f"save {saved}"):
+        for line in ("map tpdo1 606C", "store", "undo", f"save {saved} --history"):
             assert bench.run(line).code == 0, line
         wanted = bench.run("pdo --all --json").document
     with Bench(("generic",)) as other:

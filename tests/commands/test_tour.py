@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dvtcli.commands._tour_steps import STEPS
+from dvtcli.cli.commands._tour_steps import STEPS
 from tests.process import dvtcli
 from tests.prompt.conftest import Open, open_terminal  # noqa: F401 - the fixture
 from tests.prompt.terminal import CTRL_C, CTRL_D, ENTER
@@ -12,7 +12,7 @@ def test_without_a_terminal_every_step_is_printed_and_run() -> None:
     done = dvtcli("tour", merge=True)
     assert done.returncode == 0, done.stdout
     assert done.stdout.count("tour> ") == len(STEPS)
-    for shown in ("TPDO1 set: ", "is not mappable", "Nothing was sent.", "Proved: after a reset", "TPDO1 put back"):
+    for shown in ("TPDO1 set: ", "is not mappable", "Nothing was sent.", "proved: after the reset", "TPDO1 put back"):
         assert shown in done.stdout
     assert "That was the tour." in done.stdout
 

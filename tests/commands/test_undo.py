@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dvtcli.device.read import read_pdo
+from dvtcli.device.read_pdos import read_pdo
 from dvtcli.domain.pdo import Direction, Pdo
 from tests.commands.bench import Bench
 

@@ -18,10 +18,10 @@ from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.profile import GENERIC, DeviceProfile
 from dvtcli.errors import DeviceRefused, RuleError
-from dvtcli.formats.eds import read_eds
-from dvtcli.simulator.device import StrictDevice
-from dvtcli.simulator.family import Family, family_eds
-from dvtcli.transports.twin import TwinBus
+from dvtcli.files.eds.reader import read_eds
+from dvtcli.simulator.device.family import Family, family_eds
+from dvtcli.simulator.device.strict_device import StrictDevice
+from dvtcli.simulator.network.twin import TwinBus
 from tests.laws.bench import NODE, DirectBus, DirectSdo, FaultySdo, refuse
 from tests.process import ROOT, environment
 

@@ -7,14 +7,14 @@ from dataclasses import replace
 import pytest
 
 from dvtcli.device.node import Node
-from dvtcli.device.reversed_entries import as_device, as_standard
+from dvtcli.device.quirks.reversed_entries import as_device, as_standard
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.profile import GENERIC
 from dvtcli.errors import DeviceRefused
-from dvtcli.simulator.family import load_family
-from dvtcli.simulator.reversed import ReversedDevice
-from dvtcli.transports.twin import TwinBus
+from dvtcli.simulator.device.family import load_family
+from dvtcli.simulator.device.reversed import ReversedDevice
+from dvtcli.simulator.network.twin import TwinBus
 from tests.laws.bench import NODE, DirectBus, DirectSdo, dictionary
 
 TPDO1 = Pdo.parse("tpdo1")

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dvtcli.domain.drive_state import drive_state
-from dvtcli.simulator.plant import DriveState, state_of
+from dvtcli.simulator.device.plant import DriveState, state_of
 from tests.process import dvtcli
 
 

@@ -126,6 +126,7 @@ def test_a_whole_plan_is_undone_in_the_opposite_order(items: list[tuple[Pdo, Pai
 def test_one_value_is_undone_only_where_the_old_one_is_known() -> None:
     change = ValueChange(Step(0x1006, 0, bytes(4), bytes.fromhex("204E0000"), "SYNC every 20 ms"))
     assert (change.reversed().step.before, change.reversed().step.after) == (bytes.fromhex("204E0000"), bytes(4))
+    assert change.steps == (change.step,)
     assert (change.label, change.reversed().reversed().step.after) == ("1006:00", change.step.after)
     with pytest.raises(ValueError, match="0x1006:00"):
         ValueChange(replace(change.step, before=None)).reversed()

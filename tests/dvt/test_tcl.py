@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import importlib.util
+import io
 import os
 import signal
 import subprocess
@@ -14,9 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from dvtcli.dvt.tcl import MOST_SECONDS, TclScript
-from dvtcli.dvt.tcl_interp import bare_interpreter
-from dvtcli.errors import InputFileError
+from dvtcli.cli.dvt.tcl import LIMITS, run_tcl
 from tests.commands.bench import Bench, Ran
 from tests.process import ROOT, SCRIPTS, documents, dvtcli, environment
 
@@ -121,6 +120,13 @@ def test_an_unclosed_brace_is_found_before_anything_runs(tmp_path: Path) -> None
         assert not bench.session.is_open
 
 
+def test_an_unclosed_brace_is_found_in_a_long_script_too(tmp_path: Path) -> None:
+    with Bench() as bench:
+        ran = tcl(bench, tmp_path, "proc f {} {\n}\nwhile {1} {\n" + "  puts x\n" * 300_000)
+        assert (ran.code, ran.stdout) == (2, "")
+        assert "x.tcl:3: a brace, bracket or quote that begins here is not closed" in ran.stderr
+
+
 def test_files_of_its_own_folder_are_read(tmp_path: Path) -> None:
     (tmp_path / "part.tcl").write_text("proc hello {} {\n  return hi\n}\n")
     (tmp_path / "wrong.tcl").write_text("\n\nbogus\n")
@@ -155,15 +161,15 @@ def test_what_no_answer_can_say_ends_the_script_with_its_own_code(tmp_path: Path
 
 
 def test_commands_are_counted(tmp_path: Path) -> None:
-    (tmp_path / "x.tcl").write_text("set i 0\nwhile {$i < 9999} {incr i}\nputs never\n")
-    tcl_ = bare_interpreter()
-    try:
-        with Bench() as bench:
-            script = TclScript(bench.session, str(tmp_path / "x.tcl"), tcl_, MOST_SECONDS, most_steps=1000)
-            with pytest.raises(InputFileError, match="stopped after 1000 Tcl commands"):
-                script.run()
-    finally:
-        tcl_.close()
+    text = b"set i 0\nwhile {$i < 9999} {incr i}\nputs never\n"
+    (tmp_path / "x.tcl").write_bytes(text)
+    with Bench() as bench:
+        few = LIMITS._replace(steps=1000)
+        code = run_tcl(bench.session, text, f"{tmp_path}/x.tcl", keep_going=False, most_seconds=None, limits=few)
+        assert code == 4
+        stderr = bench.session.output.stderr
+        assert isinstance(stderr, io.StringIO)
+        assert "x.tcl:2: stopped after 1000 Tcl commands" in stderr.getvalue()
 
 
 @pytest.mark.parametrize("loop", ["while 1 {}", "while 1 {catch {while 1 {incr i}}}", "after 100000000", "vwait x"])

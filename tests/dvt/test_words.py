@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from dvtcli.dvt.numbers import index, value_bytes
-from dvtcli.dvt.words import WORDS
+from dvtcli.cli.dvt.notation import index, value_bytes
+from dvtcli.cli.dvt.words import WORDS
 from tests.commands.bench import Bench
 from tests.process import ROOT, environment
 
@@ -192,7 +192,7 @@ def test_the_menu_offers_words_to_who_begins_one_and_the_nodes_behind_it() -> No
     from prompt_toolkit.completion import CompleteEvent
     from prompt_toolkit.document import Document
 
-    from dvtcli.prompt.completer import LineCompleter
+    from dvtcli.cli.prompt.completer import LineCompleter
 
     with Bench(("gen4@1", "gen4@12")) as bench:
         bench.run("node 1")

@@ -8,30 +8,36 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 
-from dvtcli.device.back import recover
-from dvtcli.device.keeper import Keeper
+from dvtcli.cli.lexer import split
+from dvtcli.cli.run_line import boundary, run_words
+from dvtcli.cli.script import run_script
+from dvtcli.cli.view.output import Output
+from dvtcli.device.change.safekeeping import Keeper
+from dvtcli.device.change.way_back import recover
 from dvtcli.device.node import Node
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.ports import Frame
 from dvtcli.errors import DvtcliError
-from dvtcli.network import Network
-from dvtcli.script import run_script
-from dvtcli.session import Session
-from dvtcli.shell import boundary, run_words, split
-from dvtcli.simulator.device import StrictDevice
-from dvtcli.simulator.faults import Fault
-from dvtcli.simulator.refusal import Refusal
-from dvtcli.transports.virtual_time import VirtualTimeBus
-from dvtcli.view.output import Output
-from tests.faults.sequences import FAMILIES, FAULTS, LASTING, MASTERS, SEQUENCES, STARTS, Start
+from dvtcli.operations.open_network import Network
+from dvtcli.operations.session import Session
+from dvtcli.simulator.device.faults import Fault
+from dvtcli.simulator.device.refusal import Refusal
+from dvtcli.simulator.device.strict_device import StrictDevice
+from dvtcli.simulator.network.virtual_time import VirtualTimeBus
+from tests.faults.sequences import AT_READ, FAMILIES, FAULTS, LASTING, MASTERS, SEQUENCES, STARTS, Start
 from tests.laws.bench import NODE, booted, dictionary, profile
 
 #: outcomes of a cell that are as they should be
 OLD, NEW, RECOVERED = "old", "new", "7, recovered"
+#: the node restarted between two changes, and the user was told what is lost
+TOLD = "1, restarted"
+#: the node restarted after its last answer, which nobody can have seen
+UNNOTICED = "restarted afterwards"
 #: counts downloads, and else changes nothing
 _NO_FAULT = Fault.parse("slow-store=0")
 _HEARTBEAT_MS = 100
@@ -94,6 +100,11 @@ class Run:
     device: StrictDevice
     bus: VirtualTimeBus
     folder: Path
+    #: what the node sent since it started over, after a fault: whether somebody could have noticed
+    said: list[Frame] = field(default_factory=list)
+    #: the uploads since the last download, and the most of them so far
+    reads: int = 0
+    most_reads: int = 0
 
     @classmethod
     def of(cls, family: str, start: Start, faults: list[Fault], folder: Path) -> Run:
@@ -101,10 +112,25 @@ class Run:
         device = booted(family)
         _prepare(device, start, master=master)
         run = cls(family, device, VirtualTimeBus([device], faults=faults), folder)
+        run.bus.tap(run._hear)
         if start.operational and not master:
             run.bus.send_nmt(NmtCommand.START, NODE)
         run.bus.sleep(2 * _HEARTBEAT_MS / 1000)
         return run
+
+    def _hear(self, frame: Frame, sent: bool) -> None:
+        if sent and frame.can_id == 0x600 + NODE and frame.data[0] >> 5 == 1:
+            self.reads = 0
+        elif sent and frame.can_id == 0x600 + NODE and frame.data[0] >> 5 == 2:
+            self.reads += 1
+            self.most_reads = max(self.most_reads, self.reads)
+        elif not sent:
+            self.said.append(frame)
+
+    def answered_after_its_restart(self) -> bool:
+        """Whether the node answered an SDO request in a later life than the one it was found in."""
+        boots = [at for at, frame in enumerate(self.said) if frame == replace(frame, can_id=0x700 + NODE, data=b"\0")]
+        return any(frame.can_id == 0x580 + NODE for frame in self.said[boots[-1] :]) if boots else False
 
     def node(self) -> Node:
         """The node as a session that has just started sees it."""
@@ -124,7 +150,7 @@ class Run:
         session._network = network
         if len(lines) == 1:
             code = run_words(split(lines[0]), session)
-            code = boundary(session, lambda: session.end_line(code)) or code
+            code = boundary(session, lambda: session.end_line(code, alone=True)) or code
         else:
             code = run_script(session, "\n".join(lines).encode(), "cell", keep_going=False)
         assert node.keeper is not None
@@ -180,13 +206,14 @@ class Ideal:
     stored: tuple[dict[tuple[int, int], bytes], ...]
     at_power_on: Snapshot
     downloads: int
+    reads: int
 
 
 @lru_cache(maxsize=256)
 def ideal(family: str, sequence: str, start: Start) -> Ideal:
     """Run the sequence without a fault."""
     lines = SEQUENCES[family][sequence]
-    states, stored, downloads = [], [], 0
+    states, stored, downloads, reads = [], [], 0, 0
     for done in range(len(lines) + 1):
         with tempfile.TemporaryDirectory() as folder:
             run = Run.of(family, start, [_NO_FAULT], Path(folder))
@@ -198,10 +225,10 @@ def ideal(family: str, sequence: str, start: Start) -> Ideal:
         stored.append(stored_pdos(run.device))
         faulty = run.bus.nodes[0]._faulty
         assert faulty is not None
-        downloads = faulty.downloads
+        downloads, reads = faulty.downloads, run.most_reads
     run = Run.of(family, start, [], Path())
     run.device.restart()
-    return Ideal(tuple(states), tuple(stored), snapshot(run.device), downloads)
+    return Ideal(tuple(states), tuple(stored), snapshot(run.device), downloads, reads)
 
 
 def _state(start: Start) -> NmtState:
@@ -225,8 +252,11 @@ def cells_of(family: str, sequence: str, start: Start) -> Iterator[Cell]:
     what a reset takes.
     """
     faults = [fault for fault in FAULTS if family not in MASTERS or "reset" not in fault]
-    for step in range(1, ideal(family, sequence, start).downloads + 1):
-        yield from (Cell(family, sequence, start, step, fault) for fault in faults)
+    steps = ideal(family, sequence, start)
+    for step in range(1, steps.downloads + 1):
+        yield from (Cell(family, sequence, start, step, fault) for fault in faults if fault not in AT_READ)
+    for step in range(1, steps.reads + 1):
+        yield from (Cell(family, sequence, start, step, fault) for fault in faults if fault in AT_READ)
 
 
 def outcome(cell: Cell) -> str:
@@ -253,18 +283,28 @@ class Judge:
         """`old`, `new`, `7, recovered`, or what is wrong."""
         done = self.record.lines_done
         if code == 0:
-            return self._held(done) or NEW
+            return self._held(done) or NEW if not self._restarted_at_last() else UNNOTICED
         error = self.record.errors[-1]
         if code in (2, 4, 70):
             return f"exit code {code}: {error}"
         if code == 7:
             return self._recovered(done)
+        if error.slug == "restarted":
+            return "something is stored" if self._stored_wrongly(0) and self._stored_wrongly(done) else TOLD
         wrong, all_done = self._held(done), done == len(self.ideal.states) - 1
         if wrong is None:
             return NEW if all_done else OLD
         if error.state == "unknown" and not all_done and self._held(done + 1) is None:
             return NEW
         return f"exit code {code}, {error.state}, but {wrong} ({error})"
+
+    def _restarted_at_last(self) -> bool:
+        """Whether the node restarted once everything was read: nobody asked it anything after that."""
+        return (
+            self.cell.fault in AT_READ
+            and not self.run.answered_after_its_restart()
+            and bool(self._held(len(self.ideal.states) - 1))
+        )
 
     def _recovered(self, boundary: int) -> str:
         if self.cell.fault not in LASTING:
@@ -314,8 +354,16 @@ class Judge:
         """
         told = any(label == "nmt" for error in self.record.errors for label, _ in error.details)
         told = told or any("is PRE-OPERATIONAL now" in text for text in self.record.warnings)
+        if self.cell.fault in AT_READ and self._only_read_then():
+            return state is NmtState.PRE_OPERATIONAL
         allowed = len(self.ideal.states) > 2 or self.cell.fault in LASTING
         return told and allowed and state is NmtState.PRE_OPERATIONAL
+
+    def _only_read_then(self) -> bool:
+        """Whether the node restarted between two changes: nobody took its state or its RAM, and nothing is claimed."""
+        failed = self.record.errors[-1] if self.record.errors else None
+        told = any("restarted" in text for text in self.record.warnings)
+        return told or (failed is not None and failed.state in ("unchanged", "unknown"))
 
     def _lost(self, pdo: Pdo, boundary: int) -> bool:
         """Whether a reset took what was in RAM only, of a PDO that the failing line did not touch."""
@@ -323,6 +371,8 @@ class Judge:
             return False
         if self.cell.sequence == "restore":
             return True  # it is what the user agreed to
+        if self.cell.fault in AT_READ and self._only_read_then():
+            return True
         following = min(boundary + 1, len(self.ideal.states) - 1)
         return self.ideal.states[boundary][pdo] == self.ideal.states[following][pdo]
 

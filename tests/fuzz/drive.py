@@ -19,7 +19,7 @@ from random import Random
 from time import process_time
 from types import FrameType
 
-from tests.formats.test_eds_any import SAMPLE
+from tests.files.test_eds_any import SAMPLE
 from tests.fuzz.grammar import make
 from tests.fuzz.targets import TARGETS
 

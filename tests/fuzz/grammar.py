@@ -11,9 +11,9 @@ from copy import deepcopy
 from random import Random
 from typing import Any
 
-from dvtcli.device.journal import SCHEMA
-from dvtcli.simulator.faults import FaultKind
-from tests.formats.test_eds_any import KEYS, SAMPLE, SECTIONS
+from dvtcli.device.change.journal import SCHEMA
+from dvtcli.simulator.device.faults import FaultKind
+from tests.files.test_eds_any import KEYS, SAMPLE, SECTIONS
 
 Maker = Callable[[Random], bytes]
 

@@ -11,11 +11,11 @@ from collections import deque
 from dataclasses import dataclass, field
 from heapq import heappop, heappush
 
+from dvtcli.bus.receiver import Wake
+from dvtcli.bus.sdo.channel import SdoChannel
+from dvtcli.bus.sdo.client import StrictSdoClient
+from dvtcli.bus.sdo.link import ANSWER_ID, REQUEST_ID, Inbox, SdoSettings
 from dvtcli.errors import DvtcliError, NoAnswer, SdoAborted, SdoProtocolError
-from dvtcli.transports.receiver import Wake
-from dvtcli.transports.sdo_channel import SdoChannel
-from dvtcli.transports.sdo_client import StrictSdoClient
-from dvtcli.transports.sdo_link import ANSWER_ID, REQUEST_ID, Inbox, SdoSettings
 
 NODE, INDEX, SUB_INDEX = 5, 0x1A00, 1
 _TIMEOUT_S, _RETRIES = 0.5, 1

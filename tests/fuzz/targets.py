@@ -19,12 +19,18 @@ from typing import Any, NoReturn
 
 import click
 
-from dvtcli import results
-from dvtcli.commands.eds import _facts, _report
-from dvtcli.commands.objects import _row
-from dvtcli.device.journal import Journals, read_journal
+from dvtcli.cli.command import LEAVE
+from dvtcli.cli.commands.eds import _facts, _report
+from dvtcli.cli.commands.objects import _row
+from dvtcli.cli.lexer import split
+from dvtcli.cli.params import COB_ID, ENTRY, NODE_ID, OBJECT, PDO, CanopenType, DataTypeParam, MillisecondsType
+from dvtcli.cli.registry import REGISTRY
+from dvtcli.cli.run_line import boundary, parse, run_words
+from dvtcli.cli.script import script_lines
+from dvtcli.cli.view.output import Output
+from dvtcli.device.change.journal import Journals, read_journal
 from dvtcli.device.node import Node
-from dvtcli.device.read import present_pdos, read_pdo
+from dvtcli.device.read_pdos import present_pdos, read_pdo
 from dvtcli.domain.datatypes import BY_SHORT_NAME, parse_number
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.object_dictionary import ObjectDictionary
@@ -33,32 +39,32 @@ from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Plan, Step, ValueChange
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.profile import GENERIC, Severity
+from dvtcli.domain.proof import POWER, Proof
 from dvtcli.domain.rules import Finding
 from dvtcli.errors import DvtcliError, InputFileError, RuleError, UsageError
-from dvtcli.formats.eds import EdsFile, parse_eds
-from dvtcli.formats.eds_values import FileValues
-from dvtcli.formats.profile_toml import read_profile
-from dvtcli.network import Network
-from dvtcli.options import file_defaults, node_id, taken
-from dvtcli.params import COB_ID, ENTRY, NODE_ID, OBJECT, PDO, CanopenType, DataTypeParam, MillisecondsType
-from dvtcli.script import script_lines
-from dvtcli.session import Session
-from dvtcli.shell import LEAVE, REGISTRY, boundary, parse, run_words, split
-from dvtcli.simulator.device import StrictDevice
-from dvtcli.simulator.family import Family, family_eds
-from dvtcli.simulator.faults import Fault
-from dvtcli.simulator.refusal import Refusal
-from dvtcli.simulator.sdo_server import SdoServer
-from dvtcli.simulator.station import SimulatedNode
-from dvtcli.transports.virtual_time import VirtualTimeBus
-from dvtcli.view.output import Output
+from dvtcli.files.eds.file_as_node import FileValues
+from dvtcli.files.eds.reader import EdsFile, parse_eds
+from dvtcli.files.profile.toml import read_profile
+from dvtcli.operations import results
+from dvtcli.operations.open_network import Network
+from dvtcli.operations.options import node_id, taken
+from dvtcli.operations.session import Session
+from dvtcli.operations.settings import File
+from dvtcli.operations.settings_search import Found
+from dvtcli.simulator.device.family import Family, family_eds
+from dvtcli.simulator.device.faults import Fault
+from dvtcli.simulator.device.refusal import Refusal
+from dvtcli.simulator.device.sdo_server import SdoServer
+from dvtcli.simulator.device.strict_device import StrictDevice
+from dvtcli.simulator.network.station import SimulatedNode
+from dvtcli.simulator.network.virtual_time import VirtualTimeBus
 from tests.fuzz.server import sdo_client
 from tests.laws.bench import NODE, booted, dictionary, plain, profile
 
 Target = Callable[[bytes], None]
 
 _FAMILIES = ("generic", "gen4", "tmcm", "roboteq")
-#: exit codes that the README names, and what `exit` answers
+#: exit codes that the documentation names, and what `exit` answers
 _CODES = frozenset({LEAVE, 0, 1, 2, 3, 4, 5, 6, 7})
 #: commands that write nothing to a device; all others get --dry-run
 _READ_ONLY = frozenset({"pdo", "objects", "read", "require", "eds", "help", "node"})
@@ -143,12 +149,13 @@ def profile_toml(data: bytes) -> None:
 
 
 def defaults(data: bytes) -> None:
-    """Options for the start, InputFileError, or a usage error that names the option."""
+    """Options for the start, or InputFileError."""
     Path("dvtcli.toml").write_bytes(data)
     try:
-        given = file_defaults()
+        given = File(Found("dvtcli.toml"), users_own=False).layer
         session = _session()
-        with REGISTRY.make_context("dvtcli", ["pdo"], obj=session, default_map=given) as ctx:
+        session.start({name: value for name, (value, _) in given.items()})
+        with REGISTRY.make_context("dvtcli", ["pdo"], obj=session) as ctx:
             session.start(taken(ctx.params))
     except InputFileError as wrong:
         _one_line_of_ours(wrong)
@@ -382,7 +389,10 @@ def _shown(text: str) -> Iterator[Any]:
     yield results.ValueRead(1, "2000:00", text, float("nan"), raw[:4], text, text)
     plan = Plan(1, (ValueChange(Step(0x2000, 1, raw, raw, text)),))
     yield results.Changed(1, plan, (finding,), dry_run=False, seconds=0.1)
-    yield results.Stored(1, text, "store", 0.1, 1.0, (text,), dry_run=False, proved=1, differences=(text,))
+    for word, found in (("store", (text,)), ("store", ()), ("restore", (text,)), ("restore", ())):
+        proof = Proof(POWER, 1, text, found, text, text, (text,))
+        yield results.Stored(1, text, word, 0.1, 1.0, (text,), dry_run=False, proof=proof, because=text)
+    yield results.Stored(1, text, "store", 0.1, 1.0, (), dry_run=False, skipped=text)
     yield results.Compared(1, 1, 1, ((text, text),), text, ((text, None, 1.0),), text)
     yield results.ObjectListing(1, text, (results.ObjectRow(text, text, text, text, text, text),), 1)
     node = results.NodeRow(1, text, 1, 1, 1, 1, 1, text, text)

@@ -10,17 +10,18 @@ from pathlib import Path
 
 import pytest
 
-from dvtcli.device.journal import Journals
+from dvtcli.bus.sdo.client import StrictSdoClient
+from dvtcli.bus.sdo.link import SdoSettings
+from dvtcli.cli.lexer import split
+from dvtcli.cli.script import MOST_COMMANDS, script_lines
+from dvtcli.cli.view.output import Output
+from dvtcli.device.change.journal import Journals
 from dvtcli.errors import InputFileError, SdoProtocolError, UsageError
-from dvtcli.formats.eds import parse_eds
-from dvtcli.formats.profile_toml import read_profile
-from dvtcli.options import file_defaults
-from dvtcli.results import ValueRead
-from dvtcli.script import MOST_COMMANDS, script_lines
-from dvtcli.shell import split
-from dvtcli.transports.sdo_client import StrictSdoClient
-from dvtcli.transports.sdo_link import SdoSettings
-from dvtcli.view.output import Output
+from dvtcli.files.eds.reader import parse_eds
+from dvtcli.files.profile.toml import read_profile
+from dvtcli.operations.results import ValueRead
+from dvtcli.operations.settings import File
+from dvtcli.operations.settings_search import Found
 from tests.commands.bench import Bench
 from tests.fuzz.server import NODE, HostileLink
 
@@ -29,6 +30,18 @@ from tests.fuzz.server import NODE, HostileLink
     "text",
     [
         "quiet = 2",
+        "bus = 1",
+        "bus = {a = 1}",
+        "bus_kwargs = {a = {}}",
+        "bus_kwargs = {a = inf}",
+        "[bus.a]\nyes = true",
+        "[bus.a]\nnosuch = 1",
+        "[bus.a]\ninterface = []",
+        "node = 128",
+        "format = 'xml'",
+        "bitrate = 5",
+        "timeout = 'x'",
+        "bus_kwargs = ['a']",
         "quiet = []",
         'verbose = "x"',
         "verbose = 99999999999999999999",
@@ -47,7 +60,7 @@ from tests.fuzz.server import NODE, HostileLink
 def test_a_setting_of_another_kind_is_an_error_in_the_file(text: str, tmp_path: Path) -> None:
     (tmp_path / "dvtcli.toml").write_text(text)
     with pytest.raises(InputFileError, match=r"dvtcli\.toml"):
-        file_defaults(str(tmp_path))
+        File(Found(str(tmp_path / "dvtcli.toml")), users_own=False)
 
 
 @pytest.mark.parametrize("value", ["0x" + "F" * 5000, "9" * 5000, "[" * 5000, "[0x" + "F" * 5000 + "]"])

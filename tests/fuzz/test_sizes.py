@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from dvtcli.device.journal import SCHEMA
+from dvtcli.device.change.journal import SCHEMA
 
 resource = pytest.importorskip("resource", reason="limits of a process are set this way on POSIX only")
 

@@ -1,4 +1,4 @@
-"""One file a command: named as the command, first line its short help, examples that parse, a row in README."""
+"""One file a command: named as the command, first line its short help, examples that parse."""
 
 from __future__ import annotations
 
@@ -8,11 +8,13 @@ import re
 import click
 import pytest
 
-from dvtcli.session import Session
-from dvtcli.shell import REGISTRY, command_names, parse, split
-from dvtcli.view.output import Output
+from dvtcli.cli.catalogue import command_names
+from dvtcli.cli.lexer import split
+from dvtcli.cli.registry import REGISTRY
+from dvtcli.cli.run_line import parse
+from dvtcli.cli.view.output import Output
+from dvtcli.operations.session import Session
 from tests.house.source import PACKAGE
-from tests.process import ROOT
 
 every_command = pytest.mark.parametrize("name", command_names())
 
@@ -31,7 +33,7 @@ def examples(name: str) -> list[str]:
 
 
 def test_every_file_is_a_command() -> None:
-    assert command_names() == sorted(path.stem for path in (PACKAGE / "commands").glob("[!_]*.py"))
+    assert command_names() == sorted(path.stem for path in (PACKAGE / "cli" / "commands").glob("[!_]*.py"))
     assert REGISTRY.list_commands(click.Context(REGISTRY)) == command_names()
 
 
@@ -39,7 +41,7 @@ def test_every_file_is_a_command() -> None:
 def test_it_is_named_as_its_file_and_says_what_its_file_says(name: str) -> None:
     command = found(name)
     assert command.name == name
-    docstring = ast.get_docstring(ast.parse((PACKAGE / "commands" / f"{name}.py").read_text("utf-8")))
+    docstring = ast.get_docstring(ast.parse((PACKAGE / "cli" / "commands" / f"{name}.py").read_text("utf-8")))
     assert docstring is not None
     assert command.short_help is not None
     assert command.short_help.strip().splitlines()[0] == docstring.splitlines()[0]
@@ -64,16 +66,3 @@ def test_its_examples_parse(name: str) -> None:
         assert line.startswith(name), line
         with parse(split(line), session) as ctx:
             assert ctx.command.name == name
-
-
-@every_command
-def test_it_has_a_row_in_the_readme(name: str) -> None:
-    readme = (ROOT / "README.md").read_text("utf-8")
-    rows = [line for line in readme.splitlines() if line.startswith("| `")]
-    assert any(re.match(rf"\| `{name}[ `]", row) for row in rows), f"README's table of commands lacks {name}"
-
-
-def test_the_readme_lists_no_command_that_is_not_there() -> None:
-    table = (ROOT / "README.md").read_text("utf-8").partition("\n## Commands\n")[2].partition("\n## ")[0]
-    named = re.findall(r"^\| `([a-z]+)", table, re.M)
-    assert sorted(set(named)) == command_names()

@@ -7,8 +7,8 @@ import subprocess
 
 import pytest
 
-from dvtcli.guide import TASKS, by_task, overview, topic, topic_names
-from dvtcli.shell import command_names
+from dvtcli.cli.catalogue import command_names
+from dvtcli.cli.help.guide import TASKS, by_task, overview, topic, topic_names
 from tests.commands.bench import Bench
 from tests.process import dvtcli
 
@@ -24,7 +24,7 @@ def test_help_without_a_name_fits_a_small_screen_and_names_every_command() -> No
 
 
 def test_every_command_has_its_task() -> None:
-    """A new command goes into one of the tasks in `dvtcli.guide`."""
+    """A new command goes into one of the tasks in `dvtcli.cli.help.guide`."""
     groups = list(by_task(command_names()))
     assert "More" not in dict(groups)
     assert sorted(name for _, group in groups for name in group) == command_names()

@@ -9,10 +9,10 @@ import pytest
 
 from tests.process import ROOT, environment
 
-HEAVY = ["can", "canopen", "prompt_toolkit", "rich", "ruamel", "dvtcli.commands.map", "dvtcli.simulator", "asyncio"]
+HEAVY = ["can", "canopen", "prompt_toolkit", "rich", "ruamel", "dvtcli.cli.commands.map", "dvtcli.simulator", "asyncio"]
 PROBE = """
 import sys
-from dvtcli.cli import main
+from dvtcli.cli.main import main
 try:
     code = main({words!r})
 finally:
@@ -43,6 +43,6 @@ def test_a_commands_help_and_usage_errors_open_no_bus(words: list[str]) -> None:
 
 def test_a_command_imports_no_prompt_and_no_other_command() -> None:
     modules = loaded("--sim", "gen4", "read", "6041")
-    assert not modules & {"prompt_toolkit", "ruamel", "dvtcli.repl", "dvtcli.script"}
-    commands = {name.rpartition(".")[2] for name in modules if name.startswith("dvtcli.commands.")}
+    assert not modules & {"prompt_toolkit", "ruamel", "dvtcli.cli.prompt.loop", "dvtcli.cli.script"}
+    commands = {name.rpartition(".")[2] for name in modules if name.startswith("dvtcli.cli.commands.")}
     assert {name for name in commands if not name.startswith("_")} == {"read"}

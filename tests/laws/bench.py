@@ -13,11 +13,11 @@ from dvtcli.domain.ports import Frame, SdoTransport
 from dvtcli.domain.profile import GENERIC, DeviceProfile
 from dvtcli.domain.rules import Proposal
 from dvtcli.errors import NoAnswer, SdoAborted
-from dvtcli.formats.eds import read_eds
-from dvtcli.formats.profile_library import load_profile
-from dvtcli.simulator.device import StrictDevice
-from dvtcli.simulator.family import Family, family_eds, load_family
-from dvtcli.simulator.refusal import Refusal
+from dvtcli.files.eds.reader import read_eds
+from dvtcli.files.profile.library import load_profile
+from dvtcli.simulator.device.family import Family, family_eds, load_family
+from dvtcli.simulator.device.refusal import Refusal
+from dvtcli.simulator.device.strict_device import StrictDevice
 
 FAMILIES = ("generic", "gen4", "espac", "tmcm", "roboteq")
 NODE = 1
@@ -154,6 +154,7 @@ class DirectBus:
     slept_s: float = 0.0
     name: str = "direct"
     simulated: bool = True
+    carries_remote_frames: bool = True
 
     @classmethod
     def of(cls, device: StrictDevice) -> DirectBus:
@@ -173,6 +174,12 @@ class DirectBus:
 
     def boot_ups(self, node_id: int) -> int:
         return self.heard_boot_ups
+
+    def upsets(self, node_id: int) -> int:
+        return self.boot_ups(node_id)
+
+    def downloads_of_others(self, node_id: int) -> int:
+        return 0
 
     def wait_boot_up(self, node_id: int, seen: int, timeout_s: float) -> bool:
         return self.heard_boot_ups > seen

@@ -6,12 +6,12 @@ import pytest
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
-from dvtcli.device.read import present_pdos, read_pdo
-from dvtcli.device.transaction import Transaction
+from dvtcli.bus import open_simulation
+from dvtcli.device.change.transaction import Transaction
+from dvtcli.device.read_pdos import present_pdos, read_pdo
 from dvtcli.domain.plan import Plan, plan_pdo
 from dvtcli.domain.rules import check_pdo, errors_in
 from dvtcli.errors import DeviceRefused
-from dvtcli.transports import open_simulation
 from tests.laws.bench import FAMILIES, NODE, FaultySdo, booted, dictionary, profile, proposal, refuse
 from tests.laws.configurations import legal
 

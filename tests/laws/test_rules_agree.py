@@ -6,7 +6,7 @@ import pytest
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
-from dvtcli.device.read import present_pdos, read_pdo
+from dvtcli.device.read_pdos import present_pdos, read_pdo
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import plan_pdo
 from dvtcli.domain.rules import Proposal, check_pdo, errors_in

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
-from dvtcli.device.cancellation import Cancellation
-from dvtcli.device.read import present_pdos, read_pdo
-from dvtcli.device.transaction import Interrupted, Transaction
+from dvtcli.device.change.cancellation import Cancellation
+from dvtcli.device.change.transaction import Interrupted, Transaction
+from dvtcli.device.read_pdos import present_pdos, read_pdo
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.pdo import Direction, Pdo, PdoConfig

@@ -50,9 +50,10 @@ def test_no_is_the_answer_to_saving(open_terminal: Open, tmp_path: Path) -> None
 
 
 def test_a_choice_that_cannot_be_kept_is_used_all_the_same(open_terminal: Open, tmp_path: Path) -> None:
-    (tmp_path / "dvtcli.toml").symlink_to(tmp_path / "no" / "such" / "folder.toml")
     terminal = open_terminal()
     answer(terminal, "Use which?", simulated(terminal))
+    terminal.wait("Save as default in dvtcli.toml?")
+    (tmp_path / "dvtcli.toml").mkdir()
     answer(terminal, "Save as default in dvtcli.toml? [y/N]", "y")
     terminal.wait("warning: dvtcli.toml: not saved:")
     terminal.wait_prompt()

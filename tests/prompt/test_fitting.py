@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dvtcli.prompt.fitting import Part, fitted
+from dvtcli.cli.prompt.fitting import Part, fitted
 
 PARTS = [Part(3, "", ("socketcan:can0", "can0")), Part(9, "bad", ("NO HEARTBEAT",)), Part(1, "", ("F1 help", ""))]
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from dvtcli.cli.prompt.line import Destination, checked, cut, expanded
+from dvtcli.cli.prompt.syntax import syntax
 from dvtcli.errors import UsageError
-from dvtcli.prompt.line import Destination, checked, cut, expanded
-from dvtcli.prompt.syntax import syntax
 
 
 @pytest.mark.parametrize(

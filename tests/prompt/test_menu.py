@@ -9,12 +9,12 @@ import pytest
 from prompt_toolkit.completion import CompleteEvent, Completion
 from prompt_toolkit.document import Document
 
-from dvtcli.completion import MOST
-from dvtcli.prompt.completer import LineCompleter
-from dvtcli.prompt.typed import quoted, typed
-from dvtcli.session import Session
-from dvtcli.transports.canbus import CanBus
-from dvtcli.view.output import Output
+from dvtcli.bus.python_can import CanBus
+from dvtcli.cli.name_completion import MOST
+from dvtcli.cli.prompt.completer import LineCompleter
+from dvtcli.cli.prompt.typed import quoted, typed
+from dvtcli.cli.view.output import Output
+from dvtcli.operations.session import Session
 
 
 @pytest.fixture

@@ -1,7 +1,7 @@
 """Golden screens: what a person sees, in two sizes of terminal, kept as text in `screens/`.
 
 `pytest tests/prompt/test_screens.py --update-transcripts` rewrites them; look at the difference before keeping it.
-README shows some of them.
+README and the documentation show some of them.
 """
 
 from __future__ import annotations

@@ -32,12 +32,12 @@ def test_a_tiny_terminal_can_be_typed_at(open_terminal: Open, columns: int, rows
     terminal.until(lambda: "sim/1 PRE-OP> read 6041".endswith(terminal.cursor_line[-3:]), "the line")
     assert "too small" not in terminal.text
     terminal.type(f" > out{ENTER}")
-    terminal.until(lambda: "sim/1 PRE-OP>".endswith(terminal.cursor_line[-3:]), "the prompt again")
+    terminal.until(lambda: terminal.cursor_line[-3:] in ("OP>", "P>", ">", "-OP>"), "the prompt again")
     terminal.type("mpa" + ENTER)
     terminal.until(lambda: "mpa" in terminal.text, "the wrong line")
     assert "too small" not in terminal.text
     terminal.type(CTRL_C)
-    terminal.until(lambda: "sim/1 PRE-OP>".endswith(terminal.cursor_line[-3:]), "the prompt again")
+    terminal.until(lambda: terminal.cursor_line[-3:] in ("OP>", "P>", ">", "-OP>"), "the prompt again")
     terminal.type(CTRL_D)
     assert terminal.ended() == 0
 

@@ -11,10 +11,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 from dvtcli.domain.ports import Frame
-from dvtcli.formats.eds import read_eds
-from dvtcli.simulator.device import StrictDevice
-from dvtcli.simulator.family import family_eds, load_family
-from dvtcli.simulator.station import SimulatedNode
+from dvtcli.files.eds.reader import read_eds
+from dvtcli.simulator.device.family import family_eds, load_family
+from dvtcli.simulator.device.strict_device import StrictDevice
+from dvtcli.simulator.network.station import SimulatedNode
 
 _SEND = re.compile(rb"< send ([0-9A-Fa-f]+) [0-9A-Fa-f] ([0-9a-fA-F ]*)>")
 _SDO_DOWNLOAD = 1

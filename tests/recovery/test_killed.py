@@ -14,9 +14,9 @@ from pathlib import Path
 
 import pytest
 
-from dvtcli.device.read import present_pdos, read_pdo
+from dvtcli.device.read_pdos import present_pdos, read_pdo
 from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.simulator.device import StrictDevice
+from dvtcli.simulator.device.strict_device import StrictDevice
 from tests.process import ROOT, documents, environment, home
 from tests.prompt.wire import Wire
 
@@ -35,7 +35,7 @@ class Direct:
         self, index: int, sub_index: int, *, timeout_s: float | None = None, retries: int | None = None
     ) -> bytes:
         from dvtcli.errors import SdoAborted
-        from dvtcli.simulator.refusal import Refusal
+        from dvtcli.simulator.device.refusal import Refusal
 
         try:
             return self.device.upload(index, sub_index)
@@ -174,7 +174,7 @@ def test_a_damaged_journal_is_an_error_and_blocks_writing(bench: Bench) -> None:
 
 def test_a_second_dvtcli_may_read_but_not_write(bench: Bench) -> None:
     """The first one sits in the middle of its change while the second one tries; the wire serves one at a time."""
-    from dvtcli.device.lock import NodeLock
+    from dvtcli.device.change.lock import NodeLock
 
     code, _, stderr = bench.run("set", "tpdo2", "--timer", "7")
     assert code == 0, stderr

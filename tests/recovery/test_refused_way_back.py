@@ -7,7 +7,7 @@ from pathlib import Path
 from tests.process import ROOT
 from tests.serve.served import served
 
-FACTORY = ROOT / "dvtcli" / "simulator" / "families" / "generic.eds"
+FACTORY = ROOT / "dvtcli" / "families" / "generic" / "generic.eds"
 
 
 def enabled_and_empty(folder: Path) -> Path:
@@ -27,7 +27,7 @@ def test_a_reset_finishes_what_the_device_does_not_let_recover_put_back(tmp_path
         again = nodes.dvtcli("-n", "1", "--eds", str(eds), "recover", "--yes")
         assert again.returncode == 7
         assert "nmt reset-node 1" in again.stderr
-        assert nodes.dvtcli("-n", "1", "nmt", "reset-node").returncode == 0
+        assert nodes.dvtcli("-n", "1", "--yes", "nmt", "reset-node").returncode == 0
         finished = nodes.dvtcli("-n", "1", "--eds", str(eds), "recover", "--yes")
         assert finished.returncode == 0, finished.stderr
         assert "recover" not in nodes.dvtcli("-n", "1", "pdo").stderr

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from dvtcli.device.read import present_pdos, read_pdo
+from dvtcli.device.read_pdos import present_pdos, read_pdo
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.pdo import Pdo, PdoConfig

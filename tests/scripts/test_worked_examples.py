@@ -34,7 +34,9 @@ def run(number: int) -> list[Document]:
     lines += [f"read {word(index, sub)}" for index, sub, _, _ in example["final"]]
     if "frame_length" in example:
         lines.append(f"set {example['pdo']} --sync 1")
-    lines += [f"pdo {example['pdo']}", f"verify {example['pdo']} --frame"] if "pdo" in example else []
+    if "pdo" in example:
+        look = " --frame" if example["pdo"].startswith("tpdo") else ""
+        lines += [f"pdo {example['pdo']}", f"verify {example['pdo']}{look}"]
     done = dvtcli(*sims(example), "--json", "--yes", stdin="\n".join([*lines, ""]))
     assert done.returncode == 0, done.stdout + done.stderr
     return documents(done.stdout)

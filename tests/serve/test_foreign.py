@@ -11,7 +11,7 @@ import can
 import canopen
 import pytest
 
-from dvtcli.simulator.family import family_eds
+from dvtcli.simulator.device.family import family_eds
 from tests.process import documents
 from tests.prompt.terminal import Terminal
 from tests.serve.served import Served, served, wait_for
@@ -144,7 +144,7 @@ def test_the_stock_viewer_shows_the_mapped_values(server: Served, tmp_path: Path
     words = ["-i", "socketcand", "-c", "can0", "--bus-kwargs", "host=127.0.0.1", f"port={server.port}"]
     ran = server.dvtcli("-n", "2", "run", "scripts/pdo_config.dvt")
     assert ran.returncode == 0, ran.stderr
-    assert server.dvtcli("-n", "2", "store", "--prove").returncode == 0
+    assert server.dvtcli("-n", "2", "--yes", "store", "--prove").returncode == 0
     viewer = Terminal(tmp_path, columns=100, command=[sys.executable, "-m", "can.viewer", *words])
     try:
         viewer.wait("Count")

@@ -14,13 +14,13 @@ import can
 import pytest
 
 from dvtcli.domain.ports import Frame
-from dvtcli.formats.eds import read_eds
-from dvtcli.simulator.device import StrictDevice
-from dvtcli.simulator.family import family_eds, load_family
-from dvtcli.simulator.hub import MOST_CLIENTS, Hub
-from dvtcli.simulator.serve import Server
-from dvtcli.simulator.station import stations
-from dvtcli.simulator.wire import Wire
+from dvtcli.files.eds.reader import read_eds
+from dvtcli.simulator.device.family import family_eds, load_family
+from dvtcli.simulator.device.strict_device import StrictDevice
+from dvtcli.simulator.network.hub import MOST_CLIENTS, Hub
+from dvtcli.simulator.network.shared_bus import Server
+from dvtcli.simulator.network.station import stations
+from dvtcli.simulator.network.wire import Wire
 from tests.serve.served import raw_client, received, wait_for
 
 STALL_S = 1.5

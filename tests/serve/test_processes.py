@@ -16,7 +16,7 @@ import can
 import canopen
 import pytest
 
-from dvtcli.simulator.family import family_eds
+from dvtcli.simulator.device.family import family_eds
 from tests.process import ROOT, dvtcli
 from tests.serve.served import PATIENCE_S, Served, own_environment, raw_client, received, served, wait_for
 
@@ -39,9 +39,11 @@ def test_a_script_a_store_and_a_logger(gen4: Served, tmp_path: Path) -> None:
     ran = gen4.dvtcli("-n", "1", "run", "scripts/pdo_config.dvt")
     assert ran.returncode == 0, ran.stderr
     assert "TPDO1 set: 8 writes, read back equal" in ran.stdout
-    stored = gen4.dvtcli("-n", "1", "store", "--prove")
+    stored = gen4.dvtcli("-n", "1", "--yes", "store", "--prove")
     assert stored.returncode == 0, stored.stderr
-    assert "Proved: after a reset 10 PDOs read back equal." in stored.stdout
+    assert (
+        "proved: after the reset 10 PDOs read back equal, and what was changed for the test was gone" in stored.stdout
+    )
     with Logger(gen4.port) as logger:
         started = gen4.dvtcli("-n", "1", "nmt", "start")
         assert started.stdout == "NMT start to node 1: OPERATIONAL\n"
@@ -290,12 +292,15 @@ def why_no_vcan() -> str:
 
 
 @pytest.mark.skipif(bool(why_no_vcan()), reason=why_no_vcan())
-def test_nodes_on_a_bus_of_the_kernel(tmp_path: Path) -> None:
-    with served(tmp_path, "gen4@1", "-i", "socketcan", "-c", "vcan0"):
-        bus = ("-i", "socketcan", "-c", "vcan0")
+@pytest.mark.parametrize("own", [(), ("--bus-kwargs", "receive_own_messages=true")], ids=["no echoes", "echoes"])
+def test_nodes_on_a_bus_of_the_kernel(tmp_path: Path, own: tuple[str, ...]) -> None:
+    """Every frame here comes from our own host, and is marked so; with echoes, our own come back as well."""
+    with served(tmp_path, "gen4@1", "-i", "socketcan", "-c", "vcan0", *own):
+        bus = ("-i", "socketcan", "-c", "vcan0", *own)
         assert dvtcli(*bus, "-n", "1", "read", "1018:1").stdout.startswith("0x1018:01 = 30")
         ran = dvtcli(*bus, "-n", "1", "map", "tpdo1", "6041", "606C/32", "--sync", "1")
         assert ran.returncode == 0, ran.stderr
+        assert "another SDO client" not in ran.stderr
         with can.Bus(interface="socketcan", channel="vcan0", ignore_config=True) as other:
             other.send(can.Message(arbitration_id=0, data=[1, 1], is_extended_id=False))
             other.send(can.Message(arbitration_id=0x080, is_extended_id=False))

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from dvtcli.bus import open_canbus
 from dvtcli.errors import InputFileError, UsageError
-from dvtcli.formats.sim_state import Kept, read_state, write_state
-from dvtcli.serving import address, is_loopback
-from dvtcli.transports import open_canbus
+from dvtcli.files.sim_state import Kept, read_state, write_state
+from dvtcli.operations.serve import address, is_loopback
 from tests.process import dvtcli
 from tests.serve.served import Served, raw_client, served
 

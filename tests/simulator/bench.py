@@ -7,10 +7,10 @@ from typing import Protocol
 
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.ports import Frame
-from dvtcli.formats.eds import read_eds
-from dvtcli.simulator.device import StrictDevice
-from dvtcli.simulator.family import family_eds, load_family
-from dvtcli.simulator.sdo_server import SdoServer
+from dvtcli.files.eds.reader import read_eds
+from dvtcli.simulator.device.family import family_eds, load_family
+from dvtcli.simulator.device.sdo_server import SdoServer
+from dvtcli.simulator.device.strict_device import StrictDevice
 
 
 class Aborted(Exception):

@@ -10,8 +10,8 @@ import canopen
 import pytest
 from can.interfaces.virtual import VirtualBus
 
-from dvtcli.simulator.node import SimulatedNetwork
-from dvtcli.simulator.sdo_server import SdoServer
+from dvtcli.simulator.device.sdo_server import SdoServer
+from dvtcli.simulator.network.simulated_network import SimulatedNetwork
 from tests.simulator.bench import Client, booted
 
 SIZES = (0, 1, 4, 6, 7, 8, 13, 14, 888, 889, 890, 1778, 1779, 5000, 100_000)

@@ -9,8 +9,8 @@ import pytest
 from dvtcli.domain.datatypes import DATA_TYPES, U8, U16, U32, DataType
 from dvtcli.domain.object_dictionary import Access, DeviceInfo, ObjectDictionary, ObjectType, OdEntry, OdObject
 from dvtcli.domain.ports import Frame
-from dvtcli.simulator.device import StrictDevice
-from dvtcli.simulator.family import GENERIC, Family
+from dvtcli.simulator.device.family import GENERIC, Family
+from dvtcli.simulator.device.strict_device import StrictDevice
 from tests.simulator.bench import Aborted, Client
 
 I16, REAL32, TEXT = DATA_TYPES[3], DATA_TYPES[8], DATA_TYPES[9]

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.ports import Frame
-from dvtcli.simulator.faults import Fault, FaultKind, own_of, read_faults
-from dvtcli.simulator.station import SimulatedNode
+from dvtcli.simulator.device.faults import Fault, FaultKind, own_of, read_faults
+from dvtcli.simulator.network.station import SimulatedNode
 from tests.simulator.bench import booted
 
 DOWNLOAD = bytes.fromhex("2F 00 18 02 05 00 00 00")
@@ -18,6 +18,16 @@ UPLOAD = bytes.fromhex("40 00 18 02 00 00 00 00")
 SEGMENTED = bytes.fromhex("21 00 18 02 01 00 00 00")
 SEGMENT = bytes.fromhex("0D 05 00 00 00 00 00 00")
 STORE = bytes.fromhex("23 10 10 01") + b"save"
+
+
+TIMED = (
+    FaultKind.LATE,
+    FaultKind.RESET,
+    FaultKind.RESET_AFTER_READ,
+    FaultKind.RESET_AT_READ,
+    FaultKind.SLOW_STORE,
+    FaultKind.CORRECTS,
+)
 
 
 class Bench:
@@ -44,12 +54,16 @@ class Bench:
 def some_fault(draw: st.DrawFn) -> Fault:
     kind = draw(st.sampled_from(FaultKind))
     seconds = st.integers(0, 3_600_000).map(lambda ms: ms / 1000)
+    place = st.tuples(st.integers(0x1000, 0xFFFF), st.integers(0, 0xFF))
+    altering = kind in (FaultKind.ALTERS, FaultKind.ENABLE_ALTERS)
     return Fault(
         kind,
         draw(st.integers(1, 10**6)) if kind.counted else None,
         draw(st.integers(0, 0xFFFF_FFFF)) if kind is FaultKind.REFUSE else None,
-        draw(seconds) if kind in (FaultKind.LATE, FaultKind.RESET, FaultKind.SLOW_STORE) else None,
+        draw(seconds) if kind in TIMED else None,
         draw(st.none() | st.integers(1, 127)),
+        draw(place) if altering else None,
+        draw(st.integers(0, 0xFFFF_FFFF)) if altering else None,
     )
 
 
@@ -233,3 +247,58 @@ def test_stores() -> None:
     assert slow.ask(STORE, 1.0) == []
     assert slow.poll(3.0) == [bytes.fromhex("60 10 10 01 00 00 00 00")]
     assert broken.ask(STORE) == [bytes.fromhex("80 10 10 01 00 00 06 06")]
+
+
+def test_a_store_that_stores_nothing() -> None:
+    bench = Bench("stores-nothing")
+    kept = bench.held
+    bench.ask(DOWNLOAD)
+    assert bench.ask(STORE)[0][0] == 0x60
+    bench.device.nmt(0x81)
+    assert bench.held == kept
+
+
+def test_a_restore_that_restores_nothing() -> None:
+    bench = Bench("restores-nothing")
+    bench.ask(DOWNLOAD)
+    bench.ask(STORE)
+    assert bench.ask(bytes.fromhex("23 11 10 01") + b"load")[0][0] == 0x60
+    bench.device.nmt(0x81)
+    assert bench.held == DOWNLOAD[4:5]
+
+
+def test_ram_that_a_reset_leaves_alone() -> None:
+    bench = Bench("keeps-ram")
+    kept = bench.held
+    bench.ask(DOWNLOAD)
+    for command in (0x81, 0x82):
+        bench.device.nmt(command)
+        assert bench.held == DOWNLOAD[4:5]
+    bench.device.restart()
+    assert bench.held == kept, "a power cycle does not"
+
+
+def test_ram_that_is_kept_is_restored_all_the_same() -> None:
+    bench = Bench("keeps-ram")
+    kept = bench.held
+    bench.ask(DOWNLOAD)
+    bench.ask(bytes.fromhex("23 11 10 01") + b"load")
+    bench.device.nmt(0x81)
+    assert bench.held == kept
+
+
+def test_a_device_that_saves_by_itself() -> None:
+    bench = Bench("saves-itself")
+    bench.ask(DOWNLOAD)
+    bench.device.restart()
+    assert bench.held == DOWNLOAD[4:5]
+
+
+def test_a_node_that_ignores_nmt_but_resets() -> None:
+    bench = Bench("ignores-nmt")
+    for command in (1, 2, 0x80):
+        bench.device.nmt(command)
+        assert bench.device.state is NmtState.PRE_OPERATIONAL
+    bench.ask(DOWNLOAD)
+    bench.device.nmt(0x81)
+    assert bench.held != DOWNLOAD[4:5]

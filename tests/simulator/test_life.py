@@ -6,8 +6,8 @@ import pytest
 
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import Frame
-from dvtcli.simulator.device import StrictDevice
-from dvtcli.simulator.station import SimulatedNode
+from dvtcli.simulator.device.strict_device import StrictDevice
+from dvtcli.simulator.network.station import SimulatedNode
 from tests.simulator.bench import Aborted, Client, booted
 
 SAVE, LOAD = 0x65766173, 0x64616F6C

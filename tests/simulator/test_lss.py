@@ -8,11 +8,11 @@ import pytest
 
 from dvtcli.domain.nmt import UNCONFIGURED, NmtCommand, NmtState
 from dvtcli.domain.ports import Frame
-from dvtcli.formats.eds import read_eds
-from dvtcli.simulator.device import StrictDevice
-from dvtcli.simulator.family import family_eds, load_family
-from dvtcli.simulator.station import SimulatedNode, stations
-from dvtcli.transports.virtual_time import VirtualTimeBus
+from dvtcli.files.eds.reader import read_eds
+from dvtcli.simulator.device.family import family_eds, load_family
+from dvtcli.simulator.device.strict_device import StrictDevice
+from dvtcli.simulator.network.station import SimulatedNode, stations
+from dvtcli.simulator.network.virtual_time import VirtualTimeBus
 from tests.simulator.bench import booted
 
 #: vendor, product, revision and serial number of the node

@@ -10,7 +10,7 @@ import can
 import canopen
 import pytest
 
-from dvtcli.simulator.node import SimulatedNetwork
+from dvtcli.simulator.network.simulated_network import SimulatedNetwork
 from tests.simulator.bench import booted
 
 

@@ -8,10 +8,10 @@ from hypothesis import strategies as st
 from dvtcli.domain.mapping import DUMMY_BITS
 from dvtcli.domain.nmt import UNCONFIGURED, NmtState
 from dvtcli.domain.ports import Frame
-from dvtcli.simulator.block_transfer import BLOCK_DOWNLOAD, BLOCK_UPLOAD
-from dvtcli.simulator.device import StrictDevice
-from dvtcli.simulator.sdo_server import SdoServer
-from dvtcli.simulator.station import SimulatedNode
+from dvtcli.simulator.device.block_transfer import BLOCK_DOWNLOAD, BLOCK_UPLOAD
+from dvtcli.simulator.device.sdo_server import SdoServer
+from dvtcli.simulator.device.strict_device import StrictDevice
+from dvtcli.simulator.network.station import SimulatedNode
 from tests.simulator.bench import booted
 
 FAMILIES = ["generic", "gen4", "tmcm", "roboteq"]

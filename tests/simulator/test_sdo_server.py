@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from dvtcli.simulator.device import StrictDevice
+from dvtcli.simulator.device.strict_device import StrictDevice
 from tests.simulator.bench import Aborted, Client, booted
 
 

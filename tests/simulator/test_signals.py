@@ -9,11 +9,11 @@ import pytest
 
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.ports import Frame
-from dvtcli.simulator.device import StrictDevice
-from dvtcli.simulator.plant import DriveState, Plant, is_drive, next_state, state_of
-from dvtcli.simulator.signals import RowsError, Signal
-from dvtcli.simulator.station import SimulatedNode
-from dvtcli.transports.virtual_time import VirtualTimeBus
+from dvtcli.simulator.device.plant import DriveState, Plant, is_drive, next_state, state_of
+from dvtcli.simulator.device.signals import RowsError, Signal
+from dvtcli.simulator.device.strict_device import StrictDevice
+from dvtcli.simulator.network.station import SimulatedNode
+from dvtcli.simulator.network.virtual_time import VirtualTimeBus
 from tests.simulator.bench import Client, booted
 
 

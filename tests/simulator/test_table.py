@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from dvtcli.domain.nmt import NmtState
-from dvtcli.simulator.device import StrictDevice
+from dvtcli.simulator.device.strict_device import StrictDevice
 from tests.simulator.bench import Aborted, Client, InProcess, booted
 from tests.simulator.rows import (
     ROWS,

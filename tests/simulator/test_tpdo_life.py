@@ -6,9 +6,9 @@ import pytest
 
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import Frame
-from dvtcli.simulator.device import StrictDevice
-from dvtcli.simulator.station import SimulatedNode
-from dvtcli.transports.virtual_time import VirtualTimeBus
+from dvtcli.simulator.device.strict_device import StrictDevice
+from dvtcli.simulator.network.station import SimulatedNode
+from dvtcli.simulator.network.virtual_time import VirtualTimeBus
 from tests.simulator.bench import Client, booted
 
 STATUS, STATUS_FRAME = 0x6041, 0x181

@@ -6,9 +6,9 @@ import pytest
 
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.object_dictionary import ObjectDictionary
-from dvtcli.simulator.device import StrictDevice
-from dvtcli.simulator.family import GENERIC, load_family
-from dvtcli.simulator.refusal import Refusal
+from dvtcli.simulator.device.family import GENERIC, load_family
+from dvtcli.simulator.device.refusal import Refusal
+from dvtcli.simulator.device.strict_device import StrictDevice
 from tests.simulator.bench import Aborted, Client, booted
 
 

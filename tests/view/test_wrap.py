@@ -5,8 +5,8 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dvtcli.view.lines import Cell
-from dvtcli.view.wrap import wrapped
+from dvtcli.cli.view.lines import Cell
+from dvtcli.cli.view.wrap import wrapped
 
 
 def texts(cells: list[Cell], width: int) -> list[str]:

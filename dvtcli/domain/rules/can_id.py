@@ -6,8 +6,24 @@ from collections.abc import Iterator
 
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.pdo import Direction, Pdo
-from dvtcli.domain.profile import BitPolicy
-from dvtcli.domain.rules.finding import Finding, Proposal, error, note, warning
+from dvtcli.domain.profile import BitPolicy, Severity
+from dvtcli.domain.rules.finding import Finding, Producer, Proposal, error, note, warning
+from dvtcli.domain.rules.rule import ERROR, NOTE, Rule
+
+RULES = (
+    Rule("can-id-length", ERROR, "more than 11 bits without `--extended`", "CiA 301, 7.5.2.35: bit 29 (frame)",
+         (Abort.VALUE_RANGE,)),
+    Rule("can-id-restricted", ERROR, "the CAN-ID is one that CiA 301 restricts", "CiA 301, 7.3.5",
+         (Abort.VALUE_RANGE,)),
+    Rule("extended-id", ERROR, "29 bits where the device takes 11", "the family", (Abort.VALUE_RANGE,)),
+    Rule("rtr-bit", ERROR, "bit 30 is against what the family wants", "the family", (Abort.VALUE_RANGE,)),
+    Rule("can-id-in-use", (Severity.ERROR, Severity.WARNING),
+         "the CAN-ID is SYNC or the node's EMCY (error); another node's EMCY, or TIME (warning)",
+         "CiA 301, 7.3.5; the node's 0x1005 and 0x1014"),
+    Rule("can-id-clash", ERROR, "another PDO of the node uses the CAN-ID, or a TPDO of another node of the session",
+         "ours"),
+    Rule("can-id-default", NOTE, "the CAN-ID is another PDO's default, or set at one that is off", "CiA 301, 7.3.5"),
+)  # fmt: skip
 
 #: First and last 11-bit CAN-ID of a range that CiA 301 restricts, with what it is for.
 RESTRICTED = (
@@ -59,6 +75,7 @@ def can_id_findings(proposal: Proposal) -> Iterator[Finding]:
         )
     yield from _service_clashes(proposal, place)
     yield from _pdo_clashes(proposal, place)
+    yield from _producer_clashes(proposal, place)
 
 
 def _flag_findings(proposal: Proposal, place: str) -> Iterator[Finding]:
@@ -116,9 +133,29 @@ def _pdo_clashes(proposal: Proposal, place: str) -> Iterator[Finding]:
         and owner[0] in proposal.others
         and (proposal.others[owner[0]].communication.cob_id.can_id == want.can_id)
     )
+    said = said or (owner is not None and any((one.pdo, one.node_id) == owner for one in _same_producers(proposal)))
     if owner and owner != (proposal.pdo, proposal.node_id) and not want.extended and not said:
         pdo, node_id = owner
         yield note("can-id-default", place, f"{want} is the default COB-ID of {pdo.label} of node {node_id}")
+
+
+def _producer_clashes(proposal: Proposal, place: str) -> Iterator[Finding]:
+    """Another node that sends the same CAN-ID: the frames of both would collide on the wire (CiA 301, 7.3.5)."""
+    for one in _same_producers(proposal):
+        yield error(
+            "can-id-clash",
+            place,
+            f"CAN-ID {one.cob_id} is already sent by {one.pdo.label} of node {one.node_id}",
+            hint=f"disable {one.node_id}:{one.pdo} first, take another CAN-ID, or --cob-id auto",
+        )
+
+
+def _same_producers(proposal: Proposal) -> list[Producer]:
+    want = proposal.want.communication.cob_id
+    if not proposal.pdo.is_tpdo:  # that a consumer waits for what another node sends is what PDOs are for
+        return []
+    identifier = (want.can_id, want.extended)
+    return [one for one in proposal.elsewhere() if (one.cob_id.can_id, one.cob_id.extended) == identifier]
 
 
 def default_owner(can_id: int) -> tuple[Pdo, int] | None:
@@ -135,10 +172,13 @@ def default_owner(can_id: int) -> tuple[Pdo, int] | None:
 def automatic_can_id(proposal: Proposal) -> int | None:
     """The CAN-ID that `auto` means: the pre-defined one for PDO 1..4, else the lowest free one, else None.
 
-    A pre-defined one that another PDO of the node uses is not free.
+    A pre-defined one that another PDO of the node uses is not free, nor, for a TPDO, one that another node sends.
     """
-    used = {config.communication.cob_id.can_id for config in proposal.others.values() if config.enabled}
-    used |= {proposal.sync_can_id, proposal.emcy_can_id or 0x080 + proposal.node_id}
+    used: set[int | None] = {
+        config.communication.cob_id.can_id for config in proposal.others.values() if config.enabled
+    }
+    used |= {one.cob_id.can_id for one in proposal.elsewhere()} if proposal.pdo.is_tpdo else set()
+    used |= {proposal.sync_can_id, proposal.emcy_can_id}  # where EMCY is by default, no PDO's default is
     default = proposal.pdo.default_can_id(proposal.node_id)
     if default is not None and default not in used:
         return default

@@ -5,8 +5,22 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from dvtcli.domain.abort import Abort
-from dvtcli.domain.profile import within
+from dvtcli.domain.profile import Severity, within
 from dvtcli.domain.rules.finding import Finding, Proposal, error, warning
+from dvtcli.domain.rules.rule import ERROR, WARNING, Rule
+
+RULES = (
+    Rule("parameter-exists", ERROR, "the PDO has no such parameter", "the device; the EDS", (Abort.NO_SUB_INDEX,)),
+    Rule("parameter-range", ERROR, "outside the limits of the device's file, of the family or of the object's size",
+         "CiA 301, 7.5.2.35; the EDS, LowLimit and HighLimit (CiA 306); the family",
+         (Abort.VALUE_HIGH, Abort.VALUE_LOW)),
+    Rule("parameter-static", ERROR, "the parameter is read-only", "the EDS, AccessType (CiA 306)", (Abort.READ_ONLY,)),
+    Rule("transmission-type", (Severity.ERROR, Severity.WARNING),
+         "a reserved type, or one that the family does not have (error); one with a meaning of its own (warning)",
+         "CiA 301, 7.5.2.35 and 7.5.2.37; the family", (Abort.VALUE_RANGE,)),
+    Rule("event-timer", WARNING, "the event timer has no effect with this type on this family", "the family"),
+)  # fmt: skip
+
 
 _NAMES = {1: "COB-ID", 2: "transmission type", 3: "inhibit time", 5: "event timer", 6: "SYNC start value"}
 _LARGEST = {2: 0xFF, 3: 0xFFFF, 5: 0xFFFF, 6: 0xFF}

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 
+from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.profile import DeviceProfile, Severity
@@ -27,12 +28,21 @@ class Finding:
 
 
 @dataclass(frozen=True, slots=True)
+class Producer:
+    """A TPDO that is enabled on another node than the one that is looked at."""
+
+    node_id: int
+    pdo: Pdo
+    cob_id: CobId
+
+
+@dataclass(frozen=True, slots=True)
 class Proposal:
     """One PDO as it is and as it is wanted, with everything the rules may look at.
 
     *others* are the node's other PDOs as they will be; *dictionary* is None without an EDS; *lengths* are
     object lengths in bits that were learnt by reading the device; *sync_can_id* and *emcy_can_id* are what
-    0x1005 and 0x1014 say, or the defaults.
+    0x1005 and 0x1014 say, or the defaults; *elsewhere* tells what the other known nodes send.
     """
 
     node_id: int
@@ -45,6 +55,7 @@ class Proposal:
     lengths: Mapping[tuple[int, int], int] = field(default_factory=dict)
     sync_can_id: int = 0x080
     emcy_can_id: int | None = None
+    elsewhere: Callable[[], Collection[Producer]] = tuple
 
     def name(self, index: int, sub_index: int) -> str:
         """The object with its name where one is known: `6041:00 "Statusword"`."""

@@ -8,6 +8,12 @@ from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.pdo import PdoConfig
 from dvtcli.domain.plan import PdoChange
 from dvtcli.domain.rules.finding import Finding, warning
+from dvtcli.domain.rules.rule import WARNING, Rule
+
+RULES = (
+    Rule("rpdo-producer", WARNING,
+         "no known node sends what an RPDO waits for, on a family that then reports a fault", "the family"),
+)  # fmt: skip
 
 
 def sent_by(pdos: Iterable[PdoConfig]) -> Iterator[tuple[int, bool]]:

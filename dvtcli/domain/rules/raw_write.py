@@ -13,7 +13,27 @@ from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
 from dvtcli.domain.rules.can_id import can_id_findings
 from dvtcli.domain.rules.communication import communication_findings
 from dvtcli.domain.rules.finding import Finding, Proposal, error
-from dvtcli.domain.rules.mapping import decimal_hint, mapping_findings
+from dvtcli.domain.rules.mappable import decimal_hint, mapping_findings
+from dvtcli.domain.rules.rule import ERROR, Rule
+
+_FROZEN_WHILE_VALID = "CiA 301, 7.5.2.35 to 7.5.2.38"
+RULES = (
+    Rule("access", ERROR, "`write` to a read-only object", "the EDS, AccessType (CiA 306)", (Abort.READ_ONLY,)),
+    Rule("length", ERROR, "`write` of another length than the object's",
+         "the EDS, DataType (CiA 306); for a PDO's parameters CiA 301, 7.5.2.35 to 7.5.2.38",
+         (Abort.TOO_LONG, Abort.TOO_SHORT)),
+    Rule("limits", ERROR, "`write` outside the object's limits", "the EDS, LowLimit and HighLimit (CiA 306)",
+         (Abort.VALUE_HIGH, Abort.VALUE_LOW)),
+    Rule("cob-id-while-valid", ERROR, "`write` to bits 0–30 of a COB-ID while the PDO is enabled",
+         _FROZEN_WHILE_VALID, (Abort.VALUE_RANGE,)),
+    Rule("frozen-while-valid", ERROR, "`write` to inhibit time or SYNC start value while the PDO is enabled",
+         _FROZEN_WHILE_VALID, (Abort.VALUE_RANGE,)),
+    Rule("mapping-while-valid", ERROR, "`write` to a mapping while the PDO is enabled",
+         _FROZEN_WHILE_VALID, (Abort.UNSUPPORTED_ACCESS,)),
+    Rule("entry-while-counted", ERROR, "`write` to an entry while the count is not 0",
+         _FROZEN_WHILE_VALID, (Abort.UNSUPPORTED_ACCESS,)),
+)  # fmt: skip
+
 
 _FIELDS = {2: "transmission_type", 3: "inhibit_time", 5: "event_timer", 6: "sync_start_value"}
 _SIZES = {0: 1, 1: 4, 2: 1, 3: 2, 4: 1, 5: 2, 6: 1}

@@ -1,0 +1,127 @@
+"""What nodes say about themselves: boot-ups, heartbeats, emergencies. Does not know how frames arrive."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from dvtcli.domain.nmt import NmtState
+from dvtcli.domain.ports import Frame
+
+HEARTBEAT = 0x700
+#: No node starts twice within this time, in seconds.
+TWICE_S = 1.0
+EMERGENCY = 0x080
+#: command specifiers that begin an SDO download: of 7 bytes at a time, of blocks
+_DOWNLOADS = (1, 6)
+
+
+@dataclass(frozen=True, slots=True)
+class BootUp:
+    """A node said that it has started (CiA 301, 7.2.8.3.3)."""
+
+    node_id: int
+    timestamp_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class StateChange:
+    """A node's heartbeat carries another state than before; *before* is None where none was known."""
+
+    node_id: int
+    before: NmtState | None
+    after: NmtState
+    timestamp_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Emergency:
+    """An emergency message: *code* (CiA 301, table 26), *register* (0x1001) and the maker's five bytes."""
+
+    node_id: int
+    code: int
+    register: int
+    manufacturer: bytes
+    timestamp_s: float = 0.0
+
+
+NodeEvent = BootUp | StateChange | Emergency
+
+
+class NodeWatch:
+    """Remembers what each node said last, and tells *listeners* as it is said."""
+
+    def __init__(self) -> None:
+        self.states: dict[int, NmtState] = {}
+        self.boot_ups: dict[int, int] = {}
+        #: when each node said boot-up last, and how often it did within TWICE_S of the time before
+        self._booted_s: dict[int, float] = {}
+        self.double_boot_ups: dict[int, int] = {}
+        #: downloads that another SDO client began since the node's last boot-up
+        self.downloads_of_others: dict[int, int] = {}
+        #: how often a node gave a sign of life (heartbeat or boot-up)
+        self.signs_of_life: dict[int, int] = {}
+        self.emergencies: dict[int, Emergency] = {}
+        self.listeners: list[Callable[[NodeEvent], None]] = []
+
+    def heartbeat(self, frame: Frame) -> bool:
+        """Take a heartbeat or boot-up message; whether it was one.
+
+        A node that says boot-up has entered PRE-OPERATIONAL (CiA 301, 7.2.8.3.3); bit 7 is node guarding's toggle bit.
+        """
+        node_id = frame.can_id - HEARTBEAT
+        if len(frame.data) != 1 or not 1 <= node_id <= 127:
+            return False
+        try:
+            state = NmtState(frame.data[0] & 0x7F)
+        except ValueError:
+            return False
+        self.signs_of_life[node_id] = self.signs_of_life.get(node_id, 0) + 1
+        if state is NmtState.INITIALISING:
+            self.boot_ups[node_id] = self.boot_ups.get(node_id, 0) + 1
+            self.downloads_of_others[node_id] = 0
+            self._count_double(node_id, frame.timestamp_s)
+            self._tell(BootUp(node_id, frame.timestamp_s))
+            state = NmtState.PRE_OPERATIONAL
+        before = self.states.get(node_id)
+        self.states[node_id] = state
+        if before is not state:
+            self._tell(StateChange(node_id, before, state, frame.timestamp_s))
+        return True
+
+    def request_of_another(self, frame: Frame) -> None:
+        """Take an SDO request that is not ours: it may write (CiA 301, 7.2.4.3), or not."""
+        node_id = frame.can_id & 0x7F
+        if frame.data and frame.data[0] >> 5 in _DOWNLOADS:
+            self.downloads_of_others[node_id] = self.downloads_of_others.get(node_id, 0) + 1
+
+    def _count_double(self, node_id: int, now_s: float) -> None:
+        """Not on a bus that gives no times: frames that were waiting would seem to come at once."""
+        before_s = self._booted_s.get(node_id)
+        if now_s and before_s is not None and 0 <= now_s - before_s < TWICE_S:
+            self.double_boot_ups[node_id] = self.double_boot_ups.get(node_id, 0) + 1
+        if now_s:
+            self._booted_s[node_id] = now_s
+
+    def emergency(self, frame: Frame) -> bool:
+        """Take an emergency message, also a shortened one; whether it was one."""
+        node_id = frame.can_id - EMERGENCY
+        if not 2 <= len(frame.data) <= 8 or not 1 <= node_id <= 127:
+            return False
+        data = frame.data.ljust(8, b"\0")
+        code = int.from_bytes(data[:2], "little")
+        said = Emergency(node_id, code, data[2], data[3:], frame.timestamp_s)
+        self.emergencies[node_id] = said
+        self._tell(said)
+        return True
+
+    def forget_state(self, node_id: int) -> None:
+        """A command was sent to *node_id* (0: to all): what it said before is no longer its state."""
+        if node_id == 0:
+            self.states.clear()
+        else:
+            self.states.pop(node_id, None)
+
+    def _tell(self, event: NodeEvent) -> None:
+        for listener in tuple(self.listeners):
+            listener(event)

@@ -1,0 +1,207 @@
+"""Opening a python-can bus, and saying in plain words why it did not open.
+
+Does not know what the bus is used for.
+"""
+
+from __future__ import annotations
+
+import errno
+import logging
+import select
+import socket
+from collections.abc import Callable, Mapping
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any
+
+import can
+from can import util
+
+from dvtcli.bus.python_can import CanBus
+from dvtcli.errors import BusUnavailable
+
+#: what python-can's drivers raise where a driver, a setting or a device is missing
+OPEN_FAILURES = (
+    can.CanError,
+    OSError,
+    ValueError,
+    TypeError,
+    KeyError,
+    AttributeError,
+    NameError,
+    ImportError,
+    NotImplementedError,
+    RuntimeError,
+)
+#: how long a socketcand server may take to accept (s); python-can itself would try for 10 s, in a busy loop
+PROBE_S = 1.0
+
+_DRIVER_PACKAGES = {
+    "slcan": "python-can[serial]",
+    "serial": "python-can[serial]",
+    "robotell": "python-can[serial]",
+    "seeedstudio": "python-can[seeedstudio]",
+    "gs_usb": "python-can[gs-usb]",
+    "canalystii": "python-can[canalystii]",
+    "cantact": "python-can[cantact]",
+    "neovi": "python-can[neovi]",
+    "udp_multicast": "python-can[multicast]",
+    "pcan": "python-can[pcan]",
+}
+#: interfaces that hand our own frames back only with receive_own_messages
+_NO_ECHO_UNASKED = frozenset({"socketcan", "virtual"})
+_NO_CHANNEL = "is the adapter plugged in, and the channel's name right? `dvtcli doctor` lists what is there"
+_NO_PERMISSION = "no permission: sudo usermod -aG dialout $USER, then log in again (`ls -l` shows the port's group)"
+_ERRNO_HINTS = {
+    errno.ENODEV: "no such channel: `ip -br link show type can` lists them",
+    errno.ENXIO: _NO_CHANNEL,
+    errno.ENOENT: _NO_CHANNEL,
+    errno.ENETDOWN: "it is down: sudo ip link set {channel} up type can bitrate 500000",
+    errno.EACCES: _NO_PERMISSION,
+    errno.EPERM: _NO_PERMISSION,
+    errno.EBUSY: "another program has opened it",
+    errno.EAFNOSUPPORT: "this system's kernel has no SocketCAN (sudo modprobe can_raw)",
+    errno.ECONNREFUSED: "nothing listens there: start the server first (`dvtcli sim NODE --listen HOST:PORT`)",
+    errno.ETIMEDOUT: "nothing answers there: is the host's name and port right?",
+}
+
+# python-can logs what it also raises; without a handler, logging would print that over our own message.
+for _logger in ("can", "seeedbus"):
+    logging.getLogger(_logger).addHandler(logging.NullHandler())
+
+
+def open_bus(
+    interface: str | None,
+    channel: str | None,
+    bitrate: int | None,
+    extra: Mapping[str, object],
+    *,
+    timeout_s: float,
+    retries: int,
+) -> CanBus:
+    """Open a bus (see `dvtcli.bus.open_canbus`); raises BusUnavailable."""
+    given = {key: value for key, value in _given(interface, channel, bitrate, extra).items() if value is not None}
+    config = given
+    try:
+        config = _completed(given)
+        if config["interface"] == "socketcand":
+            _probe(config)
+        options: dict[str, Any] = {**config, "ignore_config": True}
+        bus = can.Bus(**options)
+    except OPEN_FAILURES as error:
+        raise _unavailable(config, error) from error
+    opened = CanBus(
+        bus,
+        _name(config),
+        timeout_s=timeout_s,
+        retries=retries,
+        bitrate=_bitrate(config),
+        hung_up=_hung_up(bus),
+    )
+    if config["interface"] in _NO_ECHO_UNASKED and not config.get("receive_own_messages"):
+        opened.echoes.rule_out()
+    return opened
+
+
+def _given(
+    interface: str | None, channel: str | None, bitrate: int | None, extra: Mapping[str, object]
+) -> dict[str, object]:
+    typed = {key: util.cast_from_string(value) if isinstance(value, str) else value for key, value in extra.items()}
+    return {**typed, "interface": interface, "channel": channel, "bitrate": bitrate}
+
+
+def _completed(given: dict[str, object]) -> dict[str, object]:
+    """*given* and what python-can's files and environment add, unless that is for another interface."""
+    asked = given.get("interface")
+    configured = {**util.load_file_config(), **util.load_environment_config(), **can.rc}
+    if asked is not None and configured.get("interface", asked) != asked:
+        if asked not in can.VALID_INTERFACES:
+            raise can.CanInterfaceNotImplementedError(f'Unknown interface type "{asked}"')
+        return dict(given)
+    config: dict[str, object] = dict(util.load_config(config=dict(given)))
+    if "receive_own_messages" not in given:
+        config.pop("receive_own_messages", None)  # a file's setting for other programs: our own frames are no answers
+    return config
+
+
+def library_settings() -> dict[str, tuple[object, str]]:
+    """What python-can's files and environment say, by key, each with where it stands."""
+    files = ", ".join(path for path in util.CONFIG_FILES if Path(path).expanduser().is_file())
+    found: dict[str, tuple[object, str]] = {key: (value, files) for key, value in util.load_file_config().items()}
+    found |= {key: (value, f"CAN_{key.upper()}") for key, value in util.load_environment_config().items()}
+    return found | {key: (value, "can.rc") for key, value in can.rc.items()}
+
+
+def _probe(config: Mapping[str, object]) -> None:
+    """Raise OSError where no server listens."""
+    port = config.get("port")
+    if not isinstance(port, int) or "host" not in config:
+        raise ValueError("socketcand needs host=… and port=…")
+    socket.create_connection((str(config["host"]), port), timeout=PROBE_S).close()
+
+
+def _hung_up(bus: can.BusABC) -> Callable[[], bool]:
+    """Whether a socketcand server closed *bus*: python-can's driver takes that for a silent bus, in a busy loop."""
+    link = getattr(bus, "_SocketCanDaemonBus__socket", None)  # it has no other name: neither fileno() nor a property
+    if not isinstance(link, socket.socket):
+        return lambda: False
+    return lambda: bool(select.select([link], [], [], 0)[0]) and not link.recv(1, socket.MSG_PEEK)
+
+
+def _name(config: Mapping[str, object]) -> str:
+    where = config.get("channel")
+    if "host" in config:
+        where = f"{config['host']}:{config.get('port')}"
+    return f"{config['interface']}:{where}" if where is not None else str(config["interface"])
+
+
+def _bitrate(config: Mapping[str, object]) -> int | None:
+    """The bit rate in bit/s that was asked for, None where the interface was set up by somebody else."""
+    try:
+        rate = int(str(config.get("bitrate")))
+    except ValueError:
+        return None
+    return rate if rate > 0 else None
+
+
+def _unavailable(config: Mapping[str, object], error: Exception) -> BusUnavailable:
+    if config.get("interface") is None:
+        return BusUnavailable(
+            "no CAN interface is configured",
+            hint="give -i/--interface and -c/--channel, or --sim generic for a simulated node",
+        )
+    why = str(error) or type(error).__name__
+    return BusUnavailable(f"cannot open {_name(config)}", why=why, hint=_hint(config, error))
+
+
+def _hint(config: Mapping[str, object], error: Exception) -> str:
+    interface, channel = str(config["interface"]), config.get("channel")
+    if interface not in can.VALID_INTERFACES:
+        near = get_close_matches(interface, can.VALID_INTERFACES, n=3) or sorted(can.VALID_INTERFACES)
+        return f"known interfaces: {', '.join(near)}"
+    number = errno.ETIMEDOUT if isinstance(error, TimeoutError) else _errno_of(error)
+    if number in _ERRNO_HINTS:
+        return _ERRNO_HINTS[number].format(channel=channel)
+    if isinstance(error, ImportError | can.CanInterfaceNotImplementedError):
+        package = _DRIVER_PACKAGES.get(interface)
+        return f"its driver is missing: pip install '{package}'" if package else "is the maker's driver installed?"
+    return _setting_hint(interface, channel, error)
+
+
+def _setting_hint(interface: str, channel: object, error: Exception) -> str:
+    if interface == "socketcand":
+        return "for example -i socketcand -c can0 --bus-kwargs host=127.0.0.1 --bus-kwargs port=29536"
+    if channel is None:
+        return "which channel? give -c/--channel"
+    if isinstance(error, TypeError):
+        return "a setting is missing or unknown: --bus-kwargs key=value, see python-can's page of this interface"
+    return f"is the maker's driver installed? {_NO_CHANNEL}"
+
+
+def _errno_of(error: BaseException | None) -> int | None:
+    """The operating system's number of *error* or of what caused it."""
+    while error is not None:
+        if isinstance(error, OSError) and error.errno is not None:
+            return error.errno
+        error = error.__cause__ or error.__context__
+    return None

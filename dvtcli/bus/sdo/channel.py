@@ -1,0 +1,67 @@
+"""One node's dictionary over its default SDO channel, for any number of threads.
+
+Does not know how an answer is checked (see sdo_client), nor what an object means.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import TypeVar
+
+from canopen.sdo.exceptions import SdoError
+
+from dvtcli.bus.sdo.client import StrictSdoClient
+from dvtcli.bus.sdo.link import DroppedAnswers
+from dvtcli.errors import BusUnavailable, NoAnswer, SdoProtocolError
+
+T = TypeVar("T")
+
+
+class SdoChannel:
+    """The SdoTransport of one node: one transfer at a time, other threads wait for their turn."""
+
+    def __init__(self, client: StrictSdoClient) -> None:
+        self._client = client
+        self._turn = threading.Lock()
+
+    @property
+    def dropped(self) -> DroppedAnswers:
+        """How many answers of this node did not count, and signs of another SDO client."""
+        return self._client.dropped
+
+    def upload(
+        self, index: int, sub_index: int, *, timeout_s: float | None = None, retries: int | None = None
+    ) -> bytes:
+        """Read an object, exactly as the device sends it, expedited or in segments.
+
+        *timeout_s* for each answer and *retries* override the bus's. Raises SdoAborted, NoAnswer, SdoProtocolError,
+        BusUnavailable.
+        """
+        with self._turn:
+            return self._run(lambda: self._client.upload(index, sub_index), timeout_s, retries)
+
+    def download(self, index: int, sub_index: int, data: bytes, *, timeout_s: float | None = None) -> None:
+        """Write an object; a request is never repeated, since the device may have taken it.
+
+        *timeout_s* for each answer overrides the bus's (a store takes seconds). Raises SdoAborted; and NoAnswer,
+        SdoProtocolError, BusUnavailable with the state "unknown" once the request was sent.
+        """
+        with self._turn:
+            try:
+                self._run(lambda: self._client.download(index, sub_index, data), timeout_s, 0)
+            except (NoAnswer, SdoProtocolError, BusUnavailable) as error:
+                if self._client.requested:
+                    error.state = "unknown"
+                raise
+
+    def _run(self, transfer: Callable[[], T], timeout_s: float | None, retries: int | None) -> T:
+        client = self._client
+        client.requested = False
+        client.timeout_s = client.settings.timeout_s if timeout_s is None else timeout_s
+        client.retries = client.settings.retries if retries is None else retries
+        try:
+            return transfer()
+        except SdoError as error:  # canopen's own checks, behind ours
+            text = f"node {client.node_id} breaks the SDO protocol (0x{client.place})"
+            raise SdoProtocolError(text, node=client.node_id, place=client.place, why=str(error)) from error

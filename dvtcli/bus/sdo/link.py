@@ -1,0 +1,68 @@
+"""What an SDO client and a bus need to know of each other. Does not import a CAN library."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from queue import SimpleQueue
+from typing import Protocol
+
+from dvtcli.bus.receiver import Wake
+
+#: CAN-IDs of the default SDO channel, to which the node-ID is added (CiA 301, 7.3.5)
+REQUEST_ID = 0x600
+ANSWER_ID = 0x580
+
+Inbox = SimpleQueue[bytes | Wake]
+
+
+class SdoLink(Protocol):
+    """What a client needs of a bus."""
+
+    def send_sdo(self, can_id: int, data: bytes) -> None:
+        """Send one SDO frame; raises BusUnavailable."""
+        ...
+
+    def take(self, inbox: Inbox, deadline_s: float) -> bytes | None:
+        """Wait for an answer in *inbox* until *deadline_s* (as `now_s` tells)."""
+        ...
+
+    def now_s(self) -> float:
+        """The time that deadlines are measured in, in seconds."""
+        ...
+
+    def drain(self) -> None:
+        """Deliver what has already arrived."""
+        ...
+
+
+@dataclass(slots=True)
+class DroppedAnswers:
+    """How many answers of a node did not count.
+
+    *stale*: late, or a second one to the same request; *foreign*: for an object that was not asked for, or with a
+    29-bit CAN-ID; *malformed*: not 8 bytes, or no such command specifier; *doubled*: those of *stale* that are not
+    late; *other_client*: signs that somebody else uses the node's SDO channel (requests that are not ours, and answers
+    for objects that were not asked for).
+    """
+
+    stale: int = 0
+    foreign: int = 0
+    malformed: int = 0
+    doubled: int = 0
+    other_client: int = 0
+
+    @property
+    def total(self) -> int:
+        """All answers that were dropped."""
+        return self.stale + self.foreign + self.malformed
+
+    def __str__(self) -> str:
+        return f"{self.stale} stale, {self.foreign} foreign, {self.malformed} malformed"
+
+
+@dataclass(slots=True)
+class SdoSettings:
+    """*timeout_s* for each answer, and how often (0..) a read's first request is repeated after it."""
+
+    timeout_s: float = 0.5
+    retries: int = 1

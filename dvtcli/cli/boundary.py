@@ -1,0 +1,132 @@
+"""Where every failure ends: as a message and an exit code. Nothing else in the house calls `sys.exit`."""
+
+from __future__ import annotations
+
+import errno
+import os
+import sys
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from dvtcli.cli.view.streams import ReaderLeft, is_abandoned, silence
+from dvtcli.device.change.cancellation import INTERRUPTED
+from dvtcli.domain.several import several
+from dvtcli.errors import DvtcliError, UsageError
+
+if TYPE_CHECKING:
+    from dvtcli.operations.session import Session
+
+BUG = 70
+#: The variable by which a shell asks for completion.
+COMPLETING = "_DVTCLI_COMPLETE"
+#: What a signal ends with: SIGHUP, SIGINT, SIGTERM.
+SIGNALLED = frozenset({129, 130, 143})
+
+
+class Bug(DvtcliError):
+    """A fault in dvtcli itself."""
+
+    exit_code = BUG
+    slug = "bug"
+
+
+class ResultsLost(DvtcliError):
+    """What a command answered cannot be written where it should go; what it did before is done."""
+
+    slug = "results_lost"
+
+
+#: What only writing ends with: a full disk, a file that may not grow, a terminal that went away.
+_NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO})
+
+
+def guarded(session: Session, run: Callable[[], Any]) -> int:
+    """Run something; its result's exit code, or that of the error, which is shown."""
+    try:
+        result = run()
+    except BaseException as raised:  # noqa: BLE001 - the one boundary
+        with session.cancellation.guard():
+            return _ended(session, raised)
+    finally:
+        with session.cancellation.guard():
+            session.settle()
+    return result if isinstance(result, int) else 0
+
+
+def _ended(session: Session, raised: BaseException) -> int:
+    """The exit code of what was *raised*, which is shown."""
+    match raised:
+        case click.exceptions.Exit():
+            return raised.exit_code
+        case DvtcliError():
+            return _shown(session, raised)
+        case click.ClickException():
+            return _shown(session, usage_error(raised))
+        case KeyboardInterrupt() | click.Abort():
+            return _stopped(session)
+        case ReaderLeft():
+            return 0
+        case BrokenPipeError() | SystemExit() if _only_the_reader_left(raised):
+            silence(sys.stdout)
+            return 0
+        case OSError() if raised.errno in _NO_ROOM:
+            return _lost(session, raised)
+        case _:
+            return _shown(session, _bug(raised))
+
+
+def _shown(session: Session, error: DvtcliError) -> int:
+    error.stays = session.staying()
+    try:
+        session.output.error(error, session.place)
+    except OSError:  # stdout takes no documents
+        session.output.error(error, session.place, readable=True)
+    return error.exit_code
+
+
+def _stopped(session: Session) -> int:
+    """Say that a signal ended it, and what a script leaves changed."""
+    code, staying = session.cancellation.exit_code, session.staying()
+    left = f": what {several(staying)} changed stays" if staying else ""
+    session.output.lines([("interrupted" if code == INTERRUPTED else "terminated") + left])
+    return code
+
+
+def _only_the_reader_left(raised: BrokenPipeError | SystemExit) -> bool:
+    """Whether nothing but a pipe on stdout ended it, or click, which ends completion so; else it was a driver."""
+    if isinstance(raised, SystemExit):
+        return COMPLETING in os.environ
+    return is_abandoned(sys.stdout)
+
+
+def usage_error(wrong: click.ClickException) -> UsageError:
+    """A click usage error in our own form, with the command's grammar as the hint."""
+    ctx = getattr(wrong, "ctx", None)
+    hint = None
+    if ctx is not None and ctx.command.name != "dvtcli":
+        usage = " ".join(ctx.command.collect_usage_pieces(ctx)).replace("[OPTIONS] ", "")
+        hint = f"{ctx.info_name} {usage}; help {ctx.info_name}"
+    return UsageError(" ".join(wrong.format_message().split()), hint=hint)
+
+
+def _lost(session: Session, failed: OSError) -> int:
+    """Say on stderr that results are lost, also where they are documents: stdout takes no more."""
+    silence(sys.stdout)
+    lost = ResultsLost(f"the results cannot be written: {failed.strerror}", state="unknown")
+    lost.stays = session.staying()
+    session.output.error(lost, session.place, readable=True)
+    return lost.exit_code
+
+
+def _bug(bug: BaseException) -> Bug:
+    """*bug* as an error of ours, with its traceback in a file, where there is room for one."""
+    from dvtcli.cli.crash import keep
+
+    text = f"a bug in dvtcli: {type(bug).__name__}: {bug}"
+    try:
+        hint = f"please report it with {keep(bug)}"
+    except OSError as failed:
+        hint = f"please report it; its traceback cannot be kept: {failed.strerror}"
+    return Bug(text, hint=hint, state="unknown")

@@ -1,0 +1,80 @@
+"""A command as every line has it: click's, with the global options, negative numbers, and an answer that is shown.
+
+Knows no command, and not where lines come from.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from dvtcli.operations.options import NEGATIVE_MARK, global_options, one_pair_each, taken
+from dvtcli.operations.settings import GOES_ON
+
+if TYPE_CHECKING:
+    from dvtcli.operations.results import Result
+    from dvtcli.operations.session import Session
+
+
+#: What `exit` answers, so that whoever reads lines stops; never an exit code of the process.
+LEAVE = -1
+_NEGATIVE = re.compile(r"-(?:\d|0x|\.\d).*", re.IGNORECASE)
+
+
+class DvtCommand(click.Command):
+    """A command that also takes the global options, and negative numbers as values."""
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self.params.extend(global_options(hidden=True))
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Parse *args*, with `-1500` and `-0x10` as values."""
+        one_pair_each(args)
+        marked = [NEGATIVE_MARK + arg if _NEGATIVE.fullmatch(arg) else arg for arg in args]
+        try:
+            return super().parse_args(ctx, marked)
+        except click.BadParameter as wrong:  # click's own types quote what was typed, with the mark
+            said = wrong.message.replace(repr(NEGATIVE_MARK)[1:-1], "").replace(NEGATIVE_MARK, "")
+            if said == wrong.message:
+                raise
+            raise click.BadParameter(said, wrong.ctx, wrong.param, wrong.param_hint) from wrong
+
+    def format_epilog(self, _ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Name the global options that a line may have, once."""
+        formatter.write_paragraph()
+        formatter.write_text("Also: --dry-run --json --force --yes --timeout S -q -v (help options)")
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run the command with its line's own global options in force."""
+        session: Session = ctx.obj
+        with session.line(taken(ctx.params)):
+            if ctx.command.name not in GOES_ON:
+                session.require_settings()
+            for text in _notation_notes(ctx.params.values()):
+                session.output.note(text)
+            return _deliver(session, super().invoke(ctx))
+
+
+def _notation_notes(values: Iterable[Any]) -> Iterator[str]:
+    """What to say of the way some words were written."""
+    for value in values:
+        if isinstance(value, tuple):
+            yield from _notation_notes(value)
+        elif note := getattr(value, "notation_note", None):
+            yield note
+
+
+def _deliver(session: Session, result: Any) -> Any:
+    """Show what a command answered; an int is an exit code, None says nothing."""
+    if result is None or isinstance(result, int):
+        return result
+    session.output.result(result)
+    return _code(result)
+
+
+def _code(result: Result) -> int:
+    return result.exit_code

@@ -1,0 +1,53 @@
+"""Click types of the commands that watch and record: times, lists of nodes, filters."""
+
+from __future__ import annotations
+
+import click
+
+from dvtcli.cli.params import NODE_ID, CanopenType
+
+
+class SecondsType(CanopenType):
+    """A time in seconds, more than 0 and at most *most*."""
+
+    name = "s"
+
+    def __init__(self, most: float = 1e6) -> None:
+        self.most = most
+
+    def parse(self, text: str, ctx: click.Context | None) -> float:
+        """The time; ValueError where it is no number or out of range."""
+        try:
+            value = float(text)
+        except ValueError:
+            raise ValueError(f"{text!r} is not a time in seconds") from None
+        if not 0 < value <= self.most:
+            raise ValueError(f"{text} s is not within 0…{self.most:g} s")
+        return value
+
+
+class NodesType(CanopenType):
+    """Node-IDs with commas between them: `1,5`."""
+
+    name = "nodes"
+
+    def parse(self, text: str, ctx: click.Context | None) -> tuple[int, ...]:
+        """The node-IDs, in their order; ValueError where one is outside 1…127."""
+        return tuple(dict.fromkeys(NODE_ID.parse(word.strip(), ctx) for word in text.split(",")))
+
+
+class CanFilterType(CanopenType):
+    """`ID:MASK` in hexadecimal, as python-can's tools take it: frames whose CAN-ID equals ID in the bits of MASK."""
+
+    name = "filter"
+
+    def parse(self, text: str, ctx: click.Context | None) -> tuple[int, int]:
+        """CAN-ID and mask; without `:MASK` all bits count."""
+        head, colon, tail = text.partition(":")
+        try:
+            can_id, mask = int(head, 16), int(tail, 16) if colon else 0x1FFF_FFFF
+        except ValueError:
+            raise ValueError(f"{text!r} is not ID:MASK in hexadecimal, such as 180:780") from None
+        if not (0 <= can_id <= 0x1FFF_FFFF and 0 <= mask <= 0x1FFF_FFFF):
+            raise ValueError(f"{text}: a CAN-ID has at most 29 bits")
+        return can_id, mask

@@ -1,0 +1,64 @@
+"""Where a passcode comes from: the environment, the settings file, or a question without echo.
+
+Never from a command line, which shells and process lists show. Keeps it nowhere.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.datatypes import parse_number
+from dvtcli.errors import SafetyRefusal, UsageError
+
+if TYPE_CHECKING:
+    from dvtcli.operations.session import Session
+
+VARIABLE = "DVTCLI_PASSCODE"
+_SOURCES = f"{VARIABLE} in the environment, or `passcode` in your config.toml (`doctor` says where)"
+
+
+def passcode(session: Session, node_id: int, level: int) -> int:
+    """The passcode (0..0xFFFF) for *level* of a node; SafetyRefusal where nobody can be asked for it."""
+    if session.dry_run:
+        return 1  # a twin believes any, and none is spent on it
+    if given := os.environ.get(VARIABLE):
+        return _number(given, f"{VARIABLE} in the environment")
+    if (kept := session.settings.passcode) is not None:
+        return _number(kept, "`passcode` in your config.toml")
+    if session.in_script or not (sys.stdin.isatty() and sys.stderr.isatty()):
+        raise SafetyRefusal(
+            f"nobody can be asked for the passcode of node {node_id}", node=node_id, hint=f"give it as {_SOURCES}"
+        )
+    return _number(_asked(session, f"passcode of node {node_id} for level {level}: ", node_id), "the passcode")
+
+
+def _asked(session: Session, question: str, node_id: int) -> str:
+    import warnings
+    from getpass import GetPassWarning, getpass
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", GetPassWarning)
+        try:
+            return getpass(question, session.output.stderr)
+        except KeyboardInterrupt:
+            session.output.stderr.write("\n")  # what is said next begins a line
+            raise
+        except (GetPassWarning, EOFError) as failed:
+            session.output.stderr.write("\n")
+            why = None if isinstance(failed, EOFError) else "this terminal cannot hide what is typed"
+            raise SafetyRefusal(
+                "not logged in: no passcode was given", node=node_id, why=why, hint=f"type it, or give it as {_SOURCES}"
+            ) from None
+
+
+def _number(text: str, where: str) -> int:
+    """The number that *text* is; what was typed is not repeated, since it may be nearly right."""
+    try:
+        value = parse_number(text.strip())
+    except ValueError:
+        value = -1
+    if not 0 < value <= 0xFFFF:
+        raise UsageError(f"{where}: a passcode is a number 1…65535, decimal or 0x… in hexadecimal") from None
+    return value

@@ -1,0 +1,44 @@
+"""Print the script that makes a shell complete dvtcli's words."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.registry import REGISTRY
+
+if TYPE_CHECKING:
+    from dvtcli.operations.results import Facts
+
+_SHELLS = ("bash", "zsh", "fish", "powershell")
+#: A colon is a letter of an object (6C01:01), which bash would take for the end of a word.
+_BASH_WORDS = "COMP_WORDBREAKS=${COMP_WORDBREAKS//:}"
+
+
+@click.command("completion", cls=DvtCommand, short_help=__doc__)
+@click.argument("shell", type=click.Choice(_SHELLS), metavar="|".join(_SHELLS))
+def command(shell: str) -> Facts:
+    """Print a script for SHELL; read at its start, Tab completes commands, options, PDOs and objects.
+
+    Objects come from `--eds` or `--sim` on the line, or from dvtcli.toml; no bus is opened.
+
+    \b
+    completion bash          ~/.bashrc: eval "$(dvtcli completion bash)"
+    completion zsh           ~/.zshrc: eval "$(dvtcli completion zsh)"
+    completion fish          ~/.config/fish/config.fish: dvtcli completion fish | source
+    completion powershell    $PROFILE: dvtcli completion powershell | Out-String | Invoke-Expression
+    """
+    from click.shell_completion import get_completion_class
+
+    from dvtcli.operations.results import Facts
+
+    found = get_completion_class(shell)
+    if found is None:
+        from importlib.metadata import version
+
+        raise click.UsageError(f"click {version('click')} completes in no {shell}; newer ones do: pip install -U click")
+    script = found(REGISTRY, {}, "dvtcli", "_DVTCLI_COMPLETE").source()
+    lines = [*script.splitlines(), *([_BASH_WORDS] if shell == "bash" else [])]
+    return Facts("completion", (("shell", shell), ("script", "\n".join(lines))), tuple(lines))

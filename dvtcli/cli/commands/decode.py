@@ -1,0 +1,56 @@
+"""Show a recorded log file decoded: as lines, as documents, or as CSV with one column a signal."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.params import FILE, TEXT
+from dvtcli.operations.recorded import decoding_options
+
+if TYPE_CHECKING:
+    from dvtcli.operations.session import Session
+
+
+@click.command("decode", cls=DvtCommand, short_help=__doc__)
+@click.argument("file", type=FILE)
+@decoding_options
+@click.option("--filter", "wanted", type=TEXT, metavar="TEXT", help="Only frames and signals with TEXT in their names.")
+@click.option("--csv", "as_csv", is_flag=True, help="As CSV: a row for each decoded frame, a column for each signal.")
+@click.pass_obj
+def command(
+    session: Session, /, file: str, dbc: str | None, nodes: tuple[int, ...] | None, wanted: str | None, as_csv: bool
+) -> None:
+    """Decode FILE (.asc .blf .log .trc .mf4): by --dbc, by the mapping in --eds, or by what the nodes hold now.
+
+    Without any of these, frames are named by the pre-defined connection set and stay bytes. --json gives one
+    dvtcli.frame/1 document a frame.
+
+    \b
+    decode run.log
+    decode run.asc --dbc drive.dbc --csv
+    decode run.blf --nodes 1,5 --filter velocity
+    """
+    from dvtcli.files.recording import check_readable, read_recording
+    from dvtcli.operations.frame_answer import frame_seen
+    from dvtcli.operations.recorded import decoder_for
+
+    path = Path(file)
+    check_readable(path)
+    decoder = decoder_for(session, nodes, dbc)
+    text = (wanted or "").lower()
+    seen = (frame_seen(frame, decoder) for frame in read_recording(path))
+    fitting = (one for one in seen if one.matches(text))
+    if not as_csv:
+        session.output.stream(fitting)
+        return
+    from dvtcli.watch.table import write_csv
+
+    if not len(decoder):
+        raise click.UsageError("--csv needs a mapping: give --dbc, --eds, -n or --sim")
+    table = write_csv(session.output.stdout, (one.frame for one in fitting), decoder)
+    if table.other:
+        session.output.note(f"{table.other} frames without known signals were left out")

@@ -1,0 +1,34 @@
+"""Disable PDOs: set bit 31 of their COB-IDs; the mapping stays."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import click
+
+from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.params import PDO, NodePdo
+from dvtcli.operations.switch import switch
+
+if TYPE_CHECKING:
+    from dvtcli.domain.pdo import PdoConfig
+    from dvtcli.operations.results import Changed
+    from dvtcli.operations.session import Session
+
+
+@click.command("disable", cls=DvtCommand, short_help=__doc__)
+@click.argument("pdos", type=PDO, nargs=-1, required=True, metavar="PDO...")
+@click.pass_obj
+def command(session: Session, /, pdos: tuple[NodePdo, ...]) -> Changed:
+    """Disable each PDO and leave its mapping alone.
+
+    \b
+    disable rpdo1
+    """
+    return switch(session, pdos, _disabled)
+
+
+def _disabled(now: PdoConfig) -> PdoConfig:
+    parameter = now.communication
+    return replace(now, communication=replace(parameter, cob_id=parameter.cob_id.disabled()))

@@ -1,0 +1,17 @@
+"""Leave the prompt, or end a script here."""
+
+from __future__ import annotations
+
+import click
+
+from dvtcli.cli.command import LEAVE, DvtCommand
+
+
+@click.command("exit", cls=DvtCommand, short_help=__doc__)
+def command() -> int:
+    """Leave the prompt, or end a script here.
+
+    \b
+    exit
+    """
+    return LEAVE

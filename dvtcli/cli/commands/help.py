@@ -1,0 +1,79 @@
+"""Show all commands by task, one command with its examples, or a topic."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+from click.shell_completion import CompletionItem
+
+from dvtcli.cli.catalogue import command_names, summary, unknown_command
+from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.params import TextType
+from dvtcli.cli.registry import REGISTRY
+
+if TYPE_CHECKING:
+    from dvtcli.operations.results import Facts
+
+
+class Subject(TextType):
+    """The name of a command or of a topic."""
+
+    name = "subject"
+
+    def shell_complete(self, _ctx: click.Context, _param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        """Commands with what they do, then topics with what they are about."""
+        from dvtcli.cli.help.guide import topic, topic_names
+
+        rows = [(name, summary(name)) for name in command_names()]
+        rows += [(name, topic(name).splitlines()[0]) for name in topic_names()]
+        return [CompletionItem(name, help=text) for name, text in rows if name.startswith(incomplete.lower())]
+
+
+@click.command("help", cls=DvtCommand, short_help=__doc__)
+@click.argument("name", type=Subject(), required=False, metavar="[COMMAND|TOPIC]")
+@click.option("--all", "everything", is_flag=True, help="What each command does, and the global options.")
+@click.option("--man", "manual_page", is_flag=True, help="The manual page in roff: help --man > dvtcli.1")
+@click.pass_context
+def command(ctx: click.Context, /, name: str | None, everything: bool, manual_page: bool) -> Facts:
+    """Show all commands by task, or COMMAND with its options and examples, or a TOPIC.
+
+    \b
+    help
+    help map
+    help objects
+    help --all
+    help --man
+    """
+    from dvtcli.operations.results import Facts
+
+    if manual_page:
+        from dvtcli import __version__
+        from dvtcli.cli.commands._manual import manual
+
+        page = manual(__version__)
+        return Facts("help", (("text", "\n".join(page)),), tuple(page))
+    text = _subject(ctx, name.lower()) if name is not None else _general(ctx, everything=everything)
+    return Facts("help", (("text", text),), tuple(text.splitlines()))
+
+
+def _general(ctx: click.Context, *, everything: bool) -> str:
+    from dvtcli.cli.help.guide import overview
+
+    root = click.Context(REGISTRY, info_name="dvtcli")
+    return REGISTRY.get_help(root) if everything else "\n".join(overview(ctx.obj.settings.aliases))
+
+
+def _subject(ctx: click.Context, name: str) -> str:
+    """The help of a command, the text of a topic, or what an alias stands for; a command wins."""
+    from dvtcli.cli.help.guide import topic, topic_names
+
+    found = REGISTRY.get_command(click.Context(REGISTRY, info_name="dvtcli"), name)
+    if found is not None:
+        return found.get_help(click.Context(found, info_name=name))
+    if name in topic_names():
+        return topic(name)
+    aliases = {word.lower(): text for word, text in ctx.obj.settings.aliases.items()}
+    if name in aliases:
+        return f"{name}  at the prompt, an alias of: {aliases[name]}"
+    raise click.UsageError(unknown_command(name, topic_names()), ctx)

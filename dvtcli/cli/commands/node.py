@@ -1,0 +1,33 @@
+"""Show what a node says of itself; at the prompt and in scripts `node ID` also selects it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.params import NODE_ID
+
+if TYPE_CHECKING:
+    from dvtcli.operations.results import NodeListing
+    from dvtcli.operations.session import Session
+
+
+@click.command("node", cls=DvtCommand, short_help=__doc__)
+@click.argument("node_id", type=NODE_ID, required=False, metavar="[ID]")
+@click.pass_obj
+def command(session: Session, /, node_id: int | None) -> NodeListing:
+    """Identify a node, and select it for the lines that follow.
+
+    \b
+    node
+    node 5
+    """
+    from dvtcli.operations.identify import identify
+    from dvtcli.operations.results import NodeListing
+
+    row = identify(session.node(node_id))
+    if node_id is not None:
+        session.selected = node_id
+    return NodeListing(session.bus.name, (row,), detail=True)

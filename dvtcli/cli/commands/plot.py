@@ -1,0 +1,91 @@
+"""Draw signals of a recorded log file: on the terminal, or as a picture."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.params import FILE, TEXT
+from dvtcli.operations.recorded import decoding_options
+
+if TYPE_CHECKING:
+    from dvtcli.operations.results import Plotted, PlottedSignal
+    from dvtcli.operations.session import Session
+    from dvtcli.watch.tracks import Track
+
+#: a graph's most columns, fewest and most lines
+_WIDTH, _LEAST, _MOST = 200, 8, 24
+
+
+@click.command("plot", cls=DvtCommand, short_help=__doc__)
+@click.argument("file", type=FILE)
+@click.argument("signals", nargs=-1, required=True, type=TEXT, metavar="SIGNAL…")
+@decoding_options
+@click.option("-o", "--output", type=FILE, metavar="FILE", help="A picture: .png .svg .pdf (needs matplotlib).")
+@click.pass_obj
+def command(
+    session: Session,
+    /,
+    file: str,
+    signals: tuple[str, ...],
+    dbc: str | None,
+    nodes: tuple[int, ...] | None,
+    output: str | None,
+) -> Plotted:
+    """Draw each SIGNAL (a name or an object) of FILE over time; decoded as `decode` does it.
+
+    \b
+    plot run.log velocity_actual_value 6041
+    plot run.asc Speed --dbc drive.dbc -o speed.png
+    """
+    from dvtcli.errors import UsageError
+    from dvtcli.files.recording import check_readable, read_recording
+    from dvtcli.operations.recorded import decoder_for
+    from dvtcli.operations.results import Plotted
+    from dvtcli.watch.tracks import fill, find_tracks
+
+    check_readable(Path(file))
+    if output is not None:
+        _check_output(session, Path(output))
+    decoder = decoder_for(session, nodes, dbc)
+    tracks = find_tracks(signals, decoder)
+    span_s = fill(tracks, read_recording(Path(file)), decoder)
+    found = [track for track in tracks.values() if track.values]
+    if not found:
+        names = ", ".join(track.name for track in tracks.values())
+        raise UsageError(f"{file} has no sample of {names}", hint="decode shows what is in it")
+    if output is not None:
+        from dvtcli.cli.monitor.chart import draw_chart
+
+        draw_chart(Path(output), found, span_s[0])
+    shown = tuple(_drawn(session, track, span_s, len(found), picture=output is not None) for track in found)
+    return Plotted(file, shown, span_s[1] - span_s[0], output)
+
+
+def _check_output(session: Session, path: Path) -> None:
+    from dvtcli.cli.monitor.chart import check_chart
+
+    check_chart(path)
+    if os.path.exists(path):  # noqa: PTH110 - Path.exists raises OSError for a name that is too long
+        session.consent(f"{path} exists; overwrite it?")
+
+
+def _drawn(session: Session, track: Track, span_s: tuple[float, float], count: int, *, picture: bool) -> PlottedSignal:
+    """The signal with its graph, sized so that *count* of them fit the terminal."""
+    from dvtcli.cli.monitor.graph import graph
+    from dvtcli.operations.results import PlottedSignal
+
+    size = shutil.get_terminal_size((80, 24))
+    height = max(_LEAST, min(_MOST, (size.lines - 2) // count - 1))
+    wide = min(_WIDTH, size.columns)
+    ends = "0 s", f"{span_s[1] - span_s[0]:.2f} s"
+    plain = session.output.plain
+    drawing = () if picture else tuple(graph(track.points(), wide, height, span_s, ends=ends, plain=plain))
+    low, high = min(track.values), max(track.values)
+    signal = track.signal
+    return PlottedSignal(track.name, signal.object, signal.unit, len(track.values), low, high, drawing)

@@ -1,0 +1,35 @@
+"""Read an object by SDO upload and decode it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.params import OBJECT, DataTypeParam, ObjectWord
+
+if TYPE_CHECKING:
+    from dvtcli.domain.datatypes import DataType
+    from dvtcli.operations.results import ValueRead
+    from dvtcli.operations.session import Session
+
+
+@click.command("read", cls=DvtCommand, short_help=__doc__)
+@click.argument("object_", type=OBJECT, metavar="OBJECT")
+@click.option("--as", "data_type", type=DataTypeParam(), metavar="TYPE", help="Decode as u8…u64, i8…i64, r32, vs, …")
+@click.pass_obj
+def command(session: Session, /, object_: ObjectWord, data_type: DataType | None) -> ValueRead:
+    """Read OBJECT.
+
+    \b
+    read 6041
+    read 6C01:1
+    read statusword
+    read 1018:1 --as u32
+    """
+    from dvtcli.operations.object_values import value_result
+
+    node = session.node()
+    index, sub_index = object_.resolve(node)
+    return value_result(node, index, sub_index, node.upload(index, sub_index), data_type)

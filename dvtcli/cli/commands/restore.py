@@ -1,0 +1,29 @@
+"""Restore the node's defaults (0x1011 "load")."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from dvtcli.cli.command import DvtCommand
+from dvtcli.operations.store_restore import StoreGroup, restore_defaults
+
+if TYPE_CHECKING:
+    from dvtcli.operations.results import Stored
+    from dvtcli.operations.session import Session
+
+
+@click.command("restore", cls=DvtCommand, short_help=__doc__)
+@click.argument("group", type=StoreGroup(), required=False, metavar="[all|communication|application|N]")
+@click.option("--prove", is_flag=True, help="Reset the node at once, and see whether it has its defaults.")
+@click.pass_obj
+def command(session: Session, /, group: int | None, prove: bool) -> Stored:
+    """Bring the node's defaults back; they come with the next reset.
+
+    \b
+    restore
+    restore communication
+    restore --prove
+    """
+    return restore_defaults(session, session.node(), group, prove=prove)

@@ -1,0 +1,77 @@
+"""Run a script: every line is parsed before the first one runs."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.params import FILE, CanopenType
+
+if TYPE_CHECKING:
+    from dvtcli.operations.session import Session
+
+
+class SecondsType(CanopenType):
+    """A time in seconds, 0.1…86400."""
+
+    name = "seconds"
+
+    def parse(self, text: str, ctx: click.Context | None) -> float:
+        """The seconds; ValueError outside the range."""
+        del ctx
+        try:
+            seconds = float(text)
+        except ValueError:
+            raise ValueError(f"{text!r} is no number of seconds") from None
+        if not 0.1 <= seconds <= 86_400:
+            raise ValueError(f"{text}: a script may compute for 0.1…86400 s")
+        return seconds
+
+
+@click.command("run", cls=DvtCommand, short_help=__doc__)
+@click.argument("file", type=FILE)
+@click.option("--keep-going", is_flag=True, help="Run on after a failing line; end with the first failure's code.")
+@click.option("--atomic", is_flag=True, help="A failing line takes back all lines before it, over all nodes.")
+@click.option(
+    "--max-seconds", "most_seconds", type=SecondsType(), metavar="S", help="How long a Tcl script may compute [600 s]."
+)
+@click.pass_obj
+def command(session: Session, /, file: str, keep_going: bool, atomic: bool, most_seconds: float | None) -> int:
+    """Run the commands in FILE, or of stdin with `-`; a FILE.tcl is a Tcl script with the DVT's words (help dvt).
+
+    \b
+    run scripts/pdo_config.dvt
+    run setup.dvt --dry-run
+    run setup.dvt --atomic
+    run scripts/pdo_config.tcl
+    """
+    return run_file(session, file, keep_going=keep_going, atomic=atomic, most_seconds=most_seconds)
+
+
+def run_file(
+    session: Session, file: str, *, keep_going: bool = False, atomic: bool = False, most_seconds: float | None = None
+) -> int:
+    """Run the script *file*, stdin with `-`; the exit code. UsageError where it cannot be read."""
+    from dvtcli.cli.script import MOST_BYTES, run_script
+    from dvtcli.errors import UsageError
+
+    if file == "-":
+        return run_script(
+            session, sys.stdin.buffer.read(MOST_BYTES + 1), "<stdin>", keep_going=keep_going, atomic=atomic
+        )
+    try:
+        with Path(file).open("rb") as script:
+            data = script.read(MOST_BYTES + 1)
+    except OSError as failed:
+        raise UsageError(f"{file}: {failed.strerror}", place=file, hint="run takes the path of a script") from failed
+    if file.lower().endswith(".tcl"):
+        from dvtcli.cli.dvt.tcl import run_tcl
+
+        if atomic:
+            raise UsageError("--atomic is for .dvt scripts: what a Tcl script does is not known before it runs")
+        return run_tcl(session, data, file, keep_going=keep_going, most_seconds=most_seconds)
+    return run_script(session, data, file, keep_going=keep_going, atomic=atomic)

@@ -1,0 +1,35 @@
+"""Set communication parameters of a PDO: COB-ID, transmission type, inhibit time, event timer."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.commands._pdo_options import pdo_options, request
+from dvtcli.cli.params import PDO, NodePdo
+from dvtcli.domain.request import PdoRequest, wanted_config
+from dvtcli.operations.change import configure, made
+
+if TYPE_CHECKING:
+    from dvtcli.operations.results import Changed
+    from dvtcli.operations.session import Session
+
+
+@click.command("set", cls=DvtCommand, short_help=__doc__)
+@click.argument("pdo", type=PDO)
+@pdo_options
+@click.pass_obj
+def command(session: Session, /, pdo: NodePdo, **options: Any) -> Changed:
+    """Set communication parameters of PDO and leave its mapping alone.
+
+    \b
+    set tpdo1 --timer 100             one write, the PDO stays enabled
+    set tpdo2 --cob-id 0x201 --sync 1
+    """
+    asked = request(options, enabled=None)
+    if asked == PdoRequest():
+        raise click.UsageError("nothing to set: give an option such as --type, --timer or --cob-id")
+    node = session.node(pdo.node_id)
+    return configure(session, node, {pdo.pdo: made(pdo.pdo, lambda proposal: wanted_config(asked, proposal))})

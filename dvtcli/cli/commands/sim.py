@@ -1,0 +1,117 @@
+"""Serve simulated nodes to other programs: on a socketcand port, or on a bus."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+from click.core import ParameterSource
+
+from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.params import FILE, TEXT
+from dvtcli.errors import UsageError
+from dvtcli.operations.options import PREFIX
+
+if TYPE_CHECKING:
+    from dvtcli.operations.results import Facts
+    from dvtcli.operations.serve import Serving
+    from dvtcli.operations.session import Session
+
+#: more nodes than these are counted, not named
+_NAMED = 8
+
+
+@click.command("sim", cls=DvtCommand, short_help=__doc__)
+@click.argument("nodes", nargs=-1, required=True, metavar="NODE…")
+@click.option(
+    "--listen", type=TEXT, metavar="HOST:PORT", help="Where to listen [127.0.0.1:29536]; port 0 is a free one."
+)
+@click.option("--state", type=FILE, metavar="DIR", help="Folder that keeps what nodes store (0x1010) for the next sim.")
+@click.option(
+    "--latency",
+    type=TEXT,
+    multiple=True,
+    metavar="[NODE:]MS",
+    help="Time an SDO server takes to answer [0]; repeatable.",
+)
+@click.option("--ready-file", type=FILE, metavar="FILE", help="Written with HOST:PORT once clients can come.")
+@click.pass_context
+def command(
+    ctx: click.Context,
+    nodes: tuple[str, ...],
+    listen: str | None,
+    state: str | None,
+    latency: tuple[str, ...],
+    ready_file: str | None,
+) -> None:
+    """Serve each NODE (a family or an EDS/DCF file, @ID sets its node-ID, @255 leaves it to LSS) until Ctrl-C.
+
+    Every program that speaks socketcand attaches: dvtcli, python-can, ... With -i/-c the nodes join that bus instead,
+    or besides with --listen. With -b frames take the time that their bits need at that bit rate.
+
+    \b
+    sim gen4@1
+    sim gen4@1 tmcm@5 --listen 127.0.0.1:0 --state kept
+    sim gen4@1 tmcm@5 -b 125000 --latency 2 --latency 5:20
+    sim gen4 --signal "606C=sine(1500,2s)"
+    sim gen4 -i socketcan -c vcan0
+    """
+    from dvtcli.operations.serve import DEFAULT_PORT, LOOPBACK, Wanted, address, latency_of
+
+    session: Session = ctx.obj
+    if _typed(ctx, "sim"):
+        raise UsageError("--sim is a node in this process; nodes to serve stand behind sim", hint="sim gen4@1")
+    join = any(_typed(ctx, name) for name in ("bus", "interface", "channel"))
+    where = address(listen) if listen is not None else None if join else (LOOPBACK, DEFAULT_PORT)
+    kept = None if state is None else Path(state)
+    wanted = Wanted(nodes, where, join, kept, tuple(map(latency_of, latency)))
+    ready = None if ready_file is None else Path(ready_file)
+    try:
+        with session.serving(wanted) as served:
+            _say_ready(ready, served, where)
+            session.output.result(_facts(served, where[0] if where else LOOPBACK))
+            served.server.run()
+    finally:
+        if ready is not None:
+            ready.unlink(missing_ok=True)
+
+
+def _typed(ctx: click.Context, name: str) -> bool:
+    """Whether a global option was typed: a bus of a settings file is not joined by a `sim` that does not name it."""
+    contexts = [ctx] if ctx.parent is None else [ctx, ctx.parent]
+    return any(one.get_parameter_source(PREFIX + name) is ParameterSource.COMMANDLINE for one in contexts)
+
+
+def _say_ready(ready: Path | None, served: Serving, where: tuple[str, int] | None) -> None:
+    if ready is None:
+        return
+    draft = ready.with_name(f"{ready.name}.new")
+    try:
+        draft.write_text(f"{where[0]}:{served.port}\n" if where else f"{served.joined}\n", encoding="utf-8")
+        draft.replace(ready)
+    except OSError as failed:
+        raise UsageError(f"--ready-file {ready}: {failed.strerror}") from failed
+
+
+def _facts(served: Serving, host: str) -> Facts:
+    from dvtcli.operations.results import Facts
+
+    names = [one.label for one in served.nodes]
+    more = f", and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+    who = ", ".join(names[:_NAMED]) + more
+    places, attach = [], ""
+    if served.port is not None:
+        places.append(f"listening on {f'[{host}]' if ':' in host else host}:{served.port}")
+        attach = f"dvtcli -i socketcand -c can0 --bus-kwargs host={host} --bus-kwargs port={served.port}"
+    if served.joined is not None:
+        places.append(f"on {served.joined}")
+    rows = (
+        ("host", host if served.port is not None else None),
+        ("port", served.port),
+        ("bus", served.joined),
+        ("nodes", [one.node_id for one in served.nodes]),
+    )
+    here = f"{' and '.join(places)}: {who}"
+    # in a line of its own and a terminal's width it can be copied
+    return Facts("sim", rows, (f"{here}; attach with", attach) if attach else (here,))

@@ -1,0 +1,57 @@
+"""Store what the node holds, so that it survives a power cycle (0x1010 "save")."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.params import NumberType
+from dvtcli.errors import UsageError
+from dvtcli.operations.store_restore import POWER_CYCLE_S, ProofWay, StoreGroup, store_settings, way_and_group
+
+if TYPE_CHECKING:
+    from dvtcli.operations.results import Stored
+    from dvtcli.operations.session import Session
+
+
+@click.command("store", cls=DvtCommand, short_help=__doc__)
+@click.argument("group", type=StoreGroup(), required=False, metavar="[all|communication|application|N]")
+@click.option(
+    "--prove",
+    type=ProofWay(),
+    is_flag=False,
+    flag_value="reset",
+    metavar="[power]",
+    help="Reset the node and see what it kept; `power`: wait until you have switched it off and on.",
+)
+@click.option(
+    "--within",
+    "limit_s",
+    type=NumberType(1, 3600, "a time in s"),
+    metavar="S",
+    help="How long `--prove power` waits for the power cycle [60].",
+)
+@click.option("--if-changed", is_flag=True, help="Not if the node holds what it came up with, and nobody wrote since.")
+@click.pass_obj
+def command(
+    session: Session, /, group: int | None, prove: str | int | None, limit_s: int | None, if_changed: bool
+) -> Stored:
+    """Store the node's settings.
+
+    \b
+    store
+    store communication
+    store --prove            reset the node, and see what it kept
+    store --prove power      the same with a power cycle, by your hand
+    store --if-changed       in scripts: spares the EEPROM
+    """
+    way, group = way_and_group(prove, group)
+    if limit_s is not None and way != "power":
+        raise UsageError("--within belongs to --prove power")
+    if if_changed and way is not None:
+        raise UsageError("--if-changed may store nothing, which --prove could not prove: give one of them")
+    return store_settings(
+        session, session.node(), group, prove=way, if_changed=if_changed, wait_s=limit_s or POWER_CYCLE_S
+    )

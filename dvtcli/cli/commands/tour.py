@@ -1,0 +1,89 @@
+"""Take a guided tour on a simulated node: each step is explained, and really run."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING
+
+import click
+
+from dvtcli.cli.command import LEAVE, DvtCommand
+from dvtcli.cli.lexer import split
+from dvtcli.cli.run_line import boundary, run_words
+
+if TYPE_CHECKING:
+    from dvtcli.cli.commands._tour_steps import Step
+    from dvtcli.operations.session import Session
+
+#: the family of the node that the tour shows
+_SHOWN = "generic"
+_LEAVING = ("exit", "quit", "q")
+
+
+@click.command("tour", cls=DvtCommand, short_help=__doc__)
+@click.pass_obj
+def command(session: Session, /) -> int:
+    """Explain dvtcli in a few steps on a simulated node of its own; no hardware is used.
+
+    At a terminal Enter runs the line that is shown, anything else that is typed runs too, and Ctrl-C, Ctrl-D or `exit`
+    leaves. Without a terminal all of it is printed.
+
+    \b
+    tour
+    """
+    from dvtcli.cli.commands._tour_steps import STEPS
+    from dvtcli.operations.session import Session
+
+    guide = Session(session.output)
+    guide.start({"sim": (_SHOWN,), "color": session.base.color, "ascii": session.base.ascii})
+    guide.started = True
+    asks = sys.stdin.isatty() and sys.stderr.isatty() and not session.in_script
+    try:
+        for number, step in enumerate(STEPS, 1):
+            _say(guide, "", f"{number}/{len(STEPS)}  {step.text}")
+            if not (_guided(guide, step) if asks else _shown(guide, step)):
+                break
+        else:
+            _say(guide, "", "That was the tour. `help` has all commands; `dvtcli --sim generic` is a node for them.")
+    except KeyboardInterrupt:
+        _say(guide, "", "The tour ends here.")
+    finally:
+        guide.close()
+    return 0
+
+
+def _guided(guide: Session, step: Step) -> bool:
+    """Let the user run the step's line, and others before it; False where the user leaves."""
+    while True:
+        _say(guide, f"  Enter runs:  {step.line}")
+        guide.output.stderr.write("tour> ")
+        guide.output.stderr.flush()
+        typed = sys.stdin.readline()
+        line = typed.strip()
+        if not typed or line in _LEAVING:
+            return False
+        code = _run(guide, line or step.line)
+        if code == LEAVE:
+            return False
+        if not line or (line == step.line and code == step.code):
+            return True
+
+
+def _shown(guide: Session, step: Step) -> bool:
+    """Print the step's line and run it; AssertionError where it ends with another code than the tour says."""
+    guide.output.stdout.flush()
+    _say(guide, f"tour> {step.line}")
+    code = _run(guide, step.line)
+    assert code == step.code, step.line  # noqa: S101 - the tour is wrong then, and says so as a bug
+    return True
+
+
+def _run(guide: Session, line: str) -> int:
+    """Run one line as the prompt does."""
+    code = boundary(guide, lambda: run_words(split(line), guide) if split(line) else 0)
+    return boundary(guide, lambda: guide.end_line(code)) or code
+
+
+def _say(guide: Session, *lines: str) -> None:
+    guide.output.stdout.flush()
+    guide.output.lines([part for line in lines for part in line.split("\n")])

@@ -1,0 +1,37 @@
+"""What is kept of a bug in dvtcli: its traceback, in a file that the user alone can read.
+
+Does not know how an error is shown.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import traceback
+from datetime import UTC, datetime
+from pathlib import Path
+
+from dvtcli.device.trust import private_folder
+from dvtcli.errors import SafetyRefusal
+
+
+def keep(bug: BaseException) -> str:
+    """Write the traceback of *bug* into `crash/` of the state folder, else the system's folder; the file's path."""
+    import platformdirs
+
+    state = Path(platformdirs.user_state_dir("dvtcli"))
+    try:
+        private_folder(state)
+        private_folder(state / "crash")
+        return _written(bug, state / "crash")
+    except (OSError, SafetyRefusal):  # a state folder that cannot be used must not hide what went wrong
+        return _written(bug, None)
+
+
+def _written(bug: BaseException, folder: Path | None) -> str:
+    """Write into a new file of *folder*, which nothing can stand in the way of: its name is nobody's to foresee."""
+    stamp = datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
+    descriptor, path = tempfile.mkstemp(prefix=f"dvtcli-crash-{stamp}-", suffix=".txt", dir=folder)  # 0600
+    with os.fdopen(descriptor, "w", encoding="utf-8") as file:
+        traceback.print_exception(bug, file=file)
+    return path

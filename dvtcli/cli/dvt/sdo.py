@@ -1,0 +1,52 @@
+"""`sdo_rnx`, `sdo_rn`, `sdo_wnx`, `sdo_wn`: one SDO each. A write goes through the rules of `write`."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING
+
+from dvtcli.cli.dvt.answers import Done
+from dvtcli.device.store_parameters import SIGNATURES
+from dvtcli.operations.change import changed
+from dvtcli.operations.object_values import value_result
+
+if TYPE_CHECKING:
+    from dvtcli.operations.session import Session
+
+#: Longer values are no numbers: they are answered byte by byte, in the order of the wire.
+_MOST_NUMBER_BYTES = 8
+
+
+def read_hex(session: Session, node_id: int, index: int, sub_index: int) -> Done:
+    """An object as `0x…`, two digits a byte."""
+    data = session.node(node_id).upload(index, sub_index)
+    return Done(_hex(data))
+
+
+def read_decimal(session: Session, node_id: int, index: int, sub_index: int) -> Done:
+    """An object in decimal; signed where the node's file says that it is signed, text where it is text."""
+    node = session.node(node_id)
+    value = value_result(node, index, sub_index, node.upload(index, sub_index), None).value
+    if isinstance(value, bytes):
+        return Done(value.hex(" ").upper())
+    return Done(str(int(value) if isinstance(value, bool) else value))
+
+
+def write(session: Session, node_id: int, index: int, sub_index: int, data: bytes) -> Done:
+    """Write *data* as `write` does: checked, journalled, read back, and put back where it does not read back."""
+    node = session.node(node_id)
+    if index in SIGNATURES:
+        from dvtcli.cli.commands.write import signature
+
+        signature(session, node, index, sub_index, f"0x{int.from_bytes(data, 'little'):x}")
+        return Done()
+    started = time.monotonic()
+    applied = node.write(index, sub_index, data, force=session.options.force)
+    changed(session, node, applied, time.monotonic() - started)
+    return Done(findings=applied.findings)
+
+
+def _hex(data: bytes) -> str:
+    if len(data) > _MOST_NUMBER_BYTES:
+        return data.hex(" ").upper()
+    return f"0x{data[::-1].hex().upper()}"

@@ -1,0 +1,84 @@
+"""The DVT's words as click commands, made from the one table. Does not know what the words do."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.dvt.answers import answer
+from dvtcli.cli.dvt.words import WORDS, Word
+from dvtcli.cli.params import FILE, TEXT, CanopenType, TextType
+from dvtcli.cli.run_line import parse
+
+if TYPE_CHECKING:
+    from click.shell_completion import CompletionItem
+
+    from dvtcli.operations.session import Session
+
+
+class NodeText(TextType):
+    """A node-ID as it is typed; completes the nodes that are known."""
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        """The node-IDs of the session's nodes; touches no bus."""
+        from click.shell_completion import CompletionItem as Item
+
+        del param
+        session: Session | None = ctx.find_root().obj
+        known = session.known_ids() if session is not None else []
+        return [Item(str(node_id)) for node_id in known if str(node_id).startswith(incomplete)]
+
+
+class WordCommand(DvtCommand):
+    """One word: its arguments are read together, since a value's width may stand behind it."""
+
+    def __init__(self, word: Word) -> None:
+        self.word = word
+        kinds: dict[str, CanopenType] = {"NODE": NodeText(), "FILE": FILE}
+        params: list[click.Parameter] = [
+            click.Argument(
+                [f"dvt_{number}"], type=kinds.get(one.name, TEXT), required=one.required, metavar=one.shown
+            )
+            for number, one in enumerate(word.arguments)
+        ]  # fmt: skip
+        text = f"{word.summary[0].upper()}{word.summary[1:]}. The modern form: {word.modern}. More: help dvt."
+        super().__init__(word.name, params=params, callback=click.pass_obj(self._run), help=text)
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Parse *args* and read them by the word's own rules."""
+        rest = super().parse_args(ctx, args)
+        texts = [ctx.params.pop(key) for key in sorted(key for key in ctx.params if key.startswith("dvt_"))]
+        if ctx.resilient_parsing:
+            return rest
+        try:
+            ctx.params["values"] = self.word.bind([text for text in texts if text is not None])
+        except ValueError as wrong:
+            raise click.UsageError(f"{self.word.name}: {wrong}", ctx) from wrong
+        return rest
+
+    def _run(self, session: Session, /, values: list[Any]) -> Any:
+        if self.word.name == "source":
+            from dvtcli.cli.commands.run import run_file
+
+            return run_file(session, values[0])
+        return answer(self.word, session, values)
+
+
+def word_command(name: str) -> WordCommand | None:
+    """The word *name* as a click command, or None."""
+    word = WORDS.get(name)
+    return None if word is None else WordCommand(word)
+
+
+def arguments(line: Sequence[str], session: Session) -> list[str]:
+    """The texts on a command's *line* that are no global options; none where it cannot be parsed, and so not run."""
+    try:
+        ctx = parse(line, session)
+    except (click.ClickException, click.exceptions.Exit):
+        return []
+    own = [ctx.params[param.name] for param in ctx.command.params if param.name and not getattr(param, "hidden", False)]
+    texts = [text for value in own for text in (value if isinstance(value, tuple) else (value,))]
+    return [text for text in texts if isinstance(text, str)]

@@ -1,0 +1,51 @@
+"""The program: argv in, exit code out."""
+
+from __future__ import annotations
+
+import os
+import sys
+from typing import Any
+
+from dvtcli.cli.boundary import COMPLETING
+from dvtcli.cli.command import LEAVE
+from dvtcli.cli.registry import REGISTRY
+from dvtcli.cli.run_line import boundary
+from dvtcli.cli.view.output import Output
+from dvtcli.operations.session import Session
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run dvtcli with *argv* (default: the process's own) and return its exit code."""
+    session = Session(Output(), on_open=lambda: _catch_signals(session))
+    words = sys.argv[1:] if argv is None else argv
+    if "--json" in words:  # also for errors that are found before the option is read
+        session.start({"format": "json"})
+
+    def run() -> Any:
+        given: dict[str, Any] = {"obj": session}
+        if COMPLETING in os.environ:  # a shell asks: click answers, and ends the program
+            return REGISTRY.main(words, prog_name="dvtcli", standalone_mode=False, **given)
+        # not by click's own `main`: that writes to a stderr that may be gone when it hears a Ctrl-C, and takes any
+        # broken pipe, a driver's too, for the program's end
+        with REGISTRY.make_context("dvtcli", list(words), **given) as ctx:
+            return REGISTRY.invoke(ctx)
+
+    code = boundary(session, run)
+    code = 0 if code == LEAVE else code
+    settling = boundary(session, lambda: session.end_line(code, alone=not session.started))
+    closing = boundary(session, lambda: _closed(session))
+    session.cancellation.hold()  # what comes now comes too late to be answered
+    if code == 0 and session.cancellation.requested:
+        session.output.note("it was complete when the signal came; what it did stays")
+    return code or settling or closing
+
+
+def _catch_signals(session: Session) -> None:
+    from dvtcli.cli.stop_signals import catch_signals
+
+    catch_signals(session.cancellation)
+
+
+def _closed(session: Session) -> None:
+    with session.cancellation.guard():
+        session.close()

@@ -1,0 +1,213 @@
+"""The monitor's picture: what a store knows, as lines for a screen of a given size.
+
+Pure. Does not know the terminal, the keys or the bus.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from datetime import datetime
+
+from dvtcli.cli.monitor.graph import graph
+from dvtcli.cli.view.frame_lines import shown_value
+from dvtcli.cli.view.lines import Cell
+from dvtcli.cli.view.safe import safe
+from dvtcli.domain.drive_state import STATUSWORD, drive_state
+from dvtcli.watch.decoder import Signal
+from dvtcli.watch.seen import Event, FrameStore, Row
+from dvtcli.watch.statistics import Course, spark
+
+TABLE, RAW, GRAPH = "table", "raw", "graph"
+#: a change is bright for this long (s)
+FRESH_S = 0.5
+#: events that are shown, at most
+EVENTS = 4
+#: points of a sparkline, and the time that a graph shows (s)
+SPARK, GRAPH_S = 10, 60.0
+_LEVELS, _PLAIN_LEVELS = "▁▂▃▄▅▆▇█", "_.-=+*#@"
+
+Lines = list[list[Cell]]
+
+
+@dataclass(slots=True)
+class View:
+    """How the user looks at it: *mode*, the *filter* (being typed while *typing*), and the *chosen* signal's number."""
+
+    mode: str = TABLE
+    filter: str = ""
+    typing: bool = False
+    paused: bool = False
+    chosen: int = 0
+    plain: bool = False
+    changes: bool = False
+    #: the first line of the body that is shown
+    top: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """What the picture is of: bus *name*, seconds since the start, frames *dropped*, and the time (s since 1970)."""
+
+    name: str
+    running_s: float
+    dropped: int
+    now_s: float
+
+
+def picture(store: FrameStore, view: View, moment: Moment, width: int, height: int) -> Lines:
+    """The whole screen: header, body, events, keys; *height* lines (3 and more) of at most *width* columns."""
+    events = [_event_line(event) for event in list(store.events)[-EVENTS:]]
+    events = events[len(events) - min(len(events), max(0, height // 4)) :]
+    room = max(0, height - 2 - len(events))
+    body = _graph(store, view, moment, width, room) if view.mode == GRAPH else _table(store, view, moment, width, room)
+    body += [[] for _ in range(room - len(body))]
+    lines = [_header(store, view, moment), *body[:room], *events, _keys(view)]
+    return [_cut(line, width) for line in lines]
+
+
+def chosen_signals(store: FrameStore, view: View) -> list[tuple[Row, Signal, Course]]:
+    """The signals that the filter shows, in the order of the screen."""
+    return [
+        (row, signal, course)
+        for row in store.sorted_rows()
+        for signal, course in _shown(row, view.filter.lower())
+        if row.service.kind != "sdo"
+    ]
+
+
+def _shown(row: Row, wanted: str) -> list[tuple[Signal, Course]]:
+    """The signals of *row* that the filter lets through: all where the frame's own name fits."""
+    pairs = list(zip(row.layout.signals, row.courses, strict=True))
+    if wanted in _title(row).lower():
+        return pairs
+    return [pair for pair in pairs if wanted in f"{pair[0].key} {pair[0].object}".lower()]
+
+
+def _title(row: Row) -> str:
+    node = f" node {row.service.node}" if row.service.node else ""
+    return f"0x{row.can_id:0{8 if row.extended else 3}X} {row.service.label}{node}"
+
+
+def _header(store: FrameStore, view: View, moment: Moment) -> list[Cell]:
+    clock = f"{int(moment.running_s) // 3600:02}:{int(moment.running_s) // 60 % 60:02}:{int(moment.running_s) % 60:02}"
+    cells = [Cell("MONITOR ", "bold"), Cell(f"{moment.name}  {clock}  {store.frames} frames  ")]
+    cells.append(Cell(f"{moment.dropped} dropped", "red" if moment.dropped else "dim"))
+    if store.unlisted:
+        cells.append(Cell(f"  {store.unlisted} of more CAN-IDs", "yellow"))
+    if view.paused:
+        cells.append(Cell("  PAUSED", "yellow"))
+    if view.filter and not view.typing:
+        cells.append(Cell(f"  filter: {view.filter}", "cyan"))
+    return cells
+
+
+def _keys(view: View) -> list[Cell]:
+    if view.typing:
+        return [Cell("filter: ", "cyan"), Cell(f"{view.filter}_"), Cell("   Enter keep  Esc clear", "dim")]
+    keys = [("p", "go on" if view.paused else "pause"), ("f", "filter"), ("r", "raw"), ("g", "graph")]
+    keys += [("↑↓", "choose"), ("c", "clear min/max"), ("q", "quit")]
+    return [cell for key, what in keys for cell in (Cell(f" {key}", "bold"), Cell(f" {what} "))]
+
+
+def _event_line(event: Event) -> list[Cell]:
+    at = datetime.fromtimestamp(event.time_s).strftime("%H:%M:%S.%f")[:-3]
+    style = "red" if event.bad else ""
+    return [Cell("! " if event.bad else "  ", style), Cell(f"{at}  ", "dim"), Cell(event.text, style)]
+
+
+def _table(store: FrameStore, view: View, moment: Moment, width: int, room: int) -> Lines:
+    lines: Lines = []
+    wanted = view.filter.lower()
+    number, at_chosen = 0, 0
+    for row in store.sorted_rows():
+        signals = _shown(row, wanted)
+        if not signals and wanted not in _title(row).lower():
+            continue
+        lines.append(_row_line(row, moment))
+        for signal, course in signals:
+            chosen = number == view.chosen
+            at_chosen = len(lines) if chosen else at_chosen
+            if view.mode == TABLE:
+                lines.append(_signal_line(signal, course, view, moment, width, chosen=chosen))
+            number += 1
+    view.top = _scrolled(view.top, at_chosen, len(lines), room)
+    return lines[view.top :] or [[Cell("  nothing yet" if not store.rows else "  nothing fits the filter", "dim")]]
+
+
+def _scrolled(top: int, chosen: int, count: int, room: int) -> int:
+    """The first line to show, so that the chosen one (with its frame's line above) is on the screen."""
+    top = min(top, max(0, count - room))
+    if chosen - 1 < top:
+        return max(0, chosen - 1)
+    return max(top, chosen - room + 1)
+
+
+def _row_line(row: Row, moment: Moment) -> list[Cell]:
+    rate = row.rhythm.rate_hz(moment.now_s)
+    jitter = row.rhythm.jitter_s()
+    text = "" if rate is None else f"{rate:.1f} Hz"
+    spread = "" if jitter is None or not rate else f"±{1000 * jitter:.1f} ms"
+    silent = Cell(f"{text:>10}", "yellow" if rate == 0 else "")
+    return [Cell(f"{_title(row):<22}", "bold"), silent, Cell(f" {spread:>9}  ", "dim"), *_bytes(row, moment)]
+
+
+def _bytes(row: Row, moment: Moment) -> Iterator[Cell]:
+    if row.remote:
+        yield Cell("remote request", "dim")
+        return
+    for byte, changed_s in zip(row.data, row.changed_s, strict=True):
+        yield Cell(f"{byte:02X} ", "yellow" if moment.now_s - changed_s < FRESH_S else "")
+
+
+def _signal_line(signal: Signal, course: Course, view: View, moment: Moment, width: int, *, chosen: bool) -> list[Cell]:
+    name_width = max(10, min(40, width - 58))
+    name = safe(signal.name)
+    name = name if len(name) <= name_width else name[: name_width - 1] + "…"
+    fresh = moment.now_s - course.changed_s < FRESH_S
+    value, about = _value_and_more(signal, course)
+    levels = _PLAIN_LEVELS if view.plain else _LEVELS
+    drawn = spark([point.last for point in list(course.points)[-SPARK:]], levels)
+    return [
+        Cell("  > " if chosen else "    ", "cyan"),
+        Cell(f"{signal.object:<7}  {name:<{name_width}} "),
+        Cell(f"{value:>13}  ", "yellow" if fresh else ""),
+        Cell(f"{drawn:<{SPARK}}  ", "green"),
+        Cell(about, "dim"),
+    ]
+
+
+def _value_and_more(signal: Signal, course: Course) -> tuple[str, str]:
+    """A signal's value with its unit, and its lowest and highest one; a statusword in hex, and what it says."""
+    if signal.object == STATUSWORD and isinstance(course.last, int):
+        return f"0x{course.last:04X}", drive_state(course.last)
+    spread = "" if course.low is None else f"{shown_value(course.low)} .. {shown_value(course.high)}"
+    return f"{shown_value(course.last)} {signal.unit}".rstrip(), spread
+
+
+def _graph(store: FrameStore, view: View, moment: Moment, width: int, room: int) -> Lines:
+    signals = chosen_signals(store, view)
+    if not signals:
+        return [[Cell("  no signal to draw: nothing decoded yet, or nothing fits the filter", "dim")]]
+    row, signal, course = signals[min(view.chosen, len(signals) - 1)]
+    title = f"{_title(row)}  {signal.object}  {signal.name}".rstrip()
+    now = f"  {shown_value(course.last)} {signal.unit}".rstrip()
+    if course.low is None:
+        return [[Cell(title, "bold"), Cell(now)], [Cell("  no number came yet", "dim")]]
+    span_s = (moment.now_s - GRAPH_S, moment.now_s)
+    ends = f"-{GRAPH_S:g} s", "now"
+    drawn = graph(list(course.points), width, max(4, room - 1), span_s, ends=ends, plain=view.plain)
+    spread = f"   {shown_value(course.low)} .. {shown_value(course.high)}"
+    return [[Cell(title, "bold"), Cell(now, "yellow"), Cell(spread, "dim")], *([Cell(line)] for line in drawn)]
+
+
+def _cut(line: list[Cell], width: int) -> list[Cell]:
+    """*line* made safe and no wider than *width* columns."""
+    cells: list[Cell] = []
+    left = width
+    for cell in line:
+        text = safe(cell.text)[:left]
+        left -= len(text)
+        if text:
+            cells.append(Cell(text, cell.style))
+    return cells

@@ -1,0 +1,125 @@
+"""The menu under the line: click's own completion of the command that is typed, with descriptions.
+
+Knows click's public completion interface and prompt_toolkit's. Never touches a bus: a key was only pressed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING
+
+import click
+from click.shell_completion import CompletionItem, ShellComplete
+from prompt_toolkit.completion import CompleteEvent, Completer, Completion, PathCompleter
+from prompt_toolkit.document import Document
+
+from dvtcli.cli.catalogue import command_names, summary
+from dvtcli.cli.dvt.words import WORDS
+from dvtcli.cli.prompt.line import cut
+from dvtcli.cli.prompt.typed import Typed, last_line, quoted, typed
+from dvtcli.cli.registry import REGISTRY
+from dvtcli.cli.view.safe import safe
+from dvtcli.errors import DvtcliError
+from dvtcli.operations.options import PREFIX, START_ONLY, global_options
+
+if TYPE_CHECKING:
+    from dvtcli.operations.session import Session
+
+
+class LineCompleter(Completer):
+    """Completes a line of the prompt for *session*."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self._paths = PathCompleter(expanduser=True)
+        # Summaries are read from the commands' files once: a menu is drawn with every key.
+        self._commands = {name: summary(name) for name in command_names()}
+        self._commands |= {word: f"alias of: {text}" for word, text in session.aliases.items()}
+        self._words = {name: f"{word.summary}: {word.grammar}" for name, word in WORDS.items()}
+        self._global = list(_global_items())
+
+    def get_completions(self, document: Document, complete_event: CompleteEvent) -> Iterable[Completion]:
+        """What the word before the cursor may become."""
+        before = last_line(document.text_before_cursor)
+        line, destination = self._taken_apart(before)
+        if line is None or destination == "|":
+            return
+        items = self._items(line) if destination is None else [CompletionItem(line.incomplete, type="file")]
+        if any(item.type in ("file", "dir") for item in items):
+            yield from self._paths.get_completions(Document(line.incomplete), complete_event)
+            return
+        start = line.start - len(before)
+        for item, meta in zip(items, _aligned([safe(item.help or "") for item in items]), strict=True):
+            yield Completion(quoted(item.value), start, display=safe(item.value), display_meta=meta)
+
+    def _taken_apart(self, before: str) -> tuple[Typed | None, str | None]:
+        """The words of the line, an alias for what it stands for; or the file behind `>` and its sign."""
+        command, destination = cut(before)
+        if destination is not None:
+            line = typed(before[len(command) + len(destination.sign) :])
+            moved = len(command) + len(destination.sign)
+            return line and Typed([], line.incomplete, line.start + moved), destination.sign
+        line = typed(before)
+        if line is not None and line.words and line.words[0] in self._session.aliases:
+            words = typed(self._session.aliases[line.words[0]] + " ")
+            line = Typed([*(words.words if words else []), *line.words[1:]], line.incomplete, line.start)
+        return line, None
+
+    def _items(self, line: Typed) -> list[CompletionItem]:
+        if not line.words:
+            return [CompletionItem(name, help=text) for name, text in self._matching(line.incomplete)]
+        command = REGISTRY.get_command(click.Context(REGISTRY), line.words[0])
+        if command is None:
+            return []
+        try:
+            return list(self._command_items(command, line))
+        except (DvtcliError, click.ClickException):
+            return []  # nothing to offer; the error is said once the line is run
+
+    def _matching(self, incomplete: str) -> Iterator[tuple[str, str]]:
+        wanted = incomplete.lower()
+        yield from ((name, text) for name, text in self._commands.items() if name.startswith(wanted))
+        if wanted:  # the DVT's words, and parts of names, only for who begins to type one
+            others = {name: text for name, text in self._words.items() if name not in self._commands}
+            yield from ((name, text) for name, text in others.items() if name.startswith(wanted))
+            for name, text in self._commands.items():
+                if wanted in name and not name.startswith(wanted):
+                    yield name, text
+
+    def _command_items(self, command: click.Command, line: Typed) -> Iterator[CompletionItem]:
+        name, *words = line.words
+        root = click.Context(REGISTRY, info_name="", obj=self._session)
+        bridge = ShellComplete(command, {"parent": root}, name, "")
+        items = bridge.get_completions(words, line.incomplete)
+        yield from items
+        if not items and not line.incomplete:
+            yield from bridge.get_completions(words, "-")
+        if line.incomplete.startswith("-"):
+            own = {item.value for item in items}
+            for item in self._global:
+                if item.value.startswith(line.incomplete) and item.value not in own and item.value not in words:
+                    yield item
+
+
+def _global_items() -> Iterator[CompletionItem]:
+    """The global options that a single line may change."""
+    for option in global_options(hidden=False):
+        if option.name is None or option.hidden or option.name.removeprefix(PREFIX) in START_ONLY:
+            continue
+        yield CompletionItem(max(option.opts, key=len), help=option.help)
+
+
+#: Columns of a description: names get no more, so that type and access are seen on a narrow terminal too.
+WIDEST = 40
+
+
+def _aligned(texts: list[str]) -> list[str]:
+    """Descriptions with what stands between two blanks in columns."""
+    rows = [[_shortened(part) for part in text.split("  ")] for text in texts]
+    columns = max((len(row) for row in rows), default=0)
+    widths = [max(len(row[i]) for row in rows if i < len(row)) for i in range(columns)]
+    return ["  ".join(part.ljust(width) for part, width in zip(row, widths, strict=False)).rstrip() for row in rows]
+
+
+def _shortened(text: str) -> str:
+    return text if len(text) <= WIDEST else text[: WIDEST - 1] + "…"

@@ -1,0 +1,125 @@
+"""The first start: nothing says which bus, so what this machine has is offered, and kept if that is wanted.
+
+Does not know how interfaces are found (`bus.discover`), nor how a bus is opened.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dvtcli.cli.view.lines import Cell, Line, Table
+from dvtcli.device.change.cancellation import INTERRUPTED
+from dvtcli.errors import InputFileError
+from dvtcli.operations.settings_search import NAME, why_unusable
+
+if TYPE_CHECKING:
+    from dvtcli.bus.discover import Found
+    from dvtcli.operations.session import Session
+
+#: the simulated node that is always there to try things on
+SIMULATED = "generic"
+#: what most CANopen networks run at, in bit/s
+USUAL_BIT_RATE = 500_000
+
+Choice = dict[str, str | int | list[str]]
+
+
+def first_start(session: Session) -> None:
+    """Let the user choose where nothing is configured, and open that; returns at once where something is.
+
+    Also where nobody can answer: then opening the bus says what is missing.
+    """
+    options = session.options
+    if options.sim or options.interface or options.channel or not sys.stderr.isatty() or session.output.json:
+        return
+    from dvtcli.bus import is_configured
+    from dvtcli.bus.discover import find_interfaces
+
+    if is_configured():
+        return
+    session.output.lines(["No CAN interface is configured. Looking for one on this machine …"])
+    found = find_interfaces()
+    choice = _choose(session, found)
+    if choice is None:
+        return
+    given = {key: tuple(value) if isinstance(value, list) else value for key, value in choice.items()}
+    session.start(given, "the choice at the start")
+    _ = session.network  # opened before it is kept: what does not open is no default
+    _keep(session, choice)
+
+
+def _choose(session: Session, found: list[Found]) -> Choice | None:
+    """What the user takes, None where the terminal went away."""
+    session.output.lines(_offer(found))
+    usual = next((number for number, one in enumerate(found, 1) if one.problem is None), len(found) + 1)
+    while True:
+        answer = _answer(session, f"Use which? [{usual}]")
+        if answer is None:
+            return None
+        number = usual if answer == "" else int(answer) if answer.isdecimal() and answer.isascii() else 0
+        if 1 <= number <= len(found) + 1:
+            break
+        session.output.lines([f"{f'1 to {len(found) + 1}' if found else 'only 1'}, please, or Ctrl-C to leave"])
+    if number == len(found) + 1:
+        return {"sim": [SIMULATED]}
+    return _bus(session, found[number - 1])
+
+
+def _offer(found: list[Found]) -> list[Line]:
+    """The numbered list, with what to do about what does not open as it is."""
+    table = Table(indent=2)
+    for number, one in enumerate(found, 1):
+        table.add(str(number), one.interface, one.channel, Cell(one.problem or one.about, "yellow" * bool(one.problem)))
+    table.add(str(len(found) + 1), "simulated", SIMULATED, "a node in this program (no hardware)")
+    head = "Found:" if found else "Found none; is the adapter plugged in, and its driver installed? (dvtcli doctor)"
+    return [head, *table.lines()]
+
+
+def _bus(session: Session, chosen: Found) -> Choice | None:
+    """The options for *chosen*; a SocketCAN link has its bit rate already, others are asked for."""
+    choice: Choice = {"interface": chosen.interface, "channel": chosen.channel}
+    while chosen.interface != "socketcan":
+        answer = _answer(session, f"Bit rate of the network in bit/s? [{USUAL_BIT_RATE}]")
+        if answer is None:
+            return None
+        number = USUAL_BIT_RATE if answer == "" else int(answer) if answer.isdecimal() and answer.isascii() else 0
+        if 1_000 <= number <= 1_000_000:
+            choice["bitrate"] = number
+            break
+        session.output.lines(["1000 to 1000000, please: 125000, 250000, 500000 and 1000000 are usual"])
+    return choice
+
+
+def _answer(session: Session, question: str) -> str | None:
+    """The line typed in answer, None at the terminal's end."""
+    session.output.stderr.write(f"{question} ")
+    session.output.stderr.flush()
+    line = sys.stdin.readline()
+    return line.strip() if line else None
+
+
+def _keep(session: Session, choice: Choice) -> None:
+    """Write *choice* into the settings file where the user wants that; what cannot be kept is used all the same."""
+    from dvtcli.files.settings_toml import save_settings
+
+    project = session.settings.project
+    path = Path(project.path if project is not None and Path(project.path).is_file() else NAME)
+    try:
+        if not session.output.ask(f"Save as default in {path}?"):
+            return
+    except KeyboardInterrupt:
+        if session.cancellation.exit_code != INTERRUPTED:
+            raise
+        return  # Ctrl-C at a question is a no
+    try:
+        save_settings(path, choice)
+    except InputFileError as failed:
+        session.output.warning(failed.text)
+        return
+    refused = why_unusable(str(path))
+    if refused is not None:
+        session.output.warning(f"{path} will not be taken: {refused.text}; {refused.hint}")
+        return
+    session.output.note(f"{path} chooses it from now on; -i, -c or --sim on the command line win over it")

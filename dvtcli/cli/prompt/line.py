@@ -1,0 +1,68 @@
+"""What a typed line means before any command sees it: aliases, and where its results go.
+
+Knows quotes as `registry.split` does. Does not know commands, and opens nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from dvtcli.cli.lexer import split
+from dvtcli.errors import UsageError
+
+#: What sends results elsewhere, where it begins a word.
+_SIGNS = (">>", ">", "|")
+
+
+@dataclass(frozen=True, slots=True)
+class Destination:
+    """Where results go: *sign* is `|` (a program), `>` (a file) or `>>` (the end of a file)."""
+
+    sign: str
+    target: str
+
+
+def expanded(line: str, aliases: Mapping[str, str]) -> str:
+    """*line* with an alias at its start replaced by what it stands for."""
+    text = line.lstrip()
+    name = text.split(maxsplit=1)[0] if text else ""
+    return line if name not in aliases else aliases[name] + text[len(name) :]
+
+
+def cut(line: str) -> tuple[str, Destination | None]:
+    """The command in *line*, and where its results go; None where they stay on the screen.
+
+    Quoted signs, and signs inside words, belong to the command, as does what stands in a comment.
+    """
+    quote, before = "", " "
+    for position, char in enumerate(line):
+        starts, before = before.isspace(), char
+        if quote:
+            quote = "" if char == quote else quote
+        elif char == '"' or (char == "'" and starts):
+            quote = char
+        elif starts and char == "#":
+            break
+        elif starts:
+            sign = next((sign for sign in _SIGNS if line.startswith(sign, position)), None)
+            if sign is not None:
+                return line[:position], Destination(sign, line[position + len(sign) :].strip())
+    return line, None
+
+
+def checked(destination: Destination, *, programs: bool) -> Destination:
+    """*destination* as it can be opened; UsageError where it names nothing, or a forbidden program."""
+    if destination.sign == "|":
+        if not programs:
+            raise UsageError("`|` is off: dvtcli was started with --no-shell")
+        if not destination.target:
+            raise UsageError("`|` needs a program behind it", hint="pdo --all | grep 0x181")
+        return destination
+    words = split(destination.target)
+    if len(words) != 1:
+        raise UsageError(
+            f"`{destination.sign}` needs one file behind it, not {len(words)}",
+            hint='pdo > pdos.txt; write "…" around a name with blanks',
+        )
+    return Destination(destination.sign, words[0])

@@ -1,0 +1,206 @@
+"""The prompt: reads lines, runs each one as a script's line would be, and asks before unstored changes are left.
+
+Does not know how a line is edited (`dvtcli.cli.prompt`), nor what a command does (`registry`).
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING
+
+from dvtcli.cli.catalogue import command_names
+from dvtcli.cli.command import LEAVE
+from dvtcli.cli.lexer import split
+from dvtcli.cli.run_line import boundary, run_words
+from dvtcli.cli.view.lines import Cell, Line
+from dvtcli.cli.view.typed_ahead import throw_away
+from dvtcli.errors import DvtcliError, UsageError
+
+if TYPE_CHECKING:
+    from dvtcli.cli.prompt.status import Status
+    from dvtcli.cli.prompt.terminal import Reader
+    from dvtcli.device.node import Node
+    from dvtcli.operations.session import Session
+
+#: Exit code of a line that Ctrl-C ended; another signal (SIGTERM, SIGHUP) ends the prompt too, with its own code.
+INTERRUPTED = 130
+#: Exit code of a line that got no answer from its node or its bus.
+SILENT = 5
+
+
+def run_prompt(session: Session) -> int:
+    """Open the bus and run lines until the user leaves; the program's exit code. BusUnavailable where none opens."""
+    from dvtcli.bus.python_can import CanBus
+    from dvtcli.cli.prompt.bus_watch import Life
+    from dvtcli.cli.prompt.first_start import first_start
+    from dvtcli.cli.prompt.notices import Notices
+    from dvtcli.cli.prompt.redirect import paged
+    from dvtcli.cli.prompt.status import Status
+    from dvtcli.cli.prompt.terminal import reader
+
+    session.require_settings()
+    first_start(session)
+    session.started = True
+    session.aliases = _aliases(session.settings.aliases)
+    session.output.pager = lambda text: not session.in_script and paged(text)
+    _banner(session)
+    bus = session.wire
+    assert isinstance(bus, CanBus)  # noqa: S101 - every wire is one; only twins are not
+    life = Life(bus, Notices(), bus.bitrate)
+    session.frames = life.frames
+    status = Status(session, life)
+    life.start()
+    try:
+        return Prompt(session, status, reader(session, status, life.notices, lambda line: _help(session, line))).run()
+    finally:
+        life.stop()
+
+
+def _aliases(found: dict[str, str]) -> dict[str, str]:
+    """The user's words; UsageError for one that is a command already, which would hide it."""
+    hidden = sorted(found.keys() & set(command_names()))
+    if hidden:
+        raise UsageError(f"the alias {hidden[0]!r} is a command already", hint="[aliases] in dvtcli.toml: rename it")
+    return found
+
+
+class Prompt:
+    """The loop over typed lines."""
+
+    def __init__(self, session: Session, status: Status, lines: Reader) -> None:
+        self._session, self._status, self._reader = session, status, lines
+        #: whether a line ran: what was typed meanwhile was typed blindly
+        self._has_run = False
+        #: whether the node may be asked how it is before a prompt: not after it kept silent, which takes time
+        self._answers = True
+
+    def run(self) -> int:
+        """Read and run lines until the user leaves; 0, or the code of the signal that ended it."""
+        while True:
+            self._session.cancellation.reset()
+            try:
+                self._status.refresh(ask=self._answers)
+                code = self._turn()
+            except EOFError:
+                code = LEAVE
+            except KeyboardInterrupt:
+                code = 0  # Ctrl-C throws the line away; other signals are told apart below
+            if self._terminated():
+                return self._session.cancellation.exit_code
+            if code == LEAVE and self._may_leave():
+                return 0
+
+    def _turn(self) -> int:
+        """Read what is typed and run it; a pasted text of several lines stops at the first one that fails."""
+        self._forget_what_was_typed_blindly()
+        text = self._reader.read()
+        code = 0
+        for line in text.replace("\\\n", " ").splitlines():
+            self._session.cancellation.reset()
+            code = self._run(line)
+            if code or self._session.cancellation.requested:
+                break
+        return code
+
+    def _forget_what_was_typed_blindly(self) -> None:
+        """Lines that were typed while another one ran would run unseen: they are thrown away, and that is said."""
+        thrown_away = throw_away(sys.stdin) if self._has_run else None
+        self._has_run = True
+        if thrown_away:
+            self._session.output.warning(thrown_away)
+
+    def _run(self, line: str) -> int:
+        """Run one line; unless it left something changed, every node goes back to the state it was found in."""
+        from dvtcli.cli.prompt.line import checked, cut, expanded
+        from dvtcli.cli.prompt.redirect import sent
+
+        session = self._session
+
+        def run() -> int:
+            command, destination = cut(expanded(line, session.aliases))
+            words = split(command)
+            if destination is not None:
+                destination = checked(destination, programs=not session.options.no_shell)
+            if not words:
+                return 0
+            with sent(session.output, destination):
+                return run_words(words, session)
+
+        code = boundary(session, run)
+        settled = boundary(session, lambda: session.end_line(code))
+        code = code or settled
+        self._answers = code != SILENT
+        return code
+
+    def _terminated(self) -> bool:
+        return self._session.cancellation.exit_code != INTERRUPTED
+
+    def _may_leave(self) -> bool:
+        """Whether nothing is left unstored, or the user says that this is meant."""
+        unstored = self._status.unstored()
+        if not unstored or self._session.options.yes or self._session.dry_run:
+            return True
+        what = " and ".join(f"{', '.join(labels)} of node {node_id}" for node_id, labels in unstored.items())
+        several = len(unstored) > 1 or any(len(labels) > 1 for labels in unstored.values())
+        try:
+            return self._session.output.ask(f"{what} {'are' if several else 'is'} not stored: leave?") or _gone()
+        except KeyboardInterrupt:
+            return self._terminated()
+
+
+def _gone() -> bool:
+    """Whether the terminal itself went away: then nobody is left to ask."""
+    return not sys.stdin.isatty()
+
+
+def _help(session: Session, line: str) -> None:
+    """Print help for the command that *line* begins with, by its name or an alias, else the list of commands."""
+    from dvtcli.cli.prompt.line import expanded
+
+    name = expanded(line, session.aliases).split()[:1]
+    if "help" in command_names():
+        run_words(["help", *(name if name and name[0] in command_names() else [])], session)
+
+
+def _banner(session: Session) -> None:
+    """Say what is open and which keys help."""
+    from dvtcli import __version__
+
+    network = session.network
+    session.output.stdout.flush()
+    lines: list[Line] = []
+    if network.simulated:
+        nodes = [_simulated(session.node(node_id)) for node_id in network.simulated_ids]
+        lines.append(f"dvtcli {__version__}  simulated {nodes[0]}")
+        lines += [f"{'':{len(__version__) + 9}}simulated {node}" for node in nodes[1:]]
+        by = session.chosen_by()
+        lines.append(f"No CAN hardware is used{'' if by == '--sim' else f' (chosen by {by})'}.")
+    else:
+        lines.append(f"dvtcli {__version__}  {session.wire.name}{_reached(session)}")
+        lines.append(f"The bus was chosen by {session.chosen_by()}.")
+    keys = [("Tab", "complete"), ("Ctrl-R", "history"), ("Ctrl-D", "leave")]
+    if "help" in command_names():
+        keys.insert(0, ("?", "help"))
+    lines.append([cell for key, what in keys for cell in (Cell(key, "bold"), Cell(f"  {what}    "))])
+    if not session.output.quiet and not session.output.json:
+        session.output.lines([*lines, ""])
+
+
+def _simulated(node: Node) -> str:
+    pdos = node.present()
+    sent = sum(pdo.is_tpdo for pdo in pdos)
+    file = node.dictionary.source if node.dictionary is not None else "no EDS"
+    return f'node {node.node_id} "{node.title}" ({file}, {sent} TPDO, {len(pdos) - sent} RPDO)'
+
+
+def _reached(session: Session) -> str:
+    """The selected node as far as it answers; silence is said, and the prompt is there for it."""
+    node_id = session.selected_id()
+    if node_id is None:
+        return "  no node is selected: scan finds them, `node ID` selects one"
+    try:
+        node = session.node(node_id)
+    except DvtcliError as silent:
+        return f"  node {node_id} does not answer: {silent.text}"
+    file = f" ({node.dictionary.source})" if node.dictionary is not None else " (no EDS: objects have no names)"
+    return f'  node {node_id} "{node.title}"{file}'

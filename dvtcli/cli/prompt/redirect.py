@@ -1,0 +1,112 @@
+"""Results that go into a file, a program or a pager instead of over the screen.
+
+Knows processes. Does not know commands nor what results say.
+"""
+
+from __future__ import annotations
+
+import os
+import shlex
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager, redirect_stdout, suppress
+from pathlib import Path
+from typing import IO, TextIO, cast
+
+from dvtcli.cli.prompt.line import Destination
+from dvtcli.cli.view.output import Output
+from dvtcli.errors import UsageError
+
+#: How `less` shows results if the user says nothing else: colours, long lines cut, gone if one screen is enough.
+LESS = "-SRXF"
+
+
+@contextmanager
+def sent(output: Output, destination: Destination | None) -> Iterator[None]:
+    """While the block runs, results go to *destination* (None: where they go anyway).
+
+    UsageError where a file cannot be written.
+    """
+    if destination is None:
+        yield
+        return
+    opened = _program(destination.target) if destination.sign == "|" else _file(destination)
+    with opened as stream, redirect_stdout(stream):
+        screen, output.stdout = output.stdout, stream
+        screen.flush()
+        try:
+            yield
+        finally:
+            output.stdout = screen
+
+
+@contextmanager
+def _file(destination: Destination) -> Iterator[TextIO]:
+    path = Path(destination.target).expanduser()
+    try:
+        stream = path.open("a" if destination.sign == ">>" else "w", encoding="utf-8")
+    except OSError as failed:
+        raise UsageError(
+            f"{path}: {failed.strerror or failed}", hint="results can go to a file: pdo > FILE"
+        ) from failed
+    with stream:
+        yield stream
+
+
+def _program(command: str) -> AbstractContextManager[TextIO]:
+    """A program's stdin, as the user's own shell starts it; waits for its end."""
+    shell = ["cmd", "/c"] if os.name == "nt" else [os.environ.get("SHELL") or "/bin/sh", "-c"]
+    return _fed(_started([*shell, command]))
+
+
+def _started(words: list[str], environment: dict[str, str] | None = None) -> subprocess.Popen[str]:
+    """A program that waits for its input; UsageError where it cannot be started."""
+    try:
+        return subprocess.Popen(  # noqa: S603 - the user's own program, from the user's own keyboard
+            words, stdin=subprocess.PIPE, text=True, encoding="utf-8", errors="backslashreplace", env=environment
+        )
+    except OSError as failed:
+        raise UsageError(f"{words[0]} cannot be started: {failed.strerror}") from failed
+
+
+@contextmanager
+def _fed(process: subprocess.Popen[str]) -> Iterator[TextIO]:
+    stream = cast(IO[str], process.stdin)
+    try:
+        yield cast(TextIO, stream)
+    finally:
+        with suppress(BrokenPipeError):  # it has read enough, as `head` does
+            stream.close()
+        with _ctrl_c_is_the_programs():
+            process.wait()
+
+
+@contextmanager
+def _ctrl_c_is_the_programs() -> Iterator[None]:
+    """Every program of a terminal gets Ctrl-C: here it is for the one that is waited for."""
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def paged(text: str) -> bool:
+    """Show *text* with the user's pager ($PAGER, else `less`); False where none showed it, or no keyboard can leave it.
+
+    `PAGER=cat` or an empty one switches paging off.
+    """
+    try:
+        words = shlex.split(os.environ.get("PAGER", "less"))
+    except ValueError:  # a quote that is not closed
+        return False
+    program = shutil.which(words[0]) if words and words[0] != "cat" else None
+    if program is None or not sys.stdin.isatty():
+        return False
+    process = _started([program, *words[1:]], {"LESS": LESS, **os.environ})
+    with suppress(BrokenPipeError), _fed(process) as stream:
+        stream.write(text)
+    return process.returncode == 0

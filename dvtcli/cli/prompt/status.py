@@ -1,0 +1,158 @@
+"""What the prompt and its toolbar say about bus, node and unstored changes; reads nothing from the bus.
+
+Does not know how a terminal draws it: answers are (style, text) pairs.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from dvtcli.cli.prompt.events import SHORT_STATES
+from dvtcli.cli.prompt.fitting import BETWEEN, Part, fitted
+from dvtcli.cli.prompt.syntax import syntax
+from dvtcli.cli.view.glyphs import ascii_only
+from dvtcli.cli.view.safe import safe
+from dvtcli.domain.emergency_codes import emergency_text
+from dvtcli.domain.nmt import NmtState
+from dvtcli.errors import DvtcliError
+
+if TYPE_CHECKING:
+    from prompt_toolkit.formatted_text import StyleAndTextTuples
+
+    from dvtcli.cli.prompt.bus_watch import Life
+    from dvtcli.device.node import Node
+    from dvtcli.operations.session import Session
+
+_STATE_STYLES = {NmtState.OPERATIONAL: "class:good", NmtState.PRE_OPERATIONAL: "class:careful"}
+#: PDOs that are read before a prompt is shown, so that the menu can say what they are set to.
+MOST_PDOS_READ = 32
+#: A load (0..1) above which messages of low priority wait long.
+HIGH_LOAD = 0.7
+
+
+class Status:
+    """The session as the prompt shows it; *life* is what is heard meanwhile."""
+
+    def __init__(self, session: Session, life: Life) -> None:
+        self._session = session
+        self._life = life
+        #: the selected node's state as it told by itself when last asked, where nothing is heard of it
+        self._told: NmtState | None = None
+
+    def refresh(self, *, ask: bool) -> None:
+        """Look at the node before a prompt is shown; with *ask* it may be asked, since it answered just now."""
+        self._told = None
+        node = self._node()
+        if node is None or not ask:
+            return
+        try:
+            self._told = node.access.state()
+            present = node.present_known()
+            if len(present) <= MOST_PDOS_READ and not node.last_read.keys() >= set(present):
+                node.known_pdos()
+        except DvtcliError:
+            return  # the menu says less; the next command says why
+
+    def prompt(self) -> str:
+        """`can0/5 PRE-OP*> `."""
+        node_id = self._session.selected_id()
+        where = self._bus_name() + ("" if node_id is None else f"/{node_id}")
+        state = self._state()
+        words = [where, *([SHORT_STATES[state]] if state is not None else [])]
+        if self._session.dry_run:
+            words.append("DRY-RUN")
+        return safe(" ".join(words)) + ("*" if self.unstored() else "") + "> "
+
+    def unstored(self) -> dict[int, list[str]]:
+        """What is not stored, by node-ID."""
+        return {node.node_id: list(node.unstored) for node in self._nodes() if node.unstored}
+
+    def toolbar(self, width: int, line: str = "") -> StyleAndTextTuples:
+        """Bus, load, node, state, emergencies and what is not stored, on one line of *width* columns.
+
+        Above it, where *line* begins with a command, that command's syntax.
+        """
+        parts = [self._bus_part(), *self._load_parts(), *self._node_parts(), *self._unstored_parts(), *self._hints()]
+        fragments: StyleAndTextTuples = []
+        command = syntax(line, width - 1, self._session.aliases)
+        if command is not None:
+            fragments += [("class:command", f" {safe(command[0])} "), ("", f"{safe(command[1])}\n")]
+        for number, (style, text) in enumerate(fitted(parts, width)):
+            fragments += [("", BETWEEN if number else " "), (style, text)]
+        if self._session.options.ascii:
+            return [(fragment[0], ascii_only(fragment[1])) for fragment in fragments]
+        return fragments
+
+    def _bus_part(self) -> Part:
+        if self._life.failure is not None:
+            return Part(9, "class:bad", (f"{self._bus_name()} FAILED", "FAILED"))
+        name = "SIMULATED" if self._session.wire.simulated else self._bus_name()
+        return Part(7, "", (f"{name} (dry run)", "dry run") if self._session.dry_run else (name, name[-12:]))
+
+    def _load_parts(self) -> list[Part]:
+        load = self._life.load()
+        if load is None:
+            return []
+        text = f"load {load:.0%}"
+        return [Part(5, "class:bad", (text,)) if load > HIGH_LOAD else Part(3, "", (text, ""))]
+
+    def _node_parts(self) -> list[Part]:
+        node_id, node = self._session.selected_id(), self._node()
+        if node_id is None:
+            return [Part(8, "", ("no node selected", "no node"))]
+        title = f" {safe(node.title[:24])}" if node is not None and node.title else ""
+        parts = [Part(2, "", (f"node {node_id}{title}", f"node {node_id}"))]
+        silence = self._life.silence_s(node_id)
+        state = self._state()
+        if silence is not None and silence[1]:
+            parts.append(Part(9, "class:bad", (f"NO HEARTBEAT {silence[0]:.0f} s",)))
+        elif state is None:
+            parts.append(Part(4, "", ("state unknown", "")))
+        else:
+            short = SHORT_STATES[state]
+            beat = f"{short} HB {silence[0]:.1f} s" if silence is not None else short
+            parts.append(Part(4, _STATE_STYLES.get(state, "class:bad"), (beat, short)))
+        return parts + self._emergency_parts(node_id)
+
+    def _emergency_parts(self, node_id: int) -> list[Part]:
+        count, code = self._life.emergencies.get(node_id, (0, 0))
+        if not count:
+            return []
+        said = f"EMCY {count}: 0x{code:04X}"
+        return [Part(5, "class:bad" if code else "", (f"{said} {emergency_text(code)}", said))]
+
+    def _unstored_parts(self) -> list[Part]:
+        selected = self._session.selected_id()
+        parts = []
+        for node_id, labels in self.unstored().items():
+            whose = "" if node_id == selected else f"node {node_id}: "
+            forms = (f"{whose}{_listed(labels)} not stored", f"{whose}{len(labels)} not stored", "not stored")
+            parts.append(Part(6, "class:careful", forms))
+        return parts
+
+    def _hints(self) -> list[Part]:
+        from dvtcli.cli.catalogue import command_names
+
+        return [Part(1, "", ("F1 help", ""))] if "help" in command_names() else []
+
+    def _bus_name(self) -> str:
+        name = self._session.wire.name
+        return name.partition(":")[2] or name
+
+    def _state(self) -> NmtState | None:
+        node_id = self._session.selected_id()
+        if node_id is None:
+            return None
+        if self._session.dry_run:
+            return self._told
+        return self._life.states.get(node_id, self._told)
+
+    def _node(self) -> Node | None:
+        return self._session.network.nodes.get(self._session.selected_id() or 0)
+
+    def _nodes(self) -> list[Node]:
+        return list(self._session.network.nodes.values())
+
+
+def _listed(labels: list[str]) -> str:
+    return ", ".join(labels[:3]) + (f", +{len(labels) - 3}" if len(labels) > 3 else "")

@@ -1,0 +1,244 @@
+"""Reading a line at a terminal: with menu, history and toolbar where it can draw them, else plainly.
+
+Knows prompt_toolkit. Does not know what a line does.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from typing import TYPE_CHECKING, Protocol, TextIO, cast
+
+from dvtcli.cli.view.output import Output
+
+if TYPE_CHECKING:
+    from prompt_toolkit import PromptSession
+    from prompt_toolkit.formatted_text import StyleAndTextTuples
+    from prompt_toolkit.key_binding import KeyBindings, KeyPressEvent
+    from prompt_toolkit.output import ColorDepth
+
+    from dvtcli.cli.prompt.notices import Notices
+    from dvtcli.cli.prompt.status import Status
+    from dvtcli.operations.session import Session
+
+STYLE = {
+    "bottom-toolbar": "noreverse bg:#303030 #e0e0e0",
+    "bottom-toolbar.text": "",
+    "good": "#5fd75f bold",
+    "careful": "#ffd75f bold",
+    "bad": "#ff5f5f bold",
+    "command": "ansicyan bold",
+    "unknown": "ansired",
+    "option": "ansiyellow",
+    "number": "ansigreen",
+    "validation-toolbar": "bg:#5f0000 #ffffff",
+}
+
+#: What stands before a line that a backslash continues.
+CONTINUED = "  ... "
+#: Rows that a line and what stands below it need; what a terminal has beyond them is for the menu.
+ROWS_OF_TEXT = 4
+
+
+class Reader(Protocol):
+    """Where lines come from."""
+
+    def read(self) -> str:
+        """The next line; KeyboardInterrupt where it was thrown away, EOFError where the user wants to leave."""
+        ...
+
+
+def reader(session: Session, status: Status, notices: Notices, show_help: Callable[[str], None]) -> Reader:
+    """The best reader for this terminal; *show_help* prints help for the line typed so far."""
+    if not sys.stdout.isatty() or os.environ.get("TERM", "").lower() in ("dumb", "unknown"):
+        return PlainReader(status, notices, session.output)
+    return FullReader(session, status, notices, show_help)
+
+
+class ThrownAway(Exception):
+    """The line was given up; no KeyboardInterrupt, since that would break out of prompt_toolkit's event loop."""
+
+
+class PlainReader:
+    """Lines as the terminal itself edits them: for terminals that cannot draw, and for stdout in a pipe."""
+
+    def __init__(self, status: Status, notices: Notices, output: Output) -> None:
+        self._status, self._notices, self._output = status, notices, output
+
+    def read(self) -> str:
+        """Ask on stderr, so that stdout holds results only."""
+        with self._notices.shown_by(lambda text: self._output.lines([text])):
+            try:
+                self._notices.pump()
+                line = self._asked(self._status.prompt())
+                while line.endswith("\\\n"):
+                    line += self._asked(CONTINUED)
+            except KeyboardInterrupt:
+                self._output.lines([""])
+                raise
+        if not line:
+            self._output.lines([""])
+            raise EOFError
+        return line
+
+    def _asked(self, prompt: str) -> str:
+        self._output.stderr.write(prompt)
+        self._output.stderr.flush()
+        return sys.stdin.readline()
+
+
+class FullReader:
+    """Lines with a menu, history and a toolbar; messages of nodes appear above the prompt."""
+
+    def __init__(self, session: Session, status: Status, notices: Notices, show_help: Callable[[str], None]) -> None:
+        self._session, self._status, self._notices = session, status, notices
+        self._prompt = _prompt_session(session, status, show_help)
+        self._most_menu = self._prompt.reserve_space_for_menu
+
+    def read(self) -> str:
+        """Ask with everything that prompt_toolkit has and the terminal has rows for."""
+        from prompt_toolkit.patch_stdout import StdoutProxy
+
+        # The proxy that patch_stdout(raw=True) makes; a shorter pause, since a command waits for it to close.
+        with StdoutProxy(raw=True, sleep_between_writes=0.02) as proxy:
+            above = cast(TextIO, proxy)
+            output = Output(above, above)
+            output.configure("text", self._session.base.color, 0, quiet=False, plain=self._session.base.ascii)
+            with (
+                redirect_stdout(above),
+                redirect_stderr(above),
+                self._notices.shown_by(lambda text: output.lines([text])),
+            ):
+                self._notices.pump()
+                rows = self._prompt.output.get_size().rows
+                self._prompt.reserve_space_for_menu = max(0, min(self._most_menu, rows - ROWS_OF_TEXT))
+                with _held_interrupts() as held:
+                    line = self._typed()
+        if held or line is None:
+            raise KeyboardInterrupt
+        return line
+
+    def _typed(self) -> str | None:
+        """What was typed, None where it was thrown away."""
+        try:
+            return self._prompt.prompt()
+        except ThrownAway:
+            return None
+
+
+@contextmanager
+def _held_interrupts() -> Iterator[list[int]]:
+    """Keep SIGINT out of prompt_toolkit's starting and ending, where it breaks the event loop; the list has what came.
+
+    While the line is typed, prompt_toolkit hears it itself and throws the line away.
+    """
+    held: list[int] = []
+    before = signal.signal(signal.SIGINT, lambda number, _frame: held.append(number))
+    try:
+        yield held
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _prompt_session(session: Session, status: Status, show_help: Callable[[str], None]) -> PromptSession[str]:
+    from prompt_toolkit import PromptSession
+    from prompt_toolkit.application import get_app
+    from prompt_toolkit.auto_suggest import AutoSuggestFromHistory
+    from prompt_toolkit.shortcuts import CompleteStyle
+    from prompt_toolkit.styles import Style
+
+    from dvtcli.cli.prompt.checking import LineValidator
+    from dvtcli.cli.prompt.colours import LineLexer
+    from dvtcli.cli.prompt.completer import LineCompleter
+    from dvtcli.cli.prompt.history import open_history
+    from dvtcli.cli.prompt.line import expanded
+
+    def columns() -> int:
+        return get_app().output.get_size().columns
+
+    def toolbar() -> StyleAndTextTuples:
+        buffer, low = get_app().current_buffer, get_app().output.get_size().rows <= ROWS_OF_TEXT + 1
+        rest = "" if low else getattr(buffer.validation_error, "rest", "")
+        wrong: StyleAndTextTuples = [("class:validation-toolbar", f"{rest}\n")] if rest else []
+        return wrong + status.toolbar(columns(), "" if low else buffer.document.text_before_cursor)
+
+    def is_secret(line: str) -> bool:
+        return session.is_secret(expanded(line, session.aliases))
+
+    return PromptSession(
+        message=status.prompt,
+        history=open_history(session.output, is_secret),
+        auto_suggest=AutoSuggestFromHistory(),
+        completer=LineCompleter(session),
+        complete_in_thread=True,
+        complete_style=CompleteStyle.COLUMN,
+        lexer=LineLexer(session.aliases),
+        bottom_toolbar=toolbar,
+        validator=LineValidator(session, columns),
+        validate_while_typing=False,
+        prompt_continuation=lambda _width, _number, wrapped: "" if wrapped else CONTINUED,
+        refresh_interval=0.5,
+        search_ignore_case=True,
+        key_bindings=_keys(show_help),
+        style=Style.from_dict(STYLE),
+        include_default_pygments_style=False,
+        color_depth=_color_depth(session.base.color),
+    )
+
+
+def _color_depth(color: str) -> ColorDepth | None:
+    from prompt_toolkit.output import ColorDepth
+
+    return ColorDepth.DEPTH_1_BIT if color == "never" else None
+
+
+def _keys(show_help: Callable[[str], None]) -> KeyBindings:
+    from prompt_toolkit.application import get_app, run_in_terminal
+    from prompt_toolkit.enums import DEFAULT_BUFFER
+    from prompt_toolkit.filters import Condition, completion_is_selected, has_completions, has_focus
+    from prompt_toolkit.key_binding import KeyBindings
+
+    from dvtcli.cli.prompt.typed import last_line, typed
+
+    keys = KeyBindings()
+
+    @Condition
+    def no_text() -> bool:
+        """A question mark in quotes or in a comment is one; elsewhere no word has any."""
+        text = last_line(get_app().current_buffer.document.text_before_cursor)
+        line = typed(text)
+        return line is not None and not any(quote in text[line.start :] for quote in "\"'")
+
+    @Condition
+    def continued() -> bool:
+        document = get_app().current_buffer.document
+        return document.is_cursor_at_the_end and document.text.endswith("\\")
+
+    @keys.add("enter", filter=has_completions & completion_is_selected)
+    def _accept(event: KeyPressEvent) -> None:
+        """Take the chosen word; the line is run by the next Enter."""
+        event.current_buffer.complete_state = None
+
+    @keys.add("enter", filter=continued & has_focus(DEFAULT_BUFFER))
+    def _continue(event: KeyPressEvent) -> None:
+        """A backslash at the end: the command goes on in the next line."""
+        event.current_buffer.newline(copy_margin=False)
+
+    @keys.add("f1")
+    @keys.add("?", filter=no_text)
+    def _help(event: KeyPressEvent) -> None:
+        """Print help for the line so far, and keep the line."""
+        line = event.current_buffer.text
+        run_in_terminal(lambda: show_help(line))
+
+    @keys.add("c-c", filter=has_focus(DEFAULT_BUFFER))
+    @keys.add("<sigint>")
+    def _throw_away(event: KeyPressEvent) -> None:
+        """Throw the line away; a second Ctrl-C while the first one is at it changes nothing."""
+        if event.app.is_running and not event.app.is_done:
+            event.app.exit(exception=ThrownAway, style="class:aborting")
+
+    return keys

@@ -1,0 +1,122 @@
+"""The one registry: a command is found and imported by its file's name when it is first needed.
+
+Knows commands only by their files' names. Does not know how a line is cut into words (`lexer`) or run (`run_line`).
+"""
+
+from __future__ import annotations
+
+import os
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from dvtcli.cli.catalogue import command_names, unknown_command
+from dvtcli.cli.command import DvtCommand
+from dvtcli.operations.options import by_variable, global_options, one_pair_each, taken
+
+if TYPE_CHECKING:
+    from dvtcli.operations.session import Session
+
+
+class Registry(click.Group):
+    """The one set of commands: every file in `commands/` whose name has no leading underscore."""
+
+    command_class = DvtCommand
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self.params.extend(global_options(hidden=False))
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Parse *args* up to the command."""
+        one_pair_each(args)
+        return super().parse_args(ctx, args)
+
+    def list_commands(self, _ctx: click.Context) -> list[str]:
+        """The commands' names; imports none of them."""
+        return command_names()
+
+    def get_command(self, _ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """The command *cmd_name*, imported now, or None."""
+        if cmd_name not in command_names():
+            return _dvt_word(cmd_name)
+        command = import_module(f"dvtcli.cli.commands.{cmd_name}").command
+        assert isinstance(command, click.Command)  # noqa: S101 - the house's convention, also tested
+        return command
+
+    def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
+        """Find the command; an unknown one gets the nearest name."""
+        if self.get_command(ctx, args[0]) is None:
+            raise click.UsageError(unknown_command(args[0]), ctx)
+        return super().resolve_command(ctx, args)
+
+    def format_commands(self, _ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List the commands by task, with the first sentence of their files, importing none."""
+        from dvtcli.cli.help.guide import task_sections
+
+        for task, rows in task_sections():
+            with formatter.section(task):
+                formatter.write_dl(rows)
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Take the global options given before the command, then run it."""
+        session: Session = ctx.obj
+        given = taken(ctx.params)
+        if session.started and given:
+            raise click.UsageError("options stand behind the command", ctx)
+        if not session.started:
+            said = {name: value for name, value in given.items() if by_variable(ctx, name)}
+            session.read_settings(said)
+            session.start({name: value for name, value in given.items() if name not in said})
+        return super().invoke(ctx)
+
+
+def _dvt_word(name: str) -> click.Command | None:
+    """One of the DVT's own words, which are made from one table; None where *name* is none."""
+    from dvtcli.cli.dvt.word_command import word_command
+
+    return word_command(name)
+
+
+def _root() -> Registry:
+    @click.group(
+        cls=Registry,
+        name="dvtcli",
+        invoke_without_command=True,
+        context_settings={"help_option_names": ["-h", "--help"], "terminal_width": _help_width()},
+        epilog="Try it without hardware: dvtcli --sim gen4 pdo",
+    )
+    @click.version_option(package_name=None, version=_version(), prog_name="dvtcli", message="%(prog)s %(version)s")
+    @click.pass_context
+    def root(ctx: click.Context) -> Any:
+        """Configure the PDOs of CANopen devices; never leave one half configured.
+
+        Without a command: the prompt at a terminal, a script from a pipe.
+        """
+        if ctx.invoked_subcommand is not None:
+            return None
+        from dvtcli.cli.without_command import without_command
+
+        return without_command(ctx.obj)
+
+    assert isinstance(root, Registry)  # noqa: S101 - for the type checker
+    return root
+
+
+def _help_width() -> int:
+    """The width click gives its help texts, found without importing shutil as click would."""
+    try:
+        columns = int(os.environ.get("COLUMNS", "0")) or os.get_terminal_size(1).columns
+    except (ValueError, OSError):
+        columns = 80
+    return max(min(columns, 80) - 2, 50)
+
+
+def _version() -> str:
+    from dvtcli import __version__
+
+    return __version__
+
+
+REGISTRY = _root()

@@ -1,0 +1,108 @@
+"""What a script would leave, found by running it on twins of the nodes as they are. Nothing of it reaches the bus."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from dvtcli.cli.atomic import final_word
+from dvtcli.cli.boundary import usage_error
+from dvtcli.cli.run_line import parse
+from dvtcli.cli.script import MOST_BYTES, MOST_NESTED, ScriptLine, script_lines, script_of
+from dvtcli.device.store_parameters import RESTORE
+from dvtcli.device.wish import Wish
+from dvtcli.errors import DvtcliError, UsageError
+from dvtcli.operations.options import PREFIX
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+    from dvtcli.operations.session import Session
+
+#: Lines that set nothing, or that act on what was set before: a wish has no part in them.
+_WISH_NOTHING = frozenset((
+    "decode", "doctor", "eds", "fpo", "help", "log", "login", "monitor", "nmt", "objects", "pdo", "plot",
+    "profiles", "read", "save", "scan", "sim", "store", "sync", "tour", "verify",
+))  # fmt: skip
+
+
+def rehearsed(session: Session, file: str, node_id: int | None = None) -> dict[int, Wish]:
+    """What the script *file* wishes of each node, given what the nodes hold now; *node_id* is selected when it begins.
+
+    A line that cannot run raises what it would raise in `run`, with FILE:LINE.
+    """
+    stage = session.on_twins()
+    stage.scripts.append(file)
+    stage.selected = stage.selected if node_id is None else node_id
+    _play(stage, [file])
+    return {node_id: wish for node_id, node in sorted(stage.network.nodes.items()) if (wish := _wish(node))}
+
+
+def _wish(twin: Node) -> Wish:
+    """What was set on *twin*, PDOs as they are at the script's end whichever line set which part."""
+    return Wish({pdo: twin.pdo(pdo) for pdo in twin.wanted}, dict(twin.wanted_values))
+
+
+def _play(stage: Session, sources: Sequence[str]) -> None:
+    source = sources[-1]
+    for line in script_lines(_data(source), source):
+        place = f"{source}:{line.number}"
+        try:
+            if _play_line(stage, line, sources):
+                break
+        except click.ClickException as wrong:
+            raise _placed(usage_error(wrong), place) from wrong
+        except DvtcliError as wrong:
+            raise _placed(wrong, place) from wrong
+
+
+def _play_line(stage: Session, line: ScriptLine, sources: Sequence[str]) -> bool:
+    """Run one line on the twins; whether the script ends with it."""
+    with parse(line.words, stage) as ctx:
+        name = ctx.command.name
+        if name == "exit":
+            return True
+        if ctx.params.get(f"{PREFIX}dry_run"):
+            return False
+        _refuse_unknown(ctx)
+        if (file := script_of(ctx)) is not None:
+            _play_nested(stage, file, sources)
+        elif name not in _WISH_NOTHING:
+            ctx.command.invoke(ctx)
+    return False
+
+
+def _refuse_unknown(ctx: click.Context) -> None:
+    """Raise UsageError for a line that brings back what is stored, or was: only the device knows that."""
+    word = final_word(ctx) or ""
+    if word in ("restore", "recover") or word.startswith("nmt reset-") or word.endswith(f" to 0x{RESTORE:04X}"):
+        raise UsageError(
+            f"what the script leaves cannot be told before it runs: {word} brings back what the device keeps",
+            hint="run it, then `save FILE.dvt` and compare with that",
+        )
+
+
+def _play_nested(stage: Session, file: str, sources: Sequence[str]) -> None:
+    if file in sources or len(sources) > MOST_NESTED:
+        raise UsageError(f"{file} runs itself: {' runs '.join([*sources, file])}", place=file)
+    if file == "-" or file.lower().endswith(".tcl"):
+        raise UsageError(f"{file}: what such a script leaves cannot be told before it runs")
+    _play(stage, [*sources, file])
+
+
+def _data(source: str) -> bytes:
+    try:
+        with Path(source).open("rb") as file:
+            return file.read(MOST_BYTES + 1)
+    except OSError as failed:
+        raise UsageError(f"{source}: {failed.strerror}", place=source) from failed
+
+
+def _placed(wrong: DvtcliError, place: str) -> DvtcliError:
+    """*wrong* with where it is in the script, innermost first, unless it says that itself."""
+    if ":" not in wrong.text or not wrong.text.startswith(place.rpartition(":")[0]):
+        wrong.text = f"{place}: {wrong.text}"
+    wrong.state = "unchanged"
+    return wrong

@@ -1,0 +1,56 @@
+"""One line's way: found in the one registry, parsed by click, invoked, answered, and judged by an exit code.
+
+Does not know where lines come from (`main`, `prompt.loop`, `commands.run`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from dvtcli.cli.catalogue import unknown_command
+from dvtcli.cli.registry import REGISTRY
+
+if TYPE_CHECKING:
+    from dvtcli.operations.session import Session
+
+
+def parse(words: Sequence[str], session: Session) -> click.Context:
+    """Find and parse one line's command without running it; usage errors are raised here."""
+    root = click.Context(REGISTRY, info_name="", obj=session)
+    name, *args = words
+    if name.startswith("-"):
+        raise click.UsageError(f"{name} stands before any command; options stand behind it")
+    command = REGISTRY.get_command(root, name)
+    if command is None:
+        raise click.UsageError(unknown_command(name))
+    return command.make_context(name, list(args), parent=root)
+
+
+def run_parsed(ctx: click.Context, session: Session) -> int:
+    """Run a parsed line and answer its exit code; results and errors are shown on the way."""
+
+    def invoke() -> Any:
+        with ctx:
+            return ctx.command.invoke(ctx)
+
+    return boundary(session, invoke)
+
+
+def run_words(words: Sequence[str], session: Session) -> int:
+    """Parse and run one line."""
+    return boundary(session, lambda: _parse_and_invoke(words, session))
+
+
+def _parse_and_invoke(words: Sequence[str], session: Session) -> Any:
+    with parse(words, session) as ctx:
+        return ctx.command.invoke(ctx)
+
+
+def boundary(session: Session, run: Callable[[], Any]) -> int:
+    """Run something and turn whatever comes of it into an exit code: the one place where errors end."""
+    from dvtcli.cli.boundary import guarded
+
+    return guarded(session, run)

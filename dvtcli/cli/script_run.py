@@ -1,0 +1,69 @@
+"""One line of a script: run, noted with what it changed, and in an atomic script answered by taking everything back.
+
+Does not know how it was parsed, nor what comes after it.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from dvtcli.cli.atomic import does_other, final_word
+from dvtcli.cli.command import LEAVE
+from dvtcli.cli.run_line import boundary
+from dvtcli.errors import DvtcliError
+
+if TYPE_CHECKING:
+    import click
+
+    from dvtcli.cli.script_changes import ScriptChanges
+    from dvtcli.operations.session import Session
+
+_ALL_BACK = "rolled back: what the script changed is as it was, read back equal; nothing was stored"
+
+
+class TakenBack(DvtcliError):
+    """A line of an atomic script found what it should not; what the lines before it changed was put back."""
+
+    slug = "taken_back"
+
+
+def run_line(session: Session, ctx: click.Context) -> int:
+    """Run a parsed line at `session.place` and answer its exit code; results and errors are shown on the way."""
+    return boundary(session, lambda: _run_noted(session, ctx))
+
+
+def _run_noted(session: Session, ctx: click.Context) -> Any:
+    changes, place = session.script_changes, session.place
+    assert changes is not None  # noqa: S101 - a script runs
+    assert place is not None  # noqa: S101
+    try:
+        if session.cancellation.requested:  # asked for when the last line's change was complete
+            raise KeyboardInterrupt
+        with ctx:
+            code = ctx.command.invoke(ctx)
+        done = code in (0, None, LEAVE)
+        changes.note(place, other=done and does_other(ctx), final=done and final_word(ctx) is not None)
+        if not done:
+            _refuse_half(ctx, changes, code)
+    except BaseException as failed:
+        if changes.atomic and not changes.ended:
+            _take_back(session, changes, failed)
+        raise
+    return code
+
+
+def _refuse_half(ctx: click.Context, changes: ScriptChanges, code: int) -> None:
+    """A line of an atomic script that ended with *code* but raised nothing, as `verify` does, fails all the same."""
+    if not changes.atomic or changes.ended:
+        return
+    failed = TakenBack(f"{ctx.info_name} ended with {code}: the script's changes are taken back")
+    failed.exit_code = code
+    raise failed
+
+
+def _take_back(session: Session, changes: ScriptChanges, failed: BaseException) -> None:
+    """Take the script's changes back because of *failed*, which learns of it; LeftChanged where some of them stay."""
+    with session.cancellation.guard():
+        changes.take_back(str(failed) or "interrupted")
+    if isinstance(failed, DvtcliError) and failed.state in ("unchanged", "rolled_back") and not session.dry_run:
+        failed.state, failed.state_text = "rolled_back", _ALL_BACK

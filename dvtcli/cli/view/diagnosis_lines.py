@@ -1,0 +1,20 @@
+"""The text of what `doctor` found."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from dvtcli.cli.view.lines import Cell, Line
+from dvtcli.operations.results.diagnosis import Diagnosis
+
+_STYLES = {"ok": "green", "warn": "yellow", "FAIL": "red"}
+
+
+def diagnosis_lines(result: Diagnosis, _width: int) -> Iterator[Line]:
+    """A line a check, its next step under it, and the sum."""
+    for check in result.checks:
+        yield [Cell(f"{check.verdict:<4}", _STYLES[check.verdict]), Cell(f"  {check.name:<11} {check.text}")]
+        if check.hint:
+            yield [Cell(f"{'':<18}{check.hint}", "dim")]
+    count = {verdict: sum(check.verdict == verdict for check in result.checks) for verdict in _STYLES}
+    yield f"{count['ok']} ok, {count['warn']} warnings, {count['FAIL']} failed"

@@ -1,0 +1,111 @@
+"""How a failure looks: what, where, why, in which state the device is, and what to do next."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+from dvtcli.cli.view.lines import Cell, Line
+from dvtcli.domain.abort import abort_text
+from dvtcli.domain.profile import Severity
+from dvtcli.domain.rules import Finding
+from dvtcli.domain.several import several
+from dvtcli.errors import DvtcliError, RuleError, State
+from dvtcli.operations.results.documents import Document, finding_document
+
+#: What a failure's place may be, beside a file or a line of one.
+_OBJECT = re.compile(r"(?:0x)?[0-9A-F]{4}:[0-9A-F]{2}")
+_PDO = re.compile(r"[RT]PDO[0-9]{1,3}")
+_STATES: dict[State, str] = {
+    "unchanged": "unchanged: nothing was written",
+    "rolled_back": "rolled back: everything is as it was, read back equal; nothing was stored",
+    "left_changed": "LEFT CHANGED: see above",
+    "unknown": "unknown: read back what the device holds",
+}
+#: in a script the lines above may have changed things
+_BY_THIS_LINE: dict[State, str] = {
+    "unchanged": "unchanged by this line",
+    "rolled_back": "rolled back: what this line changed is as it was, read back equal",
+}
+_STYLES = {Severity.ERROR: "red", Severity.WARNING: "yellow", Severity.NOTE: "cyan"}
+
+
+def error_document(error: DvtcliError, at: str | None = None) -> Document:
+    """`dvtcli.error/1`; *at* is the `FILE:LINE` of the script line that failed."""
+    place = error.place or ""
+    is_object = _OBJECT.fullmatch(place) is not None
+    document: Document = {
+        "schema": "dvtcli.error/1",
+        "exit_code": error.exit_code,
+        "error": error.slug,
+        "node": error.node,
+        "object": place.removeprefix("0x") if is_object else None,
+        "file": _file(error),
+        "abort": None if error.abort is None else f"0x{error.abort:08X}",
+        "text": error.text,
+        "why": error.why,
+        "hint": error.hint,
+        "state": error.state,
+        "at": at,
+        "stays": list(error.stays),
+    }
+    if isinstance(error, RuleError):
+        document["findings"] = [finding_document(finding) for finding in error.findings]
+    return document
+
+
+def _file(error: DvtcliError) -> str | None:
+    """The file that the error is about, with its line where there is one."""
+    place = error.place or ""
+    return None if _OBJECT.fullmatch(place) or _PDO.fullmatch(place) else error.place
+
+
+def error_lines(error: DvtcliError, at: str | None = None) -> Iterator[Line]:
+    """The error's screen, most telling line first; *at* is the `FILE:LINE` of the script line that failed."""
+    yield [Cell(f"{at}: " if at else ""), Cell("error: ", "red"), Cell(error.text, "bold")]
+    if isinstance(error, RuleError):
+        yield from _rule_lines(error, at)
+        return
+    rows = [*error.details]
+    file = _file(error)
+    if error.exit_code == 4 and file and file != at and file.rpartition(":")[0] not in error.text:
+        rows.append(("file", file))
+    if error.abort is not None:
+        rows.append(("abort", f"0x{error.abort:08X}  {abort_text(error.abort)}"))
+    rows += [(label, text) for label, text in (("why", error.why), ("hint", error.hint)) if text]
+    if error.exit_code not in (2, 4) or error.stays or error.state_text or error.state != "unchanged":
+        rows.append(("state", _state(error, at)))
+    for label, text in rows:
+        yield [Cell(f"  {label:<7} ", "dim"), Cell(text)]
+
+
+def _state(error: DvtcliError, at: str | None) -> str:
+    """The device's state in words: of a script's line, what it did itself, and which lines above it stay."""
+    text = error.state_text or _STATES[error.state]
+    if at and error.state_text is None and (error.stays or error.state == "unchanged"):
+        text = _BY_THIS_LINE.get(error.state, text)
+    return f"{text}; what {several(error.stays)} changed stays" if error.stays else text
+
+
+def _rule_lines(error: RuleError, at: str | None) -> Iterator[Line]:
+    for number, finding in enumerate(error.findings):
+        if number:
+            yield [Cell("  also    ", "dim"), Cell(finding.text)]
+        yield [Cell("  rule    ", "dim"), Cell(_rule_text(finding))]
+        if finding.hint:
+            yield [Cell("  hint    ", "dim"), Cell(finding.hint)]
+    yield [Cell("  state   ", "dim"), Cell(_state(error, at) + "; --force sends it anyway")]
+
+
+def _rule_text(finding: Finding) -> str:
+    text = f"{finding.rule} at {finding.place}"
+    if finding.abort is not None:
+        text += f"; the device would answer 0x{finding.abort:08X} ({abort_text(finding.abort)})"
+    return text
+
+
+def finding_line(finding: Finding) -> Line:
+    """A finding that stopped nothing, on one line."""
+    word = "forced" if finding.severity is Severity.ERROR else str(finding.severity)
+    hint = f"; {finding.hint}" if finding.hint else ""
+    return [Cell(f"{word}: ", _STYLES[finding.severity]), Cell(f"{finding.text}{hint}")]

@@ -1,0 +1,50 @@
+"""The text of frames and of plots."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from datetime import UTC, datetime
+
+from dvtcli.cli.view.lines import Cell, Line
+from dvtcli.domain.datatypes import Value
+from dvtcli.operations.results.frames import FrameSeen, Plotted
+
+
+def shown_value(value: Value | None) -> str:
+    """A value for a table."""
+    if value is None:
+        return "-"
+    if isinstance(value, bytes):
+        return value.hex(" ").upper()
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def frame_lines(result: FrameSeen, _width: int) -> Iterator[Line]:
+    """A frame with its time of day (UTC), what it is, its bytes and its signals."""
+    frame = result.frame
+    at = datetime.fromtimestamp(frame.timestamp_s, UTC).strftime("%H:%M:%S.%f")
+    node = f" node {result.node}" if result.node else ""
+    data = "remote request" if frame.remote else frame.data.hex(" ").upper()
+    signals = "  ".join(f"{name}={shown_value(value)}" for name, value in result.signals.items())
+    yield [
+        Cell(f"{at}  ", "dim"),
+        Cell(f"0x{frame.can_id:0{8 if frame.extended else 3}X}  "),
+        Cell(f"{f'{result.label}{node}':<18}  ", "bold"),
+        Cell(f"{data:<23}"),
+        Cell(f"  {signals}" if signals else ""),
+    ]
+
+
+def plot_lines(result: Plotted, _width: int) -> Iterator[Line]:
+    """Each signal with its least and most, and its drawing; or where the picture is."""
+    for signal in result.signals:
+        unit = f" {signal.unit}" if signal.unit else ""
+        spread = f"{shown_value(signal.low)} .. {shown_value(signal.high)}{unit}"
+        yield [
+            Cell(signal.name, "bold"),
+            Cell(f"  {signal.object}" if signal.object and signal.object != signal.name else ""),
+            Cell(f"  {spread}, {signal.count} samples in {result.seconds:.2f} s", "dim"),
+        ]
+        yield from signal.drawing
+    if result.output is not None:
+        yield f"{result.output}: {len(result.signals)} signal{'' if len(result.signals) == 1 else 's'} drawn"

@@ -1,0 +1,70 @@
+"""Columns and styles: what every screen is made of. Knows no results."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+from dvtcli.cli.view.safe import safe
+
+#: Screens are at most this wide, whatever the terminal.
+MAX_WIDTH = 100
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """A piece of text with a style (a click colour name, or `bold`/`dim`); made safe when it is shown."""
+
+    text: str
+    style: str = ""
+
+
+Line = str | Cell | Sequence[Cell]
+
+
+@dataclass(slots=True)
+class Table:
+    """Rows of cells in aligned columns; *right* names the columns that are aligned to the right.
+
+    *shrink* is the column that gives way where a row is wider than the screen.
+    """
+
+    header: Sequence[str] = ()
+    right: frozenset[int] = frozenset()
+    shrink: int | None = None
+    indent: int = 2
+    rows: list[Sequence[Cell]] = field(default_factory=list)
+
+    def add(self, *cells: str | Cell) -> None:
+        """Add one row."""
+        self.rows.append([cell if isinstance(cell, Cell) else Cell(cell) for cell in cells])
+
+    def lines(self, width: int = MAX_WIDTH) -> Iterable[list[Cell]]:
+        """The rows as lines, no wider than *width* characters where a column can shrink."""
+        rows = [[Cell(safe(cell.text), cell.style) for cell in row] for row in self.rows]
+        if self.header:
+            rows.insert(0, [Cell(text, "dim") for text in self.header])
+        columns = max((len(row) for row in rows), default=0)
+        widths = [max((len(row[i].text) for row in rows if i < len(row)), default=0) for i in range(columns)]
+        self._fit(widths, width)
+        return [self._line(row, widths) for row in rows]
+
+    def _fit(self, widths: list[int], width: int) -> None:
+        total = self.indent + sum(widths) + 2 * (len(widths) - 1)
+        if self.shrink is not None and self.shrink < len(widths) and total > width:
+            widths[self.shrink] = max(8, widths[self.shrink] - (total - width))
+
+    def _line(self, row: Sequence[Cell], widths: list[int]) -> list[Cell]:
+        cells = [Cell(" " * self.indent)]
+        for number, cell in enumerate(row):
+            text = cell.text if len(cell.text) <= widths[number] else cell.text[: widths[number] - 1] + "…"
+            last = number == len(row) - 1
+            padding = " " * (widths[number] - len(text))
+            before, after = (padding, "") if number in self.right else ("", "" if last else padding)
+            cells += [Cell(before), Cell(text, cell.style), Cell(after if last else after + "  ")]
+        return cells
+
+
+def plural(count: int, noun: str) -> str:
+    """A number with its noun."""
+    return f"{count} {noun}{'' if count == 1 else 's'}"

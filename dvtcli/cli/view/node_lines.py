@@ -1,0 +1,95 @@
+"""The text of nodes, NMT commands and SYNC."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from dvtcli.cli.view.lines import Cell, Line, Table, plural
+from dvtcli.domain.nmt import NmtState
+from dvtcli.operations.results.nodes import Commanded, NodeListing, NodeRow, Synced
+
+_STATE_STYLES = {
+    NmtState.OPERATIONAL.label: "green",
+    NmtState.PRE_OPERATIONAL.label: "yellow",
+    NmtState.STOPPED.label: "red",
+}
+
+
+def node_lines(result: NodeListing, width: int) -> Iterator[Line]:
+    """The nodes that were found, or what one says of itself."""
+    if result.detail and result.rows:
+        yield from _node_detail(result.rows[0])
+        return
+    table = Table(("NODE", "STATE", "DEVICE TYPE", "VENDOR", "PRODUCT", "NAME", "PROFILE"), frozenset({0}), shrink=5)
+    for row in result.rows:
+        table.add(
+            str(row.node), Cell(row.state, _STATE_STYLES.get(row.state, "")), _word(row.device_type),
+            _word(row.vendor_id), _word(row.product_code), row.name or "-", row.profile or "-",
+        )  # fmt: skip
+    if result.rows:
+        yield from table.lines(width)
+    noted = [row for row in result.rows if row.note]
+    yield from ([Cell(f"  {row.note}", "yellow")] for row in noted)
+    if noted:
+        yield [Cell("  scan --wait 500 gives each node more time", "dim")]
+    count = len(result.rows)
+    what = f"{count} node{'' if count == 1 else 's'} on {result.bus}, {result.seconds:.1f} s."
+    yield what + (
+        f" Select one: node {result.rows[0].node}" if result.rows else " Is the bit rate right? Is the bus powered?"
+    )
+
+
+def _word(value: int | None) -> str:
+    return "-" if value is None else f"0x{value:08X}"
+
+
+def _node_detail(row: NodeRow) -> Iterator[Line]:
+    yield [
+        Cell(f"node {row.node}", "bold"),
+        Cell(f"  {row.name}"),
+        Cell(f"  {row.state}", _STATE_STYLES.get(row.state, "")),
+    ]
+    facts = (
+        ("device type", _word(row.device_type)), ("vendor", _word(row.vendor_id)),
+        ("product", _word(row.product_code)), ("revision", _word(row.revision)), ("serial", _word(row.serial)),
+        ("profile", row.profile), ("EDS", row.source or "none: --eds FILE names its objects"), ("note", row.note),
+    )  # fmt: skip
+    for label, value in facts:
+        if value:
+            yield [Cell(f"  {label:<12}", "dim"), Cell(value)]
+
+
+def commanded_lines(result: Commanded, _width: int) -> Iterator[Line]:
+    """An NMT command and the state that each node is seen in."""
+    dry = Cell(" (dry run: nothing was sent)" if result.dry_run else "", "cyan")
+    if result.node:
+        state = result.states[0][1]
+        yield [Cell(f"NMT {result.command} to node {result.node}: "), *_seen(result, state), dry]
+        return
+    known = plural(len(result.states), "node") if result.states else "no node is heard: state not confirmed"
+    yield [Cell(f"NMT {result.command} to all nodes: {known}"), dry]
+    for node, state in result.states:
+        yield [Cell(f"  node {node}: "), *_seen(result, state)]
+
+
+def _seen(result: Commanded, state: str | None) -> list[Cell]:
+    if state is None:
+        return [Cell("state not confirmed (nothing tells it: no heartbeat)", "yellow")]
+    if result.wanted in (None, state):
+        return [Cell(state, _STATE_STYLES.get(state, ""))]
+    return [Cell(state, "red"), Cell(f", not {result.wanted} as was asked for")]
+
+
+def synced_lines(result: Synced, width: int) -> Iterator[Line]:
+    """How many SYNCs went out, and what came in answer."""
+    dry = " (dry run: nothing was sent)" if result.dry_run else ""
+    came = sum(count for _, count, _ in result.frames)
+    with_id = "" if result.can_id == 0x080 else f" with CAN-ID 0x{result.can_id:03X} (the node's 0x1005)"
+    yield f"{plural(result.count, 'SYNC')} sent{with_id}{dry}, {plural(came, 'frame')} came"
+    table = Table(("COB-ID", "WHAT", "FRAMES", "LAST DATA"), frozenset({2}))
+    for frame, count, label in result.frames:
+        table.add(f"0x{frame.can_id:03X}", label or "-", str(count), frame.data.hex(" ").upper())
+    if result.frames:
+        yield from table.lines(width)
+    elif result.note:
+        yield result.note

@@ -1,0 +1,242 @@
+"""Where results, messages and questions go: results to stdout, everything else to stderr.
+
+Owns colour, ASCII and JSON. Does not know what results mean (`view.renderers`). Whoever reads may leave at any time:
+what is said then is said to nobody, and the command that says it goes on, since a device may be in the middle of a
+change.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, TextIO
+
+from dvtcli.cli.view.streams import ReaderLeft, nobody_reads, silence
+
+if TYPE_CHECKING:
+    from dvtcli.cli.view.lines import Line
+    from dvtcli.domain.ports import Frame
+    from dvtcli.errors import DvtcliError
+    from dvtcli.operations.results import Document, Result
+
+#: Results that are read at leisure; what a change did is shown as it is.
+_LISTS = frozenset({"PdoListing", "ObjectListing", "NodeListing", "Facts", "FileReport"})
+
+
+class Output:
+    """One pair of streams with the options that shape what is written to them."""
+
+    def __init__(self, stdout: TextIO | None = None, stderr: TextIO | None = None) -> None:
+        self.stdout = stdout or sys.stdout
+        self.stderr = stderr or sys.stderr
+        self.format = "text"
+        self.color = "auto"
+        self.verbose = 0
+        self.quiet = False
+        self.plain = False
+        #: shows a text that is more than a screen, and says whether it did
+        self.pager: Callable[[str], bool] | None = None
+
+    def configure(self, format_name: str, color: str, verbose: int, *, quiet: bool, plain: bool) -> None:
+        """Take the options that count from now on."""
+        self.format, self.color, self.verbose = format_name, color, verbose
+        self.quiet, self.plain = quiet, plain
+
+    @property
+    def json(self) -> bool:
+        """Whether results are JSON documents."""
+        return self.format in ("json", "jsonl")
+
+    @property
+    def width(self) -> int:
+        """Columns of the terminal, at most 100; 100 where stdout is none."""
+        from dvtcli.cli.view.lines import MAX_WIDTH
+
+        return min(MAX_WIDTH, _columns(self.stdout) or MAX_WIDTH)
+
+    def result(self, result: Result) -> None:
+        """Print what a command answered, where anybody reads it; OSError where there is no room for it."""
+        if self.json:
+            self._document(result.document())
+            return
+        from dvtcli.cli.view.renderers import remarks, text
+
+        if not self.quiet:
+            self.lines(remarks(result))
+        lines = self._painted(self.stdout, text(result, self.width))
+        if type(result).__name__ not in _LISTS or not self._page(lines):
+            with self._answering():
+                for line in lines:
+                    print(line, file=self.stdout)
+                self.stdout.flush()
+
+    @contextmanager
+    def _answering(self) -> Iterator[None]:
+        """A block that writes to stdout; it ends early where nobody reads that any more."""
+        try:
+            yield
+        except OSError as failed:
+            gone = nobody_reads(self.stdout, failed)
+            silence(self.stdout)
+            if not gone:
+                raise
+
+    @contextmanager
+    def _saying(self) -> Iterator[None]:
+        """A block that writes to stderr; it ends early where that takes nothing: the exit code says the outcome."""
+        try:
+            yield
+        except OSError:
+            silence(self.stderr)
+
+    def error(self, error: DvtcliError, at: str | None = None, *, readable: bool = False) -> None:
+        """Print a failure: as a document on stdout with --json, else as lines on stderr; *at* is `FILE:LINE`.
+
+        With *readable* it is lines on stderr in any case: for a stdout that takes no documents.
+        """
+        if self.json and not readable:
+            from dvtcli.cli.view.error_lines import error_document
+
+            self._document(error_document(error, at))
+            return
+        from dvtcli.cli.view.error_lines import error_lines
+
+        with self._answering():
+            self.stdout.flush()
+        self.lines(error_lines(error, at))
+
+    def lines(self, lines: Iterable[Line]) -> None:
+        """Print messages to stderr."""
+        with self._saying():
+            for line in lines:
+                self._write(self.stderr, line)
+            self.stderr.flush()
+
+    def said(self, lines: Iterable[Line], *, error: bool) -> None:
+        """Print what a script says itself: to stdout, or to stderr with *error* and where stdout has documents."""
+        if error or self.json:
+            self.lines(lines)
+            return
+        with self._answering():
+            for line in lines:
+                self._write(self.stdout, line)
+            self.stdout.flush()
+
+    def traffic(self, frame: Frame, *, sent: bool, secret: bool = False) -> None:
+        """Show a frame as -v and -vv ask, nothing without them; of a *secret* one not what it carries."""
+        from dvtcli.cli.view.traffic_lines import traffic_line
+
+        line = traffic_line(frame, self.verbose, sent=sent, secret=secret) if self.verbose else None
+        if line is not None:
+            with self._saying():
+                self._write(self.stderr, line)
+
+    def note(self, text: str) -> None:
+        """Print one message to stderr, unless only errors are wanted."""
+        if not self.quiet and not self.json:
+            from dvtcli.cli.view.lines import Cell
+
+            self.lines([[Cell("note: ", "cyan"), Cell(text)]])
+
+    def warning(self, text: str) -> None:
+        """Print one warning to stderr, also where only errors are wanted."""
+        from dvtcli.cli.view.lines import Cell
+
+        self.lines([[Cell("warning: ", "yellow"), Cell(text)]])
+
+    def ask(self, question: str) -> bool:
+        """Ask *question* at the terminal; anything but yes is no, and what was typed before it answers nothing.
+
+        KeyboardInterrupt after Ctrl-C.
+        """
+        from dvtcli.cli.view.paint import painted
+        from dvtcli.cli.view.typed_ahead import throw_away
+
+        text = painted(f"{question} [y/N]", self.stderr, colored=False, plain=self.plain)
+        thrown_away = throw_away(sys.stdin)
+        if thrown_away:
+            self.warning(thrown_away)
+        with self._saying():
+            self.stderr.write(text + " ")
+            self.stderr.flush()
+        answer = ""
+        try:
+            answer = sys.stdin.readline()
+        finally:
+            if not answer.endswith("\n"):  # Ctrl-C, Ctrl-D: what comes next begins in a line of its own
+                self.lines([""])
+        return answer.strip().lower() in ("y", "yes")
+
+    def _document(self, document: Document) -> None:
+        import json
+
+        with self._answering():
+            print(json.dumps(document, ensure_ascii=True, separators=(",", ":")), file=self.stdout, flush=True)
+
+    def stream(self, results: Iterable[Result]) -> None:
+        """Print many answers of one command as they come: a document or a few lines each. ReaderLeft as below."""
+        if self.json:
+            self.documents(one.document() for one in results)
+            return
+        from dvtcli.cli.view.renderers import text
+
+        with self._streaming():
+            for one in results:
+                for line in text(one, self.width):
+                    self._write(self.stdout, line)
+            self.stdout.flush()
+
+    def documents(self, documents: Iterable[Document]) -> None:
+        """Print a stream of documents to stdout, one a line, and hand them over at once.
+
+        ReaderLeft where nobody reads them any more: whoever makes them only reads, and may stop.
+        """
+        import json
+
+        with self._streaming():
+            for one in documents:
+                self.stdout.write(json.dumps(one, ensure_ascii=True, separators=(",", ":")) + "\n")
+            self.stdout.flush()
+
+    @contextmanager
+    def _streaming(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as failed:
+            if not nobody_reads(self.stdout, failed):
+                raise
+            silence(self.stdout)
+            raise ReaderLeft from failed
+
+    def _page(self, lines: Sequence[str]) -> bool:
+        """Show *lines* with the pager where they are more than a screen; whether they were shown."""
+        rows = sum(line.count("\n") + 1 for line in lines)
+        if self.pager is None or not self.stdout.isatty() or rows < os.get_terminal_size(self.stdout.fileno()).lines:
+            return False
+        return self.pager("\n".join([*lines, ""]))
+
+    def _write(self, stream: TextIO, line: Line) -> None:
+        for text in self._painted(stream, [line]):
+            print(text, file=stream)
+
+    def _painted(self, stream: TextIO, lines: Iterable[Line]) -> list[str]:
+        from dvtcli.cli.view.paint import painted
+
+        width, colored = _columns(stream), self._colored(stream)
+        return [painted(line, stream, colored=colored, plain=self.plain, width=width) for line in lines]
+
+    def _colored(self, stream: TextIO) -> bool:
+        if self.color != "auto":
+            return self.color == "always"
+        if os.environ.get("FORCE_COLOR"):
+            return True
+        return stream.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
+
+
+def _columns(stream: TextIO) -> int:
+    """The width of the terminal that *stream* is, 80 where it does not say; 0 where it is none."""
+    if not stream.isatty():
+        return 0
+    return os.get_terminal_size(stream.fileno()).columns or 80

@@ -1,0 +1,40 @@
+"""A line's cells as the text that goes to a stream: made safe, coloured, in characters the stream can carry."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TextIO
+
+import click
+
+from dvtcli.cli.view.glyphs import ascii_only
+from dvtcli.cli.view.lines import Cell, Line
+from dvtcli.cli.view.safe import safe
+from dvtcli.cli.view.wrap import wrapped
+
+
+def painted(line: Line, stream: TextIO, *, colored: bool, plain: bool, width: int = 0) -> str:
+    """The text of *line* for *stream*; *plain* asks for ASCII look-alikes, *width* (columns, 0: any) for wrapping."""
+    cells: Sequence[Cell] = [Cell(line)] if isinstance(line, str) else [line] if isinstance(line, Cell) else line
+    if width and sum(len(cell.text) for cell in cells) > width:
+        broken = wrapped([Cell(safe(cell.text), cell.style) for cell in cells], width)
+        return "\n".join(painted(part, stream, colored=colored, plain=plain) for part in broken)
+    text = "".join(_styled(cell) if colored else safe(cell.text) for cell in cells).rstrip()
+    return ascii_only(text) if plain or not _carries(stream, text) else text
+
+
+def _styled(cell: Cell) -> str:
+    if not cell.style or not cell.text.strip():
+        return safe(cell.text)
+    if cell.style in ("bold", "dim"):
+        return click.style(safe(cell.text), **{cell.style: True})
+    return click.style(safe(cell.text), fg=cell.style)
+
+
+def _carries(stream: TextIO, text: str) -> bool:
+    """Whether the stream's encoding has every character; a Windows pipe often has not."""
+    try:
+        text.encode(getattr(stream, "encoding", None) or "utf-8")
+    except UnicodeEncodeError:
+        return False
+    return True

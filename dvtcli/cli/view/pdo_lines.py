@@ -1,0 +1,156 @@
+"""The text of PDOs: the list of a node's, and one with its frame picture."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+from dvtcli.cli.view.frame_picture import picture
+from dvtcli.cli.view.lines import Cell, Line, Table
+from dvtcli.domain.datatypes import Value
+from dvtcli.domain.drive_state import STATUSWORD, drive_state
+from dvtcli.domain.frame import layout
+from dvtcli.domain.pdo import PdoConfig, transmission_type_text
+from dvtcli.operations.results.pdos import LastFrame, MappedName, PdoListing, PdoRow
+
+#: A unit that files write with the value of one count: `1/16 V`.
+_SCALE = re.compile(r"(\d{1,6})/([1-9]\d{0,6}) (\S.*)")
+
+
+def listing_lines(result: PdoListing, width: int) -> Iterator[Line]:
+    """The PDOs of a node, or the one that was asked for."""
+    if result.detail:
+        yield from _detail(result, result.rows[0], width)
+        return
+    shown = [row for row in result.rows if result.show_all or row.config.enabled or row.config.count or row.unstored]
+    table = Table(
+        ("PDO", "COB-ID", "STATE", "TYPE", "INHIBIT", "EVENT", "LEN", "MAPPED OBJECTS"), frozenset({4, 5, 6}), 7
+    )
+    for row in shown:
+        table.add(*_cells(row))
+    if shown:
+        yield from table.lines(width)
+    hidden = len(result.rows) - len(shown)
+    if hidden:
+        yield f"{hidden} more {'is' if hidden == 1 else 'are'} off and empty: pdo --all"
+    elif not result.rows:
+        yield f"node {result.node} has no PDOs"
+
+
+def _cells(row: PdoRow) -> list[str | Cell]:
+    parameter = row.config.communication
+    state = Cell("enabled", "green") if row.config.enabled else Cell("off", "dim")
+    inhibit = "" if parameter.inhibit_time is None else _milliseconds(parameter.inhibit_time / 10)
+    timer = "" if parameter.event_timer is None else _milliseconds(parameter.event_timer)
+    mapped = ", ".join(_names(row)) or "-"
+    return [
+        Cell(row.pdo.label, "bold"), str(parameter.cob_id), state, _type(row.config, row), inhibit, timer,
+        _length(row.config), mapped + (" *" if row.unstored else ""),
+    ]  # fmt: skip
+
+
+def _milliseconds(value: float) -> str:
+    return f"{value:g} ms" if value else "0"
+
+
+def _type(config: PdoConfig, row: PdoRow) -> str:
+    kind = config.communication.transmission_type
+    return "-" if kind is None else f"{kind} {transmission_type_text(kind, row.pdo.direction)}"
+
+
+def _length(config: PdoConfig) -> str:
+    if config.mpdo is not None:
+        return "MPDO"
+    return f"{config.bits // 8} B" if config.bits % 8 == 0 else f"{config.bits} bit"
+
+
+def _names(row: PdoRow) -> Iterator[str]:
+    for number, entry in enumerate(row.config.mapping):
+        name = row.names[number].name if number < len(row.names) else ""
+        yield f"(skip {entry.bits} bits)" if entry.is_dummy else name or entry.object
+
+
+def _detail(result: PdoListing, row: PdoRow, width: int) -> Iterator[Line]:
+    pdo, parameter = row.pdo, row.config.communication
+    where = f"comm 0x{pdo.communication_index:04X}, map 0x{pdo.mapping_index:04X}"
+    yield [
+        Cell(f"{pdo.label} of node {result.node}", "bold"), Cell(f' "{result.title}"    {where}'),
+        Cell(", not stored", "yellow") if row.unstored else Cell(""),
+    ]  # fmt: skip
+    state = Cell("enabled", "green") if row.config.enabled else Cell("off", "yellow")
+    rtr = "RTR allowed" if parameter.cob_id.rtr_allowed else "no RTR"
+    wide = ", 29-bit" if parameter.cob_id.extended else ""
+    default = "" if row.default_can_id is None else f" (default 0x{row.default_can_id:03X})"
+    yield [Cell(f"  COB-ID    {parameter.cob_id} "), state, Cell(f", {rtr}{wide}{default}")]
+    yield f"  type      {_type(row.config, row)}{_sync_note(result, row)}"
+    if parameter.inhibit_time is not None:
+        yield f"  inhibit   {parameter.inhibit_time} x 100 us = {_milliseconds(parameter.inhibit_time / 10)}"
+    if parameter.event_timer is not None:
+        yield f"  event     {parameter.event_timer} ms" + ("" if parameter.event_timer else " = off")
+    if parameter.sync_start_value:
+        yield f"  SYNC start value {parameter.sync_start_value}"
+    yield from picture(row, width)
+    used = row.config.bits
+    yield f"      {used} of 64 bits used ({(used + 7) // 8} bytes on the bus), least significant byte first"
+    yield from _entries(row, width)
+
+
+def _sync_note(result: PdoListing, row: PdoRow) -> str:
+    kind = row.config.communication.transmission_type
+    period = result.sync_period_us
+    if kind is None or not 1 <= kind <= 240 or not row.pdo.is_tpdo or not period:
+        return ""
+    rate = 1_000_000 / (period * kind)
+    return f" (SYNC every {period / 1000:g} ms: {rate:g} frames/s)"
+
+
+def _entries(row: PdoRow, width: int) -> Iterator[Line]:
+    if not row.config.mapping:
+        return
+    last = ("LAST VALUE",) if row.last else ()
+    units = ("UNIT",) if any(mapped.unit for mapped in row.names) else ()
+    table = Table(("#", "OBJECT", "NAME", "TYPE", "BITS", "BYTES", *last, *units), frozenset({0, 4, 5}), shrink=2)
+    for number, field in enumerate(layout(row.config.mapping)):
+        mapped = row.names[number] if number < len(row.names) else MappedName()
+        name = f"(skip {field.bits} bits)" if field.entry.is_dummy else mapped.name
+        cells = [_range(field.start_bit, field.end_bit - 1), _range(field.start_bit // 8, (field.end_bit - 1) // 8)]
+        unit = mapped.unit
+        if row.last:
+            value = row.last.values[number]
+            shown, unit = _value(value, field.bits, mapped)
+            if field.entry.object == STATUSWORD and isinstance(value, int):
+                shown = f"{shown}  {drive_state(value)}".rstrip()
+            cells.append(shown)
+        cells += [unit] if units else []
+        table.add(str(number + 1), field.entry.object, Cell(name, "bold"), mapped.type_name, *cells)
+    yield from table.lines(width)
+    if row.last:
+        yield from _last_frame(row.last)
+
+
+def _range(first: int, last: int) -> str:
+    return f"{first}" if first >= last else f"{first}-{last}"
+
+
+def _value(value: Value | None, bits: int, mapped: MappedName) -> tuple[str, str]:
+    """A value as a person reads it, and its unit; one of an unsigned type also in hex: its bits may mean something."""
+    scale = _SCALE.fullmatch(mapped.unit)
+    if value is None:
+        return "-", mapped.unit
+    if isinstance(value, bytes):
+        return value.hex(" ").upper(), mapped.unit
+    if not isinstance(value, int) or isinstance(value, bool):
+        return str(value), mapped.unit
+    if scale is not None:
+        return f"{value * int(scale[1]) / int(scale[2]):g}  (raw {value} x {scale[1]}/{scale[2]})", scale[3]
+    if mapped.type_name.startswith("i"):
+        return str(value), mapped.unit
+    return f"{value}  (0x{value:0{(bits + 3) // 4}X})", mapped.unit
+
+
+def _last_frame(last: LastFrame) -> Iterator[Line]:
+    period = ""
+    if last.period is not None:
+        times = last.period
+        period = f", period {1000 * times.last_s:.1f} ms ({1000 * times.least_s:.1f}..{1000 * times.most_s:.1f})"
+    yield f"  last frame  {last.data.hex(' ').upper()}     {last.age_s:.1f} s ago{period}"

@@ -1,0 +1,20 @@
+"""What dvtcli does without a command: the prompt at a terminal, a script from a pipe."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from dvtcli.operations.session import Session
+
+
+def without_command(session: Session) -> int:
+    """Run the prompt where stdin is a terminal, else stdin as a script; the exit code."""
+    if sys.stdin.isatty():
+        from dvtcli.cli.prompt.loop import run_prompt
+
+        return run_prompt(session)
+    from dvtcli.cli.script import MOST_BYTES, run_script
+
+    return run_script(session, sys.stdin.buffer.read(MOST_BYTES + 1), "<stdin>", keep_going=False)

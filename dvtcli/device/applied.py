@@ -1,0 +1,24 @@
+"""What became of a checked plan, and refusing one that the rules forbid. Knows no device."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from dvtcli.domain.plan import Plan
+from dvtcli.domain.rules import Finding, errors_in
+from dvtcli.errors import RuleError
+
+
+@dataclass(frozen=True, slots=True)
+class Applied:
+    """A plan that the device took, with what the rules said beforehand."""
+
+    plan: Plan
+    findings: tuple[Finding, ...] = ()
+
+
+def refuse(findings: tuple[Finding, ...], text: str, node_id: int, *, force: bool) -> None:
+    """Raise RuleError where *findings* hold an error and *force* is not given."""
+    stopping = errors_in(findings)
+    if stopping and not force:
+        raise RuleError(f"{text}: {stopping[0].text}", stopping, node=node_id)

@@ -1,0 +1,67 @@
+"""The automatic backups of a node: scripts that set every PDO as it was. Finds them; does not run them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from dvtcli.device.change.journal import file_name
+from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.plan import PdoChange, plan_pdo
+from dvtcli.domain.script_line import identity_line
+
+
+@dataclass(frozen=True, slots=True)
+class Backup:
+    """A backup's file, and when it was made: `20261122T041120.123456Z`."""
+
+    path: Path
+    stamp: str
+
+    def was_made(self, when: str) -> bool:
+        """Whether it was made at *when*: a date, with or without a time, in any punctuation, as exact as it is."""
+        return bool(re.search(r"\d", when)) and _digits(self.stamp).startswith(_digits(when))
+
+
+def backups(folder: Path, bus: str, node_id: int, identity: Mapping[str, int | None]) -> list[Backup]:
+    """The backups in *folder* of the node at *node_id* on *bus* that has this *identity*, oldest first."""
+    head, needed = f"{file_name(bus)}-{node_id}-", identity_line(identity)
+    found = [Backup(path, path.name.removeprefix(head).removesuffix(".dvt")) for path in folder.glob(f"{head}*.dvt")]
+    return sorted((one for one in found if _pins(one.path) == needed), key=lambda one: one.stamp)
+
+
+def _pins(path: Path) -> str | None:
+    """The line of *path* that pins the identity, None where it pins none."""
+    try:
+        lines = path.read_text("utf-8", "replace").splitlines()[:5]
+    except OSError:
+        return None
+    return next((line for line in lines if line.startswith("require ")), "")
+
+
+def _digits(text: str) -> str:
+    return re.sub(r"\D", "", text)
+
+
+def in_order(changes: Iterable[PdoChange]) -> Iterator[PdoChange]:
+    """*changes* so that a CAN-ID is given up before another PDO gets it, where that is possible."""
+    pending = list(changes)
+    while pending:
+        free = (one for one in pending if not any(_holds(other, one) for other in pending if other is not one))
+        chosen = next(free, pending[0])
+        pending.remove(chosen)
+        yield chosen
+
+
+def _holds(other: PdoChange, one: PdoChange) -> bool:
+    """Whether *other* is enabled, so far, with the CAN-ID that *one* is to be enabled with."""
+    held, wanted = other.before.communication.cob_id, one.after.communication.cob_id
+    return held.valid and wanted.valid and (held.can_id, held.extended) == (wanted.can_id, wanted.extended)
+
+
+def way_to(now: Mapping[Pdo, PdoConfig], wanted: Mapping[Pdo, PdoConfig]) -> tuple[PdoChange, ...]:
+    """What takes PDOs from *now* to *wanted*; those that are right already are left alone."""
+    changes = (plan_pdo(pdo, now[pdo], config) for pdo, config in wanted.items())
+    return tuple(in_order([change for change in changes if change.steps]))

@@ -1,0 +1,48 @@
+"""What a node came up with, and whether anything was written since: whether a store would store anything new.
+
+Knows what was read and that something was written. Reads and writes nothing itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from dvtcli.domain.pdo import Pdo, PdoConfig
+
+
+@dataclass(slots=True)
+class CameUp:
+    """The PDOs as they were first read after boot-up number *boot_ups* (0: none heard), while nothing was written."""
+
+    boot_ups: int = 0
+    pdos: dict[Pdo, PdoConfig] = field(default_factory=dict)
+    written: bool = False
+
+    def _follow(self, boot_ups: int) -> None:
+        if boot_ups != self.boot_ups:
+            self.boot_ups, self.pdos, self.written = boot_ups, {}, False
+
+    def read(self, boot_ups: int, found: Mapping[Pdo, PdoConfig]) -> None:
+        """*found* was read, all of it after boot-up number *boot_ups*."""
+        self._follow(boot_ups)
+        if not self.written:
+            for pdo, config in found.items():
+                self.pdos.setdefault(pdo, config)
+
+    def wrote(self, boot_ups: int) -> None:
+        """Something was written to the node, or may have been."""
+        self._follow(boot_ups)
+        self.written = True
+
+    def why_not(self, boot_ups: int, now: Mapping[Pdo, PdoConfig]) -> str:
+        """Why *now* may differ from what is stored; empty where it is what came up, and nothing was written since."""
+        if not boot_ups:
+            return "no boot-up of the node was heard"
+        if boot_ups != self.boot_ups:
+            return "its PDOs were not read after its last boot-up"
+        if self.written:
+            return "it was written since its last boot-up"
+        if not self.pdos.keys() >= now.keys():
+            return "not all its PDOs were read after its last boot-up"
+        return "" if all(self.pdos[pdo] == config for pdo, config in now.items()) else "it is not what came up"

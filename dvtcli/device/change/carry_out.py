@@ -1,0 +1,205 @@
+"""Carrying out a plan on a node: gate, lock, backup, journal, transaction, and the NMT state afterwards.
+
+Decides nothing about what is legal, and shows nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from dvtcli.device.change.pending import CHANGE
+from dvtcli.device.change.safekeeping import JournalKept
+from dvtcli.device.change.transaction import Transaction, left_changed
+from dvtcli.domain.nmt import NmtState
+from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.plan import Change, PdoChange, Plan, writes_cob_id
+from dvtcli.domain.several import several
+from dvtcli.errors import DvtcliError, LeftChanged
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+    from dvtcli.device.observe import Found
+    from dvtcli.domain.rules import Finding
+
+#: How long a heartbeat is waited for that tells whether a node restarted without a boot-up message, in seconds.
+HEARTBEAT_S = 1.2
+
+
+def carry_out(
+    node: Node,
+    plan: Plan,
+    findings: tuple[Finding, ...] = (),
+    *,
+    found: Found | None = None,
+    done: Callable[[], None] = lambda: None,
+    keep_journal: bool = False,
+) -> None:
+    """As below, from its first to its last file and frame: a signal waits for a safe point, or comes too late.
+
+    *found* is how the node was claimed when the plan was made, None where that is done now. With *keep_journal* the
+    journal of a change that stands is left open: who asked for it puts the change back.
+    """
+    with node.cancellation.guard():
+        found = node.claim() if found is None else found
+        _carry_out(node, plan, findings, found, done, keep_journal=keep_journal)
+    node.cancellation.hold()
+
+
+def _carry_out(
+    node: Node,
+    plan: Plan,
+    findings: tuple[Finding, ...],
+    found: Found,
+    done: Callable[[], None],
+    *,
+    keep_journal: bool,
+) -> None:
+    """Take *node* to where *plan* ends, or leave it as it was; LeftChanged names the journal where neither works.
+
+    *findings* are what the rules had said; they explain a refusal of something that was forced. *done* is called once
+    the plan was read back, before anything else can go wrong.
+    """
+    others = _others(node, plan)
+    if node.keeper is not None:
+        node.keeper.begin(plan, node.identity(), found.state, node.known_pdos)
+    try:
+        node.gate.enter()
+        run(node, plan, others, found.state)
+    except LeftChanged as left:
+        left_open(node, left)
+        raise
+    except BaseException as error:
+        if isinstance(error, DvtcliError):
+            _explain(node, error, findings)
+        _settle_after(node, error, found)
+        raise
+    node.expected.seen(others)
+    done()
+    _end(node, plan, lambda: _return(node, found), keep_journal=keep_journal)
+
+
+def _others(node: Node, plan: Plan) -> dict[Pdo, PdoConfig]:
+    """The PDOs that *plan* leaves alone, as the node holds them; none where the plan cannot move them."""
+    if not writes_cob_id(plan):
+        return {}
+    own = {change.pdo for change in plan.changes if isinstance(change, PdoChange)}
+    return {pdo: config for pdo, config in node.known_pdos().items() if pdo not in own and config.mpdo is None}
+
+
+def left_open(node: Node, left: LeftChanged) -> None:
+    """A roll-back failed: nothing may be stored, and *left* says how to finish."""
+    node.pending.suspicions[CHANGE] = left.text
+    if node.keeper is not None:
+        left.place = str(node.keeper.journals.path(node.node_id))
+        left.hint = f"recover finishes it, from {left.place}"
+
+
+def _end(node: Node, plan: Plan, back: Callable[[], bool], *, keep_journal: bool) -> None:
+    """The change is complete: bring the node *back* to its NMT state, and forget the journal."""
+    try:
+        back()
+    except KeyboardInterrupt as torn:
+        left = left_changed(plan, torn, torn)
+        left.text, left.why = f"stopped before {_labels(plan)} of node {plan.node_id} was complete", None
+        left_open(node, left)
+        raise left from torn
+    except DvtcliError as failed:  # it may have restarted since it was read back
+        failed.state = "unknown"
+        failed.state_text = f"unknown: {_labels(plan)} was set and read back equal before that; look at the node"
+        if not keep_journal:
+            _close(node, failed)
+        raise
+    if not keep_journal:
+        _close(node)
+
+
+def _labels(plan: Plan) -> str:
+    return several(change.label for change in plan.changes)
+
+
+def _close(node: Node, error: BaseException | None = None) -> None:
+    """Forget the journal; where that fails, *error* is told of it, or JournalKept is raised where there is none."""
+    if node.keeper is None:
+        return
+    try:
+        node.keeper.end()
+    except JournalKept as kept:
+        if error is None:
+            raise
+        if isinstance(error, DvtcliError):
+            error.details.append(("journal", f"{kept.text}: {kept.why}; {kept.hint}"))
+
+
+def _settle_after(node: Node, error: BaseException, found: Found) -> None:
+    """The device is as it was: forget the journal; what cannot be put right of its NMT state is added to *error*."""
+    try:
+        rebooted = _return(node, found)
+    except DvtcliError as failed:
+        _add(error, f"{failed.text}: {failed.why or failed.hint}")
+    except KeyboardInterrupt:
+        _add(error, f"stopped once more: look at the NMT state of node {node.node_id}")
+    else:
+        if rebooted and found.state is None:
+            _add(error, f"node {node.node_id} restarted; its NMT state before is not known: look at it")
+    _close(node, error)
+
+
+def _add(error: BaseException, text: str) -> None:
+    if isinstance(error, DvtcliError):
+        error.details.append(("nmt", text))
+
+
+def run(node: Node, plan: Plan, others: Mapping[Pdo, PdoConfig], found: NmtState | None) -> None:
+    """Run *plan* as one transaction, with an eye on *others*; what was read of the node before counts no longer."""
+
+    def note(changes: Sequence[Change]) -> None:
+        if node.keeper is not None:
+            node.keeper.note(Plan(plan.node_id, tuple(changes)), node.identity(), found)
+
+    transaction = Transaction(
+        node.sdo,
+        plan,
+        node.cancellation,
+        node.access.explain,
+        before_retry=node.gate.renew,
+        clock=node.bus,
+        witness=node.witness,
+        others=others,
+        on_altered=note,
+    )
+    try:
+        transaction.run()
+    finally:
+        node.forget()
+
+
+def _explain(node: Node, error: DvtcliError, findings: tuple[Finding, ...]) -> None:
+    foreseen = (finding.text for finding in findings if finding.place == f"0x{error.place}")
+    error.why = error.why or next(foreseen, None)
+    error.hint = error.hint or _hint(node, error)
+    if error.abort in node.profile.store.never_after:
+        node.pending.suspicions[CHANGE] = f"the device answered 0x{error.abort:08X} to a change"
+
+
+def _hint(node: Node, error: DvtcliError) -> str | None:
+    """What the family's maker says of this refusal at this step."""
+    if error.abort is None or error.place is None or ":" not in error.place:
+        return None
+    index, _, sub_index = error.place.partition(":")
+    return node.profile.hint(int(index, 16), int(sub_index, 16), error.abort)
+
+
+def _return(node: Node, found: Found) -> bool:
+    """Undo what a reboot did to the NMT state, which inside an open gate is left to the gate's end; whether it did.
+
+    A node that restarts without a boot-up message leaves an upload without an answer, and tells another NMT state.
+    """
+    rebooted = node.bus.boot_ups(node.node_id) != found.boot_ups
+    if found.state is not NmtState.OPERATIONAL or node.gate.entered:
+        return rebooted
+    unsure = not rebooted and node.bus.upsets(node.node_id) != found.upsets
+    if rebooted or (unsure and node.access.state(HEARTBEAT_S) is NmtState.PRE_OPERATIONAL):
+        node.access.insist(NmtState.OPERATIONAL)
+        return True
+    return False

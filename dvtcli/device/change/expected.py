@@ -1,0 +1,90 @@
+"""What a node must hold when it is stored: what this session changed, and the PDOs that it saw beside that.
+
+Success was observed after each change; a reset, another writer or the device itself may have undone it since. Does not
+write, and does not know why something is not as expected.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from dvtcli.device.compare import differences
+from dvtcli.device.observe import observed
+from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.plan import Change, PdoChange
+from dvtcli.errors import SafetyRefusal
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+
+
+@dataclass(slots=True)
+class Expected:
+    """PDOs and single objects, by index and sub-index, as they were last read back."""
+
+    pdos: dict[Pdo, PdoConfig] = field(default_factory=dict)
+    values: dict[tuple[int, int], bytes] = field(default_factory=dict)
+
+    def seen(self, others: Mapping[Pdo, PdoConfig]) -> None:
+        """*others* were read beside a change; what was known of them first is what counts."""
+        for pdo, config in others.items():
+            self.pdos.setdefault(pdo, config)
+
+    def changed(self, change: Change) -> None:
+        """*change* was read back."""
+        if isinstance(change, PdoChange):
+            self._drop_values(change.pdo)
+            self.pdos[change.pdo] = change.after
+        elif change.step.before is not None:  # a write-only object cannot be read again
+            pdo = Pdo.at(change.step.index)
+            if pdo is not None:  # it is no longer as it was read back whole
+                self.pdos.pop(pdo, None)
+            self.values[change.step.index, change.step.sub_index] = change.step.after
+
+    def _drop_values(self, pdo: Pdo) -> None:
+        """*pdo* was read back whole: what was written to its objects one by one counts no longer."""
+        for place in [place for place in self.values if Pdo.at(place[0]) == pdo]:
+            del self.values[place]
+
+    def clear(self) -> None:
+        """The node was reset on purpose: what is not stored is lost, and that was said."""
+        self.pdos.clear()
+        self.values.clear()
+
+    def require(self, node: Node) -> None:
+        """Read everything again; SafetyRefusal where something is not as expected."""
+        if not self.pdos and not self.values:
+            return
+        found = observed(node.witness, lambda: list(self._differences(node)))
+        if found:
+            raise SafetyRefusal(
+                f"node {node.node_id} is not stored: {found[0][0]} is not as it was read back",
+                node=node.node_id,
+                place=found[0][1],
+                why="; ".join(text for *_, text in found),
+                hint="it restarted, somebody else wrote to it, or it corrects what is written: set it as it should be "
+                "and store again; store --force stores what it holds now",
+            )
+
+    def _differences(self, node: Node) -> Iterator[tuple[str, str, str]]:
+        """What differs: its label, its object, and how it differs."""
+        held = node.pdos() if self.pdos else {}
+        for pdo, wanted in self.pdos.items():
+            texts = [f"{pdo.label} is gone"] if pdo not in held else differences(pdo, wanted, held[pdo])
+            for text in texts:
+                yield pdo.label, f"{pdo.communication_index:04X}:01", f"{pdo.label}: {text}"
+        for (index, sub_index), value in self.values.items():
+            if _moves(node, index, sub_index):
+                continue
+            data = node.upload(index, sub_index)
+            if data != value:
+                place = f"{index:04X}:{sub_index:02X}"
+                yield f"0x{place}", place, f"0x{place} is {data.hex(' ')}, was set to {value.hex(' ')}"
+
+
+def _moves(node: Node, index: int, sub_index: int) -> bool:
+    """Whether an object is a command or a target, which the machine changes all the time: an RPDO can take it."""
+    entry = node.dictionary.entry(index, sub_index) if node.dictionary else None
+    return entry is not None and bool(entry.pdo_mapping) and entry.access.writable

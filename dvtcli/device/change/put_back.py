@@ -1,0 +1,143 @@
+"""Putting a device back to what it held, and finding what is not as it should be.
+
+Reads the device anew before each write, and again after the last one. Does not know what had gone wrong.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from typing import Protocol
+
+from dvtcli.device.observe import Undisturbed, Witness
+from dvtcli.device.read_pdos import read_number, read_pdo
+from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.plan import Change, PdoChange, Step, ValueChange, plan_pdo
+from dvtcli.domain.ports import SdoTransport
+from dvtcli.errors import DeviceRefused, NoAnswer, SdoAborted, SdoProtocolError
+
+#: How long a roll-back keeps trying where the node is silent or refuses, and the pause between two tries, in seconds.
+PATIENCE_S = 5.0
+RETRY_S = 0.2
+#: What a node that is rebooting answers, or does not: it is asked again for a while.
+_PASSING = (NoAnswer, SdoProtocolError, SdoAborted, DeviceRefused)
+
+
+class Clock(Protocol):
+    """The bus's time, so that waiting reads the bus and simulated time can pass at its own pace."""
+
+    def now_s(self) -> float:
+        """Seconds on a clock that only goes forward."""
+
+    def sleep(self, duration_s: float) -> None:
+        """Let *duration_s* pass."""
+
+
+class SystemClock:
+    """The computer's own time."""
+
+    def now_s(self) -> float:
+        """Seconds on a clock that only goes forward."""
+        return time.monotonic()
+
+    def sleep(self, duration_s: float) -> None:
+        """Let *duration_s* pass."""
+        time.sleep(duration_s)
+
+
+def restore_patiently(
+    sdo: SdoTransport,
+    changes: Sequence[Change],
+    clock: Clock,
+    before_retry: Callable[[], None],
+    witness: Witness | None = None,
+) -> None:
+    """Put every change's *before* back; a node that is silent or refuses may be rebooting, so it is asked again.
+
+    Also what was not begun: a reboot takes that, too, back to what is stored. Each try reads the device anew, so
+    nothing is taken for granted of what an earlier one wrote; what was put back stays put back. A try during which
+    the *witness* saw the node restart, or an upload repeated, proves nothing: it is followed by another. *before_retry*
+    makes the device writable again. Raises the last try's error after `PATIENCE_S`.
+    """
+    witness = witness or Undisturbed()
+    deadline = clock.now_s() + PATIENCE_S
+    while True:
+        try:
+            upsets = witness.upsets()
+            restore(sdo, changes)
+            if witness.upsets() == upsets:
+                return
+            if clock.now_s() >= deadline:
+                raise DeviceRefused("the node restarted, or lost an answer, each time that it was put back")
+        except _PASSING:
+            if clock.now_s() >= deadline:
+                raise
+            clock.sleep(RETRY_S)
+            with suppress(*_PASSING):
+                before_retry()  # where that fails too, the next try finds out
+
+
+def restore(sdo: SdoTransport, changes: Sequence[Change]) -> None:
+    """Put every change's *before* back, last change first, then verify all; the first failure is raised at the end.
+
+    The device is read anew first: after a time-out nobody knows whether the last write arrived. Verified is after the
+    last write only, since putting one PDO back may alter another.
+    """
+    failures: list[Exception] = []
+    for change in reversed(changes):
+        try:
+            for step in _steps_back(sdo, change):
+                sdo.download(step.index, step.sub_index, step.after)
+        except NoAnswer:
+            raise  # a silent node answers nothing about the others either
+        except Exception as failed:  # noqa: BLE001 - the others are put back all the same
+            failures.append(failed)
+    if failures:
+        raise failures[0]
+    for change in changes:
+        difference = first_difference(sdo, change, wanted_before=True)
+        if difference:
+            raise DeviceRefused(f"{change.label} does not read back as it was", place=change.label, why=difference)
+
+
+def _steps_back(sdo: SdoTransport, change: Change) -> Sequence[Step]:
+    if isinstance(change, PdoChange):
+        return plan_pdo(change.pdo, read_pdo(sdo, change.pdo), change.before).steps
+    step = change.step
+    if step.before is None or sdo.upload(step.index, step.sub_index) == step.before:
+        return ()
+    return change.reversed().steps
+
+
+def first_difference(sdo: SdoTransport, change: Change, *, wanted_before: bool = False) -> str | None:
+    """Read *change* back and name the first difference to what it wanted (or had *before*), or None."""
+    if isinstance(change, ValueChange):
+        before = change.step.before
+        if before is None:
+            return None  # write-only: nothing can be read back
+        wanted = before if wanted_before else change.step.after
+        held = sdo.upload(change.step.index, change.step.sub_index)
+        if held == wanted:
+            return None
+        return f"0x{change.step.object} is {held.hex(' ')}, expected {wanted.hex(' ')}"
+    wanted_config = change.before if wanted_before else change.after
+    differing = plan_pdo(change.pdo, read_pdo(sdo, change.pdo), wanted_config).steps
+    if not differing:
+        return None
+    cob_id = (change.pdo.communication_index, 1)
+    telling = (step for step in differing if (step.index, step.sub_index) != cob_id)
+    step = next(telling, None) or replace(differing[0], after=differing[-1].after)  # the COB-ID alone
+    return f"0x{step.object} is {_hex(step.before)}, expected {_hex(step.after)}"
+
+
+def altered_cob_ids(sdo: SdoTransport, others: Mapping[Pdo, PdoConfig]) -> dict[Pdo, CobId]:
+    """Those of *others* whose COB-ID (sub-index 1) is not what it was, each with what it is now."""
+    held = {pdo: CobId.from_raw(read_number(sdo, pdo.communication_index, 1, 4)) for pdo in others}
+    return {pdo: cob_id for pdo, cob_id in held.items() if cob_id != others[pdo].communication.cob_id}
+
+
+def _hex(data: bytes | None) -> str:
+    return "unset" if data is None else f"0x{int.from_bytes(data, 'little'):0{2 * len(data)}X}"

@@ -1,0 +1,205 @@
+"""What stands around a change on a real bus: the lock, the backup, and the journal.
+
+Knows files in one state folder. Does not read or write devices itself; a node hands it what it needs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+
+from dvtcli.device.change.journal import Identity, Journal, Journals, file_name, read_journal, set_aside, write_private
+from dvtcli.device.change.lock import NodeLock
+from dvtcli.device.past import Past
+from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.plan import Plan
+from dvtcli.domain.script_line import backup_lines
+from dvtcli.errors import DvtcliError, InputFileError, SafetyRefusal
+
+
+class JournalKept(DvtcliError):
+    """A change was made as planned, or undone, and verified, but its journal cannot be removed."""
+
+    slug = "journal_kept"
+
+
+@dataclass(slots=True)
+class Keeper:
+    """The files of one node on the bus called *bus*: journals and backups below *folder*, locks in *locks*.
+
+    The locks' folder is the same for every dvtcli of a user, or they would not see each other. *say* shows a message.
+    """
+
+    folder: Path
+    locks: Path
+    bus: str
+    node_id: int
+    say: Callable[[str], None] = lambda _text: None
+    #: whether a PDO's COB-ID is known to be read-only
+    is_fixed: Callable[[Pdo], bool] = lambda _pdo: False
+    #: shows what nobody may miss, also where results are documents
+    warn: Callable[[str], None] = lambda _text: None
+    lock: NodeLock = field(init=False)
+    journals: Journals = field(init=False)
+    #: the changes that a later process can put back
+    past: Past = field(init=False)
+    _backed_up: bool = False
+    _identity: Identity = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.lock = NodeLock(self.locks, self.bus, self.node_id)
+        self.journals = Journals(self.folder / "journals", self.bus)
+        self.past = Past(self.locks.parent / "changes", self.bus, self.warn)
+
+    def open_journal(self) -> Path | None:
+        """Where the journal of an unfinished change is: in our own folder, or where another dvtcli noted it."""
+        own, noted = self.journals.path(self.node_id), self.lock.noted()
+        return next((path for path in (own, noted) if path is not None and path.exists()), None)
+
+    def interrupted(self) -> Journal | None:
+        """The journal of a change that nobody is working on any more, or None; InputFileError where it is damaged."""
+        with self._files("read"):
+            path = self.open_journal()
+            return read_journal(path) if path is not None and self.lock.is_free() else None
+
+    def held_journal(self) -> Path | None:
+        """As `open_journal`, with the lock taken first: a change that is under way is not an interrupted one.
+
+        SafetyRefusal where another dvtcli is at work. The lock is kept only where there is a journal.
+        """
+        taken = not self.lock.held
+        self.hold()
+        with self._files("read"):
+            path = self.open_journal()
+        if taken and path is None:
+            self.lock.release()
+        return path
+
+    def hold(self) -> None:
+        """Take the lock, whatever waits to be finished; SafetyRefusal where another dvtcli has it."""
+        with self._files("read"):
+            self.lock.take()
+
+    def refuse_while_open(self) -> bool:
+        """Take the lock, and say whether that was needed: nothing that was read before is certain then.
+
+        SafetyRefusal where another dvtcli has it, or an interrupted change waits to be finished.
+        """
+        with self._files("kept"):
+            taken = not self.lock.held
+            self.lock.take()
+            path = self.open_journal()
+        if path is not None:
+            raise SafetyRefusal(
+                f"an interrupted change of node {self.node_id} is not finished yet",
+                node=self.node_id,
+                place=str(path),
+                hint=_way_out(path),
+            )
+        return taken
+
+    def begin(
+        self, plan: Plan, identity: Identity, nmt_state: int | None, pdos: Callable[[], Mapping[Pdo, PdoConfig]]
+    ) -> None:
+        """Before the first write of *plan*: take the lock, back the PDOs up once, put the journal on disk.
+
+        *pdos* reads the node's PDOs; it is called for the backup only.
+        """
+        self._identity = identity
+        held = {} if self._backed_up else pdos()
+        with self._files("kept"):
+            self.lock.take()
+            if not self._backed_up:
+                self._back_up(identity, held)
+                self._backed_up = True
+            path = self.journals.write(plan, identity, nmt_state)
+            try:
+                self.lock.note(path)
+            except OSError:
+                path.unlink(missing_ok=True)  # nothing is written to the device: there is nothing to recover
+                raise
+
+    def note(self, plan: Plan, identity: Identity, nmt_state: int | None) -> None:
+        """Put *plan* on disk in place of the one in hand: more than that has to be put back."""
+        with self._files("kept"):
+            self.journals.write(plan, identity, nmt_state)
+
+    def end(self) -> None:
+        """After the change was verified, or undone and verified: forget the journal.
+
+        JournalKept where it is still there. That it is gone for good (it might come back after a power failure), or
+        that the lock still names it, is a message only: `recover` asks before it does anything.
+        """
+        path = self.journals.path(self.node_id)
+        try:
+            path.unlink(missing_ok=True)
+        except OSError as failed:
+            raise self._kept(path, failed) from failed
+        try:
+            self.journals.remove(self.node_id)
+            self.lock.note(None)
+        except OSError as failed:
+            self.warn(f"the state folder takes nothing more ({failed.strerror or failed}): {failed.filename or path}")
+
+    def _kept(self, path: Path, failed: OSError) -> JournalKept:
+        error = JournalKept(
+            f"the journal of node {self.node_id} cannot be removed",
+            node=self.node_id,
+            place=str(path),
+            why=failed.strerror or str(failed),
+            hint=f"delete {path}: nothing is to be recovered, and until then nothing can be written to the node",
+            state="left_changed",
+        )
+        error.state_text = "as planned: set and read back equal; `recover` would put the old configuration back"
+        return error
+
+    def remember(self, plan: Plan) -> None:
+        """After *plan*, which `begin` was told of, was carried out and verified: a later `undo` can put it back."""
+        self.past.add(plan, self._identity)
+
+    def forget(self, journal: Journal) -> None:
+        """After *journal* was recovered, wherever it was kept."""
+        with self._files("removed"):
+            journal.path.unlink(missing_ok=True)
+        self.end()
+
+    def set_aside(self, path: Path, word: str) -> Path:
+        """Close the journal at *path*: it blocks nothing any more, and is kept under the name that is returned."""
+        with self._files("set aside"):
+            self.lock.take()
+            aside = set_aside(path, word)
+            if self.open_journal() is None:
+                self.lock.note(None)
+        return aside
+
+    @contextmanager
+    def _files(self, what: str) -> Iterator[None]:
+        """A disk that is full or a folder that may not be written is the user's to mend, not a bug of ours."""
+        try:
+            yield
+        except OSError as failed:
+            raise SafetyRefusal(
+                f"the journal of node {self.node_id} cannot be {what}: {failed.strerror or failed}",
+                node=self.node_id,
+                place=str(failed.filename or self.folder),
+                hint="--journal DIR takes another folder; without a journal nothing is written to a real device",
+            ) from failed
+
+    def _back_up(self, identity: Identity, pdos: Mapping[Pdo, PdoConfig]) -> None:
+        stamp = datetime.now(UTC).strftime("%Y%m%dT%H%M%S.%fZ")
+        path = self.folder / "backups" / f"{file_name(self.bus)}-{self.node_id}-{stamp}.dvt"
+        lines = backup_lines(identity, pdos, {pdo for pdo in pdos if self.is_fixed(pdo)})
+        write_private(path, "\n".join(lines) + "\n")
+        self.say(f"backup of node {self.node_id}: {path}")
+
+
+def _way_out(path: Path) -> str:
+    """How the change whose journal is at *path* is finished."""
+    try:
+        read_journal(path)
+    except InputFileError:
+        return f"the journal is damaged: recover --discard sets {path} aside, then look at the node with `pdo`"
+    return f"recover puts the old configuration back, from {path}"

@@ -1,0 +1,206 @@
+"""Running a plan so that the device ends as planned, or as it was.
+
+The only place that writes a plan to a device. Does not decide what is legal and asks nobody anything.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from dvtcli.device.change.cancellation import Cancellation
+from dvtcli.device.change.put_back import Clock, SystemClock, altered_cob_ids, first_difference, restore_patiently
+from dvtcli.device.observe import Undisturbed, Witness, observed
+from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, writes_cob_id
+from dvtcli.domain.ports import SdoTransport
+from dvtcli.domain.several import several
+from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, SdoAborted
+
+
+class Interrupted(DvtcliError):
+    """The user stopped a command; what it had changed was put back."""
+
+    exit_code = 130
+    slug = "interrupted"
+
+
+@dataclass(slots=True)
+class Transaction:
+    """One plan on its way to a device.
+
+    *cancellation* is looked at between two SDO downloads; *explain* may add the device's own reason to an abort;
+    *on_step* is told of every step that the device took; *before_retry* makes the device writable again when a
+    roll-back has to be tried anew, since the fault may have been a reboot; *clock* is the bus's. *witness* tells of
+    restarts: what was read in two lives of the device proves nothing. *others* are PDOs that the plan leaves alone, as
+    they were read before it: a device that alters one of their COB-IDs did not do what was planned; *on_altered* is
+    told what has to be put back besides the plan, before that is done.
+    """
+
+    sdo: SdoTransport
+    plan: Plan
+    cancellation: Cancellation = field(default_factory=Cancellation)
+    explain: Callable[[SdoAborted], None] = lambda _aborted: None
+    on_step: Callable[[Step], None] = lambda _step: None
+    before_retry: Callable[[], None] = lambda: None
+    clock: Clock = field(default_factory=SystemClock)
+    witness: Witness = field(default_factory=Undisturbed)
+    others: Mapping[Pdo, PdoConfig] = field(default_factory=dict)
+    on_altered: Callable[[Sequence[Change]], None] = lambda _changes: None
+    _started: list[Change] = field(default_factory=list)
+    _touched: bool = False
+    _boot_ups: int = 0
+
+    def run(self) -> None:
+        """Write every step, read everything back; on any fault put the old configuration back and say so.
+
+        Raises DeviceRefused, NoAnswer and their kin with state `rolled_back`; LeftChanged where the roll-back
+        failed too; Interrupted after *cancellation*.
+        """
+        with self.cancellation.guard():
+            self._boot_ups = self.witness.boot_ups()
+            self._run()
+
+    def _run(self) -> None:
+        total, done = len(self.plan), 0
+        try:
+            for change in self.plan.changes:
+                self._started.append(change)
+                for step in change.steps:
+                    self._stop_if_cancelled(done, total)
+                    done += 1
+                    self._download(step, change, done, total)
+            self._stop_if_cancelled(done, total)
+            observed(self.witness, self._verify)
+            self._stop_if_cancelled(done, total)  # the last moment for that: what is complete stays
+        except BaseException as fault:  # a bug of ours must not leave the device half configured either
+            self._roll_back(fault)
+            raise
+
+    def _stop_if_cancelled(self, done: int, total: int) -> None:
+        if self.cancellation.requested:
+            stopped = Interrupted(f"stopped after step {done} of {total}", node=self.plan.node_id)
+            stopped.exit_code = self.cancellation.exit_code
+            raise stopped
+
+    def _download(self, step: Step, change: Change, number: int, total: int) -> None:
+        touched, self._touched = self._touched, True
+        try:
+            self.sdo.download(step.index, step.sub_index, step.after)
+        except SdoAborted as aborted:
+            self.explain(aborted)
+            raise refused(aborted, step, self.plan.node_id, f"step {number} of {total} of {change.label}") from aborted
+        except DvtcliError as fault:
+            self._touched = touched or fault.state != "unchanged"
+            fault.details.insert(0, ("step", step_text(step)))
+            raise
+        self.on_step(step)
+
+    def _verify(self) -> None:
+        """Read back what the plan set; what differs is a refusal that came without an abort."""
+        for change in self.plan.changes:
+            difference = first_difference(self.sdo, change)
+            if difference:
+                raise self._differs(change, difference)
+        altered = self._altered()
+        if altered:
+            raise self._altered_too(altered)
+
+    def _differs(self, change: Change, difference: str) -> DeviceRefused:
+        node_id, restarted = self.plan.node_id, self._restarted()
+        text = f"node {node_id} took {change.label} without an error, but reads back differently"
+        hint = "the device corrects or ignores the value: its manual says which values it takes"
+        if restarted:
+            text = f"node {node_id} restarted while {change.label} was changed, and reads back differently"
+            hint = "look at its supply, then try again"
+        return DeviceRefused(text, node=node_id, place=change.steps[-1].object, why=difference, hint=hint)
+
+    def _altered(self) -> dict[Pdo, str]:
+        """Other PDOs whose COB-ID the device changed along with ours, in words; none where it restarted meanwhile."""
+        if not writes_cob_id(self.plan) or not self.others or self._restarted():
+            return {}
+        return {
+            pdo: f"0x{pdo.communication_index:04X}:01 was 0x{self.others[pdo].communication.cob_id.raw:08X}, "
+            f"is 0x{held.raw:08X}"
+            for pdo, held in altered_cob_ids(self.sdo, self.others).items()
+        }
+
+    def _altered_too(self, altered: Mapping[Pdo, str]) -> DeviceRefused:
+        node_id, own = self.plan.node_id, several(change.label for change in self.plan.changes)
+        first = next(iter(altered))
+        return DeviceRefused(
+            f"node {node_id} took {own}, but altered {several(pdo.label for pdo in altered)} with it",
+            node=node_id,
+            place=f"{first.communication_index:04X}:01",
+            why="; ".join(altered.values()),
+            hint="these PDOs depend on each other in this device: its manual says how",
+        )
+
+    def _restarted(self) -> bool:
+        return self.witness.boot_ups() != self._boot_ups
+
+    def _roll_back(self, fault: BaseException) -> None:
+        if not self._touched:
+            return
+        try:
+            self._put_back()
+        except (Exception, KeyboardInterrupt) as second:  # noqa: BLE001 - whatever it is, the device is left changed
+            raise left_changed(self.plan, fault, second) from fault
+        if isinstance(fault, DvtcliError):
+            unreadable = any(isinstance(one, ValueChange) and one.step.before is None for one in self._started)
+            refusal = isinstance(fault, DeviceRefused)
+            fault.state = "unknown" if unreadable and not refusal else "rolled_back"
+            fault.node = self.plan.node_id
+
+    def _put_back(self) -> None:
+        """Put the plan's PDOs back, and after them those that the device altered along with them."""
+        changes: tuple[Change, ...] = self.plan.changes
+        restore_patiently(self.sdo, changes, self.clock, self.before_retry, self.witness)
+        altered = tuple(PdoChange(pdo, self.others[pdo], self.others[pdo], ()) for pdo in self._altered())
+        if not altered:
+            return
+        self.on_altered((*changes, *altered))
+        restore_patiently(self.sdo, (*changes, *altered), self.clock, self.before_retry, self.witness)
+        still = self._altered()
+        if still:
+            raise DeviceRefused("the device alters other PDOs again", why="; ".join(still.values()))
+
+
+def step_text(step: Step) -> str:
+    """A step for a person: `0x1A00:03 <- 0x27030120  map 2703:01/32`."""
+    value = (
+        f"0x{int.from_bytes(step.after, 'little'):0{2 * len(step.after)}X}"
+        if len(step.after) <= 4
+        else step.after.hex(" ")
+    )
+    return f"0x{step.object} <- {value}    {step.reason}"
+
+
+def refused(aborted: SdoAborted, step: Step, node_id: int, what: str) -> DeviceRefused:
+    """The device's refusal of one *step*, with everything the abort said."""
+    error = DeviceRefused(
+        f"node {node_id} refused {what}",
+        node=node_id,
+        place=step.object,
+        abort=aborted.code,
+        why=aborted.why,
+        hint=aborted.hint,
+    )
+    error.details.append(("step", step_text(step)))
+    return error
+
+
+def _reason(error: BaseException) -> str:
+    return f" ({error.why})" if isinstance(error, DvtcliError) and error.why else ""
+
+
+def left_changed(plan: Plan, fault: BaseException, second: BaseException) -> LeftChanged:
+    """The worst case: say what failed twice and what the device may be left with."""
+    labels = several(change.label for change in plan.changes)
+    return LeftChanged(
+        f"{labels} of node {plan.node_id} could not be put back",
+        node=plan.node_id,
+        why=f"{fault}; then, while rolling back: {second}{_reason(second)}",
+        hint="look at it with `pdo --all`; a power cycle brings the stored settings back",
+        state="left_changed",
+    )

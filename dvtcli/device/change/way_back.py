@@ -1,0 +1,236 @@
+"""The way back: from what a device holds now to what it held before a plan. Used by `undo` and `recover`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from dvtcli.device.change.pending import CHANGE
+from dvtcli.device.change.put_back import restore_patiently
+from dvtcli.device.compare import differences
+from dvtcli.device.observe import MOST_LOOKS, BusWitness
+from dvtcli.device.wish import Wish, unlike
+from dvtcli.domain.nmt import NmtState
+from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, plan_pdo
+from dvtcli.domain.rules.finding import Finding, warning
+from dvtcli.domain.rules.rule import WARNING, Rule
+from dvtcli.domain.script_line import value_line, whole_line
+from dvtcli.domain.several import several
+from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, SafetyRefusal, SdoAborted
+
+if TYPE_CHECKING:
+    from dvtcli.device.change.journal import Identity, Journal
+    from dvtcli.device.node import Node
+
+RULES = (Rule("write-only", WARNING, "what a write-only object held is not known, so it is not put back", "ours"),)
+
+
+def plan_back(node: Node, plans: Iterable[Plan]) -> Plan:
+    """The plan from what *node* holds now to what it held before the oldest of *plans* (oldest first).
+
+    The node is read anew, since nothing is known of what happened to it meanwhile. A write-only object stays as it
+    is (`unknown_before`).
+    """
+    pdos: dict[Pdo, PdoConfig] = {}
+    values: dict[tuple[int, int], Step] = {}
+    for change in (change for plan in reversed(list(plans)) for change in reversed(plan.changes)):
+        if isinstance(change, PdoChange):
+            pdos[change.pdo] = change.before
+        else:
+            values[change.step.index, change.step.sub_index] = change.step
+    changes = [plan_pdo(pdo, node.pdo(pdo), before) for pdo, before in pdos.items()]
+    return Plan(node.node_id, (*changes, *_value_changes(node, pdos, values)))
+
+
+def _value_changes(node: Node, pdos: dict[Pdo, PdoConfig], values: dict[tuple[int, int], Step]) -> Iterator[Change]:
+    for (index, sub_index), step in values.items():
+        before = step.before
+        pdo = Pdo.at(index)
+        if pdo is not None and _is_filler(pdos.get(pdo) or node.pdo(pdo)):
+            continue
+        held = None if before is None else node.upload(index, sub_index)
+        if before is not None and held != before:
+            yield ValueChange(replace(step, before=held, after=before, reason="put the old value back"))
+
+
+def _is_filler(config: PdoConfig) -> bool:
+    """Whether a mapping entry that changed no configuration means nothing now, nor could be written."""
+    return config.enabled or config.count > 0
+
+
+def refuse_unless_left(node: Node, plans: Sequence[Plan]) -> None:
+    """Raise SafetyRefusal, naming what differs, unless *node* holds exactly what *plans* (oldest first) left.
+
+    A node that holds what was before them, as after a reset, is right, too: there is nothing to put back.
+    """
+    found = unlike(node, _ends(plans))
+    if found and unlike(node, _beginnings(plans)):
+        raise SafetyRefusal(
+            f"node {node.node_id} does not hold what that change left: {found[0][0]} {found[0][1]}",
+            node=node.node_id,
+            why=several(f"{label} {text}" for label, text in found[1:]) or None,
+            hint="somebody else has changed it, or it was reset: look at it with `pdo`; `undo --backup` puts an "
+            "automatic backup back, --force puts back all the same",
+        )
+
+
+def _ends(plans: Sequence[Plan]) -> Wish:
+    """What *plans* left last; not what cannot be read, nor entries behind a mapping's count, which mean nothing."""
+    wish = Wish()
+    for change in (change for plan in plans for change in plan.changes):
+        if isinstance(change, PdoChange):
+            wish.pdos[change.pdo] = change.after
+        elif change.step.before is not None and Pdo.at(change.step.index) is None:
+            wish.values[change.step.index, change.step.sub_index] = change.step.after
+    return wish
+
+
+def _beginnings(plans: Sequence[Plan]) -> Wish:
+    """The same of what was before the first of them."""
+    wish = Wish()
+    for change in (change for plan in reversed(plans) for change in reversed(plan.changes)):
+        if isinstance(change, PdoChange):
+            wish.pdos[change.pdo] = change.before
+        elif change.step.before is not None and Pdo.at(change.step.index) is None:
+            wish.values[change.step.index, change.step.sub_index] = change.step.before
+    return wish
+
+
+def unknown_before(plans: Iterable[Plan]) -> tuple[Finding, ...]:
+    """A warning for each write-only object of *plans*: what it held is not known, so it stays as it is."""
+    steps = (change.step for plan in plans for change in plan.changes if isinstance(change, ValueChange))
+    return tuple(
+        warning("write-only", f"0x{step.object}", f"0x{step.object} is write-only: what it held is not known, it stays")
+        for step in steps
+        if step.before is None
+    )
+
+
+def refuse_other_device(node: Node, journal: Journal) -> None:
+    """Raise SafetyRefusal where *journal* was made on another device than *node*."""
+    if journal.plan.node_id != node.node_id or journal.identity != node.identity():
+        raise SafetyRefusal(
+            f"the journal was made on another device than node {node.node_id}",
+            node=node.node_id,
+            place=str(journal.path),
+            why=f"it names {_text(journal.identity)}; this one is {_text(node.identity())}",
+            hint="attach that device; where it is gone for good, recover --discard sets the journal aside",
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class AcceptedState:
+    """What a device holds of an interrupted change, and what it held before, both as script lines; what differs."""
+
+    label: str
+    held: str
+    before: str
+    differences: tuple[str, ...]
+
+    def document(self) -> dict[str, object]:
+        """As JSON."""
+        what = {"object": self.label} if ":" in self.label else {"pdo": self.label.lower()}
+        return {**what, "held": self.held, "before": self.before, "differs_from_before": list(self.differences)}
+
+
+def accepted_states(node: Node, journal: Journal) -> list[AcceptedState]:
+    """What *node* holds now of everything that the interrupted change was about."""
+    states = []
+    for change in journal.plan.changes:
+        if isinstance(change, PdoChange):
+            held = node.pdo(change.pdo)
+            now, before = whole_line(change.pdo, held), whole_line(change.pdo, change.before)
+            unlike_before = tuple(differences(change.pdo, change.before, held))
+            states.append(AcceptedState(change.label, now, before, unlike_before))
+        else:
+            states.append(_accepted_value(node, change.step))
+    return states
+
+
+def _accepted_value(node: Node, step: Step) -> AcceptedState:
+    if step.before is None:
+        return AcceptedState(step.object, f"# {step.object} is write-only", f"# {step.object} was not known", ())
+    held = node.upload(step.index, step.sub_index)
+    found = () if held == step.before else (f"is {held.hex(' ')}, was {step.before.hex(' ')}",)
+    return AcceptedState(step.object, value_line(step, held), value_line(step, step.before), found)
+
+
+def recover(node: Node, journal: Journal) -> Plan:
+    """Finish an interrupted change: put back what it replaced, verify that, restore the NMT state, forget the journal.
+
+    Only forwards, towards what was: a failure leaves the journal for the next try (LeftChanged). Returns the plan
+    of what was to be written. SafetyRefusal where the journal was made on another device.
+    """
+    refuse_other_device(node, journal)
+    if node.keeper is not None:
+        node.keeper.lock.take()
+    plan = plan_back(node, [journal.plan])
+    _put_back_for_good(node, journal)
+    if node.keeper is not None:
+        node.keeper.forget(journal)
+    node.pending.suspicions.pop(CHANGE, None)
+    return plan
+
+
+def _put_back_for_good(node: Node, journal: Journal) -> None:
+    """Put back, and start the node where it was found OPERATIONAL; again where it restarted after it was verified.
+
+    What it held in RAM only is lost with a restart, also with one that the start brings about.
+    """
+    for _ in range(MOST_LOOKS):
+        boot_ups = node.bus.boot_ups(node.node_id)
+        _put_back(node, journal)
+        if journal.nmt_state == NmtState.OPERATIONAL and node.access.state() is NmtState.PRE_OPERATIONAL:
+            node.access.insist(NmtState.OPERATIONAL)
+        if node.bus.boot_ups(node.node_id) == boot_ups:
+            return
+    raise LeftChanged(
+        f"node {node.node_id} restarted each of {MOST_LOOKS} times that it was put back",
+        node=node.node_id,
+        place=str(journal.path),
+        hint=f"look at its supply and its wiring; recover tries again, from {journal.path}",
+        state="left_changed",
+    )
+
+
+def _put_back(node: Node, journal: Journal) -> None:
+    node.gate.enter()
+    try:
+        with node.cancellation.guard():
+            node.gate.renew()  # a try before this one may have started it
+            witness = BusWitness(node.bus, node.node_id)
+            restore_patiently(node.sdo, journal.plan.changes, node.bus, node.gate.renew, witness)
+    except (DvtcliError, KeyboardInterrupt) as fault:
+        labels = several(change.label for change in journal.plan.changes)
+        raise LeftChanged(
+            f"{labels} of node {node.node_id} could not be put back",
+            node=node.node_id,
+            place=str(journal.path),
+            why=_reason(fault),
+            hint=_next_step(node, fault, journal),
+            state="left_changed",
+        ) from fault
+    finally:
+        node.forget()
+
+
+def _reason(fault: BaseException) -> str:
+    """What went wrong, with the device's own reason where it is known."""
+    why = fault.why if isinstance(fault, DvtcliError) else None
+    return ": ".join(text for text in (str(fault), why) if text) or "interrupted"
+
+
+def _next_step(node: Node, fault: BaseException, journal: Journal) -> str:
+    again = f"recover tries again, from {journal.path}"
+    if isinstance(fault, SdoAborted | DeviceRefused):  # the same again would be refused, or corrected, again
+        return (
+            f"nmt reset-node {node.node_id} brings back what it has stored, then recover checks that; or "
+            f"recover --accept takes what the device holds as the new state; {again}"
+        )
+    return again
+
+
+def _text(identity: Identity) -> str:
+    return " ".join(f"{name} 0x{value:X}" for name, value in identity.items() if value is not None) or "no identity"

@@ -1,0 +1,88 @@
+"""The defaults that an EDS tells of a node's PDOs, and where a node differs from them. Reads no device."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+from dvtcli.device.quirks.fixed_count import FixedCount
+from dvtcli.device.quirks.reversed_entries import ReversedEntries
+from dvtcli.domain.abort import Abort
+from dvtcli.domain.object_dictionary import ObjectDictionary
+from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.plan import EVENT_TIMER, INHIBIT_TIME, SYNC_START, TRANSMISSION_TYPE
+from dvtcli.domain.ports import SdoTransport
+from dvtcli.domain.profile import DeviceProfile
+from dvtcli.errors import SdoAborted
+
+
+@dataclass(frozen=True, slots=True)
+class Defaults:
+    """What *dictionary* says that node *node_id* holds when nothing was ever set: DefaultValue, with the node-ID."""
+
+    dictionary: ObjectDictionary
+    node_id: int
+
+    def upload(
+        self,
+        index: int,
+        sub_index: int,
+        *,
+        timeout_s: float | None = None,  # noqa: ARG002 - a file answers at once
+        retries: int | None = None,  # noqa: ARG002
+    ) -> bytes:
+        """The default; SdoAborted where the file has no such object, or tells none."""
+        entry = self.dictionary.entry(index, sub_index)
+        value = None if entry is None else replace(entry, value=None).initial(self.node_id)
+        if value is None:
+            raise SdoAborted(index, sub_index, Abort.NO_SUB_INDEX, node=self.node_id)
+        return value
+
+    def download(self, index: int, sub_index: int, data: bytes, *, timeout_s: float | None = None) -> None:  # noqa: ARG002
+        """A file's values are never written here."""
+        raise SdoAborted(index, sub_index, Abort.READ_ONLY, node=self.node_id)
+
+
+def differing_from_defaults(
+    dictionary: ObjectDictionary, profile: DeviceProfile, node_id: int, held: Mapping[Pdo, PdoConfig]
+) -> tuple[int, list[str]]:
+    """How many of the *held* PDOs have a default in the file, and every parameter that is not its default."""
+    channel: SdoTransport = Defaults(dictionary, node_id)
+    if profile.reversed_entries:
+        channel = ReversedEntries(channel)
+    if profile.filler is not None:
+        channel = FixedCount(channel, profile.filler)
+    compared, differences = 0, []
+    for pdo, config in held.items():
+        found = list(_compared(channel, pdo, config))
+        compared += bool(found)
+        differences += [text for text in found if text]
+    return compared, differences
+
+
+def _compared(defaults: SdoTransport, pdo: Pdo, config: PdoConfig) -> Iterator[str]:
+    """For every parameter whose default is known what differs, in words; empty where nothing does."""
+    for index, sub_index, value in _values(pdo, config):
+        try:
+            data = defaults.upload(index, sub_index)
+        except SdoAborted:
+            continue  # the file tells no default: nothing to compare with
+        width = 2 * len(data)
+        same = int.from_bytes(data, "little") == value
+        place = f"{pdo.label}: 0x{index:04X}:{sub_index:02X}"
+        yield "" if same else f"{place} is 0x{value:0{width}X}, its default is 0x{data[::-1].hex().upper()}"
+
+
+def _values(pdo: Pdo, config: PdoConfig) -> Iterator[tuple[int, int, int]]:
+    held = config.communication
+    rows = (
+        (1, held.cob_id.raw),
+        (TRANSMISSION_TYPE, held.transmission_type),
+        (INHIBIT_TIME, held.inhibit_time),
+        (EVENT_TIMER, held.event_timer),
+        (SYNC_START, held.sync_start_value),
+    )
+    yield from ((pdo.communication_index, sub_index, value) for sub_index, value in rows if value is not None)
+    yield pdo.mapping_index, 0, config.count
+    for number, entry in enumerate(config.mapping, 1):
+        yield pdo.mapping_index, number, entry.raw

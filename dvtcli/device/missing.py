@@ -1,0 +1,33 @@
+"""What to say of PDOs and objects that a device does not have. Reads nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from dvtcli.domain.abort import Abort
+from dvtcli.domain.object_dictionary import ObjectDictionary
+from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.rules.mappable import decimal_hint
+from dvtcli.errors import SdoAborted, UsageError
+
+
+def no_pdo(node_id: int, pdo: Pdo, present: Iterable[Pdo], aborted: SdoAborted) -> Exception:
+    """The error for *pdo*, which node *node_id* does not answer for; *aborted* itself where it is one of *present*."""
+    same = [other for other in present if other.direction is pdo.direction]
+    if pdo in same:
+        return aborted
+    have = f"it has {same[0]}…{same[-1]}" if same else f"it has no {pdo.direction.upper()}s"
+    error = UsageError(f"node {node_id} has no {pdo.label}: {have}", node=node_id, place=aborted.place)
+    error.abort = aborted.abort
+    error.hint = "pdo --all lists what it has"
+    error.exit_code = 1
+    return error
+
+
+def hint_for_missing(aborted: SdoAborted, dictionary: ObjectDictionary | None) -> str | None:
+    """What to try where an upload was refused because there is no such object; None for other refusals."""
+    if aborted.code == Abort.NO_SUB_INDEX and dictionary is not None:
+        return decimal_hint(dictionary, aborted.index, aborted.sub_index)
+    if aborted.code == Abort.NO_OBJECT:
+        return "objects TEXT searches the dictionary" if dictionary else "--eds FILE names its objects"
+    return None

@@ -1,0 +1,44 @@
+"""What the other nodes of a session send, as far as they say it. Does not know which nodes there are."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from typing import TYPE_CHECKING
+
+from dvtcli.device.read_pdos import read_number
+from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.rules.finding import Producer
+from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+
+
+def producers(nodes: Iterable[Node]) -> tuple[Producer, ...]:
+    """Every enabled TPDO of *nodes*, as they say now; of a node that does not answer, as it was last known."""
+    return tuple(one for node in nodes for one in _producers(node))
+
+
+def _producers(node: Node) -> Iterator[Producer]:
+    for pdo, cob_id in _cob_ids(node).items():
+        if cob_id.valid:
+            yield Producer(node.node_id, pdo, cob_id)
+
+
+def _cob_ids(node: Node) -> dict[Pdo, CobId]:
+    """The COB-IDs of the TPDOs of *node*, read now: another dvtcli may have moved one since they were read last."""
+    known = {pdo: config.communication.cob_id for pdo, config in {**node.last_read, **node.wanted}.items()}
+    try:
+        held = {pdo: _cob_id(node, pdo, known) for pdo in node.present() if pdo.is_tpdo}
+    except (NoAnswer, SdoAborted, SdoProtocolError):  # a node that is off or STOPPED hinders no change of another one
+        held = {pdo: cob_id for pdo, cob_id in known.items() if pdo.is_tpdo}
+    return {pdo: cob_id for pdo, cob_id in held.items() if cob_id is not None}
+
+
+def _cob_id(node: Node, pdo: Pdo, known: Mapping[Pdo, CobId]) -> CobId | None:
+    """Sub-index 1 of a TPDO; where the node does not tell it, what is *known*, or None as of one that it lacks."""
+    try:
+        return CobId.from_raw(read_number(node.sdo, pdo.communication_index, 1, 4))
+    except SdoAborted:
+        return known.get(pdo)

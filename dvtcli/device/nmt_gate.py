@@ -1,0 +1,177 @@
+"""Getting at a device: its NMT state, the pre-operational gate, and the reasons it gives.
+
+Knows behaviours that a profile names. Does not write PDO parameters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from dvtcli.device.change.put_back import PATIENCE_S, RETRY_S
+from dvtcli.domain.abort import Abort
+from dvtcli.domain.nmt import NmtCommand, NmtState
+from dvtcli.domain.ports import CanopenBus
+from dvtcli.domain.profile import DeviceProfile, ObjectAddress, PreOperational
+from dvtcli.errors import DeviceRefused, DvtcliError, NoAnswer, SafetyRefusal, SdoAborted, SdoProtocolError
+
+#: How long a node may take to confirm a state change, in seconds.
+CONFIRM_TIMEOUT_S = 2.0
+
+
+@dataclass(slots=True)
+class Access:
+    """One node's state and reasons, read the way its *profile* says."""
+
+    bus: CanopenBus
+    node_id: int
+    profile: DeviceProfile
+
+    def state(self, timeout_s: float = 0.0) -> NmtState | None:
+        """The node's NMT state: from its own state object where it has one, else from heartbeats; None if unknown."""
+        if self.profile.state_object is None:
+            return self.bus.nmt_state(self.node_id, timeout_s)
+        heard = self.bus.nmt_state(self.node_id)
+        if heard is NmtState.STOPPED:
+            return heard
+        data = self.bus.sdo(self.node_id).upload(*self.profile.state_object)
+        value = int.from_bytes(data, "little")
+        return NmtState(value) if value in list(NmtState) else None
+
+    def explain(self, aborted: SdoAborted) -> None:
+        """Add the device's own reason to a general abort (0x08000000), where the profile knows one."""
+        if aborted.code != Abort.GENERAL or self.profile.extended_error is None:
+            return
+        index, sub_index = self.profile.extended_error
+        try:
+            reason = int.from_bytes(self.bus.sdo(self.node_id).upload(index, sub_index), "little")
+        except DvtcliError as failed:
+            aborted.why = f"the device's reason at 0x{index:04X}:{sub_index:02X} could not be read: {failed.text}"
+            return
+        text = self.profile.reasons.get(reason, "a reason that the profile does not name")
+        aborted.why = f"the device says {reason} at 0x{index:04X}:{sub_index:02X}: {text}"
+
+    def request(self, state: NmtState) -> None:
+        """Bring the node to PRE-OPERATIONAL or OPERATIONAL and confirm it; DeviceRefused where it stays.
+
+        A node that is a master takes its state from an object of its own, a slave from NMT. A master remembers what
+        it was asked for, even without power: a request that it did not obey is taken back (the published Gen4 manual).
+        """
+        if self.profile.state_request is None or not self._is_master():
+            command = NmtCommand.ENTER_PRE_OPERATIONAL if state is NmtState.PRE_OPERATIONAL else NmtCommand.START
+            self.bus.send_nmt(command, self.node_id)
+            self._confirm(state)
+            return
+        self._force(self.profile.state_request, state)
+        try:
+            self._confirm(state)
+        except DeviceRefused:
+            if state is NmtState.PRE_OPERATIONAL:
+                self._force(self.profile.state_request, NmtState.OPERATIONAL)
+            raise
+
+    def _force(self, place: ObjectAddress, state: NmtState) -> None:
+        index, sub_index = place
+        value = 1 if state is NmtState.PRE_OPERATIONAL else 0
+        try:
+            self.bus.sdo(self.node_id).download(index, sub_index, bytes([value]))
+        except SdoAborted as aborted:
+            self.explain(aborted)
+            raise
+
+    def insist(self, state: NmtState) -> None:
+        """As `request`, but where the node is silent or aborts it is asked again for a while: it may be rebooting.
+
+        Also where it does not obey because it restarted after it was asked.
+        """
+        deadline_s = self.bus.now_s() + PATIENCE_S
+        while True:
+            upsets = self.bus.upsets(self.node_id)
+            try:
+                self.request(state)
+            except (NoAnswer, SdoProtocolError, SdoAborted, DeviceRefused) as failed:
+                stays = isinstance(failed, DeviceRefused) and self.bus.upsets(self.node_id) == upsets
+                if stays or self.bus.now_s() >= deadline_s:
+                    raise
+                self.bus.sleep(RETRY_S)
+            else:
+                return
+
+    def _is_master(self) -> bool:
+        if self.profile.master_object is None:
+            return False
+        return any(self.bus.sdo(self.node_id).upload(*self.profile.master_object))
+
+    def confirmed(self, wanted: NmtState, timeout_s: float) -> NmtState | None:
+        """The state the node tells within *timeout_s*, as soon as it is *wanted*; None where it tells none.
+
+        A stopped node answers no SDO, so STOPPED is only ever heard.
+        """
+        deadline_s = self.bus.now_s() + timeout_s
+        state = None
+        while (left_s := deadline_s - self.bus.now_s()) > 0:
+            heard_only = wanted is NmtState.STOPPED or self.profile.state_object is None
+            state = self.bus.nmt_state(self.node_id, left_s) if heard_only else self.state()
+            if state is wanted:
+                return state
+            self.bus.sleep(0.005)
+        return state
+
+    def _confirm(self, wanted: NmtState) -> None:
+        state = self.confirmed(wanted, CONFIRM_TIMEOUT_S)
+        if state is wanted or state is None:
+            return
+        raise DeviceRefused(
+            f"node {self.node_id} did not reach {wanted.label}",
+            node=self.node_id,
+            why=f"it says {state.label} after {CONFIRM_TIMEOUT_S:.0f} s",
+            hint="a vehicle that is active may refuse; stop it and try again",
+        )
+
+
+@dataclass(slots=True)
+class Gate:
+    """PRE-OPERATIONAL for as long as a node is worked on, where its profile demands that.
+
+    *consent* is asked before a node leaves OPERATIONAL; it returns or raises.
+    """
+
+    access: Access
+    consent: Callable[[str], None]
+    found: NmtState | None = None
+    entered: bool = False
+
+    def enter(self) -> None:
+        """Make PDO writes possible; remembers the state that was found."""
+        if self.entered or self.access.profile.pre_operational_gate is not PreOperational.REQUIRED:
+            return
+        node_id = self.access.node_id
+        state = self.access.state()
+        if state is NmtState.STOPPED:
+            raise SafetyRefusal(
+                f"node {node_id} is STOPPED: it answers no SDO", node=node_id, hint=f"nmt preop {node_id}"
+            )
+        if state is NmtState.OPERATIONAL:
+            self.consent(f"node {node_id} is OPERATIONAL and must be PRE-OPERATIONAL for this; go there and back?")
+            self.found = state  # before it is left: a fault on the way must not hide where it was
+            self.access.request(NmtState.PRE_OPERATIONAL)
+        self.entered = True
+
+    def leave(self) -> None:
+        """Return to the state that was found; to be called only where the node is as planned, or as it was."""
+        if self.found is NmtState.OPERATIONAL:
+            self.access.insist(NmtState.OPERATIONAL)
+        self.found, self.entered = None, False
+
+    def renew(self) -> None:
+        """Make the node pre-operational again where it fell out of it, as by a reboot in the middle of a change."""
+        if self.entered and self.access.state() is NmtState.OPERATIONAL:
+            self.access.request(NmtState.PRE_OPERATIONAL)
+
+    def abandon(self) -> str | None:
+        """Forget the state that was found; says so where the node was OPERATIONAL and stays PRE-OPERATIONAL."""
+        found, self.found, self.entered = self.found, None, False
+        if found is not NmtState.OPERATIONAL:
+            return None
+        node_id = self.access.node_id
+        return f"node {node_id} was OPERATIONAL and is PRE-OPERATIONAL now; when it is right: nmt start {node_id}"

@@ -1,0 +1,87 @@
+"""Looking at a node that may restart meanwhile: what was read in two of its lives is no observation.
+
+Knows boot-ups and repeated uploads as numbers of the bus. Does not know what is looked at.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol, TypeVar
+
+from dvtcli.domain.nmt import NmtState
+from dvtcli.domain.ports import CanopenBus
+from dvtcli.errors import NoAnswer
+
+#: How often something is looked at anew before the node counts as one that cannot be looked at.
+MOST_LOOKS = 5
+
+T = TypeVar("T")
+
+
+class Witness(Protocol):
+    """Who noticed what happened to a node."""
+
+    def boot_ups(self) -> int:
+        """How many boot-ups were seen so far."""
+        ...
+
+    def upsets(self) -> int:
+        """A number that grows with each boot-up, and with each upload that had to be asked again."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class BusWitness:
+    """What *bus* heard of *node_id*."""
+
+    bus: CanopenBus
+    node_id: int
+
+    def boot_ups(self) -> int:
+        """How many boot-ups were seen so far."""
+        return self.bus.boot_ups(self.node_id)
+
+    def upsets(self) -> int:
+        """A number that grows with each boot-up, and with each upload that had to be asked again."""
+        return self.bus.upsets(self.node_id)
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """How a node was found before a change was planned: its NMT state, None where it told none, and what had happened.
+
+    *boot_ups* and *upsets* are those of the bus by then.
+    """
+
+    state: NmtState | None
+    boot_ups: int
+    upsets: int
+
+
+class Undisturbed:
+    """Of a node to which nothing happens, as one that is called directly."""
+
+    def boot_ups(self) -> int:
+        """None."""
+        return 0
+
+    def upsets(self) -> int:
+        """None."""
+        return 0
+
+
+def observed(witness: Witness, look: Callable[[], T]) -> T:
+    """What *look* answers, once nothing upset the node from its first to its last upload.
+
+    NoAnswer where that does not come about within `MOST_LOOKS`.
+    """
+    for _ in range(MOST_LOOKS):
+        upsets = witness.upsets()
+        found = look()
+        if witness.upsets() == upsets:
+            return found
+    raise NoAnswer(
+        f"the node restarted, or lost an answer, each of {MOST_LOOKS} times that it was read back",
+        hint="look at its supply and its wiring, then try again",
+    )

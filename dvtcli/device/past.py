@@ -1,0 +1,198 @@
+"""The changes that were made to a device, newest last, so that a later process can put the last one back.
+
+One file a device and node-ID, found by its identity (0x1018). Whoever adds or drops holds the node's lock. Does not
+read or write devices, and does not decide what is put back.
+"""
+
+from __future__ import annotations
+
+import json
+import uuid
+from collections.abc import Callable, Collection, Iterator
+from contextlib import suppress
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from dvtcli.device.change.journal import (
+    MOST_BYTES,
+    Identity,
+    change_document,
+    file_name,
+    read_plan,
+    set_aside,
+    write_private,
+)
+from dvtcli.domain.plan import Plan
+from dvtcli.errors import InputFileError, SafetyRefusal
+
+SCHEMA = "dvtcli.past/1"
+#: How many changes of a device are remembered.
+MOST_CHANGES = 50
+#: Serial numbers (0x1018:4) that are nobody's own: not set, or erased memory.
+_NO_SERIAL = (None, 0, 0xFFFF_FFFF)
+
+
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """A change that was verified: its *plan*, when it was made (ISO 8601, UTC), on which bus and which device."""
+
+    id: str
+    when: str
+    bus: str
+    identity: Identity
+    plan: Plan
+
+    def is_of(self, bus: str, identity: Identity) -> bool:
+        """Whether it was made on a device of this *identity* on *bus*."""
+        return (self.bus, self.identity) == (bus, identity)
+
+
+def has_serial(identity: Identity) -> bool:
+    """Whether *identity* tells one device from the next of its kind."""
+    return identity.get("serial") not in _NO_SERIAL
+
+
+@dataclass(slots=True)
+class Past:
+    """The changes made on *bus*, in the files of *folder*; *say* shows what goes wrong with remembering."""
+
+    folder: Path
+    bus: str
+    say: Callable[[str], None] = lambda _text: None
+    #: what this process added, oldest first; None for a change that could not be remembered
+    _own: list[tuple[Path, str] | None] = field(default_factory=list)
+
+    def path(self, node_id: int, identity: Identity) -> Path:
+        """The file of the device of this *identity* at *node_id*, whether there is one or not."""
+        return self.folder / f"{file_name(self.bus)}-{_words(identity)}-node{node_id}.json"
+
+    def add(self, plan: Plan, identity: Identity) -> None:
+        """Remember *plan*, which was carried out and verified; that this fails makes the change no less done."""
+        path, now = self.path(plan.node_id, identity), datetime.now(UTC)
+        entry = Recorded(uuid.uuid4().hex, now.isoformat(), self.bus, identity, plan)
+        self._own.append(None)  # its place among the changes of this process, whatever becomes of its file
+        try:
+            self._write(path, [*self._sound(path), entry][-MOST_CHANGES:])
+        except (OSError, SafetyRefusal) as failed:
+            self.say(f"the change is done, but cannot be remembered for a later `undo`: {_why(failed)}")
+        else:
+            self._own[-1] = (path, entry.id)
+
+    def _sound(self, path: Path) -> list[Recorded]:
+        """What *path* holds; a damaged file is set aside under another name."""
+        try:
+            return self._read(path)
+        except InputFileError as damaged:
+            aside = set_aside(path, "damaged")
+            self.say(f"{damaged.text}: it is kept as {aside}")
+            return []
+
+    def newest(self, node_id: int, identity: Identity) -> Recorded | None:
+        """The last change of a device at *node_id* that is remembered; InputFileError where its file is damaged."""
+        entries = self._read(self.path(node_id, identity))
+        return next((one for one in reversed(entries) if one.is_of(self.bus, identity)), None)
+
+    def moved(self, node_id: int, identity: Identity) -> Recorded | None:
+        """The last change of this device, by its serial number, while it had another node-ID than *node_id*.
+
+        Whether it really is the same device, and not a second one with that serial number, others have to find out.
+        """
+        if not has_serial(identity):
+            return None
+        found = self._last_of(f"{file_name(self.bus)}-{_words(identity)}-node*.json")
+        return max(
+            (one for one in found if one.is_of(self.bus, identity) and one.plan.node_id != node_id),
+            key=lambda one: one.when,
+            default=None,
+        )
+
+    def newest_of_all(self) -> Recorded | None:
+        """The last change on this bus, whichever device it was made on; files that are damaged are passed over."""
+        found = self._last_of(f"{file_name(self.bus)}-*.json")
+        return max((one for one in found if one.bus == self.bus), key=lambda one: one.when, default=None)
+
+    def _last_of(self, pattern: str) -> Iterator[Recorded]:
+        for path in sorted(self.folder.glob(pattern)):
+            with suppress(InputFileError):
+                yield from self._read(path)[-1:]
+
+    def forget(self, entry: Recorded) -> None:
+        """Drop *entry*, which was put back."""
+        self._drop(self.path(entry.plan.node_id, entry.identity), [entry.id])
+
+    def forget_own(self, count: int) -> None:
+        """Drop the last *count* changes that this process made: they were put back."""
+        last, self._own = self._own[-count:], self._own[:-count]
+        dropped = [one for one in last if one is not None]
+        for path in {path for path, _ in dropped}:
+            self._drop(path, [name for _, name in dropped])
+
+    def _drop(self, path: Path, names: Collection[str]) -> None:
+        try:
+            self._write(path, [one for one in self._sound(path) if one.id not in names])
+        except (OSError, SafetyRefusal) as failed:
+            self.say(f"it is put back, but what `undo` remembers cannot be written: {_why(failed)}")
+
+    def _write(self, path: Path, entries: list[Recorded]) -> None:
+        documents = [_document(one) for one in entries]
+        text = json.dumps({"schema": SCHEMA, "changes": documents})
+        while len(text) > MOST_BYTES and len(documents) > 1:  # what could not be read back is not written either
+            documents = documents[(len(documents) + 1) // 2 :]
+            text = json.dumps({"schema": SCHEMA, "changes": documents})
+        write_private(path, text)
+
+    def _read(self, path: Path) -> list[Recorded]:
+        try:
+            with path.open("rb") as file:
+                data = file.read(MOST_BYTES + 1)
+        except FileNotFoundError:
+            return []
+        except OSError as failed:
+            raise _damaged(path, failed) from failed
+        try:
+            return list(_entries(json.loads(data) if len(data) <= MOST_BYTES else None))
+        except (ValueError, RecursionError) as wrong:
+            raise _damaged(path, wrong) from wrong
+
+
+def _words(identity: Identity) -> str:
+    """*identity* as part of a file's name."""
+    words = [identity.get(name) for name in ("vendor", "product", "revision", "serial")]
+    return "-".join("none" if word is None else f"{word:08X}" for word in words)
+
+
+def _document(one: Recorded) -> dict[str, Any]:
+    return {
+        "id": one.id,
+        "when": one.when,
+        "bus": one.bus,
+        "node": one.plan.node_id,
+        "identity": one.identity,
+        "changes": [change_document(change) for change in one.plan.changes],
+    }
+
+
+def _entries(document: Any) -> Iterator[Recorded]:
+    if not isinstance(document, dict) or document.get("schema") != SCHEMA:
+        raise ValueError(f"it does not say {SCHEMA}")
+    changes = document.get("changes")
+    if not isinstance(changes, list):
+        raise ValueError("it lists no changes")
+    for one in changes:
+        identity, plan = read_plan(one)
+        yield Recorded(str(one.get("id")), str(one.get("when")), str(one.get("bus")), identity, plan)
+
+
+def _damaged(path: Path, why: Exception) -> InputFileError:
+    return InputFileError(
+        f"{path} does not tell what was changed",
+        place=str(path),
+        why=str(why),
+        hint="`undo --backup` puts an automatic backup back; the next change keeps this file under another name",
+    )
+
+
+def _why(failed: OSError | SafetyRefusal) -> str:
+    return failed.text if isinstance(failed, SafetyRefusal) else failed.strerror or str(failed)

@@ -1,0 +1,71 @@
+"""What the rules say of a raw write, with what they must know of the node. Writes nothing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from dvtcli.device.read_pdos import read_optional
+from dvtcli.domain.abort import Abort
+from dvtcli.domain.mapping import MAX_ENTRIES, PdoMappingEntry
+from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.plan import Change, PdoChange, Step, ValueChange
+from dvtcli.domain.rules.raw_write import (
+    ParameterWrite,
+    length_findings,
+    parameter_findings,
+    with_raw,
+    write_findings,
+)
+from dvtcli.errors import SdoAborted
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+    from dvtcli.domain.rules import Finding
+
+
+def raw_write_findings(node: Node, index: int, sub_index: int, data: bytes) -> tuple[Finding, ...]:
+    """Everything the rules say of writing *data* to *index*:*sub_index* of *node*."""
+    findings = write_findings(node.dictionary, index, sub_index, data)
+    pdo = Pdo.at(index)
+    if pdo is None or findings:
+        return findings
+    if wrong := length_findings(index, sub_index, data):
+        return wrong
+    now = node.pdo(pdo)
+    write = ParameterWrite(index, sub_index, int.from_bytes(data, "little"))
+    return parameter_findings(lambda want: node.proposal(pdo, now, want), now, write, _entries(node, pdo, write))
+
+
+def raw_change(node: Node, step: Step) -> Change:
+    """What a write does: a change of a PDO where it is one, so that it is undone and verified like any other."""
+    pdo, value = Pdo.at(step.index), int.from_bytes(step.after, "little")
+    if pdo is None or len(step.after) > 4:
+        return ValueChange(step)
+    now = node.pdo(pdo)
+    if step.index == pdo.communication_index:
+        after = replace(now, communication=with_raw(now.communication, step.sub_index, value))
+    elif step.sub_index == 0:
+        after = replace(now, mapping=_entries(node, pdo, ParameterWrite(step.index, 0, value)))
+    else:
+        after = now  # an entry behind the count: nothing that is active changes
+    return ValueChange(step) if after == now else PdoChange(pdo, now, after, (step,))
+
+
+def _entries(node: Node, pdo: Pdo, write: ParameterWrite) -> tuple[PdoMappingEntry, ...]:
+    """The mapping entries that a raw count would make active."""
+    if write.index != pdo.mapping_index or write.sub_index:
+        return ()
+    numbers = range(1, min(write.value, MAX_ENTRIES) + 1)
+    words = [read_optional(node.sdo, pdo.mapping_index, number, 4) for number in numbers]
+    return tuple(PdoMappingEntry.from_raw(word) for word in words if word is not None)
+
+
+def held_value(node: Node, index: int, sub_index: int) -> bytes | None:
+    """What an object holds, so that it can be put back; None where it is write-only."""
+    try:
+        return node.upload(index, sub_index)
+    except SdoAborted as aborted:
+        if aborted.code == Abort.WRITE_ONLY:
+            return None
+        raise

@@ -1,0 +1,104 @@
+"""Seeing which NMT state a node is in, after it was commanded into one.
+
+Knows the ways in which a state can be seen, and which of them may be asked for. Does not command anything.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+
+from dvtcli.device.nmt_gate import Access
+from dvtcli.device.read_pdos import read_optional
+from dvtcli.domain.drive_state import drive_state
+from dvtcli.domain.nmt import NmtState
+from dvtcli.domain.ports import CanopenBus, Frame
+from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
+
+HEARTBEAT_TIME, GUARD_TIME, LIFE_TIME_FACTOR = 0x1017, 0x100C, 0x100D
+STATUSWORD = (0x6041, 0)
+_ERROR_CONTROL = 0x700
+#: Longest wait for a sign of life that confirms a state, where nothing says when the next one comes, in seconds.
+CONFIRM_S = 1.5
+#: How long a node may take to answer a node guarding request, in seconds.
+GUARD_S = 0.2
+#: What a heartbeat may be late, in seconds.
+_LATE_S = 0.5
+
+
+def seen_state(access: Access, wanted: NmtState) -> NmtState | None:
+    """The state that a node just commanded to *wanted* is seen in; None where it cannot be seen.
+
+    By boot-up, heartbeat or the family's state object; a heartbeat that is slow (0x1017) is waited for. By node
+    guarding only where the node sends no heartbeats and its life is not guarded, which the first request would
+    start (CiA 301, 7.2.8.3.2.1).
+    """
+    return _settled(access, wanted, access.confirmed(wanted, CONFIRM_S))
+
+
+def _settled(access: Access, wanted: NmtState, state: NmtState | None) -> NmtState | None:
+    """What is seen after *state* was heard (or nothing, None) for `CONFIRM_S`."""
+    if state is wanted or (state is None and wanted is NmtState.STOPPED):
+        return state  # a stopped node answers no SDO: it cannot be asked how it could be seen
+    period_s = _heartbeat_s(access)
+    if period_s:
+        longer_s = 2 * period_s + _LATE_S - CONFIRM_S
+        return access.confirmed(wanted, longer_s) if longer_s > 0 else state
+    return _guarded(access) if state is None and period_s == 0 else state
+
+
+def _heartbeat_s(access: Access) -> float | None:
+    """Time between two heartbeats (s), 0 for none; None where the node does not answer."""
+    try:
+        return (read_optional(access.bus.sdo(access.node_id), HEARTBEAT_TIME, 0, 2) or 0) / 1000
+    except (NoAnswer, SdoAborted, SdoProtocolError):
+        return None  # not to be asked is no state either: the caller says "not confirmed"
+
+
+def _guarded(access: Access) -> NmtState | None:
+    """What the node answers to one node guarding request; None where it must not be asked, or is silent."""
+    bus, sdo = access.bus, access.bus.sdo(access.node_id)
+    try:
+        life = [read_optional(sdo, index, 0, 2) or 0 for index in (GUARD_TIME, LIFE_TIME_FACTOR)]
+    except (NoAnswer, SdoAborted, SdoProtocolError):
+        return None
+    if all(life) or not bus.carries_remote_frames:
+        return None
+    bus.send(Frame(_ERROR_CONTROL + access.node_id, b"", remote=True))
+    deadline_s = bus.now_s() + GUARD_S
+    while (state := bus.nmt_state(access.node_id)) is None and bus.now_s() < deadline_s:
+        bus.sleep(0.005)
+    return state
+
+
+def seen_states(accesses: Mapping[int, Access], wanted: NmtState) -> dict[int, NmtState | None]:
+    """As `seen_state`, of many nodes that were commanded at once; they are waited for together."""
+    if not accesses:
+        return {}
+    bus = next(iter(accesses.values())).bus
+    deadline_s = bus.now_s() + CONFIRM_S
+    told = [node_id for node_id, access in accesses.items() if access.profile.state_object is None]
+    while bus.now_s() < deadline_s and any(bus.nmt_state(node_id) is not wanted for node_id in told):
+        bus.sleep(0.005)
+    return {
+        node_id: _settled(access, wanted, bus.nmt_state(node_id)) if node_id in told else seen_state(access, wanted)
+        for node_id, access in accesses.items()
+    }
+
+
+def operation_enabled(bus: CanopenBus, node_id: int) -> int | None:
+    """The statusword (0x6041) of a drive that says "operation enabled"; None where it says something else, or nothing.
+
+    A node that does not answer is not asked twice: it may be STOPPED, or have no such object.
+    """
+    try:
+        data = bus.sdo(node_id).upload(*STATUSWORD, retries=0)
+    except (NoAnswer, SdoAborted, SdoProtocolError):
+        return None
+    statusword = int.from_bytes(data, "little")
+    return statusword if drive_state(statusword) == "operation enabled" else None
+
+
+def moving(bus: CanopenBus, node_ids: Collection[int]) -> dict[int, int]:
+    """Statuswords of those of *node_ids* whose drive says "operation enabled"."""
+    said = {node_id: operation_enabled(bus, node_id) for node_id in node_ids}
+    return {node_id: statusword for node_id, statusword in said.items() if statusword is not None}

@@ -1,0 +1,205 @@
+"""Store and restore: 0x1010 "save", 0x1011 "load".
+
+Knows the signatures and capability bits of CiA 301 (7.5.2.13, 7.5.2.14). Does not know what was changed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+
+from dvtcli.device.change.cancellation import Cancellation
+from dvtcli.device.change.transaction import Interrupted
+from dvtcli.device.nmt_gate import Access
+from dvtcli.device.read_pdos import ABSENT
+from dvtcli.domain.abort import Abort
+from dvtcli.domain.nmt import NmtCommand, NmtState
+from dvtcli.domain.ports import CanopenBus, SdoTransport
+from dvtcli.domain.profile import StorePolicy
+from dvtcli.errors import DeviceRefused, NoAnswer, SdoAborted
+
+STORE, RESTORE = 0x1010, 0x1011
+SIGNATURES = {STORE: b"save", RESTORE: b"load"}
+#: How long a node may take from reset to its boot-up message, in seconds.
+BOOT_TIMEOUT_S = 10.0
+#: How often it is looked after whether waiting for a power cycle shall end, in seconds.
+_LOOK_S = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class Signed:
+    """A signature that the device took: where, in how many seconds, and what the object read before (None: unknown)."""
+
+    index: int
+    sub_index: int
+    seconds: float
+    capability: int | None = None
+
+    @property
+    def place(self) -> str:
+        """The object, as it is printed and typed."""
+        return f"{self.index:04X}:{self.sub_index:02X}"
+
+
+def sign(access: Access, policy: StorePolicy, index: int, sub_index: int | None, cancellation: Cancellation) -> Signed:
+    """Write the signature to *index*:*sub_index*; None takes the first sub-index of *policy* that exists.
+
+    Waits up to the policy's own time-out, since EEPROMs are slow. Raises DeviceRefused where the device has no
+    such object, or refuses.
+    """
+    sdo = access.bus.sdo(access.node_id)
+    where, capability = _choose(sdo, policy, index, sub_index, access.node_id)
+    started_s = access.bus.now_s()
+    found, boot_ups = access.state(), access.bus.boot_ups(access.node_id)
+    try:
+        with cancellation.guard():  # a Ctrl-C waits for the answer; a second one does not
+            sdo.download(index, where, SIGNATURES[index], timeout_s=policy.timeout_s)
+    except KeyboardInterrupt as stopped:
+        raise _interrupted(access.node_id, index, cancellation) from stopped
+    except SdoAborted as aborted:
+        access.explain(aborted)
+        raise _refused(aborted, access.node_id, index, where) from aborted
+    except NoAnswer as silent:
+        silent.state = "unknown"
+        silent.hint = f"it may still be writing; wait, then `{word_of(index)}` again"
+        if access.bus.boot_ups(access.node_id) != boot_ups:
+            silent.hint = f"it has rebooted instead; `{word_of(index)}` again"
+            return_to(access, found)
+        raise
+    return Signed(index, where, access.bus.now_s() - started_s, capability)
+
+
+def _interrupted(node_id: int, index: int, cancellation: Cancellation) -> Interrupted:
+    error = Interrupted(
+        f"node {node_id} was asked to {word_of(index)}; its answer was not waited for",
+        node=node_id,
+        hint=f"it may still be writing its memory: leave it powered, then `{word_of(index)}` again",
+        state="unknown",
+    )
+    error.exit_code = cancellation.exit_code
+    return error
+
+
+def word_of(index: int) -> str:
+    """The command that signs the object at *index*: store or restore."""
+    return "store" if index == STORE else "restore"
+
+
+def _choose(
+    sdo: SdoTransport, policy: StorePolicy, index: int, sub_index: int | None, node_id: int
+) -> tuple[int, int | None]:
+    """The sub-index that takes the signature, and what it reads; None where it cannot be read."""
+    wanted = (sub_index,) if sub_index is not None else policy.sub_indices
+    for candidate in wanted:
+        try:
+            capability = int.from_bytes(sdo.upload(index, candidate), "little")
+        except SdoAborted as aborted:
+            if aborted.code in ABSENT:
+                continue
+            if aborted.code == Abort.WRITE_ONLY:
+                return candidate, None
+            raise
+        if index == STORE and not capability & 1:
+            raise _cannot(node_id, index, candidate, capability)
+        return candidate, capability
+    error = _cannot(node_id, index, wanted[0] if wanted else 1, None)
+    if index == STORE and policy.instead:
+        error.hint = policy.instead
+    elif sub_index is not None and policy.sub_indices and sub_index not in policy.sub_indices:
+        error.text = f"this device cannot {word_of(index)} that group alone"
+        error.hint = f"`{word_of(index)}` alone takes what it has (0x{index:04X}:{policy.sub_indices[0]:02X})"
+    raise error
+
+
+def _cannot(node_id: int, index: int, sub_index: int, capability: int | None) -> DeviceRefused:
+    verb = "store" if index == STORE else "restore its defaults"
+    place = f"{index:04X}:{sub_index:02X}"
+    if capability is None:
+        keeps = "keeps settings" if index == STORE else "forgets settings"
+        why, hint = f"it has no 0x{place}", f"its manual says how it {keeps}"
+    elif capability & 2:
+        why, hint = f"0x{place} is {capability}: it stores changes by itself", "nothing to do"
+    else:
+        why, hint = f"0x{place} is {capability}: it does not store on command", "its manual says how it keeps settings"
+    error = DeviceRefused(f"this device cannot {verb}", node=node_id, place=place, why=why, hint=hint)
+    error.abort = None if capability is not None else int(Abort.NO_OBJECT)
+    return error
+
+
+def _refused(aborted: SdoAborted, node_id: int, index: int, sub_index: int) -> DeviceRefused:
+    hint = aborted.hint
+    if aborted.code == Abort.DEVICE_STATE:
+        hint = f"nmt preop {node_id}, then again"
+    elif aborted.code == Abort.HARDWARE:
+        hint = "the device could not write its memory; what it had stored before may be lost"
+    error = DeviceRefused(
+        f"node {node_id} refused to {word_of(index)}",
+        node=node_id,
+        place=f"{index:04X}:{sub_index:02X}",
+        abort=aborted.code,
+        why=aborted.why,
+        hint=hint,
+    )
+    if aborted.code == Abort.HARDWARE:
+        error.state = "unknown"
+    return error
+
+
+def reset_and_wait(access: Access, command: NmtCommand, timeout_s: float = BOOT_TIMEOUT_S) -> float:
+    """Reset the node and wait for its boot-up message; the seconds it took. NoAnswer where none comes."""
+    bus, node_id = access.bus, access.node_id
+    seen, started_s = bus.boot_ups(node_id), bus.now_s()
+    bus.send_nmt(command, node_id)
+    if not bus.wait_boot_up(node_id, seen, timeout_s):
+        raise NoAnswer(
+            f"node {node_id} sent no boot-up message within {timeout_s:.0f} s after its reset",
+            node=node_id,
+            hint="look at the node, then scan",
+            state="unknown",
+        )
+    return bus.now_s() - started_s
+
+
+def await_power_cycle(
+    access: Access, timeout_s: float, ask: Callable[[], None], stop: Callable[[], None] = lambda: None
+) -> None:
+    """Let *ask* ask somebody to switch the node off and on, and wait for its boot-up; NoAnswer where none comes.
+
+    *stop* is called again and again meanwhile, and raises where nobody wants to wait any longer.
+    """
+    bus, node_id = access.bus, access.node_id
+    seen, deadline_s = bus.boot_ups(node_id), bus.now_s() + timeout_s
+    ask()
+    while not bus.wait_boot_up(node_id, seen, min(_LOOK_S, max(0.0, deadline_s - bus.now_s()))):
+        stop()
+        if bus.now_s() >= deadline_s:
+            raise NoAnswer(
+                f"node {node_id} was not switched off and on: no boot-up message within {timeout_s:g} s",
+                node=node_id,
+                hint="store --prove power --within S gives more time",
+            )
+
+
+def reset_all_and_wait(
+    bus: CanopenBus, command: NmtCommand, known: Collection[int], timeout_s: float = BOOT_TIMEOUT_S
+) -> None:
+    """Reset all nodes and wait for the boot-ups of the *known* ones (node-IDs); NoAnswer names those that gave none."""
+    seen, deadline_s = {node_id: bus.boot_ups(node_id) for node_id in known}, bus.now_s() + timeout_s
+    bus.send_nmt(command, 0)
+    silent = [
+        str(node_id)
+        for node_id, count in sorted(seen.items())
+        if not bus.wait_boot_up(node_id, count, max(0.0, deadline_s - bus.now_s()))
+    ]
+    if silent:
+        raise NoAnswer(
+            f"no boot-up message within {timeout_s:.0f} s after the reset from node {', '.join(silent)}",
+            hint="look at it, then scan",
+            state="unknown",
+        )
+
+
+def return_to(access: Access, state: NmtState | None) -> None:
+    """Bring a node that was OPERATIONAL before its reset back there."""
+    if state is NmtState.OPERATIONAL:
+        access.request(NmtState.OPERATIONAL)

@@ -1,0 +1,159 @@
+"""Whose files are believed, and files and folders that are the user's alone.
+
+Ours is what belongs to the user, or to the one who called sudo, and what nobody but them and their own group can write.
+Windows has neither owners nor modes of this kind: there every file counts as ours, and folders get what they inherit.
+Does not know what the files are for.
+"""
+
+from __future__ import annotations
+
+import os
+import stat
+import sys
+
+from dvtcli.errors import SafetyRefusal
+
+_EVERYBODY, _GROUP = 0o002, 0o020
+#: never through a symbolic link, never waiting for the other end of a pipe; 0 where a system has no such flag
+_CAREFUL = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_NONBLOCK", 0)
+_CAREFUL |= getattr(os, "O_BINARY", 0)
+
+
+def stranger(path: str, status: os.stat_result) -> tuple[str, str] | None:
+    """Who else decides what is in *path*, by its *status*, and the shell command that cures it; None for nobody."""
+    if sys.platform == "win32":
+        return None
+    from shlex import quote
+
+    if status.st_uid not in _own_users():
+        return f"it belongs to {_user(status.st_uid)}", f'sudo chown "$USER" {quote(path)}'
+    if status.st_mode & _EVERYBODY:
+        return "everybody can write it", f"chmod o-w {quote(path)}"
+    if status.st_mode & _GROUP and status.st_gid not in _own_groups():
+        return f"group {status.st_gid} can write it, which is not the user's own", f"chmod g-w {quote(path)}"
+    return None
+
+
+def replaceable(folder: str) -> tuple[str, str] | None:
+    """Whether everybody can put another file in the place of one in *folder*, and the cure; None where nobody can."""
+    if sys.platform == "win32":
+        return None
+    from shlex import quote
+
+    mode = os.stat(folder).st_mode  # noqa: PTH116 - pathlib costs 7 ms of a --help
+    if mode & _EVERYBODY and not mode & stat.S_ISVTX:
+        return f"everybody can write its folder {folder}", f"chmod o-w {quote(folder)}"
+    return None
+
+
+def sudo_user() -> int | None:
+    """The user-ID of the one who called sudo; only root may have been called, so nobody else's word counts."""
+    if sys.platform == "win32" or os.geteuid() != 0:
+        return None
+    said = os.environ.get("SUDO_UID", "")
+    return int(said) if said.isdecimal() and said.isascii() and len(said) <= 10 else None
+
+
+def private_folder(folder: str | os.PathLike[str]) -> None:
+    """Make *folder* and what is missing above it, the user's alone (0700) whatever the umask.
+
+    SafetyRefusal where it is there already and others can write it, OSError where it cannot be made.
+    """
+    path = os.path.abspath(folder)  # noqa: PTH100
+    missing = []
+    while not os.path.isdir(path):  # noqa: PTH112
+        missing.append(path)
+        path = os.path.dirname(path)  # noqa: PTH120
+    for new in reversed(missing):
+        _make(new)
+    check_folder(folder)
+
+
+def _make(folder: str) -> None:
+    try:
+        os.mkdir(folder, 0o700)  # noqa: PTH102
+    except FileExistsError:  # another dvtcli was faster: what it made is looked at by `check_folder`
+        if not os.path.isdir(folder):  # noqa: PTH112
+            raise
+    else:
+        os.chmod(folder, 0o700)  # noqa: PTH101 - an umask may have taken from the owner, too
+
+
+def check_folder(folder: str | os.PathLike[str]) -> None:
+    """SafetyRefusal with the cure where somebody else can write *folder*; a folder that is not there is nobody's."""
+    path = os.fspath(folder)
+    for look in (os.lstat, os.stat):  # a link that somebody else made may lead elsewhere tomorrow
+        try:
+            status = look(path)
+        except (FileNotFoundError, NotADirectoryError):
+            return
+        found = None if stat.S_ISLNK(status.st_mode) and _is_ours(status) else stranger(path, status)
+        if found is not None:
+            raise SafetyRefusal(
+                f"{path} is not used: {found[0]}", place=path, hint=f"{found[1]}; or another folder: --journal DIR"
+            )
+
+
+def open_private(path: str | os.PathLike[str], flags: int) -> int:
+    """Open the user's own file *path* with *flags* of `os.open`; made, where they say so, with 0600 whatever the umask.
+
+    A descriptor. SafetyRefusal where it is a symbolic link, no regular file, somebody else's or known by another name
+    too: what is written there would be written elsewhere. OSError as `os.open`.
+    """
+    name = os.fspath(path)
+    if os.path.islink(name):  # noqa: PTH114 - O_NOFOLLOW refuses as well, in words that nobody understands
+        raise _no_file_of_ours(name, "it is a symbolic link")
+    descriptor = os.open(name, flags | _CAREFUL, 0o600)
+    try:
+        status = os.fstat(descriptor)
+        why = _not_ours(status)
+        if why is not None:
+            raise _no_file_of_ours(name, why)
+        if sys.platform != "win32" and stat.S_IMODE(status.st_mode) != 0o600:
+            os.fchmod(descriptor, 0o600)
+    except BaseException:
+        os.close(descriptor)
+        raise
+    return descriptor
+
+
+def _not_ours(status: os.stat_result) -> str | None:
+    if not stat.S_ISREG(status.st_mode):
+        return "it is no regular file"
+    if not _is_ours(status):
+        return f"it belongs to {_user(status.st_uid)}"
+    return "it is another file's second name (a hard link)" if status.st_nlink > 1 else None
+
+
+def _no_file_of_ours(path: str, why: str) -> SafetyRefusal:
+    return SafetyRefusal(f"{path} is not used: {why}", place=path, hint="look at it, then remove it")
+
+
+def _is_ours(status: os.stat_result) -> bool:
+    return sys.platform == "win32" or status.st_uid in _own_users()
+
+
+def _own_users() -> set[int | None]:
+    if sys.platform == "win32":
+        return set()
+    return {os.geteuid(), sudo_user()}
+
+
+def _own_groups() -> set[int]:
+    if sys.platform == "win32":
+        return set()
+    said = os.environ.get("SUDO_GID", "") if sudo_user() is not None else ""
+    sudo_group = {int(said)} if said.isdecimal() and said.isascii() and len(said) <= 10 else set()
+    return {os.getgid(), os.getegid()} | sudo_group
+
+
+def _user(number: int) -> str:
+    """The user's name, where the system knows one."""
+    if sys.platform == "win32":
+        return str(number)
+    import pwd
+
+    try:
+        return f"{pwd.getpwuid(number).pw_name} (user {number})"
+    except KeyError:
+        return f"user {number}"

@@ -1,0 +1,58 @@
+"""Reading and changing the virtual PDOs of one node. Decides nothing about what is legal (`domain.vpdo`)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from dvtcli.device.applied import Applied, refuse
+from dvtcli.device.read_pdos import read_optional
+from dvtcli.domain.plan import Plan, ValueChange
+from dvtcli.domain.vpdo import Pins
+from dvtcli.errors import DvtcliError
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+    from dvtcli.domain.profile import VpdoGroup
+    from dvtcli.domain.rules import Finding
+
+#: The highest sub-index that an object can have for an entry of its own (CiA 301, 7.4.8).
+_MOST_PINS = 0xFE
+
+
+def group_names(node: Node) -> list[str]:
+    """The groups of virtual PDOs that the node's family has; DvtcliError where it has none."""
+    if node.profile.vpdo:
+        return list(node.profile.vpdo)
+    raise DvtcliError(
+        f"node {node.node_id} ({node.profile.title}) has no virtual PDOs",
+        node=node.node_id,
+        hint="node tells its profile; -p NAME takes another, should it be wrong",
+    )
+
+
+def read_pins(node: Node, name: str) -> Pins:
+    """The pins of the group called *name* as the device holds them; DvtcliError where the node has no such group."""
+    if name not in group_names(node):
+        have = ", ".join(node.profile.vpdo)
+        raise DvtcliError(f"node {node.node_id} has no virtual PDOs called {name!r}; it has {have}", node=node.node_id)
+    group = node.profile.vpdo[name]
+    active = int.from_bytes(node.upload(group.index, 0), "little")
+    values = tuple(_values(node, group))
+    return Pins(name, group, min(active, len(values)), values)
+
+
+def _values(node: Node, group: VpdoGroup) -> Iterable[int]:
+    """What each pin holds; there are as many sub-indices as the device has pins of that kind."""
+    for pin in range(1, _MOST_PINS + 1):
+        held = read_optional(node.sdo, group.index, pin, 2)
+        if held is None:
+            return
+        yield held
+
+
+def apply(node: Node, changes: Iterable[ValueChange], findings: Iterable[Finding], *, force: bool) -> Applied:
+    """Make *changes* of virtual PDOs, all or none, unless *findings* forbid it and *force* is not given."""
+    found = tuple(findings)
+    refuse(found, "virtual PDOs not changed", node.node_id, force=force)
+    return node.apply(Plan(node.node_id, tuple(changes)), found, force=force)

@@ -1,0 +1,72 @@
+"""What a node should hold, and whether it does. Does not know where the wish comes from."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from dvtcli.device.compare import differences
+from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.errors import NoAnswer
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+
+Place = tuple[int, int]
+#: What differs: the PDO's label or the object, and the difference in words.
+Difference = tuple[str, str]
+#: How often a node is read anew that restarts while it is read.
+_TRIES = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Wish:
+    """PDOs, and values of single objects, that a node should hold."""
+
+    pdos: dict[Pdo, PdoConfig] = field(default_factory=dict)
+    values: dict[Place, bytes] = field(default_factory=dict)
+
+    def __bool__(self) -> bool:
+        return bool(self.pdos or self.values)
+
+    def only(self, pdos: Collection[Pdo]) -> Wish:
+        """The part of it that is about *pdos*."""
+        return Wish({pdo: config for pdo, config in self.pdos.items() if pdo in pdos})
+
+    @property
+    def parameters(self) -> int:
+        """How many parameters are compared: five of each PDO's communication, its entries, and the single objects."""
+        return sum(5 + len(config.mapping) for config in self.pdos.values()) + len(self.values)
+
+
+def session_wish(node: Node) -> Wish:
+    """What this session set on *node*, last word for each PDO and object."""
+    return Wish(dict(node.wanted), dict(node.wanted_values))
+
+
+def unlike(node: Node, wish: Wish) -> tuple[Difference, ...]:
+    """Every difference between *wish* and what *node* holds now; NoAnswer where it restarts again and again."""
+    for _ in range(_TRIES):
+        boot_ups = node.bus.boot_ups(node.node_id)
+        found = tuple(_unlike(node, wish))
+        if node.bus.boot_ups(node.node_id) == boot_ups:
+            return found
+    raise NoAnswer(
+        f"node {node.node_id} restarts while it is read back: nothing can be said of what it holds", node=node.node_id
+    )
+
+
+def _unlike(node: Node, wish: Wish) -> Iterator[Difference]:
+    for pdo, wanted in wish.pdos.items():
+        yield from ((pdo.label, text) for text in differences(pdo, wanted, node.pdo(pdo)))
+    for (index, sub_index), value in wish.values.items():
+        held = node.upload(index, sub_index)
+        if held != value:
+            yield f"{index:04X}:{sub_index:02X}", f"is {_shown(held)}, expected {_shown(value)}"
+
+
+def _shown(data: bytes) -> str:
+    if len(data) in (1, 2, 4, 8):
+        return f"0x{int.from_bytes(data, 'little'):0{2 * len(data)}X}"
+    return data.hex(" ").upper() or "empty"

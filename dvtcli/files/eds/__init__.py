@@ -1,0 +1,1 @@
+"""EDS and DCF files (CiA 306)."""

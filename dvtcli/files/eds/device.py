@@ -1,0 +1,116 @@
+"""The device sections of an EDS or DCF: DeviceInfo, DummyUsage, DeviceComissioning, and the lists of objects.
+
+Knows CiA 306, 4.5, 4.6.1 and 5. Does not know objects beyond the identity that stands in for missing numbers.
+"""
+
+from __future__ import annotations
+
+import re
+
+from dvtcli.domain.object_dictionary import DeviceInfo, OdObject
+from dvtcli.files.eds.findings import Findings
+from dvtcli.files.eds.ini import Values, section_values
+from dvtcli.files.eds.keys import number_key, quoted, text_key
+from dvtcli.files.eds.layout import OBJECT_LISTS, Layout
+from dvtcli.files.eds.numbers import read_number, without_comment
+
+_DUMMY = re.compile(r"dummy([0-9a-f]{4})")
+_U32 = 0xFFFF_FFFF
+_HIGHEST_NODE_ID = 127
+_UNCONFIGURED = 255
+_BIT_RATES_KBIT = (10, 20, 50, 100, 125, 250, 500, 800, 1000)
+
+
+def read_device_info(values: Values, layout: Layout, identity: OdObject | None, findings: Findings) -> DeviceInfo:
+    """What the file says about the device; numbers that *values* (DeviceInfo) lack come from *identity* (0x1018)."""
+    return DeviceInfo(
+        vendor_name=text_key(values, "vendorname"),
+        product_name=text_key(values, "productname"),
+        vendor_id=_identity(values, "vendornumber", identity, 1, findings),
+        product_code=_identity(values, "productnumber", identity, 2, findings),
+        revision_number=_identity(values, "revisionnumber", identity, 3, findings),
+        granularity=number_key(values, "granularity", 0, 0xFF, findings),
+        rpdo_count=number_key(values, "nrofrxpdo", 0, 512, findings),
+        tpdo_count=number_key(values, "nroftxpdo", 0, 512, findings),
+        node_id=_node_id(layout, findings),
+        bit_rates_kbit=tuple(
+            rate for rate in _BIT_RATES_KBIT if number_key(values, f"baudrate_{rate}", 0, _U32, findings)
+        ),
+        dummies=_dummies(layout, findings),
+    )
+
+
+def _identity(values: Values, key: str, identity: OdObject | None, sub_index: int, findings: Findings) -> int | None:
+    """A number of DeviceInfo, else the default of 1018:*sub_index*; where both are there and differ, a warning."""
+    given = number_key(values, key, 0, _U32, findings)
+    entry = None if identity is None else identity.entries.get(sub_index)
+    data = None if entry is None else entry.initial(0)
+    in_object = None if data is None or len(data) > 4 else int.from_bytes(data, "little")
+    if given is None:
+        return in_object
+    if in_object not in (None, given):
+        text = f"{quoted(values[key])}, but 1018:{sub_index:02X} holds 0x{in_object:08X}"
+        findings.note(values[key].line, "identity", text)
+    return given
+
+
+def _node_id(layout: Layout, findings: Findings) -> int | None:
+    values = section_values(layout.device.get("devicecomissioning", ()), findings)
+    node_id = number_key(values, "nodeid", 0, 0xFF, findings)
+    if node_id is None or 1 <= node_id <= _HIGHEST_NODE_ID:
+        return node_id
+    meaning = "means not configured" if node_id == _UNCONFIGURED else "is not within 1..127; ignored"
+    findings.note(values["nodeid"].line, "node-id", f"{quoted(values['nodeid'])} {meaning}")
+    return None
+
+
+def _dummies(layout: Layout, findings: Findings) -> frozenset[int] | None:
+    """The data types that may pad an RPDO; a type the section does not mention may not. None without the section."""
+    if "dummyusage" not in layout.device:
+        return None
+    values = section_values(layout.device["dummyusage"], findings)
+    allowed = set()
+    for key, value in values.items():
+        found = _DUMMY.fullmatch(key)
+        if found is None:
+            findings.warning(value.line, "bad-line", f"{quoted(value)} in [DummyUsage] is not understood; ignored")
+        elif number_key(values, key, 0, 1, findings):
+            allowed.add(int(found[1], 16))
+    return frozenset(allowed)
+
+
+def check_lists(layout: Layout, findings: Findings) -> None:
+    """Compare the lists of objects with the objects that the file has."""
+    listed: set[int] = set()
+    for name in OBJECT_LISTS:
+        listed |= _check_list(layout, name, listed, findings)
+    if listed:
+        for index in sorted(layout.objects.keys() - listed):
+            line = layout.object_sections(index).line
+            findings.note(line, "not-listed", f"no list of objects names {index:04X}; read all the same")
+
+
+def _check_list(layout: Layout, name: str, listed: set[int], findings: Findings) -> set[int]:
+    parts = layout.device.get(name, [])
+    values = section_values(parts, findings)
+    # "Supported Objects" with a blank is seen in real files; it must not be taken for an entry of the list.
+    counts = [key for key in values if key.replace(" ", "") == "supportedobjects"]
+    rows = [value for key, value in values.items() if key not in counts]
+    for key in counts:
+        count = number_key(values, key, 0, 0xFFFF, findings)
+        if count is not None and count != len(rows):
+            text = f"{values[key].key}={count}, but [{parts[0].name}] lists {len(rows)}"
+            findings.note(values[key].line, "sub-number", text)
+    found = set()
+    for row in rows:
+        try:
+            index = read_number(without_comment(row.value))
+        except ValueError:
+            findings.warning(row.line, "bad-number", f"{quoted(row)} in [{parts[0].name}] is not an index; ignored")
+            continue
+        if index in listed or index in found:
+            findings.note(row.line, "listed-twice", f"{index:04X} is listed twice")
+        elif index not in layout.objects:
+            findings.warning(row.line, "no-section", f"{index:04X} is listed but has no section: it is left out")
+        found.add(index)
+    return found

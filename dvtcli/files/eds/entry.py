@@ -1,0 +1,174 @@
+"""One sub-index of an EDS or DCF: the keys of its section -> an `OdEntry`.
+
+Knows the keys of CiA 306, 4.6.3, and `Unit`, a common private one. Does not know sections.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from dvtcli.domain.datatypes import DATA_TYPES, U8, DataType, Kind
+from dvtcli.domain.object_dictionary import Access, OdEntry
+from dvtcli.files.eds.findings import Findings
+from dvtcli.files.eds.ini import IniValue, Values
+from dvtcli.files.eds.keys import number_key, quoted, text_key
+from dvtcli.files.eds.numbers import EncodedValue, encode_value, read_limit, without_comment
+from dvtcli.files.eds.standard import standard_entry
+
+_ACCESS = {access.value: access for access in Access}
+_ALMOST_ACCESS = {"r": Access.RO, "w": Access.WO, "wr": Access.RW}
+_NOTHING = EncodedValue(b"")
+_DOMAIN = DATA_TYPES[0x0F]
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Which entry is read: *line* of its section; *of_many* in an ARRAY or RECORD; *domain* by its ObjectType."""
+
+    index: int
+    sub_index: int
+    line: int
+    of_many: bool
+    domain: bool = False
+
+    @property
+    def shown(self) -> str:
+        """The object as findings name it."""
+        return f"{self.index:04X}:{self.sub_index:02X}" if self.of_many else f"{self.index:04X}"
+
+
+@dataclass(frozen=True, slots=True)
+class _Limits:
+    low: int | float | None = None
+    low_relative: bool = False
+    high: int | float | None = None
+    high_relative: bool = False
+
+
+def read_entry(values: Values, place: Place, findings: Findings) -> OdEntry:
+    """Turn a section's *values* into an entry; whatever is missing or malformed is reported and left unknown."""
+    data_type = _data_type(values, place, findings)
+    default = read_value(values.get("defaultvalue"), data_type, findings)
+    value = read_value(values.get("parametervalue"), data_type, findings)
+    limits = _limits(values, data_type, findings)
+    return OdEntry(
+        place.index,
+        place.sub_index,
+        _name(values, place, findings),
+        data_type,
+        _access(values, place, findings),
+        _pdo_mapping(values, findings),
+        None if default is None else default.data,
+        default is not None and default.relative,
+        None if value is None else value.data,
+        value is not None and value.relative,
+        limits.low,
+        limits.high,
+        text_key(values, "unit"),
+        number_key(values, "objflags", 0, 0xFFFF_FFFF, findings) or 0,
+        place.line,
+        limits.low_relative,
+        limits.high_relative,
+    )
+
+
+def read_value(given: IniValue | None, data_type: DataType | None, findings: Findings) -> EncodedValue | None:
+    """Encode one DefaultValue or ParameterValue; None where it is absent, or empty or malformed (both reported)."""
+    if given is None:
+        return None
+    if not given.value:
+        findings.note(given.line, "empty-value", given.key)
+        return None
+    if data_type is None:
+        findings.warning(given.line, "bad-value", f"{quoted(given)} cannot be read: its data type is not known")
+        return None
+    try:
+        encoded = encode_value(data_type, given.value)
+    except ValueError as error:
+        findings.warning(given.line, "bad-value", f"{quoted(given)} is no {data_type.name}: {error}; ignored")
+        return None
+    if encoded.remark:
+        findings.note(given.line, "odd-value", f"{given.key}: {encoded.remark}")
+    return encoded
+
+
+def _name(values: Values, place: Place, findings: Findings) -> str:
+    given = values.get("parametername")
+    if given is None:
+        findings.note(place.line, "no-name", f"{place.shown} has no ParameterName")
+    elif not given.value:
+        findings.note(given.line, "empty-value", given.key)
+    return given.value if given is not None and given.value else place.shown
+
+
+def _data_type(values: Values, place: Place, findings: Findings) -> DataType | None:
+    code = number_key(values, "datatype", 0, 0xFFFF, findings)
+    if code in DATA_TYPES:
+        return DATA_TYPES[code]
+    if code is not None:
+        line = values["datatype"].line
+        findings.warning(line, "data-type", f"{place.shown}: data type 0x{code:04X} is not known, nor its length")
+        return None
+    return _implied_data_type(place, findings)
+
+
+def _implied_data_type(place: Place, findings: Findings) -> DataType | None:
+    """What the standards say where the file has no DataType."""
+    standard = standard_entry(place.index, place.sub_index)
+    implied, source = (None, "") if standard is None else (standard.data_type, "CiA 301")
+    if implied is None and place.of_many and place.sub_index == 0:
+        implied, source = U8, "CiA 301: highest sub-index"
+    if place.domain:
+        implied, source = _DOMAIN, "ObjectType DOMAIN"
+    if implied is None:
+        findings.warning(place.line, "data-type", f"{place.shown} has no DataType: its length is not known")
+    else:
+        findings.note(place.line, "data-type", f"{place.shown} has no DataType: taken as {implied.name} ({source})")
+    return implied
+
+
+def _access(values: Values, place: Place, findings: Findings) -> Access:
+    given = values.get("accesstype")
+    text = "" if given is None else without_comment(given.value).lower()
+    if text in _ACCESS:
+        return _ACCESS[text]
+    line = place.line if given is None else given.line
+    said = f"AccessType={text} is not known" if text else "no AccessType"
+    if text in _ALMOST_ACCESS:
+        findings.warning(line, "access", f"{place.shown}: {said}: taken as {_ALMOST_ACCESS[text].value}")
+        return _ALMOST_ACCESS[text]
+    standard = standard_entry(place.index, place.sub_index)
+    access, source = Access.RW, ""
+    if standard is not None and standard.access is not None:
+        access, source = standard.access, " (CiA 301)"
+    findings.warning(line, "access", f"{place.shown}: {said}: taken as {access.value}{source}")
+    return access
+
+
+def _pdo_mapping(values: Values, findings: Findings) -> bool | None:
+    number = number_key(values, "pdomapping", 0, 1, findings)
+    return None if number is None else bool(number)
+
+
+def _limits(values: Values, data_type: DataType | None, findings: Findings) -> _Limits:
+    low, low_relative = _limit(values.get("lowlimit"), data_type, findings)
+    high, high_relative = _limit(values.get("highlimit"), data_type, findings)
+    if low is not None and high is not None and low > high and low_relative == high_relative:
+        text = f"{quoted(values['lowlimit'])} and {quoted(values['highlimit'])} mean {low}..{high}: both ignored"
+        findings.warning(values["highlimit"].line, "bad-limits", text)
+        return _Limits()
+    return _Limits(low, low_relative, high, high_relative)
+
+
+def _limit(given: IniValue | None, data_type: DataType | None, findings: Findings) -> tuple[int | float | None, bool]:
+    """One limit; empty is the same as absent (CiA 306, 4.6.3)."""
+    if given is None or not given.value or data_type is None or not without_comment(given.value):
+        return None, False
+    if data_type.kind not in (Kind.BOOLEAN, Kind.INTEGER, Kind.UNSIGNED, Kind.REAL):
+        findings.note(given.line, "bad-limits", f"{quoted(given)}: a {data_type.name} has no limits; ignored")
+        return None, False
+    try:
+        return read_limit(data_type, given.value)
+    except ValueError as error:
+        findings.warning(given.line, "bad-limits", f"{quoted(given)} is no {data_type.name}: {error}; ignored")
+        return None, False

@@ -1,0 +1,117 @@
+"""INI text as EDS and DCF files use it: bytes -> sections -> keys with their lines.
+
+Knows encodings, line ends, headers, comments and `key=value`. Does not know what any section or key means.
+A section's lines are looked at only when its values are asked for: that is what makes reading fast.
+"""
+
+from __future__ import annotations
+
+import codecs
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import accumulate
+from typing import NamedTuple
+
+from dvtcli.files.eds.findings import Findings
+
+_BOMS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
+_INDENTED_HEADER = re.compile(r"\n[ \t]+\[")
+_SHOWN = 60
+
+
+class IniValue(NamedTuple):
+    """One `key=value` line: *key* as written, *value* without blanks around it, *line* 1 and up."""
+
+    key: str
+    value: str
+    line: int
+
+
+class IniSection(NamedTuple):
+    """One section: *name* as written in its header on *line*; *text* is everything up to the next header."""
+
+    name: str
+    line: int
+    text: str
+
+
+#: Values by key in lower case.
+Values = dict[str, IniValue]
+
+
+@dataclass(frozen=True, slots=True)
+class IniText:
+    """A whole file: *sections* in its order, *preamble* before the first one, and how its bytes were read."""
+
+    preamble: IniSection
+    sections: tuple[IniSection, ...]
+    encoding: str
+    newline: str
+
+
+def decode(data: bytes) -> tuple[str, str]:
+    """Turn a file's bytes into text and name the encoding: by its BOM, else UTF-8, else Windows-1252.
+
+    Bytes that Windows-1252 leaves undefined make the file Latin-1, which has no undefined bytes.
+    """
+    encoding = next((name for bom, name in _BOMS if data.startswith(bom)), "utf-8")
+    for name in (encoding, "cp1252", "latin-1"):
+        try:
+            return data.decode(name), name
+        except UnicodeDecodeError:
+            continue
+    raise AssertionError("Latin-1 decodes every byte")
+
+
+def split_sections(data: bytes) -> IniText:
+    """Cut a file into its sections; lines end with CRLF, CR or LF, headers may be indented."""
+    text, encoding = decode(data)
+    newline = "\r\n" if "\r\n" in text else "\r" if "\r" in text and "\n" not in text else "\n"
+    if "\r" in text:
+        text = text.replace("\r\n", "\n").replace("\r", "\n")
+    before, *chunks = _INDENTED_HEADER.sub("\n[", "\n" + text).split("\n[")
+    names = [chunk.partition("]")[0] for chunk in chunks]
+    # A header without its bracket ends with its line.
+    names = [(name.partition("\n")[0] if "\n" in name else name).strip() for name in names]
+    lines = accumulate((chunk.count("\n") + 1 for chunk in chunks), initial=before.count("\n") + 1)
+    sections = tuple(map(IniSection._make, zip(names, lines, chunks, strict=False)))
+    # The preamble starts with the line break put in front of the text, so that its first line counts as 1.
+    return IniText(IniSection("", 0, before), sections, encoding, newline)
+
+
+def section_values(sections: Sequence[IniSection], findings: Findings) -> Values:
+    """The values of a section, given every part of it that the file has; a key's last value wins.
+
+    Lines that are neither comment (`;`, `#`) nor `key=value`, and keys that occur twice, are reported.
+    """
+    values: Values = {}
+    for section in sections:
+        _check_header(section, findings)
+        _read_lines(section, values, findings)
+    return values
+
+
+def _check_header(section: IniSection, findings: Findings) -> None:
+    header, _, _ = section.text.partition("\n")
+    name, bracket, rest = header.partition("]")
+    if section.line and not bracket:
+        findings.warning(section.line, "bad-header", f"[{name[:_SHOWN]} has no closing bracket")
+    elif rest.strip() and rest.strip()[0] not in ";#":
+        findings.warning(section.line, "bad-header", f"text after [{section.name}] is ignored: {rest.strip()[:_SHOWN]}")
+
+
+def _read_lines(section: IniSection, values: Values, findings: Findings) -> None:
+    line = section.line
+    for text in section.text.split("\n")[1:]:
+        line += 1
+        left, equals, value = text.partition("=")
+        name = left.strip()
+        if not equals or not name or name[0] in ";#":
+            if text.strip() and text.strip()[0] not in ";#":
+                findings.warning(line, "bad-line", f"neither KEY=VALUE nor a ; comment: {text.strip()[:_SHOWN]}")
+            continue
+        key = name.lower()
+        if key in values:
+            findings.warning(line, "duplicate-key", f"{name} was given in line {values[key].line} too; this one counts")
+        values[key] = IniValue(name, value.strip(), line)

@@ -1,0 +1,45 @@
+"""Single keys of a section: numbers and flags, with findings where they are malformed.
+
+Knows how a key's value is read. Does not know which section it is in.
+"""
+
+from __future__ import annotations
+
+from dvtcli.files.eds.findings import Findings
+from dvtcli.files.eds.ini import IniValue, Values
+from dvtcli.files.eds.numbers import leading_zero_remark, read_number, without_comment
+
+_SHOWN = 60
+
+
+def quoted(value: IniValue) -> str:
+    """A `key=value` as a finding shows it, long values cut."""
+    text = value.value if len(value.value) <= _SHOWN else value.value[:_SHOWN] + "…"
+    return f"{value.key}={text}"
+
+
+def text_key(values: Values, key: str) -> str:
+    """The text of *key* (in lower case), empty where absent."""
+    found = values.get(key)
+    return "" if found is None else found.value
+
+
+def number_key(values: Values, key: str, low: int, high: int, findings: Findings) -> int | None:
+    """The number of *key* (in lower case) within *low*..*high*; None where absent, empty or malformed (reported)."""
+    found = values.get(key)
+    if found is None:
+        return None
+    text = without_comment(found.value)
+    if not text:
+        return None
+    try:
+        number = read_number(text)
+    except ValueError:
+        findings.warning(found.line, "bad-number", f"{quoted(found)} is not a number; ignored")
+        return None
+    if not low <= number <= high:
+        findings.warning(found.line, "bad-number", f"{quoted(found)} is not within {low}..{high}; ignored")
+        return None
+    if remark := leading_zero_remark(text):
+        findings.warning(found.line, "leading-zero", f"{found.key}: {remark}")
+    return number

@@ -1,0 +1,122 @@
+"""Which section of an EDS or DCF is what: device sections, objects, sub-indices, compact tables.
+
+Knows section names (CiA 306, 4.5 to 4.8). Does not look into a section.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+
+from dvtcli.files.eds.findings import NOT_UNDERSTOOD, Findings
+from dvtcli.files.eds.ini import IniSection, IniText
+
+#: The lists of objects, in the standard's order.
+OBJECT_LISTS = ("mandatoryobjects", "optionalobjects", "manufacturerobjects")
+
+_OBJECT = re.compile(r"([0-9a-f]{4})(?:sub[0-9a-f]{1,2}|(name|value))?", re.IGNORECASE | re.ASCII)
+_DEVICE = {"fileinfo", "deviceinfo", "dummyusage", "comments", "devicecomissioning", *OBJECT_LISTS}
+#: CiA 306 spells it with one m; some tools correct that.
+_SAME = {"devicecommissioning": "devicecomissioning"}
+
+#: Every part of a section that occurs more than once, in the file's order; nearly always one.
+Parts = list[IniSection]
+
+
+@dataclass(slots=True)
+class ObjectSections:
+    """The sections of one object: *own*, by sub-index, and the tables of names and of values of a compact one."""
+
+    own: Parts = field(default_factory=list)
+    sub_indices: dict[int, Parts] = field(default_factory=dict)
+    names: Parts = field(default_factory=list)
+    values: Parts = field(default_factory=list)
+
+    @property
+    def line(self) -> int:
+        """The line where the object begins: its own section, else the first of its sub-indices."""
+        return self.own[0].line if self.own else min(parts[0].line for parts in self.sub_indices.values())
+
+    def each(self) -> Iterator[Parts]:
+        """Every section with its repetitions."""
+        yield from (self.own, self.names, self.values)
+        yield from self.sub_indices.values()
+
+
+@dataclass(slots=True)
+class Layout:
+    """A file's sections by meaning; *stray* holds those without one. *objects* is by index, not yet by sub-index."""
+
+    device: dict[str, Parts] = field(default_factory=dict)
+    objects: dict[int, Parts] = field(default_factory=dict)
+    stray: Parts = field(default_factory=list)
+
+    @property
+    def recognised(self) -> bool:
+        """Whether anything in the file makes it an EDS."""
+        return bool(self.objects or self.device.keys() - {"comments"})
+
+    def object_sections(self, index: int) -> ObjectSections:
+        """The sections of object *index*, which the file has, sorted by what they describe."""
+        found = ObjectSections()
+        for section in self.objects[index]:
+            name = section.name[4:].lower()
+            if not name:
+                found.own.append(section)
+            elif name.startswith("sub"):
+                found.sub_indices.setdefault(int(name[3:], 16), []).append(section)
+            else:
+                (found.names if name == "name" else found.values).append(section)
+        return found
+
+
+def lay_out(text: IniText) -> Layout:
+    """Sort a file's sections by meaning; names in any case."""
+    layout = Layout()
+    objects, match_object = layout.objects, _OBJECT.fullmatch
+    described = set()
+    for section in text.sections:
+        found = match_object(section.name)
+        if found is None:
+            _add_device_section(layout, section)
+            continue
+        digits, table = found.groups()
+        index = int(digits, 16)
+        if table is None:
+            described.add(index)
+        if index in objects:
+            objects[index].append(section)
+        else:
+            objects[index] = [section]
+    # A `[xxxxName]` or `[xxxxValue]` whose object the file does not have tells us nothing.
+    for index in objects.keys() - described:
+        layout.stray += objects.pop(index)
+    return layout
+
+
+def _add_device_section(layout: Layout, section: IniSection) -> None:
+    name = section.name.lower()
+    name = _SAME.get(name, name)
+    if name in _DEVICE:
+        layout.device.setdefault(name, []).append(section)
+    else:
+        layout.stray.append(section)
+
+
+def report_stray(layout: Layout, findings: Findings) -> None:
+    """One note for each section that was not understood; its text is kept."""
+    for section in layout.stray:
+        kind = "belongs to no object in this file" if _OBJECT.fullmatch(section.name) else "is not known here"
+        findings.note(section.line, NOT_UNDERSTOOD, f"section [{section.name}] {kind}: not understood, kept as it is")
+
+
+def report_repeated(every: Iterable[Parts], findings: Findings) -> None:
+    """A warning for each section that occurs again."""
+    for parts in every:
+        for part in parts[1:]:
+            findings.warning(
+                part.line,
+                "duplicate-section",
+                f"[{part.name}] stands in line {parts[0].line} too; where both have a key, the later one counts",
+            )

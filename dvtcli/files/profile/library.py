@@ -1,0 +1,94 @@
+"""Where device profiles are found: those that come with dvtcli, and the user's own in the configuration folder.
+
+A user's profile goes before a built-in one of the same name. Knows files; how one is written is `toml`'s.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+from dvtcli.domain.profile import DeviceProfile, ObjectAddress
+from dvtcli.errors import InputFileError, UsageError
+from dvtcli.files.profile.toml import builtin_names, builtin_path, read_profile
+from dvtcli.files.toml_item import suggest
+
+#: A profile is a page of text; beyond this many bytes it is something else.
+_MOST_BYTES = 1_000_000
+
+
+def folder() -> Path:
+    """Where the user's own profiles are kept, whether it exists or not."""
+    import platformdirs
+
+    return Path(platformdirs.user_config_dir("dvtcli")) / "profiles"
+
+
+def own_names() -> tuple[str, ...]:
+    """Names of the user's own profiles, sorted; no file is opened."""
+    return tuple(sorted(path.stem for path in folder().glob("*.toml")))
+
+
+def profile_names() -> tuple[str, ...]:
+    """Names of all profiles, sorted; no file is opened."""
+    return tuple(sorted({*builtin_names(), *own_names()}))
+
+
+def profile_path(name: str) -> Path:
+    """The file of profile *name*; UsageError, with the nearest name as a hint, where there is none."""
+    if name in own_names():
+        return folder() / f"{name}.toml"
+    if name in builtin_names():
+        return builtin_path(name)
+    hint = suggest(name, profile_names()) or ", ".join(profile_names())
+    raise UsageError(f"no profile is called {name!r}", hint=hint)
+
+
+def profile_text(name: str) -> str:
+    """What the file of profile *name* says; InputFileError where it is no text of a sensible size."""
+    path = profile_path(name)
+    try:
+        data = path.read_bytes()
+        if len(data) > _MOST_BYTES:
+            raise InputFileError(f"{path}: {len(data)} bytes are no profile", place=str(path))
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as wrong:
+        number = data[: wrong.start].count(b"\n") + 1
+        raise InputFileError(f"{path}: not UTF-8 text", place=f"{path}:{number}") from wrong
+    except OSError as failed:
+        raise InputFileError(f"{path}: {failed.strerror or failed}", place=str(path)) from failed
+
+
+@cache
+def load_profile(name: str) -> DeviceProfile:
+    """The profile *name*; UsageError where there is none, InputFileError with line and key where its file is wrong."""
+    path = profile_path(name)
+    profile = read_profile(profile_text(name), f"{name}/{path.name}" if name not in own_names() else str(path))
+    if profile.name != name:
+        raise InputFileError(
+            f"{path}: the profile is called {profile.name!r}, and its file {path.name}",
+            place=str(path),
+            hint="give both the same name",
+        )
+    return profile
+
+
+@cache
+def profile_for_identity(vendor_id: int, product_code: int) -> DeviceProfile:
+    """The profile for a device's identity (0x1018:1 and :2), the generic one where none fits.
+
+    A profile that names the very product goes before one that fits by mask, and that before one for all of the
+    vendor's products; among equals the user's own goes first.
+    """
+    fitting = [load_profile(name) for name in profile_names()]
+    fitting = [profile for profile in fitting if profile.matches(vendor_id, product_code)]
+    own = set(own_names())
+    fitting.sort(key=lambda one: (product_code in one.product_codes, bool(one.product_masks), one.name in own))
+    return fitting[-1] if fitting else load_profile("generic")
+
+
+@cache
+def passcode_objects() -> frozenset[ObjectAddress]:
+    """The objects that take a passcode, of every family: what is written there is nobody's business."""
+    profiles = map(load_profile, profile_names())
+    return frozenset(profile.login.passcode for profile in profiles if profile.login is not None)

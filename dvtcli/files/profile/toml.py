@@ -1,0 +1,218 @@
+"""Device profiles from TOML files: strict, with the line and the key named in every complaint.
+
+The keys are those of `DeviceProfile`, plus `like`, the built-in profile that a file starts from. Knows how a
+profile is written and where the built-in ones are kept. Does not know what a behaviour means to the rest.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from dvtcli.domain.object_dictionary import normalised
+from dvtcli.domain.pdo import Direction
+from dvtcli.domain.profile import (
+    GENERIC,
+    BitPolicy,
+    DeviceProfile,
+    LoginPolicy,
+    MappingAdvice,
+    PreOperational,
+    Severity,
+    StepKind,
+    StorePolicy,
+    VpdoGroup,
+)
+from dvtcli.files.toml_item import (
+    Item,
+    alternatives,
+    boolean,
+    by_number,
+    integer,
+    integers,
+    key_range,
+    members,
+    number_range,
+    number_ranges,
+    object_address,
+    one_of,
+    pair,
+    read_toml,
+    seconds,
+    string,
+    suggest,
+)
+
+_FOLDER = Path(__file__).parents[2] / "families"
+#: How "not worth a word" is written, since TOML has no null.
+_FINE = "fine"
+
+Schema = dict[str, Callable[[Item], object]]
+
+
+def builtin_names() -> tuple[str, ...]:
+    """Names of the built-in profiles, sorted; no file is opened."""
+    return tuple(sorted(path.parent.name for path in _FOLDER.glob("*/profile.toml")))
+
+
+def builtin_path(name: str) -> Path:
+    """Where the built-in profile *name* is kept."""
+    return _FOLDER / name / "profile.toml"
+
+
+def read_profile(text: str, source: str) -> DeviceProfile:
+    """Read a profile file's *text*; *source* is its name for messages.
+
+    Raises InputFileError, its place `FILE:LINE`, for broken TOML, an unknown or missing key, a value of the wrong
+    type or out of its range.
+    """
+    fields = read_toml(text, source).table(_PROFILE, required=("name", "title"))
+    base: DeviceProfile = fields.pop("like", GENERIC)
+    return replace(base, **{key: _over(getattr(base, key), value) for key, value in fields.items()})
+
+
+def _over(base: Any, given: Any) -> Any:
+    """What a profile says of a key over what the one it is like says: of a table only the keys that differ."""
+    if isinstance(base, StorePolicy) and isinstance(given, dict):
+        return replace(base, **given)
+    return {**base, **given} if isinstance(base, dict) and isinstance(given, dict) else given
+
+
+def _base(item: Item) -> DeviceProfile:
+    if item.value not in builtin_names():
+        item.fail(f"no built-in profile is called {item.value!r}", suggest(str(item.value), builtin_names()))
+    path = builtin_path(str(item.value))
+    return read_profile(path.read_text(encoding="utf-8"), f"{path.parent.name}/{path.name}")
+
+
+def _name(item: Item) -> str:
+    if not re.fullmatch(r"[a-z][a-z0-9_-]*", string(item)):
+        item.fail(f"{item.value!r} is not a profile name; use small letters, digits, - and _")
+    return string(item)
+
+
+def _masks(item: Item) -> tuple[tuple[int, int], ...]:
+    masks = tuple(pair(0xFFFF_FFFF)(member) for member in members(item))
+    for mask, value in masks:
+        if value & ~mask:
+            item.fail(f"0x{value:08X} has bits that the mask 0x{mask:08X} hides: it can never match")
+    return masks
+
+
+def _severity(item: Item) -> Severity | None:
+    if item.value == _FINE:
+        return None
+    words = [*(severity.value for severity in Severity), _FINE]
+    if item.value not in words:
+        item.fail(f"must be {alternatives(words)}, not {item.value!r}", suggest(str(item.value), words))
+    return Severity(item.value)
+
+
+def _rtr_bit(item: Item) -> dict[Direction, BitPolicy]:
+    names = [direction.value for direction in Direction]
+    given = item.table(dict.fromkeys(names, one_of(BitPolicy)), required=names)
+    return {direction: given[direction.value] for direction in Direction}
+
+
+def _aliases(item: Item) -> dict[str, str]:
+    for member in item.items():
+        object_address(member)
+        if normalised(member.key) != member.key:
+            hint = f"did you mean {normalised(member.key)!r}?"
+            member.fail("an alias is written in small letters, digits and _", hint)
+    return {member.key: string(member) for member in item.items()}
+
+
+def _advice(item: Item) -> tuple[MappingAdvice, ...]:
+    return tuple(MappingAdvice(*key_range(member, 16, 0xFFFF), string(member)) for member in item.items())
+
+
+def _store(item: Item) -> dict[str, object]:
+    return item.table(_STORE)
+
+
+def _hints(item: Item) -> dict[StepKind, dict[int, str]]:
+    tables = item.table(dict.fromkeys([kind.value for kind in StepKind], _by_abort))
+    return {StepKind(key): hints for key, hints in tables.items()}
+
+
+def _by_abort(item: Item) -> dict[int, str]:
+    for member in item.items():
+        if not re.fullmatch(r"0x[0-9A-Fa-f]{8}", member.key):
+            member.fail("the key must be an abort code such as 0x06040041")
+    return {int(member.key, 16): string(member) for member in item.items()}
+
+
+def _login(item: Item) -> LoginPolicy:
+    return LoginPolicy(**item.table(_LOGIN, required=_LOGIN.keys() - {"user"}))
+
+
+def _vpdo(item: Item) -> dict[str, VpdoGroup]:
+    return {member.key: VpdoGroup(**member.table(_VPDO, required=_VPDO)) for member in item.items()}
+
+
+_STORE: Schema = {
+    "sub_indices": integers(1, 0x7F),
+    "timeout_s": seconds,
+    "only_pre_operational": boolean,
+    "covers": number_range(0xFFFF),
+    "never_after": integers(0, 0xFFFF_FFFF),
+    "instead": string,
+    "saved_by": object_address,
+}
+_LOGIN: Schema = {
+    "level": object_address,
+    "passcode": object_address,
+    "user_id": object_address,
+    "needed": integer(1, 0xFF),
+    "highest": integer(1, 0xFF),
+    "covers": number_ranges(0xFFFF),
+    "user": integer(1, 0xFFFF),
+}
+_VPDO: Schema = {
+    "index": integer(1, 0xFFFF),
+    "values": number_ranges(0xFFFF),
+    "none": integer(0, 0xFFFF),
+}
+_PROFILE: Schema = {
+    "like": _base,
+    "name": _name,
+    "title": string,
+    "vendor_ids": integers(0, 0xFFFF_FFFF),
+    "product_codes": integers(0, 0xFFFF_FFFF),
+    "product_masks": _masks,
+    "pdo_count": integer(1, 512),
+    "max_entries": integer(1, 64),
+    "max_entry_bits": integer(1, 64),
+    "granularity": integer(1, 64),
+    "rtr_bit": _rtr_bit,
+    "extended_ids": boolean,
+    "transmission_types": number_ranges(255),
+    "event_timer_types": number_ranges(255),
+    "max_time_count": integer(1, 0xFFFF),
+    "partial_entries": boolean,
+    "rw_in_tpdo": _severity,
+    "rww_in_tpdo": _severity,
+    "rw_in_rpdo": _severity,
+    "pre_operational_gate": one_of(PreOperational),
+    "state_object": object_address,
+    "state_request": object_address,
+    "master_object": object_address,
+    "extended_error": object_address,
+    "reasons": by_number(0xFFFF),
+    "dummies": lambda item: frozenset(integers(1, 7)(item)),
+    "store": _store,
+    "login": _login,
+    "hints": _hints,
+    "reversed_entries": boolean,
+    "filler": integer(0, 0xFFFF_FFFF),
+    "silent_rpdo": string,
+    "aliases": _aliases,
+    "type_texts": by_number(255),
+    "type_notes": by_number(255),
+    "warn_mapped": _advice,
+    "vpdo": _vpdo,
+}

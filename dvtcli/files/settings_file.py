@@ -1,0 +1,99 @@
+"""Reading one settings file, `dvtcli.toml` or `config.toml`, as TOML of the right kinds.
+
+Does not know which files count, which keys there are, nor who may have written them.
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Mapping
+from typing import Any
+
+from dvtcli.errors import InputFileError
+
+#: Such a file is a few lines; beyond this many bytes it is something else.
+MOST_BYTES = 100_000
+_ALIASES_HINT = '[aliases]  then  v = "read 606C"'
+
+
+def parsed(data: bytes, path: str) -> dict[str, Any]:
+    """The keys in *data*, `-` in them as `_`; InputFileError, naming *path*, where it is no TOML or too much of it."""
+    if len(data) > MOST_BYTES:
+        raise InputFileError(f"{path}: more than {MOST_BYTES} bytes are no settings", place=path)
+    try:
+        return _plain(tomllib.loads(data.decode()))
+    except (ValueError, RecursionError) as wrong:  # no TOML, no UTF-8, a number of 5000 digits, too deep a nest
+        raise InputFileError(f"{path}: not valid TOML: {wrong}", place=path) from wrong
+
+
+def _plain(table: Mapping[str, Any]) -> dict[str, Any]:
+    return {key.replace("-", "_"): value for key, value in table.items()}
+
+
+def aliases(found: Any, path: str) -> dict[str, str]:
+    """The table `[aliases]`: a word, and the beginning of a line that it stands for; InputFileError else."""
+    if not isinstance(found, dict):
+        raise InputFileError(f"{path}: aliases is a table", place=path, hint=_ALIASES_HINT)
+    for word, text in found.items():
+        if not re.fullmatch(r"[\w.-]+", word) or not isinstance(text, str) or not text.strip() or "\n" in text:
+            raise InputFileError(
+                f"{path}: the alias {word!r} is not one word that stands for one line", place=path, hint=_ALIASES_HINT
+            )
+    return found
+
+
+def tables(found: Any, path: str) -> dict[str, dict[str, Any]]:
+    """The tables `[bus.NAME]`, by name; InputFileError where `bus` is anything else."""
+    if not isinstance(found, dict) or not all(isinstance(table, dict) for table in found.values()):
+        raise InputFileError(
+            f"{path}: bus is not a table of tables",
+            place=path,
+            hint='[bus.bench]  then  interface = "socketcan"  and  channel = "can0";  --bus bench chooses it',
+        )
+    return {name: _plain(table) for name, table in found.items()}
+
+
+def value_of(key: str, value: Any, default: object, path: str, *, repeated: bool) -> Any:
+    """The *value* of an option whose default is *default*; a *repeated* one is a list, also where one is alone.
+
+    `bus_kwargs` may be a table. InputFileError where it is of another kind.
+    """
+    if key == "bus_kwargs" and isinstance(value, dict):
+        value = _pairs(value, path)
+    if not repeated:
+        right, kinds = _fits(default, value)
+        if not right:
+            raise InputFileError(f"{path}: {key} is {kinds}", place=path)
+        return value
+    values = [value] if isinstance(value, str) else value
+    if not isinstance(values, list) or not all(map(_is_text, values)):
+        raise InputFileError(f"{path}: {key} is a text or a list of texts", place=path)
+    return values
+
+
+def _pairs(table: Mapping[str, Any], path: str) -> list[str]:
+    """The table `[bus_kwargs]` as `--bus-kwargs` takes it."""
+    for key, value in table.items():
+        if not isinstance(value, str | bool) and not _is_number(value):
+            raise InputFileError(f"{path}: bus_kwargs.{key} is a text, a number, true or false", place=path)
+    return [f"{key}={str(value).lower() if isinstance(value, bool) else value}" for key, value in table.items()]
+
+
+def _fits(default: object, value: Any) -> tuple[bool, str]:
+    """Whether *value* is of a kind that an option with *default* takes, and which kinds those are."""
+    if isinstance(default, bool):
+        return isinstance(value, bool), "true or false"
+    if type(default) is int:
+        return type(value) is int and 0 <= value < 10, "a number, 0…9"
+    return _is_number(value) or _is_text(value), "a text or a number"
+
+
+def _is_number(value: Any) -> bool:
+    """Whether *value* is finite, and no number of 5000 digits: Python refuses to write those out."""
+    return type(value) in (int, float) and abs(value) < 1 << 64
+
+
+def _is_text(value: Any) -> bool:
+    """Whether *value* is a text that can be a path or a name."""
+    return isinstance(value, str) and "\0" not in value

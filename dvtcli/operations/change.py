@@ -1,0 +1,91 @@
+"""What commands that change PDOs share: from a request to an answered change."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.plan import PdoChange
+from dvtcli.domain.rules.producer import producer_findings, sent_by
+from dvtcli.domain.script_line import change_lines
+from dvtcli.errors import UsageError
+from dvtcli.operations.results import Changed
+
+if TYPE_CHECKING:
+    from dvtcli.device.applied import Applied
+    from dvtcli.device.node import Node, Want
+    from dvtcli.domain.pdo import Pdo, PdoConfig
+    from dvtcli.domain.rules import Finding, Proposal
+    from dvtcli.operations.session import Session
+
+
+def configure(session: Session, node: Node, wants: Mapping[Pdo, Want]) -> Changed:
+    """Carry *wants* out on *node* and answer what was done."""
+    started = time.monotonic()
+    applied = node.configure(wants, force=session.options.force)
+    applied = replace(applied, findings=(*applied.findings, *_without_producer(session, node, applied)))
+    return changed(session, node, applied, time.monotonic() - started)
+
+
+def _without_producer(session: Session, node: Node, applied: Applied) -> Iterator[Finding]:
+    """Warnings about RPDOs that nobody feeds, on a family that minds."""
+    changes = [change for change in applied.plan.changes if isinstance(change, PdoChange)]
+    if not node.profile.silent_rpdo or all(change.pdo.is_tpdo for change in changes):
+        return iter(())
+    known = [config for other in session.network.nodes.values() for config in other.tpdos_known()]
+    return producer_findings(changes, set(sent_by(known)), node.profile.silent_rpdo)
+
+
+def changed(
+    session: Session,
+    node: Node,
+    applied: Applied,
+    seconds: float,
+    *,
+    undone: bool = False,
+    lines: list[str] | None = None,
+) -> Changed:
+    """The answer to an applied plan; what changed something is remembered as script *lines* (None: the plan's own)."""
+    if len(applied.plan) and not session.dry_run:
+        session.record(node.node_id, change_lines(applied.plan) if lines is None else lines)
+    volatile = any(node.profile.store.needed_for(step.index) for step in applied.plan.steps)
+    saved = any(node.saves((step.index, step.sub_index)) for step in applied.plan.steps)
+    policy = node.profile.store
+    keep = f"to keep it, {policy.instead}" if policy.instead else "`store` keeps it"
+    return Changed(
+        node.node_id,
+        applied.plan,
+        applied.findings,
+        session.dry_run,
+        seconds,
+        undone,
+        volatile,
+        keep,
+        names(node, applied.plan.changes),
+        saved=saved and not session.dry_run,
+        named=len(session.known_ids()) > 1,
+    )
+
+
+def names(node: Node, changes: Iterable[object]) -> dict[str, str]:
+    """Names of the objects that *changes* map, by their printed form."""
+    found: dict[str, str] = {}
+    for change in changes:
+        if isinstance(change, PdoChange) and node.dictionary is not None:
+            for entry in change.after.mapping:
+                found[entry.object] = node.dictionary.display_name(entry.index, entry.sub_index)
+    return found
+
+
+def made(pdo: Pdo, make: Callable[[Proposal], PdoConfig]) -> Callable[[Proposal], PdoConfig]:
+    """*make* with its ValueErrors as usage errors that name *pdo*."""
+
+    def make_or_say(proposal: Proposal) -> PdoConfig:
+        try:
+            return make(proposal)
+        except ValueError as wrong:
+            raise UsageError(f"{pdo.label}: {wrong}", node=proposal.node_id) from wrong
+
+    return make_or_say

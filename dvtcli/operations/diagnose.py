@@ -1,0 +1,245 @@
+"""The checks behind `doctor`: this machine, the settings, the bus, what is kept. Each one answers, whatever is broken.
+
+Does not know how checks look on a screen.
+"""
+
+from __future__ import annotations
+
+import os
+import platform
+import re
+import tempfile
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from dvtcli.errors import DvtcliError, SafetyRefusal, UsageError
+from dvtcli.operations.options import Options
+from dvtcli.operations.results.diagnosis import Check
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from dvtcli.domain.ports import Frame
+    from dvtcli.operations.session import Session
+
+#: How long the bus is listened to, in seconds.
+LISTEN_S = 1.0
+_WORST = "is the bit rate right, the other end powered, and is there a terminator (120 ohm) at each end of the line?"
+
+
+def checks(session: Session) -> Iterator[Check]:
+    """Every check, what the others need first."""
+    yield _python()
+    yield _packages()
+    yield _settings(session)
+    yield from _interfaces(session)
+    yield from _bus(session)
+    yield _library()
+    yield from _kept(session)
+    yield _profiles()
+    yield _terminal(session)
+
+
+def failed(name: str, error: DvtcliError) -> Check:
+    """The check *name* that ended in *error*."""
+    why = f": {error.why}" if error.why else ""
+    return Check(name, "FAIL", f"{error.text}{why}", error.hint, error.exit_code)
+
+
+def _python() -> Check:
+    from dvtcli import __version__
+
+    return Check(
+        "dvtcli", "ok", f"{__version__} on Python {platform.python_version()}, {platform.platform(terse=True)}"
+    )
+
+
+def _packages() -> Check:
+    """The packages that dvtcli names as its own, with their versions."""
+    from importlib.metadata import PackageNotFoundError, requires, version
+
+    try:
+        wanted = [line for line in requires("dvtcli") or [] if "extra ==" not in line]
+        names = [re.split(r"[^\w.-]", line)[0] for line in wanted]
+        shown = ", ".join(f"{name} {version(name)}" for name in names)
+    except PackageNotFoundError as missing:
+        return Check("packages", "FAIL", f"{missing.name} is not installed", f"pip install {missing.name}")
+    return Check("packages", "ok", shown)
+
+
+def _settings(session: Session) -> Check:
+    """Which settings count, and where each was said."""
+    try:
+        session.require_settings()
+    except DvtcliError as wrong:
+        return failed("settings", wrong)
+    default, options = Options()._asdict(), session.options._asdict()
+    files = [file.path for file in session.settings.files]
+    said = [
+        f"{name} = {_shown(value)} ({session.sources.get(name, 'this line')})"
+        for name, value in options.items()
+        if value != default[name]
+    ]
+    said += [f"{name} = {value} ({where})" for name, value, where in _library_settings(options)]
+    found = f"; files: {', '.join(files)}" if files else ""
+    return Check("settings", "ok", ("; ".join(said) or "all as they come") + found)
+
+
+def _shown(value: object) -> str:
+    return " ".join(map(str, value)) if isinstance(value, tuple) else str(value)
+
+
+def _library_settings(options: dict[str, object]) -> Iterator[tuple[str, object, str]]:
+    """What python-can's own files and environment add to *options*, as far as it counts."""
+    from dvtcli.bus import library_settings
+
+    if options["sim"] or options["interface"]:
+        return
+    for name, (value, where) in library_settings().items():
+        if name in ("interface", "channel", "bitrate") and options.get(name) is None:
+            yield name, value, where
+
+
+def _interfaces(session: Session) -> Iterator[Check]:
+    from dvtcli.bus.discover import find_interfaces
+
+    found = find_interfaces()
+    for one in found:
+        verdict = "warn" if one.problem else "ok"
+        yield Check("interface", verdict, f"{one.interface} {one.channel}  {one.about}".rstrip(), one.problem)  # type: ignore[arg-type]
+    if not found:
+        simulated = bool(session.options.sim)
+        hint = None if simulated else "is the adapter plugged in, and its driver (or python-can's extra) installed?"
+        yield Check("interface", "ok" if simulated else "warn", "none was found on this machine", hint)
+
+
+def _bus(session: Session) -> Iterator[Check]:
+    """Whether the bus opens, what is heard on it, and whether the selected node answers."""
+    from dvtcli.bus import is_configured
+
+    try:
+        session.require_settings()
+    except DvtcliError:
+        yield Check("bus", "warn", "not opened: who chooses it is not certain", "see `settings` above")
+        return
+    options = session.options
+    if not (options.sim or options.interface or options.channel or is_configured()):
+        yield Check(
+            "bus", "warn", "none is chosen", "dvtcli at a terminal offers what is there; or -i and -c, or --sim"
+        )
+        return
+    try:
+        network = session.network
+        yield Check("bus", "ok", f"{network.bus.name} opened, chosen by {session.chosen_by()}")
+        yield from _heard(session)
+        yield from _node(session)
+    except DvtcliError as error:
+        yield failed("bus", error)
+
+
+def _heard(session: Session) -> Iterator[Check]:
+    """The traffic of a second."""
+    from dvtcli.bus.python_can import CanBus
+
+    bus, frames = session.wire, 0
+
+    def count(_frame: Frame, sent: bool) -> None:
+        nonlocal frames
+        frames += not sent
+
+    assert isinstance(bus, CanBus)  # noqa: S101 - every wire is one; only twins are not
+    stop, before = bus.tap(count), bus.error_frames.count
+    try:
+        bus.sleep(LISTEN_S)
+    finally:
+        stop()
+    errors, nodes = bus.error_frames.count - before, sorted(bus.heard_nodes())
+    if errors:
+        told = "; ".join(bus.error_frames.news()) or _WORST
+        yield Check("traffic", "FAIL", f"{errors} error frames and {frames} frames in {LISTEN_S:g} s", told, 5)
+    elif frames or bus.simulated:
+        yield Check("traffic", "ok", f"{frames / LISTEN_S:.0f} frames/s, no error frames")
+    else:
+        yield Check(
+            "traffic", "warn", f"nothing was heard in {LISTEN_S:g} s", f"nodes may be quiet: scan asks them. {_WORST}"
+        )
+    yield Check("heartbeats", "ok", f"heard of node {', '.join(map(str, nodes))}" if nodes else "none was heard")
+
+
+def _node(session: Session) -> Iterator[Check]:
+    """Whether the selected node answers, and by which files it is known."""
+    try:
+        node_id = session.node_id()
+    except UsageError:
+        yield Check("node", "ok", "none is selected (-n ID)")
+        return
+    try:
+        node = session.node(node_id)
+        node.sdo.upload(0x1000, 0)
+    except DvtcliError as silent:
+        yield failed("node", silent)
+        return
+    if node.dictionary is None:
+        hint = "objects have no names: --eds FILE, or eds add FILE once and for all"
+        yield Check("node", "warn", f'node {node_id} "{node.title}" answers; no EDS is known for it', hint)
+        return
+    yield Check("node", "ok", f'node {node_id} "{node.title}" answers; {node.dictionary.source}')
+
+
+def _library() -> Check:
+    from dvtcli.files.eds.own_files import folder
+
+    count = sum(1 for _ in folder().glob("*_*"))
+    return Check("EDS files", "ok", f"{count} in {folder()}")
+
+
+def _kept(session: Session) -> Iterator[Check]:
+    """Whether backups and journals can be written, and whether a journal waits."""
+    from dvtcli.device.trust import private_folder
+
+    folder = session.state_folder
+    try:
+        private_folder(folder)
+        with tempfile.NamedTemporaryFile(dir=folder):
+            yield Check("state", "ok", f"{folder} can be written")
+    except OSError as failure:
+        hint = "without it nothing is changed on a real bus: --journal DIR names another folder"
+        yield Check("state", "FAIL", f"{folder}: {failure.strerror}", hint)
+        return
+    except SafetyRefusal as refused:
+        yield failed("state", refused)
+        return
+    yield _journals(folder)
+
+
+def _journals(folder: Path) -> Check:
+    waiting = sorted(path.name for path in (folder / "journals").glob("*.json"))
+    if waiting:
+        return Check("journals", "warn", f"a change was interrupted: {', '.join(waiting)}", "recover finishes it")
+    return Check("journals", "ok", "no change was interrupted")
+
+
+def _profiles() -> Check:
+    from dvtcli.files.profile.library import load_profile, profile_names
+
+    names = profile_names()
+    for name in names:
+        try:
+            load_profile(name)
+        except DvtcliError as wrong:
+            return failed("profiles", wrong)
+    return Check("profiles", "ok", f"{len(names)} are valid: {', '.join(names)}")
+
+
+def _terminal(session: Session) -> Check:
+    """How results are shown here."""
+    stream = session.output.stdout
+    encoding = getattr(stream, "encoding", None) or "utf-8"
+    drawn = "ASCII look-alikes" if session.options.ascii or "utf" not in encoding.lower() else "Unicode"
+    if not stream.isatty():
+        return Check("terminal", "ok", f"no terminal: no colours, {drawn} ({encoding}), nothing is asked")
+    size = os.get_terminal_size(stream.fileno())
+    text = f"{os.environ.get('TERM', '?')}, {size.columns} x {size.lines}, {drawn} ({encoding})"
+    if size.columns < 80:
+        return Check("terminal", "warn", text, "screens are made for 80 columns and more")
+    return Check("terminal", "ok", text)

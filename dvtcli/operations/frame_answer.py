@@ -1,0 +1,14 @@
+"""A frame with what its decoder knows of it, as the answer that becomes a document."""
+
+from __future__ import annotations
+
+from dvtcli.domain.ports import Frame
+from dvtcli.operations.results.frames import FrameSeen
+from dvtcli.watch.decoder import Decoder
+
+
+def frame_seen(frame: Frame, decoder: Decoder) -> FrameSeen:
+    """*frame*, decoded; its PDO is named only where a mapping was read."""
+    service = decoder.layout(frame).service
+    pdo = service.label.lower() if service.kind == "pdo" and not service.label.endswith("?") else None
+    return FrameSeen(frame, service.kind, service.label, service.node, pdo, decoder.values(frame))

@@ -1,0 +1,62 @@
+"""Which frames are known: the mappings of nodes as they hold them now, read once, and a DBC file's messages."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from dvtcli.errors import BusUnavailable, NoAnswer, SdoAborted, SdoProtocolError
+from dvtcli.watch.decoder import Decoder, pdo_layouts
+
+if TYPE_CHECKING:
+    from dvtcli.bus.python_can import CanBus
+    from dvtcli.operations.session import Session
+
+#: how long is waited for a first heartbeat where no node is named (s): most are sent once a second or faster
+HEARD_S = 1.2
+_WITHOUT_EDS = "its values have no names, and no sign: -1 reads 65535; --eds FILE, or `eds add FILE`, gives them"
+
+
+def open_wire(session: Session) -> CanBus:
+    """The bus itself, also under --dry-run: only to listen to."""
+    from dvtcli.bus.python_can import CanBus
+
+    session.open_network()
+    bus = session.wire
+    assert isinstance(bus, CanBus)  # noqa: S101 - every wire is one; only twins are not
+    return bus
+
+
+def live_decoder(session: Session, nodes: tuple[int, ...], dbc: str | None = None) -> Decoder:
+    """The decoder for *nodes*, else for the selected, the simulated and the heard ones, after that of the DBC file.
+
+    A node that does not answer is said, and its frames stay bytes. Only reads: SDO uploads.
+    """
+    decoder = Decoder()
+    if dbc is not None:
+        from dvtcli.files.dbc import read_dbc
+
+        decoder.add(read_dbc(dbc))
+        if not nodes:
+            return decoder
+    for node_id in nodes or _present(session):
+        try:
+            node = session.node(node_id)
+            decoder.add(pdo_layouts(node_id, node.pdos(), node.dictionary))
+            if node.dictionary is None:
+                session.output.note(f"node {node_id} has no EDS: {_WITHOUT_EDS}")
+        except BusUnavailable:
+            raise
+        except (NoAnswer, SdoAborted, SdoProtocolError) as silent:
+            session.output.note(f"node {node_id}: its mapping cannot be read ({silent.text}); its frames stay bytes")
+    return decoder
+
+
+def _present(session: Session) -> list[int]:
+    """The nodes that are known without asking: the selected one, simulated ones, and those whose heartbeat is heard."""
+    network = session.network
+    found = {session.selected_id(), *network.simulated_ids, *network.nodes}
+    if found == {None}:
+        bus = open_wire(session)
+        bus.sleep(HEARD_S)
+        found |= set(bus.heard_nodes())
+    return sorted(node_id for node_id in found if node_id is not None)

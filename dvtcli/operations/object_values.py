@@ -1,0 +1,54 @@
+"""What `read` and `write` share: which type an object has, and its value as an answer."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.datatypes import BY_SHORT_NAME, DataType
+from dvtcli.errors import SdoProtocolError
+from dvtcli.operations.results import ValueRead
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+
+#: Strings that every device keeps at the same place (CiA 301, 7.5.2.8 ff.).
+_STRINGS = frozenset({0x1008, 0x1009, 0x100A})
+_BY_SIZE = {1: "u8", 2: "u16", 4: "u32", 8: "u64"}
+
+
+def type_of(node: Node, index: int, sub_index: int, size: int) -> DataType:
+    """The object's type: the EDS's, else what *size* in bytes suggests."""
+    entry = node.dictionary.entry(index, sub_index) if node.dictionary else None
+    if entry is not None and entry.data_type is not None:
+        return entry.data_type
+    return BY_SHORT_NAME["vs" if index in _STRINGS else _BY_SIZE.get(size, "os")]
+
+
+def value_result(
+    node: Node, index: int, sub_index: int, data: bytes, asked: DataType | None, *, written: bool = False
+) -> ValueRead:
+    """The answer for an object that holds *data*; *asked* is a type the user named."""
+    kind = asked or type_of(node, index, sub_index, len(data))
+    if asked is None and kind.size is not None and kind.size != len(data):
+        kind = BY_SHORT_NAME[_BY_SIZE.get(len(data), "os")]  # the device disagrees with its file: show what it sent
+    try:
+        value = kind.decode(data)
+    except ValueError as wrong:
+        raise SdoProtocolError(
+            f"0x{index:04X}:{sub_index:02X} answered {len(data)} bytes ({data[:16].hex(' ')}): {wrong}",
+            node=node.node_id,
+            place=f"{index:04X}:{sub_index:02X}",
+            hint="--as names another type; --as os shows the bytes",
+        ) from wrong
+    entry = node.dictionary.entry(index, sub_index) if node.dictionary else None
+    name = node.dictionary.display_name(index, sub_index) if node.dictionary else ""
+    return ValueRead(
+        node.node_id,
+        f"{index:04X}:{sub_index:02X}",
+        name,
+        value,
+        data,
+        kind.short,
+        entry.unit if entry else "",
+        written,
+    )

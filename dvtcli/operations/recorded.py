@@ -1,0 +1,59 @@
+"""Recordings with what decodes them: a DBC file, the mapping in an EDS or DCF, or what the nodes hold now."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
+
+import click
+
+from dvtcli.cli.commands._live_params import NodesType
+from dvtcli.cli.params import FILE
+
+if TYPE_CHECKING:
+    from dvtcli.operations.session import Session
+    from dvtcli.watch.decoder import Decoder
+
+F = TypeVar("F", bound=Callable[..., object])
+
+
+def decoding_options(command: F) -> F:
+    """The options that say what decodes a recording."""
+    nodes = click.option("--nodes", type=NodesType(), metavar="ID,…", help="Nodes that sent it [the selected one].")
+    return nodes(click.option("-d", "--dbc", type=FILE, metavar="FILE", help="Decode by a DBC file.")(command))
+
+
+def decoder_for(session: Session, nodes: tuple[int, ...] | None, dbc: str | None) -> Decoder:
+    """The decoder of a recording: --dbc, else the mapping in the --eds file, else what the nodes hold now.
+
+    Nodes are asked only where they are named (-n, --nodes, --sim) or a bus is open already; else frames stay bytes.
+    """
+    from dvtcli.files.dbc import read_dbc
+    from dvtcli.operations.layouts import live_decoder
+    from dvtcli.watch.decoder import Decoder
+
+    base = session.base
+    if dbc is not None:
+        return Decoder(read_dbc(dbc))
+    if base.eds is not None:
+        return _file_decoder(Path(base.eds), nodes or ((base.node,) if base.node is not None else ()))
+    if base.sim or base.node is not None or nodes or session.is_open:
+        return live_decoder(session, nodes or ())
+    return Decoder()
+
+
+def _file_decoder(path: Path, nodes: tuple[int, ...]) -> Decoder:
+    """The mapping that an EDS or DCF sets, on *nodes*, else on the node-ID that a DCF names, else on node 1."""
+    from dvtcli.device.read_pdos import present_pdos, read_pdo
+    from dvtcli.files.eds.file_as_node import FileValues
+    from dvtcli.files.eds.reader import read_eds
+    from dvtcli.watch.decoder import Decoder, pdo_layouts
+
+    dictionary = read_eds(path).dictionary
+    decoder = Decoder()
+    for node_id in nodes or (dictionary.info.node_id or 1,):
+        values = FileValues(dictionary, node_id)
+        configs = {pdo: read_pdo(values, pdo) for pdo in present_pdos(values, dictionary)}
+        decoder.add(pdo_layouts(node_id, configs, dictionary))
+    return decoder

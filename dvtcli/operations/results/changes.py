@@ -1,0 +1,219 @@
+"""Changes, stores and comparisons as answers. Knows no terminal and no session."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from dvtcli.domain.plan import PdoChange, Plan
+from dvtcli.domain.ports import Frame
+from dvtcli.domain.proof import Proof
+from dvtcli.domain.rules import Finding
+from dvtcli.operations.results.documents import Document, finding_document, hex_bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Changed:
+    """A plan that was carried out and read back."""
+
+    node: int
+    plan: Plan
+    findings: tuple[Finding, ...]
+    dry_run: bool
+    seconds: float
+    undone: bool = False
+    #: whether anything of it is lost at power-off unless it is stored
+    volatile: bool = True
+    #: what makes it last, in words
+    keep: str = "`store` keeps it"
+    names: dict[str, str] = field(default_factory=dict)
+    exit_code: int = 0
+    #: whether it was the family's way to keep its settings
+    saved: bool = False
+    #: whether more nodes than this one are known
+    named: bool = False
+
+    def document(self) -> Document:
+        """`dvtcli.change/1`."""
+        pdos = [str(change.pdo) for change in self.plan.changes if isinstance(change, PdoChange)]
+        steps = [
+            {
+                "object": step.object,
+                "before": hex_bytes(step.before),
+                "after": hex_bytes(step.after),
+                "reason": step.reason,
+            }
+            for step in self.plan.steps
+        ]
+        return {
+            "schema": "dvtcli.change/1",
+            "node": self.node,
+            "pdo": pdos[0] if len(pdos) == 1 else None,
+            "pdos": pdos,
+            "steps": steps,
+            "writes": len(steps),
+            "verified": True,
+            "stored": self.saved,
+            "dry_run": self.dry_run,
+            "findings": [finding_document(finding) for finding in self.findings],
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class ChangedNodes:
+    """The same on several nodes; its document has the fields of one node's, with what all of them have in common."""
+
+    nodes: tuple[Changed, ...]
+    exit_code: int = 0
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What the rules said, of every node."""
+        return tuple(finding for one in self.nodes for finding in one.findings)
+
+    def document(self) -> Document:
+        """`dvtcli.change/1` without a node of its own, and with each node's document in `nodes`."""
+        documents = [one.document() for one in self.nodes]
+        return {
+            "schema": "dvtcli.change/1",
+            "node": None,
+            "pdo": None,
+            "pdos": [f"{one['node']}:{pdo}" for one in documents for pdo in one["pdos"]],
+            "steps": [{"node": one["node"], **step} for one in documents for step in one["steps"]],
+            "writes": sum(one["writes"] for one in documents),
+            **{key: all(one[key] for one in documents) for key in ("verified", "stored", "dry_run")},
+            "findings": [row for one in documents for row in one["findings"]],
+            "nodes": documents,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Stored:
+    """A store or restore that the device took, with its *proof* where one was asked for.
+
+    *skipped* says why nothing was sent at all; *because* why it was sent though it might not have been needed.
+    """
+
+    node: int
+    object: str
+    word: str
+    seconds: float
+    limit_s: float
+    changed: tuple[str, ...]
+    dry_run: bool
+    proof: Proof | None = None
+    skipped: str = ""
+    because: str = ""
+
+    @property
+    def exit_code(self) -> int:
+        """1 where a proof was asked for, and what it should have shown is not so, or not proven."""
+        return 0 if self.proof is None or self.proof.holds else 1
+
+    @property
+    def stored(self) -> bool:
+        """Whether the node was told to store, and nothing shows that it did not."""
+        lost = self.proof is not None and bool(self.proof.differences)
+        return self.word == "store" and not (lost or self.dry_run or self.skipped)
+
+    def document(self) -> Document:
+        """`dvtcli.store/1`."""
+        proof = self.proof
+        return {
+            "schema": "dvtcli.store/1",
+            "node": self.node,
+            "object": self.object,
+            "action": self.word,
+            "seconds": round(self.seconds, 3),
+            "changed": list(self.changed),
+            "stored": self.stored,
+            "skipped": bool(self.skipped),
+            "reason": self.skipped or self.because or None,
+            "proved": None if proof is None else proof.holds,
+            "by": None if proof is None else proof.by,
+            "compared": None if proof is None else proof.compared,
+            "against": None if proof is None else proof.against,
+            "differences": [] if proof is None else list(proof.differences),
+            "unproved": (proof and proof.unproved) or None,
+            "canary": (proof and proof.canary) or None,
+            "lost": [] if proof is None else list(proof.lost),
+            "dry_run": self.dry_run,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Compared:
+    """A read-back against what was wanted: one row a PDO that differs."""
+
+    node: int
+    pdos: int
+    parameters: int
+    differences: tuple[tuple[str, str], ...] = ()
+    against: str = "this session's changes"
+    frames: tuple[tuple[str, Frame | None, float], ...] = ()
+    state_note: str = ""
+    #: single objects that were compared besides
+    objects: int = 0
+    #: whether a frame of every enabled TPDO should have come
+    frame_asked: bool = False
+    #: whether more nodes than this one are known
+    named: bool = False
+
+    @property
+    def frame_missing(self) -> bool:
+        """Whether a frame was asked for and not seen."""
+        return self.frame_asked and (not self.frames or any(frame is None for _, frame, _ in self.frames))
+
+    @property
+    def exit_code(self) -> int:
+        """3 where something differs, 1 where a frame was asked for and none came."""
+        return 3 if self.differences else 1 if self.frame_missing else 0
+
+    def document(self) -> Document:
+        """`dvtcli.verify/1`."""
+        return {
+            "schema": "dvtcli.verify/1",
+            "node": self.node,
+            "pdos": self.pdos,
+            "objects": self.objects,
+            "parameters": self.parameters,
+            "equal": not self.differences,
+            "differences": [{"node": self.node, **_what(label), "text": text} for label, text in self.differences],
+            "frames": [
+                {
+                    "node": self.node,
+                    "pdo": pdo.lower(),
+                    "data": None if frame is None else hex_bytes(frame.data),
+                    "ms": round(ms, 1),
+                }
+                for pdo, frame, ms in self.frames
+            ],
+        }
+
+
+def _what(label: str) -> Document:
+    """What differs: a PDO by its label, or an object."""
+    return {"pdo": None, "object": label} if ":" in label else {"pdo": label.lower(), "object": None}
+
+
+@dataclass(frozen=True, slots=True)
+class ComparedNodes:
+    """The same of several nodes; its document has the fields of one node's, with what all of them have in common."""
+
+    nodes: tuple[Compared, ...]
+
+    @property
+    def exit_code(self) -> int:
+        """3 where a node differs, else 1 where a frame is missing."""
+        return max(one.exit_code for one in self.nodes)
+
+    def document(self) -> Document:
+        """`dvtcli.verify/1` without a node of its own, and with each node's document in `nodes`."""
+        documents = [one.document() for one in self.nodes]
+        return {
+            "schema": "dvtcli.verify/1",
+            "node": None,
+            **{key: sum(one[key] for one in documents) for key in ("pdos", "objects", "parameters")},
+            "equal": all(one["equal"] for one in documents),
+            **{key: [row for one in documents for row in one[key]] for key in ("differences", "frames")},
+            "nodes": documents,
+        }

@@ -1,0 +1,45 @@
+"""What `doctor` found, check by check. Knows no terminal and no session."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from dvtcli.operations.results.documents import Document
+
+Verdict = Literal["ok", "warn", "FAIL"]
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """One look at the set-up; *hint* is the next step where *verdict* is not ok, *code* a failure's exit code."""
+
+    name: str
+    verdict: Verdict
+    text: str
+    hint: str | None = None
+    code: int = 1
+
+    def document(self) -> Document:
+        """One check of `dvtcli.doctor/1`."""
+        return {"check": self.name, "verdict": self.verdict.lower(), "text": self.text, "hint": self.hint}
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnosis:
+    """Every check, in the order in which one needs the other."""
+
+    checks: tuple[Check, ...]
+
+    @property
+    def exit_code(self) -> int:
+        """0, or that of the first check that failed."""
+        return next((check.code for check in self.checks if check.verdict == "FAIL"), 0)
+
+    def document(self) -> Document:
+        """`dvtcli.doctor/1`."""
+        return {
+            "schema": "dvtcli.doctor/1",
+            "healthy": self.exit_code == 0,
+            "checks": [check.document() for check in self.checks],
+        }

@@ -1,0 +1,60 @@
+"""Files and plain facts as answers. Knows no terminal and no session."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from dvtcli.domain.rules import Finding
+from dvtcli.operations.results.documents import Document, finding_document
+
+
+@dataclass(frozen=True, slots=True)
+class FileFinding:
+    """Something a file's reader noticed, with its line."""
+
+    line: int
+    severity: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class FileReport:
+    """What `eds check` found: sections in the file, sections understood, and findings."""
+
+    path: str
+    sections: int
+    understood: int
+    objects: int
+    findings: tuple[FileFinding, ...]
+    exit_code: int = 0
+
+    def document(self) -> Document:
+        """`dvtcli.eds/1`."""
+        return {
+            "schema": "dvtcli.eds/1",
+            "file": self.path,
+            "sections": self.sections,
+            "understood": self.understood,
+            "objects": self.objects,
+            "findings": [{"line": f.line, "severity": f.severity, "text": f.text} for f in self.findings],
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Facts:
+    """A few labelled lines: what was done or is so."""
+
+    schema: str
+    rows: tuple[tuple[str, Any], ...]
+    text: tuple[str, ...]
+    exit_code: int = 0
+    #: warnings and notes that belong to them
+    findings: tuple[Finding, ...] = ()
+
+    def document(self) -> Document:
+        """The rows under the result's own schema."""
+        document: Document = {"schema": f"dvtcli.{self.schema}/1", **dict(self.rows)}
+        if self.findings:
+            document["findings"] = [finding_document(finding) for finding in self.findings]
+        return document

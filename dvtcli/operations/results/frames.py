@@ -1,0 +1,86 @@
+"""Frames as answers: what was on the bus, decoded. Knows no terminal and no session."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+
+from dvtcli.domain.datatypes import Value
+from dvtcli.domain.ports import Frame
+from dvtcli.operations.results.documents import Document, hex_bytes, json_value
+
+
+def utc(time_s: float) -> str:
+    """A time (s since 1970) as RFC 3339 in UTC, with microseconds."""
+    return datetime.fromtimestamp(time_s, UTC).isoformat(timespec="microseconds").replace("+00:00", "Z")
+
+
+@dataclass(frozen=True, slots=True)
+class FrameSeen:
+    """One frame with what it is (*kind*, *label*), its *node* and *pdo* where known, and its *signals* by name."""
+
+    frame: Frame
+    kind: str
+    label: str = ""
+    node: int | None = None
+    pdo: str | None = None
+    signals: Mapping[str, Value] = field(default_factory=dict)
+    exit_code: int = 0
+
+    def document(self) -> Document:
+        """`dvtcli.frame/1`."""
+        return {
+            "schema": "dvtcli.frame/1",
+            "time": utc(self.frame.timestamp_s),
+            "kind": self.kind,
+            "node": self.node,
+            "pdo": self.pdo,
+            "cob_id": self.frame.can_id,
+            "extended": self.frame.extended,
+            "remote": self.frame.remote,
+            "data": hex_bytes(self.frame.data),
+            "signals": {name: json_value(value) for name, value in self.signals.items()},
+        }
+
+    def matches(self, text: str) -> bool:
+        """Whether *text* (in lower case) is in the name of the frame or of one of its signals."""
+        who = f"0x{self.frame.can_id:03x} {self.label} node {self.node} {self.kind}".lower()
+        return text in who or any(text in name.lower() for name in self.signals)
+
+
+@dataclass(frozen=True, slots=True)
+class PlottedSignal:
+    """One signal of a plot: what it is, its samples' *count*, least and most, and its *drawing*, if there is one."""
+
+    name: str
+    object: str
+    unit: str
+    count: int
+    low: float
+    high: float
+    drawing: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Plotted:
+    """Signals over the time of a recording; *output* is the picture's file, None where it is drawn as text."""
+
+    file: str
+    signals: tuple[PlottedSignal, ...]
+    seconds: float
+    output: str | None = None
+    exit_code: int = 0
+
+    def document(self) -> Document:
+        """`dvtcli.plot/1`."""
+        return {
+            "schema": "dvtcli.plot/1",
+            "file": self.file,
+            "output": self.output,
+            "seconds": round(self.seconds, 6),
+            "signals": [
+                {"name": s.name, "object": s.object, "unit": s.unit, "samples": s.count, "low": s.low, "high": s.high}
+                for s in self.signals
+            ],
+        }

@@ -1,0 +1,124 @@
+"""Nodes, NMT commands and SYNC as answers. Knows no terminal and no session."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from dvtcli.domain.ports import Frame
+from dvtcli.operations.results.documents import Document, hex_bytes
+
+
+@dataclass(frozen=True, slots=True)
+class NodeRow:
+    """What a node says of itself; None where it does not answer or has no such object."""
+
+    node: int
+    state: str
+    device_type: int | None = None
+    vendor_id: int | None = None
+    product_code: int | None = None
+    revision: int | None = None
+    serial: int | None = None
+    name: str = ""
+    profile: str = ""
+    source: str = ""
+    note: str = ""
+
+    def document(self) -> Document:
+        """One node of `dvtcli.nodes/1`."""
+        return {
+            "node": self.node,
+            "state": self.state,
+            "device_type": self.device_type,
+            "vendor_id": self.vendor_id,
+            "product_code": self.product_code,
+            "revision": self.revision,
+            "serial": self.serial,
+            "name": self.name,
+            "profile": self.profile,
+            "eds": self.source,
+            "note": self.note,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class NodeListing:
+    """Nodes that answered, or the one that was asked for (*detail*)."""
+
+    bus: str
+    rows: tuple[NodeRow, ...]
+    seconds: float = 0.0
+    detail: bool = False
+    exit_code: int = 0
+
+    def document(self) -> Document:
+        """`dvtcli.nodes/1`."""
+        return {"schema": "dvtcli.nodes/1", "bus": self.bus, "nodes": [row.document() for row in self.rows]}
+
+
+@dataclass(frozen=True, slots=True)
+class Commanded:
+    """An NMT command that was sent, to one node or all (0), with the state that each one is seen in.
+
+    A state is None where it cannot be seen; *wanted* is the state that was asked for, None of a reset, whose boot-up
+    was heard. *lost* are changes that the reset took.
+    """
+
+    node: int
+    command: str
+    states: tuple[tuple[int, str | None], ...]
+    dry_run: bool
+    lost: tuple[str, ...] = ()
+    wanted: str | None = None
+
+    @property
+    def elsewhere(self) -> tuple[tuple[int, str], ...]:
+        """The nodes that are seen in another state than the wanted one."""
+        seen = ((node, state) for node, state in self.states if state is not None)
+        return tuple((node, state) for node, state in seen if self.wanted not in (None, state))
+
+    @property
+    def exit_code(self) -> int:
+        """1 where a node is seen in another state than the one that was asked for."""
+        return 1 if self.elsewhere else 0
+
+    def document(self) -> Document:
+        """`dvtcli.nmt/1`."""
+        return {
+            "schema": "dvtcli.nmt/1",
+            "node": self.node,
+            "command": self.command,
+            "state": next((state for _, state in self.states), None) if self.node else None,
+            "wanted": self.wanted,
+            "nodes": [{"node": node, "state": state} for node, state in self.states],
+            "lost": list(self.lost),
+            "dry_run": self.dry_run,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Synced:
+    """SYNC messages that were sent and the frames that came in answer, by CAN-ID."""
+
+    count: int
+    period_ms: float
+    frames: tuple[tuple[Frame, int, str], ...]
+    dry_run: bool
+    can_id: int = 0x080
+    exit_code: int = 0
+    #: why no frame came, where that is known
+    note: str = ""
+
+    def document(self) -> Document:
+        """`dvtcli.sync/1`."""
+        rows = [
+            {"cob_id": frame.can_id, "pdo": label or None, "count": count, "data": hex_bytes(frame.data)}
+            for frame, count, label in self.frames
+        ]
+        return {
+            "schema": "dvtcli.sync/1",
+            "syncs": self.count,
+            "period_ms": self.period_ms,
+            "cob_id": self.can_id,
+            "frames": rows,
+        }

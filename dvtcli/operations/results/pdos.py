@@ -1,0 +1,97 @@
+"""A node's PDOs as answers. Knows no terminal and no session."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from dvtcli.domain.datatypes import Value
+from dvtcli.domain.heard import Period
+from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.operations.results.documents import Document, hex_bytes
+
+
+@dataclass(frozen=True, slots=True)
+class MappedName:
+    """What a mapped object is called, which type and unit it has; empty where no file says."""
+
+    name: str = ""
+    type_name: str = ""
+    unit: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class LastFrame:
+    """The last frame that was heard of a PDO, *age_s* seconds ago.
+
+    *values* stand for the mapping's entries, None for what is skipped or was not in the frame.
+    """
+
+    data: bytes
+    age_s: float
+    period: Period | None
+    values: tuple[Value | None, ...]
+
+    def document(self) -> Document:
+        """The element `last_frame` of `dvtcli.pdo/1`."""
+        times = () if self.period is None else (self.period.last_s, self.period.least_s, self.period.most_s)
+        return {
+            "data": hex_bytes(self.data),
+            "age_s": round(self.age_s, 3),
+            "period_ms": [round(1000 * time_s, 2) for time_s in times] or None,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class PdoRow:
+    """One PDO with the names of what it maps."""
+
+    pdo: Pdo
+    config: PdoConfig
+    names: tuple[MappedName, ...] = ()
+    default_can_id: int | None = None
+    unstored: bool = False
+    #: None where no frame of it was heard in this session
+    last: LastFrame | None = None
+
+    def document(self) -> Document:
+        """One element of `pdos` in `dvtcli.pdo/1`."""
+        parameter = self.config.communication
+        return {
+            "pdo": str(self.pdo),
+            "enabled": self.config.enabled,
+            "cob_id": parameter.cob_id.can_id,
+            "extended": parameter.cob_id.extended,
+            "rtr_allowed": parameter.cob_id.rtr_allowed,
+            "transmission_type": parameter.transmission_type,
+            "inhibit_ms": None if parameter.inhibit_time is None else parameter.inhibit_time / 10,
+            "event_timer_ms": parameter.event_timer,
+            "sync_start": parameter.sync_start_value,
+            "bits": self.config.bits,
+            "mapping": self._mapping(),
+            "last_frame": None if self.last is None else self.last.document(),
+        }
+
+    def _mapping(self) -> list[Document]:
+        rows, start = [], 0
+        for number, entry in enumerate(self.config.mapping):
+            name = self.names[number].name if number < len(self.names) else ""
+            rows.append({"object": entry.object, "bits": entry.bits, "name": name, "start_bit": start})
+            start += entry.bits
+        return rows
+
+
+@dataclass(frozen=True, slots=True)
+class PdoListing:
+    """A node's PDOs; *hidden* are left out of the text, *detail* asks for the frame picture of the one row."""
+
+    node: int
+    title: str
+    rows: tuple[PdoRow, ...]
+    show_all: bool = False
+    detail: bool = False
+    sync_period_us: int | None = None
+    exit_code: int = 0
+
+    def document(self) -> Document:
+        """`dvtcli.pdo/1`."""
+        return {"schema": "dvtcli.pdo/1", "node": self.node, "pdos": [row.document() for row in self.rows]}

@@ -1,0 +1,72 @@
+"""Values and dictionary entries as answers. Knows no terminal and no session."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from dvtcli.domain.datatypes import Value
+from dvtcli.operations.results.documents import Document, hex_bytes, json_value
+
+
+@dataclass(frozen=True, slots=True)
+class ValueRead:
+    """One object's value, raw and decoded; *written* where a write set it."""
+
+    node: int
+    object: str
+    name: str
+    value: Value
+    raw: bytes
+    type_name: str
+    unit: str = ""
+    written: bool = False
+    exit_code: int = 0
+
+    def document(self) -> Document:
+        """`dvtcli.value/1`."""
+        return {
+            "schema": "dvtcli.value/1",
+            "node": self.node,
+            "object": self.object,
+            "value": json_value(self.value),
+            "raw": hex_bytes(self.raw),
+            "type": self.type_name,
+            "name": self.name,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class ObjectRow:
+    """One dictionary entry as `objects` shows it."""
+
+    object: str
+    name: str
+    type_name: str
+    access: str
+    mappable: str
+    default: str
+
+
+@dataclass(frozen=True, slots=True)
+class ObjectListing:
+    """Entries of the object dictionary."""
+
+    node: int | None
+    source: str
+    rows: tuple[ObjectRow, ...]
+    total: int
+    exit_code: int = 0
+
+    def document(self) -> Document:
+        """`dvtcli.objects/1`."""
+        rows = [
+            {
+                "object": row.object,
+                "name": row.name,
+                "type": row.type_name,
+                "access": row.access,
+                "mappable": row.mappable.split(),
+            }
+            for row in self.rows
+        ]
+        return {"schema": "dvtcli.objects/1", "node": self.node, "source": self.source, "objects": rows}

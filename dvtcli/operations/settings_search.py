@@ -1,0 +1,153 @@
+"""Which settings files count: a project's, looked for upward, and the user's own; and whether they are believed.
+
+Does not know what is in them.
+"""
+
+from __future__ import annotations
+
+import os
+import stat
+from typing import NamedTuple
+
+from dvtcli.device.trust import replaceable, stranger, sudo_user
+from dvtcli.errors import DvtcliError, InputFileError, SafetyRefusal, UsageError
+
+#: The variable that names a project's file, which is trusted then and taken wherever it is.
+VARIABLE = "DVTCLI_CONFIG"
+NAME = "dvtcli.toml"
+#: What makes a folder the root of a repository.
+_ROOTS = (".git", ".hg")
+
+
+class Found(NamedTuple):
+    """A settings file at *path*; *named* in the environment, so that it is not asked whose it is."""
+
+    path: str
+    named: bool = False
+
+
+def project_file(start: str | None = None) -> Found | None:
+    """The file that DVTCLI_CONFIG names, else the nearest `dvtcli.toml` at or above *start* (default: here).
+
+    It is looked for as far as the root of the repository or the user's home, and never upward into what is above a
+    home. None where there is none. UsageError where DVTCLI_CONFIG names no file, SafetyRefusal where a folder cannot be
+    looked at.
+    """
+    if named := os.environ.get(VARIABLE):
+        if not os.path.exists(named):  # noqa: PTH110 - pathlib costs 7 ms of a --help
+            raise UsageError(f"{VARIABLE}={named}: no such file", hint=f"unset {VARIABLE}, or let it name a file")
+        return Found(os.path.abspath(named), named=True)  # noqa: PTH100
+    for folder in _folders(start):
+        path = os.path.join(folder, NAME)  # noqa: PTH118
+        try:
+            os.lstat(path)
+        except (FileNotFoundError, NotADirectoryError):
+            continue
+        except OSError as failed:
+            raise SafetyRefusal(
+                f"{folder} cannot be searched for {NAME}: {failed.strerror}",
+                place=folder,
+                hint=f"{VARIABLE}=FILE names one; {VARIABLE}={os.devnull} is none",
+            ) from failed
+        return Found(path)
+    return None
+
+
+def _folders(start: str | None) -> list[str]:
+    """Where a project's file may be, the nearest first."""
+    try:
+        folder = os.path.realpath(start or os.getcwd())  # noqa: PTH109
+    except FileNotFoundError:
+        raise SafetyRefusal("this folder was removed: nobody can say whose settings count here", hint="cd") from None
+    homes = _homes()
+    above = {parent for home in homes for parent in _parents(home)}
+    folders: list[str] = []
+    for one in (folder, *_parents(folder)):
+        if one in above and one != folder:
+            break
+        folders.append(one)
+        if one in homes or any(os.path.lexists(os.path.join(one, root)) for root in _ROOTS):  # noqa: PTH118
+            break
+    return folders
+
+
+def _parents(folder: str) -> list[str]:
+    found = []
+    while (above := os.path.dirname(folder)) != folder:  # noqa: PTH120
+        folder = above
+        found.append(folder)
+    return found
+
+
+def _homes() -> set[str]:
+    """The user's home, and that of the one who called sudo."""
+    homes = {os.path.realpath(os.path.expanduser("~"))}  # noqa: PTH111
+    caller = sudo_user()
+    if caller is not None:
+        import pwd
+
+        try:
+            homes.add(os.path.realpath(pwd.getpwuid(caller).pw_dir))
+        except KeyError:
+            return homes  # a number without a name has no home either
+    return homes
+
+
+def user_file() -> Found | None:
+    """The user's own `config.toml`, None where there is none."""
+    import platformdirs
+
+    path = os.path.join(platformdirs.user_config_dir("dvtcli"), "config.toml")  # noqa: PTH118
+    return Found(path) if os.path.lexists(path) else None
+
+
+def content(found: Found, most_bytes: int) -> bytes:
+    """What is in the file, one byte more than *most_bytes* at most.
+
+    SafetyRefusal with the cure where somebody else may have put it there, InputFileError where it cannot be read.
+    """
+    path = found.path
+    try:
+        if not found.named:
+            _refuse_strangers(path, os.lstat(path), os.path.dirname(path))  # noqa: PTH120
+        descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0))
+        with os.fdopen(descriptor, "rb") as file:
+            status = os.fstat(file.fileno())
+            if not found.named:
+                _refuse_strangers(path, status, os.path.dirname(os.path.realpath(path)))  # noqa: PTH120
+            if not stat.S_ISREG(status.st_mode) and not os.path.samefile(path, os.devnull):  # noqa: PTH121
+                raise InputFileError(f"{path}: not a file", place=path, hint="remove it, or give it another name")
+            return file.read(most_bytes + 1)
+    except OSError as failed:
+        hint = None if isinstance(failed, PermissionError) else "remove it, or mend it"
+        raise InputFileError(f"{path}: cannot be read: {failed.strerror}", place=path, hint=hint) from failed
+
+
+def _refuse_strangers(path: str, status: os.stat_result, folder: str) -> None:
+    """SafetyRefusal where *status* or *folder* say that somebody else decides what is in *path*."""
+    is_link = stat.S_ISLNK(status.st_mode)
+    found = stranger(path, status) if not is_link else _link_of_stranger(path, status)
+    found = found or replaceable(folder)
+    if found is not None:
+        why, cure = found
+        trusting = f"; or {VARIABLE}={path} in the environment trusts it as it is" if _is_project(path) else ""
+        raise SafetyRefusal(f"{path} is not trusted: {why}", place=path, hint=f"{cure}{trusting}")
+
+
+def _link_of_stranger(path: str, status: os.stat_result) -> tuple[str, str] | None:
+    """A link's mode says nothing (everybody can write it, they say); its owner does."""
+    found = stranger(path, os.stat_result((status.st_mode & ~0o022, *status[1:])))
+    return found and (found[0].replace("it belongs", "the link belongs"), f"rm {path}")
+
+
+def _is_project(path: str) -> bool:
+    return os.path.basename(path) == NAME  # noqa: PTH119
+
+
+def why_unusable(path: str) -> DvtcliError | None:
+    """Why the next start would not take the settings file *path*, None where it would."""
+    try:
+        content(Found(os.path.abspath(path)), 0)  # noqa: PTH100
+    except DvtcliError as refused:
+        return refused
+    return None

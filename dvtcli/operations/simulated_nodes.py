@@ -1,0 +1,138 @@
+"""Simulated nodes from the words that ask for them: `--sim`, `sim`, and the `--fault` and `--signal` beside them.
+
+Does not know buses, and neither whether the nodes live in this process or are served to others.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.nmt import UNCONFIGURED
+from dvtcli.domain.object_dictionary import ObjectDictionary
+from dvtcli.errors import InputFileError, UsageError
+from dvtcli.operations.options import is_file, node_id
+
+if TYPE_CHECKING:
+    from dvtcli.simulator.device.family import Family
+    from dvtcli.simulator.device.faults import Fault
+    from dvtcli.simulator.device.signals import Signal
+    from dvtcli.simulator.device.strict_device import StrictDevice
+
+
+@dataclass(frozen=True, slots=True)
+class Simulated:
+    """One `--sim`: its node-ID (255: none yet), the family (None for a file), and the file of its dictionary."""
+
+    node_id: int
+    family: str | None
+    eds: Path
+
+    @property
+    def label(self) -> str:
+        """Which node it is, in words."""
+        what = self.family or self.eds.name
+        return f"{what} without a node-ID" if self.node_id == UNCONFIGURED else f"node {self.node_id} {what}"
+
+
+def simulated_device(one: Simulated) -> StrictDevice:
+    """The device that *one* names, INITIALISING."""
+    from dvtcli.simulator.device.strict_device import StrictDevice
+
+    return StrictDevice(read_dictionary(one.eds), family_named(one.family or "generic"), one.node_id)
+
+
+def simulated_nodes(words: tuple[str, ...], by: str = "--sim", *, unconfigured: bool = False) -> tuple[Simulated, ...]:
+    """What each of *words* means, which *by* took: a file wins over `@`; node-IDs default to the first free one.
+
+    With *unconfigured* a node may wait for its node-ID: `WHAT@255`.
+    """
+    found: list[Simulated] = []
+    for word in words:
+        what, wanted = _split(word, unconfigured=unconfigured)
+        used = {one.node_id for one in found}
+        chosen = wanted if wanted is not None else next((n for n in range(1, 128) if n not in used), 1)
+        one = _simulated(what, chosen, by)
+        if one in found if chosen == UNCONFIGURED else chosen in used:
+            raise UsageError(f"{by} {word}: node-ID {chosen} is given twice", hint="WHAT@ID sets the node-ID")
+        found.append(one)
+    return tuple(found)
+
+
+def simulated_faults(words: tuple[str, ...], simulated: tuple[Simulated, ...]) -> tuple[Fault, ...]:
+    """What each `--fault` means; UsageError for a wrong one, and where no node is simulated."""
+    if not words:
+        return ()
+    if not simulated:
+        raise UsageError("--fault is for simulated nodes", hint="give --sim too: --sim gen4 --fault lose-response@3")
+    from dvtcli.simulator.device.faults import read_faults
+
+    try:
+        return read_faults(words, [one.node_id for one in simulated])
+    except ValueError as wrong:
+        raise UsageError(f"--fault {wrong}") from wrong
+
+
+def simulated_signals(words: tuple[str, ...], simulated: tuple[Simulated, ...]) -> tuple[Signal, ...]:
+    """What each `--signal` means; UsageError for a wrong one, or without simulated nodes; InputFileError for a file."""
+    if not words:
+        return ()
+    if not simulated:
+        raise UsageError(
+            "--signal is for simulated nodes", hint='give --sim too: --sim gen4 --signal "606C=sine(1500,2s)"'
+        )
+    from dvtcli.simulator.device.signals import RowsError, read_signals
+
+    try:
+        return read_signals(words, [(one.node_id, read_dictionary(one.eds)) for one in simulated])
+    except RowsError as wrong:
+        raise InputFileError(
+            f"--signal: {wrong.place}: {wrong}", place=wrong.place, hint="rows are TIME,VALUE,…"
+        ) from wrong
+    except OSError as failed:
+        raise UsageError(f"--signal: {failed.filename}: {failed.strerror or failed}") from failed
+    except ValueError as wrong:
+        raise UsageError(f"--signal {wrong}") from wrong
+
+
+def _split(word: str, *, unconfigured: bool) -> tuple[str, int | None]:
+    if is_file(word) or "@" not in word:
+        return word, None
+    what, _, digits = word.rpartition("@")
+    return what, UNCONFIGURED if unconfigured and digits == str(UNCONFIGURED) else node_id(digits)
+
+
+def _simulated(what: str, chosen: int, by: str) -> Simulated:
+    from dvtcli.simulator.device.family import family_eds, family_names
+
+    path = Path(what)
+    if is_file(what):
+        return Simulated(chosen, None, path)
+    if what in family_names():
+        return Simulated(chosen, what, family_eds(what))
+    known = ", ".join(family_names())
+    raise UsageError(
+        f"{by} {what}: no such family and no such file", hint=f"families: {known}; or the path of an EDS or DCF"
+    )
+
+
+def family_named(name: str) -> Family:
+    """How the family *name* behaves; a plain CiA 301 device where none is called that."""
+    from dvtcli.simulator.device.family import Family, family_names, load_family
+
+    return load_family(name) if name in family_names() else Family()
+
+
+@lru_cache(maxsize=8)
+def read_dictionary(path: Path) -> ObjectDictionary:
+    """The object dictionary of an EDS or DCF; UsageError where there is no such file."""
+    from dvtcli.files.eds.reader import read_eds
+
+    try:
+        return read_eds(path).dictionary
+    except OSError as failed:
+        raise UsageError(
+            f"{path}: {failed.strerror or failed}", hint="--eds takes the path of an EDS or DCF"
+        ) from failed

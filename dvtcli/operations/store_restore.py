@@ -1,0 +1,186 @@
+"""What `store`, `restore` and a `write` to 0x1010 or 0x1011 share."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from dvtcli.cli.params import CanopenType, NumberType
+from dvtcli.device.change.pending import COMMUNICATION, EVERYTHING
+from dvtcli.device.change.proven import Restart, prepare_proof, prove_restore, prove_store, restart_and_read
+from dvtcli.device.store_parameters import RESTORE, STORE, await_power_cycle, reset_and_wait, return_to, sign
+from dvtcli.domain.nmt import NmtCommand
+from dvtcli.domain.proof import POWER, RESET_COMM, RESET_NODE
+from dvtcli.errors import DeviceRefused, UsageError
+from dvtcli.operations.reset_consent import consent_to_reset
+from dvtcli.operations.results import Stored
+
+if TYPE_CHECKING:
+    import click
+
+    from dvtcli.device.node import Node
+    from dvtcli.domain.pdo import Pdo, PdoConfig
+    from dvtcli.operations.session import Session
+
+_GROUPS = {"all": 1, "communication": 2, "application": 3}
+
+
+class StoreGroup(CanopenType):
+    """`all`, `communication`, `application`, or a sub-index 1…127."""
+
+    name = "group"
+
+    def parse(self, text: str, ctx: click.Context | None) -> int:
+        """The sub-index of 0x1010 or 0x1011."""
+        if text.lower() in _GROUPS:
+            return _GROUPS[text.lower()]
+        return int(NumberType(1, 127, "all, communication, application, or a sub-index").parse(text, ctx))
+
+
+#: How long a power cycle is waited for, in seconds.
+POWER_CYCLE_S = 60.0
+
+
+class ProofWay(CanopenType):
+    """`reset` or `power`; a group's word belongs to the command, where `--prove` stands alone before it."""
+
+    name = "way"
+
+    def parse(self, text: str, ctx: click.Context | None) -> str | int:
+        """The word, or the sub-index of the group that it is."""
+        if text.lower() in ("reset", "power"):
+            return text.lower()
+        try:
+            return StoreGroup().parse(text, ctx)
+        except ValueError as wrong:
+            raise ValueError(f"power, or nothing for a reset; {wrong}") from wrong
+
+
+def way_and_group(prove: str | int | None, group: int | None) -> tuple[str | None, int | None]:
+    """How to prove, None for not at all, and the group; UsageError where two groups are named."""
+    if not isinstance(prove, int):
+        return prove, group
+    if group is not None:
+        raise UsageError("two groups are named; one at a time")
+    return "reset", prove
+
+
+def store_settings(
+    session: Session,
+    node: Node,
+    sub_index: int | None,
+    *,
+    prove: str | None = None,
+    if_changed: bool = False,
+    wait_s: float = POWER_CYCLE_S,
+) -> Stored:
+    """Store what the node holds.
+
+    With *prove* restart it (`reset`, or by `power`, which is waited for *wait_s* seconds), and compare the PDOs that it
+    comes back with. With *if_changed* only unless the PDOs are what came up with a boot-up that was heard.
+    """
+    because = why_to_store(node, sub_index) if if_changed else ""
+    if if_changed and not because:
+        return _skipped(session, node, sub_index)
+    restart = _restart(session, node, prove, wait_s) if prove else None
+    boot_ups = node.bus.boot_ups(node.node_id)
+    node.prepare_store(force=session.options.force)
+    before: dict[Pdo, PdoConfig] = {}
+    if restart is not None:
+        before = node.pdos()
+        prepare_proof(node, before)
+    done = sign(node.access, node.profile.store, STORE, sub_index, node.cancellation)
+    refuse_after_restart(node, boot_ups)
+    changed = node.pending.was_stored(done.sub_index, len(node.history))
+    proof = None if restart is None else prove_store(node, before, done, restart)
+    if not session.dry_run:
+        session.record(node.node_id, ["store" if sub_index is None else f"store {sub_index}"])
+    return Stored(
+        node.node_id, done.place, "store", done.seconds, node.profile.store.timeout_s, changed, session.dry_run, proof,
+        because=because,
+    )  # fmt: skip
+
+
+def refuse_after_restart(node: Node, boot_ups: int) -> None:
+    """Raise DeviceRefused where *node* restarted after it was read for the last time before it stored."""
+    if node.bus.boot_ups(node.node_id) != boot_ups:
+        raise DeviceRefused(
+            f"node {node.node_id} restarted just before or while it stored: what it stored was not looked at",
+            node=node.node_id,
+            hint="`verify`, set again what differs, then store again",
+            state="unknown",
+        )
+
+
+def why_to_store(node: Node, sub_index: int | None) -> str:
+    """Why what the node holds may not be what it has stored; empty where it came up with that, and nobody wrote it."""
+    if sub_index not in (None, EVERYTHING, COMMUNICATION):
+        return f"nothing is known of what group {sub_index} covers"
+    node.claim()  # from here on no other dvtcli writes to it
+    if node.bus.downloads_of_others(node.node_id):
+        return "another SDO client wrote to it since its last boot-up"
+    known = replace(node.came_up, pdos=dict(node.came_up.pdos))  # reading again would count as what came up
+    boot_ups, now = node.bus.boot_ups(node.node_id), node.pdos()
+    return known.why_not(node.bus.boot_ups(node.node_id), now) or (
+        "it restarted meanwhile" if node.bus.boot_ups(node.node_id) != boot_ups else ""
+    )
+
+
+def _skipped(session: Session, node: Node, sub_index: int | None) -> Stored:
+    place = f"{STORE:04X}:{sub_index or 1:02X}"
+    skipped = "nothing was written since the node's boot-up, and its PDOs read back as it came up with them"
+    return Stored(node.node_id, place, "store", 0.0, node.profile.store.timeout_s, (), session.dry_run, skipped=skipped)
+
+
+def _restart(session: Session, node: Node, way: str, wait_s: float) -> Restart | None:
+    """How the node is to be restarted, after consent to that; None on a twin, whose restart would prove nothing."""
+    if session.dry_run:
+        return None
+    if way == "power":
+        session.consent(f"node {node.node_id} must be switched off and on once it has stored; will you do that?")
+        return Restart(POWER, lambda: _power_cycle(session, node, wait_s), certain=True)
+    consent_to_reset(session, [node.node_id])
+    return Restart(RESET_NODE, lambda: _reset(node, NmtCommand.RESET_NODE))
+
+
+def _power_cycle(session: Session, node: Node, wait_s: float) -> None:
+    text = f"switch node {node.node_id} off and on now: its boot-up message is waited for, {wait_s:g} s at most"
+
+    def stop() -> None:
+        if node.cancellation.requested:
+            raise KeyboardInterrupt
+
+    with node.cancellation.guard():  # a Ctrl-C is looked for between two moments of waiting, and torn apart is nothing
+        await_power_cycle(node.access, wait_s, lambda: session.output.lines([text]), stop)
+
+
+def _reset(node: Node, command: NmtCommand) -> None:
+    reset_and_wait(node.access, command)
+
+
+def restore_defaults(session: Session, node: Node, sub_index: int | None, *, prove: bool) -> Stored:
+    """Ask the node for its defaults; they come with the next reset, which *prove* does at once, and looks."""
+    session.consent(f"node {node.node_id} will lose what is set and stored, and take its defaults; restore?")
+    prove = prove and not session.dry_run  # a twin has no defaults but those of its file
+    if prove:
+        consent_to_reset(session, [node.node_id])
+    node.prepare_store(force=session.options.force, confirm=False)
+    communication = sub_index == COMMUNICATION
+    command = NmtCommand.RESET_COMMUNICATION if communication else NmtCommand.RESET_NODE
+    restart = Restart(
+        RESET_COMM if communication else RESET_NODE, lambda: _reset(node, command), communication=communication
+    )
+    state = node.access.state() if prove else None
+    earlier = restart_and_read(node, restart)[0] if prove and node.dictionary is None else None
+    done = sign(node.access, node.profile.store, RESTORE, sub_index, node.cancellation)
+    proof = prove_restore(node, done, restart, earlier) if prove else None
+    return_to(node.access, state)
+    node.wanted.clear()
+    node.wanted_values.clear()
+    node.expected.clear()
+    node.pending.forget(done.sub_index)
+    if not session.dry_run:
+        session.record(node.node_id, ["restore" if sub_index is None else f"restore {sub_index}"])
+    return Stored(
+        node.node_id, done.place, "restore", done.seconds, node.profile.store.timeout_s, (), session.dry_run, proof
+    )

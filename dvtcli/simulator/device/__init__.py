@@ -1,0 +1,1 @@
+"""The strict device itself, without I/O: bytes and times in, frames out."""

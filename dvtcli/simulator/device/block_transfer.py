@@ -1,0 +1,167 @@
+"""SDO block transfers, the server's end: sub-blocks, acknowledgements, retransmission and CRC (CiA 301, 7.2.4.3.9 ff.).
+
+A transfer takes requests of eight bytes and gives the responses. Knows no clock: a client that goes away in the middle
+of a sub-block must abort before the server listens to anything else. Does not know what the objects mean.
+"""
+
+from __future__ import annotations
+
+from binascii import crc_hqx
+from typing import Protocol
+
+from dvtcli.domain.abort import Abort
+from dvtcli.simulator.device.refusal import Refusal
+from dvtcli.simulator.device.strict_device import StrictDevice
+
+BLOCK_UPLOAD, BLOCK_DOWNLOAD = 5, 6
+_MOST_SEGMENTS, _SEGMENT_BYTES = 127, 7
+_MOST_BYTES = 1 << 20
+_LAST = 0x80
+_CRC = 0x04
+_INVALID_BLOCK_SIZE, _INVALID_SEQUENCE, _CRC_ERROR = 0x0504_0002, 0x0504_0003, 0x0504_0004
+
+
+class BlockTransfer(Protocol):
+    """A block transfer that is under way; *multiplexer* is index and sub-index as on the wire."""
+
+    multiplexer: bytes
+    finished: bool
+
+    def takes(self, request: bytes) -> bool:
+        """Whether *request* belongs to this transfer; otherwise it begins something else."""
+        ...
+
+    def handle(self, request: bytes) -> list[bytes]:
+        """The responses to *request*; Refusal where the transfer is aborted."""
+        ...
+
+
+class BlockDownload:
+    """A block download to the object of *request*, which initiates it; Refusal where that is hopeless."""
+
+    def __init__(self, device: StrictDevice, request: bytes) -> None:
+        if request[0] & 0x01:
+            raise Refusal(Abort.COMMAND_SPECIFIER)
+        self.multiplexer = request[1:4]
+        self.finished = False
+        self._device = device
+        self._crc = bool(request[0] & _CRC)
+        self._size = int.from_bytes(request[4:8], "little") if request[0] & 0x02 else None
+        self._data = bytearray()
+        self._acknowledged = 0
+        self._ending = False
+        device.begin_download(*self._object, self._size)
+        if self._size is not None and self._size > _MOST_BYTES:
+            raise Refusal(Abort.OUT_OF_MEMORY)
+
+    @property
+    def _object(self) -> tuple[int, int]:
+        return int.from_bytes(self.multiplexer[:2], "little"), self.multiplexer[2]
+
+    def first(self) -> bytes:
+        """The response to the request that initiates it: CRC supported, 127 segments a sub-block."""
+        return bytes([0xA0 | _CRC]) + self.multiplexer + bytes([_MOST_SEGMENTS, 0, 0, 0])
+
+    def takes(self, request: bytes) -> bool:
+        """Every request until the last segment, then the one that ends it."""
+        return not self._ending or request[0] & 0xE3 == 0xC1
+
+    def handle(self, request: bytes) -> list[bytes]:
+        """Take a segment, or the end with its CRC."""
+        return [self._end(request)] if self._ending else self._segment(request)
+
+    def _segment(self, request: bytes) -> list[bytes]:
+        """A segment out of order was preceded by a lost one: it and what follows is to be sent again."""
+        number, last = request[0] & 0x7F, bool(request[0] & _LAST)
+        if number == self._acknowledged + 1:
+            self._acknowledged = number
+            self._data += request[1:8]
+            self._ending = last
+            if len(self._data) > _MOST_BYTES + _SEGMENT_BYTES:
+                raise Refusal(Abort.OUT_OF_MEMORY)
+        if not last and number < _MOST_SEGMENTS:
+            return []
+        answer = bytes([0xA2, self._acknowledged, _MOST_SEGMENTS]) + bytes(5)
+        self._acknowledged = 0
+        return [answer]
+
+    def _end(self, request: bytes) -> bytes:
+        unused = request[0] >> 2 & 0x07
+        data = bytes(self._data[: len(self._data) - unused])
+        if self._size is not None and len(data) != self._size:
+            raise Refusal(Abort.TOO_LONG if len(data) > self._size else Abort.TOO_SHORT)
+        if self._crc and crc_hqx(data, 0) != int.from_bytes(request[1:3], "little"):
+            raise Refusal(_CRC_ERROR)
+        self._device.download(*self._object, data)
+        self.finished = True
+        return b"\xa1" + bytes(7)
+
+
+class BlockUpload:
+    """A block upload of *data*, as *request* initiates it; Refusal where its block size is not 1..127."""
+
+    def __init__(self, request: bytes, data: bytes) -> None:
+        self.multiplexer = request[1:4]
+        self.finished = False
+        self._data = data
+        self._block_size = _checked(request[4])
+        #: how many bytes the client has acknowledged, and how many segments it was sent since
+        self._acknowledged = 0
+        self._sent = 0
+        self._ending = False
+
+    def first(self) -> bytes:
+        """The response to the request that initiates it: CRC supported, with the size in bytes."""
+        return bytes([0xC2 | _CRC]) + self.multiplexer + len(self._data).to_bytes(4, "little")
+
+    def takes(self, request: bytes) -> bool:
+        """Start, acknowledgement and end."""
+        return request[0] >> 5 == BLOCK_UPLOAD and request[0] & 0x03 != 0
+
+    def handle(self, request: bytes) -> list[bytes]:
+        """Send a sub-block at the start and after each acknowledgement, and the end after the last one."""
+        step = request[0] & 0x03
+        if step == 1 and self._ending:
+            self.finished = True
+            return []
+        if step == 3 and not self._sent:
+            return self._segments()
+        if step == 2 and self._sent and not self._ending:
+            return self._next(request[1], request[2])
+        raise Refusal(Abort.COMMAND_SPECIFIER)
+
+    def _next(self, acknowledged: int, block_size: int) -> list[bytes]:
+        if acknowledged > self._sent:
+            raise Refusal(_INVALID_SEQUENCE)
+        self._block_size = _checked(block_size)
+        complete = acknowledged == self._sent and self._is_last(self._acknowledged, self._sent)
+        self._acknowledged += acknowledged * _SEGMENT_BYTES
+        if not complete:
+            return self._segments()
+        self._ending = True
+        unused = (-len(self._data) % _SEGMENT_BYTES) if self._data else _SEGMENT_BYTES
+        crc = crc_hqx(self._data, 0)  # also for who did not ask for it: clients look at it all the same
+        return [bytes([0xC1 | unused << 2]) + crc.to_bytes(2, "little") + bytes(5)]
+
+    def _segments(self) -> list[bytes]:
+        """The sub-block that begins after what was acknowledged."""
+        found = []
+        for number in range(1, self._block_size + 1):
+            start = self._acknowledged + (number - 1) * _SEGMENT_BYTES
+            last = self._is_last(self._acknowledged, number)
+            part = self._data[start : start + _SEGMENT_BYTES].ljust(_SEGMENT_BYTES, b"\0")
+            found.append(bytes([number | (_LAST if last else 0)]) + part)
+            if last:
+                break
+        self._sent = len(found)
+        return found
+
+    def _is_last(self, start: int, segments: int) -> bool:
+        """Whether *segments* segments from byte *start* on reach the end of the data."""
+        return start + segments * _SEGMENT_BYTES >= len(self._data)
+
+
+def _checked(block_size: int) -> int:
+    if not 1 <= block_size <= _MOST_SEGMENTS:
+        raise Refusal(_INVALID_BLOCK_SIZE)
+    return block_size

@@ -1,0 +1,126 @@
+"""Errors of a simulated device: EMCY frames, error register and history (CiA 301, 7.2.7, 7.5.2.2 and 7.5.2.4).
+
+Time is passed in. Does not know what makes an error, nor in which NMT state EMCY frames are allowed
+(`strict_device`).
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Hashable
+
+from dvtcli.domain.abort import Abort
+from dvtcli.domain.ports import Frame
+from dvtcli.simulator.device.memory import Memory
+from dvtcli.simulator.device.refusal import Refusal
+
+ERROR_REGISTER, ERROR_HISTORY, EMCY_COB_ID, EMCY_INHIBIT = 0x1001, 0x1003, 0x1014, 0x1015
+NO_ERROR = 0x0000
+_GENERIC = 0x01
+#: the class of an error code, its highest hex digit -> its bit of 0x1001 (CiA 301, tables 26 and 48)
+_BITS = {0x2: 0x02, 0x3: 0x04, 0x4: 0x08, 0x8: 0x10, 0xF: 0x80}
+_INVALID, _EXTENDED = 1 << 31, 1 << 29
+_WAITING_MOST = 32
+
+
+class Emergencies:
+    """The errors of one device. An error is raised by a *source* and stays until that source clears it.
+
+    *due_s* is when a frame that the inhibit time (0x1015) held back may go, infinite for none.
+    """
+
+    def __init__(self, memory: Memory) -> None:
+        self._memory = memory
+        self._active: dict[Hashable, int] = {}
+        self._own_bits = 0
+        self._waiting: deque[Frame] = deque(maxlen=_WAITING_MOST)
+        self._quiet_until_s = 0.0
+
+    @property
+    def due_s(self) -> float:
+        """When `poll` has a frame to send next (s)."""
+        return self._quiet_until_s if self._waiting else float("inf")
+
+    def reset(self) -> None:
+        """Forget every error, as a reset does; the objects are the memory's to reset."""
+        self._active.clear()
+        self._waiting.clear()
+        self._own_bits = 0
+
+    def check(self, index: int, _sub_index: int, data: bytes) -> None:
+        """Refuse a download to the history that is no 0: it is only emptied (CiA 301, 7.5.2.4)."""
+        if index == ERROR_HISTORY and any(data):
+            raise Refusal(Abort.VALUE_RANGE)
+
+    def set(self, source: Hashable, code: int) -> list[Frame]:
+        """Note error *code* (0x0001..0xFFFF) of *source*; the frames to send, none if it was known already."""
+        if self._active.get(source) == code:
+            return []
+        self._active[source] = code
+        self._remember(code)
+        return self._send(code)
+
+    def clear(self, source: Hashable) -> list[Frame]:
+        """Note that *source* has no error any more; the error-reset frame where it had one."""
+        if self._active.pop(source, None) is None:
+            return []
+        return self._send(NO_ERROR)
+
+    def clear_all(self) -> list[Frame]:
+        """Note that every error is gone; the error-reset frame."""
+        self._active.clear()
+        return self._send(NO_ERROR)
+
+    def forget_history(self) -> None:
+        """Empty 0x1003, as writing 0 to its sub-index 0 does."""
+        for sub_index in range(1, (self._memory.highest_sub_index(ERROR_HISTORY) or 0) + 1):
+            if self._memory.exists(ERROR_HISTORY, sub_index):
+                self._memory.write(ERROR_HISTORY, sub_index, bytes(4))
+
+    def poll(self, now_s: float) -> list[Frame]:
+        """The frame that the inhibit time lets go at *now_s* (s)."""
+        if now_s < self.due_s:
+            return []
+        self._quiet_until_s = now_s + self._memory.number(EMCY_INHIBIT, 0) / 10_000
+        return [self._waiting.popleft()]
+
+    def _send(self, code: int) -> list[Frame]:
+        frame = self._frame(code, self._update_register())
+        if frame is None:
+            return []
+        if not self._memory.number(EMCY_INHIBIT, 0):
+            return [frame]
+        self._waiting.append(frame)
+        self._memory.touch()
+        return []
+
+    def _frame(self, code: int, register: int) -> Frame | None:
+        """The EMCY frame, None where 0x1014 switches EMCY off."""
+        raw = self._memory.number(EMCY_COB_ID, 0, missing=0x80 + self._memory.node_id)
+        if raw & _INVALID:
+            return None
+        data = code.to_bytes(2, "little") + bytes([register]) + bytes(5)
+        return Frame(raw & 0x1FFF_FFFF, data, extended=bool(raw & _EXTENDED))
+
+    def _update_register(self) -> int:
+        """Bring 0x1001 up to date: bits that the device's own application set stay."""
+        own = 0
+        for code in self._active.values():
+            own |= _GENERIC | _BITS.get(code >> 12, 0)
+        held = self._memory.number(ERROR_REGISTER, 0)
+        register = (held & ~self._own_bits | own) & 0xFF
+        self._own_bits = own
+        if register != held and self._memory.exists(ERROR_REGISTER, 0):
+            self._memory.write(ERROR_REGISTER, 0, bytes([register]))
+        return register
+
+    def _remember(self, code: int) -> None:
+        """Put *code* on top of the history, as far as the device has one."""
+        last = self._memory.highest_sub_index(ERROR_HISTORY)
+        if not last:
+            return
+        count = self._memory.number(ERROR_HISTORY, 0)
+        for sub_index in range(min(count + 1, last), 1, -1):
+            self._memory.write(ERROR_HISTORY, sub_index, self._memory.read(ERROR_HISTORY, sub_index - 1))
+        self._memory.write(ERROR_HISTORY, 1, code.to_bytes(4, "little"))
+        self._memory.write(ERROR_HISTORY, 0, bytes([min(count + 1, last)]))

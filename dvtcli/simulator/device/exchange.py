@@ -1,0 +1,200 @@
+"""PDOs at work: objects into frames, frames into objects (CiA 301, 7.2.2).
+
+Knows mappings and transmission types. Does not know whether a configuration is legal (`pdo_guard`) nor the NMT
+state (`strict_device`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.mapping import PdoMappingEntry, total_bits
+from dvtcli.domain.pdo import EVENT_DRIVEN, Direction, Pdo
+from dvtcli.domain.ports import Frame
+from dvtcli.simulator.device.emergency import Emergencies
+from dvtcli.simulator.device.family import Family
+from dvtcli.simulator.device.memory import Memory
+from dvtcli.simulator.device.payload import collect, mapping_of, spread
+from dvtcli.simulator.device.tpdo_timing import LAST_SYNCHRONOUS, NEVER, EventTiming, Tpdo
+
+SHORT_PDO, LONG_PDO, RPDO_TIMED_OUT = 0x8210, 0x8220, 0x8250
+_COB_ID, _TRANSMISSION_TYPE, _INHIBIT_TIME, _EVENT_TIMER, _SYNC_START = 1, 2, 3, 5, 6
+
+
+@dataclass(slots=True)
+class _Rpdo:
+    """One enabled RPDO; *waiting* is data that is applied after *syncs* more SYNCs."""
+
+    can_id: int
+    extended: bool
+    kind: int
+    entries: tuple[PdoMappingEntry, ...]
+    waiting: bytes | None = None
+    syncs: int = 0
+    #: whether a frame came since the last poll, and when the next one must have come (s)
+    heard: bool = False
+    due_s: float = NEVER
+    bytes_wanted: int = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.bytes_wanted = (total_bits(self.entries) + 7) // 8
+
+
+class PdoExchange:
+    """The PDOs of one device in OPERATIONAL; *due_s* is when `poll` has something to do next, if nothing changes."""
+
+    def __init__(self, memory: Memory, family: Family, errors: Emergencies) -> None:
+        self._memory = memory
+        self._family = family
+        self._errors = errors
+        self._tpdos: dict[Pdo, Tpdo] = {}
+        self._rpdos: dict[Pdo, _Rpdo] = {}
+        self._cob_ids: set[tuple[int, bool]] = set()
+        #: how often `forget` was called: as long as it stays, `knows` answers the same
+        self.forgotten = 0
+        #: PDOs whose parameters changed, None for all
+        self._stale: set[Pdo] | None = None
+        self.due_s = NEVER
+
+    def forget(self, pdo: Pdo | None = None) -> None:
+        """Start over with *pdo*, or with all of them, after its parameters or the NMT state changed."""
+        self.forgotten += 1
+        if pdo is None:
+            self._stale = None
+        elif self._stale is not None:
+            self._stale.add(pdo)
+
+    def sync(self, counter: int | None) -> list[Frame]:
+        """Apply synchronous RPDOs, then return the frames of the TPDOs due; *counter* is the SYNC's, 1..240."""
+        self._refresh()
+        for rpdo in self._rpdos.values():
+            if rpdo.waiting is not None:
+                self._count_down(rpdo)
+        frames = []
+        for tpdo in self._tpdos.values():
+            if tpdo.heeds_sync:
+                data = collect(self._memory, tpdo.entries)
+                if tpdo.is_due_at_sync(data, counter):
+                    frames.append(Frame(tpdo.can_id, data, extended=tpdo.extended))
+        return frames
+
+    def receive(self, frame: Frame) -> list[Frame]:
+        """Take a frame into every RPDO that listens to it; returns the EMCY frames sent in answer."""
+        self._refresh()
+        answers: list[Frame] = []
+        for pdo, rpdo in self._rpdos.items():
+            if rpdo.can_id == frame.can_id and rpdo.extended == frame.extended:
+                answers += self._receive(pdo, rpdo, frame.data)
+        return answers
+
+    def knows(self, frame: Frame) -> bool:
+        """Whether *frame* has the COB-ID of one of the PDOs."""
+        self._refresh()
+        return (frame.can_id, frame.extended) in self._cob_ids
+
+    def request(self, frame: Frame) -> list[Frame]:
+        """The TPDO that a remote *frame* asks for, where its COB-ID and the family allow that."""
+        if not self._family.answers_remote_frames:
+            return []
+        self._refresh()
+        answers = []
+        for tpdo in self._tpdos.values():
+            if tpdo.can_id == frame.can_id and tpdo.extended == frame.extended:
+                data = tpdo.requested(collect(self._memory, tpdo.entries))
+                if data is not None:
+                    answers.append(Frame(tpdo.can_id, data, extended=tpdo.extended))
+        return answers
+
+    def poll(self, now_s: float) -> list[Frame]:
+        """The frames due by themselves at *now_s* (s): event-driven TPDOs, and EMCYs of RPDOs that stay away."""
+        self._refresh()
+        self.due_s = NEVER
+        frames: list[Frame] = []
+        for pdo, tpdo in self._tpdos.items():
+            if tpdo.event_driven:
+                frames += self._poll_tpdo(pdo, tpdo, now_s)
+        for pdo, rpdo in self._rpdos.items():
+            if rpdo.heard or rpdo.due_s < NEVER:
+                frames += self._poll_rpdo(pdo, rpdo, now_s)
+        return frames
+
+    def _poll_tpdo(self, pdo: Pdo, tpdo: Tpdo, now_s: float) -> list[Frame]:
+        timing = tpdo.timing
+        if timing is None:
+            inhibit = self._memory.number(pdo.communication_index, _INHIBIT_TIME)
+            event = self._memory.number(pdo.communication_index, _EVENT_TIMER)
+            timing = tpdo.timing = EventTiming(inhibit / 10_000, event / 1000)
+        data = collect(self._memory, tpdo.entries)
+        due = timing.is_due(data, now_s)
+        self.due_s = min(self.due_s, timing.due_s)
+        return [Frame(tpdo.can_id, data, extended=tpdo.extended)] if due else []
+
+    def _poll_rpdo(self, pdo: Pdo, rpdo: _Rpdo, now_s: float) -> list[Frame]:
+        """The event timer of an RPDO runs from each of its frames; it is over once it has run out."""
+        frames: list[Frame] = []
+        if rpdo.heard:
+            rpdo.heard = False
+            event = self._memory.number(pdo.communication_index, _EVENT_TIMER)
+            rpdo.due_s = now_s + event / 1000 if event else NEVER
+        elif now_s >= rpdo.due_s:
+            rpdo.due_s = NEVER
+            frames = self._errors.set(pdo, RPDO_TIMED_OUT)
+        self.due_s = min(self.due_s, rpdo.due_s)
+        return frames
+
+    def _refresh(self) -> None:
+        """Look again at the PDOs whose parameters changed."""
+        if self._stale is not None and not self._stale:
+            return
+        if self._stale is None:
+            self._tpdos.clear()
+            self._rpdos.clear()
+        for pdo in sorted(self._all() if self._stale is None else self._stale):
+            self._look_at(pdo)
+        self._tpdos = dict(sorted(self._tpdos.items()))
+        self._rpdos = dict(sorted(self._rpdos.items()))
+        self._cob_ids = {(tpdo.can_id, tpdo.extended) for tpdo in self._tpdos.values()}
+        self._cob_ids |= {(rpdo.can_id, rpdo.extended) for rpdo in self._rpdos.values()}
+        self._stale = set()
+
+    def _all(self) -> set[Pdo]:
+        found = {Pdo.at(index) for index in self._memory.indices() if 0x1400 <= index < 0x1A00}
+        return {pdo for pdo in found if pdo is not None}
+
+    def _look_at(self, pdo: Pdo) -> None:
+        self._tpdos.pop(pdo, None)
+        self._rpdos.pop(pdo, None)
+        index = pdo.communication_index
+        raw = self._memory.number(index, _COB_ID, missing=1 << 31) & 0xFFFF_FFFF
+        cob_id = CobId.from_raw(raw)
+        if not cob_id.valid:
+            return
+        kind = self._memory.number(index, _TRANSMISSION_TYPE, missing=EVENT_DRIVEN)
+        entries = mapping_of(self._memory, pdo.mapping_index)
+        if pdo.direction is Direction.RPDO:
+            self._rpdos[pdo] = _Rpdo(cob_id.can_id, cob_id.extended, kind, entries)
+            return
+        start = self._memory.number(index, _SYNC_START) if kind <= LAST_SYNCHRONOUS else 0
+        self._tpdos[pdo] = Tpdo(cob_id.can_id, cob_id.extended, cob_id.rtr_allowed, kind, start, entries)
+
+    def _receive(self, pdo: Pdo, rpdo: _Rpdo, data: bytes) -> list[Frame]:
+        rpdo.heard = True
+        self._memory.touch()
+        if len(data) < rpdo.bytes_wanted:
+            return self._errors.set(pdo, SHORT_PDO)
+        if rpdo.kind <= LAST_SYNCHRONOUS:
+            if rpdo.waiting is None:
+                rpdo.syncs = max(1, rpdo.kind) if self._family.rpdo_counts_syncs else 1
+            rpdo.waiting = data
+        else:
+            spread(self._memory, rpdo.entries, data)
+        if len(data) == rpdo.bytes_wanted:
+            return self._errors.clear(pdo)
+        return self._errors.set(pdo, LONG_PDO) if self._family.reports_long_rpdos else []
+
+    def _count_down(self, rpdo: _Rpdo) -> None:
+        rpdo.syncs -= 1
+        if rpdo.syncs <= 0 and rpdo.waiting is not None:
+            data, rpdo.waiting = rpdo.waiting, None
+            spread(self._memory, rpdo.entries, data)

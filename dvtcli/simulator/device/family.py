@@ -1,0 +1,257 @@
+"""Families of simulated devices, as data: what one allows, demands and does differently.
+
+A family is a folder: `families/NAME/simulated.toml` (behaviours, read here) beside `NAME.eds` (its object
+dictionary, read elsewhere) and `profile.toml` (what dvtcli must do). Does not know how a
+behaviour is carried out, what a profile says, and no maker.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields
+from functools import cache
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from dvtcli.domain.abort import Abort
+from dvtcli.domain.nmt import NmtState
+from dvtcli.domain.object_dictionary import Access
+from dvtcli.domain.pdo import Direction
+from dvtcli.domain.profile import BitPolicy
+
+Object = tuple[int, int]
+Range = tuple[int, int]
+
+_FOLDER = Path(__file__).parents[2] / "families"
+_KEEP = MappingProxyType({Direction.TPDO: BitPolicy.KEEP, Direction.RPDO: BitPolicy.KEEP})
+
+
+@dataclass(frozen=True, slots=True)
+class PinCopy:
+    """One group of virtual PDOs: sub-index k of *selector* names the object that physical pin k is tied to.
+
+    *pins* are the objects of the physical side, in order of the pins; with *bitwise* each holds eight pins, a bit
+    each. *to_pin* tells the direction: from the selected object to the pin, else from the pin to it.
+    """
+
+    selector: int
+    pins: tuple[Object, ...]
+    to_pin: bool
+    bitwise: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class MotorCopy:
+    """The virtual PDOs of the motors: *down* copies selected:sub → profile object, *up* the other way."""
+
+    selector: int
+    down: Mapping[int, Object]
+    up: Mapping[int, Object]
+
+
+@dataclass(frozen=True, slots=True)
+class Login:
+    """Access levels: sub 1 of *index* is the level, 2 takes a passcode, 3 a user ID.
+
+    *passcodes* maps a passcode (0..0xFFFF) to the level it gives; writes to the ranges in *writes* need *level*. The
+    device wakes at level *start*, None for what its dictionary says.
+    """
+
+    index: int
+    level: int
+    writes: tuple[Range, ...]
+    passcodes: Mapping[int, int]
+    start: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Family:
+    """How a family of devices behaves; the defaults are a plain CiA 301 device.
+
+    - *granularity* (bits), *dummies*: None means as the EDS says; *max_entries* a PDO, *max_entry_bits* an entry.
+    - *rtr_bit*: what bit 30 of a COB-ID must be, by direction; *extended_ids*: whether bit 29 may be set.
+    - *transmission_types*: ranges of accepted values; *rpdo_counts_syncs*: an RPDO of type n acts at the n-th SYNC
+      instead of the next one; *reports_long_rpdos*: whether an RPDO longer than its mapping is worth an EMCY (0x8220).
+    - *answers_remote_frames*: whether a remote frame brings a TPDO whose bit 30 allows it.
+    - *tpdo_access*, *rpdo_access*: access types whose objects may be mapped in that direction.
+    - *pdo_rules_always*: whether the PDO rules hold in every NMT state, or in OPERATIONAL only.
+    - *mapping_in_use*: the abort code of a write to a mapping that is in use (valid, or an entry while the count is not
+      0); *same_mapping_accepted*: whether writing what the mapping holds already is no such write.
+    - *entry_length_checked*: whether an entry may not be longer than its object; *entry_access_codes*: whether the
+      wrong direction answers 06010001 or 06010002, else 06040041; *tpdo_dummies*: what a dummy in a TPDO answers, 0
+      for accepted.
+    - *count_within_entries*: whether a count may not exceed the entries there are; *empty_entries_counted*,
+      *zero_bits_counted*: whether a count may cover an entry of 0, or one of 0 bits.
+    - *empty_pdos_enabled*: whether a PDO without a mapping may be enabled; *restricted_ids_refused*: whether a PDO may
+      not have a CAN-ID that CiA 301 keeps for others.
+    - *filler*: what an entry may hold, besides 0, that is not used where the count of a mapping is read-only.
+    - *pre_operational_writes*: ranges of indices that refuse downloads outside PRE-OPERATIONAL.
+    - *needs_store*: range of indices that a reset reverts unless they were stored, everything outside keeps itself;
+      None means that everything must be stored. *save_command*: an object that stores everything when written.
+      *store_capability*: what 0x1010:s and 0x1011:s read; *restore_capability*: what 0x1011:s reads where it differs.
+      *store_lasts*: whether a store outlasts a reset; *communication_reset_reloads*: whether a reset of communication
+      brings stored values back, or leaves all as it is.
+    - *login*: access levels, None for none. *extended_error*: the object that explains abort 0x08000000;
+      *reasons*: abort code → reason, for codes that this family hides behind 0x08000000.
+    - *state_object* reads the NMT state; *state_request* forces it (1 PRE-OPERATIONAL, 0 OPERATIONAL) where
+      *master_object* is 1; such a master ignores NMT commands. *stays_operational*: whether it goes on in OPERATIONAL
+      whatever it is asked, as a vehicle that is being driven does.
+    - *plant*: what moves in the simulation where the device has its objects: `cia402`, a motor; "" for nothing.
+    - *pins*, *motors*: virtual PDOs. *boot_state*: the state after boot-up.
+    """
+
+    name: str = "generic"
+    title: str = "CiA 301 device"
+    granularity: int | None = None
+    max_entries: int = 64
+    max_entry_bits: int = 64
+    dummies: frozenset[int] | None = None
+    rtr_bit: Mapping[Direction, BitPolicy] = field(default_factory=lambda: _KEEP)
+    extended_ids: bool = True
+    transmission_types: tuple[Range, ...] = ((0, 240), (252, 255))
+    rpdo_counts_syncs: bool = False
+    reports_long_rpdos: bool = True
+    answers_remote_frames: bool = True
+    tpdo_access: frozenset[Access] = frozenset({Access.RO, Access.RWR, Access.CONST, Access.RW})
+    rpdo_access: frozenset[Access] = frozenset({Access.WO, Access.RWW, Access.RW})
+    pdo_rules_always: bool = True
+    mapping_in_use: int = Abort.UNSUPPORTED_ACCESS
+    same_mapping_accepted: bool = False
+    entry_length_checked: bool = True
+    entry_access_codes: bool = False
+    tpdo_dummies: int = Abort.NOT_MAPPABLE
+    count_within_entries: bool = True
+    empty_entries_counted: bool = False
+    zero_bits_counted: bool = False
+    empty_pdos_enabled: bool = False
+    restricted_ids_refused: bool = True
+    filler: int = 0
+    pre_operational_writes: tuple[Range, ...] = ()
+    needs_store: Range | None = None
+    save_command: Object | None = None
+    store_capability: int = 1
+    restore_capability: int | None = None
+    store_lasts: bool = True
+    communication_reset_reloads: bool = True
+    login: Login | None = None
+    extended_error: Object | None = None
+    reasons: Mapping[int, int] = field(default_factory=dict)
+    state_object: Object | None = None
+    state_request: Object | None = None
+    master_object: Object | None = None
+    stays_operational: bool = False
+    pins: tuple[PinCopy, ...] = ()
+    motors: MotorCopy | None = None
+    plant: str = ""
+    boot_state: NmtState = NmtState.PRE_OPERATIONAL
+
+    @property
+    def capabilities(self) -> dict[int, int]:
+        """What the sub-indices of 0x1010 and of 0x1011 read (CiA 301, 7.5.2.13 and 7.5.2.14)."""
+        restore = self.store_capability if self.restore_capability is None else self.restore_capability
+        return {0x1010: self.store_capability, 0x1011: restore}
+
+
+GENERIC = Family()
+
+
+def within(index: int, ranges: tuple[Range, ...]) -> bool:
+    """Whether *index* lies in one of *ranges*, ends included."""
+    return any(first <= index <= last for first, last in ranges)
+
+
+def family_names() -> tuple[str, ...]:
+    """The families that come with dvtcli, in alphabetical order."""
+    return tuple(sorted(path.parent.name for path in _FOLDER.glob("*/simulated.toml")))
+
+
+def family_eds(name: str) -> Path:
+    """The EDS file of family *name*, or of the family it is `like`; KeyError where there is no such family."""
+    like = _table(name).get("like", name)
+    return _file(like, f"{like}.eds")
+
+
+@cache
+def load_family(name: str) -> Family:
+    """Read family *name*; KeyError where there is no such family, ValueError where its file is wrong."""
+    table = _table(name)
+    return family_from_table(name, {**_table(base), **table} if (base := table.pop("like", None)) else table)
+
+
+def _table(name: str) -> dict[str, Any]:
+    return tomllib.loads(_file(name, "simulated.toml").read_text(encoding="utf-8"))
+
+
+def family_from_table(name: str, table: Mapping[str, Any]) -> Family:
+    """Turn the keys of a family file into a Family; ValueError names a key that no family has."""
+    unknown = set(table) - {each.name for each in fields(Family)} | set(table) & {"name"}
+    if unknown:
+        raise ValueError(f"family {name}: unknown key {sorted(unknown)[0]!r}")
+    values = {key: _CONVERTERS[key](value) if key in _CONVERTERS else value for key, value in table.items()}
+    return Family(name=name, **values)
+
+
+def _file(name: str, file: str) -> Path:
+    if name not in family_names():
+        raise KeyError(name)
+    return _FOLDER / name / file
+
+
+def _object(value: list[int]) -> Object:
+    index, sub_index = value
+    return index, sub_index
+
+
+def _ranges(value: list[list[int]]) -> tuple[Range, ...]:
+    return tuple(_object(each) for each in value)
+
+
+def _accesses(value: list[str]) -> frozenset[Access]:
+    return frozenset(Access(each) for each in value)
+
+
+def _numbered(value: Mapping[str, Any], convert: Callable[[Any], Any] = int) -> dict[int, Any]:
+    return {int(key, 0): convert(each) for key, each in value.items()}
+
+
+def _login(value: Mapping[str, Any]) -> Login:
+    passcodes = _numbered(value["passcodes"])
+    return Login(value["index"], value["level"], _ranges(value["writes"]), passcodes, value.get("start"))
+
+
+def _plant(value: str) -> str:
+    if value not in ("", "cia402"):
+        raise ValueError(f"plant {value!r}: there is cia402")
+    return value
+
+
+def _pin_copy(value: Mapping[str, Any]) -> PinCopy:
+    return PinCopy(value["selector"], _ranges(value["pins"]), value["to_pin"], value.get("bitwise", False))
+
+
+def _motor_copy(value: Mapping[str, Any]) -> MotorCopy:
+    return MotorCopy(value["selector"], _numbered(value["down"], _object), _numbered(value["up"], _object))
+
+
+_CONVERTERS: dict[str, Callable[[Any], Any]] = {
+    "dummies": frozenset,
+    "rtr_bit": lambda value: {way: BitPolicy(value[way.value]) for way in Direction},
+    "transmission_types": _ranges,
+    "tpdo_access": _accesses,
+    "rpdo_access": _accesses,
+    "pre_operational_writes": _ranges,
+    "needs_store": _object,
+    "save_command": _object,
+    "login": _login,
+    "extended_error": _object,
+    "reasons": _numbered,
+    "state_object": _object,
+    "state_request": _object,
+    "master_object": _object,
+    "pins": lambda value: tuple(_pin_copy(each) for each in value),
+    "motors": _motor_copy,
+    "plant": _plant,
+    "boot_state": lambda value: NmtState[value],
+}

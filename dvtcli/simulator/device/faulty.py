@@ -1,0 +1,226 @@
+"""The faults of one simulated node, acted between its SDO server and the network.
+
+Time is passed in; waiting is the caller's. Does not know how a fault is written (`faults`), nor buses or threads.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from dvtcli.domain.pdo import Pdo
+from dvtcli.simulator.device.faults import Fault, FaultKind
+from dvtcli.simulator.device.memory import STORE
+from dvtcli.simulator.device.sdo_server import INITIATE_DOWNLOAD, INITIATE_UPLOAD, UPLOAD_SEGMENT, SdoServer
+
+_TOGGLE, _EXPEDITED = 0x10, 0x02
+#: kinds whose download does not reach the device
+_NEVER_TAKEN = (FaultKind.LOSE_REQUEST, FaultKind.RESET, FaultKind.SILENT, FaultKind.BUS_ERROR)
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What the server sends on a request: *frames* in order, *delay_s* seconds after it."""
+
+    frames: tuple[bytes, ...] = ()
+    delay_s: float = 0.0
+
+
+class FaultyServer:
+    """*server* with *faults*; ValueError where two of them happen at the same download.
+
+    *dead* says that the node is off for good, *bus_failed* that the bus is. A node that resets is INITIALISING until
+    *boots_at_s*; who calls `handle` boots it then.
+    """
+
+    def __init__(self, server: SdoServer, faults: Iterable[Fault]) -> None:
+        self._server = server
+        self._due: dict[int, Fault] = {}
+        self._due_at_read: dict[int, Fault] = {}
+        self._enable_alters: Fault | None = None
+        self._no_boot_up = False
+        #: uploads since the last download; None before the first one
+        self._reads: int | None = None
+        #: values that the node puts back by itself, each with its time
+        self._corrections: list[tuple[float, int, int, bytes]] = []
+        self._store_delay_s = 0.0
+        self._wrong_toggle = False
+        #: an upload that is answered in segments on purpose: its data
+        self._segmented: bytes | None = None
+        self.downloads = 0
+        self.dead = False
+        self.bus_failed = False
+        self.boots_at_s: float | None = None
+        for fault in faults:
+            self._add(fault)
+
+    def _add(self, fault: Fault) -> None:
+        if fault.at is not None:
+            due = self._due_at_read if fault.kind.at_read else self._due
+            if fault.at in due:
+                raise ValueError(f"{due[fault.at]} and {fault} happen at the same {_moment(fault)}")
+            due[fault.at] = fault
+        elif fault.kind is FaultKind.ENABLE_ALTERS:
+            self._enable_alters = fault
+        elif fault.kind is FaultKind.NO_BOOT_UP:
+            self._no_boot_up = True
+        elif fault.kind is FaultKind.SLOW_STORE:
+            self._store_delay_s = fault.seconds or 0.0
+        else:
+            self._break(fault.kind)
+
+    def _break(self, kind: FaultKind) -> None:
+        """What is wrong with the device all the time."""
+        store = self._server.device.parameter_store
+        match kind:
+            case FaultKind.STORE_FAILS:
+                store.fails = True
+            case FaultKind.STORES_NOTHING:
+                store.stores_nothing = True
+            case FaultKind.SAVES_ITSELF:
+                store.saves_itself = True
+            case FaultKind.KEEPS_RAM:
+                store.keeps_ram = True
+            case FaultKind.RESTORES_NOTHING:
+                store.restores_nothing = True
+            case FaultKind.IGNORES_NMT:
+                self._server.device.ignores_nmt = True
+
+    def handle(self, request: bytes, now_s: float) -> Answer:
+        """The answer to *request* at *now_s*, faults included."""
+        if len(request) == 8 and request[0] >> 5 == INITIATE_UPLOAD and self._reads is not None:
+            self._reads += 1
+            reset = self._due_at_read.pop(self._reads, None)
+            return self._plain(request) if reset is None else self._reset_at_read(reset, request, now_s)
+        if len(request) == 8 and request[0] >> 5 == INITIATE_DOWNLOAD:
+            self.downloads += 1
+            self._reads = 0
+            fault = self._due.pop(self.downloads, None)
+            answer = self._plain(request) if fault is None else self._acted(fault, request, now_s)
+            if int.from_bytes(request[1:3], "little") == STORE:
+                return Answer(answer.frames, answer.delay_s + self._store_delay_s)
+            return answer
+        return self._plain(request)
+
+    def _reset_at_read(self, fault: Fault, request: bytes, now_s: float) -> Answer:
+        answer = self._plain(request) if fault.kind is FaultKind.RESET_AFTER_READ else Answer()
+        self._reset(now_s + (fault.seconds or 0.0))
+        return answer
+
+    @property
+    def due_s(self) -> float | None:
+        """When `poll` has something to do next, None for never."""
+        times = [due for due, *_ in self._corrections]
+        return min([*times, *([] if self.boots_at_s is None else [self.boots_at_s])], default=None)
+
+    def poll(self, now_s: float) -> None:
+        """Boot a node whose reset is over at *now_s*, and let it put back what it corrects."""
+        device = self._server.device
+        if self.boots_at_s is not None and self.boots_at_s <= now_s:
+            self.boots_at_s = None
+            device.boot_up()
+            if self._no_boot_up:
+                device.outbox.pop()
+        due = [one for one in self._corrections if one[0] <= now_s]
+        self._corrections = [one for one in self._corrections if one[0] > now_s]
+        for _, index, sub_index, data in due:
+            device.set_value(index, sub_index, data)
+
+    def _alter(self, fault: Fault) -> None:
+        """Let the device's own application change the object that *fault* names."""
+        if fault.place is not None and fault.value is not None:
+            size = self._server.device.size_of(*fault.place) or 4
+            self._server.device.set_value(*fault.place, fault.value.to_bytes(size, "little"))
+
+    def _taken(self, request: bytes, frames: tuple[bytes, ...]) -> None:
+        """What the node does by itself after it took a download."""
+        if self._enable_alters is not None and frames and frames[0][0] != 0x80 and _enables(request):
+            self._alter(self._enable_alters)
+
+    def _acted(self, fault: Fault, request: bytes, now_s: float) -> Answer:
+        if fault.kind is FaultKind.REFUSE:
+            return Answer((b"\x80" + request[1:4] + (fault.code or 0).to_bytes(4, "little"),))
+        if fault.kind in _NEVER_TAKEN:
+            self._lose(fault, now_s)
+            return Answer()
+        self._wrong_toggle = fault.kind is FaultKind.TOGGLE
+        index, sub_index = int.from_bytes(request[1:3], "little"), request[3]
+        held = self._server.device.value(index, sub_index) if fault.kind is FaultKind.CORRECTS else b""
+        frames = self._plain(request).frames
+        match fault.kind:
+            case FaultKind.ALTERS:
+                self._alter(fault)
+            case FaultKind.CORRECTS:
+                self._corrections.append((now_s + (fault.seconds or 0.0), index, sub_index, held))
+            case FaultKind.LOSE_RESPONSE:
+                return Answer()
+            case FaultKind.LATE:
+                return Answer(frames, fault.seconds or 0.0)
+            case FaultKind.DUPLICATE:
+                return Answer(frames * 2)
+            case FaultKind.FOREIGN:
+                return Answer((_for_another_object(request), *frames))
+            case FaultKind.MALFORMED:
+                return Answer(tuple(frame[:3] for frame in frames))
+        return Answer(frames)
+
+    def _lose(self, fault: Fault, now_s: float) -> None:
+        """The request is not taken; most kinds break more than that."""
+        self.dead = fault.kind is FaultKind.SILENT
+        self.bus_failed = fault.kind is FaultKind.BUS_ERROR
+        if fault.kind is FaultKind.RESET:
+            self._reset(now_s + (fault.seconds or 0.0))
+
+    def _reset(self, boots_at_s: float) -> None:
+        self._server.device.restart()
+        self._server.reset()
+        self._segmented = None
+        self._corrections.clear()
+        self.boots_at_s = boots_at_s
+
+    def _plain(self, request: bytes) -> Answer:
+        """The server's own answer; the toggle bit is wrong in the first segment after it was asked for."""
+        specifier = request[0] >> 5 if len(request) == 8 else None
+        if specifier == UPLOAD_SEGMENT and self._segmented is not None:
+            data, self._segmented = self._segmented, None
+            head = (request[0] & _TOGGLE ^ _TOGGLE) | (7 - len(data)) << 1 | 1
+            return Answer((bytes([head]) + data.ljust(7, b"\0"),))
+        self._segmented = None
+        response = self._server.handle(request)
+        if response is None:
+            return Answer()
+        if self._wrong_toggle and response[0] != 0x80:
+            response = self._with_wrong_toggle(specifier, response)
+        if specifier == INITIATE_DOWNLOAD:
+            self._taken(request, (response,))
+        return Answer((response, *self._server.take_more()))
+
+    def _with_wrong_toggle(self, specifier: int | None, response: bytes) -> bytes:
+        """*response*, spoilt if it is a segment; an expedited read is turned into one of segments, as servers may."""
+        if specifier == INITIATE_UPLOAD and response[0] & _EXPEDITED:
+            self._wrong_toggle = False
+            self._segmented = response[4 : 8 - (response[0] >> 2 & 3)]
+            return b"\x41" + response[1:4] + len(self._segmented).to_bytes(4, "little")
+        if specifier in (INITIATE_UPLOAD, INITIATE_DOWNLOAD):
+            return response
+        self._wrong_toggle = False
+        return bytes([response[0] ^ _TOGGLE]) + response[1:]
+
+
+def _moment(fault: Fault) -> str:
+    return "upload" if fault.kind.at_read else "download"
+
+
+def _enables(request: bytes) -> bool:
+    """Whether a download makes a PDO valid: its COB-ID, expedited, with bit 31 clear."""
+    pdo = Pdo.at(int.from_bytes(request[1:3], "little"))
+    return (
+        pdo is not None
+        and pdo.communication_index == int.from_bytes(request[1:3], "little")
+        and (request[3] == 1 and not request[7] & 0x80)
+    )
+
+
+def _for_another_object(request: bytes) -> bytes:
+    """The acknowledgement of a download beside the one that was asked for: what a lenient client takes for its own."""
+    return b"\x60" + request[1:3] + bytes([request[3] ^ 0x40]) + bytes(4)

@@ -1,0 +1,164 @@
+"""LSS slave: how a node is told its node-ID over the bus (CiA 305, layer setting services).
+
+A state machine from requests (8 bytes, CAN-ID 0x7E5) to answers (8 bytes, 0x7E4). Does not know CAN, clocks, nor what a
+node does with a new node-ID (`strict_device`).
+"""
+
+from __future__ import annotations
+
+from dvtcli.domain.nmt import UNCONFIGURED
+from dvtcli.simulator.device.memory import Memory
+from dvtcli.simulator.device.parameter_areas import ParameterStore
+
+IDENTITY = 0x1018
+
+SWITCH_GLOBAL, CONFIGURE_NODE_ID, CONFIGURE_BIT_TIMING = 0x04, 0x11, 0x13
+ACTIVATE_BIT_TIMING, STORE_CONFIGURATION = 0x15, 0x17
+SELECT, SELECTED, IDENTIFY, IDENTIFIED = range(0x40, 0x44), 0x44, range(0x46, 0x4C), 0x4F
+IDENTIFY_UNCONFIGURED, IDENTIFIED_UNCONFIGURED, FAST_SCAN = 0x4C, 0x50, 0x51
+INQUIRE, INQUIRE_NODE_ID = range(0x5A, 0x5E), 0x5E
+#: error codes of the configuration services: out of range or not supported; the store's medium failed
+NOT_SUPPORTED, MEDIUM_FAILED = 1, 2
+#: indices of the standard's table of bit timings, in bit/s (CiA 305, table selector 0)
+BIT_RATES = {0: 1_000_000, 1: 800_000, 2: 500_000, 3: 250_000, 4: 125_000, 6: 50_000, 7: 20_000, 8: 10_000}
+#: fast scan: every unconfigured slave answers, and starts over
+_SCAN_RESET = 0x80
+#: which part of the identity each frame of *identify remote slave* speaks of
+_IDENTIFY_PARTS = (0, 1, 2, 2, 3, 3)
+
+
+class LssSlave:
+    """The LSS slave of one node, whose own node-ID *memory* holds.
+
+    *pending* is the node-ID that the next reset of communication makes the node's own, *stored* the one that power-on
+    brings back. *bit_rate* is the bus's, in bit/s: the one bit timing that can be had; None where frames take no time.
+    """
+
+    def __init__(self, memory: Memory, store: ParameterStore, node_id: int) -> None:
+        self._memory = memory
+        self._store = store
+        self.pending = self.stored = node_id
+        self.bit_rate: int | None = None
+        #: for how long the node neither hears nor sends from now on, in ms; whoever obeys sets it back to 0
+        self.quiet_ms = 0
+        #: whether the node has just left its configuration with the first node-ID of its life
+        self.woken = False
+        self._new_timing = False
+        self.reset()
+
+    def reset(self, *, communication_only: bool = True) -> None:
+        """Start over, as a reset does: the pending node-ID, after a reset of the node the stored one, is the node's."""
+        if not communication_only:
+            self.pending = self.stored
+        self._memory.take_node_id(self.pending)
+        self._configuring = self.woken = self._new_timing = False
+        #: how many parts of an address have matched so far, and which part a fast scan is at
+        self._matched = self._scanned = 0
+
+    def handle(self, request: bytes) -> bytes | None:
+        """The answer to *request*; None where this node has nothing to say."""
+        if len(request) != 8:
+            return None
+        service, number = request[0], int.from_bytes(request[1:5], "little")
+        if service == SWITCH_GLOBAL:
+            self._switch(request[1])
+        elif service in SELECT:
+            return self._select(service - SELECT[0], number)
+        elif service in IDENTIFY:
+            return self._identify(service - IDENTIFY[0], number)
+        elif service == IDENTIFY_UNCONFIGURED:
+            return _frame(IDENTIFIED_UNCONFIGURED) if self._unconfigured else None
+        elif service == FAST_SCAN:
+            return self._scan(number, *request[5:8])
+        elif self._configuring:
+            return self._configure(request)
+        return None
+
+    @property
+    def _unconfigured(self) -> bool:
+        return self._memory.node_id == self.pending == UNCONFIGURED
+
+    def _part(self, part: int) -> int:
+        """A part of the LSS address, 0..3: vendor, product, revision, serial number."""
+        return self._memory.number(IDENTITY, part + 1)
+
+    def _switch(self, mode: int) -> None:
+        if mode > 1:
+            return
+        left, self._configuring = self._configuring and not mode, mode == 1
+        self._matched = self._scanned = 0
+        self.woken = left and self._memory.node_id == UNCONFIGURED != self.pending
+
+    def _select(self, part: int, number: int) -> bytes | None:
+        """One of the four frames of *switch state selective*: the node whose whole address they say takes part."""
+        fits = not self._configuring and part == (self._matched if part else 0) and number == self._part(part)
+        self._matched = part + 1 if fits else 0
+        if self._matched <= 3:
+            return None
+        self._configuring, self._matched = True, 0
+        return _frame(SELECTED)
+
+    def _identify(self, step: int, number: int) -> bytes | None:
+        """One of the six frames of *identify remote slave*: who lies within their ranges answers the last."""
+        own = self._part(_IDENTIFY_PARTS[step])
+        fits = (own == number, own == number, own >= number, own <= number, own >= number, own <= number)[step]
+        self._matched = step + 1 if fits and step == (self._matched if step else 0) else 0
+        if self._matched < len(IDENTIFY):
+            return None
+        self._matched = 0
+        return _frame(IDENTIFIED)
+
+    def _scan(self, number: int, bit: int, part: int, following: int) -> bytes | None:
+        """A question of the fast scan: is your *part* like *number* from bit *bit* upwards?"""
+        if not self._unconfigured or self._configuring:
+            return None
+        if bit == _SCAN_RESET:
+            self._scanned = 0
+            return _frame(IDENTIFIED)
+        known = bit <= 31 and part <= 3 and following <= 3 and part == self._scanned
+        if not known or self._part(part) >> bit != number >> bit:
+            return None
+        self._scanned = following
+        self._configuring = bit == 0 and following < part
+        return _frame(IDENTIFIED)
+
+    def _configure(self, request: bytes) -> bytes | None:
+        """A service for nodes in the configuration state."""
+        service = request[0]
+        if service in INQUIRE:
+            return _frame(service, self._part(service - INQUIRE[0]).to_bytes(4, "little"))
+        if service == INQUIRE_NODE_ID:
+            return _frame(service, bytes([self._memory.node_id]))
+        if service == CONFIGURE_NODE_ID:
+            return _frame(service, bytes([self._take_node_id(request[1])]))
+        if service == CONFIGURE_BIT_TIMING:
+            return _frame(service, bytes([self._take_bit_timing(*request[1:3])]))
+        if service == STORE_CONFIGURATION:
+            return _frame(service, bytes([self._keep()]))
+        if service == ACTIVATE_BIT_TIMING and self._new_timing:
+            self.quiet_ms = 2 * int.from_bytes(request[1:3], "little")
+        return None
+
+    def _take_node_id(self, node_id: int) -> int:
+        if not (1 <= node_id <= 127 or node_id == UNCONFIGURED):
+            return NOT_SUPPORTED
+        self.pending = node_id
+        return 0
+
+    def _take_bit_timing(self, table: int, entry: int) -> int:
+        """A simulated bus keeps its bit rate: only that one may be chosen."""
+        if table or self.bit_rate is None or BIT_RATES.get(entry) != self.bit_rate:
+            return NOT_SUPPORTED
+        self._new_timing = True
+        return 0
+
+    def _keep(self) -> int:
+        if self._store.fails:
+            return MEDIUM_FAILED
+        self.stored = self.pending
+        self._memory.stored_changes += 1
+        return 0
+
+
+def _frame(service: int, data: bytes = b"") -> bytes:
+    return (bytes([service]) + data).ljust(8, b"\0")

@@ -1,0 +1,197 @@
+"""What a simulated device holds: values in RAM, stored values and defaults, and which objects exist.
+
+Knows types, access and the life of a value. Does not know what any object means.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from dvtcli.domain.abort import Abort
+from dvtcli.domain.datatypes import U8, U16, U32, DataType
+from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
+from dvtcli.domain.pdo import Pdo
+from dvtcli.simulator.device.refusal import Refusal
+
+Backing = Callable[[int, int], bytes]
+Key = tuple[int, int]
+
+STORE, RESTORE = 0x1010, 0x1011
+_MISSING = (Abort.NO_OBJECT, Abort.NO_SUB_INDEX)
+_RESERVED_SUB_INDEX = 4
+_COMMUNICATION_TYPES = {0: U8, 1: U32, 2: U8, 3: U16, 5: U16, 6: U8}
+
+
+class Memory:
+    """The values of one node; *capabilities* are what 0x1010:s and 0x1011:s read; see `StrictDevice` for *backing*."""
+
+    def __init__(
+        self,
+        dictionary: ObjectDictionary,
+        node_id: int,
+        capabilities: Mapping[int, int],
+        backing: Backing | None = None,
+    ) -> None:
+        self.dictionary = dictionary
+        self.backing = backing
+        #: the node's own node-ID, 255 for none; what defaults with $NODEID follow
+        self.node_id = node_id
+        self._capabilities = capabilities
+        self._ram: dict[Key, bytes] = {}
+        self._stored: dict[Key, bytes] = {}
+        #: grows whenever what is stored changes
+        self.stored_changes = 0
+        self._existence: dict[Key, Refusal | None] = {}
+        #: what was looked up in the dictionary, which does not change
+        self._existing: set[Key] = set()
+        self._initials: dict[Key, bytes] = {}
+        #: how often something was written or noted, so that whoever looks on sees that there is something new
+        self.changes = 0
+
+    def take_node_id(self, node_id: int) -> None:
+        """Make *node_id* (1..127, 255 for none) the node's own: defaults with $NODEID follow it."""
+        if node_id != self.node_id:
+            self.node_id = node_id
+            self._initials.clear()
+
+    def entry(self, index: int, sub_index: int) -> OdEntry | None:
+        """What the dictionary says about an object, None where it is silent."""
+        return self.dictionary.entry(index, sub_index)
+
+    def require(self, index: int, sub_index: int) -> None:
+        """Raise Refusal(06020000) for a missing object, Refusal(06090011) for a missing sub-index."""
+        if (index, sub_index) in self._existing:
+            return
+        if self.backing is not None:
+            self._require_backed(index, sub_index)
+            return
+        if index not in self.dictionary:
+            raise Refusal(Abort.NO_OBJECT)
+        if self.entry(index, sub_index) is None or _is_reserved(index, sub_index):
+            raise Refusal(Abort.NO_SUB_INDEX)
+        self._existing.add((index, sub_index))
+
+    def exists(self, index: int, sub_index: int) -> bool:
+        """Whether the node has the object."""
+        try:
+            self.require(index, sub_index)
+        except Refusal:
+            return False
+        return True
+
+    def _require_backed(self, index: int, sub_index: int) -> None:
+        key = (index, sub_index)
+        if key not in self._existence:
+            self._existence[key] = self._missing(index, sub_index)
+        refusal = self._existence[key]
+        if refusal is not None:
+            raise Refusal(refusal.code)
+
+    def _missing(self, index: int, sub_index: int) -> Refusal | None:
+        if (index, sub_index) in self._ram:
+            return None
+        try:
+            self.read(index, sub_index)
+        except Refusal as refusal:
+            return refusal if refusal.code in _MISSING else None
+        return None
+
+    def read(self, index: int, sub_index: int) -> bytes:
+        """The bytes an upload answers, without looking at access; the object must exist."""
+        held = self._ram.get((index, sub_index))
+        if held is not None:
+            return held
+        if self.backing is not None:
+            return bytes(self.backing(index, sub_index))
+        initial = self._initials.get((index, sub_index))
+        if initial is None:
+            initial = self._initials[index, sub_index] = self._initial(index, sub_index)
+        return initial
+
+    def _initial(self, index: int, sub_index: int) -> bytes:
+        size = self.size(index, sub_index)
+        if index in self._capabilities and sub_index:
+            return self._capabilities[index].to_bytes(4, "little")
+        entry = self.entry(index, sub_index)
+        data = (entry.initial(self.node_id) if entry else None) or b""
+        return data if size is None else data[:size].ljust(size, b"\0")
+
+    def number(self, index: int, sub_index: int, missing: int = 0) -> int:
+        """The object's value as an unsigned number, *missing* where the node has no such object."""
+        if not self.exists(index, sub_index):
+            return missing
+        return int.from_bytes(self.read(index, sub_index), "little")
+
+    def write(self, index: int, sub_index: int, data: bytes) -> None:
+        """Put *data* into RAM, unchecked."""
+        self.changes += 1
+        self._ram[index, sub_index] = bytes(data)
+
+    def touch(self) -> None:
+        """Note that something changed beside the objects."""
+        self.changes += 1
+
+    def data_type(self, index: int, sub_index: int) -> DataType | None:
+        """The object's type by the dictionary, else by CiA 301 for PDO parameters and 0x1010/0x1011, else None."""
+        entry = self.entry(index, sub_index)
+        if entry is not None and entry.data_type is not None:
+            return entry.data_type
+        if index in (STORE, RESTORE):
+            return U32 if sub_index else U8
+        pdo = Pdo.at(index)
+        if pdo is None:
+            return None
+        if index == pdo.mapping_index:
+            return U32 if sub_index else U8
+        return _COMMUNICATION_TYPES.get(sub_index)
+
+    def size(self, index: int, sub_index: int) -> int | None:
+        """The object's length in bytes, None where it varies or is not known."""
+        data_type = self.data_type(index, sub_index)
+        return None if data_type is None else data_type.size
+
+    def highest_sub_index(self, index: int) -> int | None:
+        """The last sub-index that the dictionary lists, None where it is silent or a backing decides."""
+        if self.backing is not None or index not in self.dictionary:
+            return None
+        return max(self.dictionary[index].entries, default=0)
+
+    def indices(self) -> set[int]:
+        """Every index known by the dictionary or written so far."""
+        return set(self.dictionary) | {index for index, _ in self._ram}
+
+    def save(self, first: int, last: int) -> None:
+        """Copy what is in RAM for indices *first*..*last* to the stored values."""
+        self.stored_changes += 1
+        for (index, sub_index), data in self._ram.items():
+            entry = self.entry(index, sub_index)
+            if first <= index <= last and (entry is None or entry.access.writable):
+                self._stored[index, sub_index] = data
+
+    def forget_stored(self, first: int, last: int) -> None:
+        """Drop the stored values of indices *first*..*last*: the defaults count again."""
+        self.stored_changes += 1
+        self._stored = self.stored_outside(first, last)
+
+    def stored_outside(self, first: int, last: int) -> dict[Key, bytes]:
+        """The stored values of all but indices *first*..*last*."""
+        return {key: data for key, data in self._stored.items() if not first <= key[0] <= last}
+
+    def put_stored(self, values: Mapping[Key, bytes]) -> None:
+        """Take *values* as what was stored, those that still fit an object of the node."""
+        fitting = (key for key, data in values.items() if self.exists(*key) and self.size(*key) in (None, len(data)))
+        self._stored = {key: bytes(values[key]) for key in fitting}
+
+    def reload(self, first: int, last: int) -> None:
+        """Put indices *first*..*last* back to their stored values, else their defaults, as a reset does."""
+        self.changes += 1
+        self._ram = {key: data for key, data in self._ram.items() if not first <= key[0] <= last}
+        self._ram.update({key: data for key, data in self._stored.items() if first <= key[0] <= last})
+
+
+def _is_reserved(index: int, sub_index: int) -> bool:
+    """CiA 301, 7.5.2.37: sub-index 4 of a communication parameter is reserved and answers 06090011."""
+    if sub_index != _RESERVED_SUB_INDEX:
+        return False
+    pdo = Pdo.at(index)
+    return pdo is not None and index == pdo.communication_index

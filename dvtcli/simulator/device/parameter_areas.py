@@ -1,0 +1,83 @@
+"""Store and restore: 0x1010 "save", 0x1011 "load" and what resets bring back (CiA 301, 7.5.2.13 and 7.5.2.14).
+
+Knows areas of the dictionary and signatures. Does not know in which state a family allows a store (`gates`).
+"""
+
+from __future__ import annotations
+
+from dvtcli.domain.abort import Abort
+from dvtcli.simulator.device.family import Family, Range
+from dvtcli.simulator.device.memory import RESTORE, STORE, Memory
+from dvtcli.simulator.device.refusal import Refusal
+
+_SIGNATURES = {STORE: b"save", RESTORE: b"load"}
+ALL: Range = (0x0000, 0xFFFF)
+COMMUNICATION: Range = (0x1000, 0x1FFF)
+_APPLICATION: Range = (0x6000, 0x9FFF)
+_MANUFACTURER: Range = (0x2000, 0x5FFF)
+_AREAS = {1: ALL, 2: COMMUNICATION, 3: _APPLICATION}
+
+
+class ParameterStore:
+    """The non-volatile side of one device.
+
+    What may be wrong with it: *fails*, a store answers 06060000; *stores_nothing* and *restores_nothing*, a signature
+    is acknowledged and no more; *saves_itself*, every write is stored at once; *keeps_ram*, only a power cycle
+    brings stored values back, no NMT reset.
+    """
+
+    def __init__(self, memory: Memory, family: Family) -> None:
+        self._memory = memory
+        self._family = family
+        self._to_restore: set[Range] = set()
+        self.fails = self.stores_nothing = self.restores_nothing = self.saves_itself = self.keeps_ram = False
+
+    def handles(self, index: int, sub_index: int) -> bool:
+        """Whether a download to the object is a command to this store."""
+        return (index in _SIGNATURES and sub_index > 0) or (index, sub_index) == self._family.save_command
+
+    def command(self, index: int, sub_index: int, data: bytes) -> None:
+        """Carry out a store or note a restore; Refusal(08000020) for a wrong signature, 06060000 for a failure."""
+        area = _AREAS.get(sub_index, _MANUFACTURER) if index in _SIGNATURES else ALL
+        if index in _SIGNATURES and data != _SIGNATURES[index]:
+            raise Refusal(Abort.CANNOT_STORE)
+        if index == RESTORE:
+            if not self.restores_nothing:
+                self._to_restore.add(area)
+                self._memory.stored_changes += 1
+            return
+        if self.fails:
+            raise Refusal(Abort.HARDWARE)
+        if self.stores_nothing:
+            return
+        if self._family.store_lasts:
+            self._memory.save(*area)
+        self._to_restore.discard(area)
+
+    def keep_written(self, index: int) -> None:
+        """Store an object that saves itself, after it was written."""
+        span = self._family.needs_store
+        if self.saves_itself or (span is not None and not span[0] <= index <= span[1]):
+            self._memory.save(index, index)
+
+    def kept(self) -> dict[tuple[int, int], bytes]:
+        """What the next power-on brings back, by index and sub-index."""
+        kept = self._memory.stored_outside(1, 0)
+        for first, last in self._to_restore:
+            kept = {key: data for key, data in kept.items() if not first <= key[0] <= last}
+        return kept
+
+    def reset(self, *, communication_only: bool, powered: bool) -> None:
+        """Bring stored values back, or the defaults where a restore was asked for; *powered*: RAM had power all along.
+
+        A device that keeps its RAM forgets of it only what a restore was asked for.
+        """
+        if communication_only and not self._family.communication_reset_reloads:
+            return
+        due = {area for area in self._to_restore if area == COMMUNICATION or not communication_only}
+        for area in due:
+            self._memory.forget_stored(*area)
+        self._to_restore -= due
+        whole = COMMUNICATION if communication_only else ALL
+        for area in due if powered and self.keeps_ram else (whole,):
+            self._memory.reload(*area)

@@ -1,0 +1,223 @@
+"""A motor without load: the state machine of controlword and statusword, and a velocity that follows (CiA 402-2).
+
+A drive is as its dictionary says until it is ordered something: its controlword, target velocity or mode changes. Then
+target velocity 60FF moves actual velocity 606C, position 6064 integrates it and mode display 6061 follows 6060. Does
+not know what modes mean: the velocity follows in all of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from enum import IntEnum
+
+from dvtcli.domain.datatypes import DataType
+from dvtcli.simulator.device.moving import NEVER, Place, encoded, put_number
+from dvtcli.simulator.device.strict_device import StrictDevice
+
+#: how often the plant moves (s)
+STEP_S = 0.01
+CONTROLWORD, STATUSWORD, MODE, MODE_DISPLAY = (0x6040, 0), (0x6041, 0), (0x6060, 0), (0x6061, 0)
+TARGET_VELOCITY, ACTUAL_VELOCITY, ACTUAL_POSITION = (0x60FF, 0), (0x606C, 0), (0x6064, 0)
+ACCELERATION, QUICK_STOP_OPTION = (0x6083, 0), (0x605A, 0)
+_NEEDED = (CONTROLWORD, STATUSWORD, TARGET_VELOCITY, ACTUAL_VELOCITY)
+_ORDERS = (CONTROLWORD, TARGET_VELOCITY, MODE)
+_DEFAULT_ACCELERATION = 1000.0
+#: statusword
+_VOLTAGE_ENABLED, _REMOTE, _TARGET_REACHED, _STANDS = 0x0010, 0x0200, 0x0400, 0x1000
+#: controlword
+_SWITCH_ON, _ENABLE_VOLTAGE, _NO_QUICK_STOP, _ENABLE_OPERATION, _FAULT_RESET, _HALT = (
+    0x01,
+    0x02,
+    0x04,
+    0x08,
+    0x80,
+    0x100,
+)
+#: quick stop option codes after which the drive stays where it is, and what it has by itself
+_STAYS_STOPPED, _DEFAULT_OPTION = range(5, 9), 2
+
+
+class DriveState(IntEnum):
+    """The states by their bits of the statusword (CiA 402-2, 8.4.2)."""
+
+    NOT_READY_TO_SWITCH_ON = 0x00
+    SWITCH_ON_DISABLED = 0x40
+    READY_TO_SWITCH_ON = 0x21
+    SWITCHED_ON = 0x23
+    OPERATION_ENABLED = 0x27
+    QUICK_STOP_ACTIVE = 0x07
+    FAULT_REACTION_ACTIVE = 0x0F
+    FAULT = 0x08
+
+
+#: states that end by themselves
+_PASSING = {
+    DriveState.NOT_READY_TO_SWITCH_ON: DriveState.SWITCH_ON_DISABLED,
+    DriveState.FAULT_REACTION_ACTIVE: DriveState.FAULT,
+}
+#: states that no command ends
+_DEAF = (*_PASSING, DriveState.FAULT)
+#: states without voltage at the motor
+_WITHOUT_VOLTAGE = (DriveState.NOT_READY_TO_SWITCH_ON, DriveState.SWITCH_ON_DISABLED)
+_STOPPING = (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE)
+#: states from which *switch on* and *enable operation* may come
+_SHUT_DOWN = DriveState.READY_TO_SWITCH_ON, DriveState.SWITCHED_ON, DriveState.OPERATION_ENABLED
+
+
+def state_of(statusword: int) -> DriveState:
+    """The state that *statusword* tells; bit 5 counts only where the table of the states says so."""
+    for state in DriveState:
+        mask = 0x6F if state & 0x07 and not state & 0x08 else 0x4F
+        if statusword & mask == state:
+            return state
+    return DriveState.NOT_READY_TO_SWITCH_ON
+
+
+def next_state(
+    state: DriveState, controlword: int, *, reset_fault: bool = False, stop_can_end: bool = False
+) -> DriveState:
+    """Where *controlword* leads from *state* (CiA 402-2, 8.4.1.3).
+
+    *reset_fault* is the rising edge of its bit 7; *stop_can_end* tells whether a quick stop leads back to operation.
+    """
+    if state is DriveState.FAULT and reset_fault:
+        return DriveState.SWITCH_ON_DISABLED
+    if state in _DEAF or controlword & _FAULT_RESET:  # every other command has bit 7 clear
+        return state
+    if not controlword & _ENABLE_VOLTAGE:
+        return DriveState.SWITCH_ON_DISABLED
+    if not controlword & _NO_QUICK_STOP:
+        return DriveState.QUICK_STOP_ACTIVE if state in _STOPPING else DriveState.SWITCH_ON_DISABLED
+    if state is DriveState.QUICK_STOP_ACTIVE:
+        enabled = controlword & _SWITCH_ON and controlword & _ENABLE_OPERATION
+        return DriveState.OPERATION_ENABLED if enabled and stop_can_end else state
+    if not controlword & _SWITCH_ON:  # shutdown
+        return DriveState.READY_TO_SWITCH_ON
+    if state not in _SHUT_DOWN:
+        return state
+    return DriveState.OPERATION_ENABLED if controlword & _ENABLE_OPERATION else DriveState.SWITCHED_ON
+
+
+def is_drive(device: StrictDevice) -> bool:
+    """Whether *device* has a controlword, a statusword, and a target and an actual velocity."""
+    return all(_number_type(device, place) is not None for place in _NEEDED)
+
+
+class Plant:
+    """A motor on *device*, a drive (`is_drive`); what moves objects *taken* is somebody else's. *due_s* as in `Source`.
+
+    Velocities are in the object's own unit per second; the acceleration is 6083 where the device has one that is not
+    0, else 1000 a second.
+    """
+
+    def __init__(self, device: StrictDevice, taken: Collection[Place] = ()) -> None:
+        self.device = device
+        places = (*_NEEDED, MODE, MODE_DISPLAY, ACTUAL_POSITION, ACCELERATION, QUICK_STOP_OPTION)
+        self._types = {place: _number_type(device, place) for place in places}
+        self._taken = frozenset(taken)
+        self._wake()
+
+    @property
+    def due_s(self) -> float:
+        """When it moves next (s): at once after any change of the device, and while it turns in steps of 10 ms."""
+        return 0.0 if self.device.changes != self._seen else self._next_s
+
+    def poll(self, now_s: float) -> None:
+        """Move on to *now_s*, a monotonic time in seconds."""
+        if self._told is not None and self.device.value(*STATUSWORD) != self._told:
+            self._wake()  # the device was reset, or somebody else turned it
+        if not self._resting or self._orders() != self._obeyed:
+            self._move(now_s)
+        self._seen = self.device.changes
+
+    def _wake(self) -> None:
+        """Be as the device's objects say, at rest unless its state ends by itself."""
+        self.state = state_of(int(self._number(STATUSWORD)))
+        self._velocity, self._position = self._number(ACTUAL_VELOCITY), self._number(ACTUAL_POSITION)
+        self._controlword = int(self._number(CONTROLWORD))
+        self._obeyed, self._resting = self._orders(), self.state not in _PASSING
+        #: the statusword that was put last
+        self._told: bytes | None = None
+        self._last_s: float | None = None
+        self._next_s = NEVER if self._resting else 0.0
+        self._seen = self.device.changes
+
+    def _orders(self) -> tuple[bytes, ...]:
+        return tuple(self.device.value(*place) for place in _ORDERS if self._types[place] is not None)
+
+    def _move(self, now_s: float) -> None:
+        elapsed_s = 0.0 if self._last_s is None else max(0.0, now_s - self._last_s)
+        self._obeyed, before = self._orders(), self.state
+        self._obey()
+        target = self._wanted()
+        self._turn(target, elapsed_s)
+        reached = self._velocity == target
+        self._show(reached=reached)
+        turns = bool(self._velocity and self._types[ACTUAL_POSITION])
+        self._resting = reached and self.state is before and not turns and not self._stop_passes
+        self._last_s, self._next_s = (None, NEVER) if self._resting else (now_s, now_s + STEP_S)
+
+    def _obey(self) -> None:
+        """Take the controlword and the mode as they are now."""
+        controlword = int(self._number(CONTROLWORD))
+        edge = bool(controlword & ~self._controlword & _FAULT_RESET)
+        self._controlword = controlword
+        if self._stop_passes and not self._velocity:
+            self.state = DriveState.SWITCH_ON_DISABLED
+        passing, stays = _PASSING.get(self.state), not self._stop_passes
+        self.state = passing or next_state(self.state, controlword, reset_fault=edge, stop_can_end=stays)
+        if self._types[MODE] is not None:
+            self._put(MODE_DISPLAY, self._number(MODE))
+
+    @property
+    def _stop_passes(self) -> bool:
+        """Whether a quick stop is active that ends without voltage once the motor stands."""
+        option = _DEFAULT_OPTION if self._types[QUICK_STOP_OPTION] is None else int(self._number(QUICK_STOP_OPTION))
+        return self.state is DriveState.QUICK_STOP_ACTIVE and option not in _STAYS_STOPPED
+
+    def _wanted(self) -> float:
+        """The velocity to go to: none unless the operation is enabled and not halted."""
+        if self.state is not DriveState.OPERATION_ENABLED or self._controlword & _HALT:
+            return 0.0
+        return self._number(TARGET_VELOCITY)
+
+    def _turn(self, target: float, elapsed_s: float) -> None:
+        """Go on for *elapsed_s*, from where somebody else brought the velocity or position if they did."""
+        self._velocity = self._as_held(ACTUAL_VELOCITY, self._velocity)
+        self._position = self._as_held(ACTUAL_POSITION, self._position)
+        most = (self._number(ACCELERATION) or _DEFAULT_ACCELERATION) * elapsed_s
+        before = self._velocity
+        if ACTUAL_VELOCITY not in self._taken:
+            self._velocity += min(most, max(-most, target - before))
+        self._position += (before + self._velocity) / 2 * elapsed_s
+        self._position = (self._position + (1 << 31)) % (1 << 32) - (1 << 31)  # as a 32-bit counter
+
+    def _show(self, *, reached: bool) -> None:
+        self._put(ACTUAL_VELOCITY, self._velocity)
+        self._put(ACTUAL_POSITION, self._position)
+        more = _REMOTE | (0 if self.state in _WITHOUT_VOLTAGE else _VOLTAGE_ENABLED)
+        more |= (_TARGET_REACHED if reached else 0) | (0 if self._velocity else _STANDS)
+        self._put(STATUSWORD, self.state | more)
+        self._told = self.device.value(*STATUSWORD)
+
+    def _as_held(self, place: Place, value: float) -> float:
+        """*value* where the object holds it, as exactly as it can, else what the object holds."""
+        data_type = self._types[place]
+        if data_type is None or encoded(data_type, value) == self.device.value(*place):
+            return value
+        return self._number(place)
+
+    def _number(self, place: Place) -> float:
+        data_type = self._types[place]
+        value = None if data_type is None else data_type.decode(self.device.value(*place))
+        return float(value) if isinstance(value, int) else 0.0
+
+    def _put(self, place: Place, value: float) -> None:
+        data_type = self._types[place]
+        if data_type is not None and place not in self._taken:
+            put_number(self.device, place, data_type, value)
+
+
+def _number_type(device: StrictDevice, place: Place) -> DataType | None:
+    entry = device.dictionary.entry(*place)
+    return None if entry is None or entry.data_type is None or entry.data_type.limits is None else entry.data_type

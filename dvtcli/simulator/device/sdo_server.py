@@ -1,0 +1,197 @@
+"""The device's end of SDO: requests of eight bytes in, responses of eight bytes out (CiA 301, 7.2.4).
+
+Knows expedited and segmented transfers, and where a block transfer begins (`block_transfer`). Does not know CAN-IDs nor
+what the objects mean.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from dvtcli.domain.abort import Abort
+from dvtcli.domain.nmt import NmtState
+from dvtcli.simulator.device.block_transfer import (
+    BLOCK_DOWNLOAD,
+    BLOCK_UPLOAD,
+    BlockDownload,
+    BlockTransfer,
+    BlockUpload,
+)
+from dvtcli.simulator.device.refusal import Refusal
+from dvtcli.simulator.device.strict_device import StrictDevice
+
+DOWNLOAD_SEGMENT, INITIATE_DOWNLOAD, INITIATE_UPLOAD, UPLOAD_SEGMENT, ABORT = range(5)
+_SILENT = (NmtState.INITIALISING, NmtState.STOPPED)
+_TOGGLE, _ABORT_BYTE = 0x10, 0x80
+_MOST_BYTES = 1 << 16
+_OUT_OF_MEMORY = 0x0504_0005
+
+
+@dataclass(slots=True)
+class _Transfer:
+    """A segmented transfer: *multiplexer* is index and sub-index as on the wire, *size* what the client announced."""
+
+    multiplexer: bytes
+    upload: bool
+    data: bytearray = field(default_factory=bytearray)
+    size: int | None = None
+    toggle: int = 0
+
+    @property
+    def object(self) -> tuple[int, int]:
+        return _object(self.multiplexer)
+
+
+class SdoServer:
+    """The default SDO server of one device."""
+
+    def __init__(self, device: StrictDevice) -> None:
+        self.device = device
+        self._transfer: _Transfer | None = None
+        self._block: BlockTransfer | None = None
+        #: what follows the response to the last request, in order: the other segments of a sub-block
+        self.more: list[bytes] = []
+        self._services: dict[int, Callable[[bytes], bytes]] = {
+            DOWNLOAD_SEGMENT: self._download_segment,
+            INITIATE_DOWNLOAD: self._initiate_download,
+            INITIATE_UPLOAD: self._initiate_upload,
+            UPLOAD_SEGMENT: self._upload_segment,
+            BLOCK_UPLOAD: self._initiate_block_upload,
+            BLOCK_DOWNLOAD: self._initiate_block_download,
+        }
+
+    def handle(self, request: bytes) -> bytes | None:
+        """The response to *request*, None where the server stays silent (wrong length, client abort, NMT state).
+
+        Whatever else is to be sent is in `more` then, which `take_more` empties.
+        """
+        if self.device.state in _SILENT:
+            self.reset()
+            return None
+        if len(request) != 8:
+            return None
+        if self._block is not None and request[0] != _ABORT_BYTE:
+            if self._block.takes(request):
+                return self._go_on(self._block, request)
+            self._block = None
+        specifier = request[0] >> 5
+        if specifier == ABORT:
+            self.reset()
+            return None
+        service = self._services.get(specifier)
+        place = self._transfer.multiplexer if self._transfer and specifier in (0, 3) else request[1:4]
+        try:
+            if service is None:
+                raise Refusal(Abort.COMMAND_SPECIFIER)
+            return service(request)
+        except Refusal as refusal:
+            self._transfer = None
+            return b"\x80" + place + refusal.code.to_bytes(4, "little")
+
+    def reset(self) -> None:
+        """Forget a transfer that is under way, as a reset does."""
+        self._transfer = None
+        self._block = None
+        self.more.clear()
+
+    def take_more(self) -> list[bytes]:
+        """What follows the last response; empties `more`."""
+        more, self.more = self.more, []
+        return more
+
+    def _go_on(self, block: BlockTransfer, request: bytes) -> bytes | None:
+        """Let *block* take *request*."""
+        try:
+            responses = block.handle(request)
+        except Refusal as refusal:
+            self._block = None
+            return b"\x80" + block.multiplexer + refusal.code.to_bytes(4, "little")
+        if block.finished:
+            self._block = None
+        self.more = responses[1:]
+        return responses[0] if responses else None
+
+    def _initiate_block_upload(self, request: bytes) -> bytes:
+        """A client that allows it (protocol switch threshold) gets short data without a block transfer."""
+        if request[0] & 0x03:
+            raise Refusal(Abort.COMMAND_SPECIFIER)
+        data = self.device.upload(*_object(request[1:4]))
+        if len(data) <= request[5] and request[5]:
+            return self._initiate_upload(request)
+        self._transfer = None
+        self._block = block = BlockUpload(request, data)
+        return block.first()
+
+    def _initiate_block_download(self, request: bytes) -> bytes:
+        self._transfer = None
+        self._block = block = BlockDownload(self.device, request)
+        return block.first()
+
+    def _initiate_upload(self, request: bytes) -> bytes:
+        place = request[1:4]
+        self._transfer = None
+        data = self.device.upload(*_object(place))
+        if 1 <= len(data) <= 4:
+            return bytes([0x43 | (4 - len(data)) << 2]) + place + data.ljust(4, b"\0")
+        self._transfer = _Transfer(place, upload=True, data=bytearray(data))
+        return b"\x41" + place + len(data).to_bytes(4, "little")
+
+    def _upload_segment(self, request: bytes) -> bytes:
+        transfer = self._running(request, upload=True)
+        segment = transfer.data[:7]
+        del transfer.data[:7]
+        last = not transfer.data
+        if last:
+            self._transfer = None
+        head = request[0] & _TOGGLE | (7 - len(segment)) << 1 | int(last)
+        return bytes([head]) + bytes(segment).ljust(7, b"\0")
+
+    def _initiate_download(self, request: bytes) -> bytes:
+        command, place = request[0], request[1:4]
+        self._transfer = None
+        where = _object(place)
+        size_given = bool(command & 0x01)
+        if command & 0x02:
+            length = 4 - (command >> 2 & 0x03) if size_given else self._expedited_length(*where)
+            self.device.download(*where, request[4 : 4 + length])
+        else:
+            size = int.from_bytes(request[4:8], "little") if size_given else None
+            self.device.begin_download(*where, size)
+            self._transfer = _Transfer(place, upload=False, size=size)
+        return b"\x60" + place + bytes(4)
+
+    def _expedited_length(self, index: int, sub_index: int) -> int:
+        """The length of expedited data whose size is not indicated: the object's own."""
+        return min(self.device.size_of(index, sub_index) or 4, 4)
+
+    def _download_segment(self, request: bytes) -> bytes:
+        transfer = self._running(request, upload=False)
+        transfer.data += request[1 : 8 - (request[0] >> 1 & 0x07)]
+        if len(transfer.data) > _MOST_BYTES:
+            raise Refusal(_OUT_OF_MEMORY)
+        if transfer.size is not None and len(transfer.data) > transfer.size:
+            raise Refusal(Abort.TOO_LONG)
+        if request[0] & 0x01:
+            self._finish_download(transfer)
+        return bytes([0x20 | request[0] & _TOGGLE]) + bytes(7)
+
+    def _finish_download(self, transfer: _Transfer) -> None:
+        if transfer.size is not None and len(transfer.data) < transfer.size:
+            raise Refusal(Abort.TOO_SHORT)
+        self._transfer = None
+        self.device.download(*transfer.object, bytes(transfer.data))
+
+    def _running(self, request: bytes, *, upload: bool) -> _Transfer:
+        """The transfer that a segment belongs to, its toggle bit checked and flipped."""
+        transfer = self._transfer
+        if transfer is None or transfer.upload is not upload:
+            raise Refusal(Abort.COMMAND_SPECIFIER)
+        if request[0] & _TOGGLE != transfer.toggle:
+            raise Refusal(Abort.TOGGLE_BIT)
+        transfer.toggle ^= _TOGGLE
+        return transfer
+
+
+def _object(multiplexer: bytes) -> tuple[int, int]:
+    return int.from_bytes(multiplexer[:2], "little"), multiplexer[2]

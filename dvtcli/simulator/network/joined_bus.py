@@ -1,0 +1,71 @@
+"""A bus that simulated nodes join as members: what is said there is gathered by a thread.
+
+Does not know the nodes, nor what frames mean.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from queue import Empty, SimpleQueue
+
+from dvtcli.bus.python_can import CanBus
+from dvtcli.domain.ports import Frame
+from dvtcli.errors import BusUnavailable
+
+#: how long the thread listens before it looks whether it should end (s)
+_LISTEN_S = 0.2
+
+
+class JoinedBus:
+    """*bus* from outside of it; *wake* is called, from another thread, when something was heard or it failed."""
+
+    def __init__(self, bus: CanBus, wake: Callable[[], None]) -> None:
+        self._bus = bus
+        self._wake = wake
+        self._arrived: SimpleQueue[Frame] = SimpleQueue()
+        self._failure: BusUnavailable | None = None
+        self._leaving = False
+        self._untap = bus.tap(self._heard)
+        self._thread = threading.Thread(target=self._listen, name=f"listens to {bus.name}", daemon=True)
+        self._thread.start()
+
+    @property
+    def name(self) -> str:
+        """How the bus is called on screens."""
+        return self._bus.name
+
+    def tell(self, frame: Frame) -> None:
+        """Put *frame* on the bus; BusUnavailable where it failed."""
+        self._bus.send(frame)
+
+    def heard(self) -> list[Frame]:
+        """What was said there since the last call; BusUnavailable where it failed."""
+        if self._failure is not None:
+            raise self._failure
+        frames: list[Frame] = []
+        while True:
+            try:
+                frames.append(self._arrived.get_nowait())
+            except Empty:
+                return frames
+
+    def close(self) -> None:
+        """Leave the bus."""
+        self._leaving = True
+        self._untap()
+        self._bus.close()
+        self._thread.join()
+
+    def _heard(self, frame: Frame, sent: bool) -> None:
+        if not sent:
+            self._arrived.put(frame)
+            self._wake()
+
+    def _listen(self) -> None:
+        try:
+            while not self._leaving:
+                self._bus.idle(_LISTEN_S)
+        except BusUnavailable as failure:
+            self._failure = failure
+            self._wake()

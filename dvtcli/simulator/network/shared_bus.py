@@ -1,0 +1,212 @@
+"""Simulated nodes as members of a bus that others share: one thread moves frames between nodes, clients and buses.
+
+Knows who hears what and when. Does not know sockets (`hub`), bits (`wire`), files, nor python-can.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from heapq import heappop, heappush
+from time import monotonic, time
+from typing import Protocol
+
+from dvtcli.domain.ports import Frame
+from dvtcli.simulator.device.strict_device import StrictDevice
+from dvtcli.simulator.network.hub import Client, Hub
+from dvtcli.simulator.network.socketcand import told_frame
+from dvtcli.simulator.network.station import LSS_MASTER, NMT_CAN_ID, SDO_REQUEST, SDO_RESPONSE, SimulatedNode
+from dvtcli.simulator.network.wire import Wire
+
+#: what every node obeys, whatever its state
+_NETWORK_IDS = (NMT_CAN_ID, LSS_MASTER)
+#: longest wait (s) where nothing is due: whoever has something wakes the thread
+_LONGEST_WAIT_S = 1.0
+#: the end of a frame's time is spent watching the clock, since the system wakes a thread some 0.1 ms late (s)
+_WATCHED_S = 0.0002
+#: frames of one source that may wait for the wire before it is not read any more
+_MOST_WAITING = 64
+#: frames between two looks at the clients: nodes that answer each other for ever must not keep them out
+_AT_ONCE = 2000
+#: CAN-IDs that are remembered; nobody has more, but a client may try
+_MOST_ROUTES = 4096
+
+
+class Member(Protocol):
+    """Another bus that the nodes are on."""
+
+    def tell(self, frame: Frame) -> None:
+        """Put *frame* on it."""
+        ...
+
+    def heard(self) -> list[Frame]:
+        """What was said there since the last call."""
+        ...
+
+
+class Server:
+    """Serves *nodes* to the clients of *hub* and to other buses, *members*.
+
+    *latencies_s* is how long the SDO server of each node takes to answer (s), none for at once. *stored* is
+    called where what a device keeps has changed, before the device's answer is sent; *bus_failed* where a fault has
+    killed the bus; *frames_lost* where nodes first had more to say than the bus carries.
+    """
+
+    def __init__(
+        self,
+        nodes: Sequence[SimulatedNode],
+        hub: Hub,
+        wire: Wire,
+        members: Sequence[Member] = (),
+        *,
+        latencies_s: Sequence[float] = (),
+        stored: Callable[[StrictDevice], None] = lambda _device: None,
+        bus_failed: Callable[[], None] = lambda: None,
+        frames_lost: Callable[[], None] = lambda: None,
+    ) -> None:
+        self.hub = hub
+        #: frames that were on the bus so far
+        self.frames = 0
+        self._wire = wire
+        self._members = members
+        self._nodes = tuple(nodes)
+        self._latencies_s = dict(zip(nodes, latencies_s, strict=False))
+        self._stored, self._on_stored = {node: node.device.stored_changes for node in nodes}, stored
+        self._bus_failed, self._on_bus_failed = False, bus_failed
+        self._frames_lost, self._on_frames_lost = False, frames_lost
+        #: which nodes a CAN-ID means something to, as long as no node's hearing changes
+        self._routes: dict[tuple[int, bool, bool], list[SimulatedNode]] = {}
+        self._hearing: dict[SimulatedNode, tuple[int, int]] = {}
+        #: when each node has something to say by itself; nodes that never do are not in it
+        self._due_s: dict[SimulatedNode, float] = {}
+        #: SDO answers that a server is still thinking about: (time, order, node, frame)
+        self._thinking: list[tuple[float, int, SimulatedNode, Frame]] = []
+        self._answers = 0
+        self._wall_s = time() - monotonic()
+        self._stopping = False
+
+    def stop(self) -> None:
+        """Let `run` return soon; from any thread."""
+        self._stopping = True
+        self.hub.wake()
+
+    def run(self) -> None:
+        """Boot the nodes and serve them until `stop`; raises what a member raises."""
+        now_s = monotonic()
+        for node in self._nodes:
+            node.device.boot_up()
+            self._poll(node, now_s)
+        while not self._stopping:
+            congested = self.hub.congested
+            if not congested:
+                self._move()
+            for client, frame in self.hub.wait(self._wait_s(congested=congested), self._may_read):
+                self._wire.offer(client, frame, monotonic())
+
+    def _may_read(self, client: Client) -> bool:
+        return self._wire.waiting(client) < _MOST_WAITING
+
+    def _wait_s(self, *, congested: bool) -> float:
+        """Seconds until something is due."""
+        if congested:
+            return _LONGEST_WAIT_S
+        due_s = monotonic() + _LONGEST_WAIT_S
+        wire_s = self._wire.next_s()
+        if wire_s is not None:
+            due_s = min(due_s, wire_s - _WATCHED_S)
+        if self._thinking:
+            due_s = min(due_s, self._thinking[0][0])
+        if self._due_s:
+            due_s = min(due_s, *self._due_s.values())
+        return max(0.0, due_s - monotonic())
+
+    def _move(self) -> None:
+        """Let everything happen that is due."""
+        now_s = monotonic()
+        for member in self._members:
+            for frame in member.heard():
+                self._wire.offer(member, frame, now_s)
+        for node in [node for node, due_s in self._due_s.items() if due_s <= now_s]:
+            self._poll(node, now_s)
+        for _ in range(_AT_ONCE):
+            while self._thinking and self._thinking[0][0] <= now_s:
+                at_s, _, node, frame = heappop(self._thinking)
+                self._wire.offer(node, frame, at_s)
+            if self.hub.congested:
+                return
+            arrived = self._wire.take(now_s)
+            if arrived is None:
+                return
+            self._deliver(*arrived)
+
+    def _deliver(self, at_s: float, source: object, frame: Frame) -> None:
+        """*frame* of *source* has its last bit at *at_s*: everybody else hears it."""
+        self.frames += 1
+        if self.hub.clients:
+            self.hub.tell_all(told_frame(frame, self._wall_s + at_s), source)
+        for member in self._members:
+            if member is not source:
+                member.tell(frame)
+        for node in self._listeners(frame):
+            if node is not source:
+                self._hear(node, frame, at_s)
+
+    def _listeners(self, frame: Frame) -> Sequence[SimulatedNode]:
+        """The nodes that *frame* may mean something to; remembered by CAN-ID."""
+        key = (frame.can_id, frame.extended, frame.remote)
+        route = self._routes.get(key)
+        if route is None:
+            if len(self._routes) >= _MOST_ROUTES:
+                self._routes.clear()
+            route = self._routes[key] = [node for node in self._nodes if self._concerns(node, frame)]
+        return route
+
+    @staticmethod
+    def _concerns(node: SimulatedNode, frame: Frame) -> bool:
+        """SDOs have CAN-IDs that CiA 301 keeps from PDOs: they concern one node, or none."""
+        function, node_id = frame.can_id & ~0x7F, frame.can_id & 0x7F
+        if frame.extended or not node_id or function not in (SDO_REQUEST, SDO_RESPONSE):
+            return (frame.can_id in _NETWORK_IDS and not frame.extended) or node.device.hears(frame)
+        return function == SDO_REQUEST and node.device.node_id == node_id
+
+    def _hear(self, node: SimulatedNode, frame: Frame, at_s: float) -> None:
+        answers = node.handle(frame, at_s)
+        if node.device.stored_changes != self._stored[node]:
+            self._stored[node] = node.device.stored_changes
+            self._on_stored(node.device)
+        for answer in answers:
+            self._say(node, answer, at_s)
+        self._poll(node, at_s)
+        if node.bus_failed and not self._bus_failed:
+            self._bus_failed = True
+            self.hub.cut()
+            self._on_bus_failed()
+
+    def _poll(self, node: SimulatedNode, now_s: float) -> None:
+        for frame in node.poll(now_s):
+            self._say(node, frame, now_s)
+        hearing = (node.device.node_id, node.device.hearing_changes)
+        if hearing != self._hearing.get(node):
+            self._hearing[node] = hearing
+            self._routes.clear()
+        due_s = node.next_poll_s()
+        if due_s is None:
+            self._due_s.pop(node, None)
+        else:
+            self._due_s[node] = due_s
+
+    def _say(self, node: SimulatedNode, frame: Frame, at_s: float) -> None:
+        """Let *node* send *frame*, an SDO answer after its latency."""
+        latency_s = self._latencies_s.get(node)
+        if latency_s and frame.can_id == SDO_RESPONSE + node.device.node_id and not frame.extended:
+            self._answers += 1
+            heappush(self._thinking, (at_s + latency_s, self._answers, node, frame))
+        elif self._wire.full(node):
+            self._lose()
+        else:
+            self._wire.offer(node, frame, at_s)
+
+    def _lose(self) -> None:
+        """Lose a frame, and say so the first time."""
+        if not self._frames_lost:
+            self._frames_lost = True
+            self._on_frames_lost()

@@ -1,0 +1,181 @@
+"""One simulated node as the network sees it: frames in, frames out.
+
+Knows the pre-defined connection set and which service a frame belongs to. Does not know buses, threads or clocks.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.nmt import NmtState
+from dvtcli.domain.ports import Frame
+from dvtcli.simulator.device.faults import Fault, own_of
+from dvtcli.simulator.device.faulty import Answer, FaultyServer
+from dvtcli.simulator.device.moving import NEVER, Source
+from dvtcli.simulator.device.sdo_server import SdoServer
+from dvtcli.simulator.device.strict_device import StrictDevice
+
+if TYPE_CHECKING:
+    from dvtcli.simulator.device.signals import Signal
+
+NMT_CAN_ID, SDO_REQUEST, SDO_RESPONSE = 0x000, 0x600, 0x580
+LSS_MASTER, LSS_SLAVE = 0x7E5, 0x7E4
+
+
+class SimulatedNode:
+    """A device with its SDO server, addressed by CAN-ID, and what goes wrong with it.
+
+    Without *faults* every answer comes at once; with them some come later, by `poll`.
+    """
+
+    def __init__(self, device: StrictDevice, faults: Sequence[Fault] = ()) -> None:
+        self.device = device
+        self.server = SdoServer(device)
+        self._faulty = FaultyServer(self.server, faults) if faults else None
+        #: answers that are still to come, with their times
+        self._later: deque[tuple[float, Frame]] = deque()
+        self._sources: list[Source] = []
+        #: until when an LSS master wants silence (s)
+        self._quiet_until_s = float("-inf")
+
+    @property
+    def bus_failed(self) -> bool:
+        """Whether a fault has killed the bus."""
+        return self._faulty is not None and self._faulty.bus_failed
+
+    def animate(self, signals: Sequence[Signal] = ()) -> None:
+        """Let *signals* move their objects from now on, and the family's plant what is left to it.
+
+        ValueError where the device has no such number.
+        """
+        from dvtcli.simulator.device.plant import Plant, is_drive
+
+        if signals:
+            from dvtcli.simulator.device.signals import SignalSource
+
+            self._sources += [SignalSource(self.device, signal) for signal in signals]
+        if self.device.family.plant and is_drive(self.device):
+            self._sources.append(Plant(self.device, [(signal.index, signal.sub_index) for signal in signals]))
+
+    def handle(self, frame: Frame, now_s: float = 0.0) -> list[Frame]:
+        """What the node sends at once on hearing *frame* at *now_s*, a monotonic time in seconds, in order."""
+        if self._dead or now_s < self._quiet_until_s:
+            return []
+        if not frame.extended and frame.can_id == NMT_CAN_ID:
+            self._obey(frame)
+        elif not frame.extended and frame.can_id == LSS_MASTER:
+            return self._set_layer(frame, now_s)
+        elif not frame.extended and frame.can_id == SDO_REQUEST + self.device.node_id:
+            return self._answer(frame, now_s)
+        elif self.device.hears_sync(frame):
+            return self.device.sync(frame.data[0] if frame.data else None) + self.device.take_outbox()
+        else:
+            return self.device.receive(frame) + self.device.take_outbox()
+        return self.device.take_outbox()
+
+    def poll(self, now_s: float) -> list[Frame]:
+        """What the node sends by itself at *now_s*, a monotonic time in seconds."""
+        if self._dead or now_s < self._quiet_until_s:
+            return []
+        if self._faulty is not None:
+            self._faulty.poll(now_s)
+        if self.device.state is not NmtState.INITIALISING:
+            for source in self._sources:
+                if source.due_s <= now_s:
+                    source.poll(now_s)
+        due: list[Frame] = []
+        while self._later and self._later[0][0] <= now_s:
+            due.append(self._later.popleft()[1])
+        return due + self.device.take_outbox() + self.device.poll(now_s)
+
+    def next_poll_s(self) -> float | None:
+        """When `poll` has something to send next, on the same clock; None for never."""
+        due_s = self._next_poll_s()
+        return None if due_s is None else max(due_s, self._quiet_until_s)
+
+    def _next_poll_s(self) -> float | None:
+        faulty, due_s = self._faulty, self.device.next_poll_s()
+        if self._sources and self.device.state is not NmtState.INITIALISING:
+            soonest_s = min(source.due_s for source in self._sources)
+            if soonest_s < NEVER:
+                due_s = soonest_s if due_s is None else min(due_s, soonest_s)
+        if faulty is None:
+            return due_s
+        if faulty.dead:
+            return None
+        for other_s in (self._later[0][0] if self._later else None, faulty.due_s):
+            if other_s is not None and (due_s is None or other_s < due_s):
+                due_s = other_s
+        return due_s
+
+    @property
+    def _dead(self) -> bool:
+        return self._faulty is not None and self._faulty.dead
+
+    def _obey(self, frame: Frame) -> None:
+        if frame.remote or len(frame.data) != 2 or frame.data[1] not in (0, self.device.node_id):
+            return
+        before = len(self.device.outbox)
+        self.device.nmt(frame.data[0])
+        self._start_over(before)
+
+    def _set_layer(self, frame: Frame, now_s: float) -> list[Frame]:
+        """Obey an LSS master."""
+        if frame.remote:
+            return []
+        before, lss = len(self.device.outbox), self.device.lss
+        answer = self.device.layer_setting(frame.data)
+        self._start_over(before)
+        if lss.quiet_ms:
+            self._quiet_until_s, lss.quiet_ms = now_s + lss.quiet_ms / 1000, 0
+        return ([] if answer is None else [Frame(LSS_SLAVE, answer)]) + self.device.take_outbox()
+
+    def _start_over(self, before: int) -> None:
+        """Where the device has reset, its boot-up is in the outbox beside *before* frames: transfers are forgotten."""
+        if len(self.device.outbox) > before:
+            self.server.reset()
+            self._later.clear()
+
+    def _answer(self, frame: Frame, now_s: float) -> list[Frame]:
+        if frame.remote:
+            return self.device.take_outbox()
+        if self._faulty is not None:
+            return self._timed(self._faulty.handle(frame.data, now_s), now_s) + self.device.take_outbox()
+        response = self.server.handle(frame.data)
+        answers = [] if response is None else [Frame(SDO_RESPONSE + self.device.node_id, response)]
+        if self.server.more:
+            answers += [Frame(SDO_RESPONSE + self.device.node_id, each) for each in self.server.take_more()]
+        return answers + self.device.take_outbox()
+
+    def _timed(self, answer: Answer, now_s: float) -> list[Frame]:
+        """The frames of *answer* that are due now; a server answers in order, so a late answer delays the next ones."""
+        if self._faulty is not None and self._faulty.boots_at_s is not None:
+            self._later.clear()
+        frames = [Frame(SDO_RESPONSE + self.device.node_id, data) for data in answer.frames]
+        due_s = max(now_s + answer.delay_s, self._later[-1][0] if self._later else now_s)
+        if due_s <= now_s:
+            return frames
+        self._later.extend((due_s, frame) for frame in frames)
+        return []
+
+
+def stations(
+    devices: Sequence[StrictDevice],
+    faults: Sequence[Fault] = (),
+    signals: Sequence[Signal] = (),
+    *,
+    bit_rate: int | None = None,
+) -> list[SimulatedNode]:
+    """*devices* as nodes, each with its own of *faults* and *signals*; those that name no node are the first one's.
+
+    *bit_rate* is the bus's (bit/s), None where frames take no time. ValueError where a signal has no object.
+    """
+    for device in devices:
+        device.lss.bit_rate = bit_rate
+    first = devices[0].node_id if devices else 0
+    nodes = [SimulatedNode(device, own_of(device.node_id, first, faults)) for device in devices]
+    for node in nodes:
+        node.animate(own_of(node.device.node_id, first, signals))
+    return nodes

@@ -1,0 +1,130 @@
+"""Frames and the signals in them: a decoder made from PDO configurations.
+
+Does not know where configurations come from (a node, a DCF), nor how signals are shown.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+
+from dvtcli.domain.datatypes import DataType, Value
+from dvtcli.domain.frame import decode
+from dvtcli.domain.mapping import PdoMappingEntry
+from dvtcli.domain.object_dictionary import ObjectDictionary
+from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.ports import Frame
+from dvtcli.watch.service import Service, service_of
+
+#: A frame's identity on the bus: CAN-ID and whether it has 29 bits.
+Address = tuple[int, bool]
+
+
+@dataclass(frozen=True, slots=True)
+class Signal:
+    """One value in a frame: *object* is `606C:00`, empty where a file gave names only; *key* is unique in its frame."""
+
+    key: str
+    name: str = ""
+    object: str = ""
+    unit: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """What a frame carries: *read* turns its data into one value a signal, None where the frame ends before it."""
+
+    service: Service
+    signals: tuple[Signal, ...]
+    read: Callable[[bytes], list[Value | None]]
+
+
+def _nothing(_data: bytes) -> list[Value | None]:
+    return []
+
+
+class Decoder:
+    """Knows frames by their address; what it does not know is told by the pre-defined connection set."""
+
+    def __init__(self, layouts: Mapping[Address, Layout] | None = None) -> None:
+        self._known = dict(layouts or {})
+        self._guessed: dict[Address, Layout] = {}
+
+    def __len__(self) -> int:
+        return len(self._known)
+
+    def add(self, layouts: Mapping[Address, Layout]) -> None:
+        """Know *layouts* too; what was known before stays."""
+        for address, layout in layouts.items():
+            self._known.setdefault(address, layout)
+
+    @property
+    def layouts(self) -> Mapping[Address, Layout]:
+        """All that is known for certain."""
+        return self._known
+
+    def layout(self, frame: Frame) -> Layout:
+        """What *frame* carries; a layout without signals where nothing is known of it."""
+        address = frame.can_id, frame.extended
+        found = self._known.get(address) or self._guessed.get(address)
+        if found is None:
+            found = Layout(service_of(frame.can_id, extended=frame.extended), (), _nothing)
+            self._guessed[address] = found
+        return found
+
+    def values(self, frame: Frame) -> dict[str, Value]:
+        """The signals of *frame* that lie in it completely, by their keys."""
+        if frame.remote:
+            return {}
+        layout = self.layout(frame)
+        return {
+            signal.key: value
+            for signal, value in zip(layout.signals, layout.read(frame.data), strict=True)
+            if value is not None
+        }
+
+
+def pdo_layouts(
+    node_id: int, configs: Mapping[Pdo, PdoConfig], dictionary: ObjectDictionary | None
+) -> dict[Address, Layout]:
+    """The layouts of a node's enabled PDOs; where a TPDO and an RPDO share a COB-ID, the TPDO's counts."""
+    layouts: dict[Address, Layout] = {}
+    for pdo, config in sorted(configs.items(), key=lambda item: not item[0].is_tpdo):
+        if config.enabled:
+            cob_id = config.communication.cob_id
+            service = Service("pdo", pdo.label, node_id)
+            layouts.setdefault((cob_id.can_id, cob_id.extended), _layout(service, config.mapping, dictionary))
+    return layouts
+
+
+def _layout(service: Service, mapping: tuple[PdoMappingEntry, ...], dictionary: ObjectDictionary | None) -> Layout:
+    types: dict[PdoMappingEntry, DataType | None] = {}
+    signals: list[Signal] = []
+    for entry in mapping:
+        known = dictionary.entry(entry.index, entry.sub_index) if dictionary else None
+        types[entry] = known.data_type if known else None
+        if not entry.is_dummy:
+            name = dictionary.display_name(entry.index, entry.sub_index) if dictionary else ""
+            signals.append(Signal(name or entry.object, name, entry.object, known.unit if known else ""))
+
+    def read(data: bytes) -> list[Value | None]:
+        return [one.value for one in decode(mapping, data, types.get)]
+
+    return Layout(service, tuple(unique(signals)), read)
+
+
+def unique(signals: Iterable[Signal]) -> list[Signal]:
+    """*signals* with keys that differ, also where an object is mapped twice or two objects share a name."""
+    found: list[Signal] = []
+    taken: set[str] = set()
+    for signal in signals:
+        key, number = signal.key, 1
+        if key in taken and signal.object:
+            key = f"{signal.key} ({signal.object})"
+        base = key
+        while key in taken:
+            number += 1
+            key = f"{base} #{number}"
+        taken.add(key)
+        found.append(Signal(key, signal.name, signal.object, signal.unit))
+    return found

@@ -1,0 +1,139 @@
+"""All that was seen on the bus: one row for each frame, its signals' courses, and the events.
+
+Pure: takes frames, answers what is known. Does not know a bus, a clock or a screen.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+
+from dvtcli.domain.nmt import NmtState
+from dvtcli.domain.ports import Frame
+from dvtcli.watch.decoder import Address, Decoder, Layout
+from dvtcli.watch.service import Service, event_of, state_in
+from dvtcli.watch.statistics import Course, Rhythm
+
+#: events that are kept
+EVENTS = 100
+#: rows that are kept: a CAN-ID that is one too many is counted only (29 bits make half a billion)
+ROWS = 1024
+#: an empty screen is not to be a riddle: PDOs pass in OPERATIONAL only (CiA 301, 7.3.2.2)
+_WITHOUT_PDOS = dict.fromkeys((NmtState.PRE_OPERATIONAL, NmtState.STOPPED), ": no PDOs until `nmt start`")
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Something that is worth a line: an emergency, an NMT command, a change of state."""
+
+    time_s: float
+    text: str
+    bad: bool = False
+
+
+@dataclass(slots=True)
+class Row:
+    """A frame as it came last, how often it came, and when each of its bytes changed."""
+
+    layout: Layout
+    can_id: int
+    extended: bool
+    data: bytes = b""
+    remote: bool = False
+    count: int = 0
+    rhythm: Rhythm = field(default_factory=Rhythm)
+    changed_s: list[float] = field(default_factory=list)
+    courses: list[Course] = field(default_factory=list)
+
+    @property
+    def service(self) -> Service:
+        """What the frame is."""
+        return self.layout.service
+
+
+class FrameStore:
+    """Takes every frame; *decoder* says what it carries."""
+
+    def __init__(self, decoder: Decoder) -> None:
+        self.decoder = decoder
+        self.rows: dict[Address, Row] = {}
+        self.events: deque[Event] = deque(maxlen=EVENTS)
+        self.states: dict[int, NmtState] = {}
+        self.frames = 0
+        #: frames of CAN-IDs beyond the ROWS first ones
+        self.unlisted = 0
+
+    def take(self, frame: Frame) -> bool:
+        """Take *frame*, whose time is its `timestamp_s`; whether it says anything new."""
+        self.frames += 1
+        row = self._row(frame)
+        if row is None:
+            self.unlisted += 1
+            return False
+        time_s = frame.timestamp_s
+        row.count += 1
+        row.rhythm.beat(time_s)
+        news = self._note_events(frame, row.service)
+        first, row.remote = row.count == 1, frame.remote
+        if frame.remote:
+            return first or news
+        changed = self._note_bytes(row, frame.data, time_s)
+        if first or changed:
+            for course, value in zip(row.courses, row.layout.read(frame.data), strict=True):
+                if value is not None:
+                    course.take(value, time_s)
+        else:
+            for course in row.courses:
+                if course.last is not None:
+                    course.take(course.last, time_s)
+        return first or changed or news
+
+    def _row(self, frame: Frame) -> Row | None:
+        address = frame.can_id, frame.extended
+        row = self.rows.get(address)
+        if row is None and len(self.rows) < ROWS:
+            layout = self.decoder.layout(frame)
+            row = Row(layout, frame.can_id, frame.extended, courses=[Course() for _ in layout.signals])
+            self.rows[address] = row
+        return row
+
+    def _note_bytes(self, row: Row, data: bytes, time_s: float) -> bool:
+        """Whether *data* differs from what the row held; notes when each byte changed."""
+        if data == row.data:
+            return False
+        before, row.data = row.data, data
+        never = float("-inf")
+        if row.count == 1:
+            row.changed_s = [never] * len(data)
+            return True
+        times = row.changed_s + [never] * (len(data) - len(row.changed_s))
+        row.changed_s = [
+            old_s if at < len(before) and before[at] == byte else time_s
+            for at, (byte, old_s) in enumerate(zip(data, times, strict=False))
+        ]
+        return True
+
+    def _note_events(self, frame: Frame, service: Service) -> bool:
+        text = event_of(frame, service)
+        if text is not None:
+            bad = service.kind == "emcy" and any(frame.data[:2])
+            self.events.append(Event(frame.timestamp_s, text, bad))
+            return True
+        state = state_in(frame, service)
+        if state is None or service.node is None or self.states.get(service.node) is state:
+            return False
+        self.states[service.node] = state
+        said = "boot-up" if state is NmtState.INITIALISING else f"is {state.label}{_WITHOUT_PDOS.get(state, '')}"
+        self.events.append(Event(frame.timestamp_s, f"node {service.node}  {said}"))
+        return True
+
+    def sorted_rows(self) -> list[Row]:
+        """The rows in the order of their CAN-IDs, 29-bit ones last."""
+        return sorted(self.rows.values(), key=lambda row: (row.extended, row.can_id))
+
+    def forget(self) -> None:
+        """Begin anew with all statistics."""
+        for row in self.rows.values():
+            row.count, row.rhythm = 1, Rhythm()
+            for course in row.courses:
+                course.forget()

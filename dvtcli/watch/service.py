@@ -1,0 +1,71 @@
+"""Which service a frame belongs to, by its CAN-ID (CiA 301, 7.3.3: the pre-defined connection set).
+
+Does not know how a device was really configured: `decoder` does.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from dvtcli.domain.emergency_codes import emergency_text
+from dvtcli.domain.nmt import NmtCommand, NmtState
+from dvtcli.domain.ports import Frame
+
+
+class Service(NamedTuple):
+    """What a frame is: *kind* for machines, *label* for people, and the *node* it is about (None: all, or unknown)."""
+
+    kind: str
+    label: str
+    node: int | None = None
+
+
+_FIXED = {
+    0x000: Service("nmt", "NMT"),
+    0x080: Service("sync", "SYNC"),
+    0x100: Service("time", "TIME"),
+    0x7E4: Service("lss", "LSS answer"),
+    0x7E5: Service("lss", "LSS"),
+}
+_BY_FUNCTION = {
+    0x080: ("emcy", "EMCY"),
+    0x580: ("sdo", "SDO answer"),
+    0x600: ("sdo", "SDO request"),
+    0x700: ("heartbeat", "heartbeat"),
+}
+_PDO_FUNCTIONS = range(0x180, 0x580, 0x80)
+
+
+def service_of(can_id: int, *, extended: bool) -> Service:
+    """The service that the pre-defined connection set gives *can_id*; `other` where it gives none."""
+    if extended:
+        return Service("other", "29-bit frame")
+    if can_id in _FIXED:
+        return _FIXED[can_id]
+    function, node = can_id & 0x780, can_id & 0x7F
+    if node and function in _BY_FUNCTION:
+        return Service(*_BY_FUNCTION[function], node)
+    if node and function in _PDO_FUNCTIONS:
+        way = "TPDO" if function & 0x80 else "RPDO"
+        return Service("pdo", f"{way}{(function - 0x180) // 0x100 + 1}?", node)  # not certain: it can be set otherwise
+    return Service("other", "frame")
+
+
+def event_of(frame: Frame, service: Service) -> str | None:
+    """An emergency or an NMT command on one line; None for any other frame, and for a malformed one."""
+    if service.kind == "emcy" and len(frame.data) >= 2:
+        code = int.from_bytes(frame.data[:2], "little")
+        rest = frame.data[2:].hex(" ").upper()
+        return f"EMCY node {service.node}  0x{code:04X} {emergency_text(code)}  {rest}".rstrip()
+    if service.kind == "nmt" and len(frame.data) == 2 and frame.data[0] in set(NmtCommand):
+        who = f"node {frame.data[1]}" if frame.data[1] else "all nodes"
+        return f"NMT  {NmtCommand(frame.data[0]).name.replace('_', '-').lower()}  {who}"
+    return None
+
+
+def state_in(frame: Frame, service: Service) -> NmtState | None:
+    """The state that a heartbeat carries (INITIALISING: a boot-up), else None."""
+    if service.kind != "heartbeat" or len(frame.data) != 1 or frame.remote:
+        return None
+    state = frame.data[0] & 0x7F
+    return NmtState(state) if state in set(NmtState) else None

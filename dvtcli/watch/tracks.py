@@ -1,0 +1,87 @@
+"""Signals of a recording over time, found by their names. Knows no files and no screen."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from difflib import get_close_matches
+from math import isfinite
+
+from dvtcli.domain.object_dictionary import normalised
+from dvtcli.domain.ports import Frame
+from dvtcli.errors import UsageError
+from dvtcli.watch.decoder import Address, Decoder, Signal
+from dvtcli.watch.statistics import Point
+from dvtcli.watch.table import column_names
+
+
+@dataclass(slots=True)
+class Track:
+    """One signal: its full *name*, and its samples as times (s since 1970) and numbers."""
+
+    name: str
+    signal: Signal
+    times_s: list[float] = field(default_factory=list)
+    values: list[float] = field(default_factory=list)
+
+    def points(self) -> list[Point]:
+        """The samples, each as a point."""
+        return [Point(time_s, value, value, value) for time_s, value in zip(self.times_s, self.values, strict=True)]
+
+
+def find_tracks(words: Sequence[str], decoder: Decoder) -> dict[tuple[Address, str], Track]:
+    """An empty track for each signal that *words* name, in their order.
+
+    A word is a signal's name or object, as they are shown; UsageError with the nearest names where none fits.
+    """
+    names = column_names(decoder)
+    signals = {(address, one.key): one for address, layout in decoder.layouts.items() for one in layout.signals}
+    found: dict[tuple[Address, str], Track] = {}
+    for word in words:
+        places = [place for place, one in signals.items() if _fits(word, one, names[place])]
+        if not places:
+            raise _unknown(word, [*names.values(), *(one.object for one in signals.values() if one.object)])
+        found.update({place: Track(names[place], signals[place]) for place in places})
+    return found
+
+
+def _fits(word: str, signal: Signal, name: str) -> bool:
+    wanted = normalised(word)
+    known = {normalised(text) for text in (signal.key, signal.name, name, name.rpartition(".")[2]) if text}
+    return wanted in known or word.upper().removeprefix("0X") in _objects(signal)
+
+
+def _objects(signal: Signal) -> set[str]:
+    """How the signal's object may be written: `606C:00`, `606C:0`, `606C`."""
+    index, _, sub_index = signal.object.partition(":")
+    if not sub_index:
+        return set()
+    return {signal.object, f"{index}:{int(sub_index, 16):X}", *([index] if sub_index == "00" else [])}
+
+
+def _unknown(word: str, names: list[str]) -> UsageError:
+    if not names:
+        return UsageError(
+            f"no signal is known, so none is called {word!r}", hint="give --dbc, --eds, -n or --sim to decode by"
+        )
+    lower = {name.lower(): name for name in names}
+    near = [lower[name] for name in get_close_matches(word.lower(), lower, n=3, cutoff=0.4)]
+    return UsageError(f"no signal is called {word!r}", hint=f"did you mean {', '.join(near or names[:3])}?")
+
+
+def fill(tracks: dict[tuple[Address, str], Track], frames: Iterable[Frame], decoder: Decoder) -> tuple[float, float]:
+    """Put every sample of *frames* into its track; the recording's first and last time (s since 1970)."""
+    addresses = {address for address, _ in tracks}
+    first_s = last_s = None
+    for frame in frames:
+        first_s = frame.timestamp_s if first_s is None else min(first_s, frame.timestamp_s)
+        last_s = frame.timestamp_s if last_s is None else max(last_s, frame.timestamp_s)
+        address = frame.can_id, frame.extended
+        if address not in addresses:
+            continue
+        for key, value in decoder.values(frame).items():
+            track = tracks.get((address, key))
+            if track is not None and isinstance(value, int | float) and isfinite(value):
+                track.times_s.append(frame.timestamp_s)
+                track.values.append(float(value))
+    return first_s or 0.0, last_s or 0.0

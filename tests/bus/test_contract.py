@@ -1,0 +1,189 @@
+"""What every CanopenBus keeps, whichever way the node is reached."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+
+import can
+import pytest
+
+from dvtcli.bus import open_simulation
+from dvtcli.bus.python_can import CanBus
+from dvtcli.domain.nmt import NmtCommand, NmtState
+from dvtcli.domain.ports import CanopenBus, Frame
+from dvtcli.errors import NoAnswer, SdoAborted
+from dvtcli.simulator.device.strict_device import StrictDevice
+from dvtcli.simulator.network.simulated_network import SimulatedNetwork
+from dvtcli.simulator.network.twin import TwinBus
+from dvtcli.simulator.network.virtual_time import VirtualTimeBus
+from tests.bus.devices import device, dictionary
+
+SYNC = Frame(0x080, b"")
+
+
+class Contract:
+    """Nodes 1 and 2 are generic devices, just started."""
+
+    @pytest.fixture
+    def bus(self) -> Iterator[CanopenBus]:
+        raise NotImplementedError
+
+    def test_name(self, bus: CanopenBus) -> None:
+        assert bus.name
+
+    def test_reads_and_writes(self, bus: CanopenBus) -> None:
+        sdo = bus.sdo(1)
+        assert len(sdo.upload(0x1000, 0)) == 4
+        sdo.download(0x1800, 2, b"\x05")
+        assert sdo.upload(0x1800, 2) == b"\x05"
+        assert bus.sdo(2).upload(0x1800, 2) != b"\x05"
+
+    def test_one_channel_a_node(self, bus: CanopenBus) -> None:
+        assert bus.sdo(1) is bus.sdo(1)
+        assert bus.sdo(1) is not bus.sdo(2)
+
+    def test_aborts_carry_their_address(self, bus: CanopenBus) -> None:
+        for index, sub_index, code in ((0x5FFF, 0, 0x06020000), (0x1018, 0x7F, 0x06090011)):
+            with pytest.raises(SdoAborted) as caught:
+                bus.sdo(2).upload(index, sub_index)
+            error = caught.value
+            assert (error.index, error.sub_index, error.code, error.node) == (index, sub_index, code, 2)
+        with pytest.raises(SdoAborted) as caught:
+            bus.sdo(2).download(0x1000, 0, bytes(4), timeout_s=1)
+        assert caught.value.code == 0x06010002
+
+    def test_boot_ups_are_counted_and_waited_for(self, bus: CanopenBus) -> None:
+        bus.sdo(1).download(0x1800, 2, b"\x05")
+        before, others = bus.boot_ups(1), bus.boot_ups(2)
+        bus.send_nmt(NmtCommand.RESET_NODE, 1)
+        assert bus.wait_boot_up(1, before, 1)
+        assert bus.boot_ups(1) == before + 1
+        assert bus.boot_ups(2) == others
+        assert bus.nmt_state(1) is NmtState.PRE_OPERATIONAL
+        assert bus.sdo(1).upload(0x1800, 2) != b"\x05"
+
+    def test_a_boot_up_that_does_not_come(self, bus: CanopenBus) -> None:
+        started = time.monotonic()
+        assert not bus.wait_boot_up(1, bus.boot_ups(1), 0.02)
+        assert time.monotonic() - started < 0.5
+
+    def test_reset_of_all(self, bus: CanopenBus) -> None:
+        before = bus.boot_ups(1), bus.boot_ups(2)
+        bus.send_nmt(NmtCommand.RESET_COMMUNICATION, 0)
+        assert bus.wait_boot_up(1, before[0], 1)
+        assert bus.wait_boot_up(2, before[1], 1)
+
+    def test_what_was_stored_survives_a_reset(self, bus: CanopenBus) -> None:
+        bus.sdo(1).download(0x1800, 2, b"\x05")
+        bus.sdo(1).download(0x1010, 1, b"save", timeout_s=20)
+        seen = bus.boot_ups(1)
+        bus.send_nmt(NmtCommand.RESET_NODE, 1)
+        assert bus.wait_boot_up(1, seen, 1)
+        assert bus.sdo(1).upload(0x1800, 2) == b"\x05"
+
+    def test_stopped_nodes_answer_no_sdo(self, bus: CanopenBus) -> None:
+        bus.sdo(1).upload(0x1000, 0)
+        bus.send_nmt(NmtCommand.STOP, 1)
+        with pytest.raises(NoAnswer) as caught:
+            bus.sdo(1).upload(0x1000, 0)
+        assert caught.value.node == 1
+        bus.send_nmt(NmtCommand.ENTER_PRE_OPERATIONAL, 1)
+        bus.sdo(1).upload(0x1000, 0)
+
+    def test_sync_brings_a_synchronous_tpdo(self, bus: CanopenBus) -> None:
+        sdo = bus.sdo(1)
+        sdo.download(0x1800, 1, (0x80000181).to_bytes(4, "little"))
+        sdo.download(0x1800, 2, b"\x01")
+        sdo.download(0x1A00, 0, b"\x00")
+        sdo.download(0x1A00, 1, (0x10010008).to_bytes(4, "little"))
+        sdo.download(0x1A00, 0, b"\x01")
+        sdo.download(0x1800, 1, (0x40000181).to_bytes(4, "little"))
+        bus.send_nmt(NmtCommand.START, 1)
+        bus.send(SYNC)
+        assert [frame.data for frame in bus.receive(0.1) if frame.can_id == 0x181] == [b"\x00"]
+
+    def test_receive_ends(self, bus: CanopenBus) -> None:
+        started = time.monotonic()
+        list(bus.receive(0.02))
+        assert time.monotonic() - started < 0.5
+
+    def test_sleeping_takes_that_long_of_its_own_time(self, bus: CanopenBus) -> None:
+        started_s = bus.now_s()
+        bus.sleep(0.05)
+        bus.sleep(-1)
+        assert 0.045 <= bus.now_s() - started_s < 0.5
+
+    def test_what_comes_while_asleep_is_noticed(self, bus: CanopenBus) -> None:
+        seen = bus.boot_ups(1)
+        bus.send_nmt(NmtCommand.RESET_NODE, 1)
+        bus.sleep(0.1)
+        assert bus.boot_ups(1) == seen + 1
+
+    def test_close_is_prompt_and_may_be_repeated(self, bus: CanopenBus) -> None:
+        bus.sdo(1).upload(0x1000, 0)
+        started = time.monotonic()
+        bus.close()
+        bus.close()
+        assert time.monotonic() - started < 0.15
+
+
+class TestCanBus(Contract):
+    @pytest.fixture
+    def bus(self, channel: str) -> Iterator[CanopenBus]:
+        ours, theirs = (can.Bus(channel, interface="virtual", ignore_config=True) for _ in range(2))
+        bus = CanBus(ours, "virtual", timeout_s=0.2, retries=0)
+        with SimulatedNetwork(theirs, [device(1), device(2)]):
+            yield bus
+        bus.close()
+        theirs.shutdown()
+
+    def test_is_no_simulation(self, bus: CanopenBus) -> None:
+        assert not bus.simulated
+
+
+class TestSimulation(Contract):
+    @pytest.fixture
+    def bus(self) -> Iterator[CanopenBus]:
+        bus = open_simulation([device(1), device(2)], timeout_s=0.2, retries=0)
+        yield bus
+        bus.close()
+
+    def test_is_a_simulation_and_saw_the_nodes_start(self, bus: CanopenBus) -> None:
+        assert bus.simulated
+        assert (bus.boot_ups(1), bus.boot_ups(2), bus.boot_ups(3)) == (1, 1, 0)
+
+    def test_simulations_do_not_meet(self, bus: CanopenBus) -> None:
+        other = open_simulation([device(3)])
+        assert bus.boot_ups(3) == 0
+        other.close()
+
+    def test_closing_takes_less_than_50_ms_on_average(self) -> None:
+        buses = [open_simulation([device(1)]) for _ in range(5)]
+        started = time.monotonic()
+        for bus in buses:
+            bus.close()
+        assert (time.monotonic() - started) / len(buses) < 0.05
+
+
+class TestVirtualTime(Contract):
+    @pytest.fixture
+    def bus(self) -> Iterator[CanopenBus]:
+        bus = VirtualTimeBus([device(1), device(2)], timeout_s=0.2, retries=0)
+        yield bus
+        bus.close()
+
+
+class TestTwin(Contract):
+    @pytest.fixture
+    def bus(self) -> Iterator[CanopenBus]:
+        real = open_simulation([device(1), device(2)], timeout_s=0.2, retries=0)
+        bus = TwinBus(
+            real,
+            lambda node_id, backing: StrictDevice(
+                dictionary("generic"), device(node_id).family, node_id, backing=backing
+            ),
+        )
+        yield bus
+        bus.close()
+        real.close()

@@ -1,0 +1,117 @@
+"""What interfaces this machine has, and what error frames mean."""
+
+from __future__ import annotations
+
+from itertools import count
+from pathlib import Path
+
+import can
+import pytest
+
+from dvtcli.bus import open_canbus
+from dvtcli.bus.discover import Found, adapters, bit_rates_of, find_interfaces, links, serial_ports
+
+_NUMBERS = count(1)
+
+
+def link(folder: Path, name: str, hardware: int, flags: int) -> None:
+    (folder / name).mkdir()
+    (folder / name / "type").write_text(f"{hardware}\n")
+    (folder / name / "flags").write_text(f"0x{flags:x}\n")
+
+
+def test_socketcan_links_are_found_up_and_down(tmp_path: Path) -> None:
+    for name, hardware, flags in (("can0", 280, 0x41), ("can1", 280, 0x40), ("vcan0", 280, 0x40), ("eth0", 1, 0x43)):
+        link(tmp_path, name, hardware, flags)
+    (tmp_path / "odd").mkdir()
+    assert links(tmp_path, {"can0": 250_000}) == [
+        Found("socketcan", "can0", "up, 250 kbit/s"),
+        Found("socketcan", "can1", "down", "it is down: sudo ip link set can1 up type can bitrate 500000"),
+        Found("socketcan", "vcan0", "down", "it is down: sudo ip link set vcan0 up"),
+    ]
+    assert links(tmp_path / "nowhere") == []
+
+
+def test_bit_rates_are_what_ip_says() -> None:
+    said = '[{"ifname":"can0","linkinfo":{"info_data":{"bittiming":{"bitrate":500000}}}},{},{"ifname":"can1"}]'
+    assert bit_rates_of(said) == {"can0": 500_000}
+    for odd in ("", "nonsense", "[1]", "{}", '[{"linkinfo":{"info_data":{"bittiming":1}}}]'):
+        assert bit_rates_of(odd) == {}
+
+
+def test_drivers_are_asked_in_a_process_of_their_own() -> None:
+    (found,) = adapters(["virtual"], patience_s=60)
+    assert found.interface == "virtual"
+    assert adapters(["nosuch"], patience_s=60) == []
+
+
+def test_a_driver_may_print_what_it_likes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "noisy.py").write_text(
+        "import os, can\n"
+        "class Bus(can.BusABC):\n"
+        "    @staticmethod\n"
+        "    def _detect_available_configs():\n"
+        "        os.write(1, b'\\xff\\xfe looking\\n')\n"
+        "        return [{'interface': 'noisy', 'channel': '\u00e9'}]\n",
+        encoding="utf-8",
+    )
+    (tmp_path / "noisy-1.dist-info").mkdir()
+    (tmp_path / "noisy-1.dist-info" / "METADATA").write_text("Name: noisy\nVersion: 1\n")
+    (tmp_path / "noisy-1.dist-info" / "entry_points.txt").write_text("[can.interface]\nnoisy = noisy:Bus\n")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    assert adapters(["noisy"], patience_s=60) == [Found("noisy", "\u00e9")]
+
+
+def test_a_driver_that_takes_too_long_finds_nothing() -> None:
+    assert adapters(["virtual"], patience_s=0.001) == []
+
+
+def test_looking_for_everything_never_fails() -> None:
+    assert all(one.interface not in ("virtual", "udp_multicast", "socketcand") for one in find_interfaces())
+
+
+def test_serial_ports_that_may_not_be_opened_say_so(tmp_path: Path) -> None:
+    assert serial_ports(str(tmp_path)) == []
+    port = tmp_path / "ttyUSB0"
+    port.touch()
+    (found,) = serial_ports(str(tmp_path))
+    assert (found.interface, found.channel, found.problem) == ("slcan", str(port), None)
+
+
+@pytest.mark.parametrize(
+    ("error_class", "data", "times", "text"),
+    [
+        (0x040, b"", 1, "bus-off"),
+        (0x004, b"\x00\x10", 1, "error-passive"),
+        (0x004, b"\x00\x04", 1, "counts many errors"),
+        (0x020, b"", 1, "no other node acknowledges"),
+        (0x008, b"\x00\x00\x04", 5, "carries error frames"),
+    ],
+)
+def test_error_frames_are_explained_once(error_class: int, data: bytes, times: int, text: str) -> None:
+    channel = f"error-frames-{next(_NUMBERS)}"
+    bus = open_canbus("virtual", channel)
+    other = can.Bus(channel, interface="virtual", ignore_config=True)
+    try:
+        for _ in range(times):
+            other.send(can.Message(arbitration_id=error_class, data=data, is_error_frame=True))
+        (told,) = bus.disturbances()
+        assert text in told
+        assert bus.disturbances() == []
+        assert bus.error_frames.count == times
+    finally:
+        other.shutdown()
+        bus.close()
+
+
+def test_a_single_error_frame_is_no_news() -> None:
+    channel = f"error-frames-{next(_NUMBERS)}"
+    bus = open_canbus("virtual", channel)
+    other = can.Bus(channel, interface="virtual", ignore_config=True)
+    try:
+        other.send(can.Message(arbitration_id=0x008, data=b"\x00\x00\x04", is_error_frame=True))
+        assert bus.disturbances() == []
+        assert bus.error_frames.count == 1
+    finally:
+        other.shutdown()
+        bus.close()

@@ -1,0 +1,173 @@
+"""Opening a bus, and the words for every way it can fail."""
+
+from __future__ import annotations
+
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+from can.interfaces import BACKENDS
+
+from dvtcli.bus import open_canbus
+from dvtcli.domain.ports import CanopenBus
+from dvtcli.errors import BusUnavailable, NoAnswer
+
+
+@pytest.fixture(autouse=True)
+def no_configuration(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A home without python-can's files, and an environment without its variables."""
+    for name in ("CAN_INTERFACE", "CAN_CHANNEL", "CAN_BITRATE", "CAN_CONFIG"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("HOME", str(tmp_path))
+    return tmp_path / "can.conf"
+
+
+@pytest.fixture
+def socketcand() -> Iterator[tuple[int, list[socket.socket]]]:
+    """A server on 127.0.0.1 that does socketcand's handshake and then says nothing; its port and connections."""
+    listener = socket.create_server(("127.0.0.1", 0))
+    connections: list[socket.socket] = []
+
+    def serve() -> None:
+        while True:
+            try:
+                connection, _ = listener.accept()
+            except OSError:
+                return
+            try:
+                connection.sendall(b"< hi >")
+                for _ in range(2):
+                    if not connection.recv(256):
+                        break
+                    connection.sendall(b"< ok >")
+                else:
+                    connections.append(connection)
+                    continue
+            except OSError:
+                pass
+            connection.close()
+
+    thread = threading.Thread(target=serve, daemon=True)
+    thread.start()
+    yield listener.getsockname()[1], connections
+    listener.shutdown(socket.SHUT_RDWR)
+    listener.close()
+    thread.join(1)
+    for connection in connections:
+        connection.close()
+
+
+def test_opening_a_virtual_bus() -> None:
+    bus = open_canbus("virtual", "opening", 500_000, timeout_s=0.2, retries=0)
+    assert bus.name == "virtual:opening"
+    assert not bus.simulated
+    assert (bus.settings.timeout_s, bus.settings.retries) == (0.2, 0)
+    bus.close()
+
+
+def test_unset_keys_come_from_python_cans_configuration(
+    no_configuration: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    no_configuration.write_text("[default]\ninterface = virtual\nchannel = from-file\nreceive_own_messages = True\n")
+    bus = open_canbus()
+    assert bus.name == "virtual:from-file"
+    bus.close()
+    monkeypatch.setenv("CAN_CHANNEL", "from-environment")
+    bus = open_canbus()
+    assert bus.name == "virtual:from-environment"
+    bus.close()
+    bus = open_canbus(channel="given")
+    assert bus.name == "virtual:given"
+    bus.close()
+
+
+def test_a_file_for_another_interface_adds_nothing(no_configuration: Path) -> None:
+    no_configuration.write_text("[default]\ninterface = socketcand\nchannel = can0\nhost = 127.0.0.1\nport = 1\n")
+    bus = open_canbus("virtual", "mine")
+    assert bus.name == "virtual:mine"
+    bus.close()
+
+
+def test_nothing_configured() -> None:
+    with pytest.raises(BusUnavailable, match="no CAN interface is configured") as caught:
+        open_canbus()
+    assert "--sim" in str(caught.value.hint)
+
+
+def test_an_interface_that_does_not_exist() -> None:
+    with pytest.raises(BusUnavailable) as caught:
+        open_canbus("socketcnd", "can0")
+    assert "socketcand" in str(caught.value.hint)
+
+
+@pytest.mark.parametrize("interface", sorted(set(BACKENDS) - {"virtual", "udp_multicast"}))
+@pytest.mark.parametrize("channel", [None, "no-such-channel"])
+def test_every_interface_fails_in_words(interface: str, channel: str | None) -> None:
+    with pytest.raises(BusUnavailable) as caught:
+        open_canbus(interface, channel)
+    error = caught.value
+    assert interface in error.text
+    assert channel is None or channel in error.text
+    assert error.why
+    assert error.hint
+    assert error.state == "unchanged"
+
+
+def test_unknown_settings() -> None:
+    with pytest.raises(BusUnavailable) as caught:
+        open_canbus("socketcand", "can0", None, {"host": "127.0.0.1"})
+    assert "port" in str(caught.value.hint)
+
+
+def test_nothing_listens_and_that_is_said_at_once() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+    started = time.monotonic()
+    with pytest.raises(BusUnavailable) as caught:
+        open_canbus("socketcand", "can0", None, {"host": "127.0.0.1", "port": str(port)})
+    assert time.monotonic() - started < 2
+    assert f"127.0.0.1:{port}" in caught.value.text
+    assert "nothing listens" in str(caught.value.hint)
+
+
+def read_until_it_fails(bus: CanopenBus) -> None:
+    for _ in range(20):
+        with suppress(NoAnswer):
+            bus.sdo(1).upload(0x1000, 0)
+
+
+def test_a_server_that_goes_away_in_use(socketcand: tuple[int, list[socket.socket]]) -> None:
+    port, connections = socketcand
+    bus = open_canbus("socketcand", "can0", None, {"host": "127.0.0.1", "port": port}, timeout_s=0.02, retries=0)
+    assert bus.name == f"socketcand:127.0.0.1:{port}"
+    connections[-1].close()
+    with pytest.raises(BusUnavailable) as caught:
+        read_until_it_fails(bus)
+    assert caught.value.why
+    bus.close()
+
+
+def test_a_server_that_goes_away_while_nothing_is_sent(socketcand: tuple[int, list[socket.socket]]) -> None:
+    """Python-can's driver takes a closed connection for silence: a recording would wait for ever, at full load."""
+    port, connections = socketcand
+    bus = open_canbus("socketcand", "can0", None, {"host": "127.0.0.1", "port": port})
+    assert list(bus.receive(0.05)) == []
+    connections[-1].close()
+    with pytest.raises(BusUnavailable) as caught:
+        list(bus.receive(60))
+    assert "closed the connection" in str(caught.value.why)
+    assert "server" in str(caught.value.hint)
+    bus.close()
+
+
+@pytest.mark.parametrize("module", ["dvtcli.bus", "dvtcli.simulator.network.twin"])
+def test_nothing_heavy_is_imported_before_a_bus_is_opened(module: str) -> None:
+    code = f"import sys, {module}; print(*sorted({{'can', 'canopen', 'asyncio'}} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == ""

@@ -1,0 +1,169 @@
+"""`run --atomic`: a failing line takes back all lines before it, on all nodes; and what stays of other scripts."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.commands.bench import Bench, Ran
+from tests.process import dvtcli
+
+LINES = ("map tpdo1 606C --cob-id 0x6A1", "write 1017 700", "map 2:tpdo2 6041 --cob-id 0x6A2", "set tpdo1 --timer 70")
+
+
+def atomic(bench: Bench, folder: Path, *lines: str, options: str = "") -> Ran:
+    script = folder / "x.dvt"
+    script.write_text("\n".join(lines))
+    return bench.run(f"run {script} --atomic {options}")
+
+
+def held(bench: Bench) -> list[Any]:
+    """Every PDO and the heartbeat time of both nodes, read now."""
+    found: list[Any] = []
+    for node_id in (1, 2):
+        assert bench.run(f"node {node_id}").code == 0
+        found += [bench.run("pdo --all --json").document, bench.run("read 1017 --json").document["value"]]
+    assert bench.run("node 1").code == 0
+    return found
+
+
+@pytest.fixture
+def bench() -> Any:
+    with Bench(("generic@1", "generic@2")) as made:
+        yield made
+
+
+def test_lines_that_all_work_stay(bench: Bench, tmp_path: Path) -> None:
+    before = held(bench)
+    assert atomic(bench, tmp_path, *LINES, "store", "verify").code == 0
+    after = held(bench)
+    assert [one == other for one, other in zip(before, after, strict=True)] == [False, False, False, True]
+
+
+@pytest.mark.parametrize(("wrong", "code"), [("read 5FFF", 1), ("map tpdo1 1018:1", 1), ("node 9", 5)])
+def test_a_failing_line_takes_all_lines_back(bench: Bench, tmp_path: Path, wrong: str, code: int) -> None:
+    assert bench.run("set tpdo3 --timer 33").code == 0
+    before = held(bench)
+    ran = atomic(bench, tmp_path, *LINES, wrong, "map tpdo4 6041", options="--json --timeout 0.2")
+    assert ran.code == code, ran.stderr
+    error = ran.documents[-1]
+    assert (error["schema"], error["exit_code"], error["state"]) == ("dvtcli.error/1", code, "rolled_back")
+    assert error["stays"] == []
+    assert error["at"].endswith("x.dvt:5")
+    assert held(bench) == before
+    assert bench.session.executed == [(1, "set tpdo3 --timer 33")]
+    assert bench.run("undo").code == 0, "what was changed before the script can be undone as ever"
+
+
+def test_a_difference_is_a_failure_too(bench: Bench, tmp_path: Path) -> None:
+    before = held(bench)
+    other = tmp_path / "other.dvt"
+    other.write_text("run " + str(tmp_path / "inner.dvt"))
+    (tmp_path / "inner.dvt").write_text("map tpdo2 6041 --cob-id 0x6A7\nread 5FFF\n")
+    ran = atomic(bench, tmp_path, LINES[0], f"run {other}")
+    assert ran.code == 1
+    assert "rolled back: what the script changed is as it was, read back equal" in ran.stderr
+    assert held(bench) == before
+
+
+def test_it_works_on_the_twin(bench: Bench, tmp_path: Path) -> None:
+    before = held(bench)
+    assert atomic(bench, tmp_path, *LINES, "store", options="--dry-run").code == 0
+    ran = atomic(bench, tmp_path, *LINES, "read 5FFF", options="--dry-run --json")
+    assert (ran.code, ran.documents[-1]["state"]) == (1, "unchanged")
+    assert held(bench) == before
+
+
+def test_the_nodes_go_back_to_operational(bench: Bench, tmp_path: Path) -> None:
+    with Bench(("gen4@1", "gen4@2")) as gated:
+        assert gated.run("nmt start all").code == 0
+        before = gated.run("pdo --all --json").document
+        ran = atomic(gated, tmp_path, "map tpdo1 606C --yes", "map 2:tpdo1 606C --yes", "read 5FFF")
+        assert ran.code == 1
+        assert gated.run("pdo --all --json").document == before
+        states = [gated.run(f"node {node_id} --json").document["nodes"][0]["state"] for node_id in (1, 2)]
+        assert states == ["OPERATIONAL", "OPERATIONAL"]
+
+
+@pytest.mark.parametrize(
+    "final",
+    ["store", "restore --yes", "nmt reset-node", "nmt reset-comm 2", "nmt start all", "write 1010:1 save", "fpo op"],
+)
+@pytest.mark.parametrize("nested", [False, True])
+def test_what_cannot_be_taken_back_stands_behind_the_last_change(
+    bench: Bench, tmp_path: Path, final: str, nested: bool
+) -> None:
+    before = held(bench)
+    inner = tmp_path / "inner.dvt"
+    inner.write_text(f"# first\n{final}\n")
+    lines = [LINES[0], f"run {inner}" if nested else final, "pdo -q", LINES[3]]
+    ran = atomic(bench, tmp_path, *lines)
+    assert ran.code == 2
+    assert f"{inner if nested else tmp_path / 'x.dvt'}:2: `{final.split(maxsplit=1)[0]}" in ran.stderr
+    assert f"{tmp_path / 'x.dvt'}:4 changes something after it" in ran.stderr
+    assert held(bench) == before
+    assert not bench.session.executed
+
+
+def test_usage_errors(bench: Bench, tmp_path: Path) -> None:
+    (tmp_path / "y.tcl").write_text("puts x")
+    (tmp_path / "y.dvt").write_text("pdo -q")
+    assert atomic(bench, tmp_path, *LINES, options="--keep-going").code == 2
+    assert atomic(bench, tmp_path, f"run {tmp_path}/y.dvt --keep-going").code == 2
+    assert atomic(bench, tmp_path, f"run {tmp_path}/y.tcl").code == 2
+    assert bench.run(f"run {tmp_path}/y.tcl --atomic").code == 2
+    assert not bench.session.executed
+
+
+def test_a_line_that_fails_behind_a_store_is_left_changed(bench: Bench, tmp_path: Path) -> None:
+    ran = atomic(bench, tmp_path, LINES[0], "store", "read 5FFF", options="--json")
+    assert ran.code == 7
+    assert (ran.documents[-1]["error"], ran.documents[-1]["state"]) == ("left_changed", "left_changed")
+    assert ran.documents[-1]["stays"] == [f"{tmp_path}/x.dvt:1", f"{tmp_path}/x.dvt:2"]
+
+
+def test_a_node_that_cannot_be_taken_back_is_7(tmp_path: Path) -> None:
+    with Bench(("generic@1",), {"fault": ("silent@9",)}) as bench:
+        ran = atomic(
+            bench, tmp_path, "set tpdo1 --timer 7", "map tpdo2 606C", "map tpdo3 606C", options="--timeout 0.05"
+        )
+        assert ran.code == 7, ran.stderr
+
+
+def test_other_scripts_say_which_lines_stay(bench: Bench) -> None:
+    ran = bench.script("pdo -q", LINES[0], "set tpdo1 --timer 9 --json", "undo", "store", "read 5FFF --json")
+    assert ran.code == 1
+    assert ran.stdout.splitlines()[-1].count('"stays":["test.dvt:2","test.dvt:5"]') == 1
+    ran = bench.script("pdo -q", "read 5FFF")
+    assert "state   unchanged by this line\n" in ran.stderr
+
+
+def test_a_line_with_dry_run_gets_a_fresh_twin() -> None:
+    with Bench() as bench:
+        before = bench.run("pdo tpdo1 --json").document
+        for _ in range(2):
+            ran = bench.run("map tpdo1 606C --dry-run --json")
+            assert (ran.code, ran.document["dry_run"]) == (0, True)
+            assert ran.document["writes"] > 0, "the twin of the line before is gone"
+        assert bench.run("pdo tpdo1 --dry-run --json").document["pdos"] == before["pdos"]
+
+
+@pytest.mark.parametrize(("options", "told"), [((), "what <stdin>:1 changed stays"), (("--atomic",), "rolled back")])
+def test_a_line_that_turns_out_wrong_as_it_runs_says_in_which_state_the_device_is(
+    options: tuple[str, ...], told: str
+) -> None:
+    done = dvtcli("--sim", "tmcm", "run", "-", *options, stdin="set tpdo1 --timer 100\nverify tpdo3\n")
+    assert done.returncode == 2
+    assert told in done.stderr.rpartition("state")[2]
+
+
+def test_a_script_that_fails_behind_its_store_does_not_say_that_nothing_was_stored(tmp_path: Path) -> None:
+    script = tmp_path / "x.dvt"
+    script.write_text("set tpdo1 --timer 5\nstore\nread 5FFF\n")
+    with Bench(("generic",), {"yes": True}) as bench:
+        ran = bench.run(f"run {script} --atomic")
+    assert ran.code == 7
+    assert "LEFT CHANGED: see above; what " in ran.stderr
+    assert "nothing was stored" not in ran.stderr

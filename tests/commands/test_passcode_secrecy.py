@@ -1,0 +1,86 @@
+"""A passcode that passes on the bus is in no recording."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import can
+import pytest
+
+from dvtcli.domain.ports import Frame
+from dvtcli.operations.open_network import Secrets
+from dvtcli.watch.listener import Listener
+from tests.commands.bench import Bench
+from tests.process import ROOT
+from tests.serve.served import PATIENCE_S, bus_words, own_environment, served, wait_for
+
+LOGIN = Frame(0x601, bytes.fromhex("2B 00 50 02 44 44 00 00"), timestamp_s=1.0)
+OTHERS = (
+    Frame(0x601, bytes.fromhex("2B 00 50 03 01 00 00 00"), timestamp_s=1.0),
+    Frame(0x581, bytes.fromhex("60 00 50 02 00 00 00 00"), timestamp_s=1.0),
+    Frame(0x181, bytes.fromhex("2B 00 50 02 44 44 00 00"), timestamp_s=1.0),
+)
+
+
+class Replayed:
+    """A bus on which *LOGIN* and others pass at once."""
+
+    def tap(self, callback: Callable[[Frame, bool], None]) -> Callable[[], None]:
+        for frame in (LOGIN, *OTHERS):
+            callback(frame, False)
+        return lambda: None
+
+    def idle(self, duration_s: float) -> None:
+        assert duration_s > 0
+
+
+def test_the_value_is_kept_as_zeros_and_nothing_else_is_touched() -> None:
+    with Listener(Replayed(), Secrets.known().in_frame) as listener:
+        kept, *others = listener.take(1.0)
+    assert kept.data == bytes.fromhex("2B 00 50 02 00 00 00 00")
+    assert [frame.data for frame in others] == [frame.data for frame in OTHERS]
+
+
+def test_lines_that_may_hold_a_passcode() -> None:
+    secrets = Secrets.known()
+    for line in (
+        "write 5000:2 1", "write 0x5000:02 0x4444", "sdo_wnx 1 0x5000 2 0x4444", "sdo_wnx 1 5000 02 17476 2",
+        "sdo_wn 1 20480 2 17476 2", "sdo_wn 1 0x5000 0x002 17476 2", "write 5000-2 17476", "write 0X5000:2 17476",
+    ):  # fmt: skip
+        assert secrets.in_line(line), line
+    for line in ("read 5000:1", "write 5000:3 1", "map tpdo1 5000:21", "write 1017 5000", "login 4"):
+        assert not secrets.in_line(line), line
+
+
+@pytest.mark.parametrize("line", ["write passcode 17476", 'write "Access level.Passcode" 17476', "write PassCode 1"])
+def test_a_passcode_s_object_may_be_named(line: str) -> None:
+    with Bench(("gen4-locked",)) as bench:
+        bench.session.node()
+        assert bench.session.is_secret(line)
+        assert not bench.session.is_secret("write producer_heartbeat_time 1000")
+        assert bench.run(f"{line} --as u16").code == 6
+
+
+@pytest.mark.parametrize("name", ["run.log", "run.asc", "run.trc"])
+def test_a_log_has_the_login_but_not_the_passcode(tmp_path: Path, name: str) -> None:
+    path = tmp_path / name
+    with served(tmp_path, "gen4-locked@1") as server:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "dvtcli", *bus_words(server.port), "log", str(path)],
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, encoding="utf-8", cwd=ROOT, env=own_environment(tmp_path),
+        )  # fmt: skip
+        assert process.stderr is not None
+        assert "Ctrl-C ends it" in process.stderr.readline()
+        bus = server.attach()
+        bus.send(can.Message(arbitration_id=0x601, data=LOGIN.data, is_extended_id=False))
+        bus.send(can.Message(arbitration_id=0x7E0, data=b"END", is_extended_id=False))
+        wait_for(lambda: path.exists() and b"7E0" in path.read_bytes(), "the last frame in the file")
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=PATIENCE_S)
+    written = path.read_bytes().replace(b" ", b"")
+    assert b"2B00500200000000" in written
+    assert b"4444" not in written

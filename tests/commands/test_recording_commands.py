@@ -1,0 +1,224 @@
+"""`log`, `decode` and `plot` as a user's shell starts them."""
+
+from __future__ import annotations
+
+import csv
+import io
+import signal
+import subprocess
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+
+import can
+import pytest
+
+from dvtcli.domain.ports import Frame
+from dvtcli.errors import UsageError
+from dvtcli.files.extras import extra
+from dvtcli.files.recording import Recorder
+from dvtcli.simulator.device.family import family_eds
+from tests.files.recordings import BEGIN_S
+from tests.process import ROOT, documents, dvtcli
+from tests.serve.served import bus_words, own_environment, served, wait_for
+
+GEN4 = str(family_eds("gen4"))
+DBC = """VERSION ""
+BS_:
+BU_: Drive
+BO_ 641 Motion: 8 Drive
+ SG_ Speed : 0|32@1- (0.5,0) [0|0] "rpm" Vector__XXX
+ SG_ Torque : 32|16@1- (0.1,0) [0|0] "%" Vector__XXX
+"""
+
+
+def velocity(value: int, at_s: float) -> Frame:
+    """TPDO2 of a Gen4 as node 1 sends it: velocity, torque, battery current."""
+    data = value.to_bytes(4, "little", signed=True) + (120).to_bytes(2, "little") + b"\x88\xff"
+    return Frame(0x281, data, timestamp_s=BEGIN_S + at_s)
+
+
+def ramp(path: Path, count: int = 50) -> Path:
+    with Recorder(path) as recorder:
+        for n in range(count):
+            recorder.write(velocity(10 * n - 100, n / 10))
+    return path
+
+
+@pytest.mark.parametrize("suffix", [".asc", ".blf", ".log", ".trc"])
+def test_what_is_logged_is_decoded(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"run{suffix}"
+    done = dvtcli("--sim", "gen4", "--json", stdin=f"nmt start\nlog {path} --duration 1\n")
+    assert done.returncode == 0, done.stderr
+    logged = documents(done.stdout)[-1]
+    assert logged["schema"] == "dvtcli.log/1"
+    assert logged["frames"] >= 5
+    assert logged["dropped"] == 0
+    assert logged["bytes"] == path.stat().st_size
+    found = documents(dvtcli("--sim", "gen4", "decode", str(path), "--json").stdout)
+    assert len(found) == logged["frames"]
+    tpdo2 = [one for one in found if one["pdo"] == "tpdo2"]
+    assert tpdo2
+    assert all(one["signals"]["Velocity actual value"] == -1500 for one in tpdo2)
+
+
+@pytest.mark.skipif(not find_spec("asammdf"), reason="asammdf is not installed")
+def test_mf4_is_decoded(tmp_path: Path) -> None:
+    path = tmp_path / "run.mf4"
+    done = dvtcli("--sim", "gen4", "--json", stdin=f"nmt start\nlog {path} --duration 1\n")
+    assert done.returncode == 0, done.stderr
+    found = documents(dvtcli("--sim", "gen4", "decode", str(path), "--json").stdout)
+    assert len(found) == documents(done.stdout)[-1]["frames"]
+
+
+@pytest.mark.parametrize("words", [["log", "run.log"], ["monitor"]])
+def test_a_server_that_goes_away_ends_the_watching(tmp_path: Path, words: list[str]) -> None:
+    words = [str(tmp_path / word) if word == "run.log" else word for word in words]
+    with served(tmp_path, "gen4@5") as server:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "dvtcli", *bus_words(server.port), *words],
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, encoding="utf-8", cwd=ROOT, env=own_environment(tmp_path),
+        )  # fmt: skip
+        began = process.stderr if words[0] == "log" else process.stdout  # "Ctrl-C ends it", or the first frame
+        assert began is not None
+        assert began.readline()
+        server.end()
+        _, complaints = process.communicate(timeout=60)
+    assert process.returncode == 5, complaints
+    assert "closed the connection" in complaints
+    assert "Traceback" not in complaints
+
+
+def test_ctrl_c_ends_a_log_with_its_summary(tmp_path: Path) -> None:
+    path = tmp_path / "run.log"
+    with served(tmp_path, "gen4@5") as server:
+        bus = server.attach()
+        process = subprocess.Popen(
+            [sys.executable, "-m", "dvtcli", *bus_words(server.port), "log", str(path), "--filter", "181:7FF"],
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, encoding="utf-8", cwd=ROOT, env=own_environment(tmp_path),
+        )  # fmt: skip
+        assert process.stderr is not None
+        assert "Ctrl-C ends it" in process.stderr.readline()
+        for n in range(100):
+            bus.send(can.Message(arbitration_id=0x181, data=[n], is_extended_id=False))
+            bus.send(can.Message(arbitration_id=0x182, data=[n], is_extended_id=False))
+        wait_for(lambda: path.exists() and b"181#63" in path.read_bytes(), "the last frame in the file")
+        process.send_signal(signal.SIGINT)
+        said, complaints = process.communicate(timeout=60)
+    assert process.returncode == 130, complaints
+    assert "frames in" in said
+    assert ", 0 dropped, " in said
+    logged = [message.data[0] for message in can.CanutilsLogReader(str(path)) if message.data]
+    assert logged[: len(logged)] == list(range(100 - len(logged), 100))
+    assert logged
+    assert "Traceback" not in complaints
+
+
+def test_values_become_a_column_each(tmp_path: Path) -> None:
+    path = tmp_path / "values.csv"
+    done = dvtcli("--sim", "gen4", stdin=f"nmt start\nlog {path} --decode --duration 1\n")
+    assert done.returncode == 0, done.stderr
+    rows = list(csv.DictReader(io.StringIO(path.read_text("utf-8"))))
+    assert rows
+    tpdo2 = [row for row in rows if row["frame"] == "TPDO2 node 1"]
+    assert {row["Velocity actual value"] for row in tpdo2} == {"-1500"}
+    assert {row["Statusword"] for row in tpdo2} == {""}
+
+
+def test_decode_as_csv_by_a_file(tmp_path: Path) -> None:
+    path = ramp(tmp_path / "run.log")
+    done = dvtcli("decode", str(path), "--csv", "--eds", GEN4)
+    rows = list(csv.DictReader(io.StringIO(done.stdout)))
+    assert [int(row["Velocity actual value"]) for row in rows] == [10 * n - 100 for n in range(50)]
+
+
+def test_decode_by_a_dbc(tmp_path: Path) -> None:
+    dbc = tmp_path / "drive.dbc"
+    dbc.write_text(DBC, encoding="utf-8")
+    found = documents(dvtcli("decode", str(ramp(tmp_path / "run.asc")), "--dbc", str(dbc), "--json").stdout)
+    assert [one["signals"]["Speed"] for one in found] == [5.0 * n - 50 for n in range(50)]
+    assert found[0]["kind"] == "message"
+
+
+def test_without_a_mapping_frames_stay_bytes(tmp_path: Path) -> None:
+    done = dvtcli("decode", str(ramp(tmp_path / "run.log", 2)))
+    assert done.stdout.splitlines()[0].split() == [
+        "22:13:20.000000", "0x281", "TPDO2?", "node", "1", "9C", "FF", "FF", "FF", "78", "00", "88", "FF",
+    ]  # fmt: skip
+
+
+def test_plot_draws_on_the_terminal(tmp_path: Path) -> None:
+    path = str(ramp(tmp_path / "run.log"))
+    done = dvtcli("plot", path, "606C", "torque actual value", "--eds", GEN4, "--ascii")
+    assert done.returncode == 0, done.stderr
+    assert "Velocity actual value  606C:00  -100 .. 390 rpm, 50 samples in 4.90 s" in done.stdout
+    assert done.stdout.isascii()
+    graph = done.stdout.split("Torque")[0].splitlines()[1:-2]
+    heights = [
+        min((row for row, line in enumerate(graph) if line[12:][x : x + 1] == "*"), default=None) for x in (2, 60)
+    ]
+    assert heights[0] is not None
+    assert heights[1] is not None
+    assert heights[0] > heights[1], done.stdout
+
+
+@pytest.mark.parametrize(("suffix", "begin"), [(".png", b"\x89PNG"), (".svg", b"<?xml"), (".pdf", b"%PDF")])
+def test_plot_draws_a_picture(tmp_path: Path, suffix: str, begin: bytes) -> None:
+    picture = tmp_path / f"speed{suffix}"
+    words = ["plot", str(ramp(tmp_path / "run.log")), "606C", "--eds", GEN4, "-o", str(picture)]
+    assert dvtcli(*words).returncode == 0
+    assert picture.read_bytes().startswith(begin)
+    assert dvtcli(*words).returncode == 6
+    assert dvtcli(*words, "--yes").returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "says"),
+    [
+        (["decode", "none.log"], 2, "No such file"),
+        (["decode", "empty.log"], 4, "holds no frame"),
+        (["decode", "damaged.log"], 4, "damaged.log:2"),
+        (["decode", "run.xyz"], 2, ".blf (Vector binary)"),
+        (["decode", "run.log", "--dbc", "none.dbc"], 2, "No such file"),
+        (["decode", "run.log", "--dbc", "run.log"], 4, "is no DBC file"),
+        (["decode", "run.log", "--csv"], 2, "needs a mapping"),
+        (["plot", "run.log", "velocity", "--eds", GEN4], 2, "Velocity actual value"),
+        (["plot", "run.log", "606C"], 2, "no signal is known"),
+        (["plot", "run.log", "606C", "--eds", GEN4, "-o", "x.gif"], 2, ".png"),
+        (["plot", "nowhere.log", "velocity_actual_value"], 2, "nowhere.log: No such file"),
+        (["decode", "nowhere.log", "--csv"], 2, "nowhere.log: No such file"),
+        (["log", "run.db", "--sim", "gen4"], 2, "loses frames"),
+        (["log", "run.csv", "--sim", "gen4"], 2, "base64"),
+        (["log", "new.asc", "-a", "--sim", "gen4"], 2, "appended"),
+        (["log", "run.log", "--sim", "gen4"], 6, "overwrite"),
+        (["log", "nowhere/run.log", "--sim", "gen4"], 2, "No such file"),
+        (["log", "x.log", "--decode", "--sim", "gen4"], 2, ".csv"),
+        (["log", "x.log", "--filter", "zz", "--sim", "gen4"], 2, "ID:MASK"),
+    ],
+)
+def test_what_goes_wrong_is_said(tmp_path: Path, words: list[str], code: int, says: str) -> None:
+    ramp(tmp_path / "run.log")
+    (tmp_path / "empty.log").write_bytes(b"")
+    (tmp_path / "damaged.log").write_text("(1.0) can0 181#00\n(2.0) can0 181#QQ\n", encoding="utf-8")
+    done = dvtcli(*words, cwd=tmp_path)
+    assert done.returncode == code, done.stdout + done.stderr
+    assert says in done.stderr
+
+
+def test_names_in_files_steer_no_terminal(tmp_path: Path) -> None:
+    eds = tmp_path / "hostile.eds"
+    text = Path(GEN4).read_text("latin-1")
+    assert "ParameterName=Velocity actual value" in text
+    eds.write_bytes(text.replace("=Velocity actual value", "=Velo\x1b]0;pwned\x07city").encode("latin-1"))
+    path = str(ramp(tmp_path / "run.log"))
+    for words in (["decode", path], ["plot", path, "606C"]):
+        done = dvtcli(*words, "--eds", str(eds))
+        assert done.returncode == 0, done.stderr
+        assert "\x1b" not in done.stdout
+        assert "Velo\\x1b]0;pwned" in done.stdout
+
+
+def test_an_extra_that_is_missing_is_named() -> None:
+    with pytest.raises(UsageError, match="drawing a picture needs no_such_package") as caught:
+        extra("no_such_package.figure", "plot", "drawing a picture")
+    assert caught.value.hint == "pip install 'dvtcli[plot]'"

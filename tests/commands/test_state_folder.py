@@ -1,0 +1,173 @@
+"""The state folder is the user's alone: made so whatever the umask, refused where it is not, never led elsewhere."""
+
+from __future__ import annotations
+
+import json
+import os
+import stat
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.process import ROOT, documents
+from tests.serve.served import PATIENCE_S, Served, bus_words, own_environment, served
+
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="Windows has no owners and modes of this kind")
+
+
+def run(server: Served, *words: str, umask: int = 0o022, state: str = "state-home") -> subprocess.CompletedProcess[str]:
+    """Run dvtcli on the served node under *umask*, with the state folder below *state* of the test's folder."""
+    return subprocess.run(
+        [sys.executable, "-m", "dvtcli", *bus_words(server.port), "-n", "1", "--json", *words],
+        stdin=subprocess.DEVNULL, capture_output=True, encoding="utf-8", cwd=ROOT, umask=umask,
+        env=own_environment(server.folder) | {"XDG_STATE_HOME": str(server.folder / state)},
+        timeout=PATIENCE_S, check=False,
+    )  # fmt: skip
+
+
+def mode(path: Path) -> int:
+    return stat.S_IMODE(path.lstat().st_mode)
+
+
+def refused(ran: subprocess.CompletedProcess[str], path: Path, why: str, hint: str) -> None:
+    """It ended with 6, naming the file, why, and the cure; nothing was done."""
+    (error,) = documents(ran.stdout)
+    assert (ran.returncode, error["exit_code"], error["error"], error["state"]) == (6, 6, "safety", "unchanged")
+    assert error["text"].startswith(f"{path} is not used: {why}"), error["text"]
+    assert hint in error["hint"]
+
+
+def event_timer_ms(server: Served) -> int:
+    """What the node itself holds, read by a second dvtcli with a state folder of its own."""
+    (document,) = documents(run(server, "read", "1800:5", state="other").stdout)
+    value = document["value"]
+    assert isinstance(value, int)
+    return value
+
+
+@pytest.mark.parametrize("umask", [0o000, 0o022, 0o277])
+def test_everything_is_the_users_alone_whatever_the_umask(tmp_path: Path, umask: int) -> None:
+    with served(tmp_path, "gen4@1") as server:
+        ran = run(server, "set", "tpdo1", "--timer", "70", umask=umask)
+        assert ran.returncode == 0, ran.stderr
+        assert event_timer_ms(server) == 70
+    state = tmp_path / "state-home"
+    made = [state, *state.rglob("*")]
+    files = [path for path in made if path.is_file()]
+    assert {path.parent.name for path in files} == {"locks", "backups", "changes"}
+    assert {mode(path) for path in made if path.is_dir()} == {0o700}
+    assert not [path for path in files if mode(path) & 0o177]
+
+
+@pytest.mark.parametrize("which", ["", "locks", "journals", "backups"])
+def test_a_folder_that_others_can_write_is_refused_with_the_cure(tmp_path: Path, which: str) -> None:
+    with served(tmp_path, "gen4@1") as server:
+        assert run(server, "set", "tpdo1", "--timer", "70").returncode == 0
+        folder = tmp_path / "state-home" / "dvtcli" / which
+        folder.mkdir(exist_ok=True)
+        folder.chmod(0o777)
+        refused(run(server, "set", "tpdo1", "--timer", "80"), folder, "everybody can write it", f"chmod o-w {folder}")
+        assert event_timer_ms(server) == 70
+        folder.chmod(0o700)
+        assert run(server, "set", "tpdo1", "--timer", "80").returncode == 0
+        assert event_timer_ms(server) == 80
+
+
+def test_a_folder_that_others_can_write_stands_in_nobodys_way_who_only_reads(tmp_path: Path) -> None:
+    folder = tmp_path / "state-home" / "dvtcli"
+    folder.mkdir(parents=True)
+    folder.chmod(0o777)
+    with served(tmp_path, "gen4@1") as server:
+        ran = run(server, "read", "1018:1")
+        assert (ran.returncode, documents(ran.stdout)[0]["value"]) == (0, 30)
+        assert f"{folder} is not used" in ran.stderr
+
+
+@pytest.mark.parametrize("target", ["precious", "gone"])
+def test_a_lock_that_is_a_link_is_not_followed(tmp_path: Path, target: str) -> None:
+    (tmp_path / "precious").write_text("years of work\n")
+    with served(tmp_path, "gen4@1") as server:
+        locks = tmp_path / "state-home" / "dvtcli" / "locks"
+        locks.mkdir(parents=True, mode=0o700)
+        for folder in (locks, locks.parent, locks.parent.parent):
+            folder.chmod(0o700)
+        lock = locks / f"socketcand_127.0.0.1_{server.port}-1.lock"
+        lock.symlink_to(tmp_path / target)
+        refused(run(server, "set", "tpdo1", "--timer", "70"), lock, "it is a symbolic link", "remove it")
+        assert (tmp_path / "precious").read_text() == "years of work\n"
+        assert not (tmp_path / "gone").exists()
+
+        lock.unlink()
+        os.link(tmp_path / "precious", lock)
+        refused(run(server, "set", "tpdo1", "--timer", "70"), lock, "it is another file's second name", "remove it")
+        assert (tmp_path / "precious").read_text() == "years of work\n"
+
+        lock.unlink()
+        os.mkfifo(lock)
+        refused(run(server, "set", "tpdo1", "--timer", "70"), lock, "it is no regular file", "remove it")
+        lock.unlink()
+        assert run(server, "set", "tpdo1", "--timer", "70").returncode == 0
+        assert event_timer_ms(server) == 70
+
+
+def test_a_lock_that_all_could_write_becomes_the_users(tmp_path: Path) -> None:
+    with served(tmp_path, "gen4@1") as server:
+        assert run(server, "set", "tpdo1", "--timer", "70").returncode == 0
+        (lock,) = (tmp_path / "state-home").rglob("*.lock")
+        lock.chmod(0o666)
+        assert run(server, "set", "tpdo1", "--timer", "80").returncode == 0
+        assert mode(lock) == 0o600
+
+
+@pytest.mark.skipif(os.name != "posix" or os.geteuid() != 0, reason="only root can give files away")
+def test_what_belongs_to_somebody_else_is_refused(tmp_path: Path) -> None:
+    with served(tmp_path, "gen4@1") as server:
+        assert run(server, "set", "tpdo1", "--timer", "70").returncode == 0
+        (lock,) = (tmp_path / "state-home").rglob("*.lock")
+        for path in (lock, lock.parent, lock.parent.parent):
+            os.chown(path, 12345, 12345)
+            refused(run(server, "set", "tpdo1", "--timer", "80"), path, "it belongs to user 12345", "")
+            os.chown(path, 0, 0)
+        assert event_timer_ms(server) == 70
+
+
+def test_a_journal_of_somebody_else_is_not_written_to_a_device(tmp_path: Path) -> None:
+    journal = tmp_path / "x.json"
+    step = {"object": [0x1800, 5], "before": "4600", "after": "5000"}
+    with served(tmp_path, "gen4@1") as server:
+        identity = dict.fromkeys(("vendor", "product", "revision", "serial"))
+        for sub_index, name in enumerate(("vendor", "product"), 1):
+            identity[name] = documents(run(server, "read", f"1018:{sub_index}").stdout)[0]["value"]
+        bus = f"socketcand:127.0.0.1:{server.port}"
+        document = {"schema": "dvtcli.journal/1", "bus": bus, "node": 1, "identity": identity, "changes": [step]}
+        journal.write_text(json.dumps(document))
+        journal.chmod(0o666)
+        before = event_timer_ms(server)
+        refused(run(server, "recover", str(journal), "--yes"), journal, "everybody can write it", "chmod o-w")
+        assert event_timer_ms(server) == before
+
+
+def test_the_traceback_of_a_bug_is_the_users_alone(tmp_path: Path) -> None:
+    """In the state folder; in the system's where the state folder is not the user's alone."""
+    program = "import sys\nfrom dvtcli.cli.view.output import Output\nfrom dvtcli.operations.session import Session\n"
+    program += "from dvtcli.cli.boundary import guarded\nsys.exit(guarded(Session(Output()), lambda: 1 / 0))\n"
+    for state in ("state-home", "link"):
+        ran = subprocess.run(
+            [sys.executable, "-c", program], capture_output=True, encoding="utf-8", cwd=ROOT, umask=0,
+            env=own_environment(tmp_path) | {"XDG_STATE_HOME": str(tmp_path / state), "TMPDIR": str(tmp_path)},
+            timeout=PATIENCE_S, check=False,
+        )  # fmt: skip
+        assert ran.returncode == 70
+        where = Path(ran.stderr.rpartition("report it with ")[2].split()[0])
+        assert (mode(where), "ZeroDivisionError" in where.read_text()) == (0o600, True)
+        if state == "state-home":
+            assert where.parent == tmp_path / state / "dvtcli" / "crash"
+            assert mode(where.parent) == 0o700
+            (tmp_path / "elsewhere").mkdir()
+            (tmp_path / "link" / "dvtcli").mkdir(parents=True)
+            (tmp_path / "link" / "dvtcli").chmod(0o777)
+            (tmp_path / "link" / "dvtcli" / "crash").symlink_to(tmp_path / "elsewhere")
+        else:
+            assert where.parent == tmp_path, "the system's folder, where the state folder is not ours alone"

@@ -1,0 +1,126 @@
+"""What stands around a change on disk, seen by a second dvtcli that keeps its journals elsewhere."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from dvtcli.device.change.journal import Identity
+from dvtcli.device.change.lock import NodeLock
+from dvtcli.device.change.safekeeping import Keeper
+from dvtcli.device.read_pdos import read_pdo
+from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.plan import Plan, Step, ValueChange
+from dvtcli.errors import SafetyRefusal
+from tests.laws.bench import DirectSdo, booted
+
+IDENTITY: Identity = {"vendor": 1, "product": 2, "revision": 3, "serial": 4}
+PLAN = Plan(5, (ValueChange(Step(0x1017, 0, b"\0\0", b"\1\0", "write")),))
+
+
+Keep = Callable[..., Keeper]
+
+
+@pytest.fixture
+def keep(tmp_path: Path) -> Iterator[Keep]:
+    """Keepers with one folder of locks; what they hold is let go at the end."""
+    kept: list[Keeper] = []
+
+    def make(name: str = "state") -> Keeper:
+        kept.append(Keeper(tmp_path / name, tmp_path / "locks", "socketcan:can0", 5))
+        return kept[-1]
+
+    yield make
+    for keeper in kept:
+        keeper.lock.release()
+
+
+def test_the_lock_names_its_holder_and_the_journal(keep: Keep, tmp_path: Path) -> None:
+    one = keep()
+    one.begin(PLAN, IDENTITY, 127, dict)
+    journal = tmp_path / "state" / "journals" / "socketcan_can0-5.json"
+    assert journal.exists()
+    assert one.lock.path.read_text() == f"{os.getpid()}\n{journal}\n"
+    assert one.lock.noted() == journal
+
+
+def test_a_journal_in_another_folder_is_found_through_the_lock(keep: Keep, tmp_path: Path) -> None:
+    first, second = keep(), keep("elsewhere")
+    first.begin(PLAN, IDENTITY, 127, dict)
+    assert second.interrupted() is None  # its holder is at work
+    first.lock.release()  # as the system does where it was killed
+    found = second.interrupted()
+    assert found is not None
+    assert (found.path, found.plan, found.identity) == (first.journals.path(5), PLAN, IDENTITY)
+    assert (found.nmt_state, found.bus) == (127, "socketcan:can0")
+    with pytest.raises(SafetyRefusal) as caught:
+        second.refuse_while_open()
+    assert caught.value.place == str(first.journals.path(5))
+    second.journals.folder.mkdir(parents=True)
+    second.forget(found)
+    assert not found.path.exists()
+    assert second.lock.noted() is None
+
+
+def test_a_change_that_ended_leaves_nothing_open(keep: Keep, tmp_path: Path) -> None:
+    one = keep()
+    one.begin(PLAN, IDENTITY, None, dict)
+    one.end()
+    assert one.lock.noted() is None
+    assert one.open_journal() is None
+    assert one.lock.path.read_text() == f"{os.getpid()}\n\n"
+
+
+def test_one_holder_at_a_time(keep: Keep, tmp_path: Path) -> None:
+    first, second = keep(), keep("elsewhere")
+    assert first.lock.is_free()
+    first.lock.take()
+    first.lock.take()
+    assert first.lock.is_free()
+    assert not second.lock.is_free()
+    with pytest.raises(SafetyRefusal, match=f"process {os.getpid()}"):
+        second.lock.take()
+    first.lock.release()
+    second.lock.take()
+    second.lock.release()
+
+
+def test_the_backup_is_made_once_and_read_by_its_owner_only(keep: Keep, tmp_path: Path) -> None:
+    said: list[str] = []
+    one = keep()
+    one.say = said.append
+    reads: list[int] = []
+    for _ in range(2):
+        one.begin(PLAN, IDENTITY, None, lambda: reads.append(1) or {})
+        one.end()
+    (backup,) = (tmp_path / "state" / "backups").iterdir()
+    assert reads == [1]
+    assert said == [f"backup of node 5: {backup}"]
+    for path in (backup, one.lock.path.parent, backup.parent):
+        assert not path.stat().st_mode & 0o077
+
+
+def test_a_backup_holds_every_pdo_and_disables_those_it_can(keep: Keep, tmp_path: Path) -> None:
+    sdo = DirectSdo(booted())
+    pdos = {pdo: read_pdo(sdo, pdo) for pdo in (Pdo.parse("tpdo1"), Pdo.parse("tpdo2"))}
+    for name, fixed in (("state", set()), ("elsewhere", {Pdo.parse("tpdo2")})):
+        one = keep(name)
+        if fixed:
+            one.is_fixed = fixed.__contains__
+        one.begin(PLAN, IDENTITY, None, lambda: pdos)
+        one.end()
+        one.lock.release()
+        (backup,) = (tmp_path / name / "backups").iterdir()
+        lines = backup.read_text().splitlines()
+        assert [line for line in lines if line.startswith("disable")] == [f"disable tpdo1{'' if fixed else ' tpdo2'}"]
+        assert [line.split()[:2] for line in lines if line.startswith("map")] == [["map", "tpdo1"], ["map", "tpdo2"]]
+
+
+def test_the_folder_of_locks_is_made_with_its_parents(tmp_path: Path) -> None:
+    lock = NodeLock(tmp_path / "a" / "b" / "locks", "socketcan:can0", 5)
+    lock.take()
+    lock.release()
+    assert lock.path.exists()

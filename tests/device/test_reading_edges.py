@@ -1,0 +1,107 @@
+"""Reading a PDO and finding PDOs: at the edges of what a device may answer."""
+
+from __future__ import annotations
+
+import pytest
+
+from dvtcli.device.read_pdos import exists, present_pdos, read_identity, read_number, read_optional, read_pdo
+from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry, OdObject
+from dvtcli.domain.pdo import Pdo
+from dvtcli.errors import SdoAborted, SdoProtocolError
+from tests.device.test_reading_and_storing import Table
+
+TPDO1, RPDO1 = Pdo.parse("tpdo1"), Pdo.parse("rpdo1")
+
+
+class Refusing(Table):
+    """A device that refuses every question with *code*."""
+
+    code = 0
+
+    def upload(
+        self, index: int, sub_index: int, *, timeout_s: float | None = None, retries: int | None = None
+    ) -> bytes:
+        raise SdoAborted(index, sub_index, self.code)
+
+
+@pytest.mark.parametrize(
+    ("answer", "value"), [(b"\1", 1), (b"\1\2", 0x201), (b"\1\2\0\0", 0x201), (b"", None), (b"\1\2\0\1", None)]
+)
+def test_a_number_may_be_padded_and_not_be_larger(answer: bytes, value: int | None) -> None:
+    table = Table({(0x1017, 0): answer})
+    if value is not None:
+        assert read_number(table, 0x1017, 0, 2) == value
+        return
+    with pytest.raises(SdoProtocolError, match=f"0x1017:00 answered {len(answer)} bytes") as caught:
+        read_number(table, 0x1017, 0, 2)
+    assert caught.value.place == "1017:00"
+
+
+@pytest.mark.parametrize("code", [0x0602_0000, 0x0609_0011])
+def test_what_is_absent_is_none(code: int) -> None:
+    device = Refusing({})
+    device.code = code
+    assert read_optional(device, 0x1018, 4, 4) is None
+    assert not exists(device, TPDO1)
+
+
+def test_another_refusal_is_not_absence() -> None:
+    device = Refusing({})
+    device.code = 0x0800_0000
+    with pytest.raises(SdoAborted):
+        read_optional(device, 0x1018, 4, 4)
+    assert read_identity(device, 4) is None
+
+
+def pdo_of(count: int, index: int = 0x1A00) -> Table:
+    entries = {(index, number): (0x6041_0000 + number).to_bytes(4, "little") for number in range(1, 65)}
+    comm = index - 0x200
+    rows = {(comm, 1): b"\x81\1\0\0", (comm, 2): b"\xff", (comm, 3): b"\3\0", (comm, 5): b"\5\0", (comm, 6): b"\6"}
+    return Table({**rows, (index, 0): bytes([count]), **entries})
+
+
+def test_every_parameter_comes_from_its_own_sub_index() -> None:
+    tpdo, rpdo = read_pdo(pdo_of(0), TPDO1).communication, read_pdo(pdo_of(0, 0x1600), RPDO1).communication
+    for parameter in (tpdo, rpdo):
+        assert parameter.cob_id.raw == 0x181
+        assert (parameter.transmission_type, parameter.inhibit_time, parameter.event_timer) == (0xFF, 3, 5)
+    assert (tpdo.sync_start_value, rpdo.sync_start_value) == (6, None)
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 64])
+def test_as_many_entries_as_the_count_says(count: int) -> None:
+    assert [entry.bits for entry in read_pdo(pdo_of(count), TPDO1).mapping] == list(range(1, count + 1))
+
+
+@pytest.mark.parametrize("count", [65, 0xFD])
+def test_a_count_that_no_pdo_has(count: int) -> None:
+    with pytest.raises(SdoProtocolError, match=rf"0x1A00:00 says {count} mapped objects") as caught:
+        read_pdo(pdo_of(count), TPDO1)
+    assert caught.value.place == "1A00:00"
+
+
+@pytest.mark.parametrize("count", [0xFE, 0xFF])
+def test_a_multiplexed_pdo_says_so(count: int) -> None:
+    config = read_pdo(pdo_of(count), TPDO1)
+    assert (config.mpdo, config.mapping) == (count, ())
+
+
+def having(*places: int) -> Table:
+    return Table({(index, 1): b"\1\0\0\0" for index in places})
+
+
+def test_without_a_file_the_first_four_are_asked_for_and_then_up_to_a_gap() -> None:
+    table = having(0x1800, 0x1803, 0x1804, 0x1805, 0x1807, 0x1401)
+    assert [str(pdo) for pdo in present_pdos(table, None)] == ["tpdo1", "tpdo4", "tpdo5", "tpdo6", "rpdo2"]
+    assert [index for index, _ in table.reads] == [*range(0x1800, 0x1807), *range(0x1400, 0x1405)]
+
+
+def test_all_512_are_found() -> None:
+    table = having(*range(0x1800, 0x1A00))
+    assert len(present_pdos(table, None)) == 512
+
+
+def test_with_a_file_only_whole_pdos_count_tpdos_first() -> None:
+    indices = (0x1400, 0x1600, 0x1401, 0x1A01, 0x1801, 0x1800, 0x1A00, 0x1A02)
+    objects = {index: OdObject(index, "", 9, {0: OdEntry(index, 0, "")}) for index in indices}
+    assert [str(pdo) for pdo in present_pdos(Table({}), ObjectDictionary(objects))] == ["tpdo1", "tpdo2", "rpdo1"]

@@ -1,0 +1,129 @@
+"""What is recorded is what is read back, in every format that is offered; what would lose frames is refused."""
+
+from __future__ import annotations
+
+import tempfile
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+
+from dvtcli.domain.ports import Frame
+from dvtcli.errors import DvtcliError, InputFileError, UsageError
+from dvtcli.files.recording import APPENDABLE, FORMATS, ROTATING, Recorder, read_recording
+from tests.files.recordings import BEGIN_S, frames
+
+#: formats that can be written here: .mf4 where asammdf is installed
+WRITABLE = [suffix for suffix in FORMATS if suffix != ".mf4" or find_spec("asammdf")]
+SAMPLE = [Frame(0x181 + n, bytes([n]), timestamp_s=BEGIN_S + n / 100) for n in range(10)]
+
+
+def told(frame: Frame) -> tuple[int, bool, bool, bytes]:
+    return frame.can_id, frame.extended, frame.remote, frame.data
+
+
+def record(path: Path, sent: list[Frame], **options: object) -> Recorder:
+    with Recorder(path, **options) as recorder:  # type: ignore[arg-type]
+        for frame in sent:
+            recorder.write(frame)
+    return recorder
+
+
+@pytest.mark.parametrize("suffix", [suffix for suffix in WRITABLE if suffix != ".mf4"])
+@settings(max_examples=40, deadline=None)
+@given(sent=frames())
+def test_what_is_recorded_is_read_back(suffix: str, sent: list[Frame]) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"run{suffix}"
+        recorder = record(path, sent)
+        kept = [frame for frame in sent if suffix != ".trc" or not frame.remote]
+        assert recorder.left_out == len(sent) - len(kept)
+        assert recorder.frames == len(kept)
+        if not kept:
+            return
+        found = list(read_recording(path))
+    assert [told(frame) for frame in found] == [told(frame) for frame in kept]
+    for before, after in zip(kept, found, strict=True):
+        assert abs(before.timestamp_s - after.timestamp_s) < 0.002
+
+
+@pytest.mark.skipif(".mf4" in WRITABLE, reason="asammdf is installed")
+def test_mf4_names_what_it_needs(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="asammdf") as caught:
+        Recorder(tmp_path / "run.mf4")
+    assert "dvtcli[mdf]" in str(caught.value.hint)
+
+
+@pytest.mark.parametrize("suffix", APPENDABLE)
+def test_appending_keeps_what_was_there(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"run{suffix}"
+    record(path, SAMPLE[:4])
+    record(path, SAMPLE[4:], append=True)
+    assert [told(frame) for frame in read_recording(path)] == [told(frame) for frame in SAMPLE]
+
+
+@pytest.mark.parametrize("suffix", sorted(set(FORMATS) - set(APPENDABLE) - {".mf4"}))
+def test_formats_that_cannot_be_appended_say_so(tmp_path: Path, suffix: str) -> None:
+    with pytest.raises(UsageError, match="appended") as caught:
+        Recorder(tmp_path / f"run{suffix}", append=True)
+    assert ".blf .log" in str(caught.value.hint)
+
+
+@pytest.mark.parametrize("suffix", ROTATING)
+def test_rotation_loses_no_frame(tmp_path: Path, suffix: str) -> None:
+    sent = [Frame(0x181, n.to_bytes(8, "little"), timestamp_s=BEGIN_S + n / 100) for n in range(6000)]
+    recorder = record(tmp_path / f"run{suffix}", sent, most_bytes=20_000)
+    paths = list(tmp_path.iterdir())
+    assert len(paths) == recorder.files > 1
+    found = [frame for path in paths for frame in read_recording(path)]
+    assert sorted(told(frame) for frame in found) == sorted(told(frame) for frame in sent)
+
+
+@pytest.mark.parametrize(("name", "reason"), [("run.db", "loses frames"), ("run.csv", "base64"), ("run.xyz", "format")])
+def test_formats_that_lose_something_are_refused(tmp_path: Path, name: str, reason: str) -> None:
+    with pytest.raises(UsageError, match=reason):
+        Recorder(tmp_path / name)
+
+
+def test_a_damaged_line_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "run.log"
+    record(path, SAMPLE)
+    lines = path.read_text("utf-8").splitlines()
+    lines[3] = "(oops) can0 181#ZZ"
+    path.write_text("\n".join(lines), encoding="utf-8")
+    with pytest.raises(InputFileError, match="damaged after 3 frames") as caught:
+        list(read_recording(path))
+    assert caught.value.place == f"{path}:4"
+
+
+@pytest.mark.parametrize("suffix", [suffix for suffix in WRITABLE if suffix != ".mf4"])
+@pytest.mark.parametrize("content", [b"", b"\x00\xff" * 200, b"nothing like it\n" * 10])
+def test_other_files_are_said_to_be_no_recording(tmp_path: Path, suffix: str, content: bytes) -> None:
+    path = tmp_path / f"run{suffix}"
+    path.write_bytes(content)
+    with pytest.raises(InputFileError):
+        list(read_recording(path))
+
+
+@pytest.mark.parametrize("time_s", ["1000000000000000000.0", "99999999999999.0", "-99999999999999.0", "nan", "inf"])
+def test_a_time_that_no_calendar_has_is_damage(tmp_path: Path, time_s: str) -> None:
+    path = tmp_path / "run.log"
+    path.write_text(f"(1.5) can0 705#05\n({time_s}) can0 185#3712\n", encoding="utf-8")
+    with pytest.raises(InputFileError, match="damaged after 1 frames") as wrong:
+        list(read_recording(path))
+    assert wrong.value.place == f"{path}:2"
+
+
+def test_a_missing_file_is_a_usage_error(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="No such file"):
+        list(read_recording(tmp_path / "none.log"))
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
+@pytest.mark.parametrize("suffix", [".log", ".trc"])
+def test_a_full_disk_is_said(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"run{suffix}"
+    path.symlink_to("/dev/full")
+    with pytest.raises(DvtcliError, match="No space left"):
+        record(path, SAMPLE * 2000)

@@ -1,0 +1,277 @@
+"""The house as its own code draws it: rooms, their order, every import between files, and what runs against the order.
+
+`python -m tests.house.draw` prints it, `--svg FILE` draws it too, `--package DIR` looks at another copy. Knows no law:
+`test_direction` judges. Counted are imports at the top, in functions and for the type checker, and every module that a
+string names (`import_module("dvtcli.x")`, `f"dvtcli.x.{name}"`, `python -m`): who imports by name imports.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import re
+import sys
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+#: The rooms from the ground up, each with what lives there; a file may import its own room and those above its own
+#: line. The one table of the order.
+ROOMS: dict[str, str] = {
+    "domain": "what a PDO is, what is legal, what must be written",
+    "errors": "the one tree of failures",
+    "device": "one device over the seams: reading, changing, putting back",
+    "bus": "ways to a bus, the strict SDO client, discovery",
+    "watch": "frames as they pass or were recorded",
+    "files": "one file or folder a format",
+    "families": "data: profile, simulated behaviour and EDS of a device family",
+    "simulator": "the strict device, and networks of it",
+    "operations": "the use cases and what they answer",
+    "__init__": "the public face",
+    "cli": "words and screens",
+    "__main__": "the program's start",
+}
+PACKAGE = Path(__file__).resolve().parents[2] / "dvtcli"
+
+
+@dataclass(frozen=True, slots=True)
+class Arrow:
+    """One import: file -> file, both as paths within the package; *how* is `top`, `lazy`, `type` or `named`."""
+
+    source: str
+    line: int
+    target: str
+    how: str
+
+    @property
+    def rooms(self) -> tuple[str, str]:
+        """The rooms at both ends."""
+        return room_of(self.source), room_of(self.target)
+
+    @property
+    def outward(self) -> bool:
+        """Whether it runs against the order of the rooms; a room that is not in the table may be imported by none."""
+        source, target = map(_floor, self.rooms)
+        return target > source
+
+    def __str__(self) -> str:
+        return f"{self.source}:{self.line} -> {self.target} ({self.how})"
+
+
+def room_of(file: str) -> str:
+    """The room of a file: its first folder, or its own name where it stands beside the rooms."""
+    return file.split("/", 1)[0].removesuffix(".py")
+
+
+def _floor(room: str) -> int:
+    return [*ROOMS, room].index(room)
+
+
+class House:
+    """All files of a package, and every arrow between them."""
+
+    def __init__(self, package: Path = PACKAGE) -> None:
+        self.package = package
+        paths = sorted(path for path in package.rglob("*.py") if "__pycache__" not in path.parts)
+        self.files = {path.relative_to(package).as_posix(): path for path in paths}
+        self._modules = {self._dotted(file): file for file in self.files}
+
+    def _dotted(self, file: str) -> str:
+        whole = f"{self.package.name}/{file}".removesuffix(".py").removesuffix("/__init__")
+        return whole.replace("/", ".")
+
+    @cached_property
+    def arrows(self) -> tuple[Arrow, ...]:
+        """Every import of one file of the package by another, once for each line."""
+        found = {arrow for file, path in self.files.items() for arrow in self._of_file(file, path)}
+        return tuple(sorted(found, key=lambda arrow: (arrow.source, arrow.line, arrow.target, arrow.how)))
+
+    def outward(self) -> list[Arrow]:
+        """The arrows that run against the order of the rooms."""
+        return [arrow for arrow in self.arrows if arrow.outward]
+
+    def circles(self) -> list[list[str]]:
+        """Files that import one another in a circle, lazy, type-only and named imports included; the largest first."""
+        edges: dict[str, set[str]] = {file: set() for file in self.files}
+        for arrow in self.arrows:
+            edges[arrow.source].add(arrow.target)
+        return sorted((sorted(each) for each in _strongly_connected(edges) if len(each) > 1), key=len, reverse=True)
+
+    def _of_file(self, file: str, path: Path) -> Iterator[Arrow]:
+        tree = ast.parse(path.read_text("utf-8"))
+        for node, how in _with_kind(tree):
+            for target in self._targets(node, file, tree):
+                if target != file:
+                    yield Arrow(file, getattr(node, "lineno", 0), target, how)
+
+    def _targets(self, node: ast.AST, file: str, tree: ast.Module) -> Iterable[str]:
+        if isinstance(node, ast.Import):
+            return [self._modules[alias.name] for alias in node.names if alias.name in self._modules]
+        if isinstance(node, ast.ImportFrom):
+            return self._from(node, file)
+        if isinstance(node, ast.JoinedStr):
+            said = [part.value if isinstance(part, ast.Constant) else "{}" for part in node.values]
+            return self._named("".join(map(str, said)), tree)
+        if isinstance(node, ast.Constant) and isinstance(node.value, str):
+            return self._named(node.value, tree)
+        return []
+
+    def _from(self, node: ast.ImportFrom, file: str) -> Iterator[str]:
+        module = node.module or ""
+        if node.level:  # a package's __init__ counts as one of its own files
+            above = f"{self.package.name}/{file}".split("/")[: -node.level]
+            module = ".".join([*above, *([module] if module else [])])
+        for alias in node.names:
+            whole = f"{module}.{alias.name}"
+            if whole in self._modules:
+                yield self._modules[whole]
+            elif module in self._modules:
+                yield self._modules[module]
+
+    def _named(self, said: str, tree: ast.Module) -> list[str]:
+        """The files that a string names: `dvtcli.x.y` anywhere in it one; `dvtcli.x.` and `dvtcli.x.{}` those files of
+        room x that other strings of the file name, all of them where none is named. `dvtcli.x/1` is a document's name.
+        """
+        whole = re.findall(rf"(?<![\w./]){self.package.name}(?:\.\w+)+(?![\w/.])", said)
+        if found := [self._modules[name] for name in whole if name in self._modules]:
+            return found
+        match = re.fullmatch(rf"({self.package.name}\.(?:\w+\.)*)(?:\{{\}}[\w.{{}}]*)?", said)
+        if match is None:
+            return []
+        members = {
+            name.removeprefix(match[1]): file
+            for name, file in self._modules.items()
+            if name.startswith(match[1]) and "." not in name.removeprefix(match[1])
+        }
+        words = {word.partition(":")[0] for word in _texts(tree)}
+        return [file for name, file in members.items() if name in words] or list(members.values())
+
+
+def _texts(tree: ast.Module) -> Iterator[str]:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str):
+            yield node.value
+
+
+def _with_kind(tree: ast.Module) -> Iterator[tuple[ast.AST, str]]:
+    """Every node that may name a module, with how it does."""
+    typing_only = {
+        id(child)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)
+        for statement in node.body
+        for child in ast.walk(statement)
+    }
+    top = {id(statement) for statement in tree.body}
+    prose = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    prose |= {id(part) for node in ast.walk(tree) if isinstance(node, ast.JoinedStr) for part in node.values}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            yield node, "type" if id(node) in typing_only else "top" if id(node) in top else "lazy"
+        elif isinstance(node, ast.Constant | ast.JoinedStr) and id(node) not in prose:
+            yield node, "named"
+
+
+def _strongly_connected(edges: Mapping[str, set[str]]) -> Iterator[list[str]]:
+    """Groups of files each of which reaches all others of its group (Tarjan 1972), without recursion."""
+    number: dict[str, int] = {}
+    low: dict[str, int] = {}
+    stack: list[str] = []
+    for root in edges:
+        work = [(root, iter(sorted(edges[root])))] if root not in number else []
+        while work:
+            file, targets = work[-1]
+            if file not in number:
+                number[file] = low[file] = len(number)
+                stack.append(file)
+            for target in targets:
+                if target not in number:
+                    work.append((target, iter(sorted(edges[target]))))
+                    break
+                if target in stack:
+                    low[file] = min(low[file], number[target])
+            else:
+                work.pop()
+                if work:
+                    low[work[-1][0]] = min(low[work[-1][0]], low[file])
+                if low[file] == number[file]:
+                    at = stack.index(file)
+                    yield stack[at:]
+                    del stack[at:]
+
+
+def text(house: House) -> Iterator[str]:
+    """The house in words, the roof first."""
+    pairs = Counter(arrow.rooms for arrow in house.arrows)
+    sizes = Counter(map(room_of, house.files))
+    unknown = [room for room in sizes if room not in ROOMS]
+    for room in [*reversed(ROOMS), *unknown]:
+        below = [f"{target} {count}" for (source, target), count in pairs.items() if source == room != target]
+        about = ROOMS.get(room, "IN NO TABLE")
+        yield f"{room:12}{sizes[room]:4} files  {about}"
+        if below:
+            yield f"{'':12}     imports  {', '.join(sorted(below))}"
+    outward = house.outward()
+    yield f"\n{len(outward)} of {len(house.arrows)} arrows against the order"
+    yield from (f"  {arrow}" for arrow in outward)
+    circles = house.circles()
+    yield f"\n{len(circles)} circles"
+    yield from (f"  {len(circle)} files: {', '.join(circle)}" for circle in circles)
+
+
+_WIDTH, _BOX, _STEP, _HIGH = 860, 380, 78, 50
+
+
+def svg(house: House) -> str:
+    """The house as a drawing, its roof at the top: arrows in the order on the right, others in red on the left."""
+    sizes = Counter(map(room_of, house.files))
+    rooms = [*[room for room in sizes if room not in ROOMS], *reversed(ROOMS)]
+    top = {room: 20 + _STEP * place for place, room in enumerate(rooms)}
+    left = (_WIDTH - _BOX) // 2
+    parts = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_WIDTH} {20 + _STEP * len(rooms)}" '
+        'font-family="sans-serif">',
+        f'<rect width="{_WIDTH}" height="{20 + _STEP * len(rooms)}" fill="#fff"/>',
+    ]
+    for (source, target), count in sorted(Counter(arrow.rooms for arrow in house.arrows).items()):
+        if source != target:
+            against = _floor(target) > _floor(source)
+            edge, way = (left, -1) if against else (left + _BOX, 1)
+            begin, end = top[source] + _HIGH * 0.65, top[target] + _HIGH * 0.35
+            bow = edge + way * (24 + 17 * abs(rooms.index(source) - rooms.index(target)))
+            colour = "#c62828" if against else "#78909c"
+            parts.append(
+                f'<path d="M{edge},{begin} C{bow},{begin} {bow},{end} {edge},{end}" fill="none" stroke="{colour}" '
+                f'stroke-width="{min(1 + count / 25, 5):.1f}" opacity="0.7"><title>{source} imports {target}: {count}'
+                f'</title></path><circle cx="{edge}" cy="{end}" r="3" fill="{colour}"/>'
+            )
+    for room in rooms:
+        about = ROOMS.get(room, "in no table")
+        parts += [
+            f'<rect x="{left}" y="{top[room]}" width="{_BOX}" height="{_HIGH}" rx="6" fill="#eceff1" '
+            'stroke="#455a64"/>',
+            f'<text x="{left + 12}" y="{top[room] + 21}" font-size="15" font-weight="bold">{room}</text>',
+            f'<text x="{left + _BOX - 12}" y="{top[room] + 21}" font-size="12" text-anchor="end">'
+            f"{sizes[room] or 'no'} files</text>",
+            f'<text x="{left + 12}" y="{top[room] + 40}" font-size="12" fill="#37474f">{about}</text>',
+        ]
+    return "\n".join([*parts, "</svg>\n"])
+
+
+def main(words: list[str] | None = None) -> int:
+    """Draw what was asked for; 1 where an arrow runs against the order or files stand in a circle."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--package", type=Path, default=PACKAGE)
+    parser.add_argument("--svg", type=Path, help="also draw it into this file")
+    asked = parser.parse_args(words)
+    house = House(asked.package)
+    print("\n".join(text(house)))
+    if asked.svg is not None:
+        asked.svg.write_text(svg(house), encoding="utf-8")
+    return int(bool(house.outward() or house.circles()))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,59 @@
+"""README and the documentation as their tests look at them: sections, tables, and blocks that are run."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from dvtcli import __version__
+from tests.house.reference import DOCS, pages
+from tests.process import ROOT
+
+#: a session at a shell, which is run
+CONSOLE = re.compile(r"^```console\n(.*?)^```$", re.M | re.S)
+#: a golden screen of a terminal, by its file under tests/
+SCREEN = re.compile(r"^<!-- screen: (\S+) -->\n```text\n(.*?)^```$", re.M | re.S)
+PAGES = [page.relative_to(ROOT).as_posix() for page in pages()]
+
+
+def text(page: str) -> str:
+    """A page by its path from the root: `docs/tutorial.md`."""
+    return (ROOT / page).read_text("utf-8")
+
+
+def section(page: str, title: str) -> str:
+    """A section of a page, its subsections included."""
+    whole = text(page)
+    head = re.search(rf"^(#+) {re.escape(title)}$", whole, re.M)
+    assert head is not None, f"{page}: {title}"
+    rest = whole[head.end() :]
+    following = re.search(rf"^#{{1,{len(head[1])}}} ", rest, re.M)
+    return rest[: following.start()] if following else rest
+
+
+def first_column(table: str) -> list[str]:
+    """The cells of a table's first column that are code, back-quotes kept."""
+    return [line.split("|")[1].strip() for line in table.splitlines() if re.match(r"\| \[?`", line)]
+
+
+def screen(name: str) -> str:
+    """A golden screen without its empty rows, with this version; the tests beside it play it in a real terminal."""
+    rows = (ROOT / "tests" / name).read_text("utf-8").strip("\n").splitlines()
+    return "".join(f"{row}\n" for row in rows if row).replace("dvtcli 0.0.0", f"dvtcli {__version__}")
+
+
+def links(page: str) -> list[tuple[Path, str]]:
+    """The files that a page links to, each with its anchor."""
+    outside_code = re.sub(r"^```.*?^```$|`[^`\n]*`", "", text(page), flags=re.M | re.S)
+    found = re.findall(r"\]\(([^)#\s]*)(?:#([^)\s]*))?\)", outside_code)
+    here = ROOT / page
+    return [((here.parent / path).resolve() if path else here, anchor) for path, anchor in found if "://" not in path]
+
+
+def anchors(page: Path) -> set[str]:
+    """The anchors that a page's headings have."""
+    heads = re.findall(r"^#+ (.+)$", page.read_text("utf-8"), re.M)
+    return {re.sub(r"[^\w -]", "", head).strip().lower().replace(" ", "-") for head in heads}
+
+
+__all__ = ["CONSOLE", "DOCS", "PAGES", "SCREEN", "anchors", "first_column", "links", "screen", "section", "text"]

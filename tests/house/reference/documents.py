@@ -1,0 +1,147 @@
+"""The JSON documents: every schema with a document that a command really answered, and what its fields mean."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import tomllib
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+from tests.commands.test_recording_commands import ramp
+from tests.console import workplace
+from tests.house.reference.markdown import cell, code, fenced, table
+from tests.house.reference.product import family_eds, split
+from tests.house.source import modules
+from tests.process import ROOT, environment
+
+HERE = Path(__file__).parent
+RUNS: dict[str, dict[str, Any]] = tomllib.loads((HERE / "documents.toml").read_text("utf-8"))
+SENSES: dict[str, Any] = tomllib.loads((HERE / "fields.toml").read_text("utf-8"))
+Document = dict[str, Any]
+_LONGEST = 60
+
+
+def schemas() -> set[str]:
+    """Every schema that the product's files name."""
+    found: set[str] = set()
+    for module in modules():
+        found |= set(re.findall(r'"schema": "(dvtcli\.[a-z-]+/\d+)"', module.text))
+        found |= {f"dvtcli.{name}/1" for name in re.findall(r'\bFacts\(\s*"([a-z-]+)"', module.text)}
+    return found
+
+
+def every_document() -> Iterator[str]:
+    """A section for each schema: who answers it, an example, its fields."""
+    shown = {schema: how for schema, how in RUNS.items() if "why_not" not in how}
+    with ThreadPoolExecutor(4) as several:
+        documents = dict(zip(shown, several.map(example, shown.values()), strict=True))
+    for schema, how in RUNS.items():
+        yield from ("", f"## {schema}", "", f"From {how['from']}.", "")
+        if "why_not" in how:
+            yield f"No example: {how['why_not']}."
+            continue
+        document = documents[schema]
+        assert document["schema"] == schema, document
+        yield from fenced("text", _typed(how))
+        yield ""
+        yield from fenced("json", json.dumps(_shown(document, how), indent=2, ensure_ascii=False).splitlines())
+        yield ""
+        yield from table(("field", "is", "means"), _fields(schema, document))
+
+
+def _typed(how: Document) -> Iterator[str]:
+    """What is typed for an example: one command line, or a process that takes several."""
+    line = " ".join(["$ dvtcli", *(f"--sim {sim}" for sim in how.get("sim", ["gen4"])), "--json"])
+    if len(how["run"]) == 1:
+        yield f"{line} {how['run'][0]}"
+    else:
+        yield from (f"{line} <<END", *how["run"], "END")
+
+
+def example(how: Document) -> Document:
+    """The document that the last line of a run answers."""
+    with tempfile.TemporaryDirectory(prefix="dvtcli-reference-") as made:
+        folder = workplace(Path(made))
+        shutil.copy(family_eds("gen4"), folder / "drive.eds")
+        ramp(folder / "run.log", 2)
+        nodes = [word for sim in how.get("sim", ["gen4"]) for word in ("--sim", sim)]
+        lines = how["run"]
+        words = split(lines[0]) if len(lines) == 1 else []
+        process = subprocess.Popen(
+            [sys.executable, "-m", "dvtcli", *nodes, "--json", "--yes", *words],
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, encoding="utf-8", cwd=folder,
+            env=environment() | {"HOME": str(folder), "PYTHONPATH": str(ROOT)} | how.get("env", {}),
+        )  # fmt: skip
+        if how.get("until"):
+            assert process.stdout is not None
+            said = process.stdout.readline()
+            process.send_signal(signal.SIGINT)
+            process.communicate()
+        else:
+            said = process.communicate("\n".join([*lines, ""]) if not words else "")[0]
+            assert process.returncode == how.get("code", 0), (lines, process.returncode, said)
+    documents: list[Document] = [json.loads(line) for line in said.splitlines()]
+    return documents[0 if words else -1]
+
+
+def _shown(document: Document, how: Document) -> Document:
+    """*document* with its long parts cut, and what differs from run to run made the same."""
+    first, short = how.get("first", {}), how.get("short", [])
+    cut = {key: value[: first[key]] if key in first else value for key, value in document.items()}
+    cut |= {key: f"{cut[key][:_LONGEST]}…" for key in short}
+    return _same(cut, how.get("same", {}))
+
+
+def _same(value: Any, same: Document, key: str = "") -> Any:
+    if key in same and value is not None:
+        assert isinstance(value, type(same[key])), (key, value)
+        return same[key]
+    if isinstance(value, dict):
+        return {name: _same(inner, same, name) for name, inner in value.items()}
+    return [_same(inner, same) for inner in value] if isinstance(value, list) else value
+
+
+def _fields(schema: str, document: Document) -> Iterator[tuple[str, str, str]]:
+    """Each field with its kind and sense, those of inner objects by their path."""
+    shown = dict(paths(document))
+    for path, value in shown.items():
+        if path != "schema":
+            yield code(path), kind(value), cell(sense(schema, path))
+    for path, text in SENSES.get(schema, {}).items():
+        if "." in path and path not in shown:
+            yield code(path), "", cell(text)
+
+
+def paths(document: Document, before: str = "") -> Iterator[tuple[str, Any]]:
+    """Every field of a document with its value, inner ones by their path (`steps[].object`)."""
+    for key, value in document.items():
+        yield before + key, value
+        inner = value[0] if isinstance(value, list) and value else value
+        if isinstance(inner, dict) and (key != "signals" or isinstance(value, list)):
+            yield from paths(inner, f"{before}{key}[]." if isinstance(value, list) else f"{before}{key}.")
+
+
+def sense(schema: str, path: str) -> str:
+    """What a field means: by schema and path, else by path, else by its own name."""
+    own = SENSES.get(schema, {})
+    name = path.rpartition(".")[2]
+    for known in (own.get(path), SENSES.get(path), own.get(name), SENSES.get(name)):
+        if isinstance(known, str):
+            return known
+    raise KeyError(f"say in {HERE.relative_to(ROOT)}/fields.toml what {path} of {schema} means")
+
+
+def kind(value: Any) -> str:
+    """What JSON calls a value."""
+    if value is None:
+        return "null"
+    names = {bool: "true/false", int: "number", float: "number", str: "text", list: "list", dict: "object"}
+    return names[type(value)]

@@ -1,0 +1,28 @@
+"""What of the product the reference is made from, and where it lives: the one place to mend after a move."""
+
+from __future__ import annotations
+
+from dvtcli.cli.dvt.words import WORDS
+from dvtcli.cli.help.guide import task_sections
+from dvtcli.cli.lexer import split
+from dvtcli.cli.registry import REGISTRY
+from dvtcli.domain.profile import DeviceProfile
+from dvtcli.domain.rules.rule import Rule
+from dvtcli.errors import DvtcliError
+from dvtcli.files.profile.library import load_profile
+from dvtcli.files.profile.reasons import reasons
+from dvtcli.files.profile.toml import builtin_names, builtin_path
+from dvtcli.operations.options import PREFIX, START_ONLY
+from dvtcli.operations.settings import ALIASES, PASSCODE, USERS_OWN
+from dvtcli.simulator.device.family import _FOLDER, family_eds, family_names
+from dvtcli.simulator.device.faults import _FORMS as FAULT_FORMS
+from dvtcli.simulator.device.signals import _FORMS as SIGNAL_FORMS
+
+#: the folder with the families, one folder each
+SIMULATED = _FOLDER
+
+__all__ = [
+    "ALIASES", "FAULT_FORMS", "PASSCODE", "PREFIX", "REGISTRY", "SIGNAL_FORMS", "SIMULATED", "START_ONLY", "USERS_OWN",
+    "WORDS", "DeviceProfile", "DvtcliError", "Rule", "builtin_names", "builtin_path", "family_eds", "family_names",
+    "load_profile", "reasons", "split", "task_sections",
+]  # fmt: skip

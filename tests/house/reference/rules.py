@@ -1,0 +1,40 @@
+"""The rules, from the `RULES` of the files that check them."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from importlib import import_module
+
+from tests.house.reference.markdown import cell, code
+from tests.house.reference.markdown import table as markdown_table
+from tests.house.reference.product import Rule
+from tests.house.source import PACKAGE, Module, modules
+
+
+def declared() -> list[Rule]:
+    """Every rule that any file declares."""
+    found: list[Rule] = []
+    for module in modules():
+        if _declares(module):
+            dotted = ".".join([PACKAGE.name, *module.path.relative_to(PACKAGE).with_suffix("").parts])
+            found += import_module(dotted).RULES
+    return found
+
+
+def _declares(module: Module) -> bool:
+    return any(
+        isinstance(node, ast.Assign) and [ast.unparse(target) for target in node.targets] == ["RULES"]
+        for node in module.tree.body
+    )
+
+
+def table() -> Iterator[str]:
+    """Name, severity, sense, abort codes and source of each rule, by name."""
+    header = ("rule", "is", "where", "code", "source")
+    return markdown_table(header, (_row(rule) for rule in sorted(declared())))
+
+
+def _row(rule: Rule) -> tuple[str, ...]:
+    codes = ", ".join(f"0x{abort:08X}" for abort in rule.aborts)
+    return code(rule.name), ", ".join(rule.severities), cell(rule.sense), codes, cell(rule.source)

@@ -1,0 +1,111 @@
+"""README and the documentation are true: their screens are what commands print, their tables are what the code has.
+
+`pytest tests/house --update-transcripts` rewrites the screens; `python -m tests.house.reference` what is generated.
+"""
+
+from __future__ import annotations
+
+import inspect
+import re
+from pathlib import Path
+
+import pytest
+
+from dvtcli import errors
+from dvtcli.simulator.device.family import family_names
+from tests.console import commands, compare, rewritten, workplace
+from tests.house.pages import CONSOLE, DOCS, PAGES, SCREEN, anchors, first_column, links, screen, section, text
+from tests.house.source import PACKAGE
+from tests.process import ROOT, SCRIPTS
+
+every_page = pytest.mark.parametrize("page", PAGES)
+with_sessions = pytest.mark.parametrize(
+    "page", [page for page in PAGES if CONSOLE.search(text(page)) or SCREEN.search(text(page))]
+)
+
+
+@with_sessions
+def test_sessions_print_what_they_show(page: str, tmp_path: Path, request: pytest.FixtureRequest) -> None:
+    folder = workplace(tmp_path)
+    blocks = [block.splitlines() for block in CONSOLE.findall(text(page))]
+    if request.config.getoption("--update-transcripts"):
+        fresh = iter(["\n".join(["```console", *rewritten(block, folder), "```"]) for block in blocks])
+        whole = CONSOLE.sub(lambda _: next(fresh), text(page))
+        whole = SCREEN.sub(lambda old: f"<!-- screen: {old[1]} -->\n```text\n{screen(old[1])}```", whole)
+        (ROOT / page).write_text(whole, encoding="utf-8")
+        return
+    for block in blocks:
+        assert commands(block)
+        compare(block, folder)
+
+
+@every_page
+def test_pictures_of_terminals_are_the_golden_screens(page: str, request: pytest.FixtureRequest) -> None:
+    if request.config.getoption("--update-transcripts"):
+        pytest.skip("rewritten with the sessions")
+    for name, shown in SCREEN.findall(text(page)):
+        assert shown == screen(name), f"{page}: {name}: pytest tests/house --update-transcripts rewrites it"
+
+
+def test_there_are_sessions_and_pictures() -> None:
+    assert sum(len(CONSOLE.findall(text(page))) for page in PAGES) >= 11
+    shown = [name for page in PAGES for name, _ in SCREEN.findall(text(page))]
+    assert {Path(name).stem.rpartition("_")[0] for name in shown} >= {"menu", "toolbar", "tour", "table"}
+
+
+@every_page
+def test_screens_fit_a_page(page: str) -> None:
+    for block in CONSOLE.findall(text(page)):
+        for line in block.splitlines():
+            assert len(line) <= 140 or line.startswith("{"), line
+
+
+@every_page
+def test_links_lead_somewhere(page: str) -> None:
+    for path, anchor in links(page):
+        assert path.is_file(), f"{page} links to {path}"
+        assert not anchor or anchor in anchors(path), f"{page} links to {path.name}#{anchor}"
+
+
+@every_page
+def test_a_page_begins_with_its_title(page: str) -> None:
+    assert text(page).startswith("# ")
+
+
+def test_every_page_is_in_the_menu() -> None:
+    named = set(re.findall(r"\s([\w/-]+\.md)$", (ROOT / "mkdocs.yml").read_text("utf-8"), re.M))
+    assert named == {path.relative_to(DOCS).as_posix() for path in DOCS.rglob("*.md")}
+
+
+def test_exit_codes_are_those_of_the_errors() -> None:
+    used = {kind.exit_code for _, kind in inspect.getmembers(errors, inspect.isclass) if issubclass(kind, Exception)}
+    listed = {
+        int(code) for code in re.findall(r"^\| (\d+)", section("docs/reference/exit-codes.md", "By number"), re.M)
+    }
+    assert used <= listed
+
+
+def test_every_reason_for_a_refusal_is_told() -> None:
+    (row,) = re.findall(r"^\| 6 \|.*$", section("docs/reference/exit-codes.md", "By number"), re.M)
+    for reason in ("another device", "nobody can answer", "another dvtcli", "recover"):
+        assert reason in row
+
+
+def test_every_script_is_listed_with_how_it_is_run() -> None:
+    table = section("docs/how-to/scripts.md", "Scripts to learn from")
+    assert {cell.strip("`") for cell in first_column(table)} == {path.name for path in SCRIPTS.iterdir()}
+    for line in table.splitlines():
+        if line.startswith("| `"):
+            name, _, how = (cell.strip(" `") for cell in line.strip("|").split("|"))
+            assert f"dvtcli {how} run scripts/{name}" in (SCRIPTS / name).read_text("utf-8"), name
+
+
+def test_every_simulated_family_is_told_of() -> None:
+    told = section("docs/reference/families.md", "Simulated families")
+    words = " ".join(line for line in told.splitlines() if line.startswith("- "))
+    assert set(re.findall(r"`([a-z][\w-]+)`", words)) >= set(family_names())
+
+
+def test_every_room_is_described() -> None:
+    rooms = {path.name for path in PACKAGE.iterdir() if path.is_dir() and path.name != "__pycache__"} | {"errors.py"}
+    assert {cell.strip("`/") for cell in first_column(text("docs/explanation/architecture.md"))} == rooms

@@ -1,0 +1,62 @@
+"""What is generated in the documentation is what the code has; `python -m tests.house.reference` rewrites it."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from typing import Any
+
+import pytest
+
+from dvtcli.cli.catalogue import command_names
+from dvtcli.operations.options import Options
+from tests.house.pages import PAGES, text
+from tests.house.reference import PARTS, REWRITE, names, rewritten
+from tests.house.reference.documents import RUNS, SENSES, paths, schemas, sense
+from tests.process import ROOT
+
+generated = pytest.mark.parametrize("page", [page for page in PAGES if any(names(text(page)))])
+
+
+@generated
+def test_what_is_generated_is_what_the_code_has(page: str) -> None:
+    assert rewritten(text(page)) == text(page), f"{page} is not what the code has now: {REWRITE}"
+
+
+def test_every_part_stands_in_one_page() -> None:
+    assert Counter(name for page in PAGES for name in names(text(page))) == Counter(PARTS.keys())
+
+
+def test_every_command_and_option_has_its_place() -> None:
+    shown = text("docs/reference/commands.md")
+    assert [name for name in command_names() if f"\n## {name}\n" not in shown] == []
+    keys = text("docs/reference/options-and-settings.md")
+    assert [name for name in Options._fields if f"\n| `{name}` |" not in keys] == []
+
+
+def test_every_schema_has_its_run() -> None:
+    assert schemas() == set(RUNS), "tests/house/reference/documents.toml has a run for each"
+
+
+def test_no_field_is_explained_that_no_document_has() -> None:
+    assert {schema for schema, own in SENSES.items() if isinstance(own, dict)} <= set(RUNS)
+
+
+def documents() -> list[dict[str, Any]]:
+    lines = (ROOT / "tests" / "transcripts" / "json.txt").read_text("utf-8").splitlines()
+    lines += [line for page in PAGES for line in text(page).splitlines()]
+    return [json.loads(line) for line in lines if line.startswith('{"schema"')]
+
+
+@pytest.mark.parametrize("document", documents(), ids=lambda document: document["schema"])
+def test_documents_of_transcripts_have_the_fields_that_are_listed(document: dict[str, Any]) -> None:
+    schema = document["schema"]
+    shown = text("docs/reference/json.md").partition(f"\n## {schema}\n")[2].partition("\n## ")[0]
+    finding = "findings[]."
+    for path, _ in paths(document):
+        if path != "schema" and not path.startswith(finding):
+            assert f"\n| `{path}` |" in shown, f"{schema} has {path}"
+            assert sense(schema, path)
+    listed = {line.split("`")[1] for line in shown.splitlines() if line.startswith("| `")}
+    top = {path for path in listed if "." not in path}
+    assert top - set(document) <= {"findings"}

@@ -1,0 +1,287 @@
+"""The pure part: rates, least and most, events, layouts, drawings; and golden pictures of whole screens."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import can
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dvtcli.bus.python_can import CanBus
+from dvtcli.cli.monitor.graph import graph
+from dvtcli.cli.monitor.screen import GRAPH, RAW, Moment, View, picture
+from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.mapping import PdoMappingEntry
+from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
+from dvtcli.domain.ports import Frame
+from dvtcli.operations.results.frames import utc
+from dvtcli.watch.decoder import Decoder, Layout, Signal, pdo_layouts, unique
+from dvtcli.watch.listener import FOREIGN_CLOCK_S, Listener
+from dvtcli.watch.seen import ROWS, FrameStore
+from dvtcli.watch.service import service_of
+from dvtcli.watch.statistics import Course, Rhythm, spark
+from dvtcli.watch.table import column_names
+from dvtcli.watch.tracks import find_tracks
+from tests.serve.served import wait_for
+
+BEGIN_S = 1_700_000_000.0
+SCREENS = Path(__file__).parent / "screens"
+
+
+def config(cob_id: int, *entries: PdoMappingEntry) -> PdoConfig:
+    return PdoConfig(PdoCommunicationParameter(CobId(cob_id)), entries)
+
+
+def decoder() -> Decoder:
+    tpdo = config(0x201, PdoMappingEntry(0x6C01, 1, 16), PdoMappingEntry(0x606C, 0, 32), PdoMappingEntry(0x6041, 0, 16))
+    return Decoder(pdo_layouts(1, {Pdo.parse("tpdo1"): tpdo}, None))
+
+
+@pytest.mark.parametrize(
+    ("can_id", "extended", "kind", "label", "node"),
+    [
+        (0x000, False, "nmt", "NMT", None), (0x080, False, "sync", "SYNC", None), (0x085, False, "emcy", "EMCY", 5),
+        (0x100, False, "time", "TIME", None), (0x181, False, "pdo", "TPDO1?", 1), (0x205, False, "pdo", "RPDO1?", 5),
+        (0x4FF, False, "pdo", "TPDO4?", 127), (0x57F, False, "pdo", "RPDO4?", 127),
+        (0x180, False, "other", "frame", None),
+        (0x581, False, "sdo", "SDO answer", 1), (0x601, False, "sdo", "SDO request", 1),
+        (0x77F, False, "heartbeat", "heartbeat", 127), (0x7E5, False, "lss", "LSS", None),
+        (0x181, True, "other", "29-bit frame", None),
+    ],
+)  # fmt: skip
+def test_services_of_the_pre_defined_connection_set(
+    can_id: int, extended: bool, kind: str, label: str, node: int | None
+) -> None:
+    assert service_of(can_id, extended=extended) == (kind, label, node)
+
+
+@given(st.floats(0.001, 10), st.integers(3, 100))
+def test_a_steady_frame_has_its_rate_and_no_jitter(period_s: float, count: int) -> None:
+    rhythm = Rhythm()
+    for n in range(count):
+        rhythm.beat(n * period_s)
+    last_s = (count - 1) * period_s
+    assert rhythm.rate_hz(last_s) == pytest.approx(1 / period_s, rel=1e-6)
+    assert rhythm.jitter_s() == pytest.approx(0, abs=1e-6)
+    assert rhythm.rate_hz(last_s + 5 * period_s + 1) == 0
+
+
+def test_jitter_is_the_deviation_of_the_gaps() -> None:
+    rhythm = Rhythm()
+    for time_s in (0.0, 0.010, 0.030, 0.040, 0.060):
+        rhythm.beat(time_s)
+    assert rhythm.jitter_s() == pytest.approx(0.005)
+    assert rhythm.rate_hz(0.06) == pytest.approx(4 / 0.06)
+
+
+def test_one_frame_has_no_rate() -> None:
+    rhythm = Rhythm()
+    assert rhythm.rate_hz(0) is None
+    rhythm.beat(0)
+    assert rhythm.rate_hz(0) is None
+    assert rhythm.jitter_s() is None
+
+
+@given(st.lists(st.tuples(st.integers(0, 300), st.integers(-(2**31), 2**31)), min_size=1, max_size=80))
+def test_least_and_most_and_points_hold_every_value(samples: list[tuple[int, int]]) -> None:
+    course, time_s, values = Course(), 0.0, []
+    for gap_ms, value in samples:
+        time_s += gap_ms / 1000
+        values.append(value)
+        course.take(value, time_s)
+    assert (course.low, course.high, course.last) == (min(values), max(values), values[-1])
+    assert min(point.low for point in course.points) == min(values)
+    assert max(point.high for point in course.points) == max(values)
+    assert course.points[-1].last == values[-1]
+    times = [point.time_s for point in course.points]
+    assert times == sorted(set(times))
+
+
+def test_what_is_no_number_is_not_counted() -> None:
+    course = Course()
+    course.take(float("nan"), 0.0)
+    course.take(b"ab", 1.0)
+    assert course.low is None
+    assert course.last == b"ab"
+
+
+@given(st.lists(st.floats(allow_nan=False, allow_infinity=False, width=32), max_size=30))
+def test_a_sparkline_has_a_character_for_each_value(values: list[float]) -> None:
+    drawn = spark(values, "01234567")
+    assert len(drawn) == len(values)
+    if len(set(values)) > 1:
+        assert drawn[values.index(max(values))] == "7"
+        assert drawn[values.index(min(values))] == "0"
+
+
+@given(
+    st.lists(st.tuples(st.integers(0, 5000), st.integers(-1000, 1000)), max_size=60),
+    st.integers(20, 160), st.integers(5, 50), st.booleans(),
+)  # fmt: skip
+def test_a_graph_has_its_size_whatever_it_shows(
+    samples: list[tuple[int, int]], width: int, height: int, plain: bool
+) -> None:
+    course, time_s = Course(), 0.0
+    for gap_ms, value in samples:
+        time_s += gap_ms / 1000
+        course.take(value, time_s)
+    lines = graph(list(course.points), width, height, (time_s - 60, time_s), ends=("-60 s", "now"), plain=plain)
+    assert len(lines) == max(2, height - 2) + 2
+    assert all(len(line) <= max(width, 22) for line in lines)
+
+
+def test_a_store_tells_news_from_repetitions() -> None:
+    store = FrameStore(decoder())
+    frame = Frame(0x201, bytes.fromhex("000A24FAFFFF3712"), timestamp_s=BEGIN_S)
+    assert store.take(frame)
+    assert not store.take(frame)
+    other = Frame(0x201, bytes.fromhex("000A25FAFFFF3712"), timestamp_s=BEGIN_S + 1)
+    assert store.take(other)
+    (row,) = store.sorted_rows()
+    assert [course.last for course in row.courses] == [2560, 0xFFFFFA25, 0x1237]
+    assert [at for at, changed_s in enumerate(row.changed_s) if changed_s == BEGIN_S + 1] == [2]
+    assert (store.frames, row.count) == (3, 3)
+
+
+def test_events_are_emergencies_commands_and_new_states() -> None:
+    store = FrameStore(Decoder())
+    sent = [(0x701, "00"), (0x701, "7F"), (0x701, "7F"), (0x000, "0101"), (0x701, "05"), (0x081, "3081110000000000")]
+    news = [store.take(Frame(can_id, bytes.fromhex(data), timestamp_s=BEGIN_S)) for can_id, data in sent]
+    assert news == [True, True, False, True, True, True]
+    assert [event.text for event in store.events] == [
+        "node 1  boot-up", "node 1  is PRE-OPERATIONAL: no PDOs until `nmt start`",
+        "NMT  start  node 1", "node 1  is OPERATIONAL",
+        "EMCY node 1  0x8130 life guard or heartbeat error  11 00 00 00 00 00",
+    ]  # fmt: skip
+    assert [event.bad for event in store.events] == [False, False, False, False, True]
+
+
+def test_more_can_ids_than_rows_are_counted() -> None:
+    store = FrameStore(Decoder())
+    for can_id in range(ROWS + 7):
+        store.take(Frame(can_id, b"", extended=True, timestamp_s=BEGIN_S))
+    assert (len(store.rows), store.unlisted, store.frames) == (ROWS, 7, ROWS + 7)
+
+
+@given(st.lists(st.binary(max_size=8), min_size=1, max_size=20))
+def test_frames_of_any_length_can_be_looked_at(payloads: list[bytes]) -> None:
+    store = FrameStore(decoder())
+    for n, data in enumerate(payloads):
+        store.take(Frame(0x201, data, timestamp_s=BEGIN_S + n))
+    moment = Moment("sim", 1.0, 0, BEGIN_S + len(payloads))
+    for view in (View(), View(mode=RAW), View(mode=GRAPH)):
+        lines = picture(store, view, moment, 80, 24)
+        assert len(lines) == 24
+        assert all(sum(len(cell.text) for cell in line) <= 80 for line in lines)
+
+
+def test_a_tpdo_counts_before_an_rpdo_of_the_same_cob_id() -> None:
+    entry = PdoMappingEntry(0x6041, 0, 16)
+    configs = {Pdo.parse("rpdo1"): config(0x201), Pdo.parse("tpdo1"): config(0x201, entry)}
+    (layout,) = pdo_layouts(1, configs, None).values()
+    assert layout.service.label == "TPDO1"
+
+
+def test_signals_of_one_name_are_told_apart() -> None:
+    signals = [
+        Signal("Speed", "Speed", "606C:00"),
+        Signal("Speed", "Speed", "6C02:00"),
+        Signal("Speed", "Speed", "606C:00"),
+    ]
+    assert [one.key for one in unique(signals)] == ["Speed", "Speed (6C02:00)", "Speed (606C:00)"]
+
+
+def test_columns_of_one_name_in_two_frames_are_told_apart() -> None:
+    entry = PdoMappingEntry(0x6041, 0, 16)
+    two = Decoder(pdo_layouts(1, {Pdo.parse("tpdo1"): config(0x181, entry)}, None))
+    two.add(pdo_layouts(5, {Pdo.parse("tpdo1"): config(0x185, entry)}, None))
+    assert list(column_names(two).values()) == ["TPDO1 node 1 6041:00", "TPDO1 node 5 6041:00"]
+    assert len(find_tracks(["6041"], two)) == 2
+
+
+def test_times_are_rfc_3339() -> None:
+    assert utc(BEGIN_S + 0.25) == "2023-11-14T22:13:20.250000Z"
+
+
+def test_what_is_too_much_is_dropped_and_counted() -> None:
+    channel = "too much"
+    ours = can.Bus(channel, interface="virtual", preserve_timestamps=True, ignore_config=True)
+    bus = CanBus(ours, channel)
+    with (
+        can.Bus(channel, interface="virtual", preserve_timestamps=True, ignore_config=True) as sender,
+        Listener(bus, lambda _frame: False, waiting=20) as listener,
+    ):
+        for n in range(30):
+            sender.send(can.Message(arbitration_id=0x181, data=[n], timestamp=5.0 + n, is_extended_id=False))
+        wait_for(lambda: listener.dropped == 10, "ten frames dropped")
+        taken = listener.take()
+    bus.close()
+    assert [frame.data[0] for frame in taken] == list(range(20))
+    assert taken[1].timestamp_s - taken[0].timestamp_s == pytest.approx(1.0)
+    assert taken[0].timestamp_s > BEGIN_S, "a clock of the bus's own is set to the time of day"
+
+
+class Gateway:
+    """A bus whose frames carry the times that it is made with."""
+
+    def __init__(self, *times_s: float) -> None:
+        self._times_s = times_s
+
+    def tap(self, callback: Callable[[Frame, bool], None]) -> Callable[[], None]:
+        for time_s in self._times_s:
+            callback(Frame(0x185, b"\x37", timestamp_s=time_s), False)
+        return lambda: None
+
+    def idle(self, duration_s: float) -> None:
+        time.sleep(duration_s)
+
+
+@pytest.mark.parametrize("first_s", [1e300, -1e18, float("nan"), float("inf"), 5.0])
+def test_a_gateways_clock_may_be_nonsense(first_s: float) -> None:
+    with Listener(Gateway(first_s, time.time(), 1e18, float("nan"), -5.0, 0.0), lambda _frame: False) as listener:
+        taken = listener.take(1.0)
+    assert len(taken) == 6
+    for frame in taken:
+        assert frame.timestamp_s == pytest.approx(time.time(), abs=FOREIGN_CLOCK_S + 30)
+        assert utc(frame.timestamp_s)
+
+
+def golden_store() -> FrameStore:
+    """A second of a bus with one known node and one unknown."""
+    names = ("Analogue input 1", "Velocity actual value", "Statusword")
+    (address, layout), *_ = decoder().layouts.items()
+    units = ("V", "rpm", "")
+    known = Layout(
+        layout.service,
+        tuple(Signal(n, n, s.object, u) for n, s, u in zip(names, layout.signals, units, strict=True)),
+        layout.read,
+    )
+    store = FrameStore(Decoder({address: known}))
+    for n in range(51):
+        at_s = BEGIN_S + 0.02 * n
+        value = (1000 + 100 * n).to_bytes(2, "little") + (50 * n).to_bytes(4, "little") + b"\x37\x12"
+        store.take(Frame(0x201, value, timestamp_s=at_s))
+        if n % 10 == 0:
+            store.take(Frame(0x185, b"\x37\x12\x03", timestamp_s=at_s))
+    store.take(Frame(0x085, bytes.fromhex("3081110000000000"), timestamp_s=BEGIN_S + 0.9))
+    return store
+
+
+@pytest.mark.parametrize(("columns", "rows"), [(80, 24), (120, 40)])
+@pytest.mark.parametrize("mode", ["table", "raw", "graph"])
+def test_screens_look_as_they_did(request: pytest.FixtureRequest, mode: str, columns: int, rows: int) -> None:
+    view = View(mode=mode, chosen=1)
+    drawn = picture(golden_store(), view, Moment("sim", 72.0, 3, BEGIN_S + 1.0), columns, rows)
+    lines = ["".join(cell.text for cell in line).rstrip() for line in drawn]
+    events = [line for line in lines if "EMCY node 5" in line and line.startswith("!")]
+    assert len(events) == 1
+    lines[lines.index(events[0])] = "! HH:MM:SS" + events[0][10:]  # the time of day is local
+    path = SCREENS / f"{mode}_{columns}x{rows}.txt"
+    text = "\n".join([*lines, ""])
+    if request.config.getoption("--update-transcripts"):
+        path.write_text(text, encoding="utf-8")
+    assert text == path.read_text("utf-8")

@@ -1,0 +1,61 @@
+"""What is typed while a command runs is run by nobody, and a question is answered only by who has seen it."""
+
+from __future__ import annotations
+
+from tests.prompt.conftest import Open
+from tests.prompt.terminal import CTRL_C, CTRL_D, ENTER, Terminal
+
+
+def test_lines_typed_while_a_command_runs_are_thrown_away_and_that_is_said(gen4: Terminal) -> None:
+    gen4.run("sync --count 6 --period 300 -vv")
+    gen4.wait("-> 0x080")
+    gen4.type(f"map tpdo1 606C{ENTER}cle")
+    gen4.wait("18 characters typed meanwhile were thrown away")
+    gen4.wait_prompt()
+    gen4.run("undo")
+    gen4.wait("nothing to undo: this session changed nothing")
+
+
+def test_what_is_pasted_in_one_piece_runs_line_by_line(gen4: Terminal) -> None:
+    gen4.type("\x1b[200~read 1018:1\nread 1018:2\x1b[201~")
+    gen4.until(lambda: "read 1018:2" in gen4.cursor_line, "what was pasted")
+    gen4.type(ENTER)
+    gen4.wait("0x0705302D")
+    assert "0x0000001E" in gen4.text
+    assert "thrown away" not in gen4.text
+
+
+def test_ctrl_c_at_a_question_is_no_and_the_next_line_answers_nothing(gen4: Terminal) -> None:
+    gen4.run("restore")
+    gen4.wait("restore? [y/N]")
+    gen4.type(CTRL_C)
+    gen4.wait("interrupted")
+    gen4.wait_prompt()
+    gen4.run("y")
+    gen4.wait("no command is called 'y'")
+    gen4.type(CTRL_C)
+    gen4.wait_prompt("sim/1 PRE-OP> ")
+
+
+def test_what_was_typed_before_a_question_answers_nothing(open_terminal: Open) -> None:
+    terminal = open_terminal("--sim", "gen4")
+    terminal.wait_prompt()
+    terminal.type("\x1b[200~sync --count 6 --period 300 -vv\nrestore\x1b[201~")
+    terminal.until(lambda: "restore" in terminal.cursor_line, "what was pasted")
+    terminal.type(ENTER)
+    terminal.wait("-> 0x080")
+    terminal.type(f"y{ENTER}")
+    terminal.wait("2 characters typed meanwhile were thrown away")
+    terminal.wait("restore? [y/N]")
+    terminal.type(f"n{ENTER}")
+    terminal.wait("not done: the answer was no")
+    terminal.wait_prompt("sim/1 PRE-OP> ")
+
+
+def test_ctrl_c_at_the_last_question_stays(gen4: Terminal) -> None:
+    gen4.run("map tpdo1 606C")
+    gen4.wait_prompt("sim/1 PRE-OP*> ")
+    gen4.type(CTRL_D)
+    gen4.wait("leave? [y/N]")
+    gen4.type(CTRL_C)
+    gen4.wait_prompt("sim/1 PRE-OP*> ")

@@ -1,0 +1,208 @@
+"""Signals in the middle of a change, whoever still reads: the exit code says what the device holds then.
+
+Real processes on a served node: dvtcli in a child, and canopen, which knows nothing of dvtcli, reads what it left.
+"""
+
+from __future__ import annotations
+
+import itertools
+import os
+import random
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import can
+import canopen
+import pytest
+
+from tests.process import ROOT, environment
+from tests.recovery.test_killed import MAP, STEPS, Bench
+
+pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
+
+CODES = {signal.SIGINT: 130, signal.SIGTERM: 143, signal.SIGHUP: 129}
+CLOSED = ((), ("stdout",), ("stderr",), ("stdout", "stderr"))
+#: the state object of a Gen4, and what it says (the published Gen4 manual)
+STATE, PRE_OPERATIONAL, OPERATIONAL = 0x5110, 0x7F, 0x05
+TCL = "catch {dvtcli " + " ".join(MAP) + "}\nputs never\ndvtcli pdo\n"
+SCRIPT = "pdo -q\n" + " ".join(MAP) + "\nset tpdo2 --timer 70\n"
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Iterator[Bench]:
+    made = Bench(tmp_path)
+    yield made
+    made.wire.close()
+
+
+@contextmanager
+def foreign(bench: Bench) -> Iterator[canopen.RemoteNode]:
+    """The node as canopen sees it."""
+    bus = can.Bus(interface="socketcand", host="127.0.0.1", port=bench.wire.port, channel="can0", ignore_config=True)
+    network = canopen.Network(bus=bus)
+    network.notifier = can.Notifier(bus, network.listeners, 0.1)
+    try:
+        node = network.add_node(canopen.RemoteNode(5, canopen.ObjectDictionary()))
+        node.sdo.RESPONSE_TIMEOUT = 5
+        yield node
+    finally:
+        network.notifier.stop()
+        bus.shutdown()
+
+
+def held(bench: Bench) -> dict[tuple[int, int], bytes]:
+    """What the node holds of its first two TPDOs, and its NMT state."""
+    with foreign(bench) as node:
+        places = [(0x1800, 1), (0x1800, 2), (0x1801, 1), (0x1801, 5), (STATE, 0)]
+        for index in (0x1A00, 0x1A01):
+            places += [(index, sub) for sub in range(node.sdo.upload(index, 0)[0] + 1)]
+        return {place: node.sdo.upload(*place) for place in places}
+
+
+def start(bench: Bench) -> dict[tuple[int, int], bytes]:
+    """The node in OPERATIONAL."""
+    with foreign(bench) as node:
+        node.nmt.state = "OPERATIONAL"
+        assert node.sdo.upload(STATE, 0)[0] == OPERATIONAL
+    return held(bench)
+
+
+def stopped(
+    bench: Bench, number: int, closed: tuple[str, ...], step: int, *words: str, times: int = 1, **streams: Any
+) -> tuple[int, str]:
+    """Run dvtcli with *words*, whose SDO download *step* brings the signal *number*; its exit code and stderr."""
+    child = subprocess.Popen(
+        [sys.executable, "-m", "dvtcli", *bench.words, "--yes", *words],
+        **{"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, **streams},
+        cwd=ROOT,
+        env=environment(),
+    )
+
+    def strike(at: int) -> None:
+        if at == bench.wire.downloads and at - before in (step, *range(step + 1, step + times)):
+            for name in closed if at - before == step else ():
+                getattr(child, name).close()
+            child.send_signal(number)
+
+    before = bench.wire.downloads
+    bench.wire.at_download = strike
+    stderr = b"" if "stderr" in closed or child.stderr is None else child.stderr.read()
+    child.wait(60)
+    for stream in (child.stdout, child.stderr):
+        if stream is not None:
+            stream.close()
+    bench.wire.at_download = lambda _number: None
+    return child.returncode, stderr.decode()
+
+
+def cases(count: int) -> list[tuple[int, tuple[str, ...], str, int]]:
+    """*count* of all combinations, every signal, every closed pipe and every way in among the first ones."""
+    everything = list(itertools.product(CODES, CLOSED, ("map", "script", "atomic", "tcl"), range(2, STEPS + 1)))
+    random.Random(9).shuffle(everything)
+    return everything[:count]
+
+
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    if "case" in metafunc.fixturenames:
+        metafunc.parametrize("case", cases(metafunc.config.getoption("--signals")), ids=str)
+
+
+def test_a_change_is_rolled_back_whoever_reads(
+    bench: Bench, tmp_path: Path, case: tuple[int, tuple[str, ...], str, int]
+) -> None:
+    number, closed, way, step = case
+    files = {"script": SCRIPT, "atomic": SCRIPT, "tcl": TCL}
+    words = list(MAP)
+    if way in files:
+        script = tmp_path / f"x.{'tcl' if way == 'tcl' else 'dvt'}"
+        script.write_text(files[way])
+        words = ["run", str(script), *(["--atomic"] if way == "atomic" else [])]
+    before = start(bench)
+    code, stderr = stopped(bench, number, closed, step, *words)
+    assert code == CODES[signal.Signals(number)], stderr
+    assert held(bench) == before
+    assert not bench.journals()
+    if "stderr" not in closed:
+        assert "Traceback" not in stderr
+        assert "everything is as it was" in stderr or "terminated" in stderr or "rolled back" in stderr
+
+
+@pytest.mark.parametrize("closed", CLOSED)
+def test_an_atomic_script_takes_the_lines_before_back(bench: Bench, tmp_path: Path, closed: tuple[str, ...]) -> None:
+    script = tmp_path / "x.dvt"
+    script.write_text(SCRIPT)
+    before = start(bench)
+    code, stderr = stopped(bench, signal.SIGTERM, closed, STEPS + 1, "run", str(script), "--atomic")
+    assert code == 143, stderr
+    assert held(bench) == before
+    assert not bench.journals()
+
+
+def test_another_script_keeps_them_and_says_so(bench: Bench, tmp_path: Path) -> None:
+    script = tmp_path / "x.dvt"
+    script.write_text(SCRIPT)
+    before = start(bench)
+    code, stderr = stopped(bench, signal.SIGINT, (), STEPS + 1, "run", str(script))
+    assert code == 130, stderr
+    assert f"what {script}:2 changed stays" in stderr
+    after = held(bench)
+    assert after[0x1800, 1] == bytes.fromhex("01020000")
+    assert after[0x1801, 5] == before[0x1801, 5]
+    assert after[STATE, 0][0] == PRE_OPERATIONAL
+    assert "was OPERATIONAL and is PRE-OPERATIONAL now" in stderr
+
+
+def test_a_hang_up_that_comes_twice_insists_on_nothing(bench: Bench) -> None:
+    before = start(bench)
+    code, stderr = stopped(bench, signal.SIGHUP, ("stdout", "stderr"), 4, *MAP, times=3)
+    assert code == 129, stderr
+    assert held(bench) == before
+    assert not bench.journals()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("atomic", [False, True])
+def test_whoever_insists_leaves_it_to_recover(
+    bench: Bench, tmp_path: Path, number: signal.Signals, atomic: bool
+) -> None:
+    script = tmp_path / "x.dvt"
+    script.write_text("set tpdo2 --timer 70\n" + " ".join(MAP))
+    before = start(bench)
+    step = 4 + atomic
+    words = ["run", str(script), "--atomic"] if atomic else list(MAP)
+    code, stderr = stopped(bench, number, (), step, *words, times=4)
+    assert code == 7, stderr
+    (journal,) = bench.journals()
+    assert f"recover finishes it, from {journal}" in stderr
+    assert held(bench) != before
+    code, _, stderr = bench.run("recover", "--yes")
+    assert code == 0, stderr
+    with foreign(bench) as node:
+        node.nmt.state = "OPERATIONAL"
+    assert held(bench) == before
+
+
+@pytest.mark.parametrize("redirected", [">&-", "2>&-", ">&- 2>&-", "<&- >&- 2>&-"])
+def test_missing_streams_are_no_fault(bench: Bench, redirected: str) -> None:
+    words = " ".join(f"'{word}'" for word in [sys.executable, "-m", "dvtcli", *bench.words, *MAP])
+    ran = subprocess.run(["/bin/sh", "-c", f"{words} {redirected}"], cwd=ROOT, env=environment(), check=False)
+    assert ran.returncode == 0
+    assert held(bench)[0x1800, 1] == bytes.fromhex("01020000")
+    assert not bench.journals()
+
+
+@pytest.mark.parametrize("closed", CLOSED[1:])
+@pytest.mark.parametrize("options", [[], ["--json"], ["-vv"]])
+def test_a_reader_that_leaves_changes_nothing_of_a_change(
+    bench: Bench, closed: tuple[str, ...], options: list[str]
+) -> None:
+    code, stderr = stopped(bench, 0, closed, 3, *MAP, *options)
+    assert code == 0, stderr
+    assert held(bench)[0x1800, 1] == bytes.fromhex("01020000")
+    code, stderr = stopped(bench, 0, closed, 1, "write", "1018:1", "5", *options)
+    assert code == 1, stderr

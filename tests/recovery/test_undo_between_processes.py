@@ -1,0 +1,275 @@
+"""What one dvtcli changed, another one puts back: by the history that is kept of a device, or by its backup.
+
+Real processes on a node behind a socketcand server; the law at the end with sessions of their own on a virtual bus.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from dvtcli.device.past import MOST_CHANGES, Past
+from dvtcli.device.read_pdos import present_pdos, read_pdo
+from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.plan import Plan, Step, ValueChange
+from tests.commands.bench import Bench as Lines
+from tests.commands.bus import Wire, device
+from tests.process import home
+from tests.recovery.test_killed import MAP, Bench
+from tests.serve.served import served
+
+CHANGES = home() / ".local" / "state" / "dvtcli" / "changes"
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Iterator[Bench]:
+    made = Bench(tmp_path)
+    yield made
+    made.wire.close()
+
+
+def files(bench: Bench) -> list[Path]:
+    return sorted(CHANGES.glob(f"*{bench.wire.port}*.json"))
+
+
+def remembered(bench: Bench) -> int:
+    (file,) = files(bench)
+    return len(json.loads(file.read_text("utf-8"))["changes"])
+
+
+def test_each_process_undoes_one_more(bench: Bench) -> None:
+    states = [bench.pdos()]
+    for words in (MAP, ("set", "tpdo2", "--timer", "70"), ("clear", "tpdo1")):
+        assert bench.run(*words)[0] == 0
+        states.append(bench.pdos())
+    assert remembered(bench) == 3
+    (file,) = files(bench)
+    assert file.stat().st_mode & 0o777 == 0o600
+    states.pop()
+    while states:
+        code, stdout, stderr = bench.run("undo", "--json")
+        assert code == 0, stderr
+        assert json.loads(stdout)["verified"] is True
+        assert bench.pdos() == states.pop()
+    code, _, stderr = bench.run("undo")
+    assert code == 2
+    assert "nothing to undo" in stderr
+
+
+def test_without_a_selected_node_it_is_the_last_change_on_the_bus(bench: Bench) -> None:
+    before = bench.pdos()
+    at = bench.words.index("-n")
+    del bench.words[at : at + 2]
+    assert bench.run("map", "5:tpdo1", "6041", "606C")[0] == 0
+    code, _, stderr = bench.run("undo")
+    assert code == 0, stderr
+    assert bench.pdos() == before
+
+
+def test_it_is_refused_where_the_device_holds_something_else(bench: Bench) -> None:
+    assert bench.run(*MAP)[0] == 0
+    with bench.wire.at_work:
+        bench.wire.device.download(0x1800, 5, bytes([33, 0]))
+    held, downloads = bench.pdos(), bench.wire.downloads
+    code, stdout, _ = bench.run("undo", "--json")
+    assert code == 6
+    document = json.loads(stdout)
+    assert document["state"] == "unchanged"
+    assert "event timer is 33" in document["text"]
+    assert (bench.pdos(), bench.wire.downloads) == (held, downloads)
+    assert remembered(bench) == 1
+
+
+def test_another_device_with_the_same_serial_number_keeps_its_own_past(tmp_path: Path) -> None:
+    with served(tmp_path, "generic@1", "generic@3") as nodes:
+        for node_id in ("1", "3"):
+            assert nodes.dvtcli("-n", node_id, "map", "tpdo1", "6041", "606C").returncode == 0
+        assert nodes.dvtcli("-n", "3", "undo").returncode == 0
+        assert nodes.dvtcli("-n", "3", "undo").returncode == 2
+        undone = nodes.dvtcli("-n", "1", "undo", "--json")
+        assert (undone.returncode, json.loads(undone.stdout)["writes"]) == (0, 5)
+        assert nodes.dvtcli("undo").returncode == 2
+
+
+def test_a_dry_run_neither_writes_nor_forgets(bench: Bench) -> None:
+    assert bench.run(*MAP, "--dry-run")[0] == 0
+    assert not files(bench)
+    assert bench.run(*MAP)[0] == 0
+    held, downloads = bench.pdos(), bench.wire.downloads
+    code, stdout, stderr = bench.run("undo", "--dry-run", "--json")
+    assert code == 0, stderr
+    assert json.loads(stdout)["dry_run"] is True
+    assert json.loads(stdout)["writes"] > 0
+    assert (bench.pdos(), bench.wire.downloads, remembered(bench)) == (held, downloads, 1)
+
+
+def test_a_change_that_was_undone_in_its_session_is_not_remembered(bench: Bench, tmp_path: Path) -> None:
+    script = tmp_path / "x.dvt"
+    script.write_text("map tpdo1 6041 606C\nset tpdo2 --timer 9\nundo\n")
+    before = bench.pdos()
+    code, _, stderr = bench.run("run", str(script))
+    assert code == 0, stderr
+    assert remembered(bench) == 1
+    assert bench.run("undo")[0] == 0
+    assert bench.pdos() == before
+
+
+def test_a_damaged_file_is_said_and_kept_aside_by_the_next_change(bench: Bench) -> None:
+    assert bench.run(*MAP)[0] == 0
+    (file,) = files(bench)
+    file.write_text('{"schema": "dvtcli.past/1", "changes": [{"node": 5')
+    code, _, stderr = bench.run("undo")
+    assert code == 4
+    assert str(file) in stderr
+    assert "undo --backup" in stderr
+    before = bench.pdos()
+    code, _, stderr = bench.run("set", "tpdo2", "--timer", "70")
+    assert code == 0, stderr
+    (aside,) = CHANGES.glob(f"{file.name}.damaged-*")
+    assert str(aside) in stderr
+    assert bench.run("undo")[0] == 0
+    assert bench.pdos() == before
+
+
+def test_a_change_that_cannot_be_remembered_is_done_all_the_same(bench: Bench) -> None:
+    assert bench.run(*MAP)[0] == 0
+    (file,) = files(bench)
+    file.unlink()
+    file.mkdir()
+    try:
+        code, _, stderr = bench.run("set", "tpdo2", "--timer", "71")
+    finally:
+        for left in (file, *CHANGES.glob(f"{file.name}.damaged-*")):
+            if left.is_dir():
+                left.rmdir()
+    assert code == 0, stderr
+    assert bench.pdos()[Pdo.parse("tpdo2")].communication.event_timer == 71
+    assert not bench.journals()
+
+
+def test_the_newest_backup_is_put_back(bench: Bench) -> None:
+    before = bench.pdos()
+    first, second = (before[Pdo.parse(name)].communication.cob_id for name in ("tpdo1", "tpdo2"))
+    script = bench.folder / "swap.dvt"
+    script.write_text(
+        f"set tpdo1 --cob-id 0x6A0\nmap tpdo2 6041 --cob-id {first}\nset tpdo1 --cob-id {second}\nclear rpdo2\n"
+    )
+    assert bench.run("run", str(script))[0] == 0
+    assert bench.pdos() != before
+    code, stdout, stderr = bench.run("undo", "--backup", "--json")
+    assert code == 0, stderr
+    assert bench.pdos() == before
+    assert json.loads(stdout)["verified"] is True
+    (backup, _) = sorted((bench.folder / "backups").glob("*.dvt"))
+    assert bench.run("undo")[0] == 0, "putting a backup back is a change, too"
+    assert bench.pdos() != before
+    stamp = backup.stem[-len("20261122T041120.123456Z") :]
+    code, _, stderr = bench.run("undo", "--backup", stamp)
+    assert code == 0, stderr
+    assert bench.pdos() == before
+
+
+def test_backups_are_listed_where_none_is_of_that_time(bench: Bench) -> None:
+    code, _, stderr = bench.run("undo", "--backup")
+    assert code == 2
+    assert "no backup of node 5" in stderr
+    assert bench.run(*MAP)[0] == 0
+    code, _, stderr = bench.run("undo", "--backup", "1999-12-31")
+    assert code == 2
+    (backup,) = (bench.folder / "backups").glob("*.dvt")
+    assert str(backup) in stderr
+    held = backup.read_text("utf-8")
+    backup.write_text(held.replace("product=0x", "product=0xF"), "utf-8")
+    assert bench.run("undo", "--backup")[0] == 2, "it is of another device"
+
+
+def test_what_is_remembered_is_bounded_and_told_apart_by_identity(tmp_path: Path) -> None:
+    past = Past(tmp_path, "socketcan:can0")
+    drive: dict[str, int | None] = {"vendor": 1, "product": 2, "revision": 3, "serial": 4}
+    for value in range(MOST_CHANGES + 10):
+        step = Step(0x1017, 0, bytes([value, 0]), bytes([value + 1, 0]), "write")
+        past.add(Plan(5, (ValueChange(step),)), drive)
+    newest = past.newest(5, drive)
+    assert newest is not None
+    assert next(newest.plan.steps).after == bytes([MOST_CHANGES + 10, 0])
+    assert len(json.loads(past.path(5, drive).read_text("utf-8"))["changes"]) == MOST_CHANGES
+    assert past.newest(9, drive) is None
+    assert past.moved(5, drive) is None
+    assert past.moved(9, drive) == newest, "the serial number says that it is the same device with another node-ID"
+    assert past.newest(5, drive | {"serial": 5}) is None
+    assert Past(tmp_path, "socketcan:can1").newest(5, drive) is None
+    for nobody in (None, 0, 0xFFFF_FFFF):
+        alike = drive | {"serial": nobody}
+        past.add(newest.plan, alike)
+        assert past.newest(5, alike) is not None
+        assert past.newest(6, alike) is None
+        assert past.moved(6, alike) is None
+    last = past.newest_of_all()
+    assert last is not None
+    assert last.identity["serial"] == 0xFFFF_FFFF
+
+
+def test_what_grows_too_large_to_be_read_loses_its_oldest(tmp_path: Path) -> None:
+    past = Past(tmp_path, "socketcan:can0")
+    drive: dict[str, int | None] = {"vendor": 1, "product": 2, "revision": 3, "serial": 4}
+    for value in range(4):
+        step = Step(0x2000, 0, bytes(600_000), bytes([value]) * 600_000, "write")
+        past.add(Plan(5, (ValueChange(step),)), drive)
+        newest = past.newest(5, drive)
+        assert newest is not None
+        assert next(newest.plan.steps).after[0] == value
+
+
+STEPS = [
+    "map tpdo1 606C",
+    "map tpdo1 6041 606C --inhibit 1 --timer 5",
+    "set tpdo1 --cob-id 0x3A1",
+    "disable tpdo1",
+    "enable tpdo1",
+    "clear tpdo1",
+    "clear all",
+    "write 1800:2 10",
+    "write 1800:5 7",
+    "write 1800:1 0x80000190",
+    "write 1A00:0 0",
+    "write 1A00:1 0x60770010",
+    "write 1A00:2 0x60410010",
+    "write 1A00:0 2",
+    "write 1017 100",
+    "undo",
+]
+
+
+@settings(
+    max_examples=max(10, settings().max_examples // 10),
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
+@given(st.lists(st.sampled_from(STEPS), min_size=1, max_size=8))
+def test_changes_of_sessions_of_their_own_are_undone_to_the_start(
+    monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory, lines: list[str]
+) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
+    with Wire(device("generic")) as wire:
+
+        def run(line: str) -> int:
+            with Lines((), {**wire.options, "yes": True}) as session:
+                return session.run(line).code
+
+        def held() -> object:
+            with Lines((), wire.options) as session:
+                sdo = session.session.node().sdo
+                return [read_pdo(sdo, pdo) for pdo in present_pdos(sdo, None)], sdo.upload(0x1017, 0)
+
+        before = held()
+        codes = [(line, run(line)) for line in lines]
+        assert all(code in (0, 1) or (line, code) == ("undo", 2) for line, code in codes), codes
+        while (code := run("undo")) == 0:
+            pass
+        assert code == 2
+        assert held() == before
