@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.store_parameters import SIGNATURES
 from dvtcli.errors import UsageError
+from dvtcli.operations.options import PREFIX
 
 if TYPE_CHECKING:
     import click
@@ -25,10 +26,15 @@ _CHANGING_WORDS = frozenset({"sdo_wn", "sdo_wnx", "map_in_tpdo", "clear_all_pdos
 _OTHER = frozenset({"nmt", "login", "lg", "fpo"})
 
 
+def is_rehearsal(ctx: click.Context) -> bool:
+    """Whether the parsed line, which has not run yet, works on twins by an option of its own."""
+    return bool(ctx.params.get(f"{PREFIX}dry_run"))
+
+
 def final_word(ctx: click.Context) -> str | None:
     """What the parsed line does that no undo reverts, in its own words; None where it does no such thing."""
     name, params = ctx.info_name or "", ctx.params
-    if params.get("dry_run"):
+    if is_rehearsal(ctx):
         return None
     if name in _FINAL:
         return name
@@ -53,14 +59,14 @@ def _place(ctx: click.Context) -> int | None:
 def is_changing(ctx: click.Context) -> bool:
     """Whether the parsed line changes what a node holds, in a way that can be undone."""
     name = ctx.info_name or ""
-    if ctx.params.get("dry_run"):
+    if is_rehearsal(ctx):
         return False
     return (name in _CHANGING or name in _CHANGING_WORDS) and final_word(ctx) is None
 
 
 def does_other(ctx: click.Context) -> bool:
     """Whether the parsed line does something to a node that its history does not hold."""
-    return not ctx.params.get("dry_run") and (final_word(ctx) is not None or ctx.info_name in _OTHER)
+    return not is_rehearsal(ctx) and (final_word(ctx) is not None or ctx.info_name in _OTHER)
 
 
 @dataclass(slots=True)

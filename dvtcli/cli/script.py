@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from dvtcli.cli.atomic import Reach
+from dvtcli.cli.atomic import Reach, is_rehearsal
 from dvtcli.cli.boundary import BUG, SIGNALLED, usage_error
 from dvtcli.cli.command import LEAVE
 from dvtcli.cli.lexer import split
@@ -173,17 +173,17 @@ def _all_parsed(
         ctx, place = _parsed(line, session, sources[-1]), f"{sources[-1]}:{line.number}"
         parsed.append((line, ctx))
         reach.line(place, ctx)
-        file = script_of(ctx)
+        file, into = script_of(ctx), Reach() if is_rehearsal(ctx) else reach
         if ctx.command.name == "save":
             written.add(str(ctx.params.get("file")))
         elif file is None:
             continue
         elif file == "-" or file in written or file.lower().endswith(".tcl"):
-            reach.not_parsed(place, tcl=file not in written)
+            into.not_parsed(place, tcl=file not in written)
         else:
-            reach.script(place, _nested(file, session, sources, checked, place))
+            into.script(place, _nested(file, session, sources, checked, place))
             if ctx.params.get("keep_going"):
-                reach.keeps_going = reach.keeps_going or place
+                into.keeps_going = into.keeps_going or place
     return parsed
 
 

@@ -30,6 +30,8 @@ class ScriptChanges:
 
     def __init__(self, session: Session, *, atomic: bool) -> None:
         self._session, self.atomic = session, atomic
+        #: whether all of the script works on twins
+        self.dry_run = session.dry_run
         #: those of the script that runs this one
         self._outer = session.script_changes
         self._before = {id(node): len(node.history) for node in session.met_nodes()}

@@ -36,13 +36,16 @@ def _run_noted(session: Session, ctx: click.Context) -> Any:
     changes, place = session.script_changes, session.place
     assert changes is not None  # noqa: S101 - a script runs
     assert place is not None  # noqa: S101
+    noted = changes.dry_run or not session.dry_run  # what a line does to twins of its own is gone when it ends
+    other, final = does_other(ctx), final_word(ctx) is not None  # now: running the line takes its options out of it
     try:
         if session.cancellation.requested:  # asked for when the last line's change was complete
             raise KeyboardInterrupt
         with ctx:
             code = ctx.command.invoke(ctx)
         done = code in (0, None, LEAVE)
-        changes.note(place, other=done and does_other(ctx), final=done and final_word(ctx) is not None)
+        if noted:
+            changes.note(place, other=done and other, final=done and final)
         if not done:
             _refuse_half(ctx, changes, code)
     except BaseException as failed:

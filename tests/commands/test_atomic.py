@@ -107,6 +107,20 @@ def test_what_cannot_be_taken_back_stands_behind_the_last_change(
     assert not bench.session.executed
 
 
+@pytest.mark.parametrize("final", ["store", "restore", "nmt reset-node", "write 1010:1 save", "fpo op", "run INNER"])
+def test_what_is_done_to_a_twin_alone_is_not_final(bench: Bench, tmp_path: Path, final: str) -> None:
+    inner = tmp_path / "inner.dvt"
+    inner.write_text("set tpdo1 --timer 5\nstore\n")
+    final = final.replace("INNER", str(inner))
+    before = held(bench)
+    assert atomic(bench, tmp_path, LINES[0], f"{final} --dry-run", LINES[3]).code == 0
+    assert held(bench) != before
+    before = held(bench)
+    ran = atomic(bench, tmp_path, LINES[2], f"{final} --dry-run", "read 5FFF", options="--json")
+    assert (ran.code, ran.documents[-1]["state"], ran.documents[-1]["stays"]) == (1, "rolled_back", [])
+    assert held(bench) == before
+
+
 def test_usage_errors(bench: Bench, tmp_path: Path) -> None:
     (tmp_path / "y.tcl").write_text("puts x")
     (tmp_path / "y.dvt").write_text("pdo -q")
