@@ -11,11 +11,13 @@ from dvtcli.cli.command import LEAVE
 from dvtcli.cli.registry import REGISTRY
 from dvtcli.cli.run_line import boundary
 from dvtcli.cli.view.output import Output
+from dvtcli.cli.ways_in import install
 from dvtcli.operations.session import Session
 
 
 def main(argv: list[str] | None = None) -> int:
     """Run dvtcli with *argv* (default: the process's own) and return its exit code."""
+    install()
     session = Session(Output(), on_open=lambda: _catch_signals(session))
     words = sys.argv[1:] if argv is None else argv
     if "--json" in words:  # also for errors that are found before the option is read

@@ -1,6 +1,7 @@
 """The one registry: a command is found and imported by its file's name when it is first needed.
 
-Knows commands only by their files' names. Does not know how a line is cut into words (`lexer`) or run (`run_line`).
+Knows commands only by their files' names. Does not know how a line is cut into words (`lexer`) or run
+(`run_line`), nor what runs lines (`ways_in`).
 """
 
 from __future__ import annotations
@@ -13,13 +14,14 @@ import click
 
 from dvtcli.cli.catalogue import command_names, unknown_command
 from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.ways import Root, ways
 from dvtcli.operations.options import by_variable, global_options, one_pair_each, taken
 
 if TYPE_CHECKING:
     from dvtcli.operations.session import Session
 
 
-class Registry(click.Group):
+class Registry(Root):
     """The one set of commands: every file in `commands/` whose name has no leading underscore."""
 
     command_class = DvtCommand
@@ -96,9 +98,7 @@ def _root() -> Registry:
         """
         if ctx.invoked_subcommand is not None:
             return None
-        from dvtcli.cli.without_command import without_command
-
-        return without_command(ctx.obj)
+        return ways(ctx).without_command(ctx.obj)
 
     assert isinstance(root, Registry)  # noqa: S101 - for the type checker
     return root

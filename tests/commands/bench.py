@@ -11,7 +11,10 @@ from dvtcli.cli.lexer import split
 from dvtcli.cli.run_line import boundary, run_words
 from dvtcli.cli.script import run_script
 from dvtcli.cli.view.output import Output
+from dvtcli.cli.ways_in import install
 from dvtcli.operations.session import Session
+
+install()
 
 
 @dataclass

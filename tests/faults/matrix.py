@@ -16,6 +16,7 @@ from dvtcli.cli.lexer import split
 from dvtcli.cli.run_line import boundary, run_words
 from dvtcli.cli.script import run_script
 from dvtcli.cli.view.output import Output
+from dvtcli.cli.ways_in import install
 from dvtcli.device.change.safekeeping import Keeper
 from dvtcli.device.change.way_back import recover
 from dvtcli.device.node import Node
@@ -32,6 +33,7 @@ from dvtcli.simulator.network.virtual_time import VirtualTimeBus
 from tests.faults.sequences import AT_READ, FAMILIES, FAULTS, LASTING, MASTERS, SEQUENCES, STARTS, Start
 from tests.laws.bench import NODE, booted, dictionary, profile
 
+install()
 #: outcomes of a cell that are as they should be
 OLD, NEW, RECOVERED = "old", "new", "7, recovered"
 #: the node restarted between two changes, and the user was told what is lost

@@ -28,6 +28,7 @@ from dvtcli.cli.registry import REGISTRY
 from dvtcli.cli.run_line import boundary, parse, run_words
 from dvtcli.cli.script import script_lines
 from dvtcli.cli.view.output import Output
+from dvtcli.cli.ways_in import install
 from dvtcli.device.change.journal import Journals, read_journal
 from dvtcli.device.node import Node
 from dvtcli.device.read_pdos import present_pdos, read_pdo
@@ -61,6 +62,7 @@ from dvtcli.simulator.network.virtual_time import VirtualTimeBus
 from tests.fuzz.server import sdo_client
 from tests.laws.bench import NODE, booted, dictionary, plain, profile
 
+install()
 Target = Callable[[bytes], None]
 
 _FAMILIES = ("generic", "gen4", "tmcm", "roboteq")

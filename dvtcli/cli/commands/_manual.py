@@ -8,32 +8,31 @@ from collections.abc import Iterator
 import click
 
 from dvtcli.cli.help.guide import task_sections, topic, topic_names
-from dvtcli.cli.registry import REGISTRY
 
 
-def manual(version: str) -> list[str]:
-    """The lines of dvtcli(1)."""
-    root = click.Context(REGISTRY, info_name="dvtcli")
+def manual(program: click.Group, version: str) -> list[str]:
+    """The lines of dvtcli(1), of *program* with all its commands."""
+    root = click.Context(program, info_name="dvtcli")
     lines = [f'.TH DVTCLI 1 "" "dvtcli {version}" "User Commands"', ".SH NAME"]
     lines += [
         r"dvtcli \- configure the PDOs of CANopen devices",
         ".SH SYNOPSIS",
         r"\fBdvtcli\fR [OPTIONS] [COMMAND ...]",
     ]
-    lines += [".SH DESCRIPTION", *_plain(inspect.cleandoc(REGISTRY.help or ""))]
-    lines += [".SH OPTIONS", *_options(REGISTRY, root)]
+    lines += [".SH DESCRIPTION", *_plain(inspect.cleandoc(program.help or ""))]
+    lines += [".SH OPTIONS", *_options(program, root)]
     for task, rows in task_sections():
         lines.append(f'.SH "{_escaped(task.upper())}"')
         for name, _ in rows:
-            lines += _command(root, name)
+            lines += _command(program, root, name)
     for name in topic_names():
         title, *rest = topic(name).splitlines()
         lines += [f'.SH "{_escaped(title.upper())}"', ".nf", *_plain("\n".join(rest), paragraphs=False), ".fi"]
     return lines
 
 
-def _command(root: click.Context, name: str) -> Iterator[str]:
-    found = REGISTRY.get_command(root, name)
+def _command(program: click.Group, root: click.Context, name: str) -> Iterator[str]:
+    found = program.get_command(root, name)
     assert found is not None  # noqa: S101 - the name is the registry's own
     ctx = click.Context(found, info_name=name)
     pieces = " ".join(found.collect_usage_pieces(ctx)).replace("[OPTIONS] ", "").replace("[OPTIONS]", "")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand
-from dvtcli.cli.registry import REGISTRY
+from dvtcli.cli.ways import root
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import Facts
@@ -19,7 +19,8 @@ _BASH_WORDS = "COMP_WORDBREAKS=${COMP_WORDBREAKS//:}"
 
 @click.command("completion", cls=DvtCommand, short_help=__doc__)
 @click.argument("shell", type=click.Choice(_SHELLS), metavar="|".join(_SHELLS))
-def command(shell: str) -> Facts:
+@click.pass_context
+def command(ctx: click.Context, /, shell: str) -> Facts:
     """Print a script for SHELL; read at its start, Tab completes commands, options, PDOs and objects.
 
     Objects come from `--eds` or `--sim` on the line, or from dvtcli.toml; no bus is opened.
@@ -39,6 +40,6 @@ def command(shell: str) -> Facts:
         from importlib.metadata import version
 
         raise click.UsageError(f"click {version('click')} completes in no {shell}; newer ones do: pip install -U click")
-    script = found(REGISTRY, {}, "dvtcli", "_DVTCLI_COMPLETE").source()
+    script = found(root(ctx), {}, "dvtcli", "_DVTCLI_COMPLETE").source()
     lines = [*script.splitlines(), *([_BASH_WORDS] if shell == "bash" else [])]
     return Facts("completion", (("shell", shell), ("script", "\n".join(lines))), tuple(lines))

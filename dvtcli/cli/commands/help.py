@@ -10,7 +10,7 @@ from click.shell_completion import CompletionItem
 from dvtcli.cli.catalogue import command_names, summary, unknown_command
 from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.params import TextType
-from dvtcli.cli.registry import REGISTRY
+from dvtcli.cli.ways import root
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import Facts
@@ -51,7 +51,7 @@ def command(ctx: click.Context, /, name: str | None, everything: bool, manual_pa
         from dvtcli import __version__
         from dvtcli.cli.commands._manual import manual
 
-        page = manual(__version__)
+        page = manual(root(ctx), __version__)
         return Facts("help", (("text", "\n".join(page)),), tuple(page))
     text = _subject(ctx, name.lower()) if name is not None else _general(ctx, everything=everything)
     return Facts("help", (("text", text),), tuple(text.splitlines()))
@@ -60,15 +60,16 @@ def command(ctx: click.Context, /, name: str | None, everything: bool, manual_pa
 def _general(ctx: click.Context, *, everything: bool) -> str:
     from dvtcli.cli.help.guide import overview
 
-    root = click.Context(REGISTRY, info_name="dvtcli")
-    return REGISTRY.get_help(root) if everything else "\n".join(overview(ctx.obj.settings.aliases))
+    if everything:
+        return root(ctx).get_help(click.Context(root(ctx), info_name="dvtcli"))
+    return "\n".join(overview(ctx.obj.settings.aliases))
 
 
 def _subject(ctx: click.Context, name: str) -> str:
     """The help of a command, the text of a topic, or what an alias stands for; a command wins."""
     from dvtcli.cli.help.guide import topic, topic_names
 
-    found = REGISTRY.get_command(click.Context(REGISTRY, info_name="dvtcli"), name)
+    found = root(ctx).get_command(ctx, name)
     if found is not None:
         return found.get_help(click.Context(found, info_name=name))
     if name in topic_names():

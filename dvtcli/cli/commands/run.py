@@ -2,17 +2,11 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-from typing import TYPE_CHECKING
-
 import click
 
 from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.params import FILE, CanopenType
-
-if TYPE_CHECKING:
-    from dvtcli.operations.session import Session
+from dvtcli.cli.ways import ways
 
 
 class SecondsType(CanopenType):
@@ -39,8 +33,8 @@ class SecondsType(CanopenType):
 @click.option(
     "--max-seconds", "most_seconds", type=SecondsType(), metavar="S", help="How long a Tcl script may compute [600 s]."
 )
-@click.pass_obj
-def command(session: Session, /, file: str, keep_going: bool, atomic: bool, most_seconds: float | None) -> int:
+@click.pass_context
+def command(ctx: click.Context, /, file: str, keep_going: bool, atomic: bool, most_seconds: float | None) -> int:
     """Run the commands in FILE, or of stdin with `-`; a FILE.tcl is a Tcl script with the DVT's words (help dvt).
 
     \b
@@ -49,29 +43,4 @@ def command(session: Session, /, file: str, keep_going: bool, atomic: bool, most
     run setup.dvt --atomic
     run scripts/pdo_config.tcl
     """
-    return run_file(session, file, keep_going=keep_going, atomic=atomic, most_seconds=most_seconds)
-
-
-def run_file(
-    session: Session, file: str, *, keep_going: bool = False, atomic: bool = False, most_seconds: float | None = None
-) -> int:
-    """Run the script *file*, stdin with `-`; the exit code. UsageError where it cannot be read."""
-    from dvtcli.cli.script import MOST_BYTES, run_script
-    from dvtcli.errors import UsageError
-
-    if file == "-":
-        return run_script(
-            session, sys.stdin.buffer.read(MOST_BYTES + 1), "<stdin>", keep_going=keep_going, atomic=atomic
-        )
-    try:
-        with Path(file).open("rb") as script:
-            data = script.read(MOST_BYTES + 1)
-    except OSError as failed:
-        raise UsageError(f"{file}: {failed.strerror}", place=file, hint="run takes the path of a script") from failed
-    if file.lower().endswith(".tcl"):
-        from dvtcli.cli.dvt.tcl import run_tcl
-
-        if atomic:
-            raise UsageError("--atomic is for .dvt scripts: what a Tcl script does is not known before it runs")
-        return run_tcl(session, data, file, keep_going=keep_going, most_seconds=most_seconds)
-    return run_script(session, data, file, keep_going=keep_going, atomic=atomic)
+    return ways(ctx).file(ctx.obj, file, keep_going=keep_going, atomic=atomic, most_seconds=most_seconds)

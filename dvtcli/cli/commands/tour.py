@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 
 import click
 
+from dvtcli.cli.boundary import guarded
 from dvtcli.cli.command import LEAVE, DvtCommand
 from dvtcli.cli.lexer import split
-from dvtcli.cli.run_line import boundary, run_words
+from dvtcli.cli.ways import Ways, ways
 
 if TYPE_CHECKING:
     from dvtcli.cli.commands._tour_steps import Step
@@ -21,8 +22,8 @@ _LEAVING = ("exit", "quit", "q")
 
 
 @click.command("tour", cls=DvtCommand, short_help=__doc__)
-@click.pass_obj
-def command(session: Session, /) -> int:
+@click.pass_context
+def command(ctx: click.Context, /) -> int:
     """Explain dvtcli in a few steps on a simulated node of its own; no hardware is used.
 
     At a terminal Enter runs the line that is shown, anything else that is typed runs too, and Ctrl-C, Ctrl-D or `exit`
@@ -34,6 +35,7 @@ def command(session: Session, /) -> int:
     from dvtcli.cli.commands._tour_steps import STEPS
     from dvtcli.operations.session import Session
 
+    session: Session = ctx.obj
     guide = Session(session.output)
     guide.start({"sim": (_SHOWN,), "color": session.base.color, "ascii": session.base.ascii})
     guide.started = True
@@ -41,7 +43,7 @@ def command(session: Session, /) -> int:
     try:
         for number, step in enumerate(STEPS, 1):
             _say(guide, "", f"{number}/{len(STEPS)}  {step.text}")
-            if not (_guided(guide, step) if asks else _shown(guide, step)):
+            if not (_guided(guide, ways(ctx), step) if asks else _shown(guide, ways(ctx), step)):
                 break
         else:
             _say(guide, "", "That was the tour. `help` has all commands; `dvtcli --sim generic` is a node for them.")
@@ -52,7 +54,7 @@ def command(session: Session, /) -> int:
     return 0
 
 
-def _guided(guide: Session, step: Step) -> bool:
+def _guided(guide: Session, lines: Ways, step: Step) -> bool:
     """Let the user run the step's line, and others before it; False where the user leaves."""
     while True:
         _say(guide, f"  Enter runs:  {step.line}")
@@ -62,26 +64,26 @@ def _guided(guide: Session, step: Step) -> bool:
         line = typed.strip()
         if not typed or line in _LEAVING:
             return False
-        code = _run(guide, line or step.line)
+        code = _run(guide, lines, line or step.line)
         if code == LEAVE:
             return False
         if not line or (line == step.line and code == step.code):
             return True
 
 
-def _shown(guide: Session, step: Step) -> bool:
+def _shown(guide: Session, lines: Ways, step: Step) -> bool:
     """Print the step's line and run it; AssertionError where it ends with another code than the tour says."""
     guide.output.stdout.flush()
     _say(guide, f"tour> {step.line}")
-    code = _run(guide, step.line)
+    code = _run(guide, lines, step.line)
     assert code == step.code, step.line  # noqa: S101 - the tour is wrong then, and says so as a bug
     return True
 
 
-def _run(guide: Session, line: str) -> int:
+def _run(guide: Session, lines: Ways, line: str) -> int:
     """Run one line as the prompt does."""
-    code = boundary(guide, lambda: run_words(split(line), guide) if split(line) else 0)
-    return boundary(guide, lambda: guide.end_line(code)) or code
+    code = guarded(guide, lambda: lines.line(guide, split(line)) if split(line) else 0)
+    return guarded(guide, lambda: guide.end_line(code)) or code
 
 
 def _say(guide: Session, *lines: str) -> None:

@@ -9,6 +9,7 @@ import click
 
 from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.params import TEXT
+from dvtcli.cli.ways import Ways, ways
 from dvtcli.domain.script_line import change_lines
 from dvtcli.errors import DvtcliError, NoAnswer, SdoAborted, SdoProtocolError, UsageError
 from dvtcli.operations.change import changed
@@ -31,8 +32,8 @@ _NEWEST = "newest"
     "--backup", type=TEXT, is_flag=False, flag_value=_NEWEST, metavar="[WHEN]",
     help="Put an automatic backup back: the newest, or that of a date and time.",
 )  # fmt: skip
-@click.pass_obj
-def command(session: Session, /, everything: bool, backup: str | None) -> Changed | ChangedNodes:
+@click.pass_context
+def command(ctx: click.Context, /, everything: bool, backup: str | None) -> Changed | ChangedNodes:
     """Put back what the last change replaced, on whichever node it was; on a real bus also one of an earlier process.
 
     \b
@@ -40,10 +41,11 @@ def command(session: Session, /, everything: bool, backup: str | None) -> Change
     undo --all
     undo --backup 2026-11-22T04:11
     """
+    session: Session = ctx.obj
     if backup is not None:
         if everything:
             raise UsageError("--all and --backup exclude each other: a backup is everything")
-        return _backup_put_back(session, backup)
+        return _backup_put_back(session, ways(ctx), backup)
     order = session.network.order
     if not order:
         return _recorded_put_back(session)
@@ -133,9 +135,8 @@ def _nothing(session: Session, keeper: Keeper | None) -> UsageError:
     return error
 
 
-def _backup_put_back(session: Session, when: str) -> Changed:
+def _backup_put_back(session: Session, lines: Ways, when: str) -> Changed:
     """Make the node's PDOs what a backup says, in one transaction."""
-    from dvtcli.cli.rehearsal import rehearsed
     from dvtcli.device.backups import way_to
     from dvtcli.device.wish import Wish
     from dvtcli.domain.plan import Plan
@@ -146,7 +147,7 @@ def _backup_put_back(session: Session, when: str) -> Changed:
     file = _backup_file(keeper, node, when)
     session.output.note(f"this puts {file} back")
     started = time.monotonic()
-    wish = rehearsed(session, file, node.node_id).get(node.node_id, Wish())
+    wish = lines.rehearsed(session, file, node.node_id).get(node.node_id, Wish())
     if not wish.pdos:
         raise UsageError(
             f"the backup says nothing of a PDO of node {node.node_id}",

@@ -9,6 +9,7 @@ import click
 
 from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.params import PDO, TEXT, NodePdo
+from dvtcli.cli.ways import Ways, ways
 from dvtcli.errors import UsageError
 from dvtcli.operations.options import is_file
 
@@ -25,8 +26,8 @@ _SESSION = "this session's changes"
 @click.command("verify", cls=DvtCommand, short_help=__doc__)
 @click.argument("words", type=TEXT, nargs=-1, metavar="[PDO...] [FILE]")
 @click.option("--frame", is_flag=True, help="Start the node and look at a frame of each enabled TPDO.")
-@click.pass_obj
-def command(session: Session, /, words: tuple[str, ...], frame: bool) -> Compared | ComparedNodes:
+@click.pass_context
+def command(ctx: click.Context, /, words: tuple[str, ...], frame: bool) -> Compared | ComparedNodes:
     """Compare what the nodes hold now; exit code 3 where it differs, 1 where no frame came.
 
     FILE is a script (what its lines would set), or a DCF or EDS.
@@ -39,8 +40,9 @@ def command(session: Session, /, words: tuple[str, ...], frame: bool) -> Compare
     """
     from dvtcli.operations.results import ComparedNodes
 
+    session: Session = ctx.obj
     pdos, file = _sorted_words(words)
-    wishes = _chosen(session, pdos, _wishes(session, pdos, file), file or _SESSION)
+    wishes = _chosen(session, pdos, _wishes(session, ways(ctx), pdos, file), file or _SESSION)
     named = len(wishes) > 1 or len(session.known_ids()) > 1
     compared = tuple(
         _compared(session, session.node(node_id), wish, file, frame=frame, named=named)
@@ -49,16 +51,14 @@ def command(session: Session, /, words: tuple[str, ...], frame: bool) -> Compare
     return compared[0] if len(compared) == 1 else ComparedNodes(compared)
 
 
-def _wishes(session: Session, pdos: list[NodePdo], file: str | None) -> dict[int, Wish]:
+def _wishes(session: Session, lines: Ways, pdos: list[NodePdo], file: str | None) -> dict[int, Wish]:
     """What should be on each node, by *file* or by what this session set."""
     from dvtcli.device.wish import session_wish
 
     if file is None:
         return {node_id: session_wish(node) for node_id, node in sorted(session.network.nodes.items())}
     if _is_script(file):
-        from dvtcli.cli.rehearsal import rehearsed
-
-        return rehearsed(session, file)
+        return lines.rehearsed(session, file)
     named = {pdo.node_id for pdo in pdos if pdo.node_id is not None}
     if len(named) > 1:
         raise UsageError("a DCF is about one node: use one line for each node")

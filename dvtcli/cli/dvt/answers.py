@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from dvtcli.domain.abort import Abort
@@ -12,16 +11,7 @@ from dvtcli.operations.results import DvtAnswer
 
 if TYPE_CHECKING:
     from dvtcli.cli.dvt.words import Word
-    from dvtcli.domain.rules import Finding
     from dvtcli.operations.session import Session
-
-
-@dataclass(frozen=True, slots=True)
-class Done:
-    """What a word brought: its text, and what the rules said of it."""
-
-    text: str = "OK"
-    findings: tuple[Finding, ...] = ()
 
 
 def answer(word: Word, session: Session, values: Sequence[Any]) -> DvtAnswer:

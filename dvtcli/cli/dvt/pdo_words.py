@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from dvtcli.cli.dvt.answers import Done
+from dvtcli.cli.dvt.done import Done
 from dvtcli.domain.mapping import MAX_ENTRIES, PdoMappingEntry
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.request import PdoRequest, wanted_config

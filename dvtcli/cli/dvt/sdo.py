@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING
 
-from dvtcli.cli.dvt.answers import Done
+from dvtcli.cli.dvt.done import Done
 from dvtcli.device.store_parameters import SIGNATURES
 from dvtcli.operations.change import changed
 from dvtcli.operations.object_values import value_result

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from dvtcli.cli.dvt.answers import Done
+from dvtcli.cli.dvt.done import Done
 from dvtcli.domain.nmt import NmtState
 
 if TYPE_CHECKING:

@@ -10,7 +10,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dvtcli.cli.dvt.word_command import arguments
+import click
+
+from dvtcli.cli.run_line import parse
 from dvtcli.errors import UsageError
 
 if TYPE_CHECKING:
@@ -133,8 +135,19 @@ def refuse_beyond_nodes(words: Sequence[str], session: Session) -> None:
         raise UsageError("dvtcli: a command is missing behind it, as in: dvtcli read 6041")
     if words[0] not in ON_NODES:
         raise _refused(f"dvtcli {words[0]}")
-    if words[0] == "verify" and not all(map(_names_a_pdo, arguments(words, session))):
+    if words[0] == "verify" and not all(map(_names_a_pdo, _arguments(words, session))):
         raise _refused("dvtcli verify with a file")
+
+
+def _arguments(line: Sequence[str], session: Session) -> list[str]:
+    """The texts on a command's *line* that are no global options; none where it cannot be parsed, and so not run."""
+    try:
+        ctx = parse(line, session)
+    except (click.ClickException, click.exceptions.Exit):
+        return []
+    own = [ctx.params[param.name] for param in ctx.command.params if param.name and not getattr(param, "hidden", False)]
+    texts = [text for value in own for text in (value if isinstance(value, tuple) else (value,))]
+    return [text for text in texts if isinstance(text, str)]
 
 
 def _names_a_pdo(word: str) -> bool:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -11,7 +10,7 @@ from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.dvt.answers import answer
 from dvtcli.cli.dvt.words import WORDS, Word
 from dvtcli.cli.params import FILE, TEXT, CanopenType, TextType
-from dvtcli.cli.run_line import parse
+from dvtcli.cli.ways import ways
 
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
@@ -45,7 +44,7 @@ class WordCommand(DvtCommand):
             for number, one in enumerate(word.arguments)
         ]  # fmt: skip
         text = f"{word.summary[0].upper()}{word.summary[1:]}. The modern form: {word.modern}. More: help dvt."
-        super().__init__(word.name, params=params, callback=click.pass_obj(self._run), help=text)
+        super().__init__(word.name, params=params, callback=click.pass_context(self._run), help=text)
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Parse *args* and read them by the word's own rules."""
@@ -59,26 +58,13 @@ class WordCommand(DvtCommand):
             raise click.UsageError(f"{self.word.name}: {wrong}", ctx) from wrong
         return rest
 
-    def _run(self, session: Session, /, values: list[Any]) -> Any:
+    def _run(self, ctx: click.Context, /, values: list[Any]) -> Any:
         if self.word.name == "source":
-            from dvtcli.cli.commands.run import run_file
-
-            return run_file(session, values[0])
-        return answer(self.word, session, values)
+            return ways(ctx).file(ctx.obj, values[0])
+        return answer(self.word, ctx.obj, values)
 
 
 def word_command(name: str) -> WordCommand | None:
     """The word *name* as a click command, or None."""
     word = WORDS.get(name)
     return None if word is None else WordCommand(word)
-
-
-def arguments(line: Sequence[str], session: Session) -> list[str]:
-    """The texts on a command's *line* that are no global options; none where it cannot be parsed, and so not run."""
-    try:
-        ctx = parse(line, session)
-    except (click.ClickException, click.exceptions.Exit):
-        return []
-    own = [ctx.params[param.name] for param in ctx.command.params if param.name and not getattr(param, "hidden", False)]
-    texts = [text for value in own for text in (value if isinstance(value, tuple) else (value,))]
-    return [text for text in texts if isinstance(text, str)]

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from dvtcli.cli.dvt import notation as numbers
 
 if TYPE_CHECKING:
-    from dvtcli.cli.dvt.answers import Done
+    from dvtcli.cli.dvt.done import Done
     from dvtcli.operations.session import Session
 
 

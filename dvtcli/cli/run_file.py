@@ -1,0 +1,35 @@
+"""A script is run by its file's name: a FILE.tcl by Tcl, any other line by line, `-` from stdin."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dvtcli.cli.script import MOST_BYTES, run_script
+from dvtcli.errors import UsageError
+
+if TYPE_CHECKING:
+    from dvtcli.operations.session import Session
+
+
+def run_file(
+    session: Session, file: str, *, keep_going: bool = False, atomic: bool = False, most_seconds: float | None = None
+) -> int:
+    """Run the script *file*, stdin with `-`; the exit code. UsageError where it cannot be read."""
+    if file == "-":
+        return run_script(
+            session, sys.stdin.buffer.read(MOST_BYTES + 1), "<stdin>", keep_going=keep_going, atomic=atomic
+        )
+    try:
+        with Path(file).open("rb") as script:
+            data = script.read(MOST_BYTES + 1)
+    except OSError as failed:
+        raise UsageError(f"{file}: {failed.strerror}", place=file, hint="run takes the path of a script") from failed
+    if file.lower().endswith(".tcl"):
+        from dvtcli.cli.dvt.tcl import run_tcl
+
+        if atomic:
+            raise UsageError("--atomic is for .dvt scripts: what a Tcl script does is not known before it runs")
+        return run_tcl(session, data, file, keep_going=keep_going, most_seconds=most_seconds)
+    return run_script(session, data, file, keep_going=keep_going, atomic=atomic)

@@ -1,0 +1,57 @@
+"""What a line may lead to besides its command: other lines, scripts, the prompt; handed to the registry by `main`.
+
+Commands ask for it through click's context (`ways`), so that none imports what itself runs commands.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Protocol
+
+import click
+
+if TYPE_CHECKING:
+    from dvtcli.device.wish import Wish
+    from dvtcli.operations.session import Session
+
+
+class Ways(Protocol):
+    """Everything that runs lines."""
+
+    def without_command(self, session: Session) -> int:
+        """Run the prompt where stdin is a terminal, else stdin as a script; the exit code."""
+
+    def file(
+        self,
+        session: Session,
+        file: str,
+        *,
+        keep_going: bool = False,
+        atomic: bool = False,
+        most_seconds: float | None = None,
+    ) -> int:
+        """Run the script *file*, stdin with `-`; the exit code. UsageError where it cannot be read."""
+
+    def line(self, session: Session, words: Sequence[str]) -> int:
+        """Run one line as the prompt does; the exit code."""
+
+    def rehearsed(self, session: Session, file: str, node_id: int | None = None) -> dict[int, Wish]:
+        """What the script *file* wishes of each node; *node_id* is selected when it begins."""
+
+
+class Root(click.Group):
+    """The set of all commands, with the ways in that `main` handed to it."""
+
+    ways: Ways
+
+
+def root(ctx: click.Context) -> Root:
+    """The set of all commands, of any line's context."""
+    found = ctx.find_root().command
+    assert isinstance(found, Root)  # noqa: S101 - argv, prompt and scripts parse every line below it
+    return found
+
+
+def ways(ctx: click.Context) -> Ways:
+    """The ways in, of any line's context."""
+    return root(ctx).ways

@@ -1,0 +1,53 @@
+"""The ways into the program that run lines, each imported when it is taken; `main` hands them to the registry."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from dvtcli.cli.registry import REGISTRY
+
+if TYPE_CHECKING:
+    from dvtcli.device.wish import Wish
+    from dvtcli.operations.session import Session
+
+
+class WaysIn:
+    """`ways.Ways`, on prompt, scripts and lines."""
+
+    def without_command(self, session: Session) -> int:
+        """Run the prompt where stdin is a terminal, else stdin as a script; the exit code."""
+        from dvtcli.cli.without_command import without_command
+
+        return without_command(session)
+
+    def file(
+        self,
+        session: Session,
+        file: str,
+        *,
+        keep_going: bool = False,
+        atomic: bool = False,
+        most_seconds: float | None = None,
+    ) -> int:
+        """Run the script *file*, stdin with `-`; the exit code. UsageError where it cannot be read."""
+        from dvtcli.cli.run_file import run_file
+
+        return run_file(session, file, keep_going=keep_going, atomic=atomic, most_seconds=most_seconds)
+
+    def line(self, session: Session, words: Sequence[str]) -> int:
+        """Run one line as the prompt does; the exit code."""
+        from dvtcli.cli.run_line import run_words
+
+        return run_words(words, session)
+
+    def rehearsed(self, session: Session, file: str, node_id: int | None = None) -> dict[int, Wish]:
+        """What the script *file* wishes of each node; *node_id* is selected when it begins."""
+        from dvtcli.cli.rehearsal import rehearsed
+
+        return rehearsed(session, file, node_id)
+
+
+def install() -> None:
+    """Hand the ways in to the registry, so that its commands may take them."""
+    REGISTRY.ways = WaysIn()
