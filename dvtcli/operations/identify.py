@@ -6,11 +6,12 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.read_pdos import read_identity, read_optional
 from dvtcli.errors import DvtcliError, SdoAborted
-from dvtcli.operations.results import NodeRow
+from dvtcli.operations.results import NodeListing, NodeRow
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.domain.ports import SdoTransport
+    from dvtcli.operations.session import Session
 
 
 def device_name(sdo: SdoTransport) -> str:
@@ -21,8 +22,18 @@ def device_name(sdo: SdoTransport) -> str:
         return ""
 
 
-def identify(node: Node) -> NodeRow:
-    """Everything `node` shows."""
+def identify(session: Session, node_id: int | None = None) -> NodeListing:
+    """Ask a node what it is: *node_id*, which is selected then, or the selected one.
+
+    UsageError where none is selected, NoAnswer where it is silent.
+    """
+    row = _row(session.node(node_id))
+    if node_id is not None:
+        session.selected = node_id
+    return NodeListing(session.bus.name, (row,), detail=True)
+
+
+def _row(node: Node) -> NodeRow:
     sdo = node.sdo
     vendor, product, revision, serial = (read_identity(sdo, sub) for sub in (1, 2, 3, 4))
     state = node.access.state()

@@ -20,8 +20,6 @@ from typing import Any, NoReturn
 import click
 
 from dvtcli.cli.command import LEAVE
-from dvtcli.cli.commands.eds import _facts, _report
-from dvtcli.cli.commands.objects import _row
 from dvtcli.cli.lexer import split
 from dvtcli.cli.params import COB_ID, ENTRY, NODE_ID, OBJECT, PDO, CanopenType, DataTypeParam, MillisecondsType
 from dvtcli.cli.registry import REGISTRY
@@ -46,9 +44,10 @@ from dvtcli.errors import DvtcliError, InputFileError, RuleError, UsageError
 from dvtcli.files.eds.file_as_node import FileValues
 from dvtcli.files.eds.reader import EdsFile, parse_eds
 from dvtcli.files.profile.toml import read_profile
-from dvtcli.operations import results
+from dvtcli.operations import eds_files, results
 from dvtcli.operations.open_network import Network
 from dvtcli.operations.options import node_id, taken
+from dvtcli.operations.search_objects import object_row
 from dvtcli.operations.session import Session
 from dvtcli.operations.settings import File
 from dvtcli.operations.settings_search import Found
@@ -101,12 +100,12 @@ def eds(data: bytes) -> None:
         entry.initial(127)
         entry.limits(1)
         described.place(entry)
-        _row(described, entry, 1)
+        object_row(described, entry, 1)
         assert described.display_name(entry.index, entry.sub_index)
     described.find("Device type")
     file.values("DeviceInfo")
-    _facts("fuzz.eds", file)
-    _report("fuzz.eds", file)
+    eds_files.facts("fuzz.eds", file)
+    eds_files.report("fuzz.eds", file)
 
 
 def dcf(data: bytes) -> None:

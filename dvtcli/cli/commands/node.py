@@ -25,9 +25,5 @@ def command(session: Session, /, node_id: int | None) -> NodeListing:
     node 5
     """
     from dvtcli.operations.identify import identify
-    from dvtcli.operations.results import NodeListing
 
-    row = identify(session.node(node_id))
-    if node_id is not None:
-        session.selected = node_id
-    return NodeListing(session.bus.name, (row,), detail=True)
+    return identify(session, node_id)

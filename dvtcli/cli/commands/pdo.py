@@ -10,11 +10,7 @@ from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.params import EDIT, EditOrPdo, NodePdo
 
 if TYPE_CHECKING:
-    from dvtcli.device.node import Node
-    from dvtcli.domain.datatypes import DataType
-    from dvtcli.domain.mapping import PdoMappingEntry
-    from dvtcli.domain.pdo import Pdo, PdoConfig
-    from dvtcli.operations.results import Changed, Facts, LastFrame, MappedName, PdoListing, PdoRow
+    from dvtcli.operations.results import Changed, Facts, PdoListing
     from dvtcli.operations.session import Session
 
 
@@ -39,60 +35,6 @@ def command(session: Session, /, words: tuple[NodePdo | str, ...], show_all: boo
         from dvtcli.cli.commands._pdo_edit import edit
 
         return edit(session, session.node(pdo.node_id), pdo.pdo)
-    return _listing(session, pdo, show_all=show_all)
+    from dvtcli.operations.list_pdos import list_pdos, show_pdo
 
-
-def _listing(session: Session, pdo: NodePdo | None, *, show_all: bool) -> PdoListing:
-    from dataclasses import replace
-
-    from dvtcli.device.read_pdos import read_optional
-    from dvtcli.operations.results import PdoListing
-
-    node = session.node(pdo.node_id if pdo else None)
-    if pdo is None:
-        rows = tuple(_row(node, one, config) for one, config in node.pdos().items())
-        return PdoListing(node.node_id, node.title, rows, show_all)
-    row = _row(node, pdo.pdo, node.pdo(pdo.pdo))
-    row = replace(row, last=_last_frame(session, node, row.config))
-    period = read_optional(node.sdo, 0x1006, 0, 4)
-    return PdoListing(node.node_id, node.title, (row,), detail=True, sync_period_us=period)
-
-
-def _row(node: Node, pdo: Pdo, config: PdoConfig) -> PdoRow:
-    from dvtcli.operations.results import PdoRow
-
-    named = tuple(_name(node, entry.index, entry.sub_index) for entry in config.mapping)
-    return PdoRow(pdo, config, named, pdo.default_can_id(node.node_id), pdo.label in node.unstored)
-
-
-def _name(node: Node, index: int, sub_index: int) -> MappedName:
-    from dvtcli.operations.results import MappedName
-
-    entry = node.dictionary.entry(index, sub_index) if node.dictionary else None
-    if entry is None or node.dictionary is None:
-        return MappedName()
-    kind = entry.data_type.short if entry.data_type else ""
-    return MappedName(node.dictionary.display_name(index, sub_index), kind, entry.unit)
-
-
-def _last_frame(session: Session, node: Node, config: PdoConfig) -> LastFrame | None:
-    """The last frame with the PDO's COB-ID, where the session listens and heard one."""
-    from time import monotonic
-
-    from dvtcli.domain.frame import decode
-    from dvtcli.operations.results import LastFrame
-
-    cob_id = config.communication.cob_id
-    if session.frames is None or not config.enabled or config.mpdo is not None:
-        return None
-    heard = session.frames.last(cob_id.can_id, extended=cob_id.extended)
-    if heard is None:
-        return None
-
-    def type_of(mapped: PdoMappingEntry) -> DataType | None:
-        entry = node.dictionary.entry(mapped.index, mapped.sub_index) if node.dictionary else None
-        return None if entry is None else entry.data_type
-
-    found = iter(decode(config.mapping, heard.data, type_of))
-    values = tuple(None if entry.is_dummy else next(found).value for entry in config.mapping)
-    return LastFrame(heard.data, monotonic() - heard.at_s, heard.period, values)
+    return list_pdos(session, show_all=show_all) if pdo is None else show_pdo(session, pdo.pdo, pdo.node_id)

@@ -12,7 +12,6 @@ from dvtcli.cli.params import TextType
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import ProfileListing, ProfileShown
-    from dvtcli.operations.results.device_profiles import ProfileRow
 
 
 class ProfileName(TextType):
@@ -37,30 +36,12 @@ def command(action: str | None, name: str | None) -> ProfileListing | ProfileSho
     profiles
     profiles show gen4
     """
-    from dvtcli.files.profile.library import folder, profile_names
-    from dvtcli.operations.results import ProfileListing
+    from dvtcli.operations.show_profiles import list_profiles, show_profile
 
     if action is None:
-        return ProfileListing(tuple(map(_row, profile_names())), str(folder()))
+        return list_profiles()
     if name is None:
+        from dvtcli.files.profile.library import profile_names
+
         raise click.UsageError(f"which one? {', '.join(profile_names())}")
-    return _shown(name)
-
-
-def _row(name: str) -> ProfileRow:
-    from dvtcli.files.profile.library import load_profile, own_names, profile_path
-    from dvtcli.operations.results.device_profiles import ProfileRow
-
-    profile = load_profile(name)
-    return ProfileRow(name, profile.title, profile.vendor_ids, str(profile_path(name)), name in own_names())
-
-
-def _shown(name: str) -> ProfileShown:
-    from dvtcli.files.profile.library import profile_text
-    from dvtcli.files.profile.reasons import reasons
-    from dvtcli.operations.results import ProfileShown
-
-    row = _row(name)
-    found = list(reasons(profile_text(name)))
-    like = next((one.value.strip("\"'") for one in found if one.key == "like"), None)
-    return ProfileShown(row, tuple((one.key, one.value, one.reason) for one in found), like)
+    return show_profile(name)

@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-import time
 from typing import TYPE_CHECKING
 
 import click
 
 from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.params import MillisecondsType, NumberType
-from dvtcli.domain.several import several
 
 if TYPE_CHECKING:
-    from dvtcli.domain.ports import Frame
     from dvtcli.operations.results import Facts, Synced
     from dvtcli.operations.session import Session
-
-#: How long frames are waited for after the last SYNC, in seconds.
-_LISTEN_S = 0.05
 
 
 @click.command("sync", cls=DvtCommand, short_help=__doc__)
@@ -35,49 +29,12 @@ def command(session: Session, /, period: int | None, count: int | None, check: b
     sync --period 20 --count 50
     sync --check
     """
-    from dvtcli.operations.results import Synced
-    from dvtcli.operations.sync_frame import DEFAULT, sync_frame
-
     if check:
         if period is not None or count is not None:
             raise click.UsageError("--check sends no SYNC: leave --period and --count out")
         from dvtcli.operations.sync_check import check_sync
 
         return check_sync(session)
-    times, gap_s = count or 1, (20 if period is None else period) / 1000
-    seen: dict[int, tuple[Frame, int]] = {}
-    bus = session.bus
-    selected = session.selected_id()
-    sync = DEFAULT if selected is None else sync_frame(bus.sdo(selected))
-    began = time.monotonic()
-    for number in range(times):
-        bus.send(sync)
-        due = began + (number + 1) * gap_s
-        for frame in bus.receive(_LISTEN_S if number == times - 1 else max(0.0, due - time.monotonic())):
-            if 0x181 <= frame.can_id <= 0x57F or 0x680 <= frame.can_id < 0x700 or frame.extended:
-                seen[frame.can_id] = (frame, seen.get(frame.can_id, (frame, 0))[1] + 1)
-    labels = _labels(session)
-    rows = tuple((frame, number, labels.get(can_id, "")) for can_id, (frame, number) in sorted(seen.items()))
-    return Synced(times, gap_s * 1000, rows, session.dry_run, sync.can_id, note=_held_back(session))
+    from dvtcli.operations.produce_sync import produce_sync
 
-
-def _held_back(session: Session) -> str:
-    """Says so where nodes send no PDOs because the script has them PRE-OPERATIONAL."""
-    held = [node.node_id for node in session.network.nodes.values() if node.gate.found is not None]
-    if not held:
-        return ""
-    named = several(f"node {node_id}" for node_id in held)
-    return (
-        f"{named} sent none: this script changes PDOs, so it stays PRE-OPERATIONAL until the last line; "
-        "`nmt start` before sync starts it now"
-    )
-
-
-def _labels(session: Session) -> dict[int, str]:
-    """CAN-IDs of the TPDOs of nodes that were looked at."""
-    return {
-        config.communication.cob_id.can_id: f"{pdo.label} node {node.node_id}"
-        for node in session.network.nodes.values()
-        for pdo, config in {**node.last_read, **node.wanted}.items()
-        if pdo.is_tpdo and config.enabled
-    }
+    return produce_sync(session, count or 1, (20 if period is None else period) / 1000)

@@ -1,0 +1,81 @@
+"""EDS and DCF files: checked, shown, and added to those that nodes are recognised by. Needs no bus and no session."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.pdo import Pdo
+from dvtcli.errors import UsageError
+from dvtcli.files.eds.reader import read_eds
+from dvtcli.operations.results import Facts, FileFinding, FileReport
+
+if TYPE_CHECKING:
+    from dvtcli.files.eds.reader import EdsFile
+
+
+def _read(file: str) -> EdsFile:
+    try:
+        return read_eds(Path(file))
+    except OSError as failed:
+        raise UsageError(
+            f"{file}: {failed.strerror}", place=file, hint="eds takes the path of an EDS or DCF"
+        ) from failed
+
+
+def add_eds(file: str) -> Facts:
+    """Keep the file, by whose identity nodes are recognised from now on; UsageError where it cannot be read."""
+    eds = _read(file)
+    from dvtcli.files.eds.own_files import add
+
+    info = eds.dictionary.info
+    target = add(Path(file), info)
+    identity = f"vendor 0x{info.vendor_id:08X} product 0x{info.product_code:08X}"
+    said = f"kept as {target}: nodes with {identity} use it from now on"
+    return Facts("eds-added", (("file", file), ("kept", str(target))), (said,))
+
+
+def check_eds(file: str) -> FileReport:
+    """Everything odd in the file, with its line; exit code 4 where there is an error. UsageError without a file."""
+    return report(file, _read(file))
+
+
+def report(file: str, eds: EdsFile) -> FileReport:
+    """Everything odd in *eds*, with its line; *file* is what it is called."""
+    findings = tuple(FileFinding(f.line, str(f.severity), f.text) for f in sorted(eds.findings, key=lambda f: f.line))
+    worst = 4 if any(finding.severity == "error" for finding in findings) else 0
+    return FileReport(file, eds.sections, eds.understood, len(eds.dictionary), findings, worst)
+
+
+def show_eds(file: str) -> Facts:
+    """Whose file it is, and how much is in it; UsageError where it cannot be read."""
+    return facts(file, _read(file))
+
+
+def facts(file: str, eds: EdsFile) -> Facts:
+    """Whose file *eds* is, and how much is in it; *file* is what it is called."""
+    info = eds.dictionary.info
+    pdos = {pdo for pdo in map(Pdo.at, eds.dictionary) if pdo is not None and pdo.communication_index in eds.dictionary}
+    tpdos = sum(pdo.is_tpdo for pdo in pdos)
+    number = {
+        name: None if value is None else f"0x{value:08X}"
+        for name, value in (
+            ("vendor_id", info.vendor_id),
+            ("product_code", info.product_code),
+            ("revision", info.revision_number),
+        )
+    }
+    rows = (
+        ("file", file), ("vendor", info.vendor_name), ("product", info.product_name), *number.items(),
+        ("objects", len(eds.dictionary)), ("tpdos", tpdos), ("rpdos", len(pdos) - tpdos),
+        ("granularity", info.granularity), ("node_id", eds.node_id),
+        ("dummies", None if info.dummies is None else [f"{index:04X}" for index in sorted(info.dummies)]),
+    )  # fmt: skip
+    text = tuple(f"  {name:<13} {_shown(value)}" for name, value in rows)
+    return Facts("eds-info", rows, text)
+
+
+def _shown(value: object) -> str:
+    if isinstance(value, list):
+        return " ".join(map(str, value)) or "none"
+    return "-" if value in (None, "") else str(value)

@@ -1,0 +1,63 @@
+"""The nodes on the bus: those whose heartbeat is heard, and those that answer when each node-ID is asked."""
+
+from __future__ import annotations
+
+import time
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from dvtcli.device.read_pdos import read_identity
+from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
+from dvtcli.operations.identify import device_name, silent
+from dvtcli.operations.results import NodeListing, NodeRow
+
+if TYPE_CHECKING:
+    from dvtcli.domain.ports import CanopenBus
+    from dvtcli.operations.session import Session
+
+#: How long each node-ID has to answer, in seconds, and how many are asked at once.
+_ANSWER_S = 0.05
+_AT_ONCE = 8
+#: Heartbeats are usually sent once a second or faster.
+_LISTEN_S = 1.0
+
+
+def find_nodes(session: Session, answer_s: float = _ANSWER_S) -> NodeListing:
+    """List the nodes 1…127 that are heard or answer; each node-ID has *answer_s* seconds for its first answer.
+
+    Only reads. BusUnavailable where there is no bus; what goes wrong with one node is its row's note.
+    """
+    started = time.monotonic()
+    bus = session.bus
+    if not bus.simulated:
+        for _ in bus.receive(_LISTEN_S):
+            pass  # heartbeats are noted by the bus itself
+    with ThreadPoolExecutor(_AT_ONCE) as pool:
+        rows = [row for row in pool.map(lambda node_id: _ask(bus, node_id, answer_s), range(1, 128)) if row is not None]
+    return NodeListing(bus.name, tuple(rows), time.monotonic() - started)
+
+
+def _ask(bus: CanopenBus, node_id: int, limit_s: float) -> NodeRow | None:
+    """The row for *node_id*, or None where nobody is there; what goes wrong with one node is its row's note."""
+    from dvtcli.files.profile.library import profile_for_identity
+
+    sdo = bus.sdo(node_id)
+    state = bus.nmt_state(node_id)
+    label = state.label if state is not None else "no heartbeat"
+    try:
+        device_type: int | None = int.from_bytes(sdo.upload(0x1000, 0, timeout_s=limit_s, retries=0)[:4], "little")
+    except NoAnswer as error:
+        return None if state is None else silent(node_id, error, label)
+    except SdoProtocolError as error:
+        return silent(node_id, error, label)
+    except SdoAborted:
+        device_type = None
+    row = NodeRow(node_id, label, device_type)
+    try:
+        vendor, product, revision, serial = (read_identity(sdo, sub) for sub in (1, 2, 3, 4))
+        profile = "" if vendor is None else profile_for_identity(vendor, product or 0).name
+        row = NodeRow(node_id, label, device_type, vendor, product, revision, serial, profile=profile)
+        return replace(row, name=device_name(sdo))
+    except (NoAnswer, SdoProtocolError) as error:
+        return replace(row, note=error.text)

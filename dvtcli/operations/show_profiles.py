@@ -1,0 +1,26 @@
+"""The device profiles that there are, and why each says what it says. Needs no bus and no session."""
+
+from __future__ import annotations
+
+from dvtcli.files.profile.library import folder, load_profile, own_names, profile_names, profile_path, profile_text
+from dvtcli.files.profile.reasons import reasons
+from dvtcli.operations.results import ProfileListing, ProfileShown
+from dvtcli.operations.results.device_profiles import ProfileRow
+
+
+def list_profiles() -> ProfileListing:
+    """Every profile, the user's own ones too; InputFileError for one that cannot be read."""
+    return ProfileListing(tuple(map(_row, profile_names())), str(folder()))
+
+
+def show_profile(name: str) -> ProfileShown:
+    """The profile *name*, with the reason for each value; UsageError where there is none of that name."""
+    row = _row(name)
+    found = list(reasons(profile_text(name)))
+    like = next((one.value.strip("\"'") for one in found if one.key == "like"), None)
+    return ProfileShown(row, tuple((one.key, one.value, one.reason) for one in found), like)
+
+
+def _row(name: str) -> ProfileRow:
+    profile = load_profile(name)
+    return ProfileRow(name, profile.title, profile.vendor_ids, str(profile_path(name)), name in own_names())
