@@ -11,16 +11,14 @@ from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.params import PDO, TEXT, NodePdo
 from dvtcli.cli.ways import Ways, ways
 from dvtcli.errors import UsageError
+from dvtcli.operations.compare_pdos import SESSION, compare, dcf_wish
 from dvtcli.operations.options import is_file
 
 if TYPE_CHECKING:
-    from dvtcli.device.node import Node
     from dvtcli.device.wish import Wish
     from dvtcli.domain.pdo import Pdo
     from dvtcli.operations.results import Compared, ComparedNodes
     from dvtcli.operations.session import Session
-
-_SESSION = "this session's changes"
 
 
 @click.command("verify", cls=DvtCommand, short_help=__doc__)
@@ -42,10 +40,10 @@ def command(ctx: click.Context, /, words: tuple[str, ...], frame: bool) -> Compa
 
     session: Session = ctx.obj
     pdos, file = _sorted_words(words)
-    wishes = _chosen(session, pdos, _wishes(session, ways(ctx), pdos, file), file or _SESSION)
+    wishes = _chosen(session, pdos, _wishes(session, ways(ctx), pdos, file), file or SESSION)
     named = len(wishes) > 1 or len(session.known_ids()) > 1
     compared = tuple(
-        _compared(session, session.node(node_id), wish, file, frame=frame, named=named)
+        compare(session, session.node(node_id), wish, file, frame=frame, named=named)
         for node_id, wish in wishes.items()
     )
     return compared[0] if len(compared) == 1 else ComparedNodes(compared)
@@ -63,7 +61,7 @@ def _wishes(session: Session, lines: Ways, pdos: list[NodePdo], file: str | None
     if len(named) > 1:
         raise UsageError("a DCF is about one node: use one line for each node")
     node = session.node(named.pop() if named else None)
-    return {node.node_id: _dcf_wish(node, file)}
+    return {node.node_id: dcf_wish(node, file)}
 
 
 def _is_script(file: str) -> bool:
@@ -86,7 +84,7 @@ def _chosen(session: Session, pdos: list[NodePdo], wishes: dict[int, Wish], agai
     """The part of *wishes* that is about *pdos* (none: everything); UsageError where nothing is left to compare."""
     wished = {node_id: wish for node_id, wish in wishes.items() if wish}
     if not wished:
-        said = "this session changed nothing" if against == _SESSION else f"{against} sets nothing"
+        said = "this session changed nothing" if against == SESSION else f"{against} sets nothing"
         raise UsageError(
             f"nothing to compare: {said}",
             hint="verify FILE compares with a script, a DCF or an EDS; map or set something first",
@@ -98,38 +96,9 @@ def _chosen(session: Session, pdos: list[NodePdo], wishes: dict[int, Wish], agai
         missing = [pdo for pdo in wanted if node_id not in wished or pdo not in wished[node_id].pdos]
         if missing:
             what = f"{missing[0].label} of node {node_id}" if len(session.known_ids()) > 1 else missing[0].label
-            said = f"this session did not set {what}" if against == _SESSION else f"{against} says nothing of {what}"
+            said = f"this session did not set {what}" if against == SESSION else f"{against} says nothing of {what}"
             raise UsageError(said, hint="verify FILE compares with a script, a DCF or an EDS; map or set it first")
     return {node_id: wished[node_id].only(wanted) for node_id, wanted in sorted(asked.items())} or wished
-
-
-def _compared(session: Session, node: Node, wish: Wish, file: str | None, *, frame: bool, named: bool) -> Compared:
-    """One node's answer; looked at again after a frame, since the node was started for that and may have restarted."""
-    from dvtcli.device.wish import unlike
-    from dvtcli.operations.look_at_frames import look
-    from dvtcli.operations.results import Compared
-
-    found = unlike(node, wish)
-    frames, note = look(session, node, [pdo for pdo in wish.pdos if pdo.is_tpdo]) if frame else ((), "")
-    found = unlike(node, wish) if frame else found
-    if file is None:
-        _judge(node, wish, differs=bool(found))
-    return Compared(
-        node.node_id, len(wish.pdos), wish.parameters, found, file or _SESSION, frames, note,
-        objects=len(wish.values), frame_asked=frame, named=named,
-    )  # fmt: skip
-
-
-def _judge(node: Node, wish: Wish, *, differs: bool) -> None:
-    """A difference forbids to store; only a look at everything this session set, without one, allows it again."""
-    from dvtcli.device.change.pending import REBOOT, VERIFY
-
-    suspicions = node.pending.suspicions
-    if differs:
-        suspicions[VERIFY] = "verify found differences to what this session set"
-    elif set(node.wanted) <= set(wish.pdos) and set(node.wanted_values) <= set(wish.values):
-        suspicions.pop(VERIFY, None)
-        suspicions.pop(REBOOT, None)
 
 
 def _sorted_words(words: tuple[str, ...]) -> tuple[list[NodePdo], str | None]:
@@ -147,15 +116,3 @@ def _sorted_words(words: tuple[str, ...]) -> tuple[list[NodePdo], str | None]:
     if len(files) > 1:
         raise UsageError("verify compares with one file at a time")
     return pdos, files[0] if files else None
-
-
-def _dcf_wish(node: Node, file: str) -> Wish:
-    """The PDOs as a DCF (or an EDS's defaults) sets them on this node."""
-    from dvtcli.device.read_pdos import present_pdos, read_pdo
-    from dvtcli.device.wish import Wish
-    from dvtcli.files.eds.file_as_node import FileValues
-    from dvtcli.files.eds.reader import read_eds
-
-    dictionary = read_eds(Path(file)).dictionary
-    values = FileValues(dictionary, node.node_id)
-    return Wish({pdo: read_pdo(values, pdo) for pdo in present_pdos(values, dictionary)})

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import time
 from typing import TYPE_CHECKING
 
 from dvtcli.cli.dvt.done import Done
 from dvtcli.device.store_parameters import SIGNATURES
-from dvtcli.operations.change import changed
 from dvtcli.operations.object_values import value_result
+from dvtcli.operations.write_object import signature, write_bytes
 
 if TYPE_CHECKING:
     from dvtcli.operations.session import Session
@@ -36,14 +35,9 @@ def write(session: Session, node_id: int, index: int, sub_index: int, data: byte
     """Write *data* as `write` does: checked, journalled, read back, and put back where it does not read back."""
     node = session.node(node_id)
     if index in SIGNATURES:
-        from dvtcli.cli.commands.write import signature
-
         signature(session, node, index, sub_index, f"0x{int.from_bytes(data, 'little'):x}")
         return Done()
-    started = time.monotonic()
-    applied = node.write(index, sub_index, data, force=session.options.force)
-    changed(session, node, applied, time.monotonic() - started)
-    return Done(findings=applied.findings)
+    return Done(findings=write_bytes(session, node, index, sub_index, data).findings)
 
 
 def _hex(data: bytes) -> str:

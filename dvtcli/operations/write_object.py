@@ -1,0 +1,89 @@
+"""Writing one object under the rules of the command that is meant for it: `write`, and the words of a DVT script."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING
+
+from dvtcli.device.store_parameters import RESTORE, SIGNATURES, STORE
+from dvtcli.domain.abort import Abort
+from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.rules.finding import error
+from dvtcli.domain.rules.raw_write import parameter_size
+from dvtcli.domain.rules.rule import ERROR, Rule
+from dvtcli.errors import DvtcliError, RuleError, UsageError
+from dvtcli.operations.change import changed
+from dvtcli.operations.object_values import type_of
+from dvtcli.operations.store_restore import restore_defaults, store_settings
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+    from dvtcli.domain.datatypes import DataType
+    from dvtcli.operations.results import Changed, Stored
+    from dvtcli.operations.session import Session
+
+RULES = (
+    Rule("signature", ERROR, "`write` to 0x1010 or 0x1011 of anything but its signature",
+         "CiA 301, 7.5.2.13 and 7.5.2.14", (Abort.CANNOT_STORE,)),
+)  # fmt: skip
+
+
+def write_text(
+    session: Session, node: Node, index: int, sub_index: int, value: str, asked: DataType | None = None
+) -> Changed | Stored:
+    """Write *value* as a person types it, as type *asked* or the object's own; UsageError where it does not fit."""
+    if index in SIGNATURES:
+        return signature(session, node, index, sub_index, value)
+    return write_bytes(session, node, index, sub_index, _encoded(node, index, sub_index, value, asked))
+
+
+def write_bytes(session: Session, node: Node, index: int, sub_index: int, data: bytes) -> Changed:
+    """Write *data* as it is, read it back, and put the old value back where that differs."""
+    started = time.monotonic()
+    applied = node.write(index, sub_index, data, force=session.options.force)
+    return changed(session, node, applied, time.monotonic() - started)
+
+
+def _encoded(node: Node, index: int, sub_index: int, value: str, asked: DataType | None) -> bytes:
+    kind = asked or object_type(node, index, sub_index)
+    try:
+        return kind.parse(value)
+    except ValueError as wrong:
+        raise UsageError(
+            f"{value!r} for 0x{index:04X}:{sub_index:02X} ({kind.short}): {wrong}", node=node.node_id
+        ) from wrong
+
+
+def object_type(node: Node, index: int, sub_index: int) -> DataType:
+    """The type that a value is written as; DvtcliError with a hint where it can be neither read nor looked up."""
+    return type_of(node, index, sub_index, _size(node, index, sub_index))
+
+
+def _size(node: Node, index: int, sub_index: int) -> int:
+    """How long the object is; 0 where it cannot be read and no file tells."""
+    if Pdo.at(index) is not None:
+        return parameter_size(index, sub_index) or 4
+    entry = node.dictionary.entry(index, sub_index) if node.dictionary else None
+    if entry is not None and entry.data_type is not None:
+        return entry.data_type.size or 0
+    try:
+        return len(node.upload(index, sub_index))
+    except DvtcliError as failed:
+        failed.hint = failed.hint or "--as TYPE says how to write an object that cannot be read"
+        raise
+
+
+def signature(session: Session, node: Node, index: int, sub_index: int, value: str) -> Stored:
+    """0x1010 and 0x1011 take one signature each: the same as `store` and `restore`."""
+    word = SIGNATURES[index]
+    accepted = {word.decode(), f"0x{int.from_bytes(word, 'little'):x}", str(int.from_bytes(word, "little"))}
+    if value.lower() not in accepted:
+        place = f"0x{index:04X}:{sub_index:02X}"
+        finding = error(
+            "signature", place, f"{place} takes {word.decode()!r} only, not {value!r}", Abort.CANNOT_STORE,
+            "store" if index == STORE else "restore",
+        )  # fmt: skip
+        raise RuleError(f"nothing was written: {finding.text}", [finding], node=node.node_id)
+    if index == RESTORE:
+        return restore_defaults(session, node, sub_index, prove=False)
+    return store_settings(session, node, sub_index)
