@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.change.carry_out import carry_out, left_open
 from dvtcli.device.change.put_back import restore_patiently
+from dvtcli.device.proposal import proposal
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import EVENT_TIMER, INHIBIT_TIME, TRANSMISSION_TYPE, Plan, plan_pdo
 from dvtcli.domain.rules import check_pdo, errors_in
@@ -75,7 +76,7 @@ def _allowed(
         if value == held or value < 0:
             continue
         want = replace(config, communication=replace(config.communication, **{field: value}))
-        if not errors_in(check_pdo(node.proposal(pdo, config, want))):
+        if not errors_in(check_pdo(proposal(node, pdo, config, want))):
             yield Place(pdo, field, sub_index, config, want)
 
 

@@ -12,21 +12,21 @@ from dvtcli.domain.rules.finding import Producer
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
 
 if TYPE_CHECKING:
-    from dvtcli.device.node import Node
+    from dvtcli.device.known_pdos import KnownPdos
 
 
-def producers(nodes: Iterable[Node]) -> tuple[Producer, ...]:
+def producers(nodes: Iterable[KnownPdos]) -> tuple[Producer, ...]:
     """Every enabled TPDO of *nodes*, as they say now; of a node that does not answer, as it was last known."""
     return tuple(one for node in nodes for one in _producers(node))
 
 
-def _producers(node: Node) -> Iterator[Producer]:
+def _producers(node: KnownPdos) -> Iterator[Producer]:
     for pdo, cob_id in _cob_ids(node).items():
         if cob_id.valid:
             yield Producer(node.node_id, pdo, cob_id)
 
 
-def _cob_ids(node: Node) -> dict[Pdo, CobId]:
+def _cob_ids(node: KnownPdos) -> dict[Pdo, CobId]:
     """The COB-IDs of the TPDOs of *node*, read now: another dvtcli may have moved one since they were read last."""
     known = {pdo: config.communication.cob_id for pdo, config in {**node.last_read, **node.wanted}.items()}
     try:
@@ -36,7 +36,7 @@ def _cob_ids(node: Node) -> dict[Pdo, CobId]:
     return {pdo: cob_id for pdo, cob_id in held.items() if cob_id is not None}
 
 
-def _cob_id(node: Node, pdo: Pdo, known: Mapping[Pdo, CobId]) -> CobId | None:
+def _cob_id(node: KnownPdos, pdo: Pdo, known: Mapping[Pdo, CobId]) -> CobId | None:
     """Sub-index 1 of a TPDO; where the node does not tell it, what is *known*, or None as of one that it lacks."""
     try:
         return CobId.from_raw(read_number(node.sdo, pdo.communication_index, 1, 4))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from dvtcli.device.proposal import proposal
 from dvtcli.device.read_pdos import read_optional
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.mapping import MAX_ENTRIES, PdoMappingEntry
@@ -20,11 +21,11 @@ from dvtcli.domain.rules.raw_write import (
 from dvtcli.errors import SdoAborted
 
 if TYPE_CHECKING:
-    from dvtcli.device.node import Node
+    from dvtcli.device.known_pdos import KnownPdos
     from dvtcli.domain.rules import Finding
 
 
-def raw_write_findings(node: Node, index: int, sub_index: int, data: bytes) -> tuple[Finding, ...]:
+def raw_write_findings(node: KnownPdos, index: int, sub_index: int, data: bytes) -> tuple[Finding, ...]:
     """Everything the rules say of writing *data* to *index*:*sub_index* of *node*."""
     findings = write_findings(node.dictionary, index, sub_index, data)
     pdo = Pdo.at(index)
@@ -34,10 +35,10 @@ def raw_write_findings(node: Node, index: int, sub_index: int, data: bytes) -> t
         return wrong
     now = node.pdo(pdo)
     write = ParameterWrite(index, sub_index, int.from_bytes(data, "little"))
-    return parameter_findings(lambda want: node.proposal(pdo, now, want), now, write, _entries(node, pdo, write))
+    return parameter_findings(lambda want: proposal(node, pdo, now, want), now, write, _entries(node, pdo, write))
 
 
-def raw_change(node: Node, step: Step) -> Change:
+def raw_change(node: KnownPdos, step: Step) -> Change:
     """What a write does: a change of a PDO where it is one, so that it is undone and verified like any other."""
     pdo, value = Pdo.at(step.index), int.from_bytes(step.after, "little")
     if pdo is None or len(step.after) > 4:
@@ -52,7 +53,7 @@ def raw_change(node: Node, step: Step) -> Change:
     return ValueChange(step) if after == now else PdoChange(pdo, now, after, (step,))
 
 
-def _entries(node: Node, pdo: Pdo, write: ParameterWrite) -> tuple[PdoMappingEntry, ...]:
+def _entries(node: KnownPdos, pdo: Pdo, write: ParameterWrite) -> tuple[PdoMappingEntry, ...]:
     """The mapping entries that a raw count would make active."""
     if write.index != pdo.mapping_index or write.sub_index:
         return ()
@@ -61,7 +62,7 @@ def _entries(node: Node, pdo: Pdo, write: ParameterWrite) -> tuple[PdoMappingEnt
     return tuple(PdoMappingEntry.from_raw(word) for word in words if word is not None)
 
 
-def held_value(node: Node, index: int, sub_index: int) -> bytes | None:
+def held_value(node: KnownPdos, index: int, sub_index: int) -> bytes | None:
     """What an object holds, so that it can be put back; None where it is write-only."""
     try:
         return node.upload(index, sub_index)

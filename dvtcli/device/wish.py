@@ -11,7 +11,7 @@ from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.errors import NoAnswer
 
 if TYPE_CHECKING:
-    from dvtcli.device.node import Node
+    from dvtcli.device.known_pdos import KnownPdos
 
 Place = tuple[int, int]
 #: What differs: the PDO's label or the object, and the difference in words.
@@ -40,12 +40,12 @@ class Wish:
         return sum(5 + len(config.mapping) for config in self.pdos.values()) + len(self.values)
 
 
-def session_wish(node: Node) -> Wish:
+def session_wish(node: KnownPdos) -> Wish:
     """What this session set on *node*, last word for each PDO and object."""
     return Wish(dict(node.wanted), dict(node.wanted_values))
 
 
-def unlike(node: Node, wish: Wish) -> tuple[Difference, ...]:
+def unlike(node: KnownPdos, wish: Wish) -> tuple[Difference, ...]:
     """Every difference between *wish* and what *node* holds now; NoAnswer where it restarts again and again."""
     for _ in range(_TRIES):
         boot_ups = node.bus.boot_ups(node.node_id)
@@ -57,7 +57,7 @@ def unlike(node: Node, wish: Wish) -> tuple[Difference, ...]:
     )
 
 
-def _unlike(node: Node, wish: Wish) -> Iterator[Difference]:
+def _unlike(node: KnownPdos, wish: Wish) -> Iterator[Difference]:
     for pdo, wanted in wish.pdos.items():
         yield from ((pdo.label, text) for text in differences(pdo, wanted, node.pdo(pdo)))
     for (index, sub_index), value in wish.values.items():

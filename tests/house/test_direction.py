@@ -10,7 +10,7 @@ from tests.house.source import PACKAGE, modules
 HOUSE = House(PACKAGE)
 #: arrows against the order, and files in circles, that are left from the first edition: both only become fewer
 LEFT_OUTWARD = 13
-LEFT_IN_CIRCLES = 13
+LEFT_IN_CIRCLES = 6
 
 #: libraries that only some files may touch
 ONLY_IN: dict[str, tuple[str, ...]] = {

@@ -18,7 +18,7 @@ from dvtcli.domain.several import several
 from dvtcli.errors import DvtcliError, LeftChanged
 
 if TYPE_CHECKING:
-    from dvtcli.device.node import Node
+    from dvtcli.device.change.changeable import Changeable
     from dvtcli.device.observe import Found
     from dvtcli.domain.rules import Finding
 
@@ -27,7 +27,7 @@ HEARTBEAT_S = 1.2
 
 
 def carry_out(
-    node: Node,
+    node: Changeable,
     plan: Plan,
     findings: tuple[Finding, ...] = (),
     *,
@@ -47,7 +47,7 @@ def carry_out(
 
 
 def _carry_out(
-    node: Node,
+    node: Changeable,
     plan: Plan,
     findings: tuple[Finding, ...],
     found: Found,
@@ -79,7 +79,7 @@ def _carry_out(
     _end(node, plan, lambda: _return(node, found), keep_journal=keep_journal)
 
 
-def _others(node: Node, plan: Plan) -> dict[Pdo, PdoConfig]:
+def _others(node: Changeable, plan: Plan) -> dict[Pdo, PdoConfig]:
     """The PDOs that *plan* leaves alone, as the node holds them; none where the plan cannot move them."""
     if not writes_cob_id(plan):
         return {}
@@ -87,7 +87,7 @@ def _others(node: Node, plan: Plan) -> dict[Pdo, PdoConfig]:
     return {pdo: config for pdo, config in node.known_pdos().items() if pdo not in own and config.mpdo is None}
 
 
-def left_open(node: Node, left: LeftChanged) -> None:
+def left_open(node: Changeable, left: LeftChanged) -> None:
     """A roll-back failed: nothing may be stored, and *left* says how to finish."""
     node.pending.suspicions[CHANGE] = left.text
     if node.keeper is not None:
@@ -95,7 +95,7 @@ def left_open(node: Node, left: LeftChanged) -> None:
         left.hint = f"recover finishes it, from {left.place}"
 
 
-def _end(node: Node, plan: Plan, back: Callable[[], bool], *, keep_journal: bool) -> None:
+def _end(node: Changeable, plan: Plan, back: Callable[[], bool], *, keep_journal: bool) -> None:
     """The change is complete: bring the node *back* to its NMT state, and forget the journal."""
     try:
         back()
@@ -118,7 +118,7 @@ def _labels(plan: Plan) -> str:
     return several(change.label for change in plan.changes)
 
 
-def _close(node: Node, error: BaseException | None = None) -> None:
+def _close(node: Changeable, error: BaseException | None = None) -> None:
     """Forget the journal; where that fails, *error* is told of it, or JournalKept is raised where there is none."""
     if node.keeper is None:
         return
@@ -131,7 +131,7 @@ def _close(node: Node, error: BaseException | None = None) -> None:
             error.details.append(("journal", f"{kept.text}: {kept.why}; {kept.hint}"))
 
 
-def _settle_after(node: Node, error: BaseException, found: Found) -> None:
+def _settle_after(node: Changeable, error: BaseException, found: Found) -> None:
     """The device is as it was: forget the journal; what cannot be put right of its NMT state is added to *error*."""
     try:
         rebooted = _return(node, found)
@@ -150,7 +150,7 @@ def _add(error: BaseException, text: str) -> None:
         error.details.append(("nmt", text))
 
 
-def run(node: Node, plan: Plan, others: Mapping[Pdo, PdoConfig], found: NmtState | None) -> None:
+def run(node: Changeable, plan: Plan, others: Mapping[Pdo, PdoConfig], found: NmtState | None) -> None:
     """Run *plan* as one transaction, with an eye on *others*; what was read of the node before counts no longer."""
 
     def note(changes: Sequence[Change]) -> None:
@@ -174,7 +174,7 @@ def run(node: Node, plan: Plan, others: Mapping[Pdo, PdoConfig], found: NmtState
         node.forget()
 
 
-def _explain(node: Node, error: DvtcliError, findings: tuple[Finding, ...]) -> None:
+def _explain(node: Changeable, error: DvtcliError, findings: tuple[Finding, ...]) -> None:
     foreseen = (finding.text for finding in findings if finding.place == f"0x{error.place}")
     error.why = error.why or next(foreseen, None)
     error.hint = error.hint or _hint(node, error)
@@ -182,7 +182,7 @@ def _explain(node: Node, error: DvtcliError, findings: tuple[Finding, ...]) -> N
         node.pending.suspicions[CHANGE] = f"the device answered 0x{error.abort:08X} to a change"
 
 
-def _hint(node: Node, error: DvtcliError) -> str | None:
+def _hint(node: Changeable, error: DvtcliError) -> str | None:
     """What the family's maker says of this refusal at this step."""
     if error.abort is None or error.place is None or ":" not in error.place:
         return None
@@ -190,7 +190,7 @@ def _hint(node: Node, error: DvtcliError) -> str | None:
     return node.profile.hint(int(index, 16), int(sub_index, 16), error.abort)
 
 
-def _return(node: Node, found: Found) -> bool:
+def _return(node: Changeable, found: Found) -> bool:
     """Undo what a reboot did to the NMT state, which inside an open gate is left to the gate's end; whether it did.
 
     A node that restarts without a boot-up message leaves an upload without an answer, and tells another NMT state.

@@ -17,7 +17,7 @@ from dvtcli.domain.plan import Change, PdoChange
 from dvtcli.errors import SafetyRefusal
 
 if TYPE_CHECKING:
-    from dvtcli.device.node import Node
+    from dvtcli.device.known_pdos import KnownPdos
 
 
 @dataclass(slots=True)
@@ -53,7 +53,7 @@ class Expected:
         self.pdos.clear()
         self.values.clear()
 
-    def require(self, node: Node) -> None:
+    def require(self, node: KnownPdos) -> None:
         """Read everything again; SafetyRefusal where something is not as expected."""
         if not self.pdos and not self.values:
             return
@@ -68,7 +68,7 @@ class Expected:
                 "and store again; store --force stores what it holds now",
             )
 
-    def _differences(self, node: Node) -> Iterator[tuple[str, str, str]]:
+    def _differences(self, node: KnownPdos) -> Iterator[tuple[str, str, str]]:
         """What differs: its label, its object, and how it differs."""
         held = node.pdos() if self.pdos else {}
         for pdo, wanted in self.pdos.items():
@@ -84,7 +84,7 @@ class Expected:
                 yield f"0x{place}", place, f"0x{place} is {data.hex(' ')}, was set to {value.hex(' ')}"
 
 
-def _moves(node: Node, index: int, sub_index: int) -> bool:
+def _moves(node: KnownPdos, index: int, sub_index: int) -> bool:
     """Whether an object is a command or a target, which the machine changes all the time: an RPDO can take it."""
     entry = node.dictionary.entry(index, sub_index) if node.dictionary else None
     return entry is not None and bool(entry.pdo_mapping) and entry.access.writable

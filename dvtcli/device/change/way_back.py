@@ -21,13 +21,14 @@ from dvtcli.domain.several import several
 from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, SafetyRefusal, SdoAborted
 
 if TYPE_CHECKING:
+    from dvtcli.device.change.changeable import Changeable
     from dvtcli.device.change.journal import Identity, Journal
-    from dvtcli.device.node import Node
+    from dvtcli.device.known_pdos import KnownPdos
 
 RULES = (Rule("write-only", WARNING, "what a write-only object held is not known, so it is not put back", "ours"),)
 
 
-def plan_back(node: Node, plans: Iterable[Plan]) -> Plan:
+def plan_back(node: KnownPdos, plans: Iterable[Plan]) -> Plan:
     """The plan from what *node* holds now to what it held before the oldest of *plans* (oldest first).
 
     The node is read anew, since nothing is known of what happened to it meanwhile. A write-only object stays as it
@@ -44,7 +45,9 @@ def plan_back(node: Node, plans: Iterable[Plan]) -> Plan:
     return Plan(node.node_id, (*changes, *_value_changes(node, pdos, values)))
 
 
-def _value_changes(node: Node, pdos: dict[Pdo, PdoConfig], values: dict[tuple[int, int], Step]) -> Iterator[Change]:
+def _value_changes(
+    node: KnownPdos, pdos: dict[Pdo, PdoConfig], values: dict[tuple[int, int], Step]
+) -> Iterator[Change]:
     for (index, sub_index), step in values.items():
         before = step.before
         pdo = Pdo.at(index)
@@ -60,7 +63,7 @@ def _is_filler(config: PdoConfig) -> bool:
     return config.enabled or config.count > 0
 
 
-def refuse_unless_left(node: Node, plans: Sequence[Plan]) -> None:
+def refuse_unless_left(node: KnownPdos, plans: Sequence[Plan]) -> None:
     """Raise SafetyRefusal, naming what differs, unless *node* holds exactly what *plans* (oldest first) left.
 
     A node that holds what was before them, as after a reset, is right, too: there is nothing to put back.
@@ -108,7 +111,7 @@ def unknown_before(plans: Iterable[Plan]) -> tuple[Finding, ...]:
     )
 
 
-def refuse_other_device(node: Node, journal: Journal) -> None:
+def refuse_other_device(node: KnownPdos, journal: Journal) -> None:
     """Raise SafetyRefusal where *journal* was made on another device than *node*."""
     if journal.plan.node_id != node.node_id or journal.identity != node.identity():
         raise SafetyRefusal(
@@ -135,7 +138,7 @@ class AcceptedState:
         return {**what, "held": self.held, "before": self.before, "differs_from_before": list(self.differences)}
 
 
-def accepted_states(node: Node, journal: Journal) -> list[AcceptedState]:
+def accepted_states(node: KnownPdos, journal: Journal) -> list[AcceptedState]:
     """What *node* holds now of everything that the interrupted change was about."""
     states = []
     for change in journal.plan.changes:
@@ -149,7 +152,7 @@ def accepted_states(node: Node, journal: Journal) -> list[AcceptedState]:
     return states
 
 
-def _accepted_value(node: Node, step: Step) -> AcceptedState:
+def _accepted_value(node: KnownPdos, step: Step) -> AcceptedState:
     if step.before is None:
         return AcceptedState(step.object, f"# {step.object} is write-only", f"# {step.object} was not known", ())
     held = node.upload(step.index, step.sub_index)
@@ -157,7 +160,7 @@ def _accepted_value(node: Node, step: Step) -> AcceptedState:
     return AcceptedState(step.object, value_line(step, held), value_line(step, step.before), found)
 
 
-def recover(node: Node, journal: Journal) -> Plan:
+def recover(node: Changeable, journal: Journal) -> Plan:
     """Finish an interrupted change: put back what it replaced, verify that, restore the NMT state, forget the journal.
 
     Only forwards, towards what was: a failure leaves the journal for the next try (LeftChanged). Returns the plan
@@ -174,7 +177,7 @@ def recover(node: Node, journal: Journal) -> Plan:
     return plan
 
 
-def _put_back_for_good(node: Node, journal: Journal) -> None:
+def _put_back_for_good(node: Changeable, journal: Journal) -> None:
     """Put back, and start the node where it was found OPERATIONAL; again where it restarted after it was verified.
 
     What it held in RAM only is lost with a restart, also with one that the start brings about.
@@ -195,7 +198,7 @@ def _put_back_for_good(node: Node, journal: Journal) -> None:
     )
 
 
-def _put_back(node: Node, journal: Journal) -> None:
+def _put_back(node: Changeable, journal: Journal) -> None:
     node.gate.enter()
     try:
         with node.cancellation.guard():
@@ -222,7 +225,7 @@ def _reason(fault: BaseException) -> str:
     return ": ".join(text for text in (str(fault), why) if text) or "interrupted"
 
 
-def _next_step(node: Node, fault: BaseException, journal: Journal) -> str:
+def _next_step(node: KnownPdos, fault: BaseException, journal: Journal) -> str:
     again = f"recover tries again, from {journal.path}"
     if isinstance(fault, SdoAborted | DeviceRefused):  # the same again would be refused, or corrected, again
         return (

@@ -1,0 +1,37 @@
+"""A node that may be changed: what keeps a change safe, what is in RAM only, and what it must hold to be stored.
+
+Does not know what is changed, nor what can be undone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from dvtcli.device.change.expected import Expected
+from dvtcli.device.change.pending import Pending
+from dvtcli.device.change.safekeeping import Keeper
+from dvtcli.device.known_pdos import KnownPdos
+from dvtcli.device.observe import Found
+
+
+@dataclass(slots=True)
+class Changeable(KnownPdos):
+    """A node whose PDOs are known, with what a change of it needs."""
+
+    #: what is in RAM only, and why it must not be stored now
+    pending: Pending = field(default_factory=Pending)
+    #: lock, backup and journal; None for simulated nodes and twins, which nothing can interrupt half-way
+    keeper: Keeper | None = None
+    #: what this session knows that the node's RAM must hold before it is stored: changed here, or seen beside a change
+    expected: Expected = field(default_factory=Expected)
+
+    def claim(self) -> Found:
+        """Before the first read of a change: let no other dvtcli write to the node until this process ends.
+
+        What was read before counts no longer. Returns how the node is found. SafetyRefusal where another one holds it,
+        or was interrupted.
+        """
+        if self.keeper is not None:
+            self.keeper.refuse_while_open()
+        self.read_anew()
+        return Found(self.access.state(), self.bus.boot_ups(self.node_id), self.bus.upsets(self.node_id))

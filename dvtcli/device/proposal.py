@@ -1,0 +1,42 @@
+"""What the rules look at before a PDO of a node may be changed. Reads what they need to know; judges nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from typing import TYPE_CHECKING
+
+from dvtcli.device.lazy_pdos import LazyMapping
+from dvtcli.device.neighbours import producers
+from dvtcli.device.read_pdos import learnt_lengths, service_can_ids
+from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.rules import Proposal
+
+if TYPE_CHECKING:
+    from dvtcli.device.known_pdos import KnownPdos
+
+
+def proposal(
+    node: KnownPdos, pdo: Pdo, now: PdoConfig, want: PdoConfig, together: Mapping[Pdo, PdoConfig] | None = None
+) -> Proposal:
+    """What the rules look at before *pdo* of *node* may become *want*; *together* are PDOs changed in the same plan."""
+    moves = now.communication.cob_id != want.communication.cob_id
+    sync, emcy = service_can_ids(node.sdo) if moves else (0x080, None)
+    learn = node.dictionary is None and now.mapping != want.mapping
+    return Proposal(
+        node.node_id,
+        pdo,
+        now,
+        want,
+        LazyMapping(lambda: _others(node, pdo, together or {})),
+        node.profile,
+        node.dictionary,
+        learnt_lengths(want.mapping, node.length_of) if learn else {},
+        sync,
+        emcy,
+        cache(lambda: producers(node.neighbours())),
+    )
+
+
+def _others(node: KnownPdos, pdo: Pdo, together: Mapping[Pdo, PdoConfig]) -> dict[Pdo, PdoConfig]:
+    return {other: config for other, config in {**node.known_pdos(), **together}.items() if other != pdo}

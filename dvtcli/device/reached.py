@@ -1,0 +1,99 @@
+"""One node as it is reached: its SDO channel, its NMT state and gate, what it says of itself.
+
+Does not know its PDOs, what was read before, or what was changed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from dvtcli.device.change.cancellation import Cancellation
+from dvtcli.device.missing import hint_for_missing
+from dvtcli.device.nmt_gate import Access, Gate
+from dvtcli.device.observe import BusWitness
+from dvtcli.device.quirks.fixed_count import FixedCount
+from dvtcli.device.quirks.reversed_entries import ReversedEntries
+from dvtcli.device.read_pdos import read_optional
+from dvtcli.domain.object_dictionary import ObjectDictionary
+from dvtcli.domain.ports import CanopenBus, SdoTransport
+from dvtcli.domain.profile import GENERIC, DeviceProfile
+from dvtcli.errors import SdoAborted
+
+if TYPE_CHECKING:
+    from dvtcli.device.change.journal import Identity
+
+
+@dataclass(slots=True)
+class Reached:
+    """A node on a bus, with its dictionary (None without an EDS) and profile.
+
+    *cancellation* stops a change at a safe point; *consent* is asked before the node leaves OPERATIONAL.
+    """
+
+    bus: CanopenBus
+    node_id: int
+    dictionary: ObjectDictionary | None = None
+    profile: DeviceProfile = GENERIC
+    cancellation: Cancellation = field(default_factory=Cancellation)
+    consent: Callable[[str], None] = lambda _question: None
+    _gate: Gate | None = field(default=None, init=False)
+
+    @property
+    def sdo(self) -> SdoTransport:
+        """The node's SDO channel."""
+        channel: SdoTransport = self.bus.sdo(self.node_id)
+        if self.profile.reversed_entries:
+            channel = ReversedEntries(channel)
+        return channel if self.profile.filler is None else FixedCount(channel, self.profile.filler)
+
+    @property
+    def witness(self) -> BusWitness:
+        """Who tells whether the node restarted."""
+        return BusWitness(self.bus, self.node_id)
+
+    @property
+    def access(self) -> Access:
+        """The node's state and reasons."""
+        return Access(self.bus, self.node_id, self.profile)
+
+    @property
+    def gate(self) -> Gate:
+        """The node's pre-operational gate; one for as long as the caller keeps it open."""
+        if self._gate is None:
+            self._gate = Gate(self.access, self._ask)
+        return self._gate
+
+    def _ask(self, question: str) -> None:
+        """Ask through whatever *consent* is by then: a script's lines may carry their own --yes."""
+        self.consent(question)
+
+    @property
+    def title(self) -> str:
+        """What the device calls itself in its file, or its family's name."""
+        return (self.dictionary.info.product_name if self.dictionary else "") or self.profile.title
+
+    def identity(self) -> Identity:
+        """The node's identity (0x1018) as it says now: at a prompt another device may have taken its place."""
+        names = {"vendor": 1, "product": 2, "revision": 3, "serial": 4}
+        return {name: read_optional(self.sdo, 0x1018, sub_index, 4) for name, sub_index in names.items()}
+
+    def upload(self, index: int, sub_index: int) -> bytes:
+        """Read one object; an abort for a missing sub-index gets the hint that sub-indices are hexadecimal."""
+        try:
+            return self.sdo.upload(index, sub_index)
+        except SdoAborted as aborted:
+            self.access.explain(aborted)
+            aborted.hint = hint_for_missing(aborted, self.dictionary) or aborted.hint
+            raise
+
+    def length_of(self, index: int, sub_index: int) -> int | None:
+        """An object's length in bits: the EDS's, else eight times what an upload brings; None if neither tells."""
+        entry = self.dictionary.entry(index, sub_index) if self.dictionary else None
+        if entry is not None and entry.bits is not None:
+            return entry.bits
+        try:
+            return 8 * len(self.sdo.upload(index, sub_index))
+        except SdoAborted:
+            return None
