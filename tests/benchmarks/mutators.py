@@ -52,9 +52,23 @@ def mutants(root: Path, module: str) -> tuple[Mutant, ...]:
 
 def mutated(text: str, number: int) -> str:
     """The file *text* with fault *number*."""
-    faults = Faults(number)
-    tree = ast.fix_missing_locations(faults.visit(ast.parse(text)))
-    return ast.unparse(tree) + "\n"
+    return ast.unparse(mutated_tree(text, number)) + "\n"
+
+
+def mutated_tree(text: str, number: int) -> ast.Module:
+    """As `mutated`, with the lines of *text* itself."""
+    tree = ast.parse(text)
+    Faults(number).visit(tree)
+    return ast.fix_missing_locations(tree)
+
+
+def reach(text: str, mutant: Mutant) -> tuple[int, int]:
+    """First and last line whose run may notice *mutant*: those of its innermost function, or of the whole file."""
+    found = (1, text.count("\n") + 1)
+    for node in ast.walk(ast.parse(text)):  # outer ones come first
+        if isinstance(node, ast.FunctionDef) and node.body[0].lineno <= mutant.line <= (node.end_lineno or 0):
+            found = (node.body[0].lineno, node.end_lineno or 0)
+    return found
 
 
 class Faults(ast.NodeTransformer):
@@ -75,12 +89,10 @@ class Faults(ast.NodeTransformer):
             if len(self.found) == self._wanted:
                 made = other
             self.found.append((getattr(node, "lineno", 0), ".".join(self._inside), text))
-        named = isinstance(node, ast.FunctionDef | ast.ClassDef)
-        if named:
-            self._inside.append(node.name)
+        name = [node.name] if isinstance(node, ast.FunctionDef | ast.ClassDef) else []
+        self._inside += name
         self._visit_fields(node)
-        if named:
-            self._inside.pop()
+        del self._inside[len(self._inside) - len(name) :]
         return node if made is None else made
 
     def _visit_fields(self, node: ast.AST) -> None:
@@ -147,7 +159,7 @@ def _decided(node: ast.If | ast.While | ast.IfExp) -> list[ast.AST]:
 
 def _ordered(node: ast.Call) -> list[ast.AST]:
     turned = isinstance(node.func, ast.Name) and node.func.id == "reversed"
-    return [ast.Call(ast.Name("list"), node.args, [])] if turned else []
+    return [ast.Call(ast.Name("list", ast.Load()), node.args, [])] if turned else []
 
 
 def _returned(node: ast.Return) -> list[ast.AST]:

@@ -1,0 +1,163 @@
+"""Which tests run which lines of which files, in the tests' own process and in those that they start.
+
+    python -m tests.benchmarks.mutation_lines FILE PATTERN… -- TEST…
+
+adds what the TESTs run of the files that match to FILE, one JSON document a test. A test that fails is left out, and
+named. What a fixture of a whole file runs counts for the first test that needs it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from fnmatch import fnmatch
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+ROOT = Path(__file__).parents[2]
+#: for the processes that tests start: the file to add lines to, and the patterns
+_TO, _WANTED = "MUTATION_LINES", "MUTATION_PATTERNS"
+
+
+class Lines:
+    """What is run from now on, in every thread: `seen` holds file and line."""
+
+    def __init__(self, patterns: tuple[str, ...]) -> None:
+        self.seen: set[tuple[str, int]] = set()
+        self._patterns = patterns
+        self._names: dict[str, str] = {}
+        threading.settrace(self._call)
+        sys.settrace(self._call)
+
+    def _call(self, frame: FrameType, event: str, arg: object) -> Any:
+        path = frame.f_code.co_filename
+        if path not in self._names:
+            self._names[path] = self._name(path)
+        return self._line if self._names[path] else None
+
+    def _name(self, path: str) -> str:
+        name = path.removeprefix(f"{ROOT}/")
+        return name if name != path and any(fnmatch(name, one) for one in self._patterns) else ""
+
+    def _line(self, frame: FrameType, event: str, arg: object) -> Any:
+        self.found(self._names[frame.f_code.co_filename], frame.f_lineno)
+        return self._line
+
+    def found(self, name: str, line: int) -> None:
+        """A line was run."""
+        self.seen.add((name, line))
+
+
+class _Written(Lines):
+    """In a process that a test started, and may kill: each line is written down the first time it is run."""
+
+    def __init__(self, patterns: tuple[str, ...], path: str, test: str) -> None:
+        self._file = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o600)
+        self._test = test
+        super().__init__(patterns)
+
+    def found(self, name: str, line: int) -> None:
+        if (name, line) not in self.seen:
+            self.seen.add((name, line))
+            os.write(self._file, (json.dumps([self._test, name, line]) + "\n").encode())
+
+
+def in_started_process() -> None:
+    """Called by `sitecustomize` in every process that a test starts."""
+    test = os.environ.get("PYTEST_CURRENT_TEST", "").rpartition(" ")[0]
+    if test and _TO in os.environ:
+        _Written(tuple(os.environ[_WANTED].split("\n")), os.environ[_TO], test)
+
+
+class Recorder:
+    """For pytest: adds to the file what each test ran."""
+
+    def __init__(self, to: Path, patterns: tuple[str, ...]) -> None:
+        self.to = to
+        self.others = to.with_suffix(".others")
+        self.others.write_text("", "utf-8")
+        self.rows: dict[str, dict[str, Any]] = {}
+        self.failed: set[str] = set()
+        os.environ[_TO], os.environ[_WANTED] = str(self.others), "\n".join(patterns)
+        self.lines = Lines(patterns)
+
+    def pytest_runtest_protocol(self, item: Any) -> None:
+        """A test begins."""
+        self.lines.seen.clear()
+        self.started_s = time.monotonic()
+
+    def pytest_runtest_logfinish(self, nodeid: str) -> None:
+        """A test has ended."""
+        seconds = round(time.monotonic() - self.started_s, 3)
+        self.rows[nodeid] = {"test": nodeid, "seconds": seconds, "lines": self._by_file(self.lines.seen.copy())}
+
+    def pytest_runtest_logreport(self, report: Any) -> None:
+        """A part of a test has ended."""
+        if report.failed:
+            self.failed.add(report.nodeid)
+
+    def pytest_sessionfinish(self) -> None:
+        """All tests have ended."""
+        sys.settrace(None)
+        for text in self.others.read_text("utf-8").splitlines():
+            test, name, line = json.loads(text)
+            if test in self.rows:
+                lines = self.rows[test]["lines"].setdefault(name, [])
+                lines.append(line)
+        with self.to.open("a", encoding="utf-8") as file:
+            for test, row in self.rows.items():
+                if test not in self.failed:
+                    file.write(json.dumps(row) + "\n")
+        print(f"\n{len(self.rows) - len(self.failed)} tests known, left out as they fail: {sorted(self.failed)}")
+
+    def _by_file(self, seen: set[tuple[str, int]]) -> dict[str, list[int]]:
+        found: dict[str, list[int]] = {}
+        for name, line in sorted(seen):
+            found.setdefault(name, []).append(line)
+        return found
+
+
+class Known:
+    """What was recorded in *path*."""
+
+    def __init__(self, path: Path) -> None:
+        self.seconds: dict[str, float] = {}
+        self._ran: dict[str, dict[str, frozenset[int]]] = {}
+        for text in path.read_text("utf-8").splitlines():
+            row = json.loads(text)
+            self.seconds[row["test"]] = row["seconds"]
+            for name, lines in row["lines"].items():
+                self._ran.setdefault(name, {})[row["test"]] = frozenset(lines)
+
+    def tests(self, module: str, line: int, first: int, last: int) -> list[str]:
+        """The tests that run anything of *first* to *last* in *module*, those that run *line* before the others."""
+
+        def ordered() -> Iterator[tuple[bool, float, str]]:
+            for test, lines in self._ran.get(module, {}).items():
+                if any(first <= one <= last for one in lines):
+                    yield line not in lines, self.seconds[test], test
+
+        return [test for _, _, test in sorted(ordered())]
+
+
+def main() -> int:
+    import pytest
+
+    to, *rest = sys.argv[1:]
+    patterns, tests = rest[: rest.index("--")], rest[rest.index("--") + 1 :]
+    helper = Path(to).resolve().with_suffix(".site")
+    helper.mkdir(exist_ok=True)
+    begins = "from tests.benchmarks.mutation_lines import in_started_process as _begin\n_begin()\n"
+    (helper / "sitecustomize.py").write_text(begins, "utf-8")
+    os.environ["PYTHONPATH"] = os.pathsep.join([str(helper), str(ROOT)])
+    recorder = Recorder(Path(to).resolve(), tuple(patterns))
+    return int(pytest.main(["-n", "0", "-q", "-p", "no:cacheprovider", "--tb=no", *tests], plugins=[recorder]))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
