@@ -18,7 +18,7 @@ _Sent = tuple[int, bool, bool, bytes]
 
 #: frames that may wait for their echo at a time; more are not under way between two reads
 MOST_REMEMBERED = 1024
-#: a controller may send by priority; an echo that is this much (s of sending) behind a later frame's was lost
+#: a controller may send by priority; an echo that is this much (s) behind its sending, or a later frame's, was lost
 LOST_AFTER_S = 1.0
 
 
@@ -65,6 +65,17 @@ class Echoes:
             while self._sent and sent_s - self._sent[0][1] > LOST_AFTER_S:
                 self._sent.popleft()
             return True
+
+    def caught_up(self, now_s: float) -> None:
+        """At *now_s* everything that had arrived was read: what was sent long before that does not come back.
+
+        Where the bus is known to echo it may: a controller sends again and again until another node acknowledges.
+        """
+        if self._echoing is not None or not self._sent:
+            return
+        with self._lock:
+            while self._sent and now_s - self._sent[0][1] > LOST_AFTER_S:
+                self._sent.popleft()
 
     def answered(self, can_id: int) -> None:
         """A request to *can_id* was answered: where no echo was ever seen, it and what was sent before have none."""

@@ -258,8 +258,10 @@ class CanBus:
     def _read(self, wait_s: float) -> can.Message | None:
         try:
             message = self._bus.recv(wait_s)
-            if message is None and self._hung_up():
-                raise ConnectionResetError("the server has closed the connection")
+            if message is None:
+                self.echoes.caught_up(monotonic())
+                if self._hung_up():
+                    raise ConnectionResetError("the server has closed the connection")
             return message
         except BUS_FAILURES as error:
             failure = self._failed("receive", error)

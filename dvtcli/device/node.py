@@ -13,6 +13,7 @@ from dvtcli.device.applied import Applied, refuse
 from dvtcli.device.change.carry_out import carry_out
 from dvtcli.device.change.changeable import Changeable
 from dvtcli.device.change.pending import COMMUNICATION, EVERYTHING
+from dvtcli.device.change.safekeeping import who_else
 from dvtcli.device.change.way_back import plan_back, refuse_unless_left, unknown_before
 from dvtcli.device.observe import Found
 from dvtcli.device.proposal import proposal
@@ -112,7 +113,7 @@ class Node(Changeable):
             )
         refuse(level_finding(self.access), "nothing was stored or restored", self.node_id, force=force)
         if confirm and not force:
-            self.expected.require(self)
+            self.expected.require(self, who_else(self.keeper))
         if self.profile.store.only_pre_operational:
             self.gate.enter()
 

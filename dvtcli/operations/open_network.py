@@ -146,7 +146,7 @@ class Network:
             return entry is not None and not entry.access.writable
 
         folder, locks = state_folder(self.options), state_folder(None) / "locks"
-        keeper = Keeper(folder, locks, self.bus.name, node_id, self.say, is_fixed, self.warn)
+        keeper = Keeper(folder, locks, self.bus.name, node_id, self.say, is_fixed, self.warn, _command)
         try:
             journal = keeper.interrupted()
         except (InputFileError, SafetyRefusal) as damaged:
@@ -294,3 +294,11 @@ def offline_dictionaries(options: Options) -> list[tuple[ObjectDictionary, dict[
         profile = load_profile(options.profile) if options.profile else profile_of(dictionary)
         found.append((dictionary, profile.aliases))
     return found
+
+
+def _command() -> str:
+    """The command that runs, without what was typed behind it: that may be a passcode."""
+    import click
+
+    line = click.get_current_context(silent=True)
+    return "" if line is None else line.info_name or ""

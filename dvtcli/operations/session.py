@@ -12,6 +12,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from dvtcli.device.change.cancellation import Cancellation
+from dvtcli.device.change.safekeeping import let_go
 from dvtcli.device.restarts import losses, refuse_after_restarts
 from dvtcli.errors import BusUnavailable, DvtcliError, SafetyRefusal, UsageError
 from dvtcli.operations.options import START_ONLY, Options
@@ -334,6 +335,7 @@ class Session:
     def end_line(self, code: int, *, alone: bool = False) -> None:
         """A line of its own, or a whole script, ended with *code*: nodes go back to the NMT state they were found in.
 
+        From then on another dvtcli may write to them.
         Not after a failure that left a device changed, nor after one in the middle of a script, which is neither the
         old set-up nor the new one: there they stay PRE-OPERATIONAL, and that is said. Where the line stands *alone*,
         not at a prompt, Restarted is raised if a node lost by then what was set.
@@ -345,6 +347,8 @@ class Session:
                     self._end_gate(node.gate, code)
                 except DvtcliError as failed:  # the other nodes go back all the same
                     failures.append(failed)
+                finally:
+                    let_go(node.keeper)
         if failures:
             raise failures[0]
         if alone and not code:

@@ -108,7 +108,7 @@ class Bench:
         said.write_text("", "utf-8")
         template = os.fork()
         if not template:
-            _be_pytest(self.folder, [*files], _Template(self.folder, wanted, said))
+            _be_pytest(self.folder, [*files], _Template(self.folder, wanted, said, self.known))
         os.waitpid(template, 0)
         rows = [line.split("\t") for line in said.read_text("utf-8").splitlines()]
         found = {int(row[0]): Outcome(share[int(row[0])], row[1], row[2]) for row in rows}
@@ -139,8 +139,8 @@ class Bench:
 class _Template:
     """pytest's plugin that, once everything is imported, forks a child for each mutant instead of running the tests."""
 
-    def __init__(self, folder: Path, wanted: dict[Mutant, tuple[list[str], float]], said: Path) -> None:
-        self.folder, self.wanted, self.said = folder, wanted, said
+    def __init__(self, folder: Path, wanted: dict[Mutant, tuple[list[str], float]], said: Path, known: Known) -> None:
+        self.folder, self.wanted, self.said, self.known = folder, wanted, said, known
         self.screen = os.dup(2)  # pytest catches the one that is there
 
     def pytest_runtestloop(self, session: Any) -> bool:
@@ -159,7 +159,7 @@ class _Template:
         noted = self.folder / "failed"
         noted.write_text("", "utf-8")
         code = _in_child(lambda: self._be_child(mutant, items, noted), _TIMES * seconds + _MORE_S)
-        if code is None:
+        if code in (None, -signal.SIGALRM):
             return Outcome(mutant, "time", "took too long")
         if code not in (0, 1, _NOT_SO):
             raise RuntimeError(f"the child that tried {mutant} ended with {code}")
@@ -170,7 +170,9 @@ class _Template:
             os._exit(_NOT_SO)
         config = items[0].config
         config.pluginmanager.register(_FirstFailure(noted))
+        signal.signal(signal.SIGALRM, signal.SIG_DFL)
         for place, item in enumerate(items):
+            signal.setitimer(signal.ITIMER_REAL, _TIMES * self.known.seconds[item.nodeid] + _MORE_S / 2)
             following = items[place + 1] if place + 1 < len(items) else None
             config.hook.pytest_runtest_protocol(item=item, nextitem=following)
         os._exit(0)

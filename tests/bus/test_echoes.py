@@ -13,7 +13,7 @@ import can
 import pytest
 from can.interfaces.virtual import VirtualBus
 
-from dvtcli.bus.echoes import MOST_REMEMBERED, Echoes
+from dvtcli.bus.echoes import LOST_AFTER_S, MOST_REMEMBERED, Echoes
 from dvtcli.bus.python_can import CanBus
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import Frame
@@ -213,6 +213,34 @@ def test_an_answer_to_nobody_says_nothing_of_echoes() -> None:
     echoes.expect(message(0x185, b"\x01"), 0.0)
     echoes.answered(REQUEST)
     assert echoes.is_echo(message(0x185, b"\x01"))
+
+
+def test_what_did_not_come_back_in_time_never_will_once_everything_was_read() -> None:
+    echoes = Echoes()
+    for sent_s in (0.0, 0.5):
+        echoes.expect(message(0x080, b""), sent_s)
+    echoes.caught_up(1.0)  # at the latest now the first one would have been there
+    echoes.caught_up(1.2)
+    assert [echoes.is_echo(message(0x080, b"")) for _ in range(2)] == [True, False]
+
+
+def test_a_bus_that_told_nothing_of_echoes_does_not_keep_what_was_sent_long_ago(start: Start) -> None:
+    ours = start(echoes=False, told=False, marks=True)
+    ours.bus.send(Frame(0x080, b""))
+    ours.bus.sleep(LOST_AFTER_S + 0.05)
+    frames = ours.bus.receive(0.05)
+    ours.other.send(message(0x080, b""))  # another SYNC producer, no echo of ours
+    assert [frame.can_id for frame in frames] == [0x080]
+
+
+def test_a_bus_that_echoes_may_do_so_late() -> None:
+    """Nobody acknowledged what was sent until another node was plugged in."""
+    echoes = Echoes()
+    for sent_s in (0.0, 0.1):
+        echoes.expect(message(0x080, b""), sent_s)
+    assert echoes.is_echo(message(0x080, b""))
+    echoes.caught_up(60.0)
+    assert echoes.is_echo(message(0x080, b""))
 
 
 def test_memory_is_bounded() -> None:

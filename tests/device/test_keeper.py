@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import pytest
 
 from dvtcli.device.change.journal import Identity
 from dvtcli.device.change.lock import NodeLock
-from dvtcli.device.change.safekeeping import Keeper
+from dvtcli.device.change.safekeeping import Keeper, who_else
 from dvtcli.device.read_pdos import read_pdo
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Plan, Step, ValueChange
@@ -43,7 +44,7 @@ def test_the_lock_names_its_holder_and_the_journal(keep: Keep, tmp_path: Path) -
     one.begin(PLAN, IDENTITY, 127, dict)
     journal = tmp_path / "state" / "journals" / "socketcan_can0-5.json"
     assert journal.exists()
-    assert one.lock.path.read_text() == f"{os.getpid()}\n{journal}\n"
+    assert one.lock.path.read_text().splitlines()[:2] == [str(os.getpid()), str(journal)]
     assert one.lock.noted() == journal
 
 
@@ -71,7 +72,7 @@ def test_a_change_that_ended_leaves_nothing_open(keep: Keep, tmp_path: Path) -> 
     one.end()
     assert one.lock.noted() is None
     assert one.open_journal() is None
-    assert one.lock.path.read_text() == f"{os.getpid()}\n\n"
+    assert one.lock.path.read_text().splitlines()[:2] == [str(os.getpid()), ""]
 
 
 def test_one_holder_at_a_time(keep: Keep, tmp_path: Path) -> None:
@@ -86,6 +87,57 @@ def test_one_holder_at_a_time(keep: Keep, tmp_path: Path) -> None:
     first.lock.release()
     second.lock.take()
     second.lock.release()
+
+
+def test_a_refusal_says_who_and_since_when_and_how_long_was_waited(keep: Keep) -> None:
+    first, second = keep(), keep("elsewhere")
+    first.lock.command = lambda: "map"
+    first.lock.take()
+    since = first.lock.path.read_text().splitlines()[2]
+    with pytest.raises(SafetyRefusal) as caught:
+        second.lock.take(0.05)
+    refusal = caught.value
+    assert refusal.text == f"another dvtcli (process {os.getpid()}) is changing node 5 on socketcan:can0"
+    assert refusal.why == f"its `map` holds the node's lock since {since[11:19]} UTC, and was waited for 0.05 s"
+    assert refusal.hint is not None
+    assert f"process {os.getpid()}" in refusal.hint
+    first.lock.release()
+    second.lock.take()
+    second.lock.release()
+
+
+def test_one_that_is_done_in_a_moment_is_waited_for(keep: Keep) -> None:
+    first, second = keep(), keep("elsewhere")
+    first.lock.take()
+    timer = threading.Timer(0.05, first.lock.release)
+    timer.start()
+    second.lock.take(60)
+    timer.join()
+    assert second.lock.held
+
+
+def test_who_wrote_meanwhile_is_known_and_who_only_looked_is_not(keep: Keep) -> None:
+    one, other = keep(), keep("elsewhere")
+    other.lock.command = lambda: "set"
+    for keeper in (one, other, one):  # both have held it, and wrote nothing
+        keeper.lock.take()
+        keeper.lock.release()
+    assert one.lock.meanwhile is None
+    one.begin(PLAN, IDENTITY, None, dict)
+    one.end()
+    one.lock.release()
+    other.begin(PLAN, IDENTITY, None, dict)
+    other.end()
+    other.lock.release()
+    one.lock.take()
+    assert one.lock.meanwhile is not None
+    assert (one.lock.meanwhile.process, one.lock.meanwhile.command) == (str(os.getpid()), "set")
+    assert f"another dvtcli (process {os.getpid()}, `set`, " in who_else(one)
+    one.lock.release()
+    third = keep("third")
+    third.lock.take()
+    assert third.lock.meanwhile is None, "nobody wrote after it had held the lock"
+    assert who_else(third) == who_else(None) == "it restarted, or somebody else wrote to it"
 
 
 def test_the_backup_is_made_once_and_read_by_its_owner_only(keep: Keep, tmp_path: Path) -> None:

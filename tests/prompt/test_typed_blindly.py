@@ -16,6 +16,16 @@ def test_lines_typed_while_a_command_runs_are_thrown_away_and_that_is_said(gen4:
     gen4.wait("nothing to undo: this session changed nothing")
 
 
+def test_lines_that_come_with_the_first_one_were_typed_blindly_too(gen4: Terminal) -> None:
+    """A terminal that marks no paste sends its lines at once; the second one was meant for when the first worked."""
+    gen4.type(f"map tpdo1 9999{ENTER}nmt start{ENTER}")
+    gen4.wait("10 characters typed meanwhile were thrown away")
+    gen4.wait_prompt()
+    gen4.type(f"map tpdo1 606C{ENTER}nm")
+    gen4.wait("2 characters typed meanwhile were thrown away")
+    gen4.wait_prompt("sim/1 PRE-OP*> ")
+
+
 def test_what_is_pasted_in_one_piece_runs_line_by_line(gen4: Terminal) -> None:
     gen4.type("\x1b[200~read 1018:1\nread 1018:2\x1b[201~")
     gen4.until(lambda: "read 1018:2" in gen4.cursor_line, "what was pasted")

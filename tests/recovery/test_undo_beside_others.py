@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 from dvtcli.device.read_pdos import read_pdo
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.pdo import Pdo
@@ -34,6 +36,49 @@ def test_a_recorded_undo_leaves_alone_what_another_one_changed_since_it_was_look
             assert (ran.code, ran.document["pdo"]) == (0, "tpdo2"), ran.stdout
         assert cob_id(wire, "tpdo1").can_id == 0x1A1
         assert cob_id(wire, "tpdo2") == before
+
+
+@pytest.mark.parametrize(
+    ("first", "between", "last", "label"),
+    [
+        ("set tpdo1 --timer 5", "set tpdo1 --timer 6", "set tpdo1 --timer 7", "TPDO1"),
+        ("write 1017 500 --force", "write 1017 600 --force", "write 1017 700 --force", "1017:00"),
+    ],
+)
+def test_undo_all_takes_nothing_back_that_another_one_changed_in_between(
+    first: str, between: str, last: str, label: str
+) -> None:
+    with Wire(device("generic")) as wire, Bench((), {**wire.options, "yes": True}) as bench:
+        before = held(wire)
+        assert bench.run(first).code == 0
+        bench.session.end_line(0)
+        elsewhere(wire, between)
+        theirs = held(wire)
+        assert bench.run(last).code == 0
+        ran = bench.run("undo --all --json")
+        assert (ran.code, ran.document["state"]) == (6, "unchanged")
+        assert label in ran.document["text"]
+        assert "another dvtcli (process " in ran.document["hint"]
+        assert bench.run("undo").code == 0
+        assert held(wire) == theirs
+        assert bench.run("undo").code == 6
+        assert bench.run("undo --force").code == 0
+        assert held(wire) == before
+
+
+def test_undo_all_goes_back_behind_a_reset(tmp_path: Path) -> None:
+    with Wire(device("generic")) as wire, Bench((), {**wire.options, "yes": True}) as bench:
+        before = held(wire)
+        assert bench.run("set tpdo1 --timer 5").code == 0
+        assert bench.run("nmt reset-node").code == 0
+        assert bench.run("set tpdo1 --inhibit 7").code == 0
+        assert bench.run("undo --all").code == 0
+        assert held(wire) == before
+
+
+def held(wire: Wire) -> list[bytes]:
+    with Bench((), wire.options) as bench:
+        return [bench.session.node().sdo.upload(*place) for place in [(0x1800, 3), (0x1800, 5), (0x1017, 0)]]
 
 
 def test_a_backup_is_put_back_only_by_who_holds_the_lock_and_is_said_before_anything_is_planned() -> None:

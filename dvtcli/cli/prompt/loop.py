@@ -104,7 +104,7 @@ class Prompt:
 
     def _forget_what_was_typed_blindly(self) -> None:
         """Lines that were typed while another one ran would run unseen: they are thrown away, and that is said."""
-        thrown_away = throw_away(sys.stdin) if self._has_run else None
+        thrown_away = throw_away(sys.stdin, self._reader.left_over()) if self._has_run else None
         self._has_run = True
         if thrown_away:
             self._session.output.warning(thrown_away)

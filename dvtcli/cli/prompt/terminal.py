@@ -50,6 +50,10 @@ class Reader(Protocol):
         """The next line; KeyboardInterrupt where it was thrown away, EOFError where the user wants to leave."""
         ...
 
+    def left_over(self) -> int:
+        """Forget what came together with the last line, behind it; how many characters that was."""
+        ...
+
 
 def reader(session: Session, status: Status, notices: Notices, show_help: Callable[[str], None]) -> Reader:
     """The best reader for this terminal; *show_help* prints help for the line typed so far."""
@@ -83,6 +87,10 @@ class PlainReader:
             self._output.lines([""])
             raise EOFError
         return line
+
+    def left_over(self) -> int:
+        """Nothing: a terminal that edits its lines itself hands them out one at a time."""
+        return 0
 
     def _asked(self, prompt: str) -> str:
         self._output.stderr.write(prompt)
@@ -120,6 +128,14 @@ class FullReader:
         if held or line is None:
             raise KeyboardInterrupt
         return line
+
+    def left_over(self) -> int:
+        """Forget what was read of the terminal together with the last line; not what the terminal says of itself."""
+        from prompt_toolkit.input.typeahead import get_typeahead
+        from prompt_toolkit.keys import Keys
+
+        keys = get_typeahead(self._prompt.app.input)
+        return sum(len(one.data) for one in keys if one.key is not Keys.CPRResponse)
 
     def _typed(self) -> str | None:
         """What was typed, None where it was thrown away."""

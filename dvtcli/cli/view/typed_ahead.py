@@ -14,9 +14,12 @@ from typing import TextIO
 _ANSWERED = re.compile("\x1b\\[[0-9;]*R")
 
 
-def throw_away(stream: TextIO) -> str | None:
-    """Forget what was typed at the terminal *stream* and not read yet; says how much, None where that was nothing."""
-    count = _thrown_away(stream) if stream.isatty() else 0
+def throw_away(stream: TextIO, read_already: int = 0) -> str | None:
+    """Forget what was typed at the terminal *stream* and not read yet; says how much, None where that was nothing.
+
+    *read_already* is how many characters were thrown away elsewhere.
+    """
+    count = read_already + (_thrown_away(stream) if stream.isatty() else 0)
     if not count:
         return None
     return f"{count} character{'s' * (count != 1)} typed meanwhile {'was' if count == 1 else 'were'} thrown away"

@@ -26,7 +26,7 @@ class Changeable(KnownPdos):
     expected: Expected = field(default_factory=Expected)
 
     def claim(self) -> Found:
-        """Before the first read of a change: let no other dvtcli write to the node until this process ends.
+        """Before the first read of a change: let no other dvtcli write to the node until the line ends.
 
         What was read before counts no longer. Returns how the node is found. SafetyRefusal where another one holds it,
         or was interrupted.

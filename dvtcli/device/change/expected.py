@@ -53,8 +53,8 @@ class Expected:
         self.pdos.clear()
         self.values.clear()
 
-    def require(self, node: KnownPdos) -> None:
-        """Read everything again; SafetyRefusal where something is not as expected."""
+    def require(self, node: KnownPdos, who_else: str) -> None:
+        """Read everything again; SafetyRefusal, with *who_else* may have done it, where something is not as expected."""
         if not self.pdos and not self.values:
             return
         found = observed(node.witness, lambda: list(self._differences(node)))
@@ -64,8 +64,8 @@ class Expected:
                 node=node.node_id,
                 place=found[0][1],
                 why="; ".join(text for *_, text in found),
-                hint="it restarted, somebody else wrote to it, or it corrects what is written: set it as it should be "
-                "and store again; store --force stores what it holds now",
+                hint=f"{who_else}, or it corrects what is written: set it as it should be and store "
+                "again; store --force stores what it holds now",
             )
 
     def _differences(self, node: KnownPdos) -> Iterator[tuple[str, str, str]]:

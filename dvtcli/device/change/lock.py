@@ -8,7 +8,9 @@ from __future__ import annotations
 import os
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import IO
 
@@ -16,18 +18,67 @@ from dvtcli.device.change.journal import file_name
 from dvtcli.device.trust import check_folder, open_private, private_folder
 from dvtcli.errors import SafetyRefusal
 
-#: a process number and a path
+#: two holders and a path
 _MOST_BYTES = 20_000
+#: How long another dvtcli is waited for, whose change may be over in a moment (s).
+WAIT_S = 1.0
+#: How long one that only looks may hold the lock, with much to spare (s).
+LOOK_S = 0.1
+_RETRY_S = 0.01
+
+
+@dataclass(frozen=True, slots=True)
+class Holder:
+    """A dvtcli that has, or had, the right to write: its *process*, *since* when (ISO 8601, UTC), the *command*."""
+
+    process: str
+    since: str = ""
+    command: str = ""
+
+    def __str__(self) -> str:
+        ran = f"`{self.command}`, " if self.command else ""
+        return f"process {self.process}, {ran}{self.since[11:19] or '?'} UTC"
+
+
+@dataclass(frozen=True, slots=True)
+class _Noted:
+    """What the lock's file says: who holds it or held it last, the journal in hand, and who began to write last."""
+
+    holder: Holder
+    journal: str = ""
+    writer: Holder | None = None
+
+    def text(self) -> str:
+        rows = [self.holder.process, self.journal, self.holder.since, self.holder.command]
+        if self.writer is not None:
+            rows += [self.writer.process, self.writer.since, self.writer.command]
+        return "".join(f"{row}\n" for row in rows)
+
+    @classmethod
+    def parse(cls, text: str) -> _Noted:
+        """What the file's *text* says; nothing where it is empty."""
+        rows = [row.strip() for row in text.split("\n")] + [""] * 7
+        process, journal, since, command, *writer = rows[:7]
+        return cls(Holder(process[:20], since[:40], command[:80]), journal, Holder(*writer) if writer[0] else None)
 
 
 @dataclass(slots=True)
 class NodeLock:
-    """The right to write to *node_id* on the bus called *bus*; *folder* holds one file for each."""
+    """The right to write to *node_id* on the bus called *bus*; *folder* holds one file for each.
+
+    *command* says what this process does, for whoever is refused meanwhile.
+    """
 
     folder: Path
     bus: str
     node_id: int
+    command: Callable[[], str] = lambda: ""
+    #: another dvtcli that began to write while we did not hold the lock, after we had held it
+    meanwhile: Holder | None = None
     _file: IO[bytes] | None = None
+    _own: Holder = Holder("")
+    _last_writer: Holder | None = None
+    _was_held: bool = False
 
     @property
     def path(self) -> Path:
@@ -39,8 +90,11 @@ class NodeLock:
         """Whether it is ours."""
         return self._file is not None
 
-    def take(self) -> None:
-        """Take the lock; SafetyRefusal where another dvtcli holds it, or others can write where it is kept."""
+    def take(self, wait_s: float = WAIT_S) -> None:
+        """Take the lock; SafetyRefusal where another dvtcli holds it, or others can write where it is kept.
+
+        *wait_s* is how long another one is waited for (s).
+        """
         if self._file is not None:
             return
         private_folder(self.folder.parent)
@@ -49,49 +103,66 @@ class NodeLock:
         # unbuffered: what a full disk refuses is refused once, not again at the end
         file = os.fdopen(descriptor, "ab+", buffering=0)
         try:
-            _lock_soon(file)
-        except OSError as held:
-            holder = self._lines()[0] or "?"
+            _lock_within(file, wait_s)
+        except BaseException as stopped:
             file.close()
-            raise SafetyRefusal(
-                f"another dvtcli (process {holder}) is changing node {self.node_id} on {self.bus}",
-                node=self.node_id,
-                hint="leave it, or wait until it has finished",
-            ) from held
+            if isinstance(stopped, OSError):
+                raise self._refusal(wait_s) from stopped
+            raise
         self._file = file
+        self._own = Holder(str(os.getpid()), datetime.now(UTC).isoformat(), " ".join(self.command().split())[:80])
+        self._look_back()
         self.note(self.noted())
+
+    def _refusal(self, wait_s: float) -> SafetyRefusal:
+        holder = self._read().holder
+        process, ran = holder.process or "?", f"its `{holder.command}`" if holder.command else "it"
+        since = f" since {holder.since[11:19]} UTC" if holder.since else ""
+        return SafetyRefusal(
+            f"another dvtcli (process {process}) is changing node {self.node_id} on {self.bus}",
+            node=self.node_id,
+            why=f"{ran} holds the node's lock{since}, and was waited for {wait_s:g} s",
+            hint=f"try again when it has finished; where it hangs, end process {process}, which puts its change back",
+        )
+
+    def _look_back(self) -> None:
+        """Find out whether another dvtcli wrote since we held the lock."""
+        writer = self._read().writer
+        if self._was_held and writer != self._last_writer:
+            self.meanwhile = writer
+        self._was_held, self._last_writer = True, writer
 
     def note(self, journal: Path | None) -> None:
         """Write down, beside the holder, where the journal of the change in hand is; it outlives a killed holder."""
         assert self._file is not None  # noqa: S101 - only the holder writes
+        if journal is not None and journal != self.noted():
+            self._last_writer = self._own
         self._file.truncate(0)
-        self._file.write(f"{os.getpid()}\n{journal or ''}\n".encode())
+        self._file.write(_Noted(self._own, str(journal or ""), self._last_writer).text().encode())
         self._file.flush()
         os.fsync(self._file.fileno())
 
     def noted(self) -> Path | None:
         """The journal that the last holder noted, or None."""
-        line = self._lines()[1]
+        line = self._read().journal
         return Path(line) if line else None
 
-    def _lines(self) -> tuple[str, str]:
-        """Holder and journal as the file says; empty where it does not."""
+    def _read(self) -> _Noted:
+        """What the file says; nothing where there is none."""
         check_folder(self.folder.parent)
         check_folder(self.folder)
         try:
             with os.fdopen(open_private(self.path, os.O_RDONLY), "rb") as file:
-                text = file.read(_MOST_BYTES).decode("utf-8", "replace")
+                return _Noted.parse(file.read(_MOST_BYTES).decode("utf-8", "replace"))
         except FileNotFoundError:
-            text = ""
-        holder, _, rest = text.partition("\n")
-        return holder.strip()[:20], rest.partition("\n")[0].strip()
+            return _Noted(Holder(""))
 
     def is_free(self) -> bool:
         """Whether nobody else is writing right now."""
         if self._file is not None:
             return True
         try:
-            self.take()
+            self.take(LOOK_S)
         except SafetyRefusal:
             return False
         self.release()
@@ -104,13 +175,14 @@ class NodeLock:
             self._file = None
 
 
-def _lock_soon(file: IO[bytes]) -> None:
-    """Lock the file; another dvtcli that only looks holds it for less than a moment."""
-    for wait_s in (0.01, 0.03, 0.06):
+def _lock_within(file: IO[bytes], wait_s: float) -> None:
+    """Lock the file; OSError where somebody else still has it after *wait_s* seconds."""
+    deadline_s = time.monotonic() + wait_s
+    while time.monotonic() < deadline_s:
         try:
             _lock(file)
         except OSError:
-            time.sleep(wait_s)
+            time.sleep(_RETRY_S)
         else:
             return
     _lock(file)

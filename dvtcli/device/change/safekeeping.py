@@ -42,6 +42,8 @@ class Keeper:
     is_fixed: Callable[[Pdo], bool] = lambda _pdo: False
     #: shows what nobody may miss, also where results are documents
     warn: Callable[[str], None] = lambda _text: None
+    #: the command that this process runs, for another dvtcli that waits for the lock
+    command: Callable[[], str] = lambda: ""
     lock: NodeLock = field(init=False)
     journals: Journals = field(init=False)
     #: the changes that a later process can put back
@@ -50,7 +52,7 @@ class Keeper:
     _identity: Identity = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self.lock = NodeLock(self.locks, self.bus, self.node_id)
+        self.lock = NodeLock(self.locks, self.bus, self.node_id, self.command)
         self.journals = Journals(self.folder / "journals", self.bus)
         self.past = Past(self.locks.parent / "changes", self.bus, self.warn)
 
@@ -194,6 +196,20 @@ class Keeper:
         lines = backup_lines(identity, pdos, {pdo for pdo in pdos if self.is_fixed(pdo)})
         write_private(path, "\n".join(lines) + "\n")
         self.say(f"backup of node {self.node_id}: {path}")
+
+
+def let_go(keeper: Keeper | None) -> None:
+    """After a change and all that belongs to it: let others write; what they did is read before the next one."""
+    if keeper is not None:
+        keeper.lock.release()
+
+
+def who_else(keeper: Keeper | None) -> str:
+    """Who may have changed what this process left, for people."""
+    other = None if keeper is None else keeper.lock.meanwhile
+    if other is None:
+        return "it restarted, or somebody else wrote to it"
+    return f"another dvtcli ({other}) wrote to it since"
 
 
 def _way_out(path: Path) -> str:

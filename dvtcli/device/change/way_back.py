@@ -6,8 +6,10 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from dvtcli.device.change.gap import refuse_gap
 from dvtcli.device.change.pending import CHANGE
 from dvtcli.device.change.put_back import restore_patiently
+from dvtcli.device.change.safekeeping import who_else
 from dvtcli.device.compare import differences
 from dvtcli.device.observe import MOST_LOOKS, BusWitness
 from dvtcli.device.wish import Wish, unlike
@@ -63,19 +65,20 @@ def _is_filler(config: PdoConfig) -> bool:
     return config.enabled or config.count > 0
 
 
-def refuse_unless_left(node: KnownPdos, plans: Sequence[Plan]) -> None:
+def refuse_unless_left(node: Changeable, plans: Sequence[Plan]) -> None:
     """Raise SafetyRefusal, naming what differs, unless *node* holds exactly what *plans* (oldest first) left.
 
     A node that holds what was before them, as after a reset, is right, too: there is nothing to put back.
     """
+    refuse_gap(node, plans)
     found = unlike(node, _ends(plans))
     if found and unlike(node, _beginnings(plans)):
         raise SafetyRefusal(
             f"node {node.node_id} does not hold what that change left: {found[0][0]} {found[0][1]}",
             node=node.node_id,
             why=several(f"{label} {text}" for label, text in found[1:]) or None,
-            hint="somebody else has changed it, or it was reset: look at it with `pdo`; `undo --backup` puts an "
-            "automatic backup back, --force puts back all the same",
+            hint=f"{who_else(node.keeper)}: look at it with `pdo`; `undo --backup` puts an automatic backup back, "
+            "--force puts back all the same",
         )
 
 

@@ -1,0 +1,47 @@
+"""Changes of somebody else between those of this session: going back behind them would take them back, too.
+
+Knows plans, oldest first. Reads no device.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from dvtcli.device.change.safekeeping import who_else
+from dvtcli.device.compare import differences
+from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.plan import PdoChange, Plan
+from dvtcli.domain.several import several
+from dvtcli.errors import SafetyRefusal
+
+if TYPE_CHECKING:
+    from dvtcli.device.change.changeable import Changeable
+
+
+def refuse_gap(node: Changeable, plans: Sequence[Plan]) -> None:
+    """Raise SafetyRefusal where one of *plans* began at what none of those before it found or left."""
+    pdos: dict[Pdo, list[PdoConfig]] = {}
+    values: dict[tuple[int, int], list[bytes]] = {}
+    for change in (change for plan in plans for change in plan.changes):
+        if isinstance(change, PdoChange):
+            known = pdos.setdefault(change.pdo, [change.before])
+            if change.before not in known:
+                raise _refusal(node, change.label, several(differences(change.pdo, known[-1], change.before)))
+            known += [change.before, change.after]
+        elif (pdo := Pdo.at(change.step.index)) is not None:
+            pdos.pop(pdo, None)  # a part of it was written: the next plan finds another whole
+        elif (before := change.step.before) is not None:
+            held = values.setdefault((change.step.index, change.step.sub_index), [before])
+            if before not in held:
+                raise _refusal(node, change.label, f"was {held[-1].hex(' ')}, became {before.hex(' ')}")
+            held += [before, change.step.after]
+
+
+def _refusal(node: Changeable, label: str, why: str) -> SafetyRefusal:
+    return SafetyRefusal(
+        f"somebody else changed {label} of node {node.node_id} between this session's changes",
+        node=node.node_id,
+        why=why,
+        hint=f"{who_else(node.keeper)}: `undo` takes back what came after that, undo --all --force everything",
+    )
