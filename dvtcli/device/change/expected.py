@@ -54,7 +54,7 @@ class Expected:
         self.values.clear()
 
     def require(self, node: KnownPdos, who_else: str) -> None:
-        """Read everything again; SafetyRefusal, with *who_else* may have done it, where something is not as expected."""
+        """Read everything again; SafetyRefusal where something is not as expected, which *who_else* may have done."""
         if not self.pdos and not self.values:
             return
         found = observed(node.witness, lambda: list(self._differences(node)))
