@@ -5,9 +5,8 @@ Knows the grammar (`domain.object_syntax`). Looks names up only in dictionaries 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import click
 from click.shell_completion import CompletionItem
@@ -24,13 +23,13 @@ from dvtcli.domain.object_syntax import (
     resolve_object,
 )
 from dvtcli.domain.pdo import Pdo
+from dvtcli.operations.named_objects import entry_at, name_hint, object_at
 from dvtcli.operations.options import NEGATIVE_MARK
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.operations.session import Session
 
-T = TypeVar("T")
 #: The word of `pdo edit tpdo1`.
 EDIT = "edit"
 
@@ -56,7 +55,7 @@ class ObjectWord:
 
     def resolve(self, node: Node) -> tuple[int, int]:
         """Index and sub-index; UsageError where the node's dictionary does not know the name."""
-        return _resolved(resolve_object, self.text, node)
+        return object_at(node, self.text)
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,24 +71,7 @@ class EntryWord:
 
     def resolve(self, node: Node) -> MappedObject | Skipped:
         """The object and its length, or the bits to skip; UsageError where the name is unknown."""
-        return _resolved(resolve_entry, self.text, node)
-
-
-def _resolved(resolve: Callable[..., T], text: str, node: Node) -> T:
-    from dvtcli.errors import UsageError
-
-    try:
-        return resolve(text, node.dictionary, node.profile.aliases)
-    except UnknownName as unknown:
-        raise UsageError(str(unknown), node=node.node_id, hint=_hint(unknown)) from unknown
-    except ValueError as wrong:
-        raise UsageError(str(wrong), node=node.node_id) from wrong
-
-
-def _hint(unknown: UnknownName) -> str:
-    if unknown.similar:
-        return f"did you mean {', '.join(unknown.similar)}?"
-    return "objects TEXT searches the dictionary; --eds FILE gives one"
+        return entry_at(node, self.text)
 
 
 if TYPE_CHECKING:
@@ -210,7 +192,7 @@ class ObjectType(CanopenType):
             else:
                 return
         if isinstance(failure, UnknownName):
-            raise ValueError(f"{failure}; {_hint(failure)}")
+            raise ValueError(f"{failure}; {name_hint(failure)}")
         if failure is not None:
             raise failure
 

@@ -34,23 +34,10 @@ def command(
     decode run.asc --dbc drive.dbc --csv
     decode run.blf --nodes 1,5 --filter velocity
     """
-    from dvtcli.files.recording import check_readable, read_recording
-    from dvtcli.operations.frame_answer import frame_seen
-    from dvtcli.operations.recorded import decoder_for
+    from dvtcli.operations.decode_recording import decode_recording, write_values
 
-    path = Path(file)
-    check_readable(path)
-    decoder = decoder_for(session, nodes, dbc)
     text = (wanted or "").lower()
-    seen = (frame_seen(frame, decoder) for frame in read_recording(path))
-    fitting = (one for one in seen if one.matches(text))
-    if not as_csv:
-        session.output.stream(fitting)
-        return
-    from dvtcli.watch.table import write_csv
-
-    if not len(decoder):
-        raise click.UsageError("--csv needs a mapping: give --dbc, --eds, -n or --sim")
-    table = write_csv(session.output.stdout, (one.frame for one in fitting), decoder)
-    if table.other:
-        session.output.note(f"{table.other} frames without known signals were left out")
+    if as_csv:
+        write_values(session, Path(file), session.output.stdout, nodes, dbc, text)
+    else:
+        session.output.stream(decode_recording(session, Path(file), nodes, dbc, text))

@@ -10,7 +10,6 @@ from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.params import NumberType
 
 if TYPE_CHECKING:
-    from dvtcli.domain.profile import LoginPolicy
     from dvtcli.operations.results import LoggedIn
     from dvtcli.operations.session import Session
 
@@ -31,20 +30,6 @@ def command(session: Session, /, level: int | None, user: int | None) -> LoggedI
     login 0                    log out
     """
     from dvtcli.cli.commands._passcode import passcode
-    from dvtcli.device.access_level import access_level, log_in, policy_of
-    from dvtcli.operations.results import LoggedIn
+    from dvtcli.operations.log_in import log_in
 
-    node = session.node()
-    policy = policy_of(node.access)
-    wanted = policy.needed if level is None else level
-    before = access_level(node.access)
-    held = log_in(node.access, wanted, lambda: passcode(session, node.node_id, wanted), user)
-    if held != before and not session.dry_run:
-        session.record(node.node_id, [f"login {wanted}" if user is None else f"login {wanted} --user {user}"])
-    return LoggedIn(node.node_id, held, wanted, session.dry_run, _allows(policy, held))
-
-
-def _allows(policy: LoginPolicy, level: int) -> str:
-    if level >= policy.needed:
-        return "PDOs can be written and stored"
-    return f"PDOs can be read; writing and storing them needs level {policy.needed}"
+    return log_in(session, lambda node_id, wanted: passcode(session, node_id, wanted), level, user)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import sys
-from time import monotonic
 from typing import TYPE_CHECKING
 
 import click
@@ -14,12 +13,10 @@ from dvtcli.cli.commands._live_params import NodesType, SecondsType
 from dvtcli.cli.params import FILE, TEXT
 
 if TYPE_CHECKING:
-    from dvtcli.operations.session import Session
-    from dvtcli.watch.decoder import Decoder
-    from dvtcli.watch.listener import Listener
+    from collections.abc import Callable, Iterable
 
-#: how long frames are gathered before they are written (s)
-_BATCH_S = 0.05
+    from dvtcli.operations.results import FrameSeen
+    from dvtcli.operations.session import Session
 
 
 @click.command("monitor", cls=DvtCommand, short_help=__doc__)
@@ -49,18 +46,15 @@ def command(
     monitor --decode drive.dbc --changes
     monitor --duration 10 --json
     """
-    from dvtcli.operations.layouts import live_decoder, open_wire
-    from dvtcli.watch.listener import Listener
+    from dvtcli.operations.watch_bus import stream, watching
 
-    bus = open_wire(session)
-    decoder = live_decoder(session, nodes or (), decode)
-    with Listener(bus, session.secrets.in_frame) as listener:
+    with watching(session, nodes or (), decode) as (listener, decoder):
         if _full_screen(session):
             from dvtcli.cli.monitor.app import watch
 
             watch(session, listener, decoder, wanted or "", duration, changes=changes)
         else:
-            _stream(session, listener, decoder, (wanted or "").lower(), duration, changes=changes)
+            stream(session, listener, decoder, _shown_by(session), (wanted or "").lower(), duration, changes=changes)
 
 
 def _full_screen(session: Session) -> bool:
@@ -71,21 +65,6 @@ def _full_screen(session: Session) -> bool:
 _PLAIN = ("", "dumb", "unknown")
 
 
-def _stream(
-    session: Session, listener: Listener, decoder: Decoder, wanted: str, duration_s: float | None, *, changes: bool
-) -> None:
-    """Write each frame as a document; the drops are said at the end, however it comes."""
-    from dvtcli.operations.frame_answer import frame_seen
-    from dvtcli.watch.seen import FrameStore
-
-    store = FrameStore(decoder)
-    until_s = None if duration_s is None else monotonic() + duration_s
-    try:
-        while until_s is None or monotonic() < until_s:
-            left_s = _BATCH_S if until_s is None else min(_BATCH_S, max(0.0, until_s - monotonic()))
-            fresh = [frame for frame in listener.take(left_s) if store.take(frame) or not changes]
-            seen = [frame_seen(frame, decoder) for frame in fresh]
-            session.output.documents(one.document() for one in seen if one.matches(wanted))
-    finally:
-        if listener.dropped:
-            session.output.warning(f"{listener.dropped} frames were dropped: they came faster than they were written")
+def _shown_by(session: Session) -> Callable[[Iterable[FrameSeen]], None]:
+    output = session.output
+    return lambda seen: output.documents(one.document() for one in seen)

@@ -43,36 +43,26 @@ def command(
     plot run.log velocity_actual_value 6041
     plot run.asc Speed --dbc drive.dbc -o speed.png
     """
-    from dvtcli.errors import UsageError
-    from dvtcli.files.recording import check_readable, read_recording
-    from dvtcli.operations.recorded import decoder_for
+    from dvtcli.operations.recorded_tracks import recorded_tracks
     from dvtcli.operations.results import Plotted
-    from dvtcli.watch.tracks import fill, find_tracks
 
-    check_readable(Path(file))
     if output is not None:
-        _check_output(session, Path(output))
-    decoder = decoder_for(session, nodes, dbc)
-    tracks = find_tracks(signals, decoder)
-    span_s = fill(tracks, read_recording(Path(file)), decoder)
-    found = [track for track in tracks.values() if track.values]
-    if not found:
-        names = ", ".join(track.name for track in tracks.values())
-        raise UsageError(f"{file} has no sample of {names}", hint="decode shows what is in it")
-    if output is not None:
-        from dvtcli.cli.monitor.chart import draw_chart
+        from dvtcli.cli.monitor.chart import check_chart
 
-        draw_chart(Path(output), found, span_s[0])
+        check_chart(Path(output))
+    found, span_s = recorded_tracks(session, Path(file), signals, nodes, dbc)
+    if output is not None:
+        _draw(session, Path(output), found, span_s)
     shown = tuple(_drawn(session, track, span_s, len(found), picture=output is not None) for track in found)
     return Plotted(file, shown, span_s[1] - span_s[0], output)
 
 
-def _check_output(session: Session, path: Path) -> None:
-    from dvtcli.cli.monitor.chart import check_chart
+def _draw(session: Session, path: Path, found: list[Track], span_s: tuple[float, float]) -> None:
+    from dvtcli.cli.monitor.chart import draw_chart
 
-    check_chart(path)
     if os.path.exists(path):  # noqa: PTH110 - Path.exists raises OSError for a name that is too long
         session.consent(f"{path} exists; overwrite it?")
+    draw_chart(path, found, span_s[0])
 
 
 def _drawn(session: Session, track: Track, span_s: tuple[float, float], count: int, *, picture: bool) -> PlottedSignal:

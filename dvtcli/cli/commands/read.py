@@ -28,8 +28,6 @@ def command(session: Session, /, object_: ObjectWord, data_type: DataType | None
     read statusword
     read 1018:1 --as u32
     """
-    from dvtcli.operations.object_values import value_result
+    from dvtcli.operations.read_object import read_object
 
-    node = session.node()
-    index, sub_index = object_.resolve(node)
-    return value_result(node, index, sub_index, node.upload(index, sub_index), data_type)
+    return read_object(session, object_.text, data_type)

@@ -14,12 +14,7 @@ from dvtcli.errors import UsageError
 from dvtcli.operations.options import PREFIX
 
 if TYPE_CHECKING:
-    from dvtcli.operations.results import Facts
-    from dvtcli.operations.serve import Serving
     from dvtcli.operations.session import Session
-
-#: more nodes than these are counted, not named
-_NAMED = 8
 
 
 @click.command("sim", cls=DvtCommand, short_help=__doc__)
@@ -58,6 +53,7 @@ def command(
     sim gen4 -i socketcan -c vcan0
     """
     from dvtcli.operations.serve import DEFAULT_PORT, LOOPBACK, Wanted, address, latency_of
+    from dvtcli.operations.serve_nodes import serve
 
     session: Session = ctx.obj
     if _typed(ctx, "sim"):
@@ -67,51 +63,10 @@ def command(
     kept = None if state is None else Path(state)
     wanted = Wanted(nodes, where, join, kept, tuple(map(latency_of, latency)))
     ready = None if ready_file is None else Path(ready_file)
-    try:
-        with session.serving(wanted) as served:
-            _say_ready(ready, served, where)
-            session.output.result(_facts(served, where[0] if where else LOOPBACK))
-            served.server.run()
-    finally:
-        if ready is not None:
-            ready.unlink(missing_ok=True)
+    serve(session, wanted, session.output.result, ready)
 
 
 def _typed(ctx: click.Context, name: str) -> bool:
     """Whether a global option was typed: a bus of a settings file is not joined by a `sim` that does not name it."""
     contexts = [ctx] if ctx.parent is None else [ctx, ctx.parent]
     return any(one.get_parameter_source(PREFIX + name) is ParameterSource.COMMANDLINE for one in contexts)
-
-
-def _say_ready(ready: Path | None, served: Serving, where: tuple[str, int] | None) -> None:
-    if ready is None:
-        return
-    draft = ready.with_name(f"{ready.name}.new")
-    try:
-        draft.write_text(f"{where[0]}:{served.port}\n" if where else f"{served.joined}\n", encoding="utf-8")
-        draft.replace(ready)
-    except OSError as failed:
-        raise UsageError(f"--ready-file {ready}: {failed.strerror}") from failed
-
-
-def _facts(served: Serving, host: str) -> Facts:
-    from dvtcli.operations.results import Facts
-
-    names = [one.label for one in served.nodes]
-    more = f", and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
-    who = ", ".join(names[:_NAMED]) + more
-    places, attach = [], ""
-    if served.port is not None:
-        places.append(f"listening on {f'[{host}]' if ':' in host else host}:{served.port}")
-        attach = f"dvtcli -i socketcand -c can0 --bus-kwargs host={host} --bus-kwargs port={served.port}"
-    if served.joined is not None:
-        places.append(f"on {served.joined}")
-    rows = (
-        ("host", host if served.port is not None else None),
-        ("port", served.port),
-        ("bus", served.joined),
-        ("nodes", [one.node_id for one in served.nodes]),
-    )
-    here = f"{' and '.join(places)}: {who}"
-    # in a line of its own and a terminal's width it can be copied
-    return Facts("sim", rows, (f"{here}; attach with", attach) if attach else (here,))

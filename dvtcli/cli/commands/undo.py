@@ -2,26 +2,17 @@
 
 from __future__ import annotations
 
-import time
 from typing import TYPE_CHECKING
 
 import click
 
 from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.params import TEXT
-from dvtcli.cli.ways import Ways, ways
-from dvtcli.domain.script_line import change_lines
-from dvtcli.errors import DvtcliError, NoAnswer, SdoAborted, SdoProtocolError, UsageError
-from dvtcli.operations.change import changed
+from dvtcli.cli.ways import ways
+from dvtcli.errors import UsageError
 
 if TYPE_CHECKING:
-    from dvtcli.device.change.journal import Identity
-    from dvtcli.device.change.safekeeping import Keeper
-    from dvtcli.device.node import Node
-    from dvtcli.device.past import Recorded
-    from dvtcli.domain.plan import Plan
     from dvtcli.operations.results import Changed, ChangedNodes
-    from dvtcli.operations.session import Session
 
 _NEWEST = "newest"
 
@@ -41,147 +32,10 @@ def command(ctx: click.Context, /, everything: bool, backup: str | None) -> Chan
     undo --all
     undo --backup 2026-11-22T04:11
     """
-    session: Session = ctx.obj
-    if backup is not None:
-        if everything:
-            raise UsageError("--all and --backup exclude each other: a backup is everything")
-        return _backup_put_back(session, ways(ctx), backup)
-    order = session.network.order
-    if not order:
-        return _recorded_put_back(session)
-    if not everything:
-        return _undone(session, session.node(order[-1]), everything=False)
-    return _all_undone(session, list(dict.fromkeys(reversed(order))))
+    from dvtcli.operations.undo_changes import undo, undo_to_backup
 
-
-def _all_undone(session: Session, node_ids: list[int]) -> Changed | ChangedNodes:
-    """Undo everything on every one of *node_ids*; an error says which nodes were put back before it."""
-    from dvtcli.operations.results import ChangedNodes
-
-    done: list[Changed] = []
-    try:
-        for node_id in node_ids:
-            done.append(_undone(session, session.node(node_id), everything=True))  # noqa: PERF401 - kept on an error
-    except DvtcliError as error:
-        if done:
-            error.details.append(("done", f"node {', '.join(str(one.node) for one in done)}: put back before this"))
-        raise
-    return done[0] if len(done) == 1 else ChangedNodes(tuple(done))
-
-
-def _undone(session: Session, node: Node, *, everything: bool) -> Changed:
-    started = time.monotonic()
-    undone = node.history[:] if everything else node.history[-1:]
-    applied = node.undo(everything=everything, force=session.options.force)
-    forgotten = not session.dry_run and not applied.findings and _forgotten(session, node.node_id, undone)
-    seconds = time.monotonic() - started
-    return changed(session, node, applied, seconds, undone=True, lines=[] if forgotten else None)
-
-
-def _recorded_put_back(session: Session) -> Changed:
-    """Put back the last change that an earlier process made to the node."""
-    from dataclasses import replace
-
-    keeper = _keeper(session)
-    node = session.node(keeper.node_id)
-    node.claim()
-    identity = node.identity()
-    entry = keeper.past.newest(node.node_id, identity) or _moved(session, keeper, identity)
-    if entry is None:
-        raise _nothing(session, keeper)
-    session.output.note(f"this puts the change of {entry.when[:19].replace('T', ' ')} UTC back")
-    started = time.monotonic()
-    applied = node.put_back([replace(entry.plan, node_id=node.node_id)], force=session.options.force)
-    if not session.dry_run:
-        keeper.past.forget(entry)
-    return changed(session, node, applied, time.monotonic() - started, undone=True)
-
-
-def _moved(session: Session, keeper: Keeper, identity: Identity) -> Recorded | None:
-    """The last change of the device under another node-ID, unless a device of this *identity* still answers there."""
-    entry = keeper.past.moved(keeper.node_id, identity)
-    if entry is None:
-        return None
-    try:
-        there = session.open_network().node(entry.plan.node_id).identity()
-    except (NoAnswer, SdoAborted, SdoProtocolError):
-        return entry
-    return None if there == identity else entry  # two devices may well have one serial number
-
-
-def _keeper(session: Session) -> Keeper:
-    """What keeps the selected node's files; where none is selected, of the node that was changed last on this bus."""
-    network = session.open_network()
-    node_id = session.selected_id()
-    if node_id is None and network.guarded:
-        entry = network.past().newest_of_all()
-        if entry is None:
-            raise UsageError("nothing to undo: no change on this bus is remembered")
-        node_id = entry.plan.node_id
-    keeper = network.node(session.node_id() if node_id is None else node_id).keeper
-    if keeper is None:
-        raise _nothing(session, None)
-    return keeper
-
-
-def _nothing(session: Session, keeper: Keeper | None) -> UsageError:
-    node_id = session.node_id() if keeper is None else keeper.node_id
-    error = UsageError("nothing to undo: this session changed nothing on the node", node=node_id)
-    last = None if keeper is None else keeper.past.newest_of_all()
-    if keeper is not None:
-        error.text = f"nothing to undo: no change of node {node_id} is remembered"
-    if last is not None:
-        error.hint = f"the last change on this bus was one of node {last.plan.node_id}: -n {last.plan.node_id} undo"
-    return error
-
-
-def _backup_put_back(session: Session, lines: Ways, when: str) -> Changed:
-    """Make the node's PDOs what a backup says, in one transaction."""
-    from dvtcli.device.backups import way_to
-    from dvtcli.device.wish import Wish
-    from dvtcli.domain.plan import Plan
-
-    keeper = _keeper(session)
-    node = session.node(keeper.node_id)
-    node.claim()
-    file = _backup_file(keeper, node, when)
-    session.output.note(f"this puts {file} back")
-    started = time.monotonic()
-    wish = lines.rehearsed(session, file, node.node_id).get(node.node_id, Wish())
-    if not wish.pdos:
-        raise UsageError(
-            f"the backup says nothing of a PDO of node {node.node_id}",
-            node=node.node_id,
-            place=file,
-            hint="undo --backup WHEN takes an earlier one",
-        )
-    changes = way_to({pdo: node.pdo(pdo) for pdo in wish.pdos}, wish.pdos)
-    applied = node.apply(Plan(node.node_id, changes), force=session.options.force)
-    return changed(session, node, applied, time.monotonic() - started, undone=True)
-
-
-def _backup_file(keeper: Keeper, node: Node, when: str) -> str:
-    """The newest backup of the node, or the newest of those made at *when*; UsageError lists what there is."""
-    from dvtcli.device.backups import backups
-
-    found = backups(keeper.folder / "backups", keeper.bus, node.node_id, node.identity())
-    fitting = found if when == _NEWEST else [one for one in found if one.was_made(when)]
-    if fitting:
-        return str(fitting[-1].path)
-    text = f"no backup of node {node.node_id} was made at {when}" if found else f"no backup of node {node.node_id}"
-    error = UsageError(text, node=node.node_id, hint="a backup is made before a process's first change of a node")
-    error.details += [("backup", f"{one.stamp}  {one.path}") for one in found]
-    raise error
-
-
-def _forgotten(session: Session, node_id: int, undone: list[Plan]) -> bool:
-    """Leave *undone* out of what `save` writes, where nothing came after it; whether that was so.
-
-    What was stored, or commanded by NMT, in between belongs to what was done: then the undo is a change of its own.
-    """
-    kept = list(session.executed)
-    for plan in reversed(undone):
-        if not session.unrecord(node_id, change_lines(plan)):
-            session.executed[:] = kept
-            return False
-    return True
+    if backup is None:
+        return undo(ctx.obj, everything=everything)
+    if everything:
+        raise UsageError("--all and --backup exclude each other: a backup is everything")
+    return undo_to_backup(ctx.obj, ways(ctx).rehearsed, None if backup == _NEWEST else backup)

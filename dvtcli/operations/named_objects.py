@@ -1,0 +1,40 @@
+"""Objects and mapping entries as people write them, found in a node's dictionary. Asks no device."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, TypeVar
+
+from dvtcli.domain.object_syntax import MappedObject, Skipped, UnknownName, resolve_entry, resolve_object
+from dvtcli.errors import UsageError
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+
+T = TypeVar("T")
+
+
+def object_at(node: Node, text: str) -> tuple[int, int]:
+    """Index and sub-index of `0x6C01:1`, `6041`, `statusword`…; UsageError where no object has the name."""
+    return _resolved(resolve_object, text, node)
+
+
+def entry_at(node: Node, text: str) -> MappedObject | Skipped:
+    """The object and its length of a mapping entry, or the bits to skip; UsageError where the name is unknown."""
+    return _resolved(resolve_entry, text, node)
+
+
+def name_hint(unknown: UnknownName) -> str:
+    """What to do about a name that nothing knows."""
+    if unknown.similar:
+        return f"did you mean {', '.join(unknown.similar)}?"
+    return "objects TEXT searches the dictionary; --eds FILE gives one"
+
+
+def _resolved(resolve: Callable[..., T], text: str, node: Node) -> T:
+    try:
+        return resolve(text, node.dictionary, node.profile.aliases)
+    except UnknownName as unknown:
+        raise UsageError(str(unknown), node=node.node_id, hint=name_hint(unknown)) from unknown
+    except ValueError as wrong:
+        raise UsageError(str(wrong), node=node.node_id) from wrong

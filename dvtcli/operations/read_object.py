@@ -1,0 +1,23 @@
+"""One object of a node, read by SDO upload and decoded."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from dvtcli.operations.named_objects import object_at
+from dvtcli.operations.object_values import value_result
+
+if TYPE_CHECKING:
+    from dvtcli.domain.datatypes import DataType
+    from dvtcli.operations.results import ValueRead
+    from dvtcli.operations.session import Session
+
+
+def read_object(session: Session, object_: str, data_type: DataType | None = None) -> ValueRead:
+    """Read *object_* (`6C01:1`, `statusword`…) of the selected node, as *data_type*, None for the EDS's own.
+
+    UsageError for an unknown name, SdoAborted where the device refuses, NoAnswer where it is silent.
+    """
+    node = session.node()
+    index, sub_index = object_at(node, object_)
+    return value_result(node, index, sub_index, node.upload(index, sub_index), data_type)

@@ -1,0 +1,122 @@
+"""What is on the bus, recorded into a file: frames as they are, or the values that are known of them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from contextlib import closing
+from pathlib import Path
+from time import monotonic
+from typing import TYPE_CHECKING
+
+from dvtcli.errors import DvtcliError, UsageError
+from dvtcli.operations.layouts import live_decoder, open_wire
+from dvtcli.operations.results import Facts
+from dvtcli.watch.listener import Listener
+from dvtcli.watch.table import SignalTable
+
+if TYPE_CHECKING:
+    from dvtcli.domain.ports import Frame
+    from dvtcli.operations.session import Session
+    from dvtcli.watch.decoder import Decoder
+
+#: how long frames are gathered before they are written (s)
+_BATCH_S = 0.05
+#: CAN-IDs with the bits of them that count
+Filters = tuple[tuple[int, int], ...]
+
+
+def record_frames(
+    session: Session,
+    path: Path,
+    filters: Filters = (),
+    duration_s: float | None = None,
+    *,
+    append: bool = False,
+    most_bytes: int = 0,
+) -> Facts:
+    """Record every frame that passes one of *filters* (none: every frame) into *path*, whose suffix says the format.
+
+    It ends after *duration_s* seconds, None for never, or when the session is cancelled. *append* writes behind what
+    is there; a new file begins after *most_bytes*, 0 for never. UsageError for a suffix that is no format.
+    """
+    from dvtcli.files.recording import Recorder, checked_suffix, size_of
+
+    _check_target(session, path, append=append)
+    checked_suffix(path)
+    listening = Listener(open_wire(session), session.secrets.in_frame)
+    with Recorder(path, append=append, most_bytes=most_bytes) as recorder, listening as listener:
+        seconds = _record(session, listener, recorder.write, recorder.flush, filters, duration_s)
+    if recorder.left_out:
+        session.output.warning(f"{recorder.left_out} remote frames are missing: a {path.suffix} file cannot hold them")
+    files = f", in {recorder.files} files" if recorder.files > 1 else ""
+    return _facts(session, path, recorder.frames, seconds, listener.dropped, (size_of(path), files))
+
+
+def record_values(
+    session: Session,
+    path: Path,
+    filters: Filters = (),
+    duration_s: float | None = None,
+    nodes: tuple[int, ...] | None = None,
+    dbc: str | None = None,
+) -> Facts:
+    """Record the values of known frames into *path* as CSV, one column a signal; *nodes* and *dbc* say what is known.
+
+    It ends after *duration_s* seconds, None for never, or when the session is cancelled. UsageError where no mapping
+    is known, DvtcliError where the file cannot be written.
+    """
+    _check_target(session, path, append=False)
+    listening = Listener(open_wire(session), session.secrets.in_frame)
+    decoder: Decoder = live_decoder(session, nodes or (), dbc)
+    if not len(decoder):
+        raise UsageError("no mapping is known: there is nothing to decode", hint="name --nodes that answer, or --dbc")
+    try:
+        with closing(path.open("w", encoding="utf-8", newline="")) as file, listening as listener:
+            table = SignalTable(file, decoder)
+            seconds = _record(session, listener, table.write, file.flush, filters, duration_s)
+        size = path.stat().st_size
+    except OSError as failed:
+        raise DvtcliError(f"{path}: {failed.strerror or failed}", place=str(path)) from failed
+    more = f", {table.other} others left out" if table.other else ""
+    return _facts(session, path, table.frames, seconds, listener.dropped, (size, more))
+
+
+def _record(
+    session: Session,
+    listener: Listener,
+    write: Callable[[Frame], None],
+    flush: Callable[[], None],
+    filters: Filters,
+    duration_s: float | None,
+) -> float:
+    """Write frames until Ctrl-C or the end of the time; the seconds it took. A frame is written whole."""
+    session.output.note("recording; Ctrl-C ends it")
+    began_s = monotonic()
+    until_s = None if duration_s is None else began_s + duration_s
+    with session.cancellation.guard():
+        ended = False
+        while not ended:
+            ended = session.cancellation.requested or (until_s is not None and monotonic() >= until_s)
+            for frame in listener.take(0.0 if ended else _BATCH_S):
+                if not filters or any(frame.can_id & mask == can_id & mask for can_id, mask in filters):
+                    write(frame)
+            flush()
+    return monotonic() - began_s
+
+
+def _facts(session: Session, path: Path, frames: int, seconds: float, dropped: int, size: tuple[int, str]) -> Facts:
+    if dropped:
+        session.output.warning(f"{dropped} frames were dropped: they came faster than they were written")
+    rows = (
+        ("file", str(path)), ("frames", frames), ("seconds", round(seconds, 3)), ("dropped", dropped),
+        ("bytes", size[0]),
+    )  # fmt: skip
+    text = f"{path}: {frames} frames in {seconds:.2f} s, {dropped} dropped, {size[0]} bytes{size[1]}"
+    code = session.cancellation.exit_code if session.cancellation.requested else 0
+    return Facts("log", rows, (text,), exit_code=code)
+
+
+def _check_target(session: Session, path: Path, *, append: bool) -> None:
+    if not append and os.path.exists(path):  # noqa: PTH110 - Path.exists raises OSError for a name that is too long
+        session.consent(f"{path} exists; overwrite it?")

@@ -1,0 +1,38 @@
+"""The values of some signals over time, from a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dvtcli.errors import UsageError
+from dvtcli.files.recording import check_readable, read_recording
+from dvtcli.operations.recorded import decoder_for
+from dvtcli.watch.tracks import fill, find_tracks
+
+if TYPE_CHECKING:
+    from dvtcli.operations.session import Session
+    from dvtcli.watch.tracks import Track
+
+
+def recorded_tracks(
+    session: Session,
+    path: Path,
+    signals: Sequence[str],
+    nodes: tuple[int, ...] | None = None,
+    dbc: str | None = None,
+) -> tuple[list[Track], tuple[float, float]]:
+    """Each of *signals* (a name or an object) that has samples in the recording at *path*, and from when to when (s).
+
+    UsageError for a name that is no signal, or where no sample is found; what decodes is as `decoder_for` says.
+    """
+    check_readable(path)
+    decoder = decoder_for(session, nodes, dbc)
+    tracks = find_tracks(signals, decoder)
+    span_s = fill(tracks, read_recording(path), decoder)
+    found = [track for track in tracks.values() if track.values]
+    if not found:
+        names = ", ".join(track.name for track in tracks.values())
+        raise UsageError(f"{path} has no sample of {names}", hint="decode shows what is in it")
+    return found, span_s
