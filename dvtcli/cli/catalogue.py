@@ -1,4 +1,4 @@
-"""The commands' names and what their files say first, read without importing any; and what is near a wrong name."""
+"""The commands' names and what their files say of them, read without importing any; and what is near a wrong name."""
 
 from __future__ import annotations
 
@@ -22,6 +22,19 @@ def summary(name: str) -> str:
     """A command's one-line help: the first line of its file, read without importing it."""
     with open(os.path.join(_COMMANDS, f"{name}.py"), encoding="utf-8") as file:  # noqa: PTH118, PTH123
         return file.readline().strip().strip('"').strip()
+
+
+def task(name: str) -> tuple[str, int]:
+    """What a command is for, one of `help.guide.TASKS`, and its place among the commands for that.
+
+    Its file says `TASK = ("See", 30)`, which is read without importing it; LookupError where it says none.
+    """
+    with open(os.path.join(_COMMANDS, f"{name}.py"), encoding="utf-8") as file:  # noqa: PTH118, PTH123
+        for line in file:
+            if line.startswith("TASK = "):
+                said, _, place = line.removeprefix("TASK = ").strip(" ()\n").rpartition(",")
+                return said.strip(' "'), int(place)
+    raise LookupError(f"dvtcli/cli/commands/{name}.py declares no TASK")
 
 
 _TCL_WORDS = frozenset(("proc", "puts", "foreach", "for", "while", "if", "expr", "incr", "catch", "after"))

@@ -7,18 +7,97 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.change.pending import REBOOT, VERIFY
 from dvtcli.device.read_pdos import present_pdos, read_pdo
-from dvtcli.device.wish import Wish, unlike
+from dvtcli.device.wish import Wish, session_wish, unlike
+from dvtcli.errors import UsageError
 from dvtcli.files.eds.file_as_node import FileValues
 from dvtcli.files.eds.reader import read_eds
 from dvtcli.operations.look_at_frames import look
-from dvtcli.operations.results import Compared
+from dvtcli.operations.results import Compared, ComparedNodes
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from dvtcli.device.node import Node
+    from dvtcli.domain.pdo import Pdo
+    from dvtcli.operations.rehearse import Rehearse
     from dvtcli.operations.session import Session
 
+NodePdo = tuple[int | None, "Pdo"]
 #: What is compared with where no file is named.
 SESSION = "this session's changes"
+
+
+def verify(
+    session: Session,
+    rehearse: Rehearse,
+    pdos: Sequence[NodePdo] = (),
+    file: str | None = None,
+    *,
+    frame: bool = False,
+) -> Compared | ComparedNodes:
+    """Compare what the nodes hold now with what this session set, or with *file*: a script, a DCF or an EDS.
+
+    *pdos* are those to look at, each with its node-ID, None for the selected node; none means everything. With *frame*
+    each node is started and a frame of each enabled TPDO looked at. *rehearse* finds what a script sets. UsageError
+    where there is nothing to compare.
+    """
+    wishes = _chosen(session, pdos, _wishes(session, rehearse, pdos, file), file or SESSION)
+    named = len(wishes) > 1 or len(session.known_ids()) > 1
+    compared = tuple(
+        compare(session, session.node(node_id), wish, file, frame=frame, named=named)
+        for node_id, wish in wishes.items()
+    )
+    return compared[0] if len(compared) == 1 else ComparedNodes(compared)
+
+
+def _wishes(session: Session, rehearse: Rehearse, pdos: Sequence[NodePdo], file: str | None) -> dict[int, Wish]:
+    """What should be on each node, by *file* or by what this session set."""
+    if file is None:
+        return {node_id: session_wish(node) for node_id, node in sorted(session.network.nodes.items())}
+    if _is_script(file):
+        return rehearse(session, file)
+    named = {node_id for node_id, _ in pdos if node_id is not None}
+    if len(named) > 1:
+        raise UsageError("a DCF is about one node: use one line for each node")
+    node = session.node(named.pop() if named else None)
+    return {node.node_id: dcf_wish(node, file)}
+
+
+def _is_script(file: str) -> bool:
+    if file.lower().endswith(".tcl"):
+        raise UsageError(
+            f"{file}: what a Tcl script sets is not known before it runs",
+            place=file,
+            hint="run it, then `verify` compares with what it set; or `save FILE.dvt` and compare with that",
+        )
+    if file.lower().endswith(".dvt"):
+        return True
+    try:
+        with Path(file).open("rb") as opened:
+            return opened.read(32).lstrip(b"\xef\xbb\xbf").startswith(b"# dvtcli script")
+    except OSError as failed:
+        raise UsageError(f"{file}: {failed.strerror}", place=file) from failed
+
+
+def _chosen(session: Session, pdos: Sequence[NodePdo], wishes: dict[int, Wish], against: str) -> dict[int, Wish]:
+    """The part of *wishes* that is about *pdos* (none: everything); UsageError where nothing is left to compare."""
+    wished = {node_id: wish for node_id, wish in wishes.items() if wish}
+    if not wished:
+        said = "this session changed nothing" if against == SESSION else f"{against} sets nothing"
+        raise UsageError(
+            f"nothing to compare: {said}",
+            hint="verify FILE compares with a script, a DCF or an EDS; map or set something first",
+        )
+    asked: dict[int, list[Pdo]] = {}
+    for node_id, pdo in pdos:
+        asked.setdefault(session.node_id() if node_id is None else node_id, []).append(pdo)
+    for node_id, wanted in asked.items():
+        missing = [pdo for pdo in wanted if node_id not in wished or pdo not in wished[node_id].pdos]
+        if missing:
+            what = f"{missing[0].label} of node {node_id}" if len(session.known_ids()) > 1 else missing[0].label
+            said = f"this session did not set {what}" if against == SESSION else f"{against} says nothing of {what}"
+            raise UsageError(said, hint="verify FILE compares with a script, a DCF or an EDS; map or set it first")
+    return {node_id: wished[node_id].only(wanted) for node_id, wanted in sorted(asked.items())} or wished
 
 
 def compare(

@@ -8,6 +8,11 @@ from dvtcli.operations.results import ProfileListing, ProfileShown
 from dvtcli.operations.results.device_profiles import ProfileRow
 
 
+def known_profiles() -> tuple[str, ...]:
+    """The profiles' names, sorted; reads no profile."""
+    return profile_names()
+
+
 def list_profiles() -> ProfileListing:
     """Every profile, the user's own ones too; InputFileError for one that cannot be read."""
     return ProfileListing(tuple(map(_row, profile_names())), str(folder()))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from dvtcli.device.backups import backups, way_to
 from dvtcli.device.wish import Wish
@@ -19,15 +19,9 @@ if TYPE_CHECKING:
     from dvtcli.device.change.safekeeping import Keeper
     from dvtcli.device.node import Node
     from dvtcli.device.past import Recorded
+    from dvtcli.operations.rehearse import Rehearse
     from dvtcli.operations.results import Changed
     from dvtcli.operations.session import Session
-
-
-class Rehearse(Protocol):
-    """Finds what a script wishes of each node, by running it on twins; *node_id* is selected when it begins."""
-
-    def __call__(self, session: Session, file: str, node_id: int | None = None) -> dict[int, Wish]:
-        """The wishes of the script *file*, by node-ID."""
 
 
 def undo(session: Session, *, everything: bool = False) -> Changed | ChangedNodes:

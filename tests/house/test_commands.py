@@ -13,9 +13,15 @@ from dvtcli.cli.lexer import split
 from dvtcli.cli.registry import REGISTRY
 from dvtcli.cli.run_line import parse
 from dvtcli.cli.view.output import Output
+from dvtcli.operations import results
 from dvtcli.operations.session import Session
-from tests.house.source import PACKAGE
+from tests.house.source import PACKAGE, modules
 
+#: what does the work
+NO_WORDS = tuple(
+    f"dvtcli.{room}"
+    for room in ("device", "bus", "watch", "files", "simulator", "domain.rules", "domain.plan", "domain.end_state")
+)
 every_command = pytest.mark.parametrize("name", command_names())
 
 
@@ -66,3 +72,33 @@ def test_its_examples_parse(name: str) -> None:
         assert line.startswith(name), line
         with parse(split(line), session) as ctx:
             assert ctx.command.name == name
+
+
+def annotated(name: str) -> set[str]:
+    """What the command's function says that it answers: the names in its return annotation."""
+    tree = ast.parse((PACKAGE / "cli" / "commands" / f"{name}.py").read_text("utf-8"))
+    (function,) = (node for node in tree.body if isinstance(node, ast.FunctionDef) and node.name == "command")
+    assert function.returns is not None
+    return set(ast.unparse(function.returns).split(" | "))
+
+
+@every_command
+def test_it_says_what_it_answers(name: str) -> None:
+    """A result of `dvtcli.operations.results`, an exit code, or nothing where it shows things as they come."""
+    for answer in annotated(name) - {"int", "None"}:
+        assert isinstance(getattr(results, answer), type), answer
+
+
+#: files whose work is still to become an operation: they only become fewer
+STILL_AT_WORK = {"nmt.py", "save.py", "map.py", "_pdo_edit.py"}
+
+
+def test_a_command_holds_words_and_options_only() -> None:
+    """Its work is an operation, which other programs can call: it imports no device, bus, rule or file format."""
+    at_work = set()
+    for module in modules():
+        if module.name.startswith("cli/commands/"):
+            for imported, _, typing_only in module.imports():
+                if not typing_only and imported.startswith(NO_WORDS):
+                    at_work.add(module.path.name)
+    assert at_work == STILL_AT_WORK

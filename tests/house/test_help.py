@@ -7,7 +7,7 @@ import subprocess
 
 import pytest
 
-from dvtcli.cli.catalogue import command_names
+from dvtcli.cli.catalogue import command_names, task
 from dvtcli.cli.help.guide import TASKS, by_task, overview, topic, topic_names
 from tests.commands.bench import Bench
 from tests.process import dvtcli
@@ -23,11 +23,23 @@ def test_help_without_a_name_fits_a_small_screen_and_names_every_command() -> No
     assert set(command_names()) <= shown
 
 
-def test_every_command_has_its_task() -> None:
-    """A new command goes into one of the tasks in `dvtcli.cli.help.guide`."""
-    groups = list(by_task(command_names()))
-    assert "More" not in dict(groups)
-    assert sorted(name for _, group in groups for name in group) == command_names()
+@pytest.mark.parametrize("name", command_names())
+def test_every_command_declares_its_task(name: str) -> None:
+    """A new command's file says `TASK = (TASK, PLACE)`, with one of the tasks in `dvtcli.cli.help.guide`."""
+    said, place = task(name)
+    assert said in TASKS
+    assert [other for other in command_names() if task(other) == (said, place)] == [name], "two have one place"
+
+
+def test_a_file_without_a_task_is_named() -> None:
+    with pytest.raises(LookupError, match="_passcode"):
+        task("_passcode")
+
+
+def test_every_command_is_shown_by_its_task() -> None:
+    groups = dict(by_task(command_names()))
+    assert tuple(groups) == TASKS
+    assert sorted(name for group in groups.values() for name in group) == command_names()
 
 
 def test_no_topic_hides_behind_a_command() -> None:

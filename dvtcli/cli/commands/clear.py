@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import Changed
     from dvtcli.operations.session import Session
 
+TASK = ("Change PDOs", 50)
+
 
 class PdoOrAll(CanopenType):
     """A PDO, or the word `all`."""

@@ -14,6 +14,8 @@ from dvtcli.operations.recorded import decoding_options
 if TYPE_CHECKING:
     from dvtcli.operations.session import Session
 
+TASK = ("See", 50)
+
 
 @click.command("decode", cls=DvtCommand, short_help=__doc__)
 @click.argument("file", type=FILE)

@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import Diagnosis
     from dvtcli.operations.session import Session
 
+TASK = ("Begin", 20)
+
 
 @click.command("doctor", cls=DvtCommand, short_help=__doc__)
 @click.pass_obj

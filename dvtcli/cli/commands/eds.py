@@ -12,6 +12,8 @@ from dvtcli.cli.params import FILE
 if TYPE_CHECKING:
     from dvtcli.operations.results import Facts, FileReport
 
+TASK = ("Find nodes", 60)
+
 
 @click.command("eds", cls=DvtCommand, short_help=__doc__)
 @click.argument("action", type=click.Choice(["check", "show", "add"]), metavar="check|show|add")

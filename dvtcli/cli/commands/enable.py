@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import Changed
     from dvtcli.operations.session import Session
 
+TASK = ("Change PDOs", 30)
+
 
 @click.command("enable", cls=DvtCommand, short_help=__doc__)
 @click.argument("pdos", type=PDO, nargs=-1, required=True, metavar="PDO...")

@@ -6,6 +6,8 @@ import click
 
 from dvtcli.cli.command import LEAVE, DvtCommand
 
+TASK = ("Begin", 40)
+
 
 @click.command("exit", cls=DvtCommand, short_help=__doc__)
 def command() -> int:

@@ -15,6 +15,8 @@ from dvtcli.cli.ways import root
 if TYPE_CHECKING:
     from dvtcli.operations.results import Facts
 
+TASK = ("Begin", 30)
+
 
 class Subject(TextType):
     """The name of a command or of a topic."""

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import Facts
     from dvtcli.operations.session import Session
 
+TASK = ("See", 70)
+
 
 @click.command("log", cls=DvtCommand, short_help=__doc__)
 @click.argument("file", type=FILE)

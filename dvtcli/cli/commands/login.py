@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import LoggedIn
     from dvtcli.operations.session import Session
 
+TASK = ("Find nodes", 40)
+
 
 @click.command("login", cls=DvtCommand, short_help=__doc__)
 @click.argument("level", type=NumberType(0, 255, "an access level"), required=False)

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import Changed
     from dvtcli.operations.session import Session
 
+TASK = ("Change PDOs", 10)
+
 
 @click.command("map", cls=DvtCommand, short_help=__doc__)
 @click.argument("pdo", type=PDO)

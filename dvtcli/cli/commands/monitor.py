@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import FrameSeen
     from dvtcli.operations.session import Session
 
+TASK = ("See", 40)
+
 
 @click.command("monitor", cls=DvtCommand, short_help=__doc__)
 @click.option("--nodes", type=NodesType(), metavar="ID,…", help="Nodes whose mapping is read [those that are heard].")

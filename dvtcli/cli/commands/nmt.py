@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import Commanded
     from dvtcli.operations.session import Session
 
+TASK = ("Find nodes", 30)
+
 _COMMANDS = {
     "start": (NmtCommand.START, NmtState.OPERATIONAL),
     "stop": (NmtCommand.STOP, NmtState.STOPPED),

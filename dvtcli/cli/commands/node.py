@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import NodeListing
     from dvtcli.operations.session import Session
 
+TASK = ("Find nodes", 20)
+
 
 @click.command("node", cls=DvtCommand, short_help=__doc__)
 @click.argument("node_id", type=NODE_ID, required=False, metavar="[ID]")

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import ObjectListing
     from dvtcli.operations.session import Session
 
+TASK = ("See", 20)
+
 
 @click.command("objects", cls=DvtCommand, short_help=__doc__)
 @click.argument("text", type=TEXT, required=False)

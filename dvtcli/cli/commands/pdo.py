@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import Changed, Facts, PdoListing
     from dvtcli.operations.session import Session
 
+TASK = ("See", 10)
+
 
 @click.command("pdo", cls=DvtCommand, short_help=__doc__)
 @click.argument("words", type=EditOrPdo(), nargs=-1, metavar="[edit] [PDO]")

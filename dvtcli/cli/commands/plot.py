@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from dvtcli.operations.session import Session
     from dvtcli.watch.tracks import Track
 
+TASK = ("See", 60)
+
 #: a graph's most columns, fewest and most lines
 _WIDTH, _LEAST, _MOST = 200, 8, 24
 

@@ -13,6 +13,8 @@ from dvtcli.cli.params import TextType
 if TYPE_CHECKING:
     from dvtcli.operations.results import ProfileListing, ProfileShown
 
+TASK = ("Find nodes", 50)
+
 
 class ProfileName(TextType):
     """The name of a profile."""
@@ -21,9 +23,9 @@ class ProfileName(TextType):
 
     def shell_complete(self, _ctx: click.Context, _param: click.Parameter, incomplete: str) -> list[CompletionItem]:
         """The profiles there are."""
-        from dvtcli.files.profile.library import profile_names
+        from dvtcli.operations.show_profiles import known_profiles
 
-        return [CompletionItem(name) for name in profile_names() if name.startswith(incomplete)]
+        return [CompletionItem(name) for name in known_profiles() if name.startswith(incomplete)]
 
 
 @click.command("profiles", cls=DvtCommand, short_help=__doc__)
@@ -36,12 +38,10 @@ def command(action: str | None, name: str | None) -> ProfileListing | ProfileSho
     profiles
     profiles show gen4
     """
-    from dvtcli.operations.show_profiles import list_profiles, show_profile
+    from dvtcli.operations.show_profiles import known_profiles, list_profiles, show_profile
 
     if action is None:
         return list_profiles()
     if name is None:
-        from dvtcli.files.profile.library import profile_names
-
-        raise click.UsageError(f"which one? {', '.join(profile_names())}")
+        raise click.UsageError(f"which one? {', '.join(known_profiles())}")
     return show_profile(name)

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import ValueRead
     from dvtcli.operations.session import Session
 
+TASK = ("See", 30)
+
 
 @click.command("read", cls=DvtCommand, short_help=__doc__)
 @click.argument("object_", type=OBJECT, metavar="OBJECT")

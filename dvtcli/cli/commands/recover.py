@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import Changed, Facts
     from dvtcli.operations.session import Session
 
+TASK = ("Check and keep", 60)
+
 
 @click.command("recover", cls=DvtCommand, short_help=__doc__)
 @click.argument("file", type=FILE, required=False)

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import Facts
     from dvtcli.operations.session import Session
 
+TASK = ("Scripts and files", 30)
+
 _PARTS = ("vendor", "product", "revision", "serial")
 
 

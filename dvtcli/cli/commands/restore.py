@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import Stored
     from dvtcli.operations.session import Session
 
+TASK = ("Check and keep", 40)
+
 
 @click.command("restore", cls=DvtCommand, short_help=__doc__)
 @click.argument("group", type=StoreGroup(), required=False, metavar="[all|communication|application|N]")

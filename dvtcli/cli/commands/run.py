@@ -8,6 +8,8 @@ from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.params import FILE, CanopenType
 from dvtcli.cli.ways import ways
 
+TASK = ("Scripts and files", 10)
+
 
 class SecondsType(CanopenType):
     """A time in seconds, 0.1…86400."""

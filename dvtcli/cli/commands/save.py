@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import Facts
     from dvtcli.operations.session import Session
 
+TASK = ("Scripts and files", 20)
+
 
 @click.command("save", cls=DvtCommand, short_help=__doc__)
 @click.argument("file", type=FILE)

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import NodeListing
     from dvtcli.operations.session import Session
 
+TASK = ("Find nodes", 10)
+
 
 @click.command("scan", cls=DvtCommand, short_help=__doc__)
 @click.option("--wait", type=NumberType(10, 10_000, "a time in ms"), metavar="MS", help="Per node-ID [50].")

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import Changed
     from dvtcli.operations.session import Session
 
+TASK = ("Change PDOs", 20)
+
 
 @click.command("set", cls=DvtCommand, short_help=__doc__)
 @click.argument("pdo", type=PDO)

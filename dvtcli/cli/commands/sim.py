@@ -16,6 +16,8 @@ from dvtcli.operations.options import PREFIX
 if TYPE_CHECKING:
     from dvtcli.operations.session import Session
 
+TASK = ("Programs around", 10)
+
 
 @click.command("sim", cls=DvtCommand, short_help=__doc__)
 @click.argument("nodes", nargs=-1, required=True, metavar="NODE…")

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import Facts, Synced
     from dvtcli.operations.session import Session
 
+TASK = ("Check and keep", 20)
+
 
 @click.command("sync", cls=DvtCommand, short_help=__doc__)
 @click.option("--period", type=MillisecondsType(1000), metavar="MS", help="Time between SYNCs [20].")

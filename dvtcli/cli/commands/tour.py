@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from dvtcli.cli.commands._tour_steps import Step
     from dvtcli.operations.session import Session
 
+TASK = ("Begin", 10)
+
 #: the family of the node that the tour shows
 _SHOWN = "generic"
 _LEAVING = ("exit", "quit", "q")

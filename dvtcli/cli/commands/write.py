@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import Changed, Stored
     from dvtcli.operations.session import Session
 
+TASK = ("Change PDOs", 70)
+
 
 @click.command("write", cls=DvtCommand, short_help=__doc__)
 @click.argument("object_", type=OBJECT, metavar="OBJECT")

@@ -8,33 +8,21 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Mapping, Sequence
 
-from dvtcli.cli.catalogue import command_names, summary
+from dvtcli.cli.catalogue import command_names, summary, task
 
 _TOPICS = os.path.join(os.path.dirname(__file__), "topics")  # noqa: PTH118, PTH120 - pathlib costs 7 ms
 
-#: Tasks in the order in which they come up, with the commands for each; a command in none of them is shown as a rest.
-TASKS: tuple[tuple[str, tuple[str, ...]], ...] = (
-    ("Begin", ("tour", "doctor", "help", "exit")),
-    ("Find nodes", ("scan", "node", "nmt", "login", "profiles", "eds")),
-    ("See", ("pdo", "objects", "read", "monitor", "decode", "plot", "log", "trace")),
-    ("Change PDOs", ("map", "set", "enable", "disable", "clear", "vpdo", "write", "link")),
-    ("Check and keep", ("verify", "sync", "store", "restore", "undo", "recover", "backup")),
-    ("Scripts and files", ("run", "save", "require", "export", "plan", "diff", "apply", "check", "load")),
-    ("Programs around", ("sim", "completion")),
-)
+#: Tasks in the order in which they come up; which one a command belongs to, and where in it, its own file says.
+TASKS = ("Begin", "Find nodes", "See", "Change PDOs", "Check and keep", "Scripts and files", "Programs around")
 
 
 def by_task(names: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
-    """*names* in groups, each with its task; what belongs to none comes last."""
-    placed: set[str] = set()
-    for task, members in TASKS:
-        group = [name for name in members if name in names]
-        placed.update(group)
+    """*names* in groups, each with its task, in the order of `TASKS` and in each of the places that their files say."""
+    declared = sorted((*task(name), name) for name in names)
+    for one in TASKS:
+        group = [name for named, _, name in declared if named == one]
         if group:
-            yield task, group
-    rest = [name for name in names if name not in placed]
-    if rest:
-        yield "More", rest
+            yield one, group
 
 
 def topic_names() -> list[str]:
@@ -51,8 +39,8 @@ def topic(name: str) -> str:
 def overview(aliases: Mapping[str, str] | None = None) -> list[str]:
     """The first screen of help: every command by task, the topics, the *aliases*, and where to begin."""
     lines = ["Commands, by task:"]
-    width = max(len(task) for task, _ in TASKS)
-    lines += [f"  {task:<{width}}  {'  '.join(group)}" for task, group in by_task(command_names())]
+    width = max(map(len, TASKS))
+    lines += [f"  {name:<{width}}  {'  '.join(group)}" for name, group in by_task(command_names())]
     lines += ["", "Topics:"]
     lines += [f"  {name:<{width}}  {topic(name).splitlines()[0]}" for name in topic_names()]
     lines += ["", "Aliases, at the prompt:"] if aliases else []
@@ -67,5 +55,5 @@ def overview(aliases: Mapping[str, str] | None = None) -> list[str]:
 
 def task_sections() -> Iterator[tuple[str, list[tuple[str, str]]]]:
     """Every command with its one-line help, by task."""
-    for task, group in by_task(command_names()):
-        yield task, [(name, summary(name)) for name in group]
+    for name_of_task, group in by_task(command_names()):
+        yield name_of_task, [(name, summary(name)) for name in group]
