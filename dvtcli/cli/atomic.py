@@ -1,6 +1,6 @@
 """Which lines of a script can be taken back: what `run --atomic` refuses before its first line runs.
 
-Knows commands by their names and parsed arguments. Runs nothing.
+Knows commands by their effect, names and parsed arguments. Runs nothing.
 """
 
 from __future__ import annotations
@@ -9,6 +9,8 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from dvtcli.cli.command import effect_of
+from dvtcli.cli.effect import Effect
 from dvtcli.device.store_parameters import SIGNATURES
 from dvtcli.errors import UsageError
 from dvtcli.operations.options import PREFIX
@@ -19,11 +21,6 @@ if TYPE_CHECKING:
 _INDEX = re.compile("[0-9a-f]{4}")
 #: NMT commands after which what was changed is lost, or is at work.
 _FINAL_NMT = frozenset({"start", "reset-node", "reset-comm"})
-_FINAL = frozenset({"store", "restore", "recover"})
-_CHANGING = frozenset({"map", "set", "enable", "disable", "clear", "vpdo", "write", "undo", "recover"})
-#: The DVT's words that change a node.
-_CHANGING_WORDS = frozenset({"sdo_wn", "sdo_wnx", "map_in_tpdo", "clear_all_pdos"})
-_OTHER = frozenset({"nmt", "login", "lg", "fpo"})
 
 
 def is_rehearsal(ctx: click.Context) -> bool:
@@ -36,7 +33,7 @@ def final_word(ctx: click.Context) -> str | None:
     name, params = ctx.info_name or "", ctx.params
     if is_rehearsal(ctx):
         return None
-    if name in _FINAL:
+    if effect_of(ctx) is Effect.FINAL:
         return name
     if name == "nmt":
         return f"nmt {params.get('command_')}" if params.get("command_") in _FINAL_NMT else None
@@ -58,15 +55,12 @@ def _place(ctx: click.Context) -> int | None:
 
 def is_changing(ctx: click.Context) -> bool:
     """Whether the parsed line changes what a node holds, in a way that can be undone."""
-    name = ctx.info_name or ""
-    if is_rehearsal(ctx):
-        return False
-    return (name in _CHANGING or name in _CHANGING_WORDS) and final_word(ctx) is None
+    return not is_rehearsal(ctx) and effect_of(ctx) is Effect.CHANGES and final_word(ctx) is None
 
 
 def does_other(ctx: click.Context) -> bool:
     """Whether the parsed line does something to a node that its history does not hold."""
-    return not is_rehearsal(ctx) and (final_word(ctx) is not None or ctx.info_name in _OTHER)
+    return not is_rehearsal(ctx) and (final_word(ctx) is not None or effect_of(ctx) is Effect.COMMANDS)
 
 
 @dataclass(slots=True)

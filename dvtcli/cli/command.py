@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from dvtcli.operations.options import NEGATIVE_MARK, global_options, one_pair_each, taken
-from dvtcli.operations.settings import GOES_ON
 
 if TYPE_CHECKING:
+    from dvtcli.cli.effect import Effect
     from dvtcli.operations.results import Result
     from dvtcli.operations.session import Session
 
@@ -25,10 +25,14 @@ _NEGATIVE = re.compile(r"-(?:\d|0x|\.\d).*", re.IGNORECASE)
 
 
 class DvtCommand(click.Command):
-    """A command that also takes the global options, and negative numbers as values."""
+    """A command that also takes the global options, and negative numbers as values.
 
-    def __init__(self, *args: Any, **kwargs: Any) -> None:
+    *effect* is what it does to nodes; with *needs_settings* it does not run where a settings file is wrong.
+    """
+
+    def __init__(self, *args: Any, effect: Effect, needs_settings: bool = True, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
+        self.effect, self.needs_settings = effect, needs_settings
         self.params.extend(global_options(hidden=True))
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
@@ -52,11 +56,17 @@ class DvtCommand(click.Command):
         """Run the command with its line's own global options in force."""
         session: Session = ctx.obj
         with session.line(taken(ctx.params)):
-            if ctx.command.name not in GOES_ON:
+            if self.needs_settings:
                 session.require_settings()
             for text in _notation_notes(ctx.params.values()):
                 session.output.note(text)
             return _deliver(session, super().invoke(ctx))
+
+
+def effect_of(ctx: click.Context) -> Effect:
+    """What the command of a parsed line does to nodes."""
+    assert isinstance(ctx.command, DvtCommand)  # noqa: S101 - the registry has no other
+    return ctx.command.effect
 
 
 def _notation_notes(values: Iterable[Any]) -> Iterator[str]:

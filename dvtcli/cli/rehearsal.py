@@ -10,6 +10,8 @@ import click
 
 from dvtcli.cli.atomic import final_word
 from dvtcli.cli.boundary import usage_error
+from dvtcli.cli.command import effect_of
+from dvtcli.cli.effect import Effect
 from dvtcli.cli.run_line import parse
 from dvtcli.cli.script import MOST_BYTES, MOST_NESTED, ScriptLine, script_lines, script_of
 from dvtcli.device.store_parameters import RESTORE
@@ -21,11 +23,8 @@ if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.operations.session import Session
 
-#: Lines that set nothing, or that act on what was set before: a wish has no part in them.
-_WISH_NOTHING = frozenset((
-    "decode", "doctor", "eds", "fpo", "help", "log", "login", "monitor", "nmt", "objects", "pdo", "plot",
-    "profiles", "read", "save", "scan", "sim", "store", "sync", "tour", "verify",
-))  # fmt: skip
+#: What lines do that a wish has a part in: others set nothing, or act on what was set before.
+_PLAYED = frozenset({Effect.SELECTS, Effect.CHANGES})
 
 
 def rehearsed(session: Session, file: str, node_id: int | None = None) -> dict[int, Wish]:
@@ -61,15 +60,14 @@ def _play(stage: Session, sources: Sequence[str]) -> None:
 def _play_line(stage: Session, line: ScriptLine, sources: Sequence[str]) -> bool:
     """Run one line on the twins; whether the script ends with it."""
     with parse(line.words, stage) as ctx:
-        name = ctx.command.name
-        if name == "exit":
+        if ctx.command.name == "exit":
             return True
         if ctx.params.get(f"{PREFIX}dry_run"):
             return False
         _refuse_unknown(ctx)
         if (file := script_of(ctx)) is not None:
             _play_nested(stage, file, sources)
-        elif name not in _WISH_NOTHING:
+        elif effect_of(ctx) in _PLAYED:
             ctx.command.invoke(ctx)
     return False
 

@@ -25,8 +25,6 @@ PASSCODE = "passcode"
 ALIASES = "aliases"
 #: What somebody else's project must not decide.
 USERS_OWN = ("yes", "force", PASSCODE, "no_shell")
-#: Commands that need no bus, and so go on whatever a settings file is like.
-GOES_ON = frozenset({"help", "tour", "doctor", "eds", "profiles", "completion", "exit"})
 
 
 def laid_over(weaker: Layer, stronger: Layer) -> Layer:

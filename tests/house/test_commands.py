@@ -9,6 +9,7 @@ import click
 import pytest
 
 from dvtcli.cli.catalogue import command_names
+from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.lexer import split
 from dvtcli.cli.registry import REGISTRY
 from dvtcli.cli.run_line import parse
@@ -72,6 +73,12 @@ def test_its_examples_parse(name: str) -> None:
         assert line.startswith(name), line
         with parse(split(line), session) as ctx:
             assert ctx.command.name == name
+
+
+def test_a_command_says_what_it_does_to_nodes() -> None:
+    """Scripts judge by it what can be taken back: one that does not say it cannot be made."""
+    with pytest.raises(TypeError, match="effect"):
+        DvtCommand("silent")
 
 
 def annotated(name: str) -> set[str]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import PDO, CanopenType, NodePdo
 from dvtcli.domain.pdo import PdoConfig
 from dvtcli.errors import DvtcliError
@@ -31,7 +32,7 @@ class PdoOrAll(CanopenType):
         return None if text.lower() == "all" else PDO.parse(text, ctx)
 
 
-@click.command("clear", cls=DvtCommand, short_help=__doc__)
+@click.command("clear", cls=DvtCommand, short_help=__doc__, effect=Effect.CHANGES)
 @click.argument("pdos", type=PdoOrAll(), nargs=-1, required=True, metavar="PDO...|all")
 @click.pass_obj
 def command(session: Session, /, pdos: tuple[NodePdo | None, ...]) -> Changed:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.effect import Effect
 from dvtcli.cli.ways import root
 
 if TYPE_CHECKING:
@@ -19,7 +20,7 @@ _SHELLS = ("bash", "zsh", "fish", "powershell")
 _BASH_WORDS = "COMP_WORDBREAKS=${COMP_WORDBREAKS//:}"
 
 
-@click.command("completion", cls=DvtCommand, short_help=__doc__)
+@click.command("completion", cls=DvtCommand, short_help=__doc__, effect=Effect.READS, needs_settings=False)
 @click.argument("shell", type=click.Choice(_SHELLS), metavar="|".join(_SHELLS))
 @click.pass_context
 def command(ctx: click.Context, /, shell: str) -> Facts:

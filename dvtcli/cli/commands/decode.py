@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import FILE, TEXT
 from dvtcli.operations.recorded import decoding_options
 
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 TASK = ("See", 50)
 
 
-@click.command("decode", cls=DvtCommand, short_help=__doc__)
+@click.command("decode", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
 @click.argument("file", type=FILE)
 @decoding_options
 @click.option("--filter", "wanted", type=TEXT, metavar="TEXT", help="Only frames and signals with TEXT in their names.")

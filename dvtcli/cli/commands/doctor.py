@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.effect import Effect
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import Diagnosis
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
 TASK = ("Begin", 20)
 
 
-@click.command("doctor", cls=DvtCommand, short_help=__doc__)
+@click.command("doctor", cls=DvtCommand, short_help=__doc__, effect=Effect.READS, needs_settings=False)
 @click.pass_obj
 def command(session: Session, /) -> Diagnosis:
     """Look at everything that dvtcli needs, and say the next step where something is missing.

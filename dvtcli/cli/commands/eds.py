@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import FILE
 
 if TYPE_CHECKING:
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
 TASK = ("Find nodes", 60)
 
 
-@click.command("eds", cls=DvtCommand, short_help=__doc__)
+@click.command("eds", cls=DvtCommand, short_help=__doc__, effect=Effect.READS, needs_settings=False)
 @click.argument("action", type=click.Choice(["check", "show", "add"]), metavar="check|show|add")
 @click.argument("file", type=FILE)
 def command(action: str, file: str) -> Facts | FileReport:

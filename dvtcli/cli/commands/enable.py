@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import PDO, NodePdo
 from dvtcli.operations.switch import switch
 
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 TASK = ("Change PDOs", 30)
 
 
-@click.command("enable", cls=DvtCommand, short_help=__doc__)
+@click.command("enable", cls=DvtCommand, short_help=__doc__, effect=Effect.CHANGES)
 @click.argument("pdos", type=PDO, nargs=-1, required=True, metavar="PDO...")
 @click.pass_obj
 def command(session: Session, /, pdos: tuple[NodePdo, ...]) -> Changed:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import click
 
 from dvtcli.cli.command import LEAVE, DvtCommand
+from dvtcli.cli.effect import Effect
 
 TASK = ("Begin", 40)
 
 
-@click.command("exit", cls=DvtCommand, short_help=__doc__)
+@click.command("exit", cls=DvtCommand, short_help=__doc__, effect=Effect.READS, needs_settings=False)
 def command() -> int:
     """Leave the prompt, or end a script here.
 

@@ -9,6 +9,7 @@ from click.shell_completion import CompletionItem
 
 from dvtcli.cli.catalogue import command_names, summary, unknown_command
 from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import TextType
 from dvtcli.cli.ways import root
 
@@ -32,7 +33,7 @@ class Subject(TextType):
         return [CompletionItem(name, help=text) for name, text in rows if name.startswith(incomplete.lower())]
 
 
-@click.command("help", cls=DvtCommand, short_help=__doc__)
+@click.command("help", cls=DvtCommand, short_help=__doc__, effect=Effect.READS, needs_settings=False)
 @click.argument("name", type=Subject(), required=False, metavar="[COMMAND|TOPIC]")
 @click.option("--all", "everything", is_flag=True, help="What each command does, and the global options.")
 @click.option("--man", "manual_page", is_flag=True, help="The manual page in roff: help --man > dvtcli.1")

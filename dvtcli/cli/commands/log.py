@@ -9,6 +9,7 @@ import click
 
 from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.commands._live_params import CanFilterType, NodesType, SecondsType
+from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import FILE, NumberType
 
 if TYPE_CHECKING:
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 TASK = ("See", 70)
 
 
-@click.command("log", cls=DvtCommand, short_help=__doc__)
+@click.command("log", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
 @click.argument("file", type=FILE)
 @click.option("-a", "--append", is_flag=True, help="Behind what is there (.blf .log).")
 @click.option(

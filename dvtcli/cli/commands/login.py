@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import NumberType
 
 if TYPE_CHECKING:
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 TASK = ("Find nodes", 40)
 
 
-@click.command("login", cls=DvtCommand, short_help=__doc__)
+@click.command("login", cls=DvtCommand, short_help=__doc__, effect=Effect.COMMANDS)
 @click.argument("level", type=NumberType(0, 255, "an access level"), required=False)
 @click.option("--user", type=NumberType(1, 0xFFFF, "a user ID"), metavar="N", help="User ID 1…65535 [the family's].")
 @click.pass_obj

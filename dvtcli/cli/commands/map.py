@@ -8,6 +8,7 @@ import click
 
 from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.commands._pdo_options import pdo_options, request
+from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import ENTRY, PDO, EntryWord, NodePdo
 from dvtcli.domain.object_syntax import MappedObject
 from dvtcli.domain.request import mapping_entries, wanted_config
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 TASK = ("Change PDOs", 10)
 
 
-@click.command("map", cls=DvtCommand, short_help=__doc__)
+@click.command("map", cls=DvtCommand, short_help=__doc__, effect=Effect.CHANGES)
 @click.argument("pdo", type=PDO)
 @click.argument("objects", type=ENTRY, nargs=-1, required=True, metavar="OBJECT...")
 @pdo_options

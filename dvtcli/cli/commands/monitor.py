@@ -10,6 +10,7 @@ import click
 
 from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.commands._live_params import NodesType, SecondsType
+from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import FILE, TEXT
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 TASK = ("See", 40)
 
 
-@click.command("monitor", cls=DvtCommand, short_help=__doc__)
+@click.command("monitor", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
 @click.option("--nodes", type=NodesType(), metavar="ID,…", help="Nodes whose mapping is read [those that are heard].")
 @click.option("-d", "--decode", type=FILE, metavar="FILE.dbc", help="Decode by a DBC file (after --nodes, if given).")
 @click.option("--filter", "wanted", type=TEXT, metavar="TEXT", help="Only frames and signals with TEXT in their names.")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import CanopenType, NumberType
 from dvtcli.domain.nmt import NmtCommand, NmtState
 
@@ -39,7 +40,7 @@ class NodeOrAll(CanopenType):
         return 0 if text.lower() == "all" else int(NumberType(1, 127, "a node-ID").parse(text, ctx))
 
 
-@click.command("nmt", cls=DvtCommand, short_help=__doc__)
+@click.command("nmt", cls=DvtCommand, short_help=__doc__, effect=Effect.COMMANDS)
 @click.argument("command_", type=click.Choice(list(_COMMANDS)), metavar="start|stop|preop|reset-node|reset-comm")
 @click.argument("node_id", type=NodeOrAll(), required=False, metavar="[NODE|all]")
 @click.pass_obj

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import NODE_ID
 
 if TYPE_CHECKING:
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 TASK = ("Find nodes", 20)
 
 
-@click.command("node", cls=DvtCommand, short_help=__doc__)
+@click.command("node", cls=DvtCommand, short_help=__doc__, effect=Effect.SELECTS)
 @click.argument("node_id", type=NODE_ID, required=False, metavar="[ID]")
 @click.pass_obj
 def command(session: Session, /, node_id: int | None) -> NodeListing:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import TEXT
 
 if TYPE_CHECKING:
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 TASK = ("See", 20)
 
 
-@click.command("objects", cls=DvtCommand, short_help=__doc__)
+@click.command("objects", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
 @click.argument("text", type=TEXT, required=False)
 @click.option("--mappable", type=click.Choice(["tpdo", "rpdo"]), help="Only what such a PDO can take.")
 @click.pass_obj

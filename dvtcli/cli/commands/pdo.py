@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import EDIT, EditOrPdo, NodePdo
 
 if TYPE_CHECKING:
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 TASK = ("See", 10)
 
 
-@click.command("pdo", cls=DvtCommand, short_help=__doc__)
+@click.command("pdo", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
 @click.argument("words", type=EditOrPdo(), nargs=-1, metavar="[edit] [PDO]")
 @click.option("--all", "show_all", is_flag=True, help="Also PDOs that are off and empty.")
 @click.pass_obj

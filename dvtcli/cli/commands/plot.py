@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import FILE, TEXT
 from dvtcli.operations.recorded import decoding_options
 
@@ -24,7 +25,7 @@ TASK = ("See", 60)
 _WIDTH, _LEAST, _MOST = 200, 8, 24
 
 
-@click.command("plot", cls=DvtCommand, short_help=__doc__)
+@click.command("plot", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
 @click.argument("file", type=FILE)
 @click.argument("signals", nargs=-1, required=True, type=TEXT, metavar="SIGNAL…")
 @decoding_options

@@ -8,6 +8,7 @@ import click
 from click.shell_completion import CompletionItem
 
 from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import TextType
 
 if TYPE_CHECKING:
@@ -28,7 +29,7 @@ class ProfileName(TextType):
         return [CompletionItem(name) for name in known_profiles() if name.startswith(incomplete)]
 
 
-@click.command("profiles", cls=DvtCommand, short_help=__doc__)
+@click.command("profiles", cls=DvtCommand, short_help=__doc__, effect=Effect.READS, needs_settings=False)
 @click.argument("action", type=click.Choice(["show"]), required=False, metavar="[show]")
 @click.argument("name", type=ProfileName(), required=False, metavar="[NAME]")
 def command(action: str | None, name: str | None) -> ProfileListing | ProfileShown:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import OBJECT, DataTypeParam, ObjectWord
 
 if TYPE_CHECKING:
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 TASK = ("See", 30)
 
 
-@click.command("read", cls=DvtCommand, short_help=__doc__)
+@click.command("read", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
 @click.argument("object_", type=OBJECT, metavar="OBJECT")
 @click.option("--as", "data_type", type=DataTypeParam(), metavar="TYPE", help="Decode as u8…u64, i8…i64, r32, vs, …")
 @click.pass_obj

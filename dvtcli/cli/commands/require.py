@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import TEXT
 from dvtcli.domain.datatypes import parse_number
 
@@ -19,7 +20,7 @@ TASK = ("Scripts and files", 30)
 _PARTS = ("vendor", "product", "revision", "serial")
 
 
-@click.command("require", cls=DvtCommand, short_help=__doc__)
+@click.command("require", cls=DvtCommand, short_help=__doc__, effect=Effect.SELECTS)
 @click.argument("what", type=click.Choice(["identity"]), metavar="identity")
 @click.argument("pairs", type=TEXT, nargs=-1, required=True, metavar="vendor=… product=… [revision=…] [serial=…]")
 @click.pass_obj

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.effect import Effect
 from dvtcli.operations.store_restore import StoreGroup, restore_defaults
 
 if TYPE_CHECKING:
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 TASK = ("Check and keep", 40)
 
 
-@click.command("restore", cls=DvtCommand, short_help=__doc__)
+@click.command("restore", cls=DvtCommand, short_help=__doc__, effect=Effect.FINAL)
 @click.argument("group", type=StoreGroup(), required=False, metavar="[all|communication|application|N]")
 @click.option("--prove", is_flag=True, help="Reset the node at once, and see whether it has its defaults.")
 @click.pass_obj

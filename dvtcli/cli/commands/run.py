@@ -5,6 +5,7 @@ from __future__ import annotations
 import click
 
 from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import FILE, CanopenType
 from dvtcli.cli.ways import ways
 
@@ -28,7 +29,7 @@ class SecondsType(CanopenType):
         return seconds
 
 
-@click.command("run", cls=DvtCommand, short_help=__doc__)
+@click.command("run", cls=DvtCommand, short_help=__doc__, effect=Effect.RUNS)
 @click.argument("file", type=FILE)
 @click.option("--keep-going", is_flag=True, help="Run on after a failing line; end with the first failure's code.")
 @click.option("--atomic", is_flag=True, help="A failing line takes back all lines before it, over all nodes.")

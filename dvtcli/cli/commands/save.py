@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.effect import Effect
 from dvtcli.cli.lexer import split
 from dvtcli.cli.params import FILE
 from dvtcli.device.read_pdos import read_identity
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 TASK = ("Scripts and files", 20)
 
 
-@click.command("save", cls=DvtCommand, short_help=__doc__)
+@click.command("save", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
 @click.argument("file", type=FILE)
 @click.option("--history", is_flag=True, help="Every step as it was taken, stores and NMT commands included.")
 @click.option("--all", "everything", is_flag=True, help="Everything that the node's PDOs hold.")

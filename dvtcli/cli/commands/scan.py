@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import NumberType
 
 if TYPE_CHECKING:
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 TASK = ("Find nodes", 10)
 
 
-@click.command("scan", cls=DvtCommand, short_help=__doc__)
+@click.command("scan", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
 @click.option("--wait", type=NumberType(10, 10_000, "a time in ms"), metavar="MS", help="Per node-ID [50].")
 @click.pass_obj
 def command(session: Session, /, wait: int | None) -> NodeListing:

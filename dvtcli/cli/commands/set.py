@@ -8,6 +8,7 @@ import click
 
 from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.commands._pdo_options import pdo_options, request
+from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import PDO, NodePdo
 from dvtcli.domain.request import PdoRequest, wanted_config
 from dvtcli.operations.change import configure, made
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 TASK = ("Change PDOs", 20)
 
 
-@click.command("set", cls=DvtCommand, short_help=__doc__)
+@click.command("set", cls=DvtCommand, short_help=__doc__, effect=Effect.CHANGES)
 @click.argument("pdo", type=PDO)
 @pdo_options
 @click.pass_obj

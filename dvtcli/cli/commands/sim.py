@@ -9,6 +9,7 @@ import click
 from click.core import ParameterSource
 
 from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import FILE, TEXT
 from dvtcli.errors import UsageError
 from dvtcli.operations.options import PREFIX
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 TASK = ("Programs around", 10)
 
 
-@click.command("sim", cls=DvtCommand, short_help=__doc__)
+@click.command("sim", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
 @click.argument("nodes", nargs=-1, required=True, metavar="NODE…")
 @click.option(
     "--listen", type=TEXT, metavar="HOST:PORT", help="Where to listen [127.0.0.1:29536]; port 0 is a free one."

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import NumberType
 from dvtcli.errors import UsageError
 from dvtcli.operations.store_restore import POWER_CYCLE_S, ProofWay, StoreGroup, store_settings, way_and_group
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 TASK = ("Check and keep", 30)
 
 
-@click.command("store", cls=DvtCommand, short_help=__doc__)
+@click.command("store", cls=DvtCommand, short_help=__doc__, effect=Effect.FINAL)
 @click.argument("group", type=StoreGroup(), required=False, metavar="[all|communication|application|N]")
 @click.option(
     "--prove",

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import MillisecondsType, NumberType
 
 if TYPE_CHECKING:
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 TASK = ("Check and keep", 20)
 
 
-@click.command("sync", cls=DvtCommand, short_help=__doc__)
+@click.command("sync", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
 @click.option("--period", type=MillisecondsType(1000), metavar="MS", help="Time between SYNCs [20].")
 @click.option("--count", type=NumberType(1, 100_000, "a count"), metavar="N", help="How many [1].")
 @click.option("--check", is_flag=True, help="Send none; say who produces SYNC, and warn where nobody does.")

@@ -9,6 +9,7 @@ import click
 
 from dvtcli.cli.boundary import guarded
 from dvtcli.cli.command import LEAVE, DvtCommand
+from dvtcli.cli.effect import Effect
 from dvtcli.cli.lexer import split
 from dvtcli.cli.ways import Ways, ways
 
@@ -23,7 +24,7 @@ _SHOWN = "generic"
 _LEAVING = ("exit", "quit", "q")
 
 
-@click.command("tour", cls=DvtCommand, short_help=__doc__)
+@click.command("tour", cls=DvtCommand, short_help=__doc__, effect=Effect.READS, needs_settings=False)
 @click.pass_context
 def command(ctx: click.Context, /) -> int:
     """Explain dvtcli in a few steps on a simulated node of its own; no hardware is used.

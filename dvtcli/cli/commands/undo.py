@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import TEXT
 from dvtcli.cli.ways import ways
 from dvtcli.errors import UsageError
@@ -19,7 +20,7 @@ TASK = ("Check and keep", 50)
 _NEWEST = "newest"
 
 
-@click.command("undo", cls=DvtCommand, short_help=__doc__)
+@click.command("undo", cls=DvtCommand, short_help=__doc__, effect=Effect.CHANGES)
 @click.option("--all", "everything", is_flag=True, help="Every change of this session on every node, last first.")
 @click.option(
     "--backup", type=TEXT, is_flag=False, flag_value=_NEWEST, metavar="[WHEN]",

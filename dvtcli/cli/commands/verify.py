@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import PDO, TEXT, NodePdo
 from dvtcli.cli.ways import ways
 from dvtcli.errors import UsageError
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 TASK = ("Check and keep", 10)
 
 
-@click.command("verify", cls=DvtCommand, short_help=__doc__)
+@click.command("verify", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
 @click.argument("words", type=TEXT, nargs=-1, metavar="[PDO...] [FILE]")
 @click.option("--frame", is_flag=True, help="Start the node and look at a frame of each enabled TPDO.")
 @click.pass_context

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import CanopenType, NumberType, ObjectType, ObjectWord
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ class ObjectOrNone(ObjectType):
         return ObjectWord(_NONE) if text.lower() == _NONE else ObjectWord(super().parse(text, ctx).text)
 
 
-@click.command("vpdo", cls=DvtCommand, short_help=__doc__)
+@click.command("vpdo", cls=DvtCommand, short_help=__doc__, effect=Effect.CHANGES)
 @click.argument("group", type=click.Choice(_GROUPS), required=False, metavar="[GROUP]")
 @click.argument("pin", type=PinType(), required=False, metavar="[PIN|none]")
 @click.argument("object_", type=ObjectOrNone(), required=False, metavar="[OBJECT|none]")

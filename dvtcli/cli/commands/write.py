@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import OBJECT, TEXT, DataTypeParam, ObjectWord
 from dvtcli.operations.write_object import write_text
 
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 TASK = ("Change PDOs", 70)
 
 
-@click.command("write", cls=DvtCommand, short_help=__doc__)
+@click.command("write", cls=DvtCommand, short_help=__doc__, effect=Effect.CHANGES)
 @click.argument("object_", type=OBJECT, metavar="OBJECT")
 @click.argument("value", type=TEXT)
 @click.option("--as", "data_type", type=DataTypeParam(), metavar="TYPE", help="Encode as u8…u64, i8…i64, r32, vs, …")

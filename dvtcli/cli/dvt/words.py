@@ -11,6 +11,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from dvtcli.cli.dvt import notation as numbers
+from dvtcli.cli.effect import Effect
 
 if TYPE_CHECKING:
     from dvtcli.cli.dvt.done import Done
@@ -36,6 +37,7 @@ class Word:
     """One word; *modern* is the command line that does the same.
 
     *where* is `module:function` in this room, empty for `source`, which whoever runs words does itself.
+    *effect* is what it does to nodes.
     """
 
     name: str
@@ -43,6 +45,7 @@ class Word:
     summary: str
     modern: str
     where: str
+    effect: Effect
 
     @property
     def grammar(self) -> str:
@@ -87,25 +90,32 @@ _VALUE = (*_OBJECT, Argument("VALUE", str), Argument("BYTES", numbers.width, req
 WORDS: dict[str, Word] = {
     word.name: word
     for word in (
-        Word("sdo_rnx", _OBJECT, "read an object, in hex", "read 6041", "sdo:read_hex"),
-        Word("sdo_rn", _OBJECT, "read an object, in decimal", "read 6041", "sdo:read_decimal"),
-        Word("sdo_wnx", _VALUE, "write an object, in hex", "write 1800:2 1", "sdo:write"),
-        Word("sdo_wn", _VALUE, "write an object, in decimal", "write 1017 1000", "sdo:write"),
+        Word("sdo_rnx", _OBJECT, "read an object, in hex", "read 6041", "sdo:read_hex", Effect.READS),
+        Word("sdo_rn", _OBJECT, "read an object, in decimal", "read 6041", "sdo:read_decimal", Effect.READS),
+        Word("sdo_wnx", _VALUE, "write an object, in hex", "write 1800:2 1", "sdo:write", Effect.CHANGES),
+        Word("sdo_wn", _VALUE, "write an object, in decimal", "write 1017 1000", "sdo:write", Effect.CHANGES),
         Word(
             "fpo", (_MAYBE_NODE, Argument("pre|op", _state, required=False)),
-            "force pre-operational (pre) or operational (op)", "nmt preop", "state:force",
+            "force pre-operational (pre) or operational (op)", "nmt preop", "state:force", Effect.COMMANDS,
         ),
         Word(
             "lg", (_MAYBE_NODE, Argument("LEVEL", numbers.level, required=False)),
-            "log in at a level, 0 to log out", "login 4", "state:log_in_at",
+            "log in at a level, 0 to log out", "login 4", "state:log_in_at", Effect.COMMANDS,
         ),
-        Word("store", (_MAYBE_NODE,), "keep what is set (in Tcl; elsewhere the command)", "store", "state:store"),
+        Word(
+            "store", (_MAYBE_NODE,),
+            "keep what is set (in Tcl; elsewhere the command)", "store", "state:store", Effect.FINAL,
+        ),
         Word(
             "map_in_tpdo", (*_OBJECT, Argument("COB-ID", numbers.can_id, required=False)),
             "put an object into the first TPDO with room", "map tpdo1 6041 --sync 1", "pdo_words:map_in_tpdo",
+            Effect.CHANGES,
         ),
-        Word("locate_tpdo", _OBJECT, "which TPDO holds an object", "pdo --all", "pdo_words:locate"),
-        Word("clear_all_pdos", (_NODE,), "no mapping, and disabled, for every PDO", "clear all", "pdo_words:clear_all"),
-        Word("source", (Argument("FILE", str),), "run a script", "run setup.tcl", ""),
+        Word("locate_tpdo", _OBJECT, "which TPDO holds an object", "pdo --all", "pdo_words:locate", Effect.READS),
+        Word(
+            "clear_all_pdos", (_NODE,),
+            "no mapping, and disabled, for every PDO", "clear all", "pdo_words:clear_all", Effect.CHANGES,
+        ),
+        Word("source", (Argument("FILE", str),), "run a script", "run setup.tcl", "", Effect.RUNS),
     )
 }  # fmt: skip
