@@ -30,3 +30,34 @@ class NmtCommand(IntEnum):
     ENTER_PRE_OPERATIONAL = 0x80
     RESET_NODE = 0x81
     RESET_COMMUNICATION = 0x82
+
+    @property
+    def word(self) -> str:
+        """The command as lines say it."""
+        return _WORDS[self]
+
+    @property
+    def is_reset(self) -> bool:
+        """Whether the node boots up after it."""
+        return self in (NmtCommand.RESET_NODE, NmtCommand.RESET_COMMUNICATION)
+
+    @property
+    def after(self) -> NmtState:
+        """The state that a node is in after it; of a reset, once the node has booted up."""
+        return _AFTER[self]
+
+
+_WORDS = {
+    NmtCommand.START: "start",
+    NmtCommand.STOP: "stop",
+    NmtCommand.ENTER_PRE_OPERATIONAL: "preop",
+    NmtCommand.RESET_NODE: "reset-node",
+    NmtCommand.RESET_COMMUNICATION: "reset-comm",
+}
+_AFTER = {
+    NmtCommand.START: NmtState.OPERATIONAL,
+    NmtCommand.STOP: NmtState.STOPPED,
+    NmtCommand.ENTER_PRE_OPERATIONAL: NmtState.PRE_OPERATIONAL,
+    NmtCommand.RESET_NODE: NmtState.PRE_OPERATIONAL,
+    NmtCommand.RESET_COMMUNICATION: NmtState.PRE_OPERATIONAL,
+}

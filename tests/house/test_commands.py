@@ -97,7 +97,7 @@ def test_it_says_what_it_answers(name: str) -> None:
 
 
 #: files whose work is still to become an operation: they only become fewer
-STILL_AT_WORK = {"nmt.py", "save.py", "map.py", "_pdo_edit.py"}
+STILL_AT_WORK = {"map.py", "_pdo_edit.py"}
 
 
 def test_a_command_holds_words_and_options_only() -> None:
@@ -108,4 +108,4 @@ def test_a_command_holds_words_and_options_only() -> None:
             for imported, _, typing_only in module.imports():
                 if not typing_only and imported.startswith(NO_WORDS):
                     at_work.add(module.path.name)
-    assert at_work == STILL_AT_WORK
+    assert at_work <= STILL_AT_WORK
