@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.domain.plan import Plan, Step, ValueChange, plan_pdo
-from tests.domain.configs import ModelDevice, config_pairs, configs, mappings, pdos
+from dvtcli.domain.plan import Plan, Step, ValueChange, plan_pdo, writes_cob_id
+from tests.domain.configs import ModelDevice, config_pairs, configs, mappings, memory_of, pdos
 
 Pair = tuple[PdoConfig, PdoConfig]
 
@@ -33,6 +33,25 @@ def test_a_device_gets_from_a_to_b_and_back(pdo: Pdo, pair: Pair) -> None:
     assert device.holds(b)
     device.run(change.reversed().steps)
     assert device.holds(a)
+
+
+@given(pdos, config_pairs())
+def test_a_step_knows_what_it_replaces_wherever_that_was_read(pdo: Pdo, pair: Pair) -> None:
+    held = memory_of(pdo, pair[0])
+    unknown = [step for step in plan_pdo(pdo, *pair).steps if step.before is None]
+    assert not held.keys() & {(step.index, step.sub_index) for step in unknown}
+
+
+@pytest.mark.parametrize("pdo", [Pdo.parse("tpdo1"), Pdo.parse("tpdo512"), Pdo.parse("rpdo2")])
+def test_only_a_pdo_s_cob_id_is_one(pdo: Pdo) -> None:
+    communication, mapping = pdo.communication_index, pdo.mapping_index
+    for index, sub_index, said in (
+        (communication, 1, True), (communication, 2, False), (mapping, 1, False), (0x1014, 0, False),
+    ):  # fmt: skip
+        assert writes_cob_id(Plan(5, (ValueChange(Step(index, sub_index, None, bytes(4), "write")),))) is said
+    other = ValueChange(Step(0x1017, 0, None, bytes(2), "write"))
+    moved = ValueChange(Step(communication, 1, None, bytes(4), "write"))
+    assert writes_cob_id(Plan(5, (other, moved)))
 
 
 @given(pdos, config_pairs())

@@ -64,5 +64,5 @@ class DroppedAnswers:
 class SdoSettings:
     """*timeout_s* for each answer, and how often (0..) a read's first request is repeated after it."""
 
-    timeout_s: float = 0.5
-    retries: int = 1
+    timeout_s: float
+    retries: int
