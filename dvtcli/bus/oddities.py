@@ -58,6 +58,7 @@ class Oddities:
         others = now.other_client - (before.other_client if before else 0)
         if others > 0:
             yield f"another SDO client talks to node {node_id}: {others} frames on its SDO channel were not ours"
+            self._doubled[node_id] = now.doubled  # the answers to what it asked may look like second ones to us
         doubled = now.doubled - self._doubled[node_id]
         if doubled >= SECOND_ANSWERS:
             self._doubled[node_id] = now.doubled

@@ -14,6 +14,7 @@ import pytest
 from can.interfaces.virtual import VirtualBus
 
 from dvtcli.bus.echoes import LOST_AFTER_S, MOST_REMEMBERED, Echoes
+from dvtcli.bus.oddities import SECOND_ANSWERS
 from dvtcli.bus.python_can import CanBus
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import Frame
@@ -115,6 +116,17 @@ def test_another_client_s_request_is_another_client(ours: Ours) -> None:
     assert ours.bus.disturbances() == [
         f"another SDO client talks to node {NODE}: 2 frames on its SDO channel were not ours"
     ]
+
+
+def test_another_client_s_answers_are_no_second_node(ours: Ours) -> None:
+    """It reads what we have just read, and its answers fit ours."""
+    for _ in range(2 * SECOND_ANSWERS):
+        ours.bus.sdo(NODE).upload(0x1000, 0)
+        ours.other.send(message(REQUEST, READ_DEVICE_TYPE))
+        ours.bus.sleep(0.03)
+    (said,) = ours.bus.disturbances()
+    assert said.startswith(f"another SDO client talks to node {NODE}")
+    assert ours.bus.disturbances() == []
 
 
 def test_an_abort_of_ours_is_no_other_client(ours: Ours) -> None:

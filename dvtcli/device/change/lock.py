@@ -57,9 +57,12 @@ class _Noted:
     @classmethod
     def parse(cls, text: str) -> _Noted:
         """What the file's *text* says; nothing where it is empty."""
-        rows = [row.strip() for row in text.split("\n")] + [""] * 7
-        process, journal, since, command, *writer = rows[:7]
-        return cls(Holder(process[:20], since[:40], command[:80]), journal, Holder(*writer) if writer[0] else None)
+        process, journal, since, command, *writer = ([row.strip() for row in text.split("\n")] + [""] * 7)[:7]
+        return cls(_holder(process, since, command), journal, _holder(*writer) if writer[0] else None)
+
+
+def _holder(process: str, since: str, command: str) -> Holder:
+    return Holder(process[:20], since[:40], command[:80])
 
 
 @dataclass(slots=True)
