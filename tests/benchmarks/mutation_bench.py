@@ -163,7 +163,8 @@ class _Template:
             return Outcome(mutant, "time", "took too long")
         if code not in (0, 1, _NOT_SO):
             raise RuntimeError(f"the child that tried {mutant} ended with {code}")
-        return Outcome(mutant, "killed" if code == 1 else "survived", noted.read_text("utf-8") or "in place")
+        said = noted.read_text("utf-8") or ("in place" if code == 0 else "cannot be made in place")
+        return Outcome(mutant, "killed" if code == 1 else "survived", said)
 
     def _be_child(self, mutant: Mutant, items: list[Any], noted: Path) -> None:
         if not _given_its_code(mutant, (self.folder / mutant.module).read_text("utf-8")):

@@ -135,14 +135,18 @@ class Known:
                 self._ran.setdefault(name, {})[row["test"]] = frozenset(lines)
 
     def tests(self, module: str, line: int, first: int, last: int) -> list[str]:
-        """The tests that run anything of *first* to *last* in *module*, those that run *line* before the others."""
+        """The tests that run anything of *first* to *last* in *module*.
 
-        def ordered() -> Iterator[tuple[bool, float, str]]:
+        Those that run *line* come before the others, then those of the module's own rooms, then the quickest.
+        """
+        rooms = Path(module).parts[1:-1]
+
+        def ordered() -> Iterator[tuple[bool, bool, float, str]]:
             for test, lines in self._ran.get(module, {}).items():
                 if any(first <= one <= last for one in lines):
-                    yield line not in lines, self.seconds[test], test
+                    yield line not in lines, test.split("/")[1] not in rooms, self.seconds[test], test
 
-        return [test for _, _, test in sorted(ordered())]
+        return [test for *_, test in sorted(ordered())]
 
 
 def main() -> int:
