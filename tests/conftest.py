@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import itertools
 import os
+import sys
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from hypothesis import settings
+
+from tests import process
+from tests.surroundings import clean_environment, own_ground, own_place, set_environment
 
 #: a machine under load is slow, and no less right for it
 settings.register_profile("unhurried", deadline=None)
@@ -20,19 +26,36 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
         "--update-transcripts", action="store_true", help="rewrite golden sessions with what is printed now"
     )
+    parser.addoption(
+        "--fresh-python", action="store_true", help="a new Python for each dvtcli, instead of a fork of one"
+    )
     parser.addoption("--serve-frames", type=int, default=8000, metavar="N", help="frames to 4 clients of sim [8000]")
     parser.addoption("--rounds", type=int, default=8, metavar="N", help="rounds of four dvtcli at once [8]")
     parser.addoption("--fuzz", type=int, default=20_000, metavar="N", help="hostile inputs in all [20000]")
     parser.addoption("--signals", type=int, default=12, metavar="N", help="signals in the middle of a change [12]")
 
 
+def pytest_configure(config: pytest.Config) -> None:
+    """In every worker, before any test is read: nobody's wishes for dvtcli, Python or a terminal count."""
+    process.FRESH_PYTHON |= config.getoption("--fresh-python")
+    set_environment(clean_environment())
+    sys.dont_write_bytecode = False  # hundreds of processes start, and would compile all of it again each
+
+
 @pytest.fixture(scope="session", autouse=True)
-def state_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Locks, journals, backups and what `undo` remembers are this run's own: nobody's home is read or written."""
-    before = os.environ.get("XDG_STATE_HOME")
-    os.environ["XDG_STATE_HOME"] = str(tmp_path_factory.mktemp("state"))
-    yield
-    if before is None:
-        del os.environ["XDG_STATE_HOME"]
-    else:
-        os.environ["XDG_STATE_HOME"] = before
+def ground(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Iterator[Path]]:
+    """The home and working folder of what lives longer than a test, and the folders of the tests."""
+    base = own_ground(tmp_path_factory.getbasetemp())
+    folder = base / "places"
+    folder.mkdir()
+    with own_place(folder / "all"):
+        # matplotlib looks for fonts, for seconds, in each home that is new to it
+        os.environ["MPLCONFIGDIR"] = str(base.parent if "PYTEST_XDIST_WORKER" in os.environ else base)
+        yield (folder / str(number) for number in itertools.count(1))
+
+
+@pytest.fixture(autouse=True)
+def surroundings(ground: Iterator[Path]) -> Iterator[Path]:
+    """Each test's own home, XDG folders, working folder and variables."""
+    with own_place(next(ground)) as work:
+        yield work

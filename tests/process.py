@@ -7,14 +7,22 @@ import json
 import os
 import shutil
 import subprocess
-import sys
 import tempfile
+from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).resolve().parents[1]
+from tests.forked import Forked, Fresh
+from tests.surroundings import ROOT, clean_environment
+
 SCRIPTS = ROOT / "scripts"
+#: whether each dvtcli gets a Python of its own (`--fresh-python`)
+FRESH_PYTHON = os.name != "posix"
+#: how long a process may take on a busy machine (s)
+PATIENCE_S = 60.0
+
+Ran = subprocess.CompletedProcess[str]
 
 
 @cache
@@ -26,25 +34,44 @@ def home() -> Path:
 
 
 def environment() -> dict[str, str]:
-    """This process's environment without what would change dvtcli's behaviour, and with UTF-8 streams."""
-    dropped = ("DVTCLI_", "CAN_", "XDG_", "FORCE_COLOR", "NO_COLOR", "COLUMNS")
-    kept = {key: value for key, value in os.environ.items() if not key.startswith(dropped)}
-    return kept | {"PYTHONIOENCODING": "utf-8", "HOME": str(home())}
+    """A clean environment with UTF-8 streams, in which this tree is what is imported, whatever the folder.
+
+    Its home is the test's own; what is no test, as a benchmark, has one too.
+    """
+    tested = "PYTEST_VERSION" in os.environ
+    variables = dict(os.environ) if tested else clean_environment() | {"HOME": str(home())}
+    return variables | {"PYTHONIOENCODING": "utf-8", "PYTHONPATH": str(ROOT)}
 
 
-def dvtcli(*words: str, stdin: str = "", cwd: Path = ROOT, merge: bool = False) -> subprocess.CompletedProcess[str]:
-    """Run dvtcli with *words*; with *merge* stderr comes in stdout, in the order it was written."""
-    return subprocess.run(
-        [sys.executable, "-m", "dvtcli", *words],
-        input=stdin,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT if merge else subprocess.PIPE,
-        encoding="utf-8",
-        cwd=cwd,
-        env=environment(),
-        timeout=60,
-        check=False,
-    )
+def dvtcli(*words: str, stdin: str = "", cwd: Path | None = None, merge: bool = False) -> Ran:
+    """Run dvtcli with *words* in *cwd*, else in the test's own folder.
+
+    With *merge* stderr comes in stdout, in the order it was written.
+    """
+    return run(words, stdin=stdin, cwd=cwd, merge=merge)
+
+
+def run(words: Sequence[str], *, env: Mapping[str, str] | None = None, **how: Any) -> Ran:
+    """Run dvtcli with *words* to its end, in a clean environment or in *env*; *how* is as for `start`."""
+    process = start(words, env=env, **how)
+    try:
+        stdout, stderr = process.communicate(timeout=PATIENCE_S)
+    finally:
+        process.kill()
+    return Ran(process.args, process.returncode, stdout, stderr)
+
+
+def start(words: Sequence[str], *, env: Mapping[str, str] | None = None, **how: Any) -> Forked:
+    """Start dvtcli with *words*, in a clean environment or in *env*.
+
+    It is forked from a process that has read dvtcli's code, unless `--fresh-python` is given, or *env* says something
+    to the interpreter, which only a new one hears.
+    """
+    usual = environment()
+    variables = usual if env is None else env
+    said = (key for key in (*variables, *usual) if key.startswith(("PYTHON", "LC_", "LANG")))
+    fresh = FRESH_PYTHON or any(variables.get(key) != usual.get(key) for key in said)
+    return (Fresh if fresh else Forked)(words, env=variables, **how)
 
 
 def documents(stdout: str) -> list[dict[str, Any]]:

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from tests.process import ROOT, documents, environment
+from tests.process import documents, environment, run
 from tests.serve.served import PATIENCE_S, served
 
 #: why nobody can be somebody else here; empty where it can be
@@ -115,11 +115,13 @@ class Place:
         self, *words: str, cwd: Path | None = None, user: int | None = None, stdin: str = "", **variables: str
     ) -> subprocess.CompletedProcess[str]:
         """Run dvtcli below the repository, also as another *user* with that user's own group and no other."""
-        own = {"HOME": str(self.home), "PYTHONPATH": str(ROOT), "PYTHONDONTWRITEBYTECODE": "1"}
+        env = environment() | {"HOME": str(self.home)} | self.variables | variables
+        if user is None:
+            return run(words, stdin=stdin, cwd=cwd or self.below, env=env)
         return subprocess.run(
             [*as_user(user), sys.executable, "-m", "dvtcli", *words],
             input=stdin, capture_output=True, encoding="utf-8", cwd=cwd or self.below,
-            env=environment() | own | self.variables | variables, timeout=PATIENCE_S, check=False,
+            env=env | {"PYTHONDONTWRITEBYTECODE": "1"}, timeout=PATIENCE_S, check=False,
         )  # fmt: skip
 
     def give(self, owner: int) -> None:

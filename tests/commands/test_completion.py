@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from dvtcli.simulator.device.family import family_eds
-from tests.process import documents, dvtcli, environment
+from tests.process import documents, dvtcli, environment, run
 from tests.prompt.terminal import CTRL_C, TAB, Terminal
 
 
@@ -22,10 +22,7 @@ def completed(folder: Path, words: list[str], **variables: str) -> list[str]:
         "COMP_CWORD": str(len(words)),
         "_DVTCLI_COMPLETE": "bash_complete",
     }
-    done = subprocess.run(
-        [sys.executable, "-m", "dvtcli"], capture_output=True, encoding="utf-8", cwd=folder,
-        env=environment() | asked | variables, timeout=60, check=False,
-    )  # fmt: skip
+    done = run([], cwd=folder, env=environment() | asked | variables)
     assert (done.returncode, done.stderr) == (0, "")
     return [line.partition(",")[2] for line in done.stdout.splitlines() if line]
 

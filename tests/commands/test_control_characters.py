@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 import unicodedata
 from pathlib import Path
 
 import pytest
 
 from tests.commands.bench import Bench, Ran
-from tests.process import ROOT, dvtcli, environment
+from tests.process import ROOT, dvtcli
 
 HOSTILE = "tests/commands/hostile.eds"
 ESC = "\x1b[31m\x07\u202e"
@@ -126,14 +123,6 @@ def test_a_bad_settings_file_is_shown_escaped(tmp_path: Path) -> None:
     folder = tmp_path / f"c{ESC}"
     folder.mkdir()
     (folder / "dvtcli.toml").write_text("bogus = 1\n")
-    ran = subprocess.run(
-        [sys.executable, "-m", "dvtcli", "pdo"],
-        capture_output=True,
-        encoding="utf-8",
-        cwd=folder,
-        env=environment() | {"PYTHONPATH": os.environ.get("PYTHONPATH", str(ROOT))},
-        timeout=60,
-        check=False,
-    )
+    ran = dvtcli("pdo", cwd=folder)
     assert ran.returncode == 4
     assert raw(ran.stderr) == []

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -12,7 +10,7 @@ import can
 
 from tests.commands.bench import Bench
 from tests.commands.bus import Wire, device
-from tests.process import documents, environment
+from tests.process import documents, environment, run
 
 _NUMBERS = count(1)
 
@@ -24,11 +22,7 @@ def checks(ran_document: dict[str, Any]) -> dict[str, dict[str, Any]]:
 
 def doctor(folder: Path, *words: str, **variables: str) -> tuple[int, dict[str, dict[str, Any]]]:
     """Exit code and checks of a doctor in a process of its own, in *folder*."""
-    done = subprocess.run(
-        [sys.executable, "-m", "dvtcli", *words, "doctor", "--json"],
-        capture_output=True, encoding="utf-8", cwd=folder, env=environment() | {"HOME": str(folder)} | variables,
-        timeout=60, check=False,
-    )  # fmt: skip
+    done = run([*words, "doctor", "--json"], cwd=folder, env=environment() | {"HOME": str(folder)} | variables)
     (document,) = documents(done.stdout)
     assert document["healthy"] == (done.returncode == 0)
     return done.returncode, checks(document)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
+from tests import process
 from tests.commands.bench import Bench
-from tests.process import ROOT, documents, environment
+from tests.process import documents, environment
 from tests.prompt.terminal import CTRL_C, CTRL_D, ENTER, Terminal
 
 LOCKED = "gen4-locked"
@@ -20,16 +20,7 @@ RIGHT, LOWER, WRONG = "0x4444", "0x2222", "48879"
 def run(folder: Path, *words: str, stdin: str = "", **more: str) -> subprocess.CompletedProcess[str]:
     """Run dvtcli in *folder*, all of its own files in it too, with *more* environment."""
     homes = {name: str(folder) for name in ("HOME", "XDG_STATE_HOME", "XDG_CONFIG_HOME", "XDG_DATA_HOME", "TMPDIR")}
-    return subprocess.run(
-        [sys.executable, "-m", "dvtcli", "--sim", LOCKED, *words],
-        input=stdin,
-        capture_output=True,
-        encoding="utf-8",
-        cwd=folder,
-        env=environment() | {"PYTHONPATH": str(ROOT)} | homes | more,
-        timeout=60,
-        check=False,
-    )
+    return process.run(["--sim", LOCKED, *words], stdin=stdin, cwd=folder, env=environment() | homes | more)
 
 
 def files_with(folder: Path, *secrets: bytes) -> list[str]:

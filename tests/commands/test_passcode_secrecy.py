@@ -15,7 +15,6 @@ from dvtcli.domain.ports import Frame
 from dvtcli.operations.open_network import Secrets
 from dvtcli.watch.listener import Listener
 from tests.commands.bench import Bench
-from tests.process import ROOT
 from tests.serve.served import PATIENCE_S, bus_words, own_environment, served, wait_for
 
 LOGIN = Frame(0x601, bytes.fromhex("2B 00 50 02 44 44 00 00"), timestamp_s=1.0)
@@ -71,7 +70,7 @@ def test_a_log_has_the_login_but_not_the_passcode(tmp_path: Path, name: str) -> 
     with served(tmp_path, "gen4-locked@1") as server:
         process = subprocess.Popen(
             [sys.executable, "-m", "dvtcli", *bus_words(server.port), "log", str(path)],
-            stdout=subprocess.PIPE, stderr=subprocess.PIPE, encoding="utf-8", cwd=ROOT, env=own_environment(tmp_path),
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, encoding="utf-8", env=own_environment(tmp_path),
         )  # fmt: skip
         assert process.stderr is not None
         assert "Ctrl-C ends it" in process.stderr.readline()

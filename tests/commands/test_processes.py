@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.process import ROOT, documents, dvtcli, environment
+from tests.process import ROOT, documents, dvtcli, environment, run
 
 PDO_FIELDS = {
     "pdo", "enabled", "cob_id", "extended", "rtr_allowed", "transmission_type", "inhibit_ms", "event_timer_ms",
@@ -24,16 +24,7 @@ PDO_FIELDS = {
 
 def run_in(folder: Path, *words: str, stdin: str = "", **more: str) -> subprocess.CompletedProcess[str]:
     """Run dvtcli in *folder* with *more* environment."""
-    return subprocess.run(
-        [sys.executable, "-m", "dvtcli", *words],
-        input=stdin,
-        capture_output=True,
-        encoding="utf-8",
-        cwd=folder,
-        env=environment() | {"PYTHONPATH": str(ROOT)} | more,
-        timeout=60,
-        check=False,
-    )
+    return run(words, stdin=stdin, cwd=folder, env=environment() | more)
 
 
 def test_results_go_to_stdout_and_messages_to_stderr() -> None:
@@ -78,7 +69,7 @@ def test_results_that_a_full_disk_loses_are_said(line: str) -> None:
     with Path("/dev/full").open("w") as full:
         done = subprocess.run(
             [sys.executable, "-m", "dvtcli", "--sim", "gen4", *line.split()],
-            stdout=full, stderr=subprocess.PIPE, encoding="utf-8", cwd=ROOT, env=environment(), timeout=60, check=False,
+            stdout=full, stderr=subprocess.PIPE, encoding="utf-8", env=environment(), timeout=60, check=False,
         )  # fmt: skip
     assert done.returncode == 1
     assert done.stderr.startswith("error: the results cannot be written: No space left on device")
@@ -199,7 +190,6 @@ def test_a_reader_that_leaves_is_no_error(words: list[str]) -> None:
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         env=environment(),
-        cwd=ROOT,
     ) as process:
         assert process.stdout is not None
         assert process.stderr is not None
@@ -217,7 +207,6 @@ def test_signals_end_it_with_their_code(number: signal.Signals, code: int, line:
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         env=environment(),
-        cwd=ROOT,
         encoding="utf-8",
     )
     assert process.stdin is not None

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
+from tests import process
 from tests.process import ROOT, documents, environment
 
 PUMP = """like = "gen4"
@@ -22,16 +22,7 @@ pressure = "6C01:02"              # wired to analogue input 2
 
 def run(folder: Path, *words: str, stdin: str = "") -> subprocess.CompletedProcess[str]:
     """Run dvtcli with *folder* as the home of its settings."""
-    return subprocess.run(
-        [sys.executable, "-m", "dvtcli", *words],
-        input=stdin,
-        capture_output=True,
-        encoding="utf-8",
-        cwd=folder,
-        env=environment() | {"PYTHONPATH": str(ROOT), "XDG_CONFIG_HOME": str(folder)},
-        timeout=60,
-        check=False,
-    )
+    return process.run(words, stdin=stdin, cwd=folder, env=environment() | {"XDG_CONFIG_HOME": str(folder)})
 
 
 def own(folder: Path, text: str, name: str = "pump") -> Path:

@@ -19,7 +19,7 @@ from dvtcli.files.extras import extra
 from dvtcli.files.recording import Recorder
 from dvtcli.simulator.device.family import family_eds
 from tests.files.recordings import BEGIN_S
-from tests.process import ROOT, documents, dvtcli
+from tests.process import documents, dvtcli
 from tests.serve.served import bus_words, own_environment, served, wait_for
 
 GEN4 = str(family_eds("gen4"))
@@ -77,7 +77,7 @@ def test_a_server_that_goes_away_ends_the_watching(tmp_path: Path, words: list[s
     with served(tmp_path, "gen4@5") as server:
         process = subprocess.Popen(
             [sys.executable, "-m", "dvtcli", *bus_words(server.port), *words],
-            stdout=subprocess.PIPE, stderr=subprocess.PIPE, encoding="utf-8", cwd=ROOT, env=own_environment(tmp_path),
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, encoding="utf-8", env=own_environment(tmp_path),
         )  # fmt: skip
         began = process.stderr if words[0] == "log" else process.stdout  # "Ctrl-C ends it", or the first frame
         assert began is not None
@@ -95,7 +95,7 @@ def test_ctrl_c_ends_a_log_with_its_summary(tmp_path: Path) -> None:
         bus = server.attach()
         process = subprocess.Popen(
             [sys.executable, "-m", "dvtcli", *bus_words(server.port), "log", str(path), "--filter", "181:7FF"],
-            stdout=subprocess.PIPE, stderr=subprocess.PIPE, encoding="utf-8", cwd=ROOT, env=own_environment(tmp_path),
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, encoding="utf-8", env=own_environment(tmp_path),
         )  # fmt: skip
         assert process.stderr is not None
         assert "Ctrl-C ends it" in process.stderr.readline()

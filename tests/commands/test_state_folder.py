@@ -11,7 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.process import ROOT, documents
+from tests import process
+from tests.process import documents
 from tests.serve.served import PATIENCE_S, Served, bus_words, own_environment, served
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="Windows has no owners and modes of this kind")
@@ -19,12 +20,8 @@ pytestmark = pytest.mark.skipif(os.name != "posix", reason="Windows has no owner
 
 def run(server: Served, *words: str, umask: int = 0o022, state: str = "state-home") -> subprocess.CompletedProcess[str]:
     """Run dvtcli on the served node under *umask*, with the state folder below *state* of the test's folder."""
-    return subprocess.run(
-        [sys.executable, "-m", "dvtcli", *bus_words(server.port), "-n", "1", "--json", *words],
-        stdin=subprocess.DEVNULL, capture_output=True, encoding="utf-8", cwd=ROOT, umask=umask,
-        env=own_environment(server.folder) | {"XDG_STATE_HOME": str(server.folder / state)},
-        timeout=PATIENCE_S, check=False,
-    )  # fmt: skip
+    env = own_environment(server.folder) | {"XDG_STATE_HOME": str(server.folder / state)}
+    return process.run([*bus_words(server.port), "-n", "1", "--json", *words], env=env, umask=umask)
 
 
 def mode(path: Path) -> int:
@@ -155,7 +152,7 @@ def test_the_traceback_of_a_bug_is_the_users_alone(tmp_path: Path) -> None:
     program += "from dvtcli.cli.boundary import guarded\nsys.exit(guarded(Session(Output()), lambda: 1 / 0))\n"
     for state in ("state-home", "link"):
         ran = subprocess.run(
-            [sys.executable, "-c", program], capture_output=True, encoding="utf-8", cwd=ROOT, umask=0,
+            [sys.executable, "-c", program], capture_output=True, encoding="utf-8", umask=0,
             env=own_environment(tmp_path) | {"XDG_STATE_HOME": str(tmp_path / state), "TMPDIR": str(tmp_path)},
             timeout=PATIENCE_S, check=False,
         )  # fmt: skip

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -23,7 +21,7 @@ from dvtcli.simulator.device.family import Family, family_eds
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.twin import TwinBus
 from tests.laws.bench import NODE, DirectBus, DirectSdo, FaultySdo, refuse
-from tests.process import ROOT, environment
+from tests.process import environment, run
 
 TPDO1 = Pdo.parse("tpdo1")
 ENTRIES = tuple(PdoMappingEntry(index, 0, bits) for index, bits in ((0x6041, 16), (0x606C, 32), (0x6061, 8)))
@@ -136,11 +134,7 @@ def test_a_users_profile_makes_such_a_device_mappable(tmp_path: Path) -> None:
     own.write_text('name = "mine"  # ours\ntitle = "Fixed count"  # ours\nfiller = 0  # ours\n', "utf-8")
 
     def mapped(*words: str) -> int:
-        return subprocess.run(
-            [sys.executable, "-m", "dvtcli", "--sim", str(eds), *words, "map", "tpdo1", "6041", "606C"],
-            env=environment() | {"XDG_CONFIG_HOME": str(tmp_path)},
-            cwd=ROOT,
-            check=False,
-        ).returncode
+        words = ("--sim", str(eds), *words, "map", "tpdo1", "6041", "606C")
+        return run(words, env=environment() | {"XDG_CONFIG_HOME": str(tmp_path)}).returncode
 
     assert [mapped("-p", "mine"), mapped("-p", "mine", "--dry-run"), mapped()] == [0, 0, 1]

@@ -7,7 +7,7 @@ import sys
 import time
 from pathlib import Path
 
-from tests.process import ROOT, environment
+from tests.process import environment
 
 #: For what always comes; who waits in vain fails.
 PATIENCE_S = 60.0
@@ -17,8 +17,7 @@ def started(*words: str) -> subprocess.Popen[str]:
     """A dvtcli with *words*, its streams piped, in a session of its own as a terminal gives it."""
     return subprocess.Popen(
         [sys.executable, "-m", "dvtcli", *words],
-        stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, encoding="utf-8",
-        cwd=ROOT, env=environment(),
+        stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, encoding="utf-8", env=environment(),
     )  # fmt: skip
 
 

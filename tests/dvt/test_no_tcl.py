@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -13,7 +14,7 @@ def test_without_tkinter_one_error_names_the_package(tmp_path: Path) -> None:
     (tmp_path / "tkinter.py").write_text("raise ImportError(\"No module named '_tkinter'\")\n")
     done = subprocess.run(
         [sys.executable, "-m", "dvtcli", "--sim", "gen4", "run", "scripts/pdo_config.tcl"],
-        capture_output=True, encoding="utf-8", cwd=ROOT, env=environment() | {"PYTHONPATH": str(tmp_path)},
+        capture_output=True, encoding="utf-8", env=environment() | {"PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}"},
         check=False, timeout=60,
     )  # fmt: skip
     assert done.returncode == 1

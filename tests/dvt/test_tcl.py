@@ -17,7 +17,7 @@ import pytest
 
 from dvtcli.cli.dvt.tcl import LIMITS, run_tcl
 from tests.commands.bench import Bench, Ran
-from tests.process import ROOT, SCRIPTS, documents, dvtcli, environment
+from tests.process import SCRIPTS, documents, dvtcli, environment, run
 
 pytestmark = pytest.mark.skipif(
     importlib.util.find_spec("_tkinter") is None, reason="Python has no _tkinter here (Debian: python3-tk)"
@@ -71,11 +71,8 @@ def test_lg_and_store_are_words_too(tmp_path: Path) -> None:
     (tmp_path / "x.tcl").write_text(
         "puts [lg 1 4]\nputs [sdo_wnx 1 0x1800 2 0x01]\nputs [store 1]\nputs [lg 1 0]\nputs [store 1]\nexit 0\n"
     )
-    done = subprocess.run(
-        [sys.executable, "-m", "dvtcli", "--sim", "gen4-locked", "run", str(tmp_path / "x.tcl")],
-        capture_output=True, encoding="utf-8", cwd=ROOT, env=environment() | {"DVTCLI_PASSCODE": "0x4444"},
-        check=False, timeout=60,
-    )  # fmt: skip
+    words = ("--sim", "gen4-locked", "run", str(tmp_path / "x.tcl"))
+    done = run(words, env=environment() | {"DVTCLI_PASSCODE": "0x4444"})
     assert (done.returncode, done.stdout) == (0, "OK\nOK\nOK\nOK\nAbort 0x08000000\n"), done.stderr
     assert "4444" not in done.stderr
 
@@ -226,7 +223,7 @@ def test_ctrl_c_stops_it(loop: str, tmp_path: Path) -> None:
     script.write_text(f"puts [sdo_rnx 1 0x1018 1]\n{loop}\n")
     process = subprocess.Popen(
         [sys.executable, "-m", "dvtcli", "--sim", "gen4", "run", str(script)],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, encoding="utf-8", cwd=ROOT, env=environment(),
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, encoding="utf-8", env=environment(),
     )  # fmt: skip
     assert process.stdout is not None
     assert process.stdout.readline() == "0x0000001E\n"
@@ -245,7 +242,7 @@ def test_a_signal_in_the_middle_of_a_change_rolls_it_back(number: signal.Signals
     process = subprocess.Popen(
         [sys.executable, "-m", "dvtcli", "--sim", "gen4", "--fault", "late@4=5", "--timeout", "30", "-v",
          "run", str(script)],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, encoding="utf-8", cwd=ROOT, env=environment(),
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, encoding="utf-8", env=environment(),
     )  # fmt: skip
     assert process.stderr is not None
     while "0x1800:01 <-" not in (line := process.stderr.readline()):

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import importlib.util
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -15,7 +13,7 @@ from dvtcli.cli.params import FileType
 from dvtcli.cli.registry import REGISTRY
 from tests.commands.bench import Bench
 from tests.dvt.test_tcl import tcl
-from tests.process import ROOT, environment
+from tests.process import dvtcli
 
 pytestmark = pytest.mark.skipif(
     importlib.util.find_spec("_tkinter") is None, reason="Python has no _tkinter here (Debian: python3-tk)"
@@ -71,11 +69,7 @@ def test_verify_opens_no_file(words: str, tmp_path: Path) -> None:
     for path in (tmp_path / "secret", folder / "tpdo1"):
         path.write_text("root:passcode\n")
     (folder / "x.tcl").write_text(f"dvtcli verify {words.format(file=tmp_path / 'secret')}\n")
-    done = subprocess.run(
-        [sys.executable, "-m", "dvtcli", "--sim", "gen4", "run", "x.tcl"],
-        capture_output=True, encoding="utf-8", cwd=folder, env=environment() | {"PYTHONPATH": str(ROOT)},
-        check=False, timeout=60,
-    )  # fmt: skip
+    done = dvtcli("--sim", "gen4", "run", "x.tcl", cwd=folder)
     assert done.returncode == 2, done.stderr
     assert "passcode" not in done.stderr
     if "--format --timeout" not in words:

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from tests.dvt.children import children, descriptors, is_running, started, wait_until_gone
-from tests.process import ROOT, environment
+from tests.process import environment
 from tests.recovery.test_killed import MAP, STEPS, Bench
 
 pytestmark = [
@@ -170,7 +170,7 @@ def test_it_has_its_pipes_only_and_no_terminal(bench: Bench, tmp_path: Path) -> 
 def test_it_imports_nothing_of_dvtcli_but_itself() -> None:
     done = subprocess.run(
         [sys.executable, "-c", "import sys, dvtcli.cli.dvt.tcl_child\nprint(*sys.modules)"],
-        capture_output=True, encoding="utf-8", cwd=ROOT, env=environment(), check=True, timeout=60,
+        capture_output=True, encoding="utf-8", env=environment(), check=True, timeout=60,
     )  # fmt: skip
     modules = set(done.stdout.split())
     ours = {

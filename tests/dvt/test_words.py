@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -11,7 +9,7 @@ import pytest
 from dvtcli.cli.dvt.notation import index, value_bytes
 from dvtcli.cli.dvt.words import WORDS
 from tests.commands.bench import Bench
-from tests.process import ROOT, environment
+from tests.process import environment, run
 
 REMAP = [
     "sdo_wnx 1 0x1800 1 0x80000181",
@@ -102,16 +100,10 @@ def test_store_and_a_typed_signature_are_the_command_s_store(tmp_path: Path) -> 
 def test_lg_logs_in_and_out_with_the_passcode_from_the_environment(tmp_path: Path) -> None:
     lines = "lg 1 4\nsdo_rn 1 0x5000 1\nlg 1 0\nsdo_rn 1 0x5000 1\n"
     environment_ = environment() | {"DVTCLI_PASSCODE": "0x4444"}
-    done = subprocess.run(
-        [sys.executable, "-m", "dvtcli", "--sim", "gen4-locked"],
-        input=lines, capture_output=True, encoding="utf-8", cwd=ROOT, env=environment_, check=False, timeout=60,
-    )  # fmt: skip
+    done = run(["--sim", "gen4-locked"], stdin=lines, env=environment_)
     assert (done.returncode, done.stdout) == (0, "OK\n4\nOK\n0\n"), done.stderr
     wrong = environment_ | {"DVTCLI_PASSCODE": "48879"}
-    done = subprocess.run(
-        [sys.executable, "-m", "dvtcli", "--sim", "gen4-locked", "lg", "1", "4"],
-        capture_output=True, encoding="utf-8", cwd=ROOT, env=wrong, check=False, timeout=60,
-    )  # fmt: skip
+    done = run(["--sim", "gen4-locked", "lg", "1", "4"], env=wrong)
     assert (done.returncode, done.stdout) == (1, "Abort 0x08000000\n")
     assert "48879" not in done.stderr
 

@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from tests.process import ROOT, environment
+from tests.process import environment
 
 HEAVY = ["can", "canopen", "prompt_toolkit", "rich", "ruamel", "dvtcli.cli.commands.map", "dvtcli.simulator", "asyncio"]
 PROBE = """
@@ -25,7 +25,7 @@ def loaded(*words: str, stdin: str = "") -> set[str]:
     """The modules that are imported when dvtcli ends."""
     done = subprocess.run(
         [sys.executable, "-c", PROBE.format(words=list(words))],
-        input=stdin, capture_output=True, encoding="utf-8", cwd=ROOT, env=environment(), check=False,
+        input=stdin, capture_output=True, encoding="utf-8", env=environment(), check=False,
     )  # fmt: skip
     assert done.returncode in (0, 2), done.stderr
     return set(done.stdout.splitlines()[-1].split()[1:])

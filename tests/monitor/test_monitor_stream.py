@@ -7,7 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from tests.process import ROOT, documents, dvtcli
+from tests.process import documents, dvtcli
 from tests.serve.served import bus_words, own_environment, served
 
 
@@ -36,7 +36,7 @@ def test_a_bus_from_outside_until_ctrl_c(tmp_path: Path) -> None:
     with served(tmp_path, "gen4@5") as server:
         words = [sys.executable, "-m", "dvtcli", *bus_words(server.port), "monitor", "--nodes", "5"]
         process = subprocess.Popen(
-            words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, encoding="utf-8", cwd=ROOT,
+            words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, encoding="utf-8",
             env=own_environment(tmp_path),
         )  # fmt: skip
         assert process.stdout is not None

@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
+import struct
 import sys
+import termios
 import time
 from collections.abc import Callable
 from pathlib import Path
 
 import pexpect
 import pyte
+from pexpect.fdpexpect import fdspawn
+
+from tests import process
+from tests.forked import Forked
+from tests.process import environment as clean
+from tests.process import start
 
 #: How long a screen may take to show something, in seconds: generous, since a test never waits longer than needed.
 PATIENCE_S = 30.0
@@ -25,10 +34,51 @@ CTRL_C, CTRL_D, CTRL_R, F1 = "\x03", "\x04", "\x12", "\x1bOP"
 class Answering(pyte.Screen):
     """A screen that answers where its cursor is, as terminals do."""
 
-    child: pexpect.spawn[bytes]
+    child: Child | pexpect.spawn[bytes]
 
     def write_process_input(self, data: str) -> None:
         self.child.send(data)
+
+
+class Child(fdspawn):  # type: ignore[type-arg]
+    """dvtcli at a terminal of *dimensions* (rows, columns); used as pexpect.spawn is."""
+
+    def __init__(self, process: Callable[[Path], Forked], dimensions: tuple[int, int]) -> None:
+        master, self._other_end = os.openpty()
+        super().__init__(master)
+        self.setwinsize(*dimensions)
+        self._process = process(Path(os.ttyname(self._other_end)))
+        self.exitstatus: int | None = None
+
+    def setwinsize(self, rows: int, columns: int) -> None:
+        fcntl.ioctl(self.child_fd, termios.TIOCSWINSZ, struct.pack("HHHH", rows, columns, 0, 0))
+
+    def eof(self) -> bool:
+        return bool(self.flag_eof)
+
+    def kill(self, number: int) -> None:
+        self._process.send_signal(number)
+
+    def read_nonblocking(self, size: int = 1, timeout: float = 0) -> bytes:
+        """As pexpect's; here the terminal's other end is also ours, so that its end is that of the process."""
+        ended = self._process.poll() is not None
+        try:
+            return super().read_nonblocking(size, timeout)
+        except pexpect.TIMEOUT:
+            if ended:
+                raise pexpect.EOF("dvtcli has ended") from None
+            raise
+
+    def close(self, force: bool = False) -> None:
+        """Take the terminal away, and wait for the end; with *force* it does not take long."""
+        if self.closed:
+            return
+        super().close()
+        os.close(self._other_end)
+        if force:
+            self._process.kill()
+        code = self._process.wait(PATIENCE_S)
+        self.exitstatus = code if code >= 0 else None
 
 
 class Terminal:
@@ -43,12 +93,14 @@ class Terminal:
         environment: dict[str, str] | None = None,
         command: list[str] | None = None,
     ) -> None:
-        kept = {name: value for name, value in os.environ.items() if not name.startswith(("DVTCLI", "CAN_"))}
-        env = {**kept, "XDG_STATE_HOME": str(state), "TERM": "xterm-256color", "HOME": str(state)}
-        words = command or [sys.executable, "-m", "dvtcli", *arguments]
-        self.child: pexpect.spawn[bytes] = pexpect.spawn(
-            words[0], words[1:], env={**env, **(environment or {})}, dimensions=(rows, columns), cwd=str(state)
-        )  # type: ignore[arg-type]
+        env = clean() | {"XDG_STATE_HOME": str(state), "HOME": str(state)}
+        env |= environment or {}
+        self.child: Child | pexpect.spawn[bytes]
+        if command or process.FRESH_PYTHON:
+            words = command or [sys.executable, "-m", "dvtcli", *arguments]
+            self.child = pexpect.spawn(words[0], words[1:], env=env, dimensions=(rows, columns), cwd=str(state))  # type: ignore[arg-type]
+        else:
+            self.child = Child(lambda tty: start(arguments, env=env, cwd=state, terminal=tty), (rows, columns))
         self.child.delaybeforesend = None
         self.screen = Answering(columns, rows)
         self.screen.child = self.child

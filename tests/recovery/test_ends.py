@@ -119,8 +119,8 @@ def test_what_a_driver_raises_is_a_bug_and_never_success(
     words = ["failing" if word == "socketcand" else word for word in bench.words]
     ran = subprocess.run(
         [sys.executable, "-m", "dvtcli", *words, "--yes", *MAP, *options],
-        env=environment() | {"PYTHONPATH": str(tmp_path), "RAISES": raises, "HOME": str(tmp_path)},
-        cwd=ROOT, capture_output=True, encoding="utf-8", timeout=60, check=False,
+        env=environment() | {"PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}", "RAISES": raises, "HOME": str(tmp_path)},
+        capture_output=True, encoding="utf-8", timeout=60, check=False,
     )  # fmt: skip
     assert ran.returncode == 70, ran.stderr
     (kept,) = tmp_path.rglob("crash/dvtcli-crash-*.txt")

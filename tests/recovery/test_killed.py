@@ -6,8 +6,6 @@ Real processes: the node lives in this one behind a socketcand server, dvtcli in
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +15,9 @@ import pytest
 from dvtcli.device.read_pdos import present_pdos, read_pdo
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.simulator.device.strict_device import StrictDevice
-from tests.process import ROOT, documents, environment, home
+from tests import process
+from tests.forked import Forked
+from tests.process import documents
 from tests.prompt.wire import Wire
 
 MAP = ("map", "tpdo1", "6C01:1", "606C", "6041", "--cob-id", "0x201", "--sync", "1")
@@ -58,16 +58,8 @@ class Bench:
             "-n", "5", "--eds", str(self.wire.eds), "--journal", str(folder),
         ]  # fmt: skip
 
-    def start(self, *words: str) -> subprocess.Popen[str]:
-        return subprocess.Popen(
-            [sys.executable, "-m", "dvtcli", *self.words, *words],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            cwd=ROOT,
-            env=environment(),
-        )
+    def start(self, *words: str) -> Forked:
+        return process.start([*self.words, *words])
 
     def run(self, *words: str) -> tuple[int, str, str]:
         child = self.start(*words)
@@ -178,7 +170,7 @@ def test_a_second_dvtcli_may_read_but_not_write(bench: Bench) -> None:
 
     code, _, stderr = bench.run("set", "tpdo2", "--timer", "7")
     assert code == 0, stderr
-    folder = home() / ".local" / "state" / "dvtcli" / "locks"
+    folder = Path.home() / ".local" / "state" / "dvtcli" / "locks"
     (lock_file,) = folder.glob(f"*{bench.wire.port}*.lock")
     lock = NodeLock(folder, lock_file.stem.removesuffix("-5"), 5)
     lock.take()

@@ -20,7 +20,7 @@ import can
 import canopen
 import pytest
 
-from tests.process import ROOT, environment
+from tests.process import environment
 from tests.recovery.test_killed import MAP, STEPS, Bench
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
@@ -79,7 +79,6 @@ def stopped(
     child = subprocess.Popen(
         [sys.executable, "-m", "dvtcli", *bench.words, "--yes", *words],
         **{"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, **streams},
-        cwd=ROOT,
         env=environment(),
     )
 
@@ -190,7 +189,7 @@ def test_whoever_insists_leaves_it_to_recover(
 @pytest.mark.parametrize("redirected", [">&-", "2>&-", ">&- 2>&-", "<&- >&- 2>&-"])
 def test_missing_streams_are_no_fault(bench: Bench, redirected: str) -> None:
     words = " ".join(f"'{word}'" for word in [sys.executable, "-m", "dvtcli", *bench.words, *MAP])
-    ran = subprocess.run(["/bin/sh", "-c", f"{words} {redirected}"], cwd=ROOT, env=environment(), check=False)
+    ran = subprocess.run(["/bin/sh", "-c", f"{words} {redirected}"], env=environment(), check=False)
     assert ran.returncode == 0
     assert held(bench)[0x1800, 1] == bytes.fromhex("01020000")
     assert not bench.journals()

@@ -19,11 +19,8 @@ from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Plan, Step, ValueChange
 from tests.commands.bench import Bench as Lines
 from tests.commands.bus import Wire, device
-from tests.process import home
 from tests.recovery.test_killed import MAP, Bench
 from tests.serve.served import served
-
-CHANGES = home() / ".local" / "state" / "dvtcli" / "changes"
 
 
 @pytest.fixture
@@ -33,8 +30,12 @@ def bench(tmp_path: Path) -> Iterator[Bench]:
     made.wire.close()
 
 
+def _changes() -> Path:
+    return Path.home() / ".local" / "state" / "dvtcli" / "changes"
+
+
 def files(bench: Bench) -> list[Path]:
-    return sorted(CHANGES.glob(f"*{bench.wire.port}*.json"))
+    return sorted(_changes().glob(f"*{bench.wire.port}*.json"))
 
 
 def remembered(bench: Bench) -> int:
@@ -130,7 +131,7 @@ def test_a_damaged_file_is_said_and_kept_aside_by_the_next_change(bench: Bench) 
     before = bench.pdos()
     code, _, stderr = bench.run("set", "tpdo2", "--timer", "70")
     assert code == 0, stderr
-    (aside,) = CHANGES.glob(f"{file.name}.damaged-*")
+    (aside,) = _changes().glob(f"{file.name}.damaged-*")
     assert str(aside) in stderr
     assert bench.run("undo")[0] == 0
     assert bench.pdos() == before
@@ -144,7 +145,7 @@ def test_a_change_that_cannot_be_remembered_is_done_all_the_same(bench: Bench) -
     try:
         code, _, stderr = bench.run("set", "tpdo2", "--timer", "71")
     finally:
-        for left in (file, *CHANGES.glob(f"{file.name}.damaged-*")):
+        for left in (file, *_changes().glob(f"{file.name}.damaged-*")):
             if left.is_dir():
                 left.rmdir()
     assert code == 0, stderr

@@ -5,8 +5,6 @@ from __future__ import annotations
 import os
 import signal
 import socket
-import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,35 +13,24 @@ from pathlib import Path
 
 import can
 
-from tests.process import ROOT, environment
-
-#: how long a process may take to start or to end on a busy machine (s)
-PATIENCE_S = 60.0
+from tests.forked import Forked
+from tests.process import PATIENCE_S, Ran, environment, run, start
 
 
 @dataclass
 class Served:
     """Simulated nodes in another process; *folder* is the test's own."""
 
-    process: subprocess.Popen[str]
+    process: Forked
     folder: Path
     port: int
     said: str = ""
     complaints: str = ""
     _attached: list[can.BusABC] = field(default_factory=list)
 
-    def dvtcli(self, *words: str, stdin: str = "") -> subprocess.CompletedProcess[str]:
+    def dvtcli(self, *words: str, stdin: str = "") -> Ran:
         """Run a second dvtcli on the nodes' bus."""
-        return subprocess.run(
-            [sys.executable, "-m", "dvtcli", *bus_words(self.port), *words],
-            input=stdin,
-            capture_output=True,
-            encoding="utf-8",
-            cwd=ROOT,
-            env=own_environment(self.folder),
-            timeout=PATIENCE_S,
-            check=False,
-        )
+        return run([*bus_words(self.port), *words], stdin=stdin, env=own_environment(self.folder))
 
     def attach(self) -> can.BusABC:
         """python-can's own client."""
@@ -77,15 +64,8 @@ def own_environment(folder: Path) -> dict[str, str]:
 def served(folder: Path, *words: str) -> Iterator[Served]:
     """`dvtcli sim` with *words*, from when it listens until the block ends."""
     ready = folder / f"ready-{time.monotonic_ns()}"
-    process = subprocess.Popen(
-        [sys.executable, "-m", "dvtcli", "sim", *words, "--listen", "127.0.0.1:0", "--ready-file", str(ready)],
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        encoding="utf-8",
-        cwd=ROOT,
-        env=own_environment(folder),
-    )
+    words = ("sim", *words, "--listen", "127.0.0.1:0", "--ready-file", str(ready))
+    process = start(words, env=own_environment(folder))
     try:
         wait_for(lambda: ready.exists() or process.poll() is not None, "the nodes")
         if process.poll() is not None:
@@ -96,7 +76,7 @@ def served(folder: Path, *words: str) -> Iterator[Served]:
     finally:
         if process.poll() is None:
             process.kill()
-        process.communicate()
+            process.communicate()
 
 
 def wait_for(condition: object, what: str, patience_s: float = PATIENCE_S) -> None:

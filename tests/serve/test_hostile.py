@@ -15,7 +15,7 @@ from pathlib import Path
 import can
 import pytest
 
-from tests.process import ROOT, dvtcli
+from tests.process import dvtcli
 from tests.serve.served import PATIENCE_S, Served, own_environment, raw_client, received, served, wait_for
 
 QUESTION = can.Message(arbitration_id=0x601, data=bytes.fromhex("4018100100000000"), is_extended_id=False)
@@ -119,7 +119,7 @@ def test_a_system_without_room_for_a_client_lets_the_next_one_in(tmp_path: Path)
     ready, complaints = tmp_path / "ready", tmp_path / "complaints"
     words = f"'{sys.executable}' -m dvtcli sim generic@1 --listen 127.0.0.1:0 --ready-file '{ready}'"
     process = subprocess.Popen(
-        ["/bin/sh", "-c", f"ulimit -n 24; exec {words} 2>'{complaints}'"], stdout=subprocess.DEVNULL, cwd=ROOT,
+        ["/bin/sh", "-c", f"ulimit -n 24; exec {words} 2>'{complaints}'"], stdout=subprocess.DEVNULL,
         env=own_environment(tmp_path),
     )  # fmt: skip
     try:

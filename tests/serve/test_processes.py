@@ -17,7 +17,7 @@ import canopen
 import pytest
 
 from dvtcli.simulator.device.family import family_eds
-from tests.process import ROOT, dvtcli
+from tests.process import dvtcli
 from tests.serve.served import PATIENCE_S, Served, own_environment, raw_client, received, served, wait_for
 
 #: what pdo_config.dvt puts into the frames, as the simulated controller's values are
@@ -61,7 +61,7 @@ class Logger:
     def __init__(self, port: int) -> None:
         bus = ["-i", "socketcand", "-c", "can0", "--bus-kwargs", "host=127.0.0.1", f"port={port}"]
         self.process = subprocess.Popen(
-            [sys.executable, "-u", "-m", "can.logger", *bus], stdout=subprocess.PIPE, encoding="utf-8", cwd=ROOT
+            [sys.executable, "-u", "-m", "can.logger", *bus], stdout=subprocess.PIPE, encoding="utf-8"
         )
 
     def __enter__(self) -> Logger:

@@ -5,8 +5,6 @@ Real processes on a served node; what it holds is read by canopen. `--rounds N` 
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,7 +13,8 @@ import canopen
 import pytest
 
 from dvtcli.simulator.device.family import family_eds
-from tests.process import ROOT
+from tests import process
+from tests.forked import Forked
 from tests.serve.served import PATIENCE_S, Served, bus_words, own_environment, served
 
 EVENT_TIMER, INHIBIT_TIME, TYPE = (0x1800, 5), (0x1800, 3), (0x1800, 2)
@@ -59,11 +58,11 @@ def test_every_change_that_was_reported_is_there(
     for number in range(1, request.config.getoption("--rounds") + 1):
         wanted = changes(number)
         running = {words: start(server, *words) for words in wanted}
-        for words, process in running.items():
-            _, stderr = process.communicate(timeout=PATIENCE_S)
+        for words, writer in running.items():
+            _, stderr = writer.communicate(timeout=PATIENCE_S)
             change = wanted[words]
-            assert process.returncode in ((0, 6) if change else (1, 6)), stderr
-            if process.returncode == 0 and change is not None:
+            assert writer.returncode in ((0, 6) if change else (1, 6)), stderr
+            if writer.returncode == 0 and change is not None:
                 held[change[0]] = change[1]
                 done += 1
         assert {place: number_at(node, place) for place in held} == held, f"round {number}"
@@ -71,16 +70,8 @@ def test_every_change_that_was_reported_is_there(
     assert done, "somebody must have come through"
 
 
-def start(server: Served, *words: str) -> subprocess.Popen[str]:
-    return subprocess.Popen(
-        [sys.executable, "-m", "dvtcli", *bus_words(server.port), "-n", "1", *words],
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.PIPE,
-        encoding="utf-8",
-        cwd=ROOT,
-        env=own_environment(server.folder),
-    )
+def start(server: Served, *words: str) -> Forked:
+    return process.start([*bus_words(server.port), "-n", "1", *words], env=own_environment(server.folder))
 
 
 def number_at(node: canopen.RemoteNode, place: tuple[int, int]) -> int:

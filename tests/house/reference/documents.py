@@ -20,7 +20,7 @@ from tests.console import workplace
 from tests.house.reference.markdown import cell, code, fenced, table
 from tests.house.reference.product import family_eds, split
 from tests.house.source import modules
-from tests.process import ROOT, environment
+from tests.process import ROOT, environment, run
 
 HERE = Path(__file__).parent
 RUNS: dict[str, dict[str, Any]] = tomllib.loads((HERE / "documents.toml").read_text("utf-8"))
@@ -75,21 +75,29 @@ def example(how: Document) -> Document:
         nodes = [word for sim in how.get("sim", ["gen4"]) for word in ("--sim", sim)]
         lines = how["run"]
         words = split(lines[0]) if len(lines) == 1 else []
-        process = subprocess.Popen(
-            [sys.executable, "-m", "dvtcli", *nodes, "--json", "--yes", *words],
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, encoding="utf-8", cwd=folder,
-            env=environment() | {"HOME": str(folder), "PYTHONPATH": str(ROOT)} | how.get("env", {}),
-        )  # fmt: skip
+        argv = [*nodes, "--json", "--yes", *words]
+        env = environment() | {"HOME": str(folder)} | how.get("env", {})
         if how.get("until"):
-            assert process.stdout is not None
-            said = process.stdout.readline()
-            process.send_signal(signal.SIGINT)
-            process.communicate()
+            said = _first_line(argv, folder, env)
         else:
-            said = process.communicate("\n".join([*lines, ""]) if not words else "")[0]
-            assert process.returncode == how.get("code", 0), (lines, process.returncode, said)
+            ran = run(argv, stdin="" if words else "\n".join([*lines, ""]), cwd=folder, env=env)
+            assert ran.returncode == how.get("code", 0), (lines, ran)
+            said = ran.stdout
     documents: list[Document] = [json.loads(line) for line in said.splitlines()]
     return documents[0 if words else -1]
+
+
+def _first_line(words: list[str], folder: Path, env: dict[str, str]) -> str:
+    """The first line that dvtcli prints which only Ctrl-C ends."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "dvtcli", *words],
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, encoding="utf-8", cwd=folder, env=env,
+    )  # fmt: skip
+    assert process.stdout is not None
+    said = process.stdout.readline()
+    process.send_signal(signal.SIGINT)
+    process.communicate()
+    return said
 
 
 def _shown(document: Document, how: Document) -> Document:

@@ -1,0 +1,59 @@
+"""What a test finds around it: a home, XDG folders, a working folder and variables of its own, and nobody else's.
+
+Does not know what dvtcli does with them.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+#: what a machine needs to start programs at all; every other variable of whoever runs the tests is dropped
+_KEPT = ("PATH", "PATHEXT", "SYSTEMROOT", "TEMP", "TMP", "TMPDIR", "LD_LIBRARY_PATH", "VIRTUAL_ENV")
+_KEPT_BEGINNINGS = ("PYTEST_", "COVERAGE_", "COV_CORE_")
+
+
+def clean_environment() -> dict[str, str]:
+    """This process's variables without those that say something to dvtcli, Python, python-can or a terminal program.
+
+    XDG folders are named by none of them, so that they are those of HOME.
+    """
+    kept = {key: value for key, value in os.environ.items() if key in _KEPT or key.startswith(_KEPT_BEGINNINGS)}
+    return kept | {"LANG": "C.UTF-8", "TERM": "xterm-256color"}
+
+
+def set_environment(variables: dict[str, str]) -> None:
+    """Make *variables* all that there are."""
+    if dict(os.environ) != variables:
+        os.environ.clear()
+        os.environ.update(variables)
+
+
+def own_ground(folder: Path) -> Path:
+    """*folder*, beyond whose root nobody looks for settings: a `dvtcli.toml` above the temporary folders is ignored."""
+    (folder / ".git").mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+@contextmanager
+def own_place(folder: Path) -> Iterator[Path]:
+    """A new *folder* with a home and a working folder, and this process in it; afterwards all is as it was.
+
+    The project's `scripts` and `tests` are to be found in the working folder, which is what is yielded.
+    """
+    home, work = folder / "home", folder / "work"
+    for made in (folder, home, work):
+        made.mkdir()
+    for name in ("scripts", "tests"):
+        (work / name).symlink_to(ROOT / name)
+    before, variables = Path.cwd(), dict(os.environ)
+    os.environ["HOME"] = str(home)
+    os.chdir(work)
+    try:
+        yield work
+    finally:
+        os.chdir(before)
+        set_environment(variables)
