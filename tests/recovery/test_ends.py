@@ -61,7 +61,10 @@ def test_a_terminal_that_is_closed_rolls_back_and_restores_the_nmt_state(
 
 @pytest.mark.parametrize("options", [[], ["--json"]])
 def test_a_disk_that_is_full_at_the_end_of_a_change_undoes_nothing(bench: Bench, options: list[str]) -> None:
-    child = bench.start(*MAP, *options)
+    child = subprocess.Popen(
+        [sys.executable, "-m", "dvtcli", *bench.words, *MAP, *options],
+        stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, encoding="utf-8", env=environment(),
+    )  # fmt: skip  # with pipes, which are never full
 
     def fill(number: int) -> None:
         if number == STEPS:

@@ -17,7 +17,7 @@ import canopen
 import pytest
 
 from dvtcli.simulator.device.family import family_eds
-from tests.process import dvtcli
+from tests.process import dvtcli, environment
 from tests.serve.served import PATIENCE_S, Served, own_environment, raw_client, received, served, wait_for
 
 #: what pdo_config.dvt puts into the frames, as the simulated controller's values are
@@ -61,7 +61,10 @@ class Logger:
     def __init__(self, port: int) -> None:
         bus = ["-i", "socketcand", "-c", "can0", "--bus-kwargs", "host=127.0.0.1", f"port={port}"]
         self.process = subprocess.Popen(
-            [sys.executable, "-u", "-m", "can.logger", *bus], stdout=subprocess.PIPE, encoding="utf-8"
+            [sys.executable, "-u", "-m", "can.logger", *bus],
+            stdout=subprocess.PIPE,
+            encoding="utf-8",
+            env=environment(),
         )
 
     def __enter__(self) -> Logger:
@@ -70,8 +73,8 @@ class Logger:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.process.send_signal(signal.SIGINT)
-        self.process.communicate(timeout=PATIENCE_S)
+        self.process.kill()  # how it ends is its own affair
+        self.process.communicate()
 
     def tpdos(self, wanted: int) -> list[tuple[int, str]]:
         """The next *wanted* TPDO frames."""
