@@ -15,6 +15,7 @@ from dvtcli.operations.options import NEGATIVE_MARK, global_options, one_pair_ea
 
 if TYPE_CHECKING:
     from dvtcli.cli.effect import Effect
+    from dvtcli.errors import DvtcliError
     from dvtcli.operations.results import Result
     from dvtcli.operations.session import Session
 
@@ -83,6 +84,9 @@ def _deliver(session: Session, result: Any) -> Any:
     if result is None or isinstance(result, int):
         return result
     session.output.result(result)
+    failure: DvtcliError | None = getattr(result, "failure", None)
+    if failure is not None and not session.output.json:  # a document says it all
+        raise failure
     return _code(result)
 
 

@@ -50,6 +50,8 @@ def _run_noted(session: Session, ctx: click.Context) -> Any:
             _refuse_half(ctx, changes, code)
     except BaseException as failed:
         if changes.atomic and not changes.ended:
+            if changes.final is None:
+                changes.note(place)  # it may have stored before it failed
             _take_back(session, changes, failed)
         raise
     return code

@@ -48,7 +48,18 @@ class Place:
         """The place and what happens there, for a person."""
         held, put = (_value(config, self.field) for config in (self.before, self.after))
         place = f"0x{self.pdo.communication_index:04X}:{self.sub_index:02X}"
-        return f"{place} ({_NAMES[self.field]} of {self.pdo.label}) {held} -> {put}"
+        return f"{place} ({self.name}) {held} -> {put}"
+
+    @property
+    def put_back_text(self) -> str:
+        """The same after it was put back, and read back."""
+        place = f"0x{self.pdo.communication_index:04X}:{self.sub_index:02X}"
+        return f"{place} ({self.name}) is put back to {_value(self.before, self.field)}, read back equal"
+
+    @property
+    def name(self) -> str:
+        """What the parameter is called, and of which PDO it is."""
+        return f"{_NAMES[self.field]} of {self.pdo.label}"
 
 
 def _value(config: PdoConfig, field: str) -> int | None:

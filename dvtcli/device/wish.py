@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -60,7 +60,12 @@ def unlike(node: KnownPdos, wish: Wish) -> tuple[Difference, ...]:
 def _unlike(node: KnownPdos, wish: Wish) -> Iterator[Difference]:
     for pdo, wanted in wish.pdos.items():
         yield from ((pdo.label, text) for text in differences(pdo, wanted, node.pdo(pdo)))
-    for (index, sub_index), value in wish.values.items():
+    yield from unlike_values(node, wish.values)
+
+
+def unlike_values(node: KnownPdos, values: Mapping[Place, bytes]) -> Iterator[Difference]:
+    """Every one of the single objects that does not read what *values* say."""
+    for (index, sub_index), value in values.items():
         held = node.upload(index, sub_index)
         if held != value:
             yield f"{index:04X}:{sub_index:02X}", f"is {_shown(held)}, expected {_shown(value)}"

@@ -6,14 +6,15 @@ from dataclasses import dataclass
 
 #: ways to restart a node: two NMT commands, and somebody's hand
 RESET_NODE, RESET_COMM, POWER = "reset-node", "reset-comm", "power-cycle"
+RESTART_NAMES = {RESET_NODE: "reset", RESET_COMM: "communication reset", POWER: "power cycle"}
 
 
 @dataclass(frozen=True, slots=True)
 class Proof:
-    """What was read after a restart: *compared* PDOs with *against*, and what differs.
+    """What was read after a restart: *compared* PDOs, and *objects* besides, with *against*, and what differs.
 
-    *unproved* says why equality shows nothing, where it does not. *canary* is what was changed to find out; *lost* are
-    unstored changes that the restart took.
+    *unproved* says why equality shows nothing, where it does not, and *hint* what would. *canary* is what was changed
+    to find out, *put_back* where that had to be put back afterwards; *lost* are unstored changes that the restart took.
     """
 
     by: str
@@ -23,8 +24,16 @@ class Proof:
     unproved: str = ""
     canary: str = ""
     lost: tuple[str, ...] = ()
+    objects: int = 0
+    hint: str = ""
+    put_back: str = ""
 
     @property
     def holds(self) -> bool:
         """Whether what was to be proved is so."""
         return not self.differences and not self.unproved
+
+    @property
+    def differing(self) -> tuple[str, ...]:
+        """The PDOs and objects among the differences, each once."""
+        return tuple(dict.fromkeys(text.partition(" ")[0].removesuffix(":") for text in self.differences))

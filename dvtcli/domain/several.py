@@ -1,8 +1,13 @@
-"""Lists of names that fit a line."""
+"""Lists of names that fit a line, and numbers with their noun."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+
+
+def plural(count: int, noun: str) -> str:
+    """A number with its noun."""
+    return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
 def several(names: Iterable[str]) -> str:

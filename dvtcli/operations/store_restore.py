@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.cli.params import CanopenType, NumberType
 from dvtcli.device.change.pending import COMMUNICATION, EVERYTHING
-from dvtcli.device.change.proven import Restart, prepare_proof, prove_restore, prove_store, restart_and_read
+from dvtcli.device.change.proven import Held, Restart, prepare_proof, prove_restore, prove_store, restart_and_read
 from dvtcli.device.store_parameters import RESTORE, STORE, await_power_cycle, reset_and_wait, return_to, sign
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.proof import POWER, RESET_COMM, RESET_NODE
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     import click
 
     from dvtcli.device.node import Node
-    from dvtcli.domain.pdo import Pdo, PdoConfig
     from dvtcli.operations.session import Session
 
 _GROUPS = {"all": 1, "communication": 2, "application": 3}
@@ -85,14 +84,17 @@ def store_settings(
     restart = _restart(session, node, prove, wait_s) if prove else None
     boot_ups = node.bus.boot_ups(node.node_id)
     node.prepare_store(force=session.options.force)
-    before: dict[Pdo, PdoConfig] = {}
+    before = None
     if restart is not None:
-        before = node.pdos()
-        prepare_proof(node, before)
+        before = Held.now(node)
+        prepare_proof(node, before.pdos)
+    stored_at = node.pending.stored_at
     done = sign(node.access, node.profile.store, STORE, sub_index, node.cancellation)
     refuse_after_restart(node, boot_ups)
     changed = node.pending.was_stored(done.sub_index, len(node.history))
-    proof = None if restart is None else prove_store(node, before, done, restart)
+    proof = None if restart is None or before is None else prove_store(node, before, done, restart)
+    if proof is not None and proof.differences and set(changed) <= set(proof.differing):
+        node.pending.was_not_kept(stored_at)
     if not session.dry_run:
         session.record(node.node_id, ["store" if sub_index is None else f"store {sub_index}"])
     return Stored(

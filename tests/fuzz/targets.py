@@ -392,7 +392,10 @@ def _shown(text: str) -> Iterator[Any]:
     yield results.Changed(1, plan, (finding,), dry_run=False, seconds=0.1)
     for word, found in (("store", (text,)), ("store", ()), ("restore", (text,)), ("restore", ())):
         proof = Proof(POWER, 1, text, found, text, text, (text,))
-        yield results.Stored(1, text, word, 0.1, 1.0, (text,), dry_run=False, proof=proof, because=text)
+        stored = results.Stored(1, text, word, 0.1, 1.0, (text,), dry_run=False, proof=proof, because=text)
+        yield stored
+        if stored.failure is not None:
+            yield stored.failure
     yield results.Stored(1, text, "store", 0.1, 1.0, (), dry_run=False, skipped=text)
     yield results.Compared(1, 1, 1, ((text, text),), text, ((text, None, 1.0),), text)
     yield results.ObjectListing(1, text, (results.ObjectRow(text, text, text, text, text, text),), 1)

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from dvtcli.cli.view.lines import Cell, Line, Table, plural
+from dvtcli.cli.view.lines import Cell, Line, Table
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.plan import Step
-from dvtcli.domain.proof import POWER, RESET_COMM, RESET_NODE, Proof
-from dvtcli.domain.several import several
+from dvtcli.domain.proof import RESTART_NAMES, Proof
+from dvtcli.domain.several import plural, several
 from dvtcli.operations.results.changes import Changed, ChangedNodes, Compared, ComparedNodes, Stored
-
-_BY = {RESET_NODE: "reset", RESET_COMM: "communication reset", POWER: "power cycle"}
+from dvtcli.operations.results.failures import compared_text
 
 
 def changed_nodes_lines(result: ChangedNodes, width: int) -> Iterator[Line]:
@@ -104,30 +103,34 @@ def _outcome(result: Stored) -> Iterator[Line]:
         return
     yield took
     if proof.canary:
-        yield [Cell(f"changed in RAM after that, to see what a {_BY[proof.by]} takes: {proof.canary}", "dim")]
+        yield [Cell(f"changed in RAM after that, to see what a {RESTART_NAMES[proof.by]} takes: {proof.canary}", "dim")]
     if proof.lost and result.word == "store":
-        yield [Cell(f"not stored, and lost by the {_BY[proof.by]}: {several(proof.lost)}", "yellow")]
-    yield from _shown_by(result.word, proof)
+        yield [Cell(f"not stored, and lost by the {RESTART_NAMES[proof.by]}: {several(proof.lost)}", "yellow")]
+    yield from _shown_by(result, proof)
 
 
-def _shown_by(word: str, proof: Proof) -> Iterator[Line]:
-    """What the restart showed, and what to do where that is nothing."""
-    pdos, after = f"{proof.compared} PDO{'' if proof.compared == 1 else 's'}", f"after the {_BY[proof.by]}"
+def _shown_by(result: Stored, proof: Proof) -> Iterator[Line]:
+    """What the restart showed; what to do where that is nothing is said by the answer's failure."""
+    what, after = compared_text(proof), f"after the {RESTART_NAMES[proof.by]}"
+    stored = result.word == "store"
     if proof.differences:
-        what = "NOT KEPT: " if word == "store" else "NOT RESTORED: "
-        yield [Cell(what, "red"), Cell(f"{after} the node differs from {proof.against}:")]
+        yield [
+            Cell("NOT KEPT: " if stored else "NOT RESTORED: ", "red"),
+            Cell(f"{after} the node differs from {proof.against}:"),
+        ]
         yield from (f"  {text}" for text in proof.differences)
     elif proof.unproved:
         yield [Cell("NOT PROVED: ", "red"), Cell(f"{proof.unproved}.")]
-        if word == "store" and proof.by != POWER:
-            yield f"  {pdos} read back equal, and could be lost with the power; to find out: store --prove power"
-    elif word == "store":
+    elif stored:
         gone = ", and what was changed for the test was gone" if proof.canary else ""
-        yield [Cell("proved: ", "green"), Cell(f"{after} {pdos} read back equal{gone}")]
+        yield [Cell("proved: ", "green"), Cell(f"{after} {what} read back equal{gone}")]
+        if not result.changed:
+            yield "  dvtcli knows of no change since the last store: this shows what the node comes up with,"
+            yield "  not that the save wrote it"
     elif proof.against == "what was stored before":
-        yield [Cell("proved: ", "green"), Cell(f"{after} {pdos} no longer hold {proof.against}")]
+        yield [Cell("proved: ", "green"), Cell(f"{after} {what} no longer hold {proof.against}")]
     else:
-        yield [Cell("proved: ", "green"), Cell(f"{after} {pdos} hold {proof.against}")]
+        yield [Cell("proved: ", "green"), Cell(f"{after} {what} hold {proof.against}")]
 
 
 def compared_nodes_lines(result: ComparedNodes, width: int) -> Iterator[Line]:

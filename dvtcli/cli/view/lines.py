@@ -63,8 +63,3 @@ class Table:
             before, after = (padding, "") if number in self.right else ("", "" if last else padding)
             cells += [Cell(before), Cell(text, cell.style), Cell(after if last else after + "  ")]
         return cells
-
-
-def plural(count: int, noun: str) -> str:
-    """A number with its noun."""
-    return f"{count} {noun}{'' if count == 1 else 's'}"

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from dvtcli.cli.view.lines import Cell, Line, Table, plural
+from dvtcli.cli.view.lines import Cell, Line, Table
 from dvtcli.domain.nmt import NmtState
+from dvtcli.domain.several import plural
 from dvtcli.operations.results.nodes import Commanded, NodeListing, NodeRow, Synced
 
 _STATE_STYLES = {

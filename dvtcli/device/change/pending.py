@@ -54,6 +54,10 @@ class Pending:
             self.partly_stored = True
         return labels
 
+    def was_not_kept(self, stored_at: int) -> None:
+        """The last store kept nothing of what it took: what is stored is what was after *stored_at* changes."""
+        self.stored_at = stored_at
+
     def is_as_stored(self, changes: int) -> bool:
         """Whether a node on which *changes* of this session are left holds what is stored, or what was found."""
         return changes == self.stored_at and not self.partly_stored

@@ -7,18 +7,20 @@ know screens, and asks nobody.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from dvtcli.device.canary import Canary, Place, harmless_places
-from dvtcli.device.change.pending import COMMUNICATION, EVERYTHING
+from dvtcli.device.change.pending import COMMUNICATION, EVERYTHING, GROUPS
 from dvtcli.device.compare import differences as pdo_differences
 from dvtcli.device.eds_defaults import differing_from_defaults
 from dvtcli.device.store_parameters import Signed, return_to, word_of
+from dvtcli.device.wish import Place as Object
+from dvtcli.device.wish import unlike_values
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.proof import Proof
-from dvtcli.errors import DvtcliError
+from dvtcli.errors import DvtcliError, SdoAborted
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
@@ -26,6 +28,9 @@ if TYPE_CHECKING:
 Pdos = Mapping[Pdo, PdoConfig]
 #: bit of 0x1010 and 0x1011 by which a device says that it saves without being told (CiA 301, 7.5.2.13)
 _BY_ITSELF = 2
+#: What finds out what a reset cannot, and what to do where a power cycle was none.
+_POWER = "store --prove power finds out"
+_OFF_FOR_LONGER = "switch it off until nothing of it is lit, and `store --prove power` again"
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,27 +52,63 @@ def prepare_proof(node: Node, before: Pdos) -> None:
         node.gate.enter()
 
 
-def prove_store(node: Node, before: Pdos, signed: Signed, restart: Restart) -> Proof:
-    """Restart *node* and compare its PDOs with *before*, read ahead of the store that the device acknowledged.
+@dataclass(frozen=True, slots=True)
+class Held:
+    """What a node held ahead of a store: its PDOs, and the single objects that this session wrote."""
+
+    pdos: Pdos
+    values: Mapping[Object, bytes]
+
+    @classmethod
+    def now(cls, node: Node) -> Held:
+        """Read it; an object that only takes values is no part of it."""
+        values: dict[Object, bytes] = {}
+        for place in node.wanted_values:
+            if Pdo.at(place[0]) is None and node.profile.store.needed_for(place[0]):
+                with suppress(SdoAborted):
+                    values[place] = node.sdo.upload(*place)
+        return cls(node.pdos(), values)
+
+    def of_group(self, sub_index: int) -> dict[Object, bytes]:
+        """The objects that group *sub_index* of 0x1010 takes; none of a maker's own."""
+        low, high = GROUPS.get(sub_index, (1, 0))
+        return {place: value for place, value in self.values.items() if low <= place[0] <= high}
+
+
+def prove_store(node: Node, before: Held, signed: Signed, restart: Restart) -> Proof:
+    """Restart *node* and compare it with *before*, read ahead of the store that the device acknowledged.
 
     A canary, changed after the store, shows whether the restart took what was in RAM. Errors say that the store was
     acknowledged; LeftChanged where the canary could not be put back.
     """
+    values = before.of_group(signed.sub_index)
     with _acknowledged(node, signed):
         found = node.access.state()
-        canary, blind = _canary(node, before, signed)
+        canary, blind = _canary(node, before.pdos, signed)
         after, lost, survived = _restarted(node, restart, canary)
+        unlike = [f"{place}: {text}" for place, text in unlike_values(node, values)]
         return_to(node.access, found)
+    hint = _POWER
     if survived is not None:
         after = {**after, survived.pdo: _without(survived, after[survived.pdo])}
         blind = "RAM is kept over a reset, or it was saved by itself"
         if restart.certain:
-            blind = "RAM was kept, so this was no power cycle, or it was saved by itself"
+            blind, hint = "RAM was kept, so this was no power cycle, or it was saved by itself", _OFF_FOR_LONGER
     elif restart.certain:
         blind = ""
-    unproved = _uncovered(signed.sub_index) or blind
-    text = "" if canary is None else canary.place.text
-    return Proof(restart.by, len(before), "what was stored", tuple(_differences(before, after)), unproved, text, lost)
+    uncovered = _uncovered(signed.sub_index)
+    return Proof(
+        restart.by,
+        len(before.pdos),
+        "what was stored",
+        (*_differences(before.pdos, after), *unlike),
+        uncovered or blind,
+        "" if canary is None else canary.place.text,
+        lost,
+        len(values),
+        "store all --prove takes and compares them" if uncovered else hint if blind else "",
+        "" if survived is None else survived.put_back_text,
+    )
 
 
 @contextmanager
@@ -93,10 +134,16 @@ def _canary(node: Node, before: Pdos, signed: Signed) -> tuple[Canary | None, st
     if signed.capability is not None and signed.capability & _BY_ITSELF:
         return None, f"0x{signed.place} is {signed.capability}: the device saves by itself, too"
     canary = Canary.planted(node, before)
-    return (
-        canary,
-        "" if canary is not None else "no PDO is off, so nothing could be changed harmlessly to test the reset",
-    )
+    return canary, "" if canary is not None else _why_none(node, before)
+
+
+def _why_none(node: Node, before: Pdos) -> str:
+    """Why no value could be changed in RAM."""
+    if all(config.enabled for config in before.values()):
+        return "no PDO is off, so nothing could be changed harmlessly to test the reset"
+    if next(harmless_places(node, before), None) is None:
+        return "no PDO that is off has a timer or a type that may be changed to test the reset"
+    return "it refused every harmless change of a PDO that is off, so the reset could not be tested"
 
 
 def _restarted(
@@ -159,14 +206,18 @@ def prove_restore(node: Node, signed: Signed, restart: Restart, earlier: Pdos | 
     """
     with _acknowledged(node, signed):
         after, lost = restart_and_read(node, restart)
-    uncovered = _uncovered(signed.sub_index)
+    uncovered, hint = _uncovered(signed.sub_index), "restore all --prove takes and compares them"
     if node.dictionary is not None:
         compared, found = differing_from_defaults(node.dictionary, node.profile, node.node_id, after)
         unproved = uncovered or ("" if compared else "the EDS tells no defaults of its PDOs")
         against = f"the defaults of {node.dictionary.source or 'the EDS'}"
-        return Proof(restart.by, compared, against, () if uncovered else tuple(found), unproved, "", lost)
+        return Proof(
+            restart.by, compared, against, () if uncovered else tuple(found), unproved, lost=lost,
+            hint=hint if uncovered else "`pdo` shows what it holds; its manual may tell the defaults",
+        )  # fmt: skip
     changed = sum(after.get(pdo) != config for pdo, config in (earlier or {}).items())
     unproved = "no EDS tells the defaults, and nothing differs from what was stored before"
     return Proof(
-        restart.by, changed, "what was stored before", (), uncovered or ("" if changed else unproved), "", lost
-    )
+        restart.by, changed, "what was stored before", (), uncovered or ("" if changed else unproved), lost=lost,
+        hint=hint if uncovered else "--eds FILE tells its defaults",
+    )  # fmt: skip

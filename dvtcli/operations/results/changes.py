@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from dvtcli.domain.plan import PdoChange, Plan
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.proof import Proof
 from dvtcli.domain.rules import Finding
 from dvtcli.operations.results.documents import Document, finding_document, hex_bytes
+
+if TYPE_CHECKING:
+    from dvtcli.errors import DvtcliError
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,6 +114,13 @@ class Stored:
         return 0 if self.proof is None or self.proof.holds else 1
 
     @property
+    def failure(self) -> DvtcliError | None:
+        """What is to be said where the exit code is 1."""
+        from dvtcli.operations.results.failures import not_proved
+
+        return None if self.proof is None or self.proof.holds else not_proved(self.node, self.word, self.proof)
+
+    @property
     def stored(self) -> bool:
         """Whether the node was told to store, and nothing shows that it did not."""
         lost = self.proof is not None and bool(self.proof.differences)
@@ -131,6 +142,7 @@ class Stored:
             "proved": None if proof is None else proof.holds,
             "by": None if proof is None else proof.by,
             "compared": None if proof is None else proof.compared,
+            "objects": None if proof is None else proof.objects,
             "against": None if proof is None else proof.against,
             "differences": [] if proof is None else list(proof.differences),
             "unproved": (proof and proof.unproved) or None,

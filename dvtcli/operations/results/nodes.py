@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from dvtcli.domain.ports import Frame
 from dvtcli.operations.results.documents import Document, hex_bytes
+
+if TYPE_CHECKING:
+    from dvtcli.errors import DvtcliError
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +85,13 @@ class Commanded:
     def exit_code(self) -> int:
         """1 where a node is seen in another state than the one that was asked for."""
         return 1 if self.elsewhere else 0
+
+    @property
+    def failure(self) -> DvtcliError | None:
+        """What is to be said where the exit code is 1."""
+        from dvtcli.operations.results.failures import not_obeyed
+
+        return not_obeyed(self.node, self.wanted, self.elsewhere) if self.elsewhere else None
 
     def document(self) -> Document:
         """`dvtcli.nmt/1`."""

@@ -1,0 +1,76 @@
+"""What answers that end with 1 say beside themselves: the reason, the state of the device, and the next step.
+
+Knows no screen; whoever shows an answer raises its failure where it was not shown as a document.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from dvtcli.domain.proof import RESTART_NAMES, Proof
+from dvtcli.domain.several import plural, several
+from dvtcli.errors import DvtcliError
+
+
+def not_proved(node: int, word: str, proof: Proof) -> DvtcliError:
+    """A store or restore that was acknowledged, and is not so, or may not be."""
+    said = f"node {node} acknowledged the {word}{_verdict(word, proof)}"
+    failed = DvtcliError(said, node=node)
+    failed.why, failed.hint, failed.state = proof.unproved, proof.hint, "unknown"
+    failed.state_text = _state(word, proof)
+    if proof.differences:
+        differing = several(proof.differing)
+        verb = "differs" if len(proof.differing) == 1 else "differ"
+        failed.why = f"after the {RESTART_NAMES[proof.by]} {differing} {verb} from {proof.against}"
+        failed.hint = _AGAIN[word]
+    return failed
+
+
+_AGAIN = {
+    "store": "set it again; the manual says what else the device needs to store (a login, a state, another group)",
+    "restore": "the EDS may be of another firmware; else the manual says what else the device needs to restore",
+}
+
+
+def _verdict(word: str, proof: Proof) -> str:
+    if word == "store":
+        return " and did not keep it" if proof.differences else ", and that it keeps it is not proved"
+    return " and does not hold its defaults" if proof.differences else ", and that these are its defaults is not proved"
+
+
+def _state(word: str, proof: Proof) -> str:
+    """What the node holds, as it was read after the restart."""
+    restart = RESTART_NAMES[proof.by]
+    put_back = f"; {proof.put_back}" if proof.put_back else ""
+    if proof.differences:
+        lost = f"lost with the {restart}: {several(proof.differing)}; " if word == "store" else ""
+        told = "what it came up with" if lost else "what is listed"
+        return f"{lost}the node holds {told}, read after the {restart}{put_back}"
+    if word == "restore":
+        return f"the node holds what it came up with after the {restart}"
+    return f"{compared_text(proof)} read back equal after the {restart}, and could be lost with the power{put_back}"
+
+
+def compared_text(proof: Proof) -> str:
+    """How many PDOs, and objects besides, were compared."""
+    pdos = plural(proof.compared, "PDO")
+    return f"{pdos} and {plural(proof.objects, 'object')}" if proof.objects else pdos
+
+
+def not_obeyed(node: int, wanted: str | None, elsewhere: Sequence[tuple[int, str]]) -> DvtcliError:
+    """Nodes that are seen *elsewhere*, with their NMT states, than *wanted* of node *node* (0: all)."""
+    by_state: dict[str, list[str]] = {}
+    for one, state in elsewhere:
+        by_state.setdefault(state, []).append(str(one))
+    seen = [
+        f"node{'' if len(nodes) == 1 else 's'} {', '.join(nodes)} {'is' if len(nodes) == 1 else 'are'} {state}"
+        for state, nodes in by_state.items()
+    ]
+    failed = DvtcliError(
+        f"{', '.join(seen)}, not {wanted} as was asked for",
+        node=node or None,
+        why="NMT commands are not acknowledged: it was ignored, or the node left that state again",
+        hint="`read 1001` (error register) and `monitor` (emergencies) tell more; then again",
+    )
+    failed.state_text = f"{', '.join(by_state)}; nothing was written"
+    return failed
