@@ -23,6 +23,7 @@ DOCS = ROOT / "docs"
 REWRITE = "python -m tests.house.reference"
 #: the name of a part -> `module:function` in this room
 PARTS = {
+    "tasks": "commands:tasks",
     "commands-by-task": "commands:by_task",
     "commands": "commands:every_command",
     "dvt-words": "commands:dvt_words",

@@ -14,6 +14,26 @@ from tests.house.reference.product import REGISTRY, WORDS, task_sections
 ROOT_CONTEXT = click.Context(REGISTRY, info_name="dvtcli")
 
 
+#: What each task's commands promise, for README.
+PROMISES = {
+    "Begin": "what is missing is said with the next step",
+    "Find nodes": "nothing is changed on another device than the one you mean; your own device is one TOML file",
+    "See": "raw 32-bit values are the truth, names come from the EDS; frames are decoded with what the nodes map",
+    "Change PDOs": "it is checked, written in order, read back, and put back if anything fails",
+    "Check and keep": "nothing is called stored or equal that was not read back",
+    "Scripts and files": "a script is parsed before its first line runs; exit codes and JSON are fixed; Tcl works, too",
+    "Programs around": "other programs work on the same strict devices, over socketcand or a CAN link",
+}
+
+
+def tasks() -> Iterator[str]:
+    """Every task with its commands and what they promise."""
+    return table(
+        ("task", "commands", "so that"),
+        ((task, " ".join(code(name) for name, _ in rows), PROMISES[task]) for task, rows in task_sections()),
+    )
+
+
 def by_task() -> Iterator[str]:
     """Every command with its sentence and its first example, by task."""
     for task, rows in task_sections():
