@@ -12,7 +12,6 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from dvtcli.device.change.cancellation import Cancellation
-from dvtcli.device.change.safekeeping import let_go
 from dvtcli.device.restarts import losses, refuse_after_restarts
 from dvtcli.errors import BusUnavailable, DvtcliError, SafetyRefusal, UsageError
 from dvtcli.operations.options import START_ONLY, Options
@@ -335,14 +334,15 @@ class Session:
     def end_line(self, code: int, *, alone: bool = False) -> None:
         """A line of its own, or a whole script, ended with *code*: nodes go back to the NMT state they were found in.
 
-        From then on another dvtcli may write to them.
         Not after a failure that left a device changed, nor after one in the middle of a script, which is neither the
-        old set-up nor the new one: there they stay PRE-OPERATIONAL, and that is said. Where the line stands *alone*,
-        not at a prompt, Restarted is raised if a node lost by then what was set.
+        old set-up nor the new one: there they stay PRE-OPERATIONAL, and that is said. Another dvtcli may write then.
+        Where the line stands *alone*, not at a prompt, Restarted is raised if a node lost by then what was set.
         """
         failures: list[DvtcliError] = []
         with self.cancellation.guard():  # a signal waits until the nodes are where they belong
             for node in self.met_nodes():
+                from dvtcli.device.change.safekeeping import let_go
+
                 try:
                     self._end_gate(node.gate, code)
                 except DvtcliError as failed:  # the other nodes go back all the same

@@ -10,6 +10,8 @@ import pytest
 from tests.process import environment
 
 HEAVY = ["can", "canopen", "prompt_toolkit", "rich", "ruamel", "dvtcli.cli.commands.map", "dvtcli.simulator", "asyncio"]
+#: what only lines about nodes need
+NODES = ["dvtcli.domain.pdo", "dvtcli.device.change.journal"]
 PROBE = """
 import sys
 from dvtcli.cli.main import main
@@ -34,6 +36,11 @@ def loaded(*words: str, stdin: str = "") -> set[str]:
 @pytest.mark.parametrize("words", [["--help"], ["--version"], []], ids=["--help", "--version", "an empty script"])
 def test_help_imports_nothing_heavy(words: list[str]) -> None:
     assert not loaded(*words) & set(HEAVY)
+
+
+@pytest.mark.parametrize("words", ["--help", "--version"])
+def test_help_imports_nothing_about_nodes(words: str) -> None:
+    assert not loaded(words) & set(NODES)
 
 
 @pytest.mark.parametrize("words", [["map", "--help"], ["help", "map"], ["nosuch"], ["map", "nonsense"]])
