@@ -5,7 +5,7 @@ Joins reading, rules, plan and transaction. Does not print, ask, or know what a 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from dvtcli.device.access_level import level_finding, level_findings, refuse_passcode
@@ -18,13 +18,13 @@ from dvtcli.device.change.way_back import plan_back, refuse_unless_left, unknown
 from dvtcli.device.observe import Found
 from dvtcli.device.proposal import proposal
 from dvtcli.device.raw_write_check import held_value, raw_change, raw_write_findings
-from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.device.resolve import resolve, untyped_lengths
+from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Change, PdoChange, Plan, Step, plan_pdo
-from dvtcli.domain.rules import Finding, Proposal, check_pdo
+from dvtcli.domain.request import PdoWant
+from dvtcli.domain.rules import Finding, check_pdo
 from dvtcli.domain.several import several
 from dvtcli.errors import BusUnavailable, SafetyRefusal, UsageError
-
-Want = PdoConfig | Callable[[Proposal], PdoConfig]
 
 
 @dataclass(slots=True)
@@ -38,14 +38,15 @@ class Node(Changeable):
     #: how many changes were put back that were none of this session's
     unkept: int = 0
 
-    def configure(self, wants: Mapping[Pdo, Want], *, force: bool = False) -> Applied:
+    def configure(self, wants: Mapping[Pdo, PdoWant], *, force: bool = False) -> Applied:
         """Make each PDO what *wants* says, all or none: check, write the least, read back, else put the old back.
 
-        A want is a configuration, or a function that makes one from the PDO as it is.
+        Raises as `resolve` where a want comes to nothing on this node, RuleError where a rule forbids it.
         """
+        lengths = untyped_lengths(self, wants.values())
         found = self.claim()
         now = {pdo: self.pdo(pdo) for pdo in wants}
-        wanted = {pdo: self._made(pdo, now[pdo], want) for pdo, want in wants.items()}
+        wanted = {pdo: resolve(self, pdo, now[pdo], want, lengths) for pdo, want in wants.items()}
         findings: list[Finding] = []
         for pdo, want in wanted.items():
             if now[pdo] != want:
@@ -54,9 +55,6 @@ class Node(Changeable):
         refuse(tuple(findings), f"{labels} not changed", self.node_id, force=force)
         changes = tuple(plan_pdo(pdo, now[pdo], want) for pdo, want in wanted.items())
         return self.apply(Plan(self.node_id, changes), tuple(findings), force=force, found=found)
-
-    def _made(self, pdo: Pdo, now: PdoConfig, want: Want) -> PdoConfig:
-        return want if isinstance(want, PdoConfig) else want(proposal(self, pdo, now, now))
 
     def write(self, index: int, sub_index: int, data: bytes, *, force: bool = False) -> Applied:
         """Write one object as a plan of one step, under the rules of the command that is meant for it."""

@@ -1,6 +1,6 @@
 """What a user asks of a PDO, and the configuration that this means on a given device.
 
-Turns options into a wanted `PdoConfig`. Does not judge it (`rules`) and does not know click.
+A want is a value: it is made, shown and compared without a device. Does not judge it (`rules`) and does not know click.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from dvtcli.domain.cob_id import HIGHEST_BASE_CAN_ID, CobId
 from dvtcli.domain.mapping import DUMMY_BITS, PdoMappingEntry, split_dummy
 from dvtcli.domain.object_syntax import MappedObject, Skipped
 from dvtcli.domain.pdo import PdoCommunicationParameter, PdoConfig
-from dvtcli.domain.profile import BitPolicy, Severity
+from dvtcli.domain.profile import BitPolicy, ObjectAddress, Severity
 from dvtcli.domain.rules.can_id import automatic_can_id, can_id_findings
 from dvtcli.domain.rules.finding import Proposal
 from dvtcli.domain.rules.mappable import usable_dummies
@@ -24,7 +24,7 @@ class PdoRequest:
     """The options of `map` and `set`; None leaves a parameter as it is.
 
     *cob_id* is a CAN-ID, `auto` or `keep`; *inhibit_time* counts 100 µs, *event_timer* 1 ms; *enabled* is what
-    the PDO is afterwards, None for as it was.
+    the PDO is afterwards, None for as it was. *objects* is the whole mapping in frame order, None for the present one.
     """
 
     cob_id: int | Literal["auto", "keep"] | None = None
@@ -35,15 +35,54 @@ class PdoRequest:
     rtr_allowed: bool | None = None
     extended: bool = False
     enabled: bool | None = None
+    objects: tuple[MappedObject | Skipped | PdoMappingEntry, ...] | None = None
+
+    @property
+    def untyped_lengths(self) -> tuple[ObjectAddress, ...]:
+        """Index and sub-index of each object whose length is to be found out."""
+        words = (word for word in self.objects or () if isinstance(word, MappedObject) and word.bits is None)
+        return tuple((word.index, word.sub_index) for word in words)
 
 
-def wanted_config(
-    request: PdoRequest, proposal: Proposal, mapping: tuple[PdoMappingEntry, ...] | None = None
-) -> PdoConfig:
-    """The configuration that *request* means for the PDO of *proposal*; *mapping* None keeps the present one.
+@dataclass(frozen=True, slots=True)
+class Switched:
+    """What `enable` and `disable` ask: bit 31 of the COB-ID, and nothing else."""
 
-    ValueError where `auto` finds no free CAN-ID, or a CAN-ID needs --extended.
+    enabled: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Cleared:
+    """What `clear` asks: no mapping, and disabled."""
+
+
+PdoWant = PdoConfig | PdoRequest | Switched | Cleared
+
+
+def resolved(want: PdoWant, proposal: Proposal, lengths: Mapping[ObjectAddress, int | None]) -> PdoConfig:
+    """The configuration that *want* means for the PDO of *proposal*; *lengths* are those that were not typed, in bits.
+
+    ValueError where a length stays unknown, the device's dummies cannot add up to what is to be skipped, `auto` finds
+    no free CAN-ID, or a CAN-ID needs --extended.
     """
+    if isinstance(want, PdoRequest):
+        return _requested(want, proposal, lengths)
+    if isinstance(want, PdoConfig):
+        return want
+    now = proposal.now
+    if isinstance(want, Cleared):
+        return cleared(now)
+    cob_id = now.communication.cob_id.enabled() if want.enabled else now.communication.cob_id.disabled()
+    return replace(now, communication=replace(now.communication, cob_id=cob_id))
+
+
+def cleared(now: PdoConfig) -> PdoConfig:
+    """*now* without a mapping, and disabled."""
+    return PdoConfig(replace(now.communication, cob_id=now.communication.cob_id.disabled()), ())
+
+
+def _requested(request: PdoRequest, proposal: Proposal, lengths: Mapping[ObjectAddress, int | None]) -> PdoConfig:
+    mapping = None if request.objects is None else _entries(request.objects, proposal, lengths)
     now = proposal.now
     held = now.communication
     enabled = now.enabled if request.enabled is None else request.enabled
@@ -96,26 +135,29 @@ def _legal(proposal: Proposal, cob_id: CobId) -> bool:
     return not any(f.severity is Severity.ERROR for f in can_id_findings(replace(proposal, want=want)))
 
 
-def mapping_entries(
-    words: Iterable[MappedObject | Skipped], proposal: Proposal, lengths: Mapping[tuple[int, int], int | None]
+def _entries(
+    words: Iterable[MappedObject | Skipped | PdoMappingEntry],
+    proposal: Proposal,
+    lengths: Mapping[ObjectAddress, int | None],
 ) -> tuple[PdoMappingEntry, ...]:
-    """The mapping entries that resolved *words* mean; lengths that were not typed come from *lengths*.
-
-    ValueError where a length is unknown, or the device's dummies cannot add up to what is to be skipped.
-    """
+    """The mapping entries that *words* mean."""
     entries: list[PdoMappingEntry] = []
     for word in words:
         if isinstance(word, Skipped):
             entries += _dummies(word.bits, proposal)
-            continue
-        bits = word.bits if word.bits is not None else lengths.get((word.index, word.sub_index))
-        if bits is None:
-            raise ValueError(
-                f"the length of {word.index:04X}:{word.sub_index:02X} is not known; "
-                f"write {word.index:04X}:{word.sub_index:02X}/BITS"
-            )
-        entries.append(PdoMappingEntry(word.index, word.sub_index, min(bits, 0xFF)))
+        elif isinstance(word, PdoMappingEntry):
+            entries.append(word)
+        else:
+            entries.append(_entry(word, lengths))
     return tuple(entries)
+
+
+def _entry(word: MappedObject, lengths: Mapping[ObjectAddress, int | None]) -> PdoMappingEntry:
+    bits = word.bits if word.bits is not None else lengths.get((word.index, word.sub_index))
+    if bits is None:
+        place = f"{word.index:04X}:{word.sub_index:02X}"
+        raise ValueError(f"the length of {place} is not known; write {place}/BITS")
+    return PdoMappingEntry(word.index, word.sub_index, min(bits, 0xFF))
 
 
 def _dummies(bits: int, proposal: Proposal) -> tuple[PdoMappingEntry, ...]:

@@ -3,26 +3,31 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.plan import PdoChange
 from dvtcli.domain.rules.producer import producer_findings, sent_by
 from dvtcli.domain.script_line import change_lines
-from dvtcli.errors import UsageError
 from dvtcli.operations.results import Changed
 
 if TYPE_CHECKING:
     from dvtcli.device.applied import Applied
-    from dvtcli.device.node import Node, Want
-    from dvtcli.domain.pdo import Pdo, PdoConfig
-    from dvtcli.domain.rules import Finding, Proposal
+    from dvtcli.device.node import Node
+    from dvtcli.domain.pdo import Pdo
+    from dvtcli.domain.request import PdoWant
+    from dvtcli.domain.rules import Finding
     from dvtcli.operations.session import Session
 
 
-def configure(session: Session, node: Node, wants: Mapping[Pdo, Want]) -> Changed:
-    """Carry *wants* out on *node* and answer what was done."""
+def configure_pdo(session: Session, node_id: int | None, pdo: Pdo, want: PdoWant) -> Changed:
+    """Make *pdo* of the node with *node_id* (None: the selected one) what *want* says, or leave it as it is."""
+    return configure(session, session.node(node_id), {pdo: want})
+
+
+def configure(session: Session, node: Node, wants: Mapping[Pdo, PdoWant]) -> Changed:
+    """Carry *wants* out on *node*, all or none, and answer what was done."""
     started = time.monotonic()
     applied = node.configure(wants, force=session.options.force)
     applied = replace(applied, findings=(*applied.findings, *_without_producer(session, node, applied)))
@@ -77,15 +82,3 @@ def names(node: Node, changes: Iterable[object]) -> dict[str, str]:
             for entry in change.after.mapping:
                 found[entry.object] = node.dictionary.display_name(entry.index, entry.sub_index)
     return found
-
-
-def made(pdo: Pdo, make: Callable[[Proposal], PdoConfig]) -> Callable[[Proposal], PdoConfig]:
-    """*make* with its ValueErrors as usage errors that name *pdo*."""
-
-    def make_or_say(proposal: Proposal) -> PdoConfig:
-        try:
-            return make(proposal)
-        except ValueError as wrong:
-            raise UsageError(f"{pdo.label}: {wrong}", node=proposal.node_id) from wrong
-
-    return make_or_say

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
-
 import pytest
 
 from dvtcli.device.nmt_gate import Access, Gate
 from dvtcli.device.node import Node
 from dvtcli.domain.nmt import NmtCommand, NmtState
-from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.domain.rules import Proposal
+from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.request import PdoRequest
 from dvtcli.errors import NoAnswer
 from tests.laws.bench import NODE, DirectBus, DirectSdo, booted, dictionary, profile, silence
 
@@ -62,23 +59,16 @@ class Restarting(DirectSdo):
         super().download(index, sub_index, data, timeout_s=timeout_s)
 
 
-def with_timer(timer_ms: int) -> Callable[[Proposal], PdoConfig]:
-    def make(asked: Proposal) -> PdoConfig:
-        return replace(asked.now, communication=replace(asked.now.communication, event_timer=timer_ms))
-
-    return make
-
-
 def test_a_reboot_in_the_middle_of_a_change_is_rolled_back_through_the_gate() -> None:
     """What was in RAM only is lost by it, and a device that is OPERATIONAL again takes no write."""
     device = booted("gen4")
     channel = Restarting(device)
     node = Node(DirectBus(device, channel), NODE, dictionary("gen4"), profile("gen4"))
-    node.configure({TPDO1: with_timer(50)})
+    node.configure({TPDO1: PdoRequest(event_timer=50)})
     before = node.pdo(TPDO1)
     channel.at = 1
     with pytest.raises(NoAnswer) as caught:
-        node.configure({TPDO1: with_timer(60)})
+        node.configure({TPDO1: PdoRequest(event_timer=60)})
     assert caught.value.state == "rolled_back"
     assert node.pdo(TPDO1) == before
     assert before.communication.event_timer == 50

@@ -7,20 +7,18 @@ from typing import TYPE_CHECKING
 
 import click
 
-from dvtcli.cli.commands.map import refuse_missing
 from dvtcli.cli.params import EntryWord
-from dvtcli.domain.object_syntax import MappedObject, Skipped
-from dvtcli.domain.request import PdoRequest, mapping_entries, wanted_config
+from dvtcli.domain.request import PdoRequest
 from dvtcli.errors import DvtcliError, InputFileError, RuleError, SafetyRefusal, UsageError
 from dvtcli.files.pdo_yaml import PdoText, Word, read_pdo_yaml, write_pdo_yaml, wrong_at
-from dvtcli.operations.change import configure, made
+from dvtcli.operations.change import configure_pdo
 from dvtcli.operations.results import Facts
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.domain.mapping import PdoMappingEntry
-    from dvtcli.domain.pdo import Pdo, PdoConfig
-    from dvtcli.domain.rules import Proposal
+    from dvtcli.domain.object_syntax import MappedObject, Skipped
+    from dvtcli.domain.pdo import Pdo
     from dvtcli.operations.results import Changed
     from dvtcli.operations.session import Session
 
@@ -76,23 +74,12 @@ def _name(node: Node, entry: PdoMappingEntry) -> str:
 
 
 def _carried_out(session: Session, node: Node, pdo: Pdo, asked: PdoText) -> Changed:
-    words = None if asked.mapping is None else [_resolved(word, node) for word in asked.mapping]
-    lengths = {
-        (word.index, word.sub_index): node.length_of(word.index, word.sub_index)
-        for word in words or ()
-        if isinstance(word, MappedObject) and word.bits is None
-    }
-    request = PdoRequest(
+    want = PdoRequest(
         asked.cob_id, asked.transmission_type, asked.inhibit_time, asked.event_timer, asked.sync_start_value,
         asked.rtr_allowed, asked.extended, asked.enabled,
+        objects=None if asked.mapping is None else tuple(_resolved(word, node) for word in asked.mapping),
     )  # fmt: skip
-
-    def make(proposal: Proposal) -> PdoConfig:
-        refuse_missing(proposal, [key for key, bits in lengths.items() if bits is None])
-        mapping = None if words is None else mapping_entries(words, proposal, lengths)
-        return wanted_config(request, proposal, mapping)
-
-    return configure(session, node, {pdo: made(pdo, make)})
+    return configure_pdo(session, node.node_id, pdo, want)
 
 
 def _resolved(word: Word, node: Node) -> MappedObject | Skipped:

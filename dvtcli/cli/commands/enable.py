@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import click
 
 from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.commands._one_node import one_node
 from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import PDO, NodePdo
+from dvtcli.domain.request import Switched
 from dvtcli.operations.switch import switch
 
 if TYPE_CHECKING:
-    from dvtcli.domain.pdo import PdoConfig
     from dvtcli.operations.results import Changed
     from dvtcli.operations.session import Session
 
@@ -29,9 +29,4 @@ def command(session: Session, /, pdos: tuple[NodePdo, ...]) -> Changed:
     \b
     enable tpdo1 tpdo2
     """
-    return switch(session, pdos, _enabled)
-
-
-def _enabled(now: PdoConfig) -> PdoConfig:
-    parameter = now.communication
-    return replace(now, communication=replace(parameter, cob_id=parameter.cob_id.enabled()))
+    return switch(session, *one_node(pdos), Switched(enabled=True))

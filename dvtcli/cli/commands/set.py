@@ -10,8 +10,8 @@ from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.commands._pdo_options import pdo_options, request
 from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import PDO, NodePdo
-from dvtcli.domain.request import PdoRequest, wanted_config
-from dvtcli.operations.change import configure, made
+from dvtcli.domain.request import PdoRequest
+from dvtcli.operations.change import configure_pdo
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import Changed
@@ -34,5 +34,4 @@ def command(session: Session, /, pdo: NodePdo, **options: Any) -> Changed:
     asked = request(options, enabled=None)
     if asked == PdoRequest():
         raise click.UsageError("nothing to set: give an option such as --type, --timer or --cob-id")
-    node = session.node(pdo.node_id)
-    return configure(session, node, {pdo.pdo: made(pdo.pdo, lambda proposal: wanted_config(asked, proposal))})
+    return configure_pdo(session, pdo.node_id, pdo.pdo, asked)

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 from dvtcli.cli.dvt.done import Done
 from dvtcli.domain.mapping import MAX_ENTRIES, PdoMappingEntry
 from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.domain.request import PdoRequest, wanted_config
+from dvtcli.domain.request import PdoRequest
 from dvtcli.errors import DeviceRefused
-from dvtcli.operations.change import configure, made
+from dvtcli.operations import switch
+from dvtcli.operations.change import configure_pdo
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
-    from dvtcli.domain.rules import Proposal
     from dvtcli.operations.session import Session
 
 _MOST_BITS = 64
@@ -37,12 +37,9 @@ def map_in_tpdo(session: Session, node_id: int, index: int, sub_index: int, can_
         cob_id=can_id, transmission_type=1, enabled=True,
         inhibit_time=None if tpdos[pdo].communication.inhibit_time is None else 0,
         event_timer=None if tpdos[pdo].communication.event_timer is None else 0,
+        objects=(*kept, PdoMappingEntry(index, sub_index, bits)),
     )  # fmt: skip
-
-    def make(proposal: Proposal) -> PdoConfig:
-        return wanted_config(asked, proposal, (*kept, PdoMappingEntry(index, sub_index, bits)))
-
-    return Done(findings=configure(session, node, {pdo: made(pdo, make)}).findings)
+    return Done(findings=configure_pdo(session, node_id, pdo, asked).findings)
 
 
 def _tpdos(node: Node) -> dict[Pdo, PdoConfig]:
@@ -97,6 +94,4 @@ def locate(session: Session, node_id: int, index: int, sub_index: int) -> Done:
 
 def clear_all(session: Session, node_id: int) -> Done:
     """Empty and disable every PDO whose mapping can be changed."""
-    from dvtcli.cli.commands.clear import clear_all
-
-    return Done(findings=clear_all(session, session.node(node_id)).findings)
+    return Done(findings=switch.clear_all(session, node_id).findings)

@@ -1,0 +1,53 @@
+"""What a want for a PDO comes to on a node: finds out what it does not say, refuses what cannot be said.
+
+Reads lengths of objects. Does not judge the outcome by the rules, and writes nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING
+
+from dvtcli.device.proposal import proposal
+from dvtcli.domain.request import PdoRequest, resolved
+from dvtcli.domain.rules.mappable import missing_object
+from dvtcli.errors import RuleError, UsageError
+
+if TYPE_CHECKING:
+    from dvtcli.device.known_pdos import KnownPdos
+    from dvtcli.domain.pdo import Pdo, PdoConfig
+    from dvtcli.domain.profile import ObjectAddress
+    from dvtcli.domain.request import PdoWant
+    from dvtcli.domain.rules import Proposal
+
+Lengths = Mapping["ObjectAddress", int | None]
+
+
+def untyped_lengths(node: KnownPdos, wants: Iterable[PdoWant]) -> Lengths:
+    """Lengths in bits of the objects that *wants* name without one, as the EDS or *node* tells; None if none."""
+    places = [place for want in wants if isinstance(want, PdoRequest) for place in want.untyped_lengths]
+    return {place: node.length_of(*place) for place in dict.fromkeys(places)}
+
+
+def resolve(node: KnownPdos, pdo: Pdo, now: PdoConfig, want: PdoWant, lengths: Lengths) -> PdoConfig:
+    """The configuration that *want* means for *pdo* of *node*, which is *now*; *lengths* come from `untyped_lengths`.
+
+    RuleError for an object that the EDS lacks, UsageError for anything else that cannot be resolved.
+    """
+    held = proposal(node, pdo, now, now)
+    if isinstance(want, PdoRequest):
+        _refuse_missing(held, [place for place in want.untyped_lengths if lengths[place] is None])
+    try:
+        return resolved(want, held, lengths)
+    except ValueError as wrong:
+        raise UsageError(f"{pdo.label}: {wrong}", node=node.node_id) from wrong
+
+
+def _refuse_missing(held: Proposal, unknown: Iterable[ObjectAddress]) -> None:
+    """Raise RuleError for an object of *unknown* length that the EDS does not have at all."""
+    dictionary = held.dictionary
+    for index, sub_index in unknown:
+        if dictionary is not None and dictionary.entry(index, sub_index) is None:
+            finding = missing_object(dictionary, held.mapping_place(1), index, sub_index)
+            text = f"{held.pdo.label} not changed: {finding.text}"
+            raise RuleError(text, [finding], node=held.node_id)
