@@ -19,8 +19,8 @@ from tests.surroundings import ROOT, clean_environment
 SCRIPTS = ROOT / "scripts"
 #: whether each dvtcli gets a Python of its own (`--fresh-python`)
 FRESH_PYTHON = os.name != "posix"
-#: how long a process may take on a busy machine (s)
-PATIENCE_S = 60.0
+#: how long a process may take on a busy, or an emulated, machine (s)
+PATIENCE_S = 240.0
 
 Ran = subprocess.CompletedProcess[str]
 

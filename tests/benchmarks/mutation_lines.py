@@ -13,6 +13,7 @@ import os
 import sys
 import threading
 import time
+from collections import Counter
 from collections.abc import Iterator
 from fnmatch import fnmatch
 from pathlib import Path
@@ -137,14 +138,21 @@ class Known:
     def tests(self, module: str, line: int, first: int, last: int) -> list[str]:
         """The tests that run anything of *first* to *last* in *module*.
 
-        Those that run *line* come before the others, then those of the module's own rooms, then the quickest.
+        Those that run *line* come before the others; then one test of each way through the module before a second
+        one of the same way; then those of the module's own rooms, and the quickest.
         """
         rooms = Path(module).parts[1:-1]
+        ways: Counter[frozenset[int]] = Counter()
 
-        def ordered() -> Iterator[tuple[bool, bool, float, str]]:
-            for test, lines in self._ran.get(module, {}).items():
-                if any(first <= one <= last for one in lines):
-                    yield line not in lines, test.split("/")[1] not in rooms, self.seconds[test], test
+        def ordered() -> Iterator[tuple[bool, int, bool, float, str]]:
+            found = [
+                (self.seconds[test], test, lines)
+                for test, lines in self._ran.get(module, {}).items()
+                if any(first <= one <= last for one in lines)
+            ]
+            for seconds, test, lines in sorted(found, key=lambda row: row[:2]):
+                yield line not in lines, ways[lines], test.split("/")[1] not in rooms, seconds, test
+                ways[lines] += 1
 
         return [test for *_, test in sorted(ordered())]
 
