@@ -30,9 +30,9 @@ def test_planned_or_as_it_was(family: str, data: st.DataObject) -> None:
         plan = Plan(NODE, (plan_pdo(pdo, now, want),))
         assume(len(plan))
         with pytest.raises(DeviceRefused):
-            Transaction(FaultySdo(sdo, refuse, data.draw(st.integers(1, len(plan)))), plan).run()
+            Transaction(FaultySdo(sdo, refuse, data.draw(st.integers(1, len(plan)))), plan, clock=bus).run()
         assert read_pdo(sdo, pdo) == now
-        Transaction(sdo, plan).run()
+        Transaction(sdo, plan, clock=bus).run()
         assert read_pdo(sdo, pdo) == want
     finally:
         bus.close()

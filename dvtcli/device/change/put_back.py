@@ -5,7 +5,6 @@ Reads the device anew before each write, and again after the last one. Does not 
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -34,18 +33,6 @@ class Clock(Protocol):
 
     def sleep(self, duration_s: float) -> None:
         """Let *duration_s* pass."""
-
-
-class SystemClock:
-    """The computer's own time."""
-
-    def now_s(self) -> float:
-        """Seconds on a clock that only goes forward."""
-        return time.monotonic()
-
-    def sleep(self, duration_s: float) -> None:
-        """Let *duration_s* pass."""
-        time.sleep(duration_s)
 
 
 def restore_patiently(

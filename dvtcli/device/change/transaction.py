@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from dvtcli.device.change.cancellation import Cancellation
-from dvtcli.device.change.put_back import Clock, SystemClock, altered_cob_ids, first_difference, restore_patiently
+from dvtcli.device.change.put_back import Clock, altered_cob_ids, first_difference, restore_patiently
 from dvtcli.device.observe import Undisturbed, Witness, observed
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, writes_cob_id
@@ -43,7 +43,7 @@ class Transaction:
     explain: Callable[[SdoAborted], None] = lambda _aborted: None
     on_step: Callable[[Step], None] = lambda _step: None
     before_retry: Callable[[], None] = lambda: None
-    clock: Clock = field(default_factory=SystemClock)
+    clock: Clock = field(kw_only=True)
     witness: Witness = field(default_factory=Undisturbed)
     others: Mapping[Pdo, PdoConfig] = field(default_factory=dict)
     on_altered: Callable[[Sequence[Change]], None] = lambda _changes: None
