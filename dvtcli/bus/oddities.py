@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from time import monotonic
 from typing import TYPE_CHECKING
@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 from dvtcli.domain.nmt import NmtCommand
 
 if TYPE_CHECKING:
-    from dvtcli.bus.sdo.channel import SdoChannel
     from dvtcli.bus.sdo.link import DroppedAnswers
 
 #: One doubled answer may be the bus's; from this many on they mean a second node.
@@ -22,8 +21,9 @@ _RESETTING_S = 5.0
 
 @dataclass(slots=True)
 class Oddities:
-    """What was told already, so that each sign is told once."""
+    """What was told already, so that each sign is told once; *now_s* tells the bus's time in seconds."""
 
+    now_s: Callable[[], float] = monotonic
     _dropped: dict[int, DroppedAnswers] = field(default_factory=dict)
     _boot_ups: Counter[int] = field(default_factory=Counter)
     _resets: Counter[int] = field(default_factory=Counter)
@@ -40,20 +40,20 @@ class Oddities:
             if not self._resets:
                 self._boot_ups = Counter(boot_ups)
             self._resets[node_id] += 1
-            self._reset_s[node_id] = monotonic()
+            self._reset_s[node_id] = self.now_s()
 
     def news(
-        self, channels: Mapping[int, SdoChannel], boot_ups: Mapping[int, int], double_boot_ups: Mapping[int, int]
+        self, dropped: Mapping[int, DroppedAnswers], boot_ups: Mapping[int, int], double_boot_ups: Mapping[int, int]
     ) -> list[str]:
         """What is new since the last call, in words; *double_boot_ups* came right after another one."""
-        found = [text for node_id, channel in dict(channels).items() for text in self._of_channel(node_id, channel)]
+        found = [text for node_id, now in dropped.items() for text in self._of_channel(node_id, now)]
         found += [text for node_id, count in dict(boot_ups).items() for text in self._of_boot_ups(node_id, count)]
         found += [text for node_id, count in dict(double_boot_ups).items() for text in self._of_doubles(node_id, count)]
         self._resets.clear()
         return found
 
-    def _of_channel(self, node_id: int, channel: SdoChannel) -> Iterator[str]:
-        now, before = channel.dropped, self._dropped.get(node_id)
+    def _of_channel(self, node_id: int, now: DroppedAnswers) -> Iterator[str]:
+        before = self._dropped.get(node_id)
         self._dropped[node_id] = replace(now)
         others = now.other_client - (before.other_client if before else 0)
         if others > 0:
@@ -78,7 +78,7 @@ class Oddities:
         new = count - self._double_boot_ups[node_id]
         self._double_boot_ups[node_id] = count
         reset_s = max((self._reset_s[key] for key in (0, node_id) if key in self._reset_s), default=None)
-        if new > 0 and (reset_s is None or monotonic() - reset_s > _RESETTING_S):
+        if new > 0 and (reset_s is None or self.now_s() - reset_s > _RESETTING_S):
             yield (
                 f"two boot-ups within a second, and no reset of ours: are there two nodes with node-ID {node_id}, "
                 "or does it restart by itself?"

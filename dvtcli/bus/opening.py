@@ -18,6 +18,7 @@ import can
 from can import util
 
 from dvtcli.bus.python_can import CanBus
+from dvtcli.bus.sdo.link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S
 from dvtcli.errors import BusUnavailable
 
 #: what python-can's drivers raise where a driver, a setting or a device is missing
@@ -71,16 +72,21 @@ for _logger in ("can", "seeedbus"):
 
 
 def open_bus(
-    interface: str | None,
-    channel: str | None,
-    bitrate: int | None,
-    extra: Mapping[str, object],
+    interface: str | None = None,
+    channel: str | None = None,
+    bitrate: int | None = None,
+    extra: Mapping[str, object] | None = None,
     *,
-    timeout_s: float,
-    retries: int,
+    timeout_s: float = DEFAULT_TIMEOUT_S,
+    retries: int = DEFAULT_RETRIES,
 ) -> CanBus:
-    """Open a bus (see `dvtcli.bus.open_canbus`); raises BusUnavailable."""
-    given = {key: value for key, value in _given(interface, channel, bitrate, extra).items() if value is not None}
+    """Open a CAN interface; raises BusUnavailable with the reason and a hint.
+
+    *interface*, *channel*, *bitrate* (bit/s) and *extra* have python-can's names and meaning; what is None
+    comes from python-can's own configuration. *timeout_s* is the SDO time-out, *retries* (0..) how often a
+    read's first request is repeated after it.
+    """
+    given = {key: value for key, value in _given(interface, channel, bitrate, extra or {}).items() if value is not None}
     config = given
     try:
         config = _completed(given)
@@ -122,6 +128,11 @@ def _completed(given: dict[str, object]) -> dict[str, object]:
     if "receive_own_messages" not in given:
         config.pop("receive_own_messages", None)  # a file's setting for other programs: our own frames are no answers
     return config
+
+
+def is_configured() -> bool:
+    """Whether python-can's own files or environment name an interface."""
+    return library_settings().get("interface") is not None
 
 
 def library_settings() -> dict[str, tuple[object, str]]:

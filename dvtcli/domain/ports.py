@@ -6,11 +6,12 @@ raise are those of `dvtcli.errors`: SdoAborted, NoAnswer, BusUnavailable, SdoPro
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Protocol
 
 from dvtcli.domain.nmt import NmtCommand, NmtState
+from dvtcli.domain.node_events import Emergency, NodeEvent
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,8 +60,17 @@ class CanopenBus(Protocol):
         """Whether `send` can send a remote frame."""
         ...
 
+    @property
+    def bitrate(self) -> int | None:
+        """The bit rate in bit/s, None where nobody said."""
+        ...
+
     def sdo(self, node_id: int) -> SdoTransport:
         """The default SDO channel of *node_id* (1..127); the same object for the same node."""
+        ...
+
+    def set_timeout(self, timeout_s: float) -> None:
+        """Let every SDO answer take *timeout_s* (s) from now on."""
         ...
 
     def send_nmt(self, command: NmtCommand, node_id: int) -> None:
@@ -93,12 +103,46 @@ class CanopenBus(Protocol):
         """Wait until more than *seen* boot-ups of *node_id* were received; False after *timeout_s*."""
         ...
 
+    def heard_nodes(self) -> dict[int, NmtState]:
+        """Every node whose state is known from what it said by itself (heartbeats, boot-ups), by node-ID."""
+        ...
+
+    def emergency(self, node_id: int) -> Emergency | None:
+        """The last emergency message of *node_id*, None where there was none."""
+        ...
+
+    def on_event(self, callback: Callable[[NodeEvent], None]) -> Callable[[], None]:
+        """Call *callback* for each boot-up, state change and emergency; returns what ends that.
+
+        It is called by the thread that happens to read the bus: it must be quick and must not use the bus.
+        """
+        ...
+
+    def tap(self, callback: Callable[[Frame, bool], None]) -> Callable[[], None]:
+        """Call *callback*(frame, sent) for each frame received or sent here; returns what ends that. As `on_event`."""
+        ...
+
+    def disturbances(self) -> list[str]:
+        """What was noticed since the last call, in words: error frames, other SDO clients, a node-ID used twice."""
+        ...
+
+    def error_frame_count(self) -> int:
+        """How many error frames were received so far."""
+        ...
+
     def send(self, frame: Frame) -> None:
         """Send one frame (SYNC, a PDO)."""
         ...
 
     def receive(self, duration_s: float) -> Iterator[Frame]:
         """Yield every frame that arrives within *duration_s*, as it arrives."""
+        ...
+
+    def idle(self, duration_s: float) -> None:
+        """Read the bus for *duration_s* (s) on behalf of the callbacks, as a background thread does in a loop.
+
+        Gives way to any thread that waits for something.
+        """
         ...
 
     def now_s(self) -> float:

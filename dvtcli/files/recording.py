@@ -13,7 +13,7 @@ from typing import Any, BinaryIO
 import can
 from can.io.blf import BLFParseError
 
-from dvtcli.bus.traffic import frame_of
+from dvtcli.bus.can_message import frame_of
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import DvtcliError, InputFileError, UsageError
 

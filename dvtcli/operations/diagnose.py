@@ -91,7 +91,7 @@ def _shown(value: object) -> str:
 
 def _library_settings(options: dict[str, object]) -> Iterator[tuple[str, object, str]]:
     """What python-can's own files and environment add to *options*, as far as it counts."""
-    from dvtcli.bus import library_settings
+    from dvtcli.bus.opening import library_settings
 
     if options["sim"] or options["interface"]:
         return
@@ -115,7 +115,7 @@ def _interfaces(session: Session) -> Iterator[Check]:
 
 def _bus(session: Session) -> Iterator[Check]:
     """Whether the bus opens, what is heard on it, and whether the selected node answers."""
-    from dvtcli.bus import is_configured
+    from dvtcli.bus.opening import is_configured
 
     try:
         session.require_settings()
@@ -139,23 +139,20 @@ def _bus(session: Session) -> Iterator[Check]:
 
 def _heard(session: Session) -> Iterator[Check]:
     """The traffic of a second."""
-    from dvtcli.bus.python_can import CanBus
-
     bus, frames = session.wire, 0
 
     def count(_frame: Frame, sent: bool) -> None:
         nonlocal frames
         frames += not sent
 
-    assert isinstance(bus, CanBus)  # noqa: S101 - every wire is one; only twins are not
-    stop, before = bus.tap(count), bus.error_frames.count
+    stop, before = bus.tap(count), bus.error_frame_count()
     try:
         bus.sleep(LISTEN_S)
     finally:
         stop()
-    errors, nodes = bus.error_frames.count - before, sorted(bus.heard_nodes())
+    errors, nodes = bus.error_frame_count() - before, sorted(bus.heard_nodes())
     if errors:
-        told = "; ".join(bus.error_frames.news()) or _WORST
+        told = "; ".join(bus.disturbances()) or _WORST
         yield Check("traffic", "FAIL", f"{errors} error frames and {frames} frames in {LISTEN_S:g} s", told, 5)
     elif frames or bus.simulated:
         yield Check("traffic", "ok", f"{frames / LISTEN_S:.0f} frames/s, no error frames")

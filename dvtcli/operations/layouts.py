@@ -8,7 +8,7 @@ from dvtcli.errors import BusUnavailable, NoAnswer, SdoAborted, SdoProtocolError
 from dvtcli.watch.decoder import Decoder, pdo_layouts
 
 if TYPE_CHECKING:
-    from dvtcli.bus.python_can import CanBus
+    from dvtcli.domain.ports import CanopenBus
     from dvtcli.operations.session import Session
 
 #: how long is waited for a first heartbeat where no node is named (s): most are sent once a second or faster
@@ -16,14 +16,10 @@ HEARD_S = 1.2
 _WITHOUT_EDS = "its values have no names, and no sign: -1 reads 65535; --eds FILE, or `eds add FILE`, gives them"
 
 
-def open_wire(session: Session) -> CanBus:
+def open_wire(session: Session) -> CanopenBus:
     """The bus itself, also under --dry-run: only to listen to."""
-    from dvtcli.bus.python_can import CanBus
-
     session.open_network()
-    bus = session.wire
-    assert isinstance(bus, CanBus)  # noqa: S101 - every wire is one; only twins are not
-    return bus
+    return session.wire
 
 
 def live_decoder(session: Session, nodes: tuple[int, ...], dbc: str | None = None) -> Decoder:

@@ -62,12 +62,6 @@ class Network:
     done_before: Callable[[int], list[Plan]] = lambda _node_id: []
     #: node-IDs that were met elsewhere: where these are twins, on the bus itself
     met: Callable[[], Iterable[int]] = tuple
-    #: calls back with (frame, sent) for every frame; returns what ends that
-    tap: Callable[[Callable[[Frame, bool], None]], Callable[[], None]] = lambda _callback: lambda: None
-    #: what was noticed on the SDO channels since the last call
-    disturbances: Callable[[], list[str]] = list
-    #: sets the SDO time-out, in seconds, of what follows
-    set_timeout: Callable[[float], None] = lambda _timeout_s: None
 
     @classmethod
     def opened(
@@ -79,8 +73,6 @@ class Network:
         warn: Callable[[str], None] = lambda _text: None,
     ) -> Network:
         """Open the bus that *options* name; BusUnavailable, UsageError or InputFileError where that fails."""
-        from dvtcli.bus import open_canbus, open_simulation
-
         if options.eds:
             read_dictionary(Path(options.eds))  # a wrong file is said before a bus is touched
         simulated = simulated_nodes(options.sim)
@@ -92,24 +84,16 @@ class Network:
         faults = simulated_faults(options.fault, simulated)
         signals = simulated_signals(options.signal, simulated)
         if simulated:
+            from dvtcli.simulator.network.in_process_bus import simulate
+
             devices = [simulated_device(one) for one in simulated]
-            bus = open_simulation(devices, faults=faults, signals=signals, timeout_s=options.timeout)
+            bus = simulate(devices, faults=faults, signals=signals, timeout_s=options.timeout)
         else:
+            from dvtcli.bus.opening import open_bus
+
             extra = dict(pair.split("=", 1) for pair in options.bus_kwargs)
-            bus = open_canbus(options.interface, options.channel, options.bitrate, extra, timeout_s=options.timeout)
-        return cls(
-            bus,
-            options,
-            cancellation,
-            consent,
-            simulated,
-            say,
-            warn,
-            guarded=not simulated,
-            tap=bus.tap,
-            disturbances=bus.disturbances,
-            set_timeout=bus.set_timeout,
-        )
+            bus = open_bus(options.interface, options.channel, options.bitrate, extra, timeout_s=options.timeout)
+        return cls(bus, options, cancellation, consent, simulated, say, warn, guarded=not simulated)
 
     @property
     def simulated_ids(self) -> tuple[int, ...]:
@@ -254,7 +238,7 @@ def state_folder(options: Options | None) -> Path:
 
 def library_chooser() -> str:
     """Where python-can's own files or environment choose a bus, for people."""
-    from dvtcli.bus import library_settings
+    from dvtcli.bus.opening import library_settings
 
     return library_settings().get("interface", ("", "nobody"))[1]
 

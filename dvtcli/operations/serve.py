@@ -156,11 +156,11 @@ def _hub(where: tuple[str, int] | None, warn: Callable[[str], None]) -> Hub:
 
 
 def _joined(options: Options, hub: Hub) -> JoinedBus:
-    from dvtcli.bus import open_canbus
+    from dvtcli.bus.opening import open_bus
     from dvtcli.simulator.network.joined_bus import JoinedBus
 
     extra = dict(pair.split("=", 1) for pair in options.bus_kwargs)
-    return JoinedBus(open_canbus(options.interface, options.channel, options.bitrate, extra), hub.wake)
+    return JoinedBus(open_bus(options.interface, options.channel, options.bitrate, extra), hub.wake)
 
 
 def _keeper(

@@ -72,6 +72,8 @@ class Session:
         self.frames: LastFrames | None = None
         self._network: Network | None = None
         self._twin: Network | None = None
+        #: whether this is another session's stage: what is noticed on the bus is told there
+        self._on_twins = False
         self._untap: Callable[[], None] | None = None
 
     def read_settings(self, variables: dict[str, Any]) -> None:
@@ -151,7 +153,7 @@ class Session:
         options = self.options
         self.output.configure(options.format, options.color, options.verbose, quiet=options.quiet, plain=options.ascii)
         if self._network is not None:
-            self._network.set_timeout(options.timeout)
+            self._network.bus.set_timeout(options.timeout)
         self._watch()
 
     def _watch(self) -> None:
@@ -163,7 +165,7 @@ class Session:
             self._untap = None
         else:
             secret, traffic = self.secrets.in_frame, self.output.traffic
-            self._untap = self._network.tap(lambda frame, sent: traffic(frame, sent=sent, secret=secret(frame)))
+            self._untap = self._network.bus.tap(lambda frame, sent: traffic(frame, sent=sent, secret=secret(frame)))
 
     @property
     def in_script(self) -> bool:
@@ -229,10 +231,11 @@ class Session:
         stage = Session(Output(io.StringIO(), io.StringIO()))
         quiet = self.base._replace(dry_run=True, force=True, verbose=0, quiet=True, format="text")
         stage.base = stage.options = quiet
+        stage._on_twins = True
         stage.cancellation, stage.selected, stage.started = self.cancellation, self.selected, True
         stage._network = replace(
             network, options=quiet, nodes={}, order=[], done_before=lambda _node_id: [], guarded=False,
-            met=lambda: list(network.nodes), disturbances=list, say=lambda _text: None, warn=lambda _text: None,
+            met=lambda: list(network.nodes), say=lambda _text: None, warn=lambda _text: None,
         )  # fmt: skip
         return stage
 
@@ -377,7 +380,9 @@ class Session:
 
     def warn_of_disturbances(self) -> None:
         """Say what was noticed on the SDO channels: another client, two nodes with one node-ID."""
-        for text in self._network.disturbances() if self._network is not None else ():
+        if self._network is None or self._on_twins:
+            return
+        for text in self._network.bus.disturbances():
             self.output.warning(text)
 
     def _nodes(self) -> list[Node]:

@@ -22,7 +22,7 @@ from statistics import median, pstdev
 import can
 import canopen
 
-from dvtcli.bus import open_canbus
+from dvtcli.bus.opening import open_bus
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -99,7 +99,7 @@ def per_second(upload: Callable[[int, int], bytes], seconds: float) -> float:
 
 def round_trips(server: Sim, seconds: float) -> Iterator[tuple[str, float]]:
     """Uploads a second by dvtcli's client and by canopen's."""
-    bus = open_canbus("socketcand", "can0", None, {"host": "127.0.0.1", "port": server.port}, timeout_s=5)
+    bus = open_bus("socketcand", "can0", None, {"host": "127.0.0.1", "port": server.port}, timeout_s=5)
     yield "dvtcli's client", per_second(bus.sdo(1).upload, seconds)
     bus.close()
     network = canopen.Network(bus=server.bus())
@@ -128,7 +128,7 @@ def to_many(server: Sim, clients: int, count: int) -> tuple[float, int]:
 
 def configure(server: Sim, nodes: int) -> None:
     """Let nodes 1..*nodes* send 4 TPDOs on every SYNC and a heartbeat every 100 ms; start them."""
-    bus = open_canbus("socketcand", "can0", None, {"host": "127.0.0.1", "port": server.port}, timeout_s=5)
+    bus = open_bus("socketcand", "can0", None, {"host": "127.0.0.1", "port": server.port}, timeout_s=5)
     for node in range(1, nodes + 1):
         sdo = bus.sdo(node)
         sdo.download(0x1017, 0, (100).to_bytes(2, "little"))

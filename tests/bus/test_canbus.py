@@ -10,9 +10,9 @@ from queue import SimpleQueue
 import can
 import pytest
 
-from dvtcli.bus.node_events import BootUp, Emergency, NodeEvent, StateChange
 from dvtcli.bus.python_can import CanBus
 from dvtcli.domain.nmt import NmtCommand, NmtState
+from dvtcli.domain.node_events import BootUp, Emergency, NodeEvent, StateChange
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import BusUnavailable, DvtcliError, NoAnswer, UsageError
 from tests.bus.scripted import NODE, Server, Steps, frame, message, well_behaved

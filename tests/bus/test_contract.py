@@ -8,12 +8,13 @@ from collections.abc import Iterator
 import can
 import pytest
 
-from dvtcli.bus import open_simulation
 from dvtcli.bus.python_can import CanBus
 from dvtcli.domain.nmt import NmtCommand, NmtState
+from dvtcli.domain.node_events import BootUp, NodeEvent
 from dvtcli.domain.ports import CanopenBus, Frame
 from dvtcli.errors import NoAnswer, SdoAborted
 from dvtcli.simulator.device.strict_device import StrictDevice
+from dvtcli.simulator.network.in_process_bus import simulate
 from dvtcli.simulator.network.simulated_network import SimulatedNetwork
 from dvtcli.simulator.network.twin import TwinBus
 from dvtcli.simulator.network.virtual_time import VirtualTimeBus
@@ -120,6 +121,55 @@ class Contract:
         bus.sleep(0.1)
         assert bus.boot_ups(1) == seen + 1
 
+    def test_nothing_of_the_contract_is_missing(self, bus: CanopenBus) -> None:
+        promised = {name for name in vars(CanopenBus) if not name.startswith("_")}
+        assert promised == {name for name in promised if hasattr(bus, name)}
+
+    def test_who_taps_sees_each_frame_until_it_ends(self, bus: CanopenBus) -> None:
+        seen: list[tuple[int, bool]] = []
+        stop = bus.tap(lambda frame, sent: seen.append((frame.can_id, sent)))
+        bus.sdo(1).upload(0x1000, 0)
+        before = bus.boot_ups(1)
+        bus.send(SYNC)
+        bus.send_nmt(NmtCommand.RESET_NODE, 1)
+        assert bus.wait_boot_up(1, before, 1)
+        assert (0x080, True) in seen
+        assert (0x701, False) in seen
+        stop()
+        seen.clear()
+        bus.send(SYNC)
+        assert seen == []
+
+    def test_boot_ups_are_told_as_they_come(self, bus: CanopenBus) -> None:
+        told: list[NodeEvent] = []
+        bus.heard_nodes()
+        stop = bus.on_event(told.append)
+        for _ in range(2):
+            before = bus.boot_ups(2)
+            bus.send_nmt(NmtCommand.RESET_NODE, 2)
+            assert bus.wait_boot_up(2, before, 1)
+            stop()
+            stop = bus.on_event(lambda _event: None)
+        assert [event.node_id for event in told if isinstance(event, BootUp)] == [2]
+
+    def test_who_was_reset_is_heard(self, bus: CanopenBus) -> None:
+        before = bus.boot_ups(2)
+        bus.send_nmt(NmtCommand.RESET_NODE, 2)
+        assert bus.wait_boot_up(2, before, 1)
+        assert bus.heard_nodes()[2] is NmtState.PRE_OPERATIONAL
+        assert 9 not in bus.heard_nodes()
+
+    def test_the_time_out_holds_from_now_on(self, bus: CanopenBus) -> None:
+        bus.set_timeout(0.03)
+        with pytest.raises(NoAnswer) as caught:
+            bus.sdo(9).upload(0x1000, 0)
+        assert "within 0.03 s" in caught.value.text
+
+    def test_a_quiet_bus_has_nothing_to_complain_about(self, bus: CanopenBus) -> None:
+        bus.sdo(1).upload(0x1000, 0)
+        bus.idle(0.01)
+        assert (bus.disturbances(), bus.error_frame_count(), bus.emergency(1), bus.bitrate) == ([], 0, None, None)
+
     def test_close_is_prompt_and_may_be_repeated(self, bus: CanopenBus) -> None:
         bus.sdo(1).upload(0x1000, 0)
         started = time.monotonic()
@@ -145,7 +195,7 @@ class TestCanBus(Contract):
 class TestSimulation(Contract):
     @pytest.fixture
     def bus(self) -> Iterator[CanopenBus]:
-        bus = open_simulation([device(1), device(2)], timeout_s=0.2, retries=0)
+        bus = simulate([device(1), device(2)], timeout_s=0.2, retries=0)
         yield bus
         bus.close()
 
@@ -154,12 +204,12 @@ class TestSimulation(Contract):
         assert (bus.boot_ups(1), bus.boot_ups(2), bus.boot_ups(3)) == (1, 1, 0)
 
     def test_simulations_do_not_meet(self, bus: CanopenBus) -> None:
-        other = open_simulation([device(3)])
+        other = simulate([device(3)])
         assert bus.boot_ups(3) == 0
         other.close()
 
     def test_closing_takes_less_than_50_ms_on_average(self) -> None:
-        buses = [open_simulation([device(1)]) for _ in range(5)]
+        buses = [simulate([device(1)]) for _ in range(5)]
         started = time.monotonic()
         for bus in buses:
             bus.close()
@@ -177,7 +227,7 @@ class TestVirtualTime(Contract):
 class TestTwin(Contract):
     @pytest.fixture
     def bus(self) -> Iterator[CanopenBus]:
-        real = open_simulation([device(1), device(2)], timeout_s=0.2, retries=0)
+        real = simulate([device(1), device(2)], timeout_s=0.2, retries=0)
         bus = TwinBus(
             real,
             lambda node_id, backing: StrictDevice(

@@ -8,8 +8,8 @@ from pathlib import Path
 import can
 import pytest
 
-from dvtcli.bus import open_canbus
 from dvtcli.bus.discover import Found, adapters, bit_rates_of, find_interfaces, links, serial_ports
+from dvtcli.bus.opening import open_bus
 
 _NUMBERS = count(1)
 
@@ -90,7 +90,7 @@ def test_serial_ports_that_may_not_be_opened_say_so(tmp_path: Path) -> None:
 )
 def test_error_frames_are_explained_once(error_class: int, data: bytes, times: int, text: str) -> None:
     channel = f"error-frames-{next(_NUMBERS)}"
-    bus = open_canbus("virtual", channel)
+    bus = open_bus("virtual", channel)
     other = can.Bus(channel, interface="virtual", ignore_config=True)
     try:
         for _ in range(times):
@@ -106,7 +106,7 @@ def test_error_frames_are_explained_once(error_class: int, data: bytes, times: i
 
 def test_a_single_error_frame_is_no_news() -> None:
     channel = f"error-frames-{next(_NUMBERS)}"
-    bus = open_canbus("virtual", channel)
+    bus = open_bus("virtual", channel)
     other = can.Bus(channel, interface="virtual", ignore_config=True)
     try:
         other.send(can.Message(arbitration_id=0x008, data=b"\x00\x00\x04", is_error_frame=True))

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 from can.interfaces import BACKENDS
 
-from dvtcli.bus import open_canbus
+from dvtcli.bus.opening import open_bus
 from dvtcli.domain.ports import CanopenBus
 from dvtcli.errors import BusUnavailable, NoAnswer
 
@@ -64,7 +64,7 @@ def socketcand() -> Iterator[tuple[int, list[socket.socket]]]:
 
 
 def test_opening_a_virtual_bus() -> None:
-    bus = open_canbus("virtual", "opening", 500_000, timeout_s=0.2, retries=0)
+    bus = open_bus("virtual", "opening", 500_000, timeout_s=0.2, retries=0)
     assert bus.name == "virtual:opening"
     assert not bus.simulated
     assert (bus.settings.timeout_s, bus.settings.retries) == (0.2, 0)
@@ -75,34 +75,34 @@ def test_unset_keys_come_from_python_cans_configuration(
     no_configuration: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     no_configuration.write_text("[default]\ninterface = virtual\nchannel = from-file\nreceive_own_messages = True\n")
-    bus = open_canbus()
+    bus = open_bus()
     assert bus.name == "virtual:from-file"
     bus.close()
     monkeypatch.setenv("CAN_CHANNEL", "from-environment")
-    bus = open_canbus()
+    bus = open_bus()
     assert bus.name == "virtual:from-environment"
     bus.close()
-    bus = open_canbus(channel="given")
+    bus = open_bus(channel="given")
     assert bus.name == "virtual:given"
     bus.close()
 
 
 def test_a_file_for_another_interface_adds_nothing(no_configuration: Path) -> None:
     no_configuration.write_text("[default]\ninterface = socketcand\nchannel = can0\nhost = 127.0.0.1\nport = 1\n")
-    bus = open_canbus("virtual", "mine")
+    bus = open_bus("virtual", "mine")
     assert bus.name == "virtual:mine"
     bus.close()
 
 
 def test_nothing_configured() -> None:
     with pytest.raises(BusUnavailable, match="no CAN interface is configured") as caught:
-        open_canbus()
+        open_bus()
     assert "--sim" in str(caught.value.hint)
 
 
 def test_an_interface_that_does_not_exist() -> None:
     with pytest.raises(BusUnavailable) as caught:
-        open_canbus("socketcnd", "can0")
+        open_bus("socketcnd", "can0")
     assert "socketcand" in str(caught.value.hint)
 
 
@@ -110,7 +110,7 @@ def test_an_interface_that_does_not_exist() -> None:
 @pytest.mark.parametrize("channel", [None, "no-such-channel"])
 def test_every_interface_fails_in_words(interface: str, channel: str | None) -> None:
     with pytest.raises(BusUnavailable) as caught:
-        open_canbus(interface, channel)
+        open_bus(interface, channel)
     error = caught.value
     assert interface in error.text
     assert channel is None or channel in error.text
@@ -121,7 +121,7 @@ def test_every_interface_fails_in_words(interface: str, channel: str | None) -> 
 
 def test_unknown_settings() -> None:
     with pytest.raises(BusUnavailable) as caught:
-        open_canbus("socketcand", "can0", None, {"host": "127.0.0.1"})
+        open_bus("socketcand", "can0", None, {"host": "127.0.0.1"})
     assert "port" in str(caught.value.hint)
 
 
@@ -130,7 +130,7 @@ def test_nothing_listens_and_that_is_said_at_once() -> None:
         port = taken.getsockname()[1]
     started = time.monotonic()
     with pytest.raises(BusUnavailable) as caught:
-        open_canbus("socketcand", "can0", None, {"host": "127.0.0.1", "port": str(port)})
+        open_bus("socketcand", "can0", None, {"host": "127.0.0.1", "port": str(port)})
     assert time.monotonic() - started < 2
     assert f"127.0.0.1:{port}" in caught.value.text
     assert "nothing listens" in str(caught.value.hint)
@@ -144,7 +144,7 @@ def read_until_it_fails(bus: CanopenBus) -> None:
 
 def test_a_server_that_goes_away_in_use(socketcand: tuple[int, list[socket.socket]]) -> None:
     port, connections = socketcand
-    bus = open_canbus("socketcand", "can0", None, {"host": "127.0.0.1", "port": port}, timeout_s=0.02, retries=0)
+    bus = open_bus("socketcand", "can0", None, {"host": "127.0.0.1", "port": port}, timeout_s=0.02, retries=0)
     assert bus.name == f"socketcand:127.0.0.1:{port}"
     connections[-1].close()
     with pytest.raises(BusUnavailable) as caught:
@@ -156,7 +156,7 @@ def test_a_server_that_goes_away_in_use(socketcand: tuple[int, list[socket.socke
 def test_a_server_that_goes_away_while_nothing_is_sent(socketcand: tuple[int, list[socket.socket]]) -> None:
     """Python-can's driver takes a closed connection for silence: a recording would wait for ever, at full load."""
     port, connections = socketcand
-    bus = open_canbus("socketcand", "can0", None, {"host": "127.0.0.1", "port": port})
+    bus = open_bus("socketcand", "can0", None, {"host": "127.0.0.1", "port": port})
     assert list(bus.receive(0.05)) == []
     connections[-1].close()
     with pytest.raises(BusUnavailable) as caught:
@@ -166,7 +166,7 @@ def test_a_server_that_goes_away_while_nothing_is_sent(socketcand: tuple[int, li
     bus.close()
 
 
-@pytest.mark.parametrize("module", ["dvtcli.bus", "dvtcli.simulator.network.twin"])
+@pytest.mark.parametrize("module", ["dvtcli.operations.open_network", "dvtcli.simulator.network.twin"])
 def test_nothing_heavy_is_imported_before_a_bus_is_opened(module: str) -> None:
     code = f"import sys, {module}; print(*sorted({{'can', 'canopen', 'asyncio'}} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -121,7 +121,7 @@ def test_one_gate_encloses_the_whole_script(nested: bool, tmp_path: Path) -> Non
                 sent.append(frame.data)
 
         assert bench.session._network is not None
-        bench.session._network.tap(heard)
+        bench.session._network.bus.tap(heard)
         lines = [f"run {inner}"] if nested else []
         ran = bench.script("map tpdo1 606C --yes", *lines, "map tpdo3 6041 --cob-id auto --yes", "pdo -q")
         assert ran.code == 0, ran.stderr

@@ -57,7 +57,7 @@ def watch_writes(bench: Bench) -> list[bytes]:
             seen.append(frame.data)
 
     assert bench.session._network is not None
-    bench.session._network.tap(heard)
+    bench.session._network.bus.tap(heard)
     return seen
 
 

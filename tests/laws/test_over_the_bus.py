@@ -6,12 +6,12 @@ import pytest
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
-from dvtcli.bus import open_simulation
 from dvtcli.device.change.transaction import Transaction
 from dvtcli.device.read_pdos import present_pdos, read_pdo
 from dvtcli.domain.plan import Plan, plan_pdo
 from dvtcli.domain.rules import check_pdo, errors_in
 from dvtcli.errors import DeviceRefused
+from dvtcli.simulator.network.in_process_bus import simulate
 from tests.laws.bench import FAMILIES, NODE, FaultySdo, booted, dictionary, profile, proposal, refuse
 from tests.laws.configurations import legal
 
@@ -20,7 +20,7 @@ from tests.laws.configurations import legal
 @settings(max_examples=8, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(data=st.data())
 def test_planned_or_as_it_was(family: str, data: st.DataObject) -> None:
-    bus = open_simulation([booted(family)])
+    bus = simulate([booted(family)])
     try:
         sdo = bus.sdo(NODE)
         pdo = data.draw(st.sampled_from(present_pdos(sdo, dictionary(family))))

@@ -12,6 +12,10 @@ from dvtcli.bus.receiver import Wake
 REQUEST_ID = 0x600
 ANSWER_ID = 0x580
 
+#: how long an SDO answer is waited for (s), and how often a read's first request is repeated after it
+DEFAULT_TIMEOUT_S = 0.5
+DEFAULT_RETRIES = 1
+
 Inbox = SimpleQueue[bytes | Wake]
 
 

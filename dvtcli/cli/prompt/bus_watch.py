@@ -10,14 +10,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from time import monotonic, strftime
 
-from dvtcli.bus.node_events import HEARTBEAT, BootUp, Emergency, NodeEvent
-from dvtcli.bus.python_can import CanBus
+from dvtcli.bus.node_watch import HEARTBEAT
 from dvtcli.cli.prompt.events import event_text
 from dvtcli.cli.prompt.load import BusLoad
 from dvtcli.cli.prompt.notices import Notices
 from dvtcli.domain.heard import LastFrames
 from dvtcli.domain.nmt import NmtState
-from dvtcli.domain.ports import Frame
+from dvtcli.domain.node_events import BootUp, Emergency, NodeEvent
+from dvtcli.domain.ports import CanopenBus, Frame
 from dvtcli.errors import BusUnavailable
 
 #: How long the bus is read in one go (s): how late a message is shown, and how long stopping takes.
@@ -35,9 +35,9 @@ class Beat:
 
 
 class Life:
-    """What is heard on *bus*; events become *notices*. *bitrate* (bit/s), where it is known, gives the load."""
+    """What is heard on *bus*; events become *notices*. its bit rate, where it is known, gives the load."""
 
-    def __init__(self, bus: CanBus, notices: Notices, bitrate: int | None = None) -> None:
+    def __init__(self, bus: CanopenBus, notices: Notices) -> None:
         self._bus = bus
         self.notices = notices
         self.states: dict[int, NmtState] = {}
@@ -49,7 +49,7 @@ class Life:
         self._missing: set[int] = set()
         #: the last frame of each CAN-ID, at times of time.monotonic
         self.frames = LastFrames()
-        self._load = None if bitrate is None or bus.simulated else BusLoad(bitrate)
+        self._load = None if bus.bitrate is None or bus.simulated else BusLoad(bus.bitrate)
         self._seen: set[int] = set()
         self._booted: set[int] = set()
         self._stopping = threading.Event()

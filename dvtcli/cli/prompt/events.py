@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dvtcli.bus.node_events import BootUp, Emergency, NodeEvent
 from dvtcli.domain.emergency_codes import emergency_text
 from dvtcli.domain.nmt import NmtState
+from dvtcli.domain.node_events import BootUp, Emergency, NodeEvent
 
 SHORT_STATES = {
     NmtState.INITIALISING: "INIT",

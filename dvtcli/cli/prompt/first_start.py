@@ -34,8 +34,8 @@ def first_start(session: Session) -> None:
     options = session.options
     if options.sim or options.interface or options.channel or not sys.stderr.isatty() or session.output.json:
         return
-    from dvtcli.bus import is_configured
     from dvtcli.bus.discover import find_interfaces
+    from dvtcli.bus.opening import is_configured
 
     if is_configured():
         return

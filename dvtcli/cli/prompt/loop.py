@@ -30,7 +30,6 @@ SILENT = 5
 
 def run_prompt(session: Session) -> int:
     """Open the bus and run lines until the user leaves; the program's exit code. BusUnavailable where none opens."""
-    from dvtcli.bus.python_can import CanBus
     from dvtcli.cli.prompt.bus_watch import Life
     from dvtcli.cli.prompt.first_start import first_start
     from dvtcli.cli.prompt.notices import Notices
@@ -44,9 +43,7 @@ def run_prompt(session: Session) -> int:
     session.aliases = _aliases(session.settings.aliases)
     session.output.pager = lambda text: not session.in_script and paged(text)
     _banner(session)
-    bus = session.wire
-    assert isinstance(bus, CanBus)  # noqa: S101 - every wire is one; only twins are not
-    life = Life(bus, Notices(), bus.bitrate)
+    life = Life(session.wire, Notices())
     session.frames = life.frames
     status = Status(session, life)
     life.start()

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 import can
 from can.interfaces.virtual import VirtualBus
 
-from dvtcli.bus import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S
 from dvtcli.bus.python_can import CanBus
+from dvtcli.bus.sdo.link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S
 from dvtcli.simulator.device.faults import Fault
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.simulated_network import SimulatedNetwork

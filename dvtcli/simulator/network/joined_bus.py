@@ -9,8 +9,7 @@ import threading
 from collections.abc import Callable
 from queue import Empty, SimpleQueue
 
-from dvtcli.bus.python_can import CanBus
-from dvtcli.domain.ports import Frame
+from dvtcli.domain.ports import CanopenBus, Frame
 from dvtcli.errors import BusUnavailable
 
 #: how long the thread listens before it looks whether it should end (s)
@@ -20,7 +19,7 @@ _LISTEN_S = 0.2
 class JoinedBus:
     """*bus* from outside of it; *wake* is called, from another thread, when something was heard or it failed."""
 
-    def __init__(self, bus: CanBus, wake: Callable[[], None]) -> None:
+    def __init__(self, bus: CanopenBus, wake: Callable[[], None]) -> None:
         self._bus = bus
         self._wake = wake
         self._arrived: SimpleQueue[Frame] = SimpleQueue()

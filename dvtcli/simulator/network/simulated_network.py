@@ -1,6 +1,6 @@
 """Simulated nodes on a python-can bus, served by one thread.
 
-The only file of the simulator that imports `can`. Does not own the bus: who opened it shuts it down, after `stop`.
+Does not own the bus: who opened it shuts it down, after `stop`.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import can
 
+from dvtcli.bus.can_message import frame_of, message_of
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.device.faults import Fault
 from dvtcli.simulator.device.strict_device import StrictDevice
@@ -85,7 +86,7 @@ class SimulatedNetwork:
                 message = self.bus.recv(self._wait_s())
                 with self.lock:
                     if message is not None and not message.is_error_frame:
-                        self._said.append((_frame(message), None))
+                        self._said.append((frame_of(message), None))
                     self._settle()
                     self._poll()
                     self._fail_once()
@@ -124,21 +125,5 @@ class SimulatedNetwork:
         for frame in frames:
             if len(self._said) >= _MOST_WAITING:
                 return
-            self.bus.send(_message(frame))
+            self.bus.send(message_of(frame))
             self._said.append((frame, node))
-
-
-def _frame(message: can.Message) -> Frame:
-    return Frame(
-        message.arbitration_id,
-        bytes(message.data),
-        extended=message.is_extended_id,
-        remote=message.is_remote_frame,
-        timestamp_s=message.timestamp,
-    )
-
-
-def _message(frame: Frame) -> can.Message:
-    return can.Message(
-        arbitration_id=frame.can_id, data=frame.data, is_extended_id=frame.extended, is_remote_frame=frame.remote
-    )

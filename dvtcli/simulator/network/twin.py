@@ -12,6 +12,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.nmt import NmtCommand, NmtState
+from dvtcli.domain.node_events import BootUp, Emergency, NodeEvent
 from dvtcli.domain.ports import CanopenBus, Frame
 from dvtcli.errors import NoAnswer, SdoAborted, UsageError
 from dvtcli.simulator.device.refusal import Refusal
@@ -23,6 +24,7 @@ Backing = Callable[[int, int], bytes]
 DeviceFor = Callable[[int, Backing], "StrictDevice"]
 
 _NMT_CAN_ID, _HEARTBEAT = 0x000, 0x700
+_BOOT_UP = b"\0"
 
 
 class TwinBus:
@@ -38,6 +40,8 @@ class TwinBus:
         self._twins: dict[int, Twin] = {}
         self._to_all: list[NmtCommand] = []
         self._frames: deque[Frame] = deque(maxlen=4096)
+        self._taps: list[Callable[[Frame, bool], None]] = []
+        self._listeners: list[Callable[[NodeEvent], None]] = []
         self._lock = threading.RLock()
 
     @property
@@ -55,6 +59,11 @@ class TwinBus:
         """Twins hear every frame."""
         return True
 
+    @property
+    def bitrate(self) -> int | None:
+        """The wrapped bus's."""
+        return self._wrapped.bitrate
+
     def sdo(self, node_id: int) -> Twin:
         """The dictionary of *node_id*'s twin; the same object for the same node."""
         if not 1 <= node_id <= 127:
@@ -64,16 +73,20 @@ class TwinBus:
                 self._twins[node_id] = Twin(self._wrapped, node_id, self._device_for, tuple(self._to_all))
             return self._twins[node_id]
 
+    def set_timeout(self, timeout_s: float) -> None:
+        """Let every SDO answer of a node that is read take *timeout_s* from now on; twins answer at once."""
+        self._wrapped.set_timeout(timeout_s)
+
     def send_nmt(self, command: NmtCommand, node_id: int) -> None:
         """Command the twin of *node_id*, or with 0 all, also those that are yet to come."""
         if node_id:
-            self._frames.extend(self.sdo(node_id).command(command))
+            self._hear(self.sdo(node_id).command(command))
             return
         with self._lock:
             self._to_all.append(command)
             twins = list(self._twins.values())
         for twin in twins:
-            self._frames.extend(twin.command(command))
+            self._hear(twin.command(command))
 
     def nmt_state(self, node_id: int, timeout_s: float = 0.0) -> NmtState | None:
         """The twin's state where the twin was commanded, else what is heard of the node itself."""
@@ -98,14 +111,54 @@ class TwinBus:
             return True
         return self._wrapped.wait_boot_up(node_id, seen - self._twin_boot_ups(node_id), timeout_s)
 
+    def heard_nodes(self) -> dict[int, NmtState]:
+        """What is heard of the nodes, and the states of the twins that were commanded."""
+        commanded = {node_id: twin.state for node_id in list(self._twins) if (twin := self._commanded(node_id))}
+        return self._wrapped.heard_nodes() | commanded
+
+    def emergency(self, node_id: int) -> Emergency | None:
+        """The last emergency message of the node; a twin's are only frames."""
+        return self._wrapped.emergency(node_id)
+
+    def on_event(self, callback: Callable[[NodeEvent], None]) -> Callable[[], None]:
+        """Call *callback* for what the nodes say, and for boot-ups of their twins; returns what ends that."""
+        self._listeners.append(callback)
+        stop = self._wrapped.on_event(callback)
+
+        def end() -> None:
+            self._listeners.remove(callback)
+            stop()
+
+        return end
+
+    def tap(self, callback: Callable[[Frame, bool], None]) -> Callable[[], None]:
+        """Call *callback*(frame, sent) for each frame on the wrapped bus and of the twins; returns what ends that."""
+        self._taps.append(callback)
+        stop = self._wrapped.tap(callback)
+
+        def end() -> None:
+            self._taps.remove(callback)
+            stop()
+
+        return end
+
+    def disturbances(self) -> list[str]:
+        """What was noticed on the wrapped bus since the last call."""
+        return self._wrapped.disturbances()
+
+    def error_frame_count(self) -> int:
+        """How many error frames were received on the wrapped bus so far."""
+        return self._wrapped.error_frame_count()
+
     def send(self, frame: Frame) -> None:
         """Show *frame* (SYNC, a PDO, an NMT command) to the twins only; what they answer is received next."""
         if frame.can_id == _NMT_CAN_ID and not frame.extended:
             if len(frame.data) == 2 and frame.data[0] in list(NmtCommand):
                 self.send_nmt(NmtCommand(frame.data[0]), frame.data[1])
             return
+        self._tell(frame, sent=True)
         for twin in list(self._twins.values()):
-            self._frames.extend(twin.hear(frame))
+            self._hear(twin.hear(frame))
 
     def receive(self, duration_s: float) -> Iterator[Frame]:
         """Yield the frames that twins have sent; without any, the end comes after *duration_s*."""
@@ -122,12 +175,29 @@ class TwinBus:
         """Wait *duration_s* of the wrapped bus's time."""
         self._wrapped.sleep(duration_s)
 
+    def idle(self, duration_s: float) -> None:
+        """Read the wrapped bus for *duration_s*."""
+        self._wrapped.idle(duration_s)
+
     def close(self) -> None:
         """Forget the twins; the wrapped bus stays open for whoever opened it."""
         with self._lock:
             self._twins.clear()
             self._to_all.clear()
             self._frames.clear()
+
+    def _hear(self, frames: list[Frame]) -> None:
+        """Take what twins said: to be received, and for those who watch."""
+        self._frames.extend(frames)
+        for frame in frames:
+            self._tell(frame, sent=False)
+            if frame.can_id & ~0x7F == _HEARTBEAT and frame.data == _BOOT_UP:
+                for listener in tuple(self._listeners):
+                    listener(BootUp(frame.can_id & 0x7F, frame.timestamp_s))
+
+    def _tell(self, frame: Frame, *, sent: bool) -> None:
+        for tap in tuple(self._taps):
+            tap(frame, sent)
 
     def _twin_boot_ups(self, node_id: int) -> int:
         twin = self._commanded(node_id)
@@ -239,7 +309,7 @@ class Twin:
             return self._sent(answers + device.take_outbox())
 
     def _sent(self, frames: list[Frame]) -> list[Frame]:
-        self.boot_ups += frames.count(Frame(_HEARTBEAT + self._node_id, b"\0"))
+        self.boot_ups += frames.count(Frame(_HEARTBEAT + self._node_id, _BOOT_UP))
         return frames
 
     def _answering(self, index: int, sub_index: int) -> StrictDevice:

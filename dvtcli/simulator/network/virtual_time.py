@@ -9,19 +9,19 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from heapq import heappop, heappush
+from queue import SimpleQueue
 from typing import TYPE_CHECKING
-from weakref import ref
 
-from dvtcli.bus import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S
-from dvtcli.bus.node_events import EMERGENCY, HEARTBEAT, NodeEvent, NodeWatch
+from dvtcli.bus.node_watch import EMERGENCY, HEARTBEAT
 from dvtcli.bus.receiver import Wake, bus_closed
 from dvtcli.bus.sdo.channel import SdoChannel
-from dvtcli.bus.sdo.client import StrictSdoClient
-from dvtcli.bus.sdo.link import ANSWER_ID, REQUEST_ID, Inbox, SdoSettings
-from dvtcli.bus.traffic import ANSWERS_KEPT_S, Tap
-from dvtcli.domain.nmt import NmtCommand, NmtState
+from dvtcli.bus.sdo.channels import SdoChannels
+from dvtcli.bus.sdo.link import ANSWER_ID, DEFAULT_RETRIES, DEFAULT_TIMEOUT_S, REQUEST_ID, DroppedAnswers, Inbox
+from dvtcli.bus.traffic import Tap, Traffic
+from dvtcli.bus.watched_bus import WatchedBus
+from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.ports import Frame
-from dvtcli.errors import BusUnavailable, UsageError
+from dvtcli.errors import BusUnavailable
 from dvtcli.simulator.device.faults import Fault
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.station import SimulatedNode, stations
@@ -35,7 +35,7 @@ _UPLOAD = b"\x40"
 _NEVER = float("inf")
 
 
-class VirtualTimeBus:
+class VirtualTimeBus(WatchedBus):
     """A CanopenBus of *devices*, which boot now, with *faults* and *signals*; its clock starts at 0 s."""
 
     def __init__(
@@ -47,21 +47,14 @@ class VirtualTimeBus:
         timeout_s: float = DEFAULT_TIMEOUT_S,
         retries: int = DEFAULT_RETRIES,
     ) -> None:
-        self.name = "virtual time"
-        self.simulated = self.carries_remote_frames = True
-        self.settings = SdoSettings(timeout_s, retries)
+        super().__init__("virtual time", simulated=True, timeout_s=timeout_s, retries=retries)
         self.nodes = stations(devices, faults, signals)
         self._now_s = 0.0
         #: frames on their way to us: (time, order, frame)
         self._coming: list[tuple[float, int, Frame]] = []
         self._sent_by_nodes = 0
-        self._clients: dict[int, StrictSdoClient] = {}
-        self._channels: dict[int, SdoChannel] = {}
-        self._watch = NodeWatch()
-        self._taps: list[Tap] = []
-        self._listeners: list[ref[deque[Frame]]] = []
-        self._kept: deque[Frame] = deque(maxlen=4096)
-        self._kept_until_s = 0.0
+        self._channels = SdoChannels(self, self.settings)
+        self._traffic: Traffic[Frame] = Traffic(lambda frame: frame, self.now_s)
         self._closed = False
         for node in self.nodes:
             if node.device.state is NmtState.INITIALISING:
@@ -80,74 +73,28 @@ class VirtualTimeBus:
         while self._step(until_s):
             pass
 
-    def sdo(self, node_id: int) -> SdoChannel:
-        """The default SDO channel of *node_id* (1..127); the same object for the same node."""
-        if node_id not in self._channels:
-            if not 1 <= node_id <= 127:
-                raise UsageError(f"node-ID {node_id} is outside 1..127")
-            client = self._clients[node_id] = StrictSdoClient(node_id, self, self.settings)
-            self._channels[node_id] = SdoChannel(client)
-        return self._channels[node_id]
-
-    def send_nmt(self, command: NmtCommand, node_id: int) -> None:
-        """Send an NMT command to *node_id*, or to all nodes with 0; what was heard of their states is forgotten."""
-        if not 0 <= node_id <= 127:
-            raise UsageError(f"node-ID {node_id} is outside 0..127")
-        self.drain()
-        self._watch.forget_state(node_id)
-        self.send(Frame(0x000, bytes([command, node_id])))
-
-    def nmt_state(self, node_id: int, timeout_s: float = 0.0) -> NmtState | None:
-        """The state last heard of *node_id* since its last NMT command; waits up to *timeout_s* for a *new* one."""
-        self.drain()
-        signs = self._watch.signs_of_life
-        seen = signs.get(node_id, 0)
-        if timeout_s > 0:
-            self._wait_for(lambda: signs.get(node_id, 0) > seen, timeout_s)
-        return self._watch.states.get(node_id)
-
-    def boot_ups(self, node_id: int) -> int:
-        """How many boot-up messages of *node_id* were seen so far."""
-        self.drain()
-        return self._watch.boot_ups.get(node_id, 0)
-
-    def upsets(self, node_id: int) -> int:
-        """A number that grows with each boot-up of *node_id*, and with each upload that had to be asked again."""
-        client = self._clients.get(node_id)
-        return self.boot_ups(node_id) + (0 if client is None else client.repeated)
-
-    def downloads_of_others(self, node_id: int) -> int:
-        """None: only this client is on the bus."""
-        return self._watch.downloads_of_others.get(node_id, 0)
-
-    def wait_boot_up(self, node_id: int, seen: int, timeout_s: float) -> bool:
-        """Wait until more than *seen* boot-ups of *node_id* were received; False after *timeout_s*."""
-        return self._wait_for(lambda: self._watch.boot_ups.get(node_id, 0) > seen, timeout_s)
-
-    def on_event(self, callback: Callable[[NodeEvent], None]) -> Callable[[], None]:
-        """Call *callback* for each boot-up, state change and emergency; returns what ends that."""
-        self._watch.listeners.append(callback)
-        return lambda: self._watch.listeners.remove(callback)
+    @property
+    def carries_remote_frames(self) -> bool:
+        """Simulated nodes hear every frame."""
+        return True
 
     def tap(self, callback: Tap) -> Callable[[], None]:
         """Call *callback*(frame, sent) for each frame received or sent here; returns what ends that."""
-        self._taps.append(callback)
-        return lambda: self._taps.remove(callback)
+        return self._traffic.tap(callback)
 
     def send(self, frame: Frame) -> None:
         """Send one frame; frames that answer it are kept for a `receive` within the next second."""
-        self._kept.clear()
-        self._kept_until_s = self._now_s + ANSWERS_KEPT_S
+        self._traffic.keep_answers()
         self._send(frame)
 
     def receive(self, duration_s: float) -> Iterator[Frame]:
         """Yield every frame that arrives within *duration_s* of this call, and those since the last `send`."""
         self._use()
-        heard = deque(self._kept)
-        self._kept.clear()
-        self._kept_until_s = 0.0
-        self._listeners.append(ref(heard, self._listeners.remove))
-        return self._frames(heard, self._now_s + duration_s)
+        return self._frames(self._traffic.listen(), self._now_s + duration_s)
+
+    def idle(self, duration_s: float) -> None:
+        """Let *duration_s* of virtual time pass, as `sleep` does."""
+        self.sleep(duration_s)
 
     def close(self) -> None:
         """Leave the bus; whoever uses it afterwards gets BusUnavailable."""
@@ -179,7 +126,7 @@ class VirtualTimeBus:
 
     def _send(self, frame: Frame) -> None:
         self._use()
-        self._tell_taps(frame, sent=True)
+        self._traffic.sent(frame)
         self._deliver(frame, sender=None)
 
     def _deliver(self, frame: Frame, sender: SimulatedNode | None) -> None:
@@ -227,33 +174,34 @@ class VirtualTimeBus:
         return True
 
     def _hear(self, frame: Frame) -> None:
-        self._tell_taps(frame, sent=False)
-        if self._now_s < self._kept_until_s:
-            self._kept.append(frame)
-        for listener in tuple(self._listeners):
-            heard = listener()
-            if heard is not None:
-                heard.append(frame)
+        self._traffic.received(frame)
         function, node_id = frame.can_id & ~0x7F, frame.can_id & 0x7F
         if frame.remote or frame.extended:
             return
-        if function == ANSWER_ID and node_id in self._clients:
-            self._clients[node_id].receive(frame.can_id, frame.data, extended=False)
+        if function == ANSWER_ID:
+            self._channels.receive(node_id, frame.can_id, frame.data, extended=False)
         elif function == HEARTBEAT:
             self._watch.heartbeat(frame)
         elif function == EMERGENCY:
             self._watch.emergency(frame)
 
-    def _tell_taps(self, frame: Frame, *, sent: bool) -> None:
-        for tap in tuple(self._taps):
-            tap(frame, sent)
+    def _channel(self, node_id: int) -> SdoChannel:
+        return self._channels.channel(node_id)
 
-    def _frames(self, heard: deque[Frame], until_s: float) -> Iterator[Frame]:
+    def _repeated(self, node_id: int) -> int:
+        return self._channels.repeated(node_id)
+
+    def _dropped(self) -> dict[int, DroppedAnswers]:
+        return self._channels.dropped()
+
+    def _frames(self, heard: SimpleQueue[Frame | Wake], until_s: float) -> Iterator[Frame]:
         while True:
-            while heard:
-                yield heard.popleft()
+            while not heard.empty():
+                frame = heard.get_nowait()
+                if isinstance(frame, Frame):  # nobody is woken here: one thread, and no leader among waiting ones
+                    yield frame
             self._use()
-            if not self._step(until_s) and not heard:
+            if not self._step(until_s) and heard.empty():
                 return
 
     def _wait_for(self, condition: Callable[[], bool], timeout_s: float) -> bool:

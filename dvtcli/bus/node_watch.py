@@ -1,11 +1,11 @@
-"""What nodes say about themselves: boot-ups, heartbeats, emergencies. Does not know how frames arrive."""
+"""What nodes said about themselves: boot-ups, heartbeats, emergencies. Does not know how frames arrive."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from dvtcli.domain.nmt import NmtState
+from dvtcli.domain.node_events import BootUp, Emergency, NodeEvent, StateChange
 from dvtcli.domain.ports import Frame
 
 HEARTBEAT = 0x700
@@ -14,38 +14,6 @@ TWICE_S = 1.0
 EMERGENCY = 0x080
 #: command specifiers that begin an SDO download: of 7 bytes at a time, of blocks
 _DOWNLOADS = (1, 6)
-
-
-@dataclass(frozen=True, slots=True)
-class BootUp:
-    """A node said that it has started (CiA 301, 7.2.8.3.3)."""
-
-    node_id: int
-    timestamp_s: float = 0.0
-
-
-@dataclass(frozen=True, slots=True)
-class StateChange:
-    """A node's heartbeat carries another state than before; *before* is None where none was known."""
-
-    node_id: int
-    before: NmtState | None
-    after: NmtState
-    timestamp_s: float = 0.0
-
-
-@dataclass(frozen=True, slots=True)
-class Emergency:
-    """An emergency message: *code* (CiA 301, table 26), *register* (0x1001) and the maker's five bytes."""
-
-    node_id: int
-    code: int
-    register: int
-    manufacturer: bytes
-    timestamp_s: float = 0.0
-
-
-NodeEvent = BootUp | StateChange | Emergency
 
 
 class NodeWatch:

@@ -1,0 +1,123 @@
+"""A bus that is read by whichever thread waits for something, message by message, without a thread of its own.
+
+Does not know what a message is (a CAN frame, a line of a gateway): a transport reads, understands and sends them.
+"""
+
+from __future__ import annotations
+
+import threading
+from abc import abstractmethod
+from collections.abc import Callable, Iterator
+from queue import SimpleQueue
+from time import monotonic
+from typing import Generic, TypeVar
+from weakref import WeakSet
+
+from dvtcli.bus.receiver import Receiver, Wake
+from dvtcli.bus.sdo.link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S
+from dvtcli.bus.traffic import Tap, Traffic
+from dvtcli.bus.watched_bus import WatchedBus
+from dvtcli.domain.ports import Frame
+
+M = TypeVar("M")
+T = TypeVar("T")
+
+
+class ReadBus(WatchedBus, Generic[M]):
+    """A `WatchedBus` whose messages are read one at a time; *frame_of* makes a frame of one, for those who watch."""
+
+    def __init__(
+        self,
+        name: str,
+        frame_of: Callable[[M], Frame],
+        *,
+        simulated: bool = False,
+        timeout_s: float = DEFAULT_TIMEOUT_S,
+        retries: int = DEFAULT_RETRIES,
+        bitrate: int | None = None,
+    ) -> None:
+        super().__init__(name, simulated=simulated, timeout_s=timeout_s, retries=retries, bitrate=bitrate)
+        self._receiver: Receiver[M] = Receiver(self._read, self._deliver)
+        self._traffic: Traffic[M] = Traffic(frame_of, self.now_s)
+        self._life_waiters: WeakSet[SimpleQueue[bool | Wake]] = WeakSet()
+        self._close_lock = threading.Lock()
+        self._closed = False
+
+    def tap(self, callback: Tap) -> Callable[[], None]:
+        """Call *callback*(frame, sent) for each frame received or sent here; returns what ends that. As `on_event`."""
+        return self._traffic.tap(callback)
+
+    def receive(self, duration_s: float) -> Iterator[Frame]:
+        """Yield every frame that arrives within *duration_s* of this call, and those since the last `send`."""
+        self._receiver.drain()
+        inbox = self._traffic.listen()
+        return self._frames(inbox, monotonic() + duration_s)
+
+    def idle(self, duration_s: float) -> None:
+        """Read the bus for *duration_s* on behalf of the callbacks, as a background thread does in a loop.
+
+        Gives way to any thread that waits for something. Raises BusUnavailable if the bus fails or was closed.
+        """
+        self._receiver.idle(duration_s)
+
+    def now_s(self) -> float:
+        """The time that deadlines are measured in (time.monotonic)."""
+        return monotonic()
+
+    def sleep(self, duration_s: float) -> None:
+        """Wait *duration_s*, reading the bus meanwhile unless another thread does; raises BusUnavailable."""
+        if duration_s > 0:
+            self._receiver.idle(duration_s)
+
+    def take(self, inbox: SimpleQueue[T | Wake], deadline_s: float) -> T | None:
+        """Wait for what `_deliver` puts into *inbox* until *deadline_s* (as `now_s` tells); None where nothing came."""
+        return self._receiver.take(inbox, deadline_s)
+
+    def drain(self) -> None:
+        """Deliver what has already arrived."""
+        self._receiver.drain()
+
+    def close(self) -> None:
+        """Leave the bus, within some 20 ms; whoever waits for something gets BusUnavailable. May be called twice."""
+        with self._close_lock:
+            if self._closed:
+                return
+            self._closed = True
+        self._receiver.close()
+        self._leave()
+
+    @abstractmethod
+    def _read(self, wait_s: float) -> M | None:
+        """The next message, None where none came within *wait_s*.
+
+        Where the bus failed, it tells the receiver (`fail`) and raises BusUnavailable.
+        """
+
+    @abstractmethod
+    def _deliver(self, message: M) -> None:
+        """Understand *message*: hand it to whom it answers, and to those who watch."""
+
+    @abstractmethod
+    def _leave(self) -> None:
+        """Let go of what carries the bus; called once."""
+
+    def _heartbeat(self, frame: Frame) -> None:
+        """Take a heartbeat or boot-up message, and wake who waits for one."""
+        if self._watch.heartbeat(frame):
+            for waiter in tuple(self._life_waiters):
+                waiter.put(True)
+
+    def _frames(self, inbox: SimpleQueue[Frame | Wake], deadline_s: float) -> Iterator[Frame]:
+        while (frame := self._receiver.take(inbox, deadline_s)) is not None:
+            yield frame
+
+    def _wait_for(self, condition: Callable[[], bool], timeout_s: float) -> bool:
+        """Wait until *condition* holds, which signs of life may bring about."""
+        deadline_s = monotonic() + timeout_s
+        inbox: SimpleQueue[bool | Wake] = SimpleQueue()
+        self._life_waiters.add(inbox)
+        self._receiver.drain()
+        while not condition():
+            if self._receiver.take(inbox, deadline_s) is None:
+                return condition()
+        return True

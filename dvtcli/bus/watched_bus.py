@@ -1,0 +1,182 @@
+"""What every bus does alike, whatever carries it: node-IDs are checked, what nodes say by themselves is remembered.
+
+A transport fills in how a node's dictionary is reached, how frames or commands are sent, and how it is waited. Knows no
+CAN library, no socket and no clock.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
+
+from dvtcli.bus.node_watch import NodeWatch
+from dvtcli.bus.oddities import Oddities
+from dvtcli.bus.sdo.link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S, DroppedAnswers, SdoSettings
+from dvtcli.bus.traffic import Tap
+from dvtcli.domain.nmt import NmtCommand, NmtState
+from dvtcli.domain.node_events import Emergency, NodeEvent
+from dvtcli.domain.ports import Frame, SdoTransport
+from dvtcli.errors import BusUnavailable, UsageError
+
+NMT_CAN_ID = 0x000
+
+
+class WatchedBus(ABC):
+    """The part of a CanopenBus that is the same for all, called *name* on screens.
+
+    *timeout_s* (s) and *retries* (0..) are those of `SdoSettings`; *bitrate* is in bit/s, None where nobody said.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        *,
+        simulated: bool = False,
+        timeout_s: float = DEFAULT_TIMEOUT_S,
+        retries: int = DEFAULT_RETRIES,
+        bitrate: int | None = None,
+    ) -> None:
+        #: how the bus is called on screens, for example `socketcan:can0`
+        self.name = name
+        #: whether nothing leaves this process
+        self.simulated = simulated
+        #: bit/s, None where nobody said
+        self.bitrate = bitrate
+        self.settings = SdoSettings(timeout_s, retries)
+        self._watch = NodeWatch()
+        self._oddities = Oddities(self.now_s)
+
+    def sdo(self, node_id: int) -> SdoTransport:
+        """The default SDO channel of *node_id* (1..127); the same object for the same node."""
+        if not 1 <= node_id <= 127:
+            raise UsageError(f"node-ID {node_id} is outside 1..127")
+        return self._channel(node_id)
+
+    def set_timeout(self, timeout_s: float) -> None:
+        """Let every SDO answer take *timeout_s* from now on."""
+        self.settings.timeout_s = timeout_s
+
+    def send_nmt(self, command: NmtCommand, node_id: int) -> None:
+        """Send an NMT command to *node_id*, or to all nodes with 0; what was heard of their states is forgotten."""
+        if not 0 <= node_id <= 127:
+            raise UsageError(f"node-ID {node_id} is outside 0..127")
+        self.drain()
+        self._watch.forget_state(node_id)
+        self._oddities.commanded(command, node_id, self._watch.boot_ups)
+        self._command(command, node_id)
+
+    def nmt_state(self, node_id: int, timeout_s: float = 0.0) -> NmtState | None:
+        """The state last heard of *node_id* since its last NMT command; waits up to *timeout_s* for a *new* one.
+
+        None: nothing was heard. A node that said boot-up is PRE-OPERATIONAL (CiA 301, 7.2.8.3.3).
+        """
+        self.drain()
+        signs = self._watch.signs_of_life
+        seen = signs.get(node_id, 0)
+        if timeout_s > 0:
+            self._wait_for(lambda: signs.get(node_id, 0) > seen, timeout_s)
+        return self._watch.states.get(node_id)
+
+    def boot_ups(self, node_id: int) -> int:
+        """How many boot-up messages of *node_id* were seen so far."""
+        self.drain()
+        return self._watch.boot_ups.get(node_id, 0)
+
+    def upsets(self, node_id: int) -> int:
+        """A number that grows with each boot-up of *node_id*, and with each upload that had to be asked again."""
+        return self.boot_ups(node_id) + self._repeated(node_id)
+
+    def downloads_of_others(self, node_id: int) -> int:
+        """How many downloads of other SDO clients to *node_id* were seen since its last boot-up."""
+        self.drain()
+        return self._watch.downloads_of_others.get(node_id, 0)
+
+    def wait_boot_up(self, node_id: int, seen: int, timeout_s: float) -> bool:
+        """Wait until more than *seen* boot-ups of *node_id* were received; False after *timeout_s*."""
+        return self._wait_for(lambda: self._watch.boot_ups.get(node_id, 0) > seen, timeout_s)
+
+    def heard_nodes(self) -> dict[int, NmtState]:
+        """Every node whose state is known, from heartbeats and boot-ups."""
+        self.drain()
+        return dict(self._watch.states)
+
+    def emergency(self, node_id: int) -> Emergency | None:
+        """The last emergency message of *node_id*."""
+        self.drain()
+        return self._watch.emergencies.get(node_id)
+
+    def on_event(self, callback: Callable[[NodeEvent], None]) -> Callable[[], None]:
+        """Call *callback* for each boot-up, state change and emergency; returns what ends that.
+
+        It is called by the thread that happens to read the bus: it must be quick and must not use the bus.
+        """
+        self._watch.listeners.append(callback)
+        return lambda: self._watch.listeners.remove(callback)
+
+    def disturbances(self) -> list[str]:
+        """What was noticed since the last call: another SDO client, two nodes with one node-ID."""
+        with suppress(BusUnavailable):  # a dead bus has told whoever used it
+            self.drain()
+        return self._oddities.news(self._dropped(), self._watch.boot_ups, self._watch.double_boot_ups)
+
+    def error_frame_count(self) -> int:
+        """None: no error frame is told apart here."""
+        return 0
+
+    @property
+    @abstractmethod
+    def carries_remote_frames(self) -> bool:
+        """Whether `send` can send a remote frame."""
+
+    @abstractmethod
+    def tap(self, callback: Tap) -> Callable[[], None]:
+        """Call *callback*(frame, sent) for each frame received or sent here; returns what ends that. As `on_event`."""
+
+    @abstractmethod
+    def send(self, frame: Frame) -> None:
+        """Send one frame (SYNC, a PDO)."""
+
+    @abstractmethod
+    def receive(self, duration_s: float) -> Iterator[Frame]:
+        """Yield every frame that arrives within *duration_s*, as it arrives."""
+
+    @abstractmethod
+    def idle(self, duration_s: float) -> None:
+        """Read the bus for *duration_s* on behalf of the callbacks, as a background thread does in a loop."""
+
+    @abstractmethod
+    def now_s(self) -> float:
+        """The bus's own time in seconds: only differences mean something."""
+
+    @abstractmethod
+    def sleep(self, duration_s: float) -> None:
+        """Wait *duration_s* of that time (0 and less: not at all)."""
+
+    @abstractmethod
+    def drain(self) -> None:
+        """Take what has already arrived, without waiting."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Leave the bus; returns promptly and may be called twice."""
+
+    @abstractmethod
+    def _channel(self, node_id: int) -> SdoTransport:
+        """The default SDO channel of *node_id*, which is in 1..127; the same object for the same node."""
+
+    @abstractmethod
+    def _wait_for(self, condition: Callable[[], bool], timeout_s: float) -> bool:
+        """Wait until *condition* holds, which signs of life may bring about; whether it does after *timeout_s*."""
+
+    def _command(self, command: NmtCommand, node_id: int) -> None:
+        """Send an NMT command; as a frame where frames are carried (CiA 301, 7.2.8.3.1)."""
+        self.send(Frame(NMT_CAN_ID, bytes([command, node_id])))
+
+    def _repeated(self, _node_id: int) -> int:
+        """How many uploads of a node had to be asked again so far."""
+        return 0
+
+    def _dropped(self) -> Mapping[int, DroppedAnswers]:
+        """How many answers did not count so far, by node-ID."""
+        return {}
