@@ -1,3 +1,3 @@
 """dvtcli: a PDO configurator for CANopen devices."""
 
-__version__ = "0.1.0"
+from dvtcli.version import __version__ as __version__

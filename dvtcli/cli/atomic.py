@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 
 from dvtcli.cli.command import effect_of
 from dvtcli.cli.effect import Effect
+from dvtcli.cli.global_options import PREFIX
 from dvtcli.device.store_parameters import SIGNATURES
 from dvtcli.errors import UsageError
-from dvtcli.operations.options import PREFIX
 
 if TYPE_CHECKING:
     import click

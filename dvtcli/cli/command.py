@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from dvtcli.operations.options import NEGATIVE_MARK, global_options, one_pair_each, taken
+from dvtcli.cli.global_options import NEGATIVE_MARK, global_options, one_pair_each, taken
 
 if TYPE_CHECKING:
     from dvtcli.cli.effect import Effect
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from dvtcli.operations.session import Session
 
 
+#: Commands that need no bus, and so go on whatever a settings file is like.
+GOES_ON = frozenset({"help", "tour", "doctor", "eds", "profiles", "completion", "exit"})
 #: What `exit` answers, so that whoever reads lines stops; never an exit code of the process.
 LEAVE = -1
 _NEGATIVE = re.compile(r"-(?:\d|0x|\.\d).*", re.IGNORECASE)

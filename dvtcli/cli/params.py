@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.shell_completion import CompletionItem
 
+from dvtcli.cli.global_options import NEGATIVE_MARK
 from dvtcli.domain.datatypes import BY_SHORT_NAME, parse_number
 from dvtcli.domain.object_syntax import (
     MappedObject,
@@ -24,7 +25,6 @@ from dvtcli.domain.object_syntax import (
 )
 from dvtcli.domain.pdo import Pdo
 from dvtcli.operations.named_objects import entry_at, name_hint, object_at
-from dvtcli.operations.options import NEGATIVE_MARK
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node

@@ -14,8 +14,8 @@ import click
 
 from dvtcli.cli.catalogue import command_names, unknown_command
 from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.global_options import by_variable, global_options, one_pair_each, taken
 from dvtcli.cli.ways import Root, ways
-from dvtcli.operations.options import by_variable, global_options, one_pair_each, taken
 
 if TYPE_CHECKING:
     from dvtcli.operations.session import Session
@@ -114,7 +114,7 @@ def _help_width() -> int:
 
 
 def _version() -> str:
-    from dvtcli import __version__
+    from dvtcli.version import __version__
 
     return __version__
 

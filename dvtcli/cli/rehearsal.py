@@ -12,12 +12,12 @@ from dvtcli.cli.atomic import final_word
 from dvtcli.cli.boundary import usage_error
 from dvtcli.cli.command import effect_of
 from dvtcli.cli.effect import Effect
+from dvtcli.cli.global_options import PREFIX
 from dvtcli.cli.run_line import parse
 from dvtcli.cli.script import MOST_BYTES, MOST_NESTED, ScriptLine, script_lines, script_of
 from dvtcli.device.store_parameters import RESTORE
 from dvtcli.device.wish import Wish
 from dvtcli.errors import DvtcliError, UsageError
-from dvtcli.operations.options import PREFIX
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node

@@ -47,7 +47,7 @@ def failed(name: str, error: DvtcliError) -> Check:
 
 
 def _python() -> Check:
-    from dvtcli import __version__
+    from dvtcli.version import __version__
 
     return Check(
         "dvtcli", "ok", f"{__version__} on Python {platform.python_version()}, {platform.platform(terse=True)}"

@@ -2,26 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
-
-import click
-
-from dvtcli.cli.commands._live_params import NodesType
-from dvtcli.cli.params import FILE
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from dvtcli.operations.session import Session
     from dvtcli.watch.decoder import Decoder
-
-F = TypeVar("F", bound=Callable[..., object])
-
-
-def decoding_options(command: F) -> F:
-    """The options that say what decodes a recording."""
-    nodes = click.option("--nodes", type=NodesType(), metavar="ID,…", help="Nodes that sent it [the selected one].")
-    return nodes(click.option("-d", "--dbc", type=FILE, metavar="FILE", help="Decode by a DBC file.")(command))
 
 
 def decoder_for(session: Session, nodes: tuple[int, ...] | None, dbc: str | None) -> Decoder:

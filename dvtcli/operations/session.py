@@ -380,9 +380,7 @@ class Session:
 
     def warn_of_disturbances(self) -> None:
         """Say what was noticed on the SDO channels: another client, two nodes with one node-ID."""
-        if self._network is None or self._on_twins:
-            return
-        for text in self._network.bus.disturbances():
+        for text in self._network.bus.disturbances() if self._network and not self._on_twins else ():
             self.output.warning(text)
 
     def _nodes(self) -> list[Node]:

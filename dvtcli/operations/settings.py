@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from dvtcli.errors import DvtcliError, InputFileError, UsageError
-from dvtcli.operations.options import Options, from_text, is_repeated, option_names
+from dvtcli.operations.options import Options, checked, is_repeated
 from dvtcli.operations.settings_search import Found, content, project_file, user_file
 
 #: Values by the option's name, each with where it was said.
@@ -69,11 +69,9 @@ class File:
         return {name: (self._value(name, value), where) for name, value in keys.items()}
 
     def _value(self, name: str, value: Any) -> Any:
-        import click
-
         from dvtcli.files.settings_file import value_of
 
-        known = option_names()
+        known = sorted(Options._fields)
         if name not in known:
             raise InputFileError(
                 f"{self.path}: unknown key {name!r}",
@@ -82,9 +80,9 @@ class File:
             )
         default = getattr(Options(), name)
         try:
-            return from_text(name, value_of(name, value, default, self.path, repeated=is_repeated(name)))
-        except click.UsageError as wrong:
-            raise InputFileError(f"{self.path}: {name}: {wrong.message}", place=self.path) from wrong
+            return checked(name, value_of(name, value, default, self.path, repeated=is_repeated(name)))
+        except UsageError as wrong:
+            raise InputFileError(f"{self.path}: {name}: {wrong.text}", place=self.path) from wrong
 
 
 class Settings:

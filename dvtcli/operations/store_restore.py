@@ -5,63 +5,21 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from dvtcli.cli.params import CanopenType, NumberType
 from dvtcli.device.change.pending import COMMUNICATION, EVERYTHING
 from dvtcli.device.change.proven import Held, Restart, prepare_proof, prove_restore, prove_store, restart_and_read
 from dvtcli.device.store_parameters import RESTORE, STORE, await_power_cycle, reset_and_wait, return_to, sign
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.proof import POWER, RESET_COMM, RESET_NODE
-from dvtcli.errors import DeviceRefused, UsageError
+from dvtcli.errors import DeviceRefused
 from dvtcli.operations.reset_consent import consent_to_reset
 from dvtcli.operations.results import Stored
 
 if TYPE_CHECKING:
-    import click
-
     from dvtcli.device.node import Node
     from dvtcli.operations.session import Session
 
-_GROUPS = {"all": 1, "communication": 2, "application": 3}
-
-
-class StoreGroup(CanopenType):
-    """`all`, `communication`, `application`, or a sub-index 1…127."""
-
-    name = "group"
-
-    def parse(self, text: str, ctx: click.Context | None) -> int:
-        """The sub-index of 0x1010 or 0x1011."""
-        if text.lower() in _GROUPS:
-            return _GROUPS[text.lower()]
-        return int(NumberType(1, 127, "all, communication, application, or a sub-index").parse(text, ctx))
-
-
 #: How long a power cycle is waited for, in seconds.
 POWER_CYCLE_S = 60.0
-
-
-class ProofWay(CanopenType):
-    """`reset` or `power`; a group's word belongs to the command, where `--prove` stands alone before it."""
-
-    name = "way"
-
-    def parse(self, text: str, ctx: click.Context | None) -> str | int:
-        """The word, or the sub-index of the group that it is."""
-        if text.lower() in ("reset", "power"):
-            return text.lower()
-        try:
-            return StoreGroup().parse(text, ctx)
-        except ValueError as wrong:
-            raise ValueError(f"power, or nothing for a reset; {wrong}") from wrong
-
-
-def way_and_group(prove: str | int | None, group: int | None) -> tuple[str | None, int | None]:
-    """How to prove, None for not at all, and the group; UsageError where two groups are named."""
-    if not isinstance(prove, int):
-        return prove, group
-    if group is not None:
-        raise UsageError("two groups are named; one at a time")
-    return "reset", prove
 
 
 def store_settings(

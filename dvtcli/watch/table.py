@@ -8,7 +8,7 @@ from typing import Protocol
 
 from dvtcli.domain.datatypes import Value
 from dvtcli.domain.ports import Frame
-from dvtcli.operations.results.frames import utc
+from dvtcli.domain.wall_clock import utc
 from dvtcli.watch.decoder import Address, Decoder, Layout
 
 

@@ -20,6 +20,7 @@ from typing import Any, NoReturn
 import click
 
 from dvtcli.cli.command import LEAVE
+from dvtcli.cli.global_options import taken
 from dvtcli.cli.lexer import split
 from dvtcli.cli.params import COB_ID, ENTRY, NODE_ID, OBJECT, PDO, CanopenType, DataTypeParam, MillisecondsType
 from dvtcli.cli.registry import REGISTRY
@@ -46,7 +47,7 @@ from dvtcli.files.eds.reader import EdsFile, parse_eds
 from dvtcli.files.profile.toml import read_profile
 from dvtcli.operations import eds_files, results
 from dvtcli.operations.open_network import Network
-from dvtcli.operations.options import node_id, taken
+from dvtcli.operations.options import node_id
 from dvtcli.operations.search_objects import object_row
 from dvtcli.operations.session import Session
 from dvtcli.operations.settings import File
@@ -158,7 +159,7 @@ def defaults(data: bytes) -> None:
         session.start({name: value for name, (value, _) in given.items()})
         with REGISTRY.make_context("dvtcli", ["pdo"], obj=session) as ctx:
             session.start(taken(ctx.params))
-    except InputFileError as wrong:
+    except (InputFileError, UsageError) as wrong:
         _one_line_of_ours(wrong)
     except click.UsageError as wrong:
         wrong.format_message()
@@ -293,7 +294,7 @@ def syntax(data: bytes) -> None:
     for kind_of_word in types:
         with contextlib.suppress(click.UsageError):
             kind_of_word.convert(text, None, None)
-    with contextlib.suppress(click.UsageError):
+    with contextlib.suppress(UsageError):
         node_id(text)
 
 

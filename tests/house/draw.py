@@ -20,6 +20,7 @@ from pathlib import Path
 #: The rooms from the ground up, each with what lives there; a file may import its own room and those above its own
 #: line. The one table of the order.
 ROOMS: dict[str, str] = {
+    "version": "which dvtcli this is",
     "domain": "what a PDO is, what is legal, what must be written",
     "errors": "the one tree of failures",
     "device": "one device over the seams: reading, changing, putting back",

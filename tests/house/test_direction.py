@@ -18,7 +18,7 @@ ONLY_IN: dict[str, tuple[str, ...]] = {
     "canopen": ("bus/",),
     "prompt_toolkit": ("cli/prompt/", "cli/monitor/app.py"),
     "rich": ("cli/view/",),
-    "click": ("cli/", "operations/"),
+    "click": ("cli/",),
 }
 
 

@@ -18,7 +18,7 @@ from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
 from dvtcli.domain.ports import Frame
-from dvtcli.operations.results.frames import utc
+from dvtcli.domain.wall_clock import utc
 from dvtcli.watch.decoder import Decoder, Layout, Signal, pdo_layouts, unique
 from dvtcli.watch.listener import FOREIGN_CLOCK_S, Listener
 from dvtcli.watch.seen import ROWS, FrameStore

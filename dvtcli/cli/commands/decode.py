@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.commands._decoding_options import decoding_options
 from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import FILE, TEXT
-from dvtcli.operations.recorded import decoding_options
 
 if TYPE_CHECKING:
     from dvtcli.operations.session import Session

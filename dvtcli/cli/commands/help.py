@@ -51,8 +51,8 @@ def command(ctx: click.Context, /, name: str | None, everything: bool, manual_pa
     from dvtcli.operations.results import Facts
 
     if manual_page:
-        from dvtcli import __version__
         from dvtcli.cli.commands._manual import manual
+        from dvtcli.version import __version__
 
         page = manual(root(ctx), __version__)
         return Facts("help", (("text", "\n".join(page)),), tuple(page))

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.commands._store_group import StoreGroup
 from dvtcli.cli.effect import Effect
-from dvtcli.operations.store_restore import StoreGroup, restore_defaults
+from dvtcli.operations.store_restore import restore_defaults
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import Stored

@@ -10,9 +10,9 @@ from click.core import ParameterSource
 
 from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.effect import Effect
+from dvtcli.cli.global_options import PREFIX
 from dvtcli.cli.params import FILE, TEXT
 from dvtcli.errors import UsageError
-from dvtcli.operations.options import PREFIX
 
 if TYPE_CHECKING:
     from dvtcli.operations.session import Session

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.commands._store_group import ProofWay, StoreGroup, way_and_group
 from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import NumberType
 from dvtcli.errors import UsageError
-from dvtcli.operations.store_restore import POWER_CYCLE_S, ProofWay, StoreGroup, store_settings, way_and_group
+from dvtcli.operations.store_restore import POWER_CYCLE_S, store_settings
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import Stored

@@ -15,12 +15,13 @@ from prompt_toolkit.document import Document
 
 from dvtcli.cli.catalogue import command_names, summary
 from dvtcli.cli.dvt.words import WORDS
+from dvtcli.cli.global_options import PREFIX, global_options
 from dvtcli.cli.prompt.line import cut
 from dvtcli.cli.prompt.typed import Typed, last_line, quoted, typed
 from dvtcli.cli.registry import REGISTRY
 from dvtcli.cli.view.safe import safe
 from dvtcli.errors import DvtcliError
-from dvtcli.operations.options import PREFIX, START_ONLY, global_options
+from dvtcli.operations.options import START_ONLY
 
 if TYPE_CHECKING:
     from dvtcli.operations.session import Session

@@ -161,7 +161,7 @@ def _help(session: Session, line: str) -> None:
 
 def _banner(session: Session) -> None:
     """Say what is open and which keys help."""
-    from dvtcli import __version__
+    from dvtcli.version import __version__
 
     network = session.network
     session.output.stdout.flush()

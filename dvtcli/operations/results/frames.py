@@ -4,16 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
 
 from dvtcli.domain.datatypes import Value
 from dvtcli.domain.ports import Frame
+from dvtcli.domain.wall_clock import utc
 from dvtcli.operations.results.documents import Document, hex_bytes, json_value
-
-
-def utc(time_s: float) -> str:
-    """A time (s since 1970) as RFC 3339 in UTC, with microseconds."""
-    return datetime.fromtimestamp(time_s, UTC).isoformat(timespec="microseconds").replace("+00:00", "Z")
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dvtcli.cli.dvt.words import WORDS
+from dvtcli.cli.global_options import PREFIX
 from dvtcli.cli.help.guide import task_sections
 from dvtcli.cli.lexer import split
 from dvtcli.cli.registry import REGISTRY
@@ -12,7 +13,7 @@ from dvtcli.errors import DvtcliError
 from dvtcli.files.profile.library import load_profile
 from dvtcli.files.profile.reasons import reasons
 from dvtcli.files.profile.toml import builtin_names, builtin_path
-from dvtcli.operations.options import PREFIX, START_ONLY
+from dvtcli.operations.options import START_ONLY
 from dvtcli.operations.settings import ALIASES, PASSCODE, USERS_OWN
 from dvtcli.simulator.device.family import _FOLDER, family_eds, family_names
 from dvtcli.simulator.device.faults import _FORMS as FAULT_FORMS

@@ -1,0 +1,19 @@
+"""The options that `decode`, `plot` and `log` share: what decodes a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeVar
+
+import click
+
+from dvtcli.cli.commands._live_params import NodesType
+from dvtcli.cli.params import FILE
+
+F = TypeVar("F", bound=Callable[..., object])
+
+
+def decoding_options(command: F) -> F:
+    """The options that say what decodes a recording."""
+    nodes = click.option("--nodes", type=NodesType(), metavar="ID,…", help="Nodes that sent it [the selected one].")
+    return nodes(click.option("-d", "--dbc", type=FILE, metavar="FILE", help="Decode by a DBC file.")(command))

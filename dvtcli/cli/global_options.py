@@ -1,0 +1,110 @@
+"""The global options as they are typed: one list, read before and after a command and from the environment.
+
+Does not know what an option's value may be beyond its kind (`operations.options`), nor acts on any.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import Any
+
+import click
+
+from dvtcli.operations.options import BIT_RATES, CHOICES, checked
+
+#: Prefix of the parameters' names, so that a command's own `--type` or `--node` can never meet them.
+PREFIX = "global_"
+#: Put before an argument such as `-1500`, so that click does not take it for an option; `params` takes it off.
+NEGATIVE_MARK = "\ue000"
+
+
+def global_options(*, hidden: bool) -> list[click.Option]:
+    """The global options as click parameters; *hidden* ones stand behind every command."""
+    return [_option(names, dict(settings), hidden=hidden) for names, settings in _TABLE]
+
+
+_RATE = click.IntRange(BIT_RATES[0], BIT_RATES[-1])
+_TABLE: list[tuple[tuple[str, ...], dict[str, Any]]] = [
+    (("-i", "--interface"), {"metavar": "NAME", "help": "CAN interface, by python-can's name (socketcan, pcan, …)."}),
+    (("-c", "--channel"), {"metavar": "NAME", "help": "Channel of the interface (can0, PCAN_USBBUS1, …)."}),
+    (
+        ("-b", "--bitrate"),
+        {"type": _RATE, "metavar": "BIT/S", "help": "Bit rate in bit/s."},
+    ),
+    (("--bus-kwargs",), {"multiple": True, "metavar": "KEY=VALUE", "help": "More of python-can's keys; repeatable."}),
+    (("--bus",), {"metavar": "NAME", "help": "The bus that a settings file describes in its table [bus.NAME]."}),
+    (("-n", "--node"), {"metavar": "ID", "help": "Node-ID 1…127, decimal or 0x."}),
+    (("--sim",), {"multiple": True, "metavar": "WHAT[@ID]", "help": "Simulated node: a family or an EDS/DCF file."}),
+    (
+        ("--fault",),
+        {
+            "multiple": True,
+            "metavar": "[NODE:]FAULT",
+            "help": "What goes wrong with the (first) simulated node, at its K-th SDO download: refuse@K=0x06040041, "
+            "lose-response@K, reset@K, …; a wrong one lists all; repeatable.",
+        },
+    ),
+    (
+        ("--signal",),
+        {
+            "multiple": True,
+            "metavar": "[NODE:]OBJECT=SHAPE(…)",
+            "help": "An object of a simulated node that moves: 606C=sine(1500,2s), ramp, square, walk, const, csv; "
+            "a wrong one lists all; repeatable.",
+        },
+    ),
+    (("--dry-run",), {"is_flag": True, "help": "Work on an exact twin of the node; write nothing to the bus."}),
+    (("--eds",), {"metavar": "FILE", "help": "EDS or DCF of the node."}),
+    (("-p", "--profile"), {"metavar": "NAME", "help": "Device family; else found from the node's identity."}),
+    (("--json", "format"), {"flag_value": "json", "is_flag": True, "help": "Results as JSON (same as --format json)."}),
+    (("--format", "format"), {"type": click.Choice(CHOICES["format"]), "help": "How results are printed."}),
+    (("-q", "--quiet"), {"is_flag": True, "help": "Only results and errors."}),
+    (("-v", "--verbose"), {"count": True, "help": "Show each SDO; -vv each frame."}),
+    (("--color",), {"type": click.Choice(CHOICES["color"]), "help": "Colours [auto]."}),
+    (("--ascii",), {"is_flag": True, "help": "No characters beyond ASCII on screens."}),
+    (("--no-shell",), {"is_flag": True, "help": "At the prompt: no `|`, so that no program is started."}),
+    (("-y", "--yes"), {"is_flag": True, "help": "Answer questions with yes."}),
+    (("--force",), {"is_flag": True, "help": "Send what dvtcli's own rules refuse."}),
+    (("--timeout",), {"metavar": "S", "help": "SDO time-out in seconds [0.5]."}),
+    (("--journal",), {"metavar": "DIR", "help": "Folder of journals, locks and backups."}),
+]
+
+
+def _plain(names: tuple[str, ...]) -> str:
+    return names[-1].lstrip("-").replace("-", "_")
+
+
+def one_pair_each(args: Sequence[str]) -> None:
+    """Refuse `--bus-kwargs a=1 b=2`, which other programs take; click.UsageError with the hint."""
+    for option, _, behind in zip(args, args[1:], args[2:], strict=False):
+        if option == "--bus-kwargs" and re.fullmatch(r"\w+=.*", behind):
+            raise click.UsageError(f"--bus-kwargs takes one KEY=VALUE; repeat it: --bus-kwargs {behind}")
+
+
+def _option(names: tuple[str, ...], settings: dict[str, Any], *, hidden: bool) -> click.Option:
+    plain = _plain(names)
+    switches = [name for name in names if name.startswith("-")]
+    if not hidden and settings.get("flag_value") is None:
+        settings.setdefault("envvar", f"DVTCLI_{plain.upper()}")
+    settings["hidden"] = hidden or settings.get("hidden", False)
+    if settings.get("is_flag") and "flag_value" not in settings:
+        settings["default"] = None
+    if not settings.get("multiple") and not settings.get("count"):
+        settings["default"] = None
+    return click.Option([*switches, PREFIX + plain], expose_value=True, **settings)
+
+
+def taken(params: dict[str, Any]) -> dict[str, Any]:
+    """Take the global options out of *params* and return those that were given, checked and typed."""
+    given: dict[str, Any] = {}
+    for key in [key for key in params if key.startswith(PREFIX)]:
+        value, name = params.pop(key), key.removeprefix(PREFIX)
+        if value not in (None, (), 0, False):
+            given[name] = checked(name, value)
+    return given
+
+
+def by_variable(ctx: click.Context, name: str) -> bool:
+    """Whether the global option *name* comes from its variable, and not from the command line."""
+    return ctx.get_parameter_source(PREFIX + name) is click.core.ParameterSource.ENVIRONMENT
