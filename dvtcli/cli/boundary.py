@@ -16,7 +16,7 @@ from dvtcli.domain.several import several
 from dvtcli.errors import DvtcliError, UsageError
 
 if TYPE_CHECKING:
-    from dvtcli.operations.session import Session
+    from dvtcli.cli.conversation import Conversation
 
 BUG = 70
 #: The variable by which a shell asks for completion.
@@ -42,7 +42,7 @@ class ResultsLost(DvtcliError):
 _NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO})
 
 
-def guarded(session: Session, run: Callable[[], Any]) -> int:
+def guarded(session: Conversation, run: Callable[[], Any]) -> int:
     """Run something; its result's exit code, or that of the error, which is shown."""
     try:
         result = run()
@@ -55,7 +55,7 @@ def guarded(session: Session, run: Callable[[], Any]) -> int:
     return result if isinstance(result, int) else 0
 
 
-def _ended(session: Session, raised: BaseException) -> int:
+def _ended(session: Conversation, raised: BaseException) -> int:
     """The exit code of what was *raised*, which is shown."""
     match raised:
         case click.exceptions.Exit():
@@ -77,7 +77,7 @@ def _ended(session: Session, raised: BaseException) -> int:
             return _shown(session, _bug(raised))
 
 
-def _shown(session: Session, error: DvtcliError) -> int:
+def _shown(session: Conversation, error: DvtcliError) -> int:
     error.stays = session.staying()
     try:
         session.output.error(error, session.place)
@@ -86,7 +86,7 @@ def _shown(session: Session, error: DvtcliError) -> int:
     return error.exit_code
 
 
-def _stopped(session: Session) -> int:
+def _stopped(session: Conversation) -> int:
     """Say that a signal ended it, and what a script leaves changed."""
     code, staying = session.cancellation.exit_code, session.staying()
     left = f": what {several(staying)} changed stays" if staying else ""
@@ -111,7 +111,7 @@ def usage_error(wrong: click.ClickException) -> UsageError:
     return UsageError(" ".join(wrong.format_message().split()), hint=hint)
 
 
-def _lost(session: Session, failed: OSError) -> int:
+def _lost(session: Conversation, failed: OSError) -> int:
     """Say on stderr that results are lost, also where they are documents: stdout takes no more."""
     silence(sys.stdout)
     lost = ResultsLost(f"the results cannot be written: {failed.strerror}", state="unknown")

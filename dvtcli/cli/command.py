@@ -14,10 +14,10 @@ import click
 from dvtcli.cli.global_options import NEGATIVE_MARK, global_options, one_pair_each, taken
 
 if TYPE_CHECKING:
+    from dvtcli.cli.conversation import Conversation
     from dvtcli.cli.effect import Effect
     from dvtcli.errors import DvtcliError
     from dvtcli.operations.results import Result
-    from dvtcli.operations.session import Session
 
 
 #: Commands that need no bus, and so go on whatever a settings file is like.
@@ -57,7 +57,7 @@ class DvtCommand(click.Command):
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command with its line's own global options in force."""
-        session: Session = ctx.obj
+        session: Conversation = ctx.obj
         with session.line(taken(ctx.params)):
             if self.needs_settings:
                 session.require_settings()
@@ -81,7 +81,7 @@ def _notation_notes(values: Iterable[Any]) -> Iterator[str]:
             yield note
 
 
-def _deliver(session: Session, result: Any) -> Any:
+def _deliver(session: Conversation, result: Any) -> Any:
     """Show what a command answered; an int is an exit code, None says nothing."""
     if result is None or isinstance(result, int):
         return result

@@ -8,17 +8,17 @@ from typing import Any
 
 from dvtcli.cli.boundary import COMPLETING
 from dvtcli.cli.command import LEAVE
+from dvtcli.cli.conversation import Conversation
 from dvtcli.cli.registry import REGISTRY
 from dvtcli.cli.run_line import boundary
 from dvtcli.cli.view.output import Output
 from dvtcli.cli.ways_in import install
-from dvtcli.operations.session import Session
 
 
 def main(argv: list[str] | None = None) -> int:
     """Run dvtcli with *argv* (default: the process's own) and return its exit code."""
     install()
-    session = Session(Output(), on_open=lambda: _catch_signals(session))
+    session = Conversation(Output(), on_open=lambda: _catch_signals(session))
     words = sys.argv[1:] if argv is None else argv
     if "--json" in words:  # also for errors that are found before the option is read
         session.start({"format": "json"})
@@ -42,12 +42,12 @@ def main(argv: list[str] | None = None) -> int:
     return code or settling or closing
 
 
-def _catch_signals(session: Session) -> None:
+def _catch_signals(session: Conversation) -> None:
     from dvtcli.cli.stop_signals import catch_signals
 
     catch_signals(session.cancellation)
 
 
-def _closed(session: Session) -> None:
+def _closed(session: Conversation) -> None:
     with session.cancellation.guard():
         session.close()

@@ -23,7 +23,7 @@ from dvtcli.operations.options import Options
 from dvtcli.operations.settings import Settings
 
 if TYPE_CHECKING:
-    from dvtcli.operations.session import Session
+    from dvtcli.cli.conversation import Conversation
 
 #: How many objects a menu shows at most.
 MOST = 60
@@ -49,7 +49,7 @@ def object_items(ctx: click.Context, incomplete: str, *, mapped: bool) -> list[C
 
 
 def _dictionaries(
-    ctx: click.Context, session: Session, node_id: int | None
+    ctx: click.Context, session: Conversation, node_id: int | None
 ) -> list[tuple[ObjectDictionary, dict[str, str]]]:
     """What the session knows; in a shell, where none has begun, what the options typed so far name."""
     if session.started or session.is_open or session.base != Options():

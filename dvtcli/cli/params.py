@@ -27,8 +27,8 @@ from dvtcli.domain.pdo import Pdo
 from dvtcli.operations.named_objects import entry_at, name_hint, object_at
 
 if TYPE_CHECKING:
+    from dvtcli.cli.conversation import Conversation
     from dvtcli.device.node import Node
-    from dvtcli.operations.session import Session
 
 #: The word of `pdo edit tpdo1`.
 EDIT = "edit"
@@ -129,7 +129,7 @@ def _node_id(text: str) -> int | None:
         return None
 
 
-def _known_pdos(session: Session, node_id: int | None) -> list[tuple[str, str]]:
+def _known_pdos(session: Conversation, node_id: int | None) -> list[tuple[str, str]]:
     """PDOs that the open node (None: the selected one) is known to have; never touches the bus: a key was pressed."""
     if not session.is_open:
         return []
@@ -181,7 +181,7 @@ class ObjectType(CanopenType):
             self._check_name(text, session)
         return EntryWord(text) if self.entry else ObjectWord(text)
 
-    def _check_name(self, text: str, session: Session) -> None:
+    def _check_name(self, text: str, session: Conversation) -> None:
         dictionaries = session.offline_dictionaries()
         failure: ValueError | None = None
         for dictionary, aliases in dictionaries:

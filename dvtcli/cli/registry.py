@@ -18,7 +18,7 @@ from dvtcli.cli.global_options import by_variable, global_options, one_pair_each
 from dvtcli.cli.ways import Root, ways
 
 if TYPE_CHECKING:
-    from dvtcli.operations.session import Session
+    from dvtcli.cli.conversation import Conversation
 
 
 class Registry(Root):
@@ -63,7 +63,7 @@ class Registry(Root):
 
     def invoke(self, ctx: click.Context) -> Any:
         """Take the global options given before the command, then run it."""
-        session: Session = ctx.obj
+        session: Conversation = ctx.obj
         given = taken(ctx.params)
         if session.started and given:
             raise click.UsageError("options stand behind the command", ctx)

@@ -20,14 +20,14 @@ from dvtcli.device.wish import Wish
 from dvtcli.errors import DvtcliError, UsageError
 
 if TYPE_CHECKING:
+    from dvtcli.cli.conversation import Conversation
     from dvtcli.device.node import Node
-    from dvtcli.operations.session import Session
 
 #: What lines do that a wish has a part in: others set nothing, or act on what was set before.
 _PLAYED = frozenset({Effect.SELECTS, Effect.CHANGES})
 
 
-def rehearsed(session: Session, file: str, node_id: int | None = None) -> dict[int, Wish]:
+def rehearsed(session: Conversation, file: str, node_id: int | None = None) -> dict[int, Wish]:
     """What the script *file* wishes of each node, given what the nodes hold now; *node_id* is selected when it begins.
 
     A line that cannot run raises what it would raise in `run`, with FILE:LINE.
@@ -44,7 +44,7 @@ def _wish(twin: Node) -> Wish:
     return Wish({pdo: twin.pdo(pdo) for pdo in twin.wanted}, dict(twin.wanted_values))
 
 
-def _play(stage: Session, sources: Sequence[str]) -> None:
+def _play(stage: Conversation, sources: Sequence[str]) -> None:
     source = sources[-1]
     for line in script_lines(_data(source), source):
         place = f"{source}:{line.number}"
@@ -57,7 +57,7 @@ def _play(stage: Session, sources: Sequence[str]) -> None:
             raise _placed(wrong, place) from wrong
 
 
-def _play_line(stage: Session, line: ScriptLine, sources: Sequence[str]) -> bool:
+def _play_line(stage: Conversation, line: ScriptLine, sources: Sequence[str]) -> bool:
     """Run one line on the twins; whether the script ends with it."""
     with parse(line.words, stage) as ctx:
         if ctx.command.name == "exit":
@@ -82,7 +82,7 @@ def _refuse_unknown(ctx: click.Context) -> None:
         )
 
 
-def _play_nested(stage: Session, file: str, sources: Sequence[str]) -> None:
+def _play_nested(stage: Conversation, file: str, sources: Sequence[str]) -> None:
     if file in sources or len(sources) > MOST_NESTED:
         raise UsageError(f"{file} runs itself: {' runs '.join([*sources, file])}", place=file)
     if file == "-" or file.lower().endswith(".tcl"):

@@ -10,11 +10,16 @@ from dvtcli.cli.script import MOST_BYTES, run_script
 from dvtcli.errors import UsageError
 
 if TYPE_CHECKING:
-    from dvtcli.operations.session import Session
+    from dvtcli.cli.conversation import Conversation
 
 
 def run_file(
-    session: Session, file: str, *, keep_going: bool = False, atomic: bool = False, most_seconds: float | None = None
+    session: Conversation,
+    file: str,
+    *,
+    keep_going: bool = False,
+    atomic: bool = False,
+    most_seconds: float | None = None,
 ) -> int:
     """Run the script *file*, stdin with `-`; the exit code. UsageError where it cannot be read."""
     if file == "-":

@@ -14,10 +14,10 @@ from dvtcli.cli.catalogue import unknown_command
 from dvtcli.cli.registry import REGISTRY
 
 if TYPE_CHECKING:
-    from dvtcli.operations.session import Session
+    from dvtcli.cli.conversation import Conversation
 
 
-def parse(words: Sequence[str], session: Session) -> click.Context:
+def parse(words: Sequence[str], session: Conversation) -> click.Context:
     """Find and parse one line's command without running it; usage errors are raised here."""
     root = click.Context(REGISTRY, info_name="", obj=session)
     name, *args = words
@@ -29,7 +29,7 @@ def parse(words: Sequence[str], session: Session) -> click.Context:
     return command.make_context(name, list(args), parent=root)
 
 
-def run_parsed(ctx: click.Context, session: Session) -> int:
+def run_parsed(ctx: click.Context, session: Conversation) -> int:
     """Run a parsed line and answer its exit code; results and errors are shown on the way."""
 
     def invoke() -> Any:
@@ -39,17 +39,17 @@ def run_parsed(ctx: click.Context, session: Session) -> int:
     return boundary(session, invoke)
 
 
-def run_words(words: Sequence[str], session: Session) -> int:
+def run_words(words: Sequence[str], session: Conversation) -> int:
     """Parse and run one line."""
     return boundary(session, lambda: _parse_and_invoke(words, session))
 
 
-def _parse_and_invoke(words: Sequence[str], session: Session) -> Any:
+def _parse_and_invoke(words: Sequence[str], session: Conversation) -> Any:
     with parse(words, session) as ctx:
         return ctx.command.invoke(ctx)
 
 
-def boundary(session: Session, run: Callable[[], Any]) -> int:
+def boundary(session: Conversation, run: Callable[[], Any]) -> int:
     """Run something and turn whatever comes of it into an exit code: the one place where errors end."""
     from dvtcli.cli.boundary import guarded
 

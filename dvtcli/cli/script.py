@@ -23,7 +23,7 @@ from dvtcli.cli.script_run import run_line
 from dvtcli.errors import DvtcliError, InputFileError, UsageError
 
 if TYPE_CHECKING:
-    from dvtcli.operations.session import Session
+    from dvtcli.cli.conversation import Conversation
 
 #: A script is text typed by people; beyond this many bytes it is something else.
 MOST_BYTES = 10_000_000
@@ -43,7 +43,7 @@ class ScriptLine:
     words: list[str]
 
 
-def run_script(session: Session, data: bytes, source: str, *, keep_going: bool, atomic: bool = False) -> int:
+def run_script(session: Conversation, data: bytes, source: str, *, keep_going: bool, atomic: bool = False) -> int:
     """Run a script's *data*; *source* names it in messages.
 
     The first failing line stops it and gives the exit code; with *keep_going* it runs on and ends with the
@@ -73,18 +73,18 @@ def _worst(codes: list[int]) -> int:
     return next((code for code in codes if code in SIGNALLED), codes[0] if codes else 0)
 
 
-def refuse_own_run(session: Session, source: str) -> None:
+def refuse_own_run(session: Conversation, source: str) -> None:
     """Raise UsageError where the script *source* is under way already."""
     if source in session.scripts:
         raise UsageError(f"{source} runs itself: {' runs '.join([*session.scripts, source])}", place=source)
 
 
-def enclosed(session: Session, source: str, run: Callable[[], int], *, atomic: bool = False) -> int:
+def enclosed(session: Conversation, source: str, run: Callable[[], int], *, atomic: bool = False) -> int:
     """Run a script's content inside one NMT gate; its exit code. *atomic* keeps all of its changes, or none."""
     outer, outer_changes = session.place, session.script_changes
     session.scripts.append(source)
     if outer_changes is None or (atomic and not outer_changes.atomic):
-        session.script_changes = ScriptChanges(session, atomic=atomic)
+        session.script_changes = ScriptChanges(session, atomic=atomic, outer=session.script_changes)
     try:
         code = boundary(session, run)
         stays = bool(session.staying())
@@ -101,7 +101,7 @@ def enclosed(session: Session, source: str, run: Callable[[], int], *, atomic: b
 
 
 def _run_lines(
-    session: Session, parsed: list[tuple[ScriptLine, click.Context]], source: str, *, keep_going: bool
+    session: Conversation, parsed: list[tuple[ScriptLine, click.Context]], source: str, *, keep_going: bool
 ) -> list[int]:
     """Run the lines and answer the exit codes of those that failed."""
     codes: list[int] = []
@@ -160,7 +160,7 @@ def _words(line: str, place: str) -> list[str]:
 
 
 def _all_parsed(
-    lines: list[ScriptLine], session: Session, sources: list[str], checked: dict[str, Reach], reach: Reach
+    lines: list[ScriptLine], session: Conversation, sources: list[str], checked: dict[str, Reach], reach: Reach
 ) -> list[tuple[ScriptLine, click.Context]]:
     """Every line parsed, and those of the scripts that it runs, before any of them runs.
 
@@ -194,7 +194,7 @@ def script_of(ctx: click.Context) -> str | None:
     return str(ctx.params.get("file")) if ctx.command.name == "run" else None
 
 
-def _nested(file: str, session: Session, sources: list[str], checked: dict[str, Reach], place: str) -> Reach:
+def _nested(file: str, session: Conversation, sources: list[str], checked: dict[str, Reach], place: str) -> Reach:
     """What the script *file* does, which the line at *place* runs; UsageError where it is missing or runs itself."""
     if file in checked:
         return checked[file]
@@ -213,7 +213,7 @@ def _nested(file: str, session: Session, sources: list[str], checked: dict[str, 
     return reach
 
 
-def _parsed(line: ScriptLine, session: Session, source: str) -> click.Context:
+def _parsed(line: ScriptLine, session: Conversation, source: str) -> click.Context:
     place = f"{source}:{line.number}"
     try:
         return _parsed_as_asked(line, session)
@@ -223,7 +223,7 @@ def _parsed(line: ScriptLine, session: Session, source: str) -> click.Context:
         raise _placed(wrong, place) from wrong
 
 
-def _parsed_as_asked(line: ScriptLine, session: Session) -> click.Context:
+def _parsed_as_asked(line: ScriptLine, session: Conversation) -> click.Context:
     """The line parsed; an error of a line with --json is a document as its result would have been."""
     try:
         return parse(line.words, session)

@@ -28,16 +28,16 @@ ABOVE = "lines above it"
 class ScriptChanges:
     """The changes of one script, from its beginning; with *atomic* they are all kept, or all taken back."""
 
-    def __init__(self, session: Session, *, atomic: bool) -> None:
+    def __init__(self, session: Session, *, atomic: bool, outer: ScriptChanges | None = None) -> None:
         self._session, self.atomic = session, atomic
         #: whether all of the script works on twins
         self.dry_run = session.dry_run
         #: those of the script that runs this one
-        self._outer = session.script_changes
+        self._outer = outer
         self._before = {id(node): len(node.history) for node in session.met_nodes()}
         #: how many changes of earlier processes had been put back on each node, which no history holds
         self._unkept = {id(node): node.unkept for node in session.met_nodes()}
-        self._executed, self._selected = len(session.executed), session.selected
+        self._executed, self._selected = len(session.record.lines), session.selected
         #: each plan of the script's with its line; kept, so that no other plan gets its id
         self._plans: dict[int, tuple[Plan, str]] = {}
         #: lines that did what no history holds: stores, resets, NMT commands, logins
@@ -103,7 +103,7 @@ class ScriptChanges:
             failures[0].details += [("also", failure.text) for failure in failures[1:]]
             raise failures[0]
         self._others.clear()
-        del self._session.executed[self._executed :]
+        del self._session.record.lines[self._executed :]
         self._session.selected = self._selected
 
     def _take_back(self, node: Node, cause: str) -> LeftChanged | None:

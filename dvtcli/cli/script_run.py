@@ -15,8 +15,8 @@ from dvtcli.errors import DvtcliError
 if TYPE_CHECKING:
     import click
 
+    from dvtcli.cli.conversation import Conversation
     from dvtcli.cli.script_changes import ScriptChanges
-    from dvtcli.operations.session import Session
 
 _ALL_BACK = "rolled back: what the script changed is as it was, read back equal; nothing was stored"
 
@@ -27,12 +27,12 @@ class TakenBack(DvtcliError):
     slug = "taken_back"
 
 
-def run_line(session: Session, ctx: click.Context) -> int:
+def run_line(session: Conversation, ctx: click.Context) -> int:
     """Run a parsed line at `session.place` and answer its exit code; results and errors are shown on the way."""
     return boundary(session, lambda: _run_noted(session, ctx))
 
 
-def _run_noted(session: Session, ctx: click.Context) -> Any:
+def _run_noted(session: Conversation, ctx: click.Context) -> Any:
     changes, place = session.script_changes, session.place
     assert changes is not None  # noqa: S101 - a script runs
     assert place is not None  # noqa: S101
@@ -66,7 +66,7 @@ def _refuse_half(ctx: click.Context, changes: ScriptChanges, code: int) -> None:
     raise failed
 
 
-def _take_back(session: Session, changes: ScriptChanges, failed: BaseException) -> None:
+def _take_back(session: Conversation, changes: ScriptChanges, failed: BaseException) -> None:
     """Take the script's changes back because of *failed*, which learns of it; LeftChanged where some of them stay."""
     with session.cancellation.guard():
         changes.take_back(str(failed) or "interrupted")

@@ -11,19 +11,19 @@ from typing import TYPE_CHECKING, Protocol
 import click
 
 if TYPE_CHECKING:
+    from dvtcli.cli.conversation import Conversation
     from dvtcli.device.wish import Wish
-    from dvtcli.operations.session import Session
 
 
 class Ways(Protocol):
     """Everything that runs lines."""
 
-    def without_command(self, session: Session) -> int:
+    def without_command(self, session: Conversation) -> int:
         """Run the prompt where stdin is a terminal, else stdin as a script; the exit code."""
 
     def file(
         self,
-        session: Session,
+        session: Conversation,
         file: str,
         *,
         keep_going: bool = False,
@@ -32,10 +32,10 @@ class Ways(Protocol):
     ) -> int:
         """Run the script *file*, stdin with `-`; the exit code. UsageError where it cannot be read."""
 
-    def line(self, session: Session, words: Sequence[str]) -> int:
+    def line(self, session: Conversation, words: Sequence[str]) -> int:
         """Run one line as the prompt does; the exit code."""
 
-    def rehearsed(self, session: Session, file: str, node_id: int | None = None) -> dict[int, Wish]:
+    def rehearsed(self, session: Conversation, file: str, node_id: int | None = None) -> dict[int, Wish]:
         """What the script *file* wishes of each node; *node_id* is selected when it begins."""
 
 

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 from dvtcli.cli.registry import REGISTRY
 
 if TYPE_CHECKING:
+    from dvtcli.cli.conversation import Conversation
     from dvtcli.device.wish import Wish
-    from dvtcli.operations.session import Session
 
 
 class WaysIn:
     """`ways.Ways`, on prompt, scripts and lines."""
 
-    def without_command(self, session: Session) -> int:
+    def without_command(self, session: Conversation) -> int:
         """Run the prompt where stdin is a terminal, else stdin as a script; the exit code."""
         from dvtcli.cli.without_command import without_command
 
@@ -23,7 +23,7 @@ class WaysIn:
 
     def file(
         self,
-        session: Session,
+        session: Conversation,
         file: str,
         *,
         keep_going: bool = False,
@@ -35,13 +35,13 @@ class WaysIn:
 
         return run_file(session, file, keep_going=keep_going, atomic=atomic, most_seconds=most_seconds)
 
-    def line(self, session: Session, words: Sequence[str]) -> int:
+    def line(self, session: Conversation, words: Sequence[str]) -> int:
         """Run one line as the prompt does; the exit code."""
         from dvtcli.cli.run_line import run_words
 
         return run_words(words, session)
 
-    def rehearsed(self, session: Session, file: str, node_id: int | None = None) -> dict[int, Wish]:
+    def rehearsed(self, session: Conversation, file: str, node_id: int | None = None) -> dict[int, Wish]:
         """What the script *file* wishes of each node; *node_id* is selected when it begins."""
         from dvtcli.cli.rehearsal import rehearsed
 

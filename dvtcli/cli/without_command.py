@@ -6,10 +6,10 @@ import sys
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from dvtcli.operations.session import Session
+    from dvtcli.cli.conversation import Conversation
 
 
-def without_command(session: Session) -> int:
+def without_command(session: Conversation) -> int:
     """Run the prompt where stdin is a terminal, else stdin as a script; the exit code."""
     if sys.stdin.isatty():
         from dvtcli.cli.prompt.loop import run_prompt

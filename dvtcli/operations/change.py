@@ -54,7 +54,7 @@ def changed(
 ) -> Changed:
     """The answer to an applied plan; what changed something is remembered as script *lines* (None: the plan's own)."""
     if len(applied.plan) and not session.dry_run:
-        session.record(node.node_id, change_lines(applied.plan) if lines is None else lines)
+        session.record.add(node.node_id, change_lines(applied.plan) if lines is None else lines)
     volatile = any(node.profile.store.needed_for(step.index) for step in applied.plan.steps)
     saved = any(node.saves((step.index, step.sub_index)) for step in applied.plan.steps)
     policy = node.profile.store

@@ -42,7 +42,7 @@ def command_nmt(session: Session, command: NmtCommand, node_id: int | None = Non
     )
     if not session.dry_run:
         said = f"nmt {command.word}{'' if target else ' all'}"
-        session.record(target or session.selected_id() or 0, [said])
+        session.record.add(target or session.selected_id() or 0, [said])
     if reset and session.in_script:
         _note_what_came_up(session, states)
     seen = tuple((one, None if state is None else state.label) for one, state in sorted(states.items()))

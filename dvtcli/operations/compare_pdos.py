@@ -55,7 +55,7 @@ def _wishes(session: Session, rehearse: Rehearse, pdos: Sequence[NodePdo], file:
     if file is None:
         return {node_id: session_wish(node) for node_id, node in sorted(session.network.nodes.items())}
     if _is_script(file):
-        return rehearse(session, file)
+        return rehearse(file)
     named = {node_id for node_id, _ in pdos if node_id is not None}
     if len(named) > 1:
         raise UsageError("a DCF is about one node: use one line for each node")

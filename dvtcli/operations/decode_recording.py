@@ -48,7 +48,7 @@ def write_values(
         raise UsageError("--csv needs a mapping, and none is known", hint="give --dbc, --eds, -n or --sim")
     table = write_csv(target, (one.frame for one in _fitting(path, decoder, text)), decoder)
     if table.other:
-        session.output.note(f"{table.other} frames without known signals were left out")
+        session.tell.note(f"{table.other} frames without known signals were left out")
 
 
 def _fitting(path: Path, decoder: Decoder, text: str) -> Iterator[FrameSeen]:

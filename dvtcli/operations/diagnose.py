@@ -5,7 +5,6 @@ Does not know how checks look on a screen.
 
 from __future__ import annotations
 
-import os
 import platform
 import re
 import tempfile
@@ -37,7 +36,6 @@ def checks(session: Session) -> Iterator[Check]:
     yield _library()
     yield from _kept(session)
     yield _profiles()
-    yield _terminal(session)
 
 
 def failed(name: str, error: DvtcliError) -> Check:
@@ -76,7 +74,7 @@ def _settings(session: Session) -> Check:
     default, options = Options()._asdict(), session.options._asdict()
     files = [file.path for file in session.settings.files]
     said = [
-        f"{name} = {_shown(value)} ({session.sources.get(name, 'this line')})"
+        f"{name} = {_shown(value)} ({session.settings.sources.get(name, 'this line')})"
         for name, value in options.items()
         if value != default[name]
     ]
@@ -226,17 +224,3 @@ def _profiles() -> Check:
         except DvtcliError as wrong:
             return failed("profiles", wrong)
     return Check("profiles", "ok", f"{len(names)} are valid: {', '.join(names)}")
-
-
-def _terminal(session: Session) -> Check:
-    """How results are shown here."""
-    stream = session.output.stdout
-    encoding = getattr(stream, "encoding", None) or "utf-8"
-    drawn = "ASCII look-alikes" if session.options.ascii or "utf" not in encoding.lower() else "Unicode"
-    if not stream.isatty():
-        return Check("terminal", "ok", f"no terminal: no colours, {drawn} ({encoding}), nothing is asked")
-    size = os.get_terminal_size(stream.fileno())
-    text = f"{os.environ.get('TERM', '?')}, {size.columns} x {size.lines}, {drawn} ({encoding})"
-    if size.columns < 80:
-        return Check("terminal", "warn", text, "screens are made for 80 columns and more")
-    return Check("terminal", "ok", text)

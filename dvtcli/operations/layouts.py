@@ -39,11 +39,11 @@ def live_decoder(session: Session, nodes: tuple[int, ...], dbc: str | None = Non
             node = session.node(node_id)
             decoder.add(pdo_layouts(node_id, node.pdos(), node.dictionary))
             if node.dictionary is None:
-                session.output.note(f"node {node_id} has no EDS: {_WITHOUT_EDS}")
+                session.tell.note(f"node {node_id} has no EDS: {_WITHOUT_EDS}")
         except BusUnavailable:
             raise
         except (NoAnswer, SdoAborted, SdoProtocolError) as silent:
-            session.output.note(f"node {node_id}: its mapping cannot be read ({silent.text}); its frames stay bytes")
+            session.tell.note(f"node {node_id}: its mapping cannot be read ({silent.text}); its frames stay bytes")
     return decoder
 
 

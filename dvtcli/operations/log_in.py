@@ -27,7 +27,7 @@ def log_in(
     before = access_level.access_level(node.access)
     held = access_level.log_in(node.access, wanted, lambda: passcode(node.node_id, wanted), user)
     if held != before and not session.dry_run:
-        session.record(node.node_id, [f"login {wanted}" if user is None else f"login {wanted} --user {user}"])
+        session.record.add(node.node_id, [f"login {wanted}" if user is None else f"login {wanted} --user {user}"])
     return LoggedIn(node.node_id, held, wanted, session.dry_run, _allows(policy, held))
 
 

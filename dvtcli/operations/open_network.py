@@ -41,6 +41,10 @@ if TYPE_CHECKING:
     from dvtcli.simulator.device.strict_device import StrictDevice
 
 
+#: Opens the bus that options name.
+OpenBus = Callable[[Options], CanopenBus]
+
+
 @dataclass(slots=True)
 class Network:
     """An open bus with its nodes; a node is looked at when it is first asked for."""
@@ -53,6 +57,8 @@ class Network:
     #: show a message that is no result, and one that nobody may miss
     say: Callable[[str], None] = lambda _text: None
     warn: Callable[[str], None] = lambda _text: None
+    #: what is being done now, for another dvtcli that finds the node's lock taken
+    doing: Callable[[], str] = str
     #: whether changes get lock, backup and journal: not where the nodes die with this process, nor on twins
     guarded: bool = False
     nodes: dict[int, Node] = field(default_factory=dict)
@@ -71,8 +77,11 @@ class Network:
         consent: Callable[[str], None],
         say: Callable[[str], None] = lambda _text: None,
         warn: Callable[[str], None] = lambda _text: None,
+        *,
+        doing: Callable[[], str] = str,
+        open_bus: OpenBus | None = None,
     ) -> Network:
-        """Open the bus that *options* name; BusUnavailable, UsageError or InputFileError where that fails."""
+        """Open the bus that *options* name, or with *open_bus*; BusUnavailable, UsageError or InputFileError."""
         if options.eds:
             read_dictionary(Path(options.eds))  # a wrong file is said before a bus is touched
         simulated = simulated_nodes(options.sim)
@@ -83,17 +92,15 @@ class Network:
             )
         faults = simulated_faults(options.fault, simulated)
         signals = simulated_signals(options.signal, simulated)
+        bus: CanopenBus
         if simulated:
             from dvtcli.simulator.network.in_process_bus import simulate
 
             devices = [simulated_device(one) for one in simulated]
             bus = simulate(devices, faults=faults, signals=signals, timeout_s=options.timeout)
         else:
-            from dvtcli.bus.opening import open_bus
-
-            extra = dict(pair.split("=", 1) for pair in options.bus_kwargs)
-            bus = open_bus(options.interface, options.channel, options.bitrate, extra, timeout_s=options.timeout)
-        return cls(bus, options, cancellation, consent, simulated, say, warn, guarded=not simulated)
+            bus = (open_bus or open_real_bus)(options)
+        return cls(bus, options, cancellation, consent, simulated, say, warn, doing, guarded=not simulated)
 
     @property
     def simulated_ids(self) -> tuple[int, ...]:
@@ -130,7 +137,7 @@ class Network:
             return entry is not None and not entry.access.writable
 
         folder, locks = state_folder(self.options), state_folder(None) / "locks"
-        keeper = Keeper(folder, locks, self.bus.name, node_id, self.say, is_fixed, self.warn, _command)
+        keeper = Keeper(folder, locks, self.bus.name, node_id, self.say, is_fixed, self.warn, self.doing)
         try:
             journal = keeper.interrupted()
         except (InputFileError, SafetyRefusal) as damaged:
@@ -193,6 +200,14 @@ class Network:
         return load_profile(family)
 
 
+def open_real_bus(options: Options) -> CanopenBus:
+    """Open the interface that *options* name, else the one that python-can's own settings do; BusUnavailable."""
+    from dvtcli.bus.opening import open_bus
+
+    extra = dict(pair.split("=", 1) for pair in options.bus_kwargs)
+    return open_bus(options.interface, options.channel, options.bitrate, extra, timeout_s=options.timeout)
+
+
 def profile_of(dictionary: ObjectDictionary | None) -> DeviceProfile:
     """The profile for the device that a file describes (`[DeviceInfo]`), the generic one where it does not say."""
     if dictionary is None or dictionary.info.vendor_id is None:
@@ -236,13 +251,6 @@ def state_folder(options: Options | None) -> Path:
     return Path(platformdirs.user_state_dir("dvtcli"))
 
 
-def library_chooser() -> str:
-    """Where python-can's own files or environment choose a bus, for people."""
-    from dvtcli.bus.opening import library_settings
-
-    return library_settings().get("interface", ("", "nobody"))[1]
-
-
 def twin_of(network: Network) -> Network:
     """A network of copy-on-write twins of *network*'s nodes: what is written there never reaches the bus.
 
@@ -278,11 +286,3 @@ def offline_dictionaries(options: Options) -> list[tuple[ObjectDictionary, dict[
         profile = load_profile(options.profile) if options.profile else profile_of(dictionary)
         found.append((dictionary, profile.aliases))
     return found
-
-
-def _command() -> str:
-    """The command that runs, without what was typed behind it: that may be a passcode."""
-    import click
-
-    line = click.get_current_context(silent=True)
-    return "" if line is None else line.info_name or ""

@@ -48,7 +48,7 @@ def record_frames(
     with Recorder(path, append=append, most_bytes=most_bytes) as recorder, listening as listener:
         seconds = _record(session, listener, recorder.write, recorder.flush, filters, duration_s)
     if recorder.left_out:
-        session.output.warning(f"{recorder.left_out} remote frames are missing: a {path.suffix} file cannot hold them")
+        session.tell.warning(f"{recorder.left_out} remote frames are missing: a {path.suffix} file cannot hold them")
     files = f", in {recorder.files} files" if recorder.files > 1 else ""
     return _facts(session, path, recorder.frames, seconds, listener.dropped, (size_of(path), files))
 
@@ -91,7 +91,7 @@ def _record(
     duration_s: float | None,
 ) -> float:
     """Write frames until Ctrl-C or the end of the time; the seconds it took. A frame is written whole."""
-    session.output.note("recording; Ctrl-C ends it")
+    session.tell.note("recording; Ctrl-C ends it")
     began_s = monotonic()
     until_s = None if duration_s is None else began_s + duration_s
     with session.cancellation.guard():
@@ -107,7 +107,7 @@ def _record(
 
 def _facts(session: Session, path: Path, frames: int, seconds: float, dropped: int, size: tuple[int, str]) -> Facts:
     if dropped:
-        session.output.warning(f"{dropped} frames were dropped: they came faster than they were written")
+        session.tell.warning(f"{dropped} frames were dropped: they came faster than they were written")
     rows = (
         ("file", str(path)), ("frames", frames), ("seconds", round(seconds, 3)), ("dropped", dropped),
         ("bytes", size[0]),

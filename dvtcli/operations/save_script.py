@@ -60,10 +60,10 @@ def save_script(session: Session, file: str, what: Saved = ENDS, spelled: Callab
 
 def _steps(session: Session) -> list[Section]:
     """What was done, in its order; a node has a section for each time that it was its turn."""
-    if not session.executed:
+    if not session.record.lines:
         raise UsageError("nothing to save: this session changed nothing")
     sections: list[Section] = []
-    for node_id, line in session.executed:
+    for node_id, line in session.record.lines:
         if not sections or sections[-1][0] != node_id:
             sections.append((node_id, []))
         sections[-1][1].append(line)
@@ -74,7 +74,7 @@ def _ends(session: Session) -> list[Section]:
     """What it came to, one section a node."""
     steps = _steps(session)
     node_ids = dict.fromkeys(node_id for node_id, _ in steps if node_id)
-    found = {node_id: _end(session, node_id, [line for one, line in session.executed if one == node_id])
+    found = {node_id: _end(session, node_id, [line for one, line in session.record.lines if one == node_id])
              for node_id in node_ids}  # fmt: skip
     sections = [(node_id, lines) for node_id, lines in found.items() if lines]
     if not sections:
@@ -99,7 +99,7 @@ def _end(session: Session, node_id: int, lines: list[str]) -> list[str]:
 def _everything(session: Session) -> list[Section]:
     """Every PDO of the nodes that this session changed, and of the selected one, as it is now."""
     selected = session.selected_id()
-    node_ids = {node_id for node_id, _ in session.executed if node_id} | (set() if selected is None else {selected})
+    node_ids = {node_id for node_id, _ in session.record.lines if node_id} | (set() if selected is None else {selected})
     if not node_ids:
         session.node_id()  # says that none is selected
     nodes = [session.node(node_id) for node_id in sorted(node_ids)]

@@ -13,6 +13,9 @@ from dvtcli.errors import DvtcliError, InputFileError, UsageError
 from dvtcli.operations.options import Options, checked, is_repeated
 from dvtcli.operations.settings_search import Found, content, project_file, user_file
 
+#: Who chose the bus where no option, variable or file did.
+NOBODY = "nobody"
+
 #: Values by the option's name, each with where it was said.
 Layer = dict[str, tuple[Any, str]]
 
@@ -97,6 +100,34 @@ class Settings:
         self.user: File | None = None
         self.variables: Layer = {}
         self.typed: Layer = {}
+        #: where each option that counts was said: `option`, its variable or the settings file
+        self.sources: dict[str, str] = {}
+        self._wrong: DvtcliError | None = None
+        self._warned = False
+
+    def start(self, given: Mapping[str, Any], where: str) -> dict[str, Any]:
+        """Take the options of the program's start, which were said in *where*; what counts now, by option."""
+        self.typed |= {name: (value, where) for name, value in given.items()}
+        found, self._wrong = self.resolved()
+        self.sources = {name: said for name, (_, said) in found.items()}
+        return {name: value for name, (value, _) in found.items()}
+
+    def required(self) -> str | None:
+        """Raise what is wrong where something is; once, what to say of keys that stand in a file in vain."""
+        if self._wrong is not None:
+            raise self._wrong
+        said = None if self._warned else self.never_taken()
+        self._warned = True
+        return said
+
+    def chosen_by(self) -> str:
+        """Who chose the bus: an option, a variable or a file, for people; `nobody` where none did."""
+        found = chooser(self.sources)
+        if found is not None:
+            return found
+        from dvtcli.bus.opening import library_settings
+
+        return library_settings().get("interface", ("", NOBODY))[1]
 
     def read_files(self) -> None:
         """Take the settings files that count here."""

@@ -54,7 +54,7 @@ def store_settings(
     if proof is not None and proof.differences and set(changed) <= set(proof.differing):
         node.pending.was_not_kept(stored_at)
     if not session.dry_run:
-        session.record(node.node_id, ["store" if sub_index is None else f"store {sub_index}"])
+        session.record.add(node.node_id, ["store" if sub_index is None else f"store {sub_index}"])
     return Stored(
         node.node_id, done.place, "store", done.seconds, node.profile.store.timeout_s, changed, session.dry_run, proof,
         because=because,
@@ -111,7 +111,7 @@ def _power_cycle(session: Session, node: Node, wait_s: float) -> None:
             raise KeyboardInterrupt
 
     with node.cancellation.guard():  # a Ctrl-C is looked for between two moments of waiting, and torn apart is nothing
-        await_power_cycle(node.access, wait_s, lambda: session.output.lines([text]), stop)
+        await_power_cycle(node.access, wait_s, lambda: session.tell.instruct(text), stop)
 
 
 def _reset(node: Node, command: NmtCommand) -> None:
@@ -140,7 +140,7 @@ def restore_defaults(session: Session, node: Node, sub_index: int | None, *, pro
     node.expected.clear()
     node.pending.forget(done.sub_index)
     if not session.dry_run:
-        session.record(node.node_id, ["restore" if sub_index is None else f"restore {sub_index}"])
+        session.record.add(node.node_id, ["restore" if sub_index is None else f"restore {sub_index}"])
     return Stored(
         node.node_id, done.place, "restore", done.seconds, node.profile.store.timeout_s, (), session.dry_run, proof
     )

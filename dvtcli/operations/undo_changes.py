@@ -69,7 +69,7 @@ def _recorded_put_back(session: Session) -> Changed:
     entry = keeper.past.newest(node.node_id, identity) or _moved(session, keeper, identity)
     if entry is None:
         raise _nothing(session, keeper)
-    session.output.note(f"this puts the change of {entry.when[:19].replace('T', ' ')} UTC back")
+    session.tell.note(f"this puts the change of {entry.when[:19].replace('T', ' ')} UTC back")
     started = time.monotonic()
     applied = node.put_back([replace(entry.plan, node_id=node.node_id)], force=session.options.force)
     if not session.dry_run:
@@ -124,9 +124,9 @@ def undo_to_backup(session: Session, rehearse: Rehearse, when: str | None = None
     node = session.node(keeper.node_id)
     node.claim()
     file = _backup_file(keeper, node, when)
-    session.output.note(f"this puts {file} back")
+    session.tell.note(f"this puts {file} back")
     started = time.monotonic()
-    wish = rehearse(session, file, node.node_id).get(node.node_id, Wish())
+    wish = rehearse(file, node.node_id).get(node.node_id, Wish())
     if not wish.pdos:
         raise UsageError(
             f"the backup says nothing of a PDO of node {node.node_id}",
@@ -156,9 +156,9 @@ def _forgotten(session: Session, node_id: int, undone: list[Plan]) -> bool:
 
     What was stored, or commanded by NMT, in between belongs to what was done: then the undo is a change of its own.
     """
-    kept = list(session.executed)
+    kept = list(session.record.lines)
     for plan in reversed(undone):
-        if not session.unrecord(node_id, change_lines(plan)):
-            session.executed[:] = kept
+        if not session.record.take_back(node_id, change_lines(plan)):
+            session.record.lines[:] = kept
             return False
     return True

@@ -56,4 +56,4 @@ def stream(
             show(one for one in seen if one.matches(text))
     finally:
         if listener.dropped:
-            session.output.warning(f"{listener.dropped} frames were dropped: they came faster than they were written")
+            session.tell.warning(f"{listener.dropped} frames were dropped: they came faster than they were written")

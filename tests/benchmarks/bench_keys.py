@@ -14,11 +14,11 @@ from statistics import median, quantiles
 from prompt_toolkit.completion import CompleteEvent
 from prompt_toolkit.document import Document
 
+from dvtcli.cli.conversation import Conversation
 from dvtcli.cli.prompt.colours import LineLexer
 from dvtcli.cli.prompt.completer import LineCompleter
 from dvtcli.cli.prompt.syntax import syntax
 from dvtcli.cli.view.output import Output
-from dvtcli.operations.session import Session
 
 OBJECTS, ROUNDS, GOAL_MS = 5000, 5, 20.0
 NAMES = ("Velocity actual value", "Torque demand", "Motor temperature", "Battery voltage", "Position target")
@@ -42,7 +42,7 @@ def large_eds(folder: Path) -> Path:
     return path
 
 
-def key_times(session: Session) -> list[float]:
+def key_times(session: Conversation) -> list[float]:
     """Milliseconds of every key of `LINES`, each the median of `ROUNDS`: what other programs take away is not ours."""
     completer, lexer = LineCompleter(session), LineLexer(())
     keys = [line[:end] for line in LINES for end in range(1, len(line) + 1)]
@@ -63,7 +63,7 @@ def key_times(session: Session) -> list[float]:
 def main() -> int:
     """Measure and print; 1 where the goal is missed."""
     with tempfile.TemporaryDirectory() as folder:
-        session = Session(Output())
+        session = Conversation(Output())
         session.start({"sim": (str(large_eds(Path(folder))),)})
         session.started = True
         try:

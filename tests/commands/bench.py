@@ -7,12 +7,12 @@ import json
 from dataclasses import dataclass, field
 from typing import Any
 
+from dvtcli.cli.conversation import Conversation
 from dvtcli.cli.lexer import split
 from dvtcli.cli.run_line import boundary, run_words
 from dvtcli.cli.script import run_script
 from dvtcli.cli.view.output import Output
 from dvtcli.cli.ways_in import install
-from dvtcli.operations.session import Session
 
 install()
 
@@ -23,10 +23,10 @@ class Bench:
 
     sim: tuple[str, ...] = ("gen4",)
     options: dict[str, Any] = field(default_factory=dict)
-    session: Session = field(init=False)
+    session: Conversation = field(init=False)
 
     def __post_init__(self) -> None:
-        self.session = Session(Output(io.StringIO(), io.StringIO()))
+        self.session = Conversation(Output(io.StringIO(), io.StringIO()))
         self.session.start({"sim": self.sim, **self.options})
         self.session.started = True
 

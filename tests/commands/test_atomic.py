@@ -53,7 +53,7 @@ def test_a_failing_line_takes_all_lines_back(bench: Bench, tmp_path: Path, wrong
     assert error["stays"] == []
     assert error["at"].endswith("x.dvt:5")
     assert held(bench) == before
-    assert bench.session.executed == [(1, "set tpdo3 --timer 33")]
+    assert bench.session.record.lines == [(1, "set tpdo3 --timer 33")]
     assert bench.run("undo").code == 0, "what was changed before the script can be undone as ever"
 
 
@@ -104,7 +104,7 @@ def test_what_cannot_be_taken_back_stands_behind_the_last_change(
     assert f"{inner if nested else tmp_path / 'x.dvt'}:2: `{final.split(maxsplit=1)[0]}" in ran.stderr
     assert f"{tmp_path / 'x.dvt'}:4 changes something after it" in ran.stderr
     assert held(bench) == before
-    assert not bench.session.executed
+    assert not bench.session.record.lines
 
 
 @pytest.mark.parametrize("final", ["store", "restore", "nmt reset-node", "write 1010:1 save", "fpo op", "run INNER"])
@@ -128,7 +128,7 @@ def test_usage_errors(bench: Bench, tmp_path: Path) -> None:
     assert atomic(bench, tmp_path, f"run {tmp_path}/y.dvt --keep-going").code == 2
     assert atomic(bench, tmp_path, f"run {tmp_path}/y.tcl").code == 2
     assert bench.run(f"run {tmp_path}/y.tcl --atomic").code == 2
-    assert not bench.session.executed
+    assert not bench.session.record.lines
 
 
 def test_a_line_that_fails_behind_a_store_is_left_changed(bench: Bench, tmp_path: Path) -> None:

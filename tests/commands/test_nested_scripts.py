@@ -18,7 +18,7 @@ def test_a_wrong_line_in_an_inner_script_stops_the_outer_one_before_its_first_li
         assert ran.code == 2
         assert f"{inner}:3: no command is called 'bogus'" in ran.stderr
         assert ran.stdout == ""
-        assert not bench.session.executed
+        assert not bench.session.record.lines
 
 
 def test_a_missing_script_is_said_before_anything_runs(tmp_path: Path) -> None:
@@ -26,7 +26,7 @@ def test_a_missing_script_is_said_before_anything_runs(tmp_path: Path) -> None:
         ran = bench.script("map tpdo1 606C", f"run {tmp_path / 'nosuch.dvt'}")
         assert ran.code == 2
         assert "test.dvt:2: " in ran.stderr
-        assert not bench.session.executed
+        assert not bench.session.record.lines
 
 
 def test_a_script_that_the_script_itself_saves_runs(tmp_path: Path) -> None:
@@ -44,7 +44,7 @@ def test_scripts_that_run_each_other_in_a_ring_are_refused(tmp_path: Path) -> No
         ran = bench.script("map tpdo1 606C", f"run {one}")
         assert ran.code == 2
         assert f"{two}:2: {one} runs itself" in ran.stderr
-        assert not bench.session.executed
+        assert not bench.session.record.lines
 
 
 def test_a_chain_that_is_too_long_and_a_tree_that_is_too_wide(tmp_path: Path) -> None:

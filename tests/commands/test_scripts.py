@@ -187,7 +187,7 @@ def test_what_was_saved_of_several_nodes_goes_back_to_each_of_them(tmp_path: Pat
         assert _pdos_of_both(other) == wanted
     with Bench(("gen4@1", "generic@2")) as exchanged:
         assert exchanged.run(f"run {saved}").code == 6
-        assert not exchanged.session.executed
+        assert not exchanged.session.record.lines
 
 
 def test_what_was_saved_of_a_selected_node_selects_it(tmp_path: Path) -> None:

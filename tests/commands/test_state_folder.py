@@ -148,8 +148,10 @@ def test_a_journal_of_somebody_else_is_not_written_to_a_device(tmp_path: Path) -
 
 def test_the_traceback_of_a_bug_is_the_users_alone(tmp_path: Path) -> None:
     """In the state folder; in the system's where the state folder is not the user's alone."""
-    program = "import sys\nfrom dvtcli.cli.view.output import Output\nfrom dvtcli.operations.session import Session\n"
-    program += "from dvtcli.cli.boundary import guarded\nsys.exit(guarded(Session(Output()), lambda: 1 / 0))\n"
+    program = (
+        "import sys\nfrom dvtcli.cli.view.output import Output\nfrom dvtcli.cli.conversation import Conversation\n"
+    )
+    program += "from dvtcli.cli.boundary import guarded\nsys.exit(guarded(Conversation(Output()), lambda: 1 / 0))\n"
     for state in ("state-home", "link"):
         ran = subprocess.run(
             [sys.executable, "-c", program], capture_output=True, encoding="utf-8", umask=0,

@@ -39,7 +39,7 @@ def test_all_of_every_node_in_one_document() -> None:
         assert document["writes"] == len(document["steps"]) == sum(one["writes"] for one in document["nodes"])
         assert {node_id: bench.session.node(node_id).pdos() for node_id in (1, 3)} == before
         assert bench.run("undo --all").code == 2
-        assert bench.session.executed == []
+        assert bench.session.record.lines == []
 
 
 def test_what_somebody_else_changed_since_is_not_overwritten() -> None:
@@ -70,7 +70,7 @@ def test_a_dry_run_shows_what_the_undo_of_this_session_would_write() -> None:
         for line in ("map 3:tpdo1 6041 606C", "set 1:tpdo2 --timer 40", "map 3:tpdo3 6041 --cob-id 0x6A3"):
             assert bench.run(line).code == 0
         held = {node_id: bench.session.node(node_id).pdos() for node_id in (1, 3)}
-        executed = list(bench.session.executed)
+        executed = list(bench.session.record.lines)
         for _ in range(2):
             last = bench.run("undo --dry-run --json").document
             assert (last["node"], last["pdo"], last["dry_run"]) == (3, "tpdo3", True)
@@ -78,7 +78,7 @@ def test_a_dry_run_shows_what_the_undo_of_this_session_would_write() -> None:
         whole = bench.run("undo --all --dry-run --json").document
         assert set(whole["pdos"]) == {"3:tpdo1", "3:tpdo3", "1:tpdo2"}
         assert {node_id: bench.session.node(node_id).pdos() for node_id in (1, 3)} == held
-        assert bench.session.executed == executed
+        assert bench.session.record.lines == executed
         assert (bench.run("undo --all").code, bench.run("undo --dry-run").code) == (0, 2)
 
 

@@ -109,7 +109,7 @@ def test_a_script_is_compared_by_what_it_would_leave(tmp_path: Path) -> None:
         assert fresh.code == 3
         assert fresh.document["node"] == 3
         assert bench.session.node(3).pdos() == before, "comparing writes nothing"
-        assert bench.session.executed == []
+        assert bench.session.record.lines == []
         assert bench.session.node_id() == 1, "the script's own `node` selects for the script only"
         assert bench.run(f"run {script}").code == 0
         done = bench.run(f"verify {script} --json")

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 
+from dvtcli.cli.conversation import Conversation
 from dvtcli.cli.lexer import split
 from dvtcli.cli.run_line import boundary, run_words
 from dvtcli.cli.script import run_script
@@ -25,7 +26,6 @@ from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import DvtcliError
 from dvtcli.operations.open_network import Network
-from dvtcli.operations.session import Session
 from dvtcli.simulator.device.faults import Fault
 from dvtcli.simulator.device.refusal import Refusal
 from dvtcli.simulator.device.strict_device import StrictDevice
@@ -144,7 +144,7 @@ class Run:
     def session(self, lines: list[str]) -> tuple[int, Record]:
         """Run *lines* as a script file, or a single one as a command; the exit code and what was said."""
         record = Record()
-        session = Session(record)
+        session = Conversation(record)
         session.start({"yes": True, "node": NODE})
         network = Network(self.bus, session.options, session.cancellation, session.consent)
         node = network.nodes[NODE] = self.node()

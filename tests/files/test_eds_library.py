@@ -7,12 +7,12 @@ from pathlib import Path
 import can
 import pytest
 
+from dvtcli.cli.conversation import Conversation
 from dvtcli.cli.view.output import Output
 from dvtcli.domain.object_dictionary import DeviceInfo
 from dvtcli.errors import InputFileError
 from dvtcli.files.eds import own_files as eds_library
 from dvtcli.files.eds.reader import read_eds
-from dvtcli.operations.session import Session
 from dvtcli.simulator.device.family import family_eds, load_family
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.simulated_network import SimulatedNetwork
@@ -48,7 +48,7 @@ def test_a_node_on_a_real_bus_gets_the_file_of_its_identity() -> None:
     eds_library.add(path, dictionary.info)
     with can.Bus("eds-library", interface="virtual") as bus:
         network = SimulatedNetwork(bus, [StrictDevice(dictionary, load_family("gen4"), 5)])
-        session = Session(Output())
+        session = Conversation(Output())
         session.start({"interface": "virtual", "channel": "eds-library", "node": 5})
         network.start()
         try:

@@ -20,6 +20,7 @@ from typing import Any, NoReturn
 import click
 
 from dvtcli.cli.command import LEAVE
+from dvtcli.cli.conversation import Conversation
 from dvtcli.cli.global_options import taken
 from dvtcli.cli.lexer import split
 from dvtcli.cli.params import COB_ID, ENTRY, NODE_ID, OBJECT, PDO, CanopenType, DataTypeParam, MillisecondsType
@@ -49,7 +50,6 @@ from dvtcli.operations import eds_files, results
 from dvtcli.operations.open_network import Network
 from dvtcli.operations.options import node_id
 from dvtcli.operations.search_objects import object_row
-from dvtcli.operations.session import Session
 from dvtcli.operations.settings import File
 from dvtcli.operations.settings_search import Found
 from dvtcli.simulator.device.family import Family, family_eds
@@ -181,7 +181,7 @@ def script(data: bytes) -> None:
         _parse_line(line.words, session)
 
 
-def _parse_line(words: list[str], session: Session) -> None:
+def _parse_line(words: list[str], session: Conversation) -> None:
     try:
         with contextlib.redirect_stdout(io.StringIO()), parse(words, session):
             pass
@@ -429,8 +429,8 @@ def _no_json(word: str) -> NoReturn:
     raise AssertionError(f"{word} is no JSON")
 
 
-def _session() -> Session:
-    return Session(Output(io.StringIO(), io.StringIO()))
+def _session() -> Conversation:
+    return Conversation(Output(io.StringIO(), io.StringIO()))
 
 
 @cache

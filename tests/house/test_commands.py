@@ -10,12 +10,12 @@ import pytest
 
 from dvtcli.cli.catalogue import command_names
 from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.conversation import Conversation
 from dvtcli.cli.lexer import split
 from dvtcli.cli.registry import REGISTRY
 from dvtcli.cli.run_line import parse
 from dvtcli.cli.view.output import Output
 from dvtcli.operations import results
-from dvtcli.operations.session import Session
 from tests.house.source import PACKAGE, modules
 
 #: what does the work
@@ -67,7 +67,7 @@ def test_every_option_explains_itself(name: str) -> None:
 def test_its_examples_parse(name: str) -> None:
     lines = examples(name)
     assert lines, f"help {name} has no example"
-    session = Session(Output())
+    session = Conversation(Output())
     session.started = True
     for line in lines:
         assert line.startswith(name), line

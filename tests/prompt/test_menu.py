@@ -10,16 +10,16 @@ from prompt_toolkit.completion import CompleteEvent, Completion
 from prompt_toolkit.document import Document
 
 from dvtcli.bus.python_can import CanBus
+from dvtcli.cli.conversation import Conversation
 from dvtcli.cli.name_completion import MOST
 from dvtcli.cli.prompt.completer import LineCompleter
 from dvtcli.cli.prompt.typed import quoted, typed
 from dvtcli.cli.view.output import Output
-from dvtcli.operations.session import Session
 
 
 @pytest.fixture
-def session() -> Iterator[Session]:
-    session = Session(Output())
+def session() -> Iterator[Conversation]:
+    session = Conversation(Output())
     session.start({"sim": ("gen4",)})
     session.started = True
     session.node()
@@ -27,15 +27,15 @@ def session() -> Iterator[Session]:
     session.close()
 
 
-def menu(session: Session, line: str) -> list[Completion]:
+def menu(session: Conversation, line: str) -> list[Completion]:
     return list(LineCompleter(session).get_completions(Document(line), CompleteEvent()))
 
 
-def words(session: Session, line: str) -> list[str]:
+def words(session: Conversation, line: str) -> list[str]:
     return [item.text for item in menu(session, line)]
 
 
-def test_objects_are_found_by_number_then_name_then_a_word_of_it(session: Session) -> None:
+def test_objects_are_found_by_number_then_name_then_a_word_of_it(session: Conversation) -> None:
     assert words(session, "read 6C01:1")[0] == "6C01:01"
     assert words(session, "read 0x606C")[0] == "0x606C:00"
     assert all(word.startswith("0x") for word in words(session, "read 0x6"))
@@ -46,7 +46,7 @@ def test_objects_are_found_by_number_then_name_then_a_word_of_it(session: Sessio
     assert words(session, "read nothing_is_called_so") == []
 
 
-def test_options_come_with_the_commands_own_first(session: Session) -> None:
+def test_options_come_with_the_commands_own_first(session: Conversation) -> None:
     found = words(session, "map tpdo1 6041 --")
     assert found.index("--cob-id") < found.index("--dry-run")
     assert "--sim" not in found
@@ -54,7 +54,7 @@ def test_options_come_with_the_commands_own_first(session: Session) -> None:
     assert words(session, "map tpdo1 6041 --cob-id ")[:2] == ["auto", "keep"]
 
 
-def test_a_nodes_prefix_and_the_values_of_options_are_completed(session: Session) -> None:
+def test_a_nodes_prefix_and_the_values_of_options_are_completed(session: Conversation) -> None:
     assert words(session, "pdo 1:tp")[:2] == ["1:tpdo1", "1:tpdo2"]
     assert words(session, "map 1:tpdo1 velocity_a")[0] == "606C:00"
     assert menu(session, "map rpdo1 60FF --type 25")[-1].display_meta_text == "event-driven; RPDO: immediate"
@@ -62,17 +62,17 @@ def test_a_nodes_prefix_and_the_values_of_options_are_completed(session: Session
     assert words(session, "nmt reset")[0] == "reset-node"
 
 
-def test_a_continued_line_is_one_line(session: Session) -> None:
+def test_a_continued_line_is_one_line(session: Conversation) -> None:
     (found, *_) = menu(session, "map tpdo1 \\\n606C:0")
     assert (found.text, found.start_position) == ("606C:00", -6)
 
 
-def test_a_comment_and_an_unknown_command_offer_nothing(session: Session) -> None:
+def test_a_comment_and_an_unknown_command_offer_nothing(session: Conversation) -> None:
     assert words(session, "# ma") == []
     assert words(session, "mpa tp") == []
 
 
-def test_a_key_never_uses_the_bus(session: Session) -> None:
+def test_a_key_never_uses_the_bus(session: Conversation) -> None:
     bus = session.wire
     assert isinstance(bus, CanBus)
     frames: list[object] = []
@@ -92,7 +92,7 @@ def test_a_large_dictionary_gives_a_menu_that_can_be_read(tmp_path: Path) -> Non
         for n in range(5000)
     ]
     eds.write_text("[DeviceInfo]\nProductName=Large\n" + "".join(objects))
-    session = Session(Output())
+    session = Conversation(Output())
     session.start({"sim": (str(eds),)})
     session.started = True
     for line, first in [

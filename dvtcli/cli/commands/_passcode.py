@@ -13,13 +13,13 @@ from dvtcli.domain.datatypes import parse_number
 from dvtcli.errors import SafetyRefusal, UsageError
 
 if TYPE_CHECKING:
-    from dvtcli.operations.session import Session
+    from dvtcli.cli.conversation import Conversation
 
 VARIABLE = "DVTCLI_PASSCODE"
 _SOURCES = f"{VARIABLE} in the environment, or `passcode` in your config.toml (`doctor` says where)"
 
 
-def passcode(session: Session, node_id: int, level: int) -> int:
+def passcode(session: Conversation, node_id: int, level: int) -> int:
     """The passcode (0..0xFFFF) for *level* of a node; SafetyRefusal where nobody can be asked for it."""
     if session.dry_run:
         return 1  # a twin believes any, and none is spent on it
@@ -34,7 +34,7 @@ def passcode(session: Session, node_id: int, level: int) -> int:
     return _number(_asked(session, f"passcode of node {node_id} for level {level}: ", node_id), "the passcode")
 
 
-def _asked(session: Session, question: str, node_id: int) -> str:
+def _asked(session: Conversation, question: str, node_id: int) -> str:
     import warnings
     from getpass import GetPassWarning, getpass
 

@@ -15,15 +15,15 @@ from dvtcli.operations.change import configure_pdo
 from dvtcli.operations.results import Facts
 
 if TYPE_CHECKING:
+    from dvtcli.cli.conversation import Conversation
     from dvtcli.device.node import Node
     from dvtcli.domain.mapping import PdoMappingEntry
     from dvtcli.domain.object_syntax import MappedObject, Skipped
     from dvtcli.domain.pdo import Pdo
     from dvtcli.operations.results import Changed
-    from dvtcli.operations.session import Session
 
 
-def edit(session: Session, node: Node, pdo: Pdo) -> Changed | Facts:
+def edit(session: Conversation, node: Node, pdo: Pdo) -> Changed | Facts:
     """Open *pdo* in the editor until what is saved can be carried out, or is given up.
 
     SafetyRefusal without a terminal. A text that is wrong and was given up ends with the error's own exit code.
@@ -73,7 +73,7 @@ def _name(node: Node, entry: PdoMappingEntry) -> str:
     return node.dictionary.display_name(entry.index, entry.sub_index) if known and node.dictionary else ""
 
 
-def _carried_out(session: Session, node: Node, pdo: Pdo, asked: PdoText) -> Changed:
+def _carried_out(session: Conversation, node: Node, pdo: Pdo, asked: PdoText) -> Changed:
     want = PdoRequest(
         asked.cob_id, asked.transmission_type, asked.inhibit_time, asked.event_timer, asked.sync_start_value,
         asked.rtr_allowed, asked.extended, asked.enabled,

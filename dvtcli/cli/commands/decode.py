@@ -13,7 +13,7 @@ from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import FILE, TEXT
 
 if TYPE_CHECKING:
-    from dvtcli.operations.session import Session
+    from dvtcli.cli.conversation import Conversation
 
 TASK = ("See", 50)
 
@@ -25,7 +25,13 @@ TASK = ("See", 50)
 @click.option("--csv", "as_csv", is_flag=True, help="As CSV: a row for each decoded frame, a column for each signal.")
 @click.pass_obj
 def command(
-    session: Session, /, file: str, dbc: str | None, nodes: tuple[int, ...] | None, wanted: str | None, as_csv: bool
+    session: Conversation,
+    /,
+    file: str,
+    dbc: str | None,
+    nodes: tuple[int, ...] | None,
+    wanted: str | None,
+    as_csv: bool,
 ) -> None:
     """Decode FILE (.asc .blf .log .trc .mf4): by --dbc, by the mapping in --eds, or by what the nodes hold now.
 

@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
+import os
 from typing import TYPE_CHECKING
 
 import click
 
 from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.effect import Effect
+from dvtcli.operations.results.diagnosis import Check
 
 if TYPE_CHECKING:
+    from dvtcli.cli.conversation import Conversation
     from dvtcli.operations.results import Diagnosis
-    from dvtcli.operations.session import Session
 
 TASK = ("Begin", 20)
 
 
 @click.command("doctor", cls=DvtCommand, short_help=__doc__, effect=Effect.READS, needs_settings=False)
 @click.pass_obj
-def command(session: Session, /) -> Diagnosis:
+def command(session: Conversation, /) -> Diagnosis:
     """Look at everything that dvtcli needs, and say the next step where something is missing.
 
     It listens to the bus for a second and reads one object of the selected node; it writes nothing.
@@ -30,4 +32,18 @@ def command(session: Session, /) -> Diagnosis:
     from dvtcli.operations.diagnose import checks
     from dvtcli.operations.results import Diagnosis
 
-    return Diagnosis(tuple(checks(session)))
+    return Diagnosis((*checks(session), _terminal(session)))
+
+
+def _terminal(session: Conversation) -> Check:
+    """How results are shown here."""
+    stream = session.output.stdout
+    encoding = getattr(stream, "encoding", None) or "utf-8"
+    drawn = "ASCII look-alikes" if session.options.ascii or "utf" not in encoding.lower() else "Unicode"
+    if not stream.isatty():
+        return Check("terminal", "ok", f"no terminal: no colours, {drawn} ({encoding}), nothing is asked")
+    size = os.get_terminal_size(stream.fileno())
+    text = f"{os.environ.get('TERM', '?')}, {size.columns} x {size.lines}, {drawn} ({encoding})"
+    if size.columns < 80:
+        return Check("terminal", "warn", text, "screens are made for 80 columns and more")
+    return Check("terminal", "ok", text)

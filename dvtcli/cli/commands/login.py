@@ -11,8 +11,8 @@ from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import NumberType
 
 if TYPE_CHECKING:
+    from dvtcli.cli.conversation import Conversation
     from dvtcli.operations.results import LoggedIn
-    from dvtcli.operations.session import Session
 
 TASK = ("Find nodes", 40)
 
@@ -21,7 +21,7 @@ TASK = ("Find nodes", 40)
 @click.argument("level", type=NumberType(0, 255, "an access level"), required=False)
 @click.option("--user", type=NumberType(1, 0xFFFF, "a user ID"), metavar="N", help="User ID 1…65535 [the family's].")
 @click.pass_obj
-def command(session: Session, /, level: int | None, user: int | None) -> LoggedIn:
+def command(session: Conversation, /, level: int | None, user: int | None) -> LoggedIn:
     """Log in at LEVEL, or at the one that PDO work needs; 0 logs out.
 
     The passcode comes from DVTCLI_PASSCODE, from `passcode` in the user's config.toml, or is asked for without echo.

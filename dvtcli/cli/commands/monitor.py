@@ -16,8 +16,8 @@ from dvtcli.cli.params import FILE, TEXT
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
+    from dvtcli.cli.conversation import Conversation
     from dvtcli.operations.results import FrameSeen
-    from dvtcli.operations.session import Session
 
 TASK = ("See", 40)
 
@@ -30,7 +30,7 @@ TASK = ("See", 40)
 @click.option("--changes", is_flag=True, help="Only frames that say something new.")
 @click.pass_obj
 def command(
-    session: Session,
+    session: Conversation,
     /,
     nodes: tuple[int, ...] | None,
     decode: str | None,
@@ -60,7 +60,7 @@ def command(
             stream(session, listener, decoder, _shown_by(session), (wanted or "").lower(), duration, changes=changes)
 
 
-def _full_screen(session: Session) -> bool:
+def _full_screen(session: Conversation) -> bool:
     terminal = sys.stdin.isatty() and sys.stdout.isatty() and os.environ.get("TERM", "").lower() not in _PLAIN
     return terminal and not session.output.json and not session.in_script
 
@@ -68,6 +68,6 @@ def _full_screen(session: Session) -> bool:
 _PLAIN = ("", "dumb", "unknown")
 
 
-def _shown_by(session: Session) -> Callable[[Iterable[FrameSeen]], None]:
+def _shown_by(session: Conversation) -> Callable[[Iterable[FrameSeen]], None]:
     output = session.output
     return lambda seen: output.documents(one.document() for one in seen)

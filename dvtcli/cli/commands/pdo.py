@@ -11,8 +11,8 @@ from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import EDIT, EditOrPdo, NodePdo
 
 if TYPE_CHECKING:
+    from dvtcli.cli.conversation import Conversation
     from dvtcli.operations.results import Changed, Facts, PdoListing
-    from dvtcli.operations.session import Session
 
 TASK = ("See", 10)
 
@@ -21,7 +21,7 @@ TASK = ("See", 10)
 @click.argument("words", type=EditOrPdo(), nargs=-1, metavar="[edit] [PDO]")
 @click.option("--all", "show_all", is_flag=True, help="Also PDOs that are off and empty.")
 @click.pass_obj
-def command(session: Session, /, words: tuple[NodePdo | str, ...], show_all: bool) -> PdoListing | Changed | Facts:
+def command(session: Conversation, /, words: tuple[NodePdo | str, ...], show_all: bool) -> PdoListing | Changed | Facts:
     """Show the PDOs as the node holds them now, or edit one as text.
 
     \b

@@ -15,8 +15,8 @@ from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import FILE, TEXT
 
 if TYPE_CHECKING:
+    from dvtcli.cli.conversation import Conversation
     from dvtcli.operations.results import Plotted, PlottedSignal
-    from dvtcli.operations.session import Session
     from dvtcli.watch.tracks import Track
 
 TASK = ("See", 60)
@@ -32,7 +32,7 @@ _WIDTH, _LEAST, _MOST = 200, 8, 24
 @click.option("-o", "--output", type=FILE, metavar="FILE", help="A picture: .png .svg .pdf (needs matplotlib).")
 @click.pass_obj
 def command(
-    session: Session,
+    session: Conversation,
     /,
     file: str,
     signals: tuple[str, ...],
@@ -60,7 +60,7 @@ def command(
     return Plotted(file, shown, span_s[1] - span_s[0], output)
 
 
-def _draw(session: Session, path: Path, found: list[Track], span_s: tuple[float, float]) -> None:
+def _draw(session: Conversation, path: Path, found: list[Track], span_s: tuple[float, float]) -> None:
     from dvtcli.cli.monitor.chart import draw_chart
 
     if os.path.exists(path):  # noqa: PTH110 - Path.exists raises OSError for a name that is too long
@@ -68,7 +68,9 @@ def _draw(session: Session, path: Path, found: list[Track], span_s: tuple[float,
     draw_chart(path, found, span_s[0])
 
 
-def _drawn(session: Session, track: Track, span_s: tuple[float, float], count: int, *, picture: bool) -> PlottedSignal:
+def _drawn(
+    session: Conversation, track: Track, span_s: tuple[float, float], count: int, *, picture: bool
+) -> PlottedSignal:
     """The signal with its graph, sized so that *count* of them fit the terminal."""
     from dvtcli.cli.monitor.graph import graph
     from dvtcli.operations.results import PlottedSignal

@@ -15,7 +15,7 @@ from dvtcli.cli.params import FILE, TEXT
 from dvtcli.errors import UsageError
 
 if TYPE_CHECKING:
-    from dvtcli.operations.session import Session
+    from dvtcli.cli.conversation import Conversation
 
 TASK = ("Programs around", 10)
 
@@ -58,7 +58,7 @@ def command(
     from dvtcli.operations.serve import DEFAULT_PORT, LOOPBACK, Wanted, address, latency_of
     from dvtcli.operations.serve_nodes import serve
 
-    session: Session = ctx.obj
+    session: Conversation = ctx.obj
     if _typed(ctx, "sim"):
         raise UsageError("--sim is a node in this process; nodes to serve stand behind sim", hint="sim gen4@1")
     join = any(_typed(ctx, name) for name in ("bus", "interface", "channel"))

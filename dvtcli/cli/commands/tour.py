@@ -15,7 +15,7 @@ from dvtcli.cli.ways import Ways, ways
 
 if TYPE_CHECKING:
     from dvtcli.cli.commands._tour_steps import Step
-    from dvtcli.operations.session import Session
+    from dvtcli.cli.conversation import Conversation
 
 TASK = ("Begin", 10)
 
@@ -36,10 +36,10 @@ def command(ctx: click.Context, /) -> int:
     tour
     """
     from dvtcli.cli.commands._tour_steps import STEPS
-    from dvtcli.operations.session import Session
+    from dvtcli.cli.conversation import Conversation
 
-    session: Session = ctx.obj
-    guide = Session(session.output)
+    session: Conversation = ctx.obj
+    guide = Conversation(session.output)
     guide.start({"sim": (_SHOWN,), "color": session.base.color, "ascii": session.base.ascii})
     guide.started = True
     asks = sys.stdin.isatty() and sys.stderr.isatty() and not session.in_script
@@ -57,7 +57,7 @@ def command(ctx: click.Context, /) -> int:
     return 0
 
 
-def _guided(guide: Session, lines: Ways, step: Step) -> bool:
+def _guided(guide: Conversation, lines: Ways, step: Step) -> bool:
     """Let the user run the step's line, and others before it; False where the user leaves."""
     while True:
         _say(guide, f"  Enter runs:  {step.line}")
@@ -74,7 +74,7 @@ def _guided(guide: Session, lines: Ways, step: Step) -> bool:
             return True
 
 
-def _shown(guide: Session, lines: Ways, step: Step) -> bool:
+def _shown(guide: Conversation, lines: Ways, step: Step) -> bool:
     """Print the step's line and run it; AssertionError where it ends with another code than the tour says."""
     guide.output.stdout.flush()
     _say(guide, f"tour> {step.line}")
@@ -83,12 +83,12 @@ def _shown(guide: Session, lines: Ways, step: Step) -> bool:
     return True
 
 
-def _run(guide: Session, lines: Ways, line: str) -> int:
+def _run(guide: Conversation, lines: Ways, line: str) -> int:
     """Run one line as the prompt does."""
     code = guarded(guide, lambda: lines.line(guide, split(line)) if split(line) else 0)
     return guarded(guide, lambda: guide.end_line(code)) or code
 
 
-def _say(guide: Session, *lines: str) -> None:
+def _say(guide: Conversation, *lines: str) -> None:
     guide.output.stdout.flush()
     guide.output.lines([part for line in lines for part in line.split("\n")])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import click
@@ -41,4 +42,5 @@ def command(ctx: click.Context, /, everything: bool, backup: str | None) -> Chan
         return undo(ctx.obj, everything=everything)
     if everything:
         raise UsageError("--all and --backup exclude each other: a backup is everything")
-    return undo_to_backup(ctx.obj, ways(ctx).rehearsed, None if backup == _NEWEST else backup)
+    rehearse = partial(ways(ctx).rehearsed, ctx.obj)
+    return undo_to_backup(ctx.obj, rehearse, None if backup == _NEWEST else backup)

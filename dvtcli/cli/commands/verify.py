@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import click
@@ -37,7 +38,8 @@ def command(ctx: click.Context, /, words: tuple[str, ...], frame: bool) -> Compa
     from dvtcli.operations.compare_pdos import verify
 
     pdos, file = _sorted_words(words)
-    return verify(ctx.obj, ways(ctx).rehearsed, [(word.node_id, word.pdo) for word in pdos], file, frame=frame)
+    rehearse = partial(ways(ctx).rehearsed, ctx.obj)
+    return verify(ctx.obj, rehearse, [(word.node_id, word.pdo) for word in pdos], file, frame=frame)
 
 
 def _sorted_words(words: tuple[str, ...]) -> tuple[list[NodePdo], str | None]:

@@ -8,22 +8,22 @@ from dvtcli.cli.dvt.done import Done
 from dvtcli.domain.nmt import NmtState
 
 if TYPE_CHECKING:
-    from dvtcli.operations.session import Session
+    from dvtcli.cli.conversation import Conversation
 
 _STATES = {"pre": NmtState.PRE_OPERATIONAL, "op": NmtState.OPERATIONAL}
 
 
-def force(session: Session, node_id: int | None, state: str | None) -> Done:
+def force(session: Conversation, node_id: int | None, state: str | None) -> Done:
     """Bring a node to PRE-OPERATIONAL (or with `op` to OPERATIONAL), in the way its family wants, and confirm it."""
     node, wanted = session.node(node_id), state or "pre"
     node.commanded()
     node.access.request(_STATES[wanted])
     if not session.dry_run:
-        session.record(node.node_id, [f"fpo {node.node_id} {wanted}"])
+        session.record.add(node.node_id, [f"fpo {node.node_id} {wanted}"])
     return Done()
 
 
-def log_in_at(session: Session, node_id: int | None, level: int | None) -> Done:
+def log_in_at(session: Conversation, node_id: int | None, level: int | None) -> Done:
     """Log in at *level*, None for the one that PDO work needs; the passcode is found as `login` finds it."""
     from dvtcli.cli.commands._passcode import passcode
     from dvtcli.device.access_level import log_in, policy_of
@@ -32,11 +32,11 @@ def log_in_at(session: Session, node_id: int | None, level: int | None) -> Done:
     wanted = policy_of(node.access).needed if level is None else level
     log_in(node.access, wanted, lambda: passcode(session, node.node_id, wanted))
     if not session.dry_run:
-        session.record(node.node_id, [f"login {wanted}"])
+        session.record.add(node.node_id, [f"login {wanted}"])
     return Done()
 
 
-def store(session: Session, node_id: int | None) -> Done:
+def store(session: Conversation, node_id: int | None) -> Done:
     """0x1010 "save", as the command `store`."""
     from dvtcli.operations.store_restore import store_settings
 

@@ -21,8 +21,8 @@ from dvtcli.cli.script import enclosed, refuse_own_run, script_text
 from dvtcli.errors import DvtcliError, InputFileError, UsageError
 
 if TYPE_CHECKING:
+    from dvtcli.cli.conversation import Conversation
     from dvtcli.operations.results import DvtAnswer
-    from dvtcli.operations.session import Session
 
 #: What a script may take by itself: 600 s, what its words wait for devices not counted; Tcl commands; memory.
 LIMITS = Limits(seconds=600.0, steps=100_000_000, memory_bytes=512 << 20)
@@ -44,7 +44,13 @@ class _Ended(Exception):
 
 
 def run_tcl(
-    session: Session, data: bytes, source: str, *, keep_going: bool, most_seconds: float | None, limits: Limits = LIMITS
+    session: Conversation,
+    data: bytes,
+    source: str,
+    *,
+    keep_going: bool,
+    most_seconds: float | None,
+    limits: Limits = LIMITS,
 ) -> int:
     """Run the Tcl script *source*, whose content is *data*, inside one NMT gate; its exit code.
 
@@ -72,7 +78,7 @@ class TclScript:
     """One run of the Tcl script at *source* by *process*, which may take *start_s* to begin, within *limits*."""
 
     def __init__(
-        self, session: Session, source: str, process: TclProcess, limits: Limits, start_s: float = _START_S
+        self, session: Conversation, source: str, process: TclProcess, limits: Limits, start_s: float = _START_S
     ) -> None:
         self._session, self._source, self._process, self._limits = session, source, process, limits
         self._start_s = start_s

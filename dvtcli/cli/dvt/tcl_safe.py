@@ -16,7 +16,7 @@ from dvtcli.cli.run_line import parse
 from dvtcli.errors import UsageError
 
 if TYPE_CHECKING:
-    from dvtcli.operations.session import Session
+    from dvtcli.cli.conversation import Conversation
 
 #: Tcl's commands that reach outside of the interpreter: none of them is there, and each says so.
 REFUSED = ("exec", "socket", "load", "unload", "glob", "cd", "pwd", "fconfigure", "encoding", "interp")
@@ -42,7 +42,7 @@ class Exit(Exception):
 class Commands:
     """These commands for one script in *folder*."""
 
-    def __init__(self, session: Session, folder: Path) -> None:
+    def __init__(self, session: Conversation, folder: Path) -> None:
         self._session, self._folder = session, folder
         self._unfinished = {"stdout": "", "stderr": ""}
         self._own: dict[str, Callable[..., str]] = {
@@ -129,7 +129,7 @@ class Commands:
         return path
 
 
-def refuse_beyond_nodes(words: Sequence[str], session: Session) -> None:
+def refuse_beyond_nodes(words: Sequence[str], session: Conversation) -> None:
     """Raise UsageError where the line *words* of `dvtcli` would do more than work on nodes, such as open a file."""
     if not words:
         raise UsageError("dvtcli: a command is missing behind it, as in: dvtcli read 6041")
@@ -139,7 +139,7 @@ def refuse_beyond_nodes(words: Sequence[str], session: Session) -> None:
         raise _refused("dvtcli verify with a file")
 
 
-def _arguments(line: Sequence[str], session: Session) -> list[str]:
+def _arguments(line: Sequence[str], session: Conversation) -> list[str]:
     """The texts on a command's *line* that are no global options; none where it cannot be parsed, and so not run."""
     try:
         ctx = parse(line, session)

@@ -15,7 +15,7 @@ from dvtcli.cli.ways import ways
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
 
-    from dvtcli.operations.session import Session
+    from dvtcli.cli.conversation import Conversation
 
 
 class NodeText(TextType):
@@ -26,7 +26,7 @@ class NodeText(TextType):
         from click.shell_completion import CompletionItem as Item
 
         del param
-        session: Session | None = ctx.find_root().obj
+        session: Conversation | None = ctx.find_root().obj
         known = session.known_ids() if session is not None else []
         return [Item(str(node_id)) for node_id in known if str(node_id).startswith(incomplete)]
 

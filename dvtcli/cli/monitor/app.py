@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from prompt_toolkit.formatted_text import StyleAndTextTuples
     from prompt_toolkit.key_binding import KeyBindings, KeyPressEvent
 
-    from dvtcli.operations.session import Session
+    from dvtcli.cli.conversation import Conversation
     from dvtcli.watch.decoder import Decoder
     from dvtcli.watch.listener import Listener
 
@@ -76,7 +76,7 @@ class Monitor:
 
 
 def watch(
-    session: Session, listener: Listener, decoder: Decoder, wanted: str, duration_s: float | None, *, changes: bool
+    session: Conversation, listener: Listener, decoder: Decoder, wanted: str, duration_s: float | None, *, changes: bool
 ) -> None:
     """Show the bus until q, Ctrl-C or the end of *duration_s*; BusUnavailable where it failed."""
     view = View(filter=wanted, plain=session.output.plain, changes=changes)

@@ -23,7 +23,7 @@ from dvtcli.cli.view.wrap import wrapped
 from dvtcli.errors import DvtcliError, UsageError
 
 if TYPE_CHECKING:
-    from dvtcli.operations.session import Session
+    from dvtcli.cli.conversation import Conversation
 
 #: What click puts before the message of a parameter's type, which says it better.
 _INVALID = re.compile(r"^Invalid value for [^:]*: ")
@@ -50,7 +50,7 @@ class LineValidator(Validator):
     *columns* tells the terminal's width.
     """
 
-    def __init__(self, session: Session, columns: Callable[[], int]) -> None:
+    def __init__(self, session: Conversation, columns: Callable[[], int]) -> None:
         self._session = session
         self._columns = columns
 

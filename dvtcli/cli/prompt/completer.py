@@ -24,13 +24,13 @@ from dvtcli.errors import DvtcliError
 from dvtcli.operations.options import START_ONLY
 
 if TYPE_CHECKING:
-    from dvtcli.operations.session import Session
+    from dvtcli.cli.conversation import Conversation
 
 
 class LineCompleter(Completer):
     """Completes a line of the prompt for *session*."""
 
-    def __init__(self, session: Session) -> None:
+    def __init__(self, session: Conversation) -> None:
         self._session = session
         self._paths = PathCompleter(expanduser=True)
         # Summaries are read from the commands' files once: a menu is drawn with every key.

@@ -16,7 +16,7 @@ from dvtcli.operations.settings_search import NAME, why_unusable
 
 if TYPE_CHECKING:
     from dvtcli.bus.discover import Found
-    from dvtcli.operations.session import Session
+    from dvtcli.cli.conversation import Conversation
 
 #: the simulated node that is always there to try things on
 SIMULATED = "generic"
@@ -26,7 +26,7 @@ USUAL_BIT_RATE = 500_000
 Choice = dict[str, str | int | list[str]]
 
 
-def first_start(session: Session) -> None:
+def first_start(session: Conversation) -> None:
     """Let the user choose where nothing is configured, and open that; returns at once where something is.
 
     Also where nobody can answer: then opening the bus says what is missing.
@@ -50,7 +50,7 @@ def first_start(session: Session) -> None:
     _keep(session, choice)
 
 
-def _choose(session: Session, found: list[Found]) -> Choice | None:
+def _choose(session: Conversation, found: list[Found]) -> Choice | None:
     """What the user takes, None where the terminal went away."""
     session.output.lines(_offer(found))
     usual = next((number for number, one in enumerate(found, 1) if one.problem is None), len(found) + 1)
@@ -77,7 +77,7 @@ def _offer(found: list[Found]) -> list[Line]:
     return [head, *table.lines()]
 
 
-def _bus(session: Session, chosen: Found) -> Choice | None:
+def _bus(session: Conversation, chosen: Found) -> Choice | None:
     """The options for *chosen*; a SocketCAN link has its bit rate already, others are asked for."""
     choice: Choice = {"interface": chosen.interface, "channel": chosen.channel}
     while chosen.interface != "socketcan":
@@ -92,7 +92,7 @@ def _bus(session: Session, chosen: Found) -> Choice | None:
     return choice
 
 
-def _answer(session: Session, question: str) -> str | None:
+def _answer(session: Conversation, question: str) -> str | None:
     """The line typed in answer, None at the terminal's end."""
     session.output.stderr.write(f"{question} ")
     session.output.stderr.flush()
@@ -100,7 +100,7 @@ def _answer(session: Session, question: str) -> str | None:
     return line.strip() if line else None
 
 
-def _keep(session: Session, choice: Choice) -> None:
+def _keep(session: Conversation, choice: Choice) -> None:
     """Write *choice* into the settings file where the user wants that; what cannot be kept is used all the same."""
     from dvtcli.files.settings_toml import save_settings
 

@@ -17,10 +17,10 @@ from dvtcli.cli.view.typed_ahead import throw_away
 from dvtcli.errors import DvtcliError, UsageError
 
 if TYPE_CHECKING:
+    from dvtcli.cli.conversation import Conversation
     from dvtcli.cli.prompt.status import Status
     from dvtcli.cli.prompt.terminal import Reader
     from dvtcli.device.node import Node
-    from dvtcli.operations.session import Session
 
 #: Exit code of a line that Ctrl-C ended; another signal (SIGTERM, SIGHUP) ends the prompt too, with its own code.
 INTERRUPTED = 130
@@ -28,7 +28,7 @@ INTERRUPTED = 130
 SILENT = 5
 
 
-def run_prompt(session: Session) -> int:
+def run_prompt(session: Conversation) -> int:
     """Open the bus and run lines until the user leaves; the program's exit code. BusUnavailable where none opens."""
     from dvtcli.cli.prompt.bus_watch import Life
     from dvtcli.cli.prompt.first_start import first_start
@@ -64,7 +64,7 @@ def _aliases(found: dict[str, str]) -> dict[str, str]:
 class Prompt:
     """The loop over typed lines."""
 
-    def __init__(self, session: Session, status: Status, lines: Reader) -> None:
+    def __init__(self, session: Conversation, status: Status, lines: Reader) -> None:
         self._session, self._status, self._reader = session, status, lines
         #: whether a line ran: what was typed meanwhile was typed blindly
         self._has_run = False
@@ -150,7 +150,7 @@ def _gone() -> bool:
     return not sys.stdin.isatty()
 
 
-def _help(session: Session, line: str) -> None:
+def _help(session: Conversation, line: str) -> None:
     """Print help for the command that *line* begins with, by its name or an alias, else the list of commands."""
     from dvtcli.cli.prompt.line import expanded
 
@@ -159,7 +159,7 @@ def _help(session: Session, line: str) -> None:
         run_words(["help", *(name if name and name[0] in command_names() else [])], session)
 
 
-def _banner(session: Session) -> None:
+def _banner(session: Conversation) -> None:
     """Say what is open and which keys help."""
     from dvtcli.version import __version__
 
@@ -190,7 +190,7 @@ def _simulated(node: Node) -> str:
     return f'node {node.node_id} "{node.title}" ({file}, {sent} TPDO, {len(pdos) - sent} RPDO)'
 
 
-def _reached(session: Session) -> str:
+def _reached(session: Conversation) -> str:
     """The selected node as far as it answers; silence is said, and the prompt is there for it."""
     node_id = session.selected_id()
     if node_id is None:

@@ -19,9 +19,9 @@ from dvtcli.errors import DvtcliError
 if TYPE_CHECKING:
     from prompt_toolkit.formatted_text import StyleAndTextTuples
 
+    from dvtcli.cli.conversation import Conversation
     from dvtcli.cli.prompt.bus_watch import Life
     from dvtcli.device.node import Node
-    from dvtcli.operations.session import Session
 
 _STATE_STYLES = {NmtState.OPERATIONAL: "class:good", NmtState.PRE_OPERATIONAL: "class:careful"}
 #: PDOs that are read before a prompt is shown, so that the menu can say what they are set to.
@@ -33,7 +33,7 @@ HIGH_LOAD = 0.7
 class Status:
     """The session as the prompt shows it; *life* is what is heard meanwhile."""
 
-    def __init__(self, session: Session, life: Life) -> None:
+    def __init__(self, session: Conversation, life: Life) -> None:
         self._session = session
         self._life = life
         #: the selected node's state as it told by itself when last asked, where nothing is heard of it

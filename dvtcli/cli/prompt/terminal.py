@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from prompt_toolkit.key_binding import KeyBindings, KeyPressEvent
     from prompt_toolkit.output import ColorDepth
 
+    from dvtcli.cli.conversation import Conversation
     from dvtcli.cli.prompt.notices import Notices
     from dvtcli.cli.prompt.status import Status
-    from dvtcli.operations.session import Session
 
 STYLE = {
     "bottom-toolbar": "noreverse bg:#303030 #e0e0e0",
@@ -55,7 +55,7 @@ class Reader(Protocol):
         ...
 
 
-def reader(session: Session, status: Status, notices: Notices, show_help: Callable[[str], None]) -> Reader:
+def reader(session: Conversation, status: Status, notices: Notices, show_help: Callable[[str], None]) -> Reader:
     """The best reader for this terminal; *show_help* prints help for the line typed so far."""
     if not sys.stdout.isatty() or os.environ.get("TERM", "").lower() in ("dumb", "unknown"):
         return PlainReader(status, notices, session.output)
@@ -101,7 +101,9 @@ class PlainReader:
 class FullReader:
     """Lines with a menu, history and a toolbar; messages of nodes appear above the prompt."""
 
-    def __init__(self, session: Session, status: Status, notices: Notices, show_help: Callable[[str], None]) -> None:
+    def __init__(
+        self, session: Conversation, status: Status, notices: Notices, show_help: Callable[[str], None]
+    ) -> None:
         self._session, self._status, self._notices = session, status, notices
         self._prompt = _prompt_session(session, status, show_help)
         self._most_menu = self._prompt.reserve_space_for_menu
@@ -159,7 +161,7 @@ def _held_interrupts() -> Iterator[list[int]]:
         signal.signal(signal.SIGINT, before)
 
 
-def _prompt_session(session: Session, status: Status, show_help: Callable[[str], None]) -> PromptSession[str]:
+def _prompt_session(session: Conversation, status: Status, show_help: Callable[[str], None]) -> PromptSession[str]:
     from prompt_toolkit import PromptSession
     from prompt_toolkit.application import get_app
     from prompt_toolkit.auto_suggest import AutoSuggestFromHistory

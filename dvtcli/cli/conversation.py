@@ -1,0 +1,175 @@
+"""A conversation: a session with a screen, in which lines, scripts and their options follow one another.
+
+It is what click hands to every command. Does not parse lines (`run_line`) and does not know what they do.
+"""
+
+from __future__ import annotations
+
+import io
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from dvtcli.device.restarts import losses, refuse_after_restarts
+from dvtcli.errors import UsageError
+from dvtcli.operations.options import START_ONLY, Options
+from dvtcli.operations.session import Session
+
+if TYPE_CHECKING:
+    from dvtcli.cli.script_changes import ScriptChanges
+    from dvtcli.cli.view.output import Output
+    from dvtcli.domain.object_dictionary import ObjectDictionary
+    from dvtcli.domain.ports import Frame
+
+
+class OnScreen:
+    """A `Teller` that shows on *output*, and asks where *may_ask*() and somebody sits at a terminal."""
+
+    def __init__(self, output: Output, may_ask: Callable[[], bool]) -> None:
+        self._output = output
+        self._may_ask = may_ask
+
+    def note(self, text: str) -> None:
+        """Show a message."""
+        self._output.note(text)
+
+    def warning(self, text: str) -> None:
+        """Show a warning."""
+        self._output.warning(text)
+
+    def instruct(self, text: str) -> None:
+        """Show *text* as it is, also with --quiet and --json."""
+        self._output.lines([text])
+
+    def ask(self, question: str) -> bool | None:
+        """Ask at the terminal; None in a script, and where there is no terminal."""
+        if not self._may_ask() or not (sys.stdin.isatty() and sys.stderr.isatty()):
+            return None
+        return self._output.ask(question)
+
+    def traffic(self, frame: Frame, *, sent: bool, secret: bool) -> None:
+        """Show a frame."""
+        self._output.traffic(frame, sent=sent, secret=secret)
+
+
+class Conversation(Session):
+    """What one run of dvtcli knows; *on_open* is called when the bus is about to be opened."""
+
+    def __init__(self, output: Output, on_open: Callable[[], None] = lambda: None) -> None:
+        super().__init__(tell=OnScreen(output, lambda: not self.in_script))
+        self.output = output
+        self.on_open = on_open
+        #: at the prompt and in scripts the bus is chosen already
+        self.started = False
+        #: the scripts that run, the outermost first
+        self.scripts: list[str] = []
+        #: what the lines of the outermost script have changed
+        self.script_changes: ScriptChanges | None = None
+        #: `FILE:LINE` of the script line that runs
+        self.place: str | None = None
+        #: words of the prompt's user, each with what it stands for
+        self.aliases: dict[str, str] = {}
+        #: whether this is a stage for another one's lines: what is noticed on the bus is told there
+        self._is_stage = False
+
+    def read_settings(self, variables: dict[str, Any]) -> None:
+        """Take the settings files that count here, and the options that *variables* of the environment give."""
+        self.settings.read_files()
+        self.settings.variables = {name: (value, f"DVTCLI_{name.upper()}") for name, value in variables.items()}
+
+    def start(self, given: dict[str, Any], where: str = "option") -> None:
+        """Take the options of the program's start, which were said in *where*."""
+        found = self.settings.start(given, where)
+        self.base = self.options = Options()._replace(**found)
+        self._apply()
+
+    @property
+    def in_script(self) -> bool:
+        """Whether a script runs: it never asks, and keeps a node pre-operational until its last line."""
+        return bool(self.scripts)
+
+    @contextmanager
+    def line(self, given: dict[str, Any]) -> Iterator[None]:
+        """Let one line's own options count while it runs, also for the lines of a script that it runs.
+
+        Where the line fails its way of showing things stays until `settle`, since its error is yet to be shown.
+        """
+        refused = sorted(START_ONLY & given.keys()) if self.started else []
+        if refused:
+            raise UsageError(
+                f"--{refused[0].replace('_', '-')} chooses the bus or the node's files: give it when dvtcli starts",
+                hint="leave, and start again with it; `node ID` selects another node of the same bus",
+            )
+        if not self.started:
+            self.start(given)
+        with self._under(given):
+            self.cancellation.release()
+            try:
+                yield
+            finally:
+                self.cancellation.hold()  # a signal waits until the line's end is reached in order
+        if self.in_script or not self.started:
+            refuse_after_restarts(self._nodes())
+        self.settle()
+
+    def doing(self) -> str:
+        """The command that runs, without what was typed behind it: that may be a passcode."""
+        line = click.get_current_context(silent=True)
+        return "" if line is None else line.info_name or ""
+
+    def settle(self) -> None:
+        """A line ended, well or not: say what was noticed meanwhile, and show things as before it."""
+        if not self._is_stage:
+            self.warn_of_disturbances()
+        for text in losses(self._nodes()):
+            self.output.warning(f"{text}; see `verify`")
+        self._apply()
+
+    def _apply(self) -> None:
+        """Let screen and bus do as the options say now."""
+        options = self.options
+        self.output.configure(options.format, options.color, options.verbose, quiet=options.quiet, plain=options.ascii)
+        super()._apply()
+
+    def on_twins(self) -> Conversation:
+        """One of its own on fresh twins of the nodes as they are: it asks, shows, remembers and sends nothing."""
+        from dataclasses import replace
+
+        from dvtcli.cli.view.output import Output
+
+        network = self.network
+        stage = Conversation(Output(io.StringIO(), io.StringIO()))
+        stage._is_stage = stage.started = True
+        quiet = self.base._replace(dry_run=True, force=True, verbose=0, quiet=True, format="text")
+        stage.base = stage.options = quiet
+        stage.cancellation, stage.selected = self.cancellation, self.selected
+        stage._network = replace(
+            network, options=quiet, nodes={}, order=[], done_before=lambda _node_id: [], guarded=False,
+            met=lambda: list(network.nodes), say=lambda _text: None, warn=lambda _text: None,
+        )  # fmt: skip
+        return stage
+
+    def offline_dictionaries(self) -> list[tuple[ObjectDictionary, dict[str, str]]]:
+        """Dictionaries (with aliases) known without touching a bus: --eds, and those of simulated nodes."""
+        from dvtcli.operations.open_network import offline_dictionaries
+
+        return offline_dictionaries(self.base)
+
+    def completion_dictionaries(self, node_id: int | None = None) -> list[tuple[ObjectDictionary, dict[str, str]]]:
+        """The dictionaries that completion may offer: the open node's (None: the selected one), else those offline."""
+        if self._network is not None:
+            node = self._network.nodes.get((self.selected_id() if node_id is None else node_id) or 0)
+            if node is not None and node.dictionary is not None:
+                return [(node.dictionary, node.profile.aliases)]
+        return self.offline_dictionaries()
+
+    def is_secret(self, line: str) -> bool:
+        """Whether a typed *line* may hold a passcode; asks no bus."""
+        return self.secrets.in_line(line, [node.dictionary for node in self._nodes() if node.dictionary is not None])
+
+    def staying(self) -> tuple[str, ...]:
+        """`FILE:LINE` of the lines of the script that runs whose changes the nodes hold; none under --dry-run."""
+        return () if self.script_changes is None or self.dry_run else self.script_changes.staying()

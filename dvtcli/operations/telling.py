@@ -1,0 +1,50 @@
+"""What an operation tells its user besides its answer, and asks: whoever runs operations brings somebody who listens.
+
+Does not know terminals, colours or documents.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol
+
+if TYPE_CHECKING:
+    from dvtcli.domain.ports import Frame
+
+
+class Teller(Protocol):
+    """Whoever listens: the program on its screen, a test bench in its log, nobody."""
+
+    def note(self, text: str) -> None:
+        """Something good to know."""
+
+    def warning(self, text: str) -> None:
+        """Something that nobody may miss, also where only errors are wanted."""
+
+    def instruct(self, text: str) -> None:
+        """What the user must do now, by hand, for the operation to go on."""
+
+    def ask(self, question: str) -> bool | None:
+        """Whether the answer is yes; None where nobody can answer. KeyboardInterrupt where it is broken off."""
+
+    def traffic(self, frame: Frame, *, sent: bool, secret: bool) -> None:
+        """A frame that passed, where the options ask for traffic; a *secret* one carries a passcode."""
+
+
+class Silent:
+    """Tells nobody, and nobody can answer."""
+
+    def note(self, text: str) -> None:
+        """Say nothing."""
+
+    def warning(self, text: str) -> None:
+        """Say nothing."""
+
+    def instruct(self, text: str) -> None:
+        """Say nothing."""
+
+    def ask(self, question: str) -> bool | None:  # noqa: ARG002
+        """Nobody can answer."""
+        return None
+
+    def traffic(self, frame: Frame, *, sent: bool, secret: bool) -> None:
+        """Show nothing."""
