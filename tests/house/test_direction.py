@@ -8,9 +8,6 @@ from tests.house.draw import ROOMS, House, room_of
 from tests.house.source import PACKAGE, modules
 
 HOUSE = House(PACKAGE)
-#: arrows against the order, and files in circles, that are left from the first edition: both only become fewer
-LEFT_OUTWARD = 13
-LEFT_IN_CIRCLES = 6
 
 #: libraries that only some files may touch
 ONLY_IN: dict[str, tuple[str, ...]] = {
@@ -24,12 +21,11 @@ ONLY_IN: dict[str, tuple[str, ...]] = {
 
 def test_imports_run_in_the_order_of_the_rooms() -> None:
     outward = HOUSE.outward()
-    assert len(outward) <= LEFT_OUTWARD, "\n".join(map(str, outward))
+    assert not outward, "\n".join(map(str, outward))
 
 
 def test_no_files_import_one_another_in_a_circle() -> None:
-    circles = HOUSE.circles()
-    assert sum(map(len, circles)) <= LEFT_IN_CIRCLES, circles
+    assert HOUSE.circles() == []
 
 
 def test_the_strict_device_knows_the_vocabulary_only() -> None:

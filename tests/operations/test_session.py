@@ -1,0 +1,134 @@
+"""Operations from plain Python: a session made in one line, without click, words or a screen."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import dataclass, field
+
+import pytest
+
+from dvtcli.domain.nmt import NmtCommand, NmtState
+from dvtcli.domain.pdo import Direction, Pdo
+from dvtcli.domain.ports import Frame
+from dvtcli.domain.request import PdoRequest, wanted_config
+from dvtcli.domain.rules import Proposal
+from dvtcli.errors import SafetyRefusal, UsageError
+from dvtcli.operations.change import configure
+from dvtcli.operations.options import Options
+from dvtcli.operations.session import Session
+from dvtcli.operations.store_restore import restore_defaults, store_settings
+
+TPDO3 = Pdo(Direction.TPDO, 3)
+
+
+def timer(milliseconds: int):  # type: ignore[no-untyped-def]
+    def want(proposal: Proposal):  # type: ignore[no-untyped-def]
+        return wanted_config(PdoRequest(event_timer=milliseconds), proposal)
+
+    return {TPDO3: want}
+
+
+@dataclass
+class Heard:
+    """A teller that keeps everything and answers with *answer*."""
+
+    answer: bool | None = None
+    notes: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
+    asked: list[str] = field(default_factory=list)
+    frames: list[tuple[int, bool]] = field(default_factory=list)
+
+    def note(self, text: str) -> None:
+        self.notes.append(text)
+
+    def warning(self, text: str) -> None:
+        self.warnings.append(text)
+
+    def instruct(self, text: str) -> None:
+        self.notes.append(text)
+
+    def ask(self, question: str) -> bool | None:
+        self.asked.append(question)
+        return self.answer
+
+    def traffic(self, frame: Frame, *, sent: bool, secret: bool) -> None:
+        self.frames.append((frame.can_id, sent))
+
+
+def test_a_change_is_made_remembered_and_stored() -> None:
+    with Session(Options(sim=("gen4",))) as session:
+        node = session.node()
+        changed = configure(session, node, timer(50))
+        assert [change.label for change in changed.plan.changes] == ["TPDO3"]
+        assert node.pdo(TPDO3).communication.event_timer == 50
+        assert store_settings(session, node, None).word == "store"
+        assert session.record.lines == [(1, "set tpdo3 --timer 50"), (1, "store")]
+        assert session.record.of(2) == []
+
+
+def test_under_a_dry_run_the_twin_changes_only() -> None:
+    with Session(Options(sim=("gen4",))) as session:
+        before = session.node().pdo(TPDO3)
+        with session.under(dry_run=True):
+            assert configure(session, session.node(), timer(50)).dry_run
+            assert session.node().pdo(TPDO3).communication.event_timer == 50
+        assert session.node().pdo(TPDO3) == before
+        with session.under(dry_run=True):
+            assert session.node().pdo(TPDO3) == before, "each dry run has twins of its own"
+        assert session.record.lines == []
+
+
+def test_nobody_answers_unless_somebody_listens() -> None:
+    with Session(Options(sim=("gen4",))) as session, pytest.raises(SafetyRefusal, match="nobody can answer"):
+        restore_defaults(session, session.node(), None, prove=False)
+    for answer in (False, True):
+        heard = Heard(answer)
+        with Session(Options(sim=("gen4",)), heard) as session:
+            if answer:
+                assert restore_defaults(session, session.node(), None, prove=False).exit_code == 0
+            else:
+                with pytest.raises(SafetyRefusal, match="the answer was no"):
+                    restore_defaults(session, session.node(), None, prove=False)
+        assert len(heard.asked) == 1
+
+
+def test_traffic_is_told_while_the_options_ask_for_it() -> None:
+    heard = Heard()
+    with Session(Options(sim=("gen4",)), heard) as session:
+        node = session.node()
+        node.sdo.upload(0x1000, 0)
+        assert heard.frames == []
+        with session.under(verbose=1):
+            node.sdo.upload(0x1000, 0)
+        assert heard.frames == [(0x601, True), (0x581, False)]
+        node.sdo.upload(0x1000, 0)
+        assert len(heard.frames) == 2
+
+
+def test_at_the_end_a_node_is_in_the_state_it_was_found_in() -> None:
+    with Session(Options(sim=("gen4",), yes=True)) as session:
+        node = session.node()
+        session.bus.send_nmt(NmtCommand.START, 1)
+        configure(session, node, timer(50))
+        assert node.access.state() is NmtState.PRE_OPERATIONAL
+        session.end_line(0)
+        assert node.access.state() is NmtState.OPERATIONAL
+
+
+def test_which_node_is_meant_must_be_said() -> None:
+    with Session(Options(interface="virtual", channel="nobody-here")) as session, pytest.raises(UsageError):
+        session.node()
+
+
+def test_plain_python_needs_neither_click_nor_a_terminal() -> None:
+    code = (
+        "import sys\n"
+        "from dvtcli.operations.options import Options\n"
+        "from dvtcli.operations.session import Session\n"
+        "with Session(Options(sim=('generic',))) as session:\n"
+        "    print(session.node().title)\n"
+        "print(*sorted({'click', 'prompt_toolkit'} & set(sys.modules)))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[1:] == [""]
