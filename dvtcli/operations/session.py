@@ -128,6 +128,11 @@ class Session:
         return self.settings.chosen_by()
 
     @property
+    def in_script(self) -> bool:
+        """Whether lines follow one another, with nobody to look at each answer."""
+        return False
+
+    @property
     def dry_run(self) -> bool:
         """Whether writes go to a twin."""
         return self.options.dry_run
