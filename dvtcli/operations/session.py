@@ -12,7 +12,6 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from dvtcli.device.change.cancellation import Cancellation
-from dvtcli.device.change.safekeeping import let_go
 from dvtcli.device.restarts import refuse_after_restarts
 from dvtcli.errors import BusUnavailable, DvtcliError, SafetyRefusal, UsageError
 from dvtcli.operations.options import Options
