@@ -11,8 +11,7 @@ import pytest
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.pdo import Direction, Pdo
 from dvtcli.domain.ports import Frame
-from dvtcli.domain.request import PdoRequest, wanted_config
-from dvtcli.domain.rules import Proposal
+from dvtcli.domain.request import PdoRequest
 from dvtcli.errors import SafetyRefusal, UsageError
 from dvtcli.operations.change import configure
 from dvtcli.operations.options import Options
@@ -22,11 +21,8 @@ from dvtcli.operations.store_restore import restore_defaults, store_settings
 TPDO3 = Pdo(Direction.TPDO, 3)
 
 
-def timer(milliseconds: int):  # type: ignore[no-untyped-def]
-    def want(proposal: Proposal):  # type: ignore[no-untyped-def]
-        return wanted_config(PdoRequest(event_timer=milliseconds), proposal)
-
-    return {TPDO3: want}
+def timer(milliseconds: int) -> dict[Pdo, PdoRequest]:
+    return {TPDO3: PdoRequest(event_timer=milliseconds)}
 
 
 @dataclass
