@@ -86,8 +86,10 @@ class Contract:
     def test_stopped_nodes_answer_no_sdo(self, bus: CanopenBus) -> None:
         bus.sdo(1).upload(0x1000, 0)
         bus.send_nmt(NmtCommand.STOP, 1)
+        bus.set_timeout(0.05)
         with pytest.raises(NoAnswer) as caught:
             bus.sdo(1).upload(0x1000, 0)
+        bus.set_timeout(2)
         assert caught.value.node == 1
         bus.send_nmt(NmtCommand.ENTER_PRE_OPERATIONAL, 1)
         bus.sdo(1).upload(0x1000, 0)
@@ -182,7 +184,7 @@ class TestCanBus(Contract):
     @pytest.fixture
     def bus(self, channel: str) -> Iterator[CanopenBus]:
         ours, theirs = (can.Bus(channel, interface="virtual", ignore_config=True) for _ in range(2))
-        bus = CanBus(ours, "virtual", timeout_s=0.2, retries=0)
+        bus = CanBus(ours, "virtual", timeout_s=2, retries=0)
         with SimulatedNetwork(theirs, [device(1), device(2)]):
             yield bus
         bus.close()
@@ -195,7 +197,7 @@ class TestCanBus(Contract):
 class TestSimulation(Contract):
     @pytest.fixture
     def bus(self) -> Iterator[CanopenBus]:
-        bus = simulate([device(1), device(2)], timeout_s=0.2, retries=0)
+        bus = simulate([device(1), device(2)], timeout_s=2, retries=0)
         yield bus
         bus.close()
 
@@ -219,7 +221,7 @@ class TestSimulation(Contract):
 class TestVirtualTime(Contract):
     @pytest.fixture
     def bus(self) -> Iterator[CanopenBus]:
-        bus = VirtualTimeBus([device(1), device(2)], timeout_s=0.2, retries=0)
+        bus = VirtualTimeBus([device(1), device(2)], timeout_s=2, retries=0)
         yield bus
         bus.close()
 
@@ -227,7 +229,7 @@ class TestVirtualTime(Contract):
 class TestTwin(Contract):
     @pytest.fixture
     def bus(self) -> Iterator[CanopenBus]:
-        real = simulate([device(1), device(2)], timeout_s=0.2, retries=0)
+        real = simulate([device(1), device(2)], timeout_s=2, retries=0)
         bus = TwinBus(
             real,
             lambda node_id, backing: StrictDevice(
