@@ -26,7 +26,7 @@ ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT))
 
 from tests.benchmarks.mutation_bench import Bench, Limits, Outcome  # noqa: E402 - found where this file is
-from tests.benchmarks.mutation_lines import Known  # noqa: E402
+from tests.benchmarks.mutation_lines import Known, register_profile  # noqa: E402
 from tests.benchmarks.mutators import Mutant, mutants  # noqa: E402
 
 EXPLAINED = Path(__file__).with_name("mutation_explained.toml")
@@ -53,17 +53,8 @@ def prepare() -> None:
     import canopen  # noqa: F401
     import click  # noqa: F401
     import pytest  # noqa: F401
-    from hypothesis import HealthCheck, Phase, settings
 
-    found_out = (Phase.explicit, Phase.generate)  # whether, not the smallest example
-    checks = list(HealthCheck)
-    settings.register_profile(
-        "mutation",
-        settings(phases=found_out, deadline=None, database=None, suppress_health_check=checks),
-        derandomize=True,
-        max_examples=30,
-    )
-    settings.load_profile("mutation")
+    register_profile()
 
 
 def work(share: Sequence[Mutant], known: Path, limits: Limits) -> list[Outcome]:

@@ -23,7 +23,7 @@ from pathlib import Path
 from types import CodeType, FunctionType
 from typing import Any
 
-from tests.benchmarks.mutation_lines import Known
+from tests.benchmarks.mutation_lines import PROFILE, Known
 from tests.benchmarks.mutators import Mutant, mutated, mutated_tree, reach
 
 ROOT = Path(__file__).parents[2]
@@ -33,6 +33,7 @@ _NOT_SO = 3  # exit code of a child whose mutant cannot be made in place
 _FUNCTION = 0x1  # CO_OPTIMIZED: the code of a function, not of a class
 _COPIED = ("dvtcli", "tests", "scripts", "docs", "pyproject.toml", "README.md", "CHANGELOG.md", "CONTRIBUTING.md")
 _WORDS = ["-x", "-n", "0", "-q", "-p", "no:cacheprovider", "--tb=no", "-rfE", "-o", "tmp_path_retention_policy=none"]
+_WORDS += ["--hypothesis-profile", PROFILE]
 _WORDS += ["-W", "ignore::pytest.PytestAssertRewriteWarning"]  # imported before, on purpose
 
 

@@ -21,6 +21,8 @@ from types import FrameType
 from typing import Any
 
 ROOT = Path(__file__).parents[2]
+#: Hypothesis' profile for these runs
+PROFILE = "mutation"
 #: for the processes that tests start: the file to add lines to, and the patterns
 _TO, _WANTED = "MUTATION_LINES", "MUTATION_PATTERNS"
 
@@ -157,8 +159,25 @@ class Known:
         return [test for *_, test in sorted(ordered())]
 
 
+def register_profile() -> None:
+    """Make Hypothesis' profile `mutation`: few examples, always the same; whether, not the smallest one."""
+    from hypothesis import HealthCheck, Phase, settings
+
+    settings.register_profile(
+        PROFILE,
+        settings(
+            phases=(Phase.explicit, Phase.generate), deadline=None, database=None,
+            suppress_health_check=list(HealthCheck),
+        ),
+        derandomize=True,
+        max_examples=30,
+    )  # fmt: skip
+
+
 def main() -> int:
     import pytest
+
+    register_profile()
 
     to, *rest = sys.argv[1:]
     patterns, tests = rest[: rest.index("--")], rest[rest.index("--") + 1 :]
@@ -168,7 +187,8 @@ def main() -> int:
     (helper / "sitecustomize.py").write_text(begins, "utf-8")
     os.environ["PYTHONPATH"] = os.pathsep.join([str(helper), str(ROOT)])
     recorder = Recorder(Path(to).resolve(), tuple(patterns))
-    return int(pytest.main(["-n", "0", "-q", "-p", "no:cacheprovider", "--tb=no", *tests], plugins=[recorder]))
+    words = ["-n", "0", "-q", "-p", "no:cacheprovider", "--tb=no", "--hypothesis-profile", PROFILE]
+    return int(pytest.main([*words, *tests], plugins=[recorder]))
 
 
 if __name__ == "__main__":
