@@ -151,6 +151,10 @@ def _be_dvtcli(start: Start) -> None:
         os.umask(start.umask)
     _take_streams(start.streams)
     sys.argv = ["dvtcli", *start.words]
+    if any(name.startswith("PYTEST_MUTATION_") for name in os.environ):
+        from tests.benchmarks.mutation_lines import in_started_process
+
+        in_started_process()
     from dvtcli.__main__ import entry
 
     entry()

@@ -7,10 +7,7 @@ in a copy of the tree, where everything is imported anew, other processes too. K
 
 from __future__ import annotations
 
-import ast
 import contextlib
-import gc
-import importlib
 import os
 import shutil
 import signal
@@ -20,17 +17,15 @@ import traceback
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from types import CodeType, FunctionType
 from typing import Any
 
-from tests.benchmarks.mutation_lines import PROFILE, Known
-from tests.benchmarks.mutators import Mutant, mutated, mutated_tree, reach
+from tests.benchmarks.mutation_lines import MUTANT, PROFILE, Known
+from tests.benchmarks.mutators import Mutant, given_its_code, mutated, reach
 
 ROOT = Path(__file__).parents[2]
 #: a mutant that takes this many times the tests' own time, and then so many seconds more, runs for ever: noticed
 _TIMES, _MORE_S = 4, 20.0
 _NOT_SO = 3  # exit code of a child whose mutant cannot be made in place
-_FUNCTION = 0x1  # CO_OPTIMIZED: the code of a function, not of a class
 _COPIED = ("dvtcli", "tests", "scripts", "docs", "pyproject.toml", "README.md", "CHANGELOG.md", "CONTRIBUTING.md")
 _WORDS = ["-x", "-n", "0", "-q", "-p", "no:cacheprovider", "--tb=no", "-rfE", "-o", "tmp_path_retention_policy=none"]
 _WORDS += ["--hypothesis-profile", PROFILE]
@@ -168,8 +163,9 @@ class _Template:
         return Outcome(mutant, "killed" if code == 1 else "survived", said)
 
     def _be_child(self, mutant: Mutant, items: list[Any], noted: Path) -> None:
-        if not _given_its_code(mutant, (self.folder / mutant.module).read_text("utf-8")):
+        if not given_its_code(mutant.module, (self.folder / mutant.module).read_text("utf-8"), mutant.number):
             os._exit(_NOT_SO)
+        os.environ[MUTANT] = f"{mutant.module}\n{mutant.number}"
         config = items[0].config
         config.pluginmanager.register(_FirstFailure(noted))
         signal.signal(signal.SIGALRM, signal.SIG_DFL)
@@ -191,44 +187,6 @@ class _FirstFailure:
         if report.failed:
             self.noted.write_text(report.nodeid, "utf-8")
             os._exit(1)
-
-
-def _given_its_code(mutant: Mutant, text: str) -> bool:
-    """Give the functions that *mutant* changes its code; False where it changes more, or none is found."""
-    name = mutant.module.removesuffix(".py").replace("/", ".")
-    path = importlib.import_module(name).__file__ or ""
-    right, wrong = (compile(tree, path, "exec") for tree in (ast.parse(text), mutated_tree(text, mutant.number)))
-    changes = _changes(right, wrong)
-    if not changes:
-        return False
-    functions = [one for one in gc.get_objects() if type(one) is FunctionType and one.__code__.co_filename == path]
-    done = 0
-    for old, new in changes:
-        for function in functions:
-            if function.__code__ == old and function.__code__.co_qualname == old.co_qualname:
-                with contextlib.suppress(ValueError):  # other free variables: only with the file itself
-                    function.__code__ = new
-                    done += 1
-    return done > 0
-
-
-def _changes(right: CodeType, wrong: CodeType) -> list[tuple[CodeType, CodeType]] | None:
-    """The functions that differ, right and wrong; None where what stands around them does."""
-    if right.co_flags & _FUNCTION:
-        return [] if right == wrong else [(right, wrong)]
-    same = right.co_code == wrong.co_code and len(right.co_consts) == len(wrong.co_consts)
-    if not same or right.co_names != wrong.co_names:
-        return None
-    found: list[tuple[CodeType, CodeType]] = []
-    for one, other in zip(right.co_consts, wrong.co_consts, strict=True):
-        if isinstance(one, CodeType) and isinstance(other, CodeType):
-            inner = _changes(one, other)
-            if inner is None:
-                return None
-            found += inner
-        elif one != other or type(one) is not type(other):
-            return None
-    return found
 
 
 def _in_child(work: Callable[[], None], limit_s: float) -> int | None:

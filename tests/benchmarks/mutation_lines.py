@@ -23,8 +23,8 @@ from typing import Any
 ROOT = Path(__file__).parents[2]
 #: Hypothesis' profile for these runs
 PROFILE = "mutation"
-#: for the processes that tests start: the file to add lines to, and the patterns
-_TO, _WANTED = "MUTATION_LINES", "MUTATION_PATTERNS"
+#: for the processes that tests start: the file to add lines to, and the patterns; or module and number of a mutant
+_TO, _WANTED, MUTANT = "PYTEST_MUTATION_LINES", "PYTEST_MUTATION_PATTERNS", "PYTEST_MUTATION_MUTANT"
 
 
 class Lines:
@@ -71,7 +71,12 @@ class _Written(Lines):
 
 
 def in_started_process() -> None:
-    """Called by `sitecustomize` in every process that a test starts."""
+    """Called in every dvtcli that is forked for a test: its lines are recorded, or one of them made wrong."""
+    if MUTANT in os.environ:
+        from tests.benchmarks.mutators import given_its_code
+
+        module, _, number = os.environ[MUTANT].partition("\n")
+        given_its_code(module, (ROOT / module).read_text("utf-8"), int(number))
     test = os.environ.get("PYTEST_CURRENT_TEST", "").rpartition(" ")[0]
     if test and _TO in os.environ:
         _Written(tuple(os.environ[_WANTED].split("\n")), os.environ[_TO], test)
@@ -181,11 +186,6 @@ def main() -> int:
 
     to, *rest = sys.argv[1:]
     patterns, tests = rest[: rest.index("--")], rest[rest.index("--") + 1 :]
-    helper = Path(to).resolve().with_suffix(".site")
-    helper.mkdir(exist_ok=True)
-    begins = "from tests.benchmarks.mutation_lines import in_started_process as _begin\n_begin()\n"
-    (helper / "sitecustomize.py").write_text(begins, "utf-8")
-    os.environ["PYTHONPATH"] = os.pathsep.join([str(helper), str(ROOT)])
     recorder = Recorder(Path(to).resolve(), tuple(patterns))
     words = ["-n", "0", "-q", "-p", "no:cacheprovider", "--tb=no", "--hypothesis-profile", PROFILE]
     return int(pytest.main([*words, *tests], plugins=[recorder]))

@@ -6,11 +6,16 @@ Knows syntax only. Leaves alone what is words (strings, f-strings), annotations 
 from __future__ import annotations
 
 import ast
+import contextlib
+import gc
+import importlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from types import CodeType, FunctionType
 
+_FUNCTION = 0x1  # CO_OPTIMIZED: the code of a function, not of a class
 _COMPARED: dict[type[ast.cmpop], tuple[type[ast.cmpop], ...]] = {
     ast.Lt: (ast.LtE, ast.GtE), ast.LtE: (ast.Lt, ast.Gt), ast.Gt: (ast.GtE, ast.LtE), ast.GtE: (ast.Gt, ast.Lt),
     ast.Eq: (ast.NotEq,), ast.NotEq: (ast.Eq,), ast.Is: (ast.IsNot,), ast.IsNot: (ast.Is,),
@@ -68,6 +73,47 @@ def reach(text: str, mutant: Mutant) -> tuple[int, int]:
     for node in ast.walk(ast.parse(text)):  # outer ones come first
         if isinstance(node, ast.FunctionDef) and node.body[0].lineno <= mutant.line <= (node.end_lineno or 0):
             found = (node.body[0].lineno, node.end_lineno or 0)
+    return found
+
+
+def given_its_code(module: str, text: str, number: int) -> bool:
+    """Give what fault *number* of *module* changes its code, here and now; False where it changes more than functions.
+
+    *text* is that of the module's file.
+    """
+    name = module.removesuffix(".py").replace("/", ".")
+    path = importlib.import_module(name).__file__ or ""
+    right, wrong = (compile(tree, path, "exec") for tree in (ast.parse(text), mutated_tree(text, number)))
+    changes = _changes(right, wrong)
+    if not changes:
+        return False
+    functions = [one for one in gc.get_objects() if type(one) is FunctionType and one.__code__.co_filename == path]
+    done = 0
+    for old, new in changes:
+        for function in functions:
+            if function.__code__ == old and function.__code__.co_qualname == old.co_qualname:
+                with contextlib.suppress(ValueError):  # other free variables: only with the file itself
+                    function.__code__ = new
+                    done += 1
+    return done > 0
+
+
+def _changes(right: CodeType, wrong: CodeType) -> list[tuple[CodeType, CodeType]] | None:
+    """The functions that differ, right and wrong; None where what stands around them does."""
+    if right.co_flags & _FUNCTION:
+        return [] if right == wrong else [(right, wrong)]
+    same = right.co_code == wrong.co_code and len(right.co_consts) == len(wrong.co_consts)
+    if not same or right.co_names != wrong.co_names:
+        return None
+    found: list[tuple[CodeType, CodeType]] = []
+    for one, other in zip(right.co_consts, wrong.co_consts, strict=True):
+        if isinstance(one, CodeType) and isinstance(other, CodeType):
+            inner = _changes(one, other)
+            if inner is None:
+                return None
+            found += inner
+        elif one != other or type(one) is not type(other):
+            return None
     return found
 
 
