@@ -188,6 +188,7 @@ def main() -> int:
     patterns, tests = rest[: rest.index("--")], rest[rest.index("--") + 1 :]
     recorder = Recorder(Path(to).resolve(), tuple(patterns))
     words = ["-n", "0", "-q", "-p", "no:cacheprovider", "--tb=no", "--hypothesis-profile", PROFILE]
+    words += ["-W", "ignore::pytest.PytestAssertRewriteWarning"]  # imported before, on purpose
     return int(pytest.main([*words, *tests], plugins=[recorder]))
 
 
