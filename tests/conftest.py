@@ -32,6 +32,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--serve-frames", type=int, default=8000, metavar="N", help="frames to 4 clients of sim [8000]")
     parser.addoption("--rounds", type=int, default=8, metavar="N", help="rounds of four dvtcli at once [8]")
     parser.addoption("--fuzz", type=int, default=20_000, metavar="N", help="hostile inputs in all [20000]")
+    parser.addoption("--kills", type=int, default=4, metavar="N", help="kills in the middle of an atomic script [4]")
     parser.addoption("--signals", type=int, default=12, metavar="N", help="signals in the middle of a change [12]")
 
 

@@ -83,21 +83,29 @@ def enclosed(session: Conversation, source: str, run: Callable[[], int], *, atom
     """Run a script's content inside one NMT gate; its exit code. *atomic* keeps all of its changes, or none."""
     outer, outer_changes = session.place, session.script_changes
     session.scripts.append(source)
-    if outer_changes is None or (atomic and not outer_changes.atomic):
-        session.script_changes = ScriptChanges(session, atomic=atomic, outer=session.script_changes)
+    changes = outer_changes
+    if changes is None or (atomic and not changes.atomic):
+        session.script_changes = changes = ScriptChanges(session, source, atomic=atomic, outer=outer_changes)
     try:
         code = boundary(session, run)
         stays = bool(session.staying())
     finally:
         session.scripts.pop()
         session.place, session.script_changes = outer, outer_changes
+    if changes is not outer_changes:  # before others may write to the nodes, which they may once these are settled
+        code = boundary(session, lambda: changes.end(complete=not code)) or code
     if session.in_script:
         return code
+    settled = _settled(session, code, stays=stays)
+    return code or settled
+
+
+def _settled(session: Conversation, code: int, *, stays: bool) -> int:
+    """Bring the nodes to the NMT state they were found in, at the end of the outermost script; the exit code."""
     # after a failure (a difference is none) of which some stays, the set-up is neither old nor new: its nodes stay
     # PRE-OPERATIONAL
     half = code in (7, BUG) or (stays and code not in (0, 3))
-    settled = boundary(session, lambda: session.end_line(7 if half else 0, alone=not code))
-    return code or settled
+    return boundary(session, lambda: session.end_line(7 if half else 0, alone=not code))
 
 
 def _run_lines(

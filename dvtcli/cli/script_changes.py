@@ -6,19 +6,18 @@ Does not know how lines are parsed or run, and shows nothing.
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.put_back import PATIENCE_S, RETRY_S
 from dvtcli.device.change.way_back import unknown_before
 from dvtcli.device.restarts import held_plans
-from dvtcli.domain.plan import Change, PdoChange, Plan, ValueChange
 from dvtcli.domain.several import several
 from dvtcli.errors import DvtcliError, LeftChanged, NoAnswer, SdoProtocolError
 
 if TYPE_CHECKING:
-    from dvtcli.device.change.journal import Identity
+    from dvtcli.device.change.safekeeping import Keeper
     from dvtcli.device.node import Node
+    from dvtcli.domain.plan import Plan
     from dvtcli.operations.session import Session
 
 #: What stands for a line that is not known, as one of a Tcl script.
@@ -28,7 +27,7 @@ ABOVE = "lines above it"
 class ScriptChanges:
     """The changes of one script, from its beginning; with *atomic* they are all kept, or all taken back."""
 
-    def __init__(self, session: Session, *, atomic: bool, outer: ScriptChanges | None = None) -> None:
+    def __init__(self, session: Session, name: str, *, atomic: bool, outer: ScriptChanges | None = None) -> None:
         self._session, self.atomic = session, atomic
         #: whether all of the script works on twins
         self.dry_run = session.dry_run
@@ -44,9 +43,10 @@ class ScriptChanges:
         self._others: list[str] = []
         #: the first line that did what cannot be taken back
         self.final: str | None = None
-        self._identities: dict[int, Identity] = {}
         #: whether it was tried to take everything back
         self.ended = False
+        if atomic:
+            session.whole.begin(name)
 
     def note(self, place: str, *, other: bool = False, final: bool = False) -> None:
         """The line at *place* was run; *other* says that it did what no history holds, *final* nor any undo reverts."""
@@ -58,13 +58,12 @@ class ScriptChanges:
                 self._before[id(node)], final = len(node.history), True
             if node.unkept > self._unkept.get(id(node), 0):
                 self._unkept[id(node)], final = node.unkept, True
-            final = final or (bool(made) and node.pending.stored_at > before)
-            if self.atomic and node.keeper is not None and made and node.node_id not in self._identities:
-                self._identities[node.node_id] = node.identity()
+            final = final or (self.final is None and bool(made) and node.pending.stored_at > before)
         if other or final:
             self._others.append(place)
         if final:
             self.final = self.final or place
+            self.complete()
 
     def _made(self, node: Node) -> list[Plan]:
         return node.history[self._before.get(id(node), 0) :]
@@ -85,6 +84,34 @@ class ScriptChanges:
         held = self._held()
         return [*(place for number, (_, place) in self._plans.items() if number in held), *self._others]
 
+    def begin_final(self, line: str) -> None:
+        """*line* is run next, which no undo reverts: where this process ends in its middle, `recover` says so."""
+        for keeper in self._keepers():
+            keeper.final(line)
+
+    def complete(self) -> None:
+        """Everything stays: no `recover` takes it back any more. JournalKept where a journal cannot be removed."""
+        if not self.atomic:
+            return
+        for keeper in self._keepers():
+            keeper.complete_whole()
+        self._session.whole.end()
+
+    def end(self, *, complete: bool) -> None:
+        """The script has ended, *complete* or with an error; what of it could not be taken back waits for `recover`."""
+        if complete:
+            self.complete()
+        elif self.atomic:
+            for keeper in self._keepers():
+                keeper.abandon_whole()
+            self._session.whole.end()
+
+    def _keepers(self) -> list[Keeper]:
+        """Those of the nodes that were looked at so far, while the script stands or falls as a whole."""
+        if not self.atomic or self._session.whole.id is None:
+            return []
+        return [node.keeper for node in self._session.met_nodes() if node.keeper is not None]
+
     def take_back(self, cause: str) -> None:
         """Undo everything, on all nodes, newest first, each verified; LeftChanged where some of it stays.
 
@@ -93,6 +120,8 @@ class ScriptChanges:
         self.ended = True
         if self.final is not None:
             raise self._committed(cause)
+        for keeper in self._keepers():
+            keeper.final("")
         failures: list[LeftChanged] = []
         with self._session.cancellation.way_back():
             for node in reversed(list(self._session.met_nodes())):
@@ -109,36 +138,26 @@ class ScriptChanges:
     def _take_back(self, node: Node, cause: str) -> LeftChanged | None:
         """Undo what was done to *node*; why that is not possible, where it is not."""
         made = self._made(node)
-        if not made:
-            return None
-        whole, unknown = _combined(node.node_id, [*made, *_in_hand(node)]), unknown_before(made)
+        unknown = unknown_before(made)
         try:
-            boot_ups = node.bus.boot_ups(node.node_id)
-            while self._made(node):
-                _undo_patiently(node)
-            if node.bus.boot_ups(node.node_id) != boot_ups:  # what was put back before that may be lost again
-                raise NoAnswer("it restarted meanwhile")
+            if made:
+                self._undo_all(node)
+            if node.keeper is not None:
+                node.keeper.end_whole()
         except (DvtcliError, KeyboardInterrupt) as failed:
-            return self._left(node, whole, cause, failed)
+            return _left(node, made, cause, failed)
         if not unknown:
             return None
         left = _left_changed(node, made, cause, "; ".join(finding.text for finding in unknown))
         left.hint = "set it by hand: its value before is not known"
         return left
 
-    def _left(self, node: Node, whole: Plan, cause: str, failed: BaseException) -> LeftChanged:
-        """Some of it stays on *node*: *whole* is written down for `recover`, where that is possible."""
-        left = _left_changed(node, [whole], cause, str(failed) or "interrupted")
-        identity = self._identities.get(node.node_id)
-        if node.keeper is not None and identity is not None:
-            try:
-                path = node.keeper.journals.write(whole, identity, None)
-                node.keeper.lock.note(path)
-            except OSError as full:
-                left.details.append(("journal", f"cannot be kept: {full.strerror or full}"))
-            else:
-                left.place, left.hint = str(path), f"recover finishes it, from {path}"
-        return left
+    def _undo_all(self, node: Node) -> None:
+        boot_ups = node.bus.boot_ups(node.node_id)
+        while self._made(node):
+            _undo_patiently(node)
+        if node.bus.boot_ups(node.node_id) != boot_ups:  # what was put back before that may be lost again
+            raise NoAnswer("it restarted meanwhile")
 
     def _committed(self, cause: str) -> LeftChanged:
         return LeftChanged(
@@ -146,12 +165,6 @@ class ScriptChanges:
             hint="look at the nodes with `verify` and `pdo`",
             state="left_changed",
         )
-
-
-def _in_hand(node: Node) -> list[Plan]:
-    """The change that could be neither made nor undone, where the line that failed left one."""
-    journal = node.keeper.journals.find(node.node_id) if node.keeper is not None else None
-    return [] if journal is None else [journal.plan]
 
 
 def _undo_patiently(node: Node) -> None:
@@ -170,23 +183,13 @@ def _undo_patiently(node: Node) -> None:
             return
 
 
-def _combined(node_id: int, plans: list[Plan]) -> Plan:
-    """One plan from before the first of *plans* to after the last one, for a journal."""
-    first: dict[object, Change] = {}
-    last: dict[object, Change] = {}
-    for change in (change for plan in plans for change in plan.changes):
-        key = change.pdo if isinstance(change, PdoChange) else change.label
-        first.setdefault(key, change)
-        last[key] = change
-    return Plan(node_id, tuple(_joined(change, last[key]) for key, change in first.items()))
-
-
-def _joined(first: Change, last: Change) -> Change:
-    if isinstance(first, PdoChange) and isinstance(last, PdoChange):
-        return replace(last, before=first.before)
-    assert isinstance(first, ValueChange)  # noqa: S101 - one key, one kind
-    assert isinstance(last, ValueChange)  # noqa: S101
-    return ValueChange(replace(last.step, before=first.step.before))
+def _left(node: Node, plans: list[Plan], cause: str, failed: BaseException) -> LeftChanged:
+    """Some of *plans* stays on *node*, whose journal `recover` takes, where there is one."""
+    left = _left_changed(node, plans, cause, str(failed) or "interrupted")
+    path = node.keeper.open_journal() if node.keeper is not None else None
+    if path is not None:
+        left.place, left.hint = str(path), f"recover finishes it, from {path}"
+    return left
 
 
 def _left_changed(node: Node, plans: list[Plan], cause: str, why: str) -> LeftChanged:

@@ -37,20 +37,22 @@ def _run_noted(session: Conversation, ctx: click.Context) -> Any:
     assert changes is not None  # noqa: S101 - a script runs
     assert place is not None  # noqa: S101
     noted = changes.dry_run or not session.dry_run  # what a line does to twins of its own is gone when it ends
-    other, final = does_other(ctx), final_word(ctx) is not None  # now: running the line takes its options out of it
+    other, word = does_other(ctx), final_word(ctx)  # now: running the line takes its options out of it
     try:
         if session.cancellation.requested:  # asked for when the last line's change was complete
             raise KeyboardInterrupt
+        if word is not None and noted:
+            changes.begin_final(f"{place} {word}")
         with ctx:
             code = ctx.command.invoke(ctx)
         done = code in (0, None, LEAVE)
         if noted:
-            changes.note(place, other=done and other, final=done and final)
+            changes.note(place, other=done and other, final=done and word is not None)
         if not done:
             _refuse_half(ctx, changes, code)
     except BaseException as failed:
         if changes.atomic and not changes.ended:
-            if changes.final is None:
+            if noted and changes.final is None:
                 changes.note(place)  # it may have stored before it failed
             _take_back(session, changes, failed)
         raise

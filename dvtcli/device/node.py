@@ -20,7 +20,7 @@ from dvtcli.device.proposal import proposal
 from dvtcli.device.raw_write_check import held_value, raw_change, raw_write_findings
 from dvtcli.device.resolve import resolve, untyped_lengths
 from dvtcli.domain.pdo import Pdo
-from dvtcli.domain.plan import Change, PdoChange, Plan, Step, plan_pdo
+from dvtcli.domain.plan import Change, PdoChange, Plan, Step, alters, plan_pdo
 from dvtcli.domain.request import PdoWant
 from dvtcli.domain.rules import Finding, check_pdo
 from dvtcli.domain.several import several
@@ -162,7 +162,8 @@ class Node(Changeable):
 
     def _done(self, plan: Plan, *, kept: bool) -> None:
         """*plan* was carried out and read back: whatever fails from here on, it is so."""
-        if kept and not any(self.saves((step.index, step.sub_index)) for step in plan.steps):
+        saves = any(self.saves((step.index, step.sub_index)) for step in plan.steps)
+        if kept and not saves and any(map(alters, plan.changes)):
             self._keep(plan)
         self._remember(plan.changes)
 
@@ -191,7 +192,7 @@ class Node(Changeable):
                 self.wanted_values[change.step.index, change.step.sub_index] = change.step.after
             if any(self.saves((step.index, step.sub_index)) for step in change.steps):
                 self.pending.was_stored(EVERYTHING, len(self.history))
-            elif change.steps and self.profile.store.needed_for(change.steps[0].index):
+            elif alters(change) and self.profile.store.needed_for(change.steps[0].index):
                 self.pending.changed(change.label, change.steps[0].index)
 
     def _is_kept(self, step: Step) -> bool:

@@ -68,10 +68,13 @@ class Past:
         """The file of the device of this *identity* at *node_id*, whether there is one or not."""
         return self.folder / f"{file_name(self.bus)}-{_words(identity)}-node{node_id}.json"
 
-    def add(self, plan: Plan, identity: Identity) -> None:
-        """Remember *plan*, which was carried out and verified; that this fails makes the change no less done."""
+    def add(self, plan: Plan, identity: Identity, name: str = "") -> None:
+        """Remember *plan*, which was carried out and verified; its id is *name*, or a new one where that is empty.
+
+        That this fails makes the change no less done.
+        """
         path, now = self.path(plan.node_id, identity), datetime.now(UTC)
-        entry = Recorded(uuid.uuid4().hex, now.isoformat(), self.bus, identity, plan)
+        entry = Recorded(name or uuid.uuid4().hex, now.isoformat(), self.bus, identity, plan)
         self._own.append(None)  # its place among the changes of this process, whatever becomes of its file
         try:
             self._write(path, [*self._sound(path), entry][-MOST_CHANGES:])
@@ -121,6 +124,12 @@ class Past:
     def forget(self, entry: Recorded) -> None:
         """Drop *entry*, which was put back."""
         self._drop(self.path(entry.plan.node_id, entry.identity), [entry.id])
+
+    def drop(self, node_id: int, identity: Identity, names: Collection[str]) -> None:
+        """Drop the changes of those ids: they were put back, as `recover` does."""
+        path = self.path(node_id, identity)
+        if names and path.exists():
+            self._drop(path, names)
 
     def forget_own(self, count: int) -> None:
         """Drop the last *count* changes that this process made: they were put back."""

@@ -103,6 +103,13 @@ class Plan:
         return Plan(self.node_id, tuple(change.reversed() for change in reversed(self.changes)))
 
 
+def alters(change: Change) -> bool:
+    """Whether *change* makes anything other than it was; a write of what an object holds already does not."""
+    if isinstance(change, PdoChange):
+        return change.before != change.after
+    return change.step.before != change.step.after
+
+
 def writes_cob_id(plan: Plan) -> bool:
     """Whether *plan* writes the COB-ID of a PDO, which a device may take as a reason to move others."""
     return any(step.sub_index == 1 and step.index == _communication_index(step.index) for step in plan.steps)

@@ -208,7 +208,10 @@ def _kept(session: Session) -> Iterator[Check]:
 
 
 def _journals(folder: Path) -> Check:
-    waiting = sorted(path.name for path in (folder / "journals").glob("*.json"))
+    from dvtcli.device.change.journal import Journals
+
+    journals = Journals(folder / "journals", "")
+    waiting = sorted(path.name for path in journals.folder.glob("*.json") if journals.counts(path))
     if waiting:
         return Check("journals", "warn", f"a change was interrupted: {', '.join(waiting)}", "recover finishes it")
     return Check("journals", "ok", "no change was interrupted")

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.change.cancellation import Cancellation
 from dvtcli.device.change.safekeeping import Keeper
+from dvtcli.device.change.whole import Whole
 from dvtcli.device.node import Node
 from dvtcli.device.past import Past
 from dvtcli.device.read_pdos import read_identity
@@ -38,6 +39,7 @@ from dvtcli.operations.simulated_nodes import (
 )
 
 if TYPE_CHECKING:
+    from dvtcli.device.change.journal import Journal
     from dvtcli.simulator.device.strict_device import StrictDevice
 
 
@@ -64,6 +66,8 @@ class Network:
     nodes: dict[int, Node] = field(default_factory=dict)
     #: node-IDs of the changes that this session made and can undo, oldest first
     order: list[int] = field(default_factory=list)
+    #: what the changes that are made now belong to
+    whole: Whole = field(default_factory=Whole)
     #: the changes of a node that were made before it was met here: of a twin, those of the node itself
     done_before: Callable[[int], list[Plan]] = lambda _node_id: []
     #: node-IDs that were met elsewhere: where these are twins, on the bus itself
@@ -137,17 +141,14 @@ class Network:
             return entry is not None and not entry.access.writable
 
         folder, locks = state_folder(self.options), state_folder(None) / "locks"
-        keeper = Keeper(folder, locks, self.bus.name, node_id, self.say, is_fixed, self.warn, self.doing)
+        keeper = Keeper(folder, locks, self.bus.name, node_id, self.say, is_fixed, self.warn, self.doing, self.whole)
         try:
             journal = keeper.interrupted()
         except (InputFileError, SafetyRefusal) as damaged:
             self.warn(f"{damaged.text}: {damaged.why or damaged.place}; {damaged.hint}")
             return keeper
         if journal is not None:
-            labels = several(change.label for change in journal.plan.changes)
-            self.say(
-                f"a change of {labels} of node {node_id} was interrupted: `recover` puts the old configuration back"
-            )
+            self.say(_interrupted(journal))
         return keeper
 
     def past(self) -> Past:
@@ -206,6 +207,17 @@ def open_real_bus(options: Options) -> CanopenBus:
 
     extra = dict(pair.split("=", 1) for pair in options.bus_kwargs)
     return open_bus(options.interface, options.channel, options.bitrate, extra, timeout_s=options.timeout)
+
+
+def _interrupted(journal: Journal) -> str:
+    """What to say of a change that was interrupted, and of how it is finished."""
+    labels, node_id = several(change.label for change in journal.plan.changes), journal.plan.node_id
+    if journal.part.whole is None:
+        return f"a change of {labels} of node {node_id} was interrupted: `recover` puts the old configuration back"
+    return (
+        f"{journal.part.name} was interrupted, which changed {labels} of node {node_id}: `recover` takes every line of "
+        "it back, on all nodes"
+    )
 
 
 def profile_of(dictionary: ObjectDictionary | None) -> DeviceProfile:

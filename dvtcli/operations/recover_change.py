@@ -1,4 +1,4 @@
-"""Finishing a change that was interrupted: from its journal, or by taking what the device holds."""
+"""Finishing interrupted changes: put back, accepted as they are, or their journals set aside. Parses no words."""
 
 from __future__ import annotations
 
@@ -6,99 +6,147 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dvtcli.device.applied import Applied
-from dvtcli.device.change import way_back
-from dvtcli.device.change.journal import ACCEPTED, DISCARDED, Journals, read_journal
-from dvtcli.device.change.pending import CHANGE
+from dvtcli.device.change.journal import ACCEPTED, DISCARDED, read_journal
+from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.several import several
-from dvtcli.errors import InputFileError, SafetyRefusal, UsageError
+from dvtcli.errors import DvtcliError, InputFileError, SafetyRefusal, UsageError
 from dvtcli.operations.change import changed
-from dvtcli.operations.options import is_file
-from dvtcli.operations.results import Facts
+from dvtcli.operations.results import Changed, ChangedNodes, Facts
+from dvtcli.operations.waiting_journals import waiting_paths, with_others
 
 if TYPE_CHECKING:
     from dvtcli.device.change.journal import Journal
     from dvtcli.device.node import Node
-    from dvtcli.operations.results import Changed
     from dvtcli.operations.session import Session
 
 
 def recover(
     session: Session, file: str | None = None, *, accept: bool = False, discard: bool = False
-) -> Changed | Facts:
-    """Put back what the interrupted change of the selected node replaced, from its journal or the one in *file*.
+) -> Changed | ChangedNodes | Facts:
+    """Put back what interrupted changes replaced, of all nodes that belong to them, and forget their journals.
 
+    *file* is a journal; None stands for that of the selected node, or where none is selected for all of the bus.
     *accept* takes what the device holds as the new state and writes nothing; *discard* sets a journal that cannot be
-    used aside. SafetyRefusal for a journal of another bus or device, LeftChanged where the device does not take it.
+    used aside. SafetyRefusal for a journal of another bus or device, LeftChanged where a device does not take it; an
+    error says what was put back before it.
     """
     if accept and discard:
         raise UsageError("--accept and --discard exclude each other")
-    path = _path(session, file)
-    if path is None:
-        said = "nothing to recover: no change of this node was interrupted"
-        return Facts("recover", (("node", session.node_id()), ("recovered", False)), (said,))
-    if discard:
-        return _discarded(session, path)
-    journal = read_journal(path)
+    if accept:
+        return _accepted(session, file)
+    return _discarded(session, file) if discard else _recovered(session, file)
+
+
+def _recovered(session: Session, file: str | None) -> Changed | ChangedNodes | Facts:
+    found: dict[Path, Journal] = {}
+    for path in waiting_paths(session, file):
+        found |= {one.path: one for one in with_others(session, path)}
+    if not found:
+        return _nothing(session)
+    journals = list(found.values())
+    for journal in journals:
+        _refuse_other_bus(session, journal)
+    text = several(f"{_labels(journal)} of node {journal.plan.node_id}" for journal in journals)
+    session.consent(f"{text} will be put back as before the interrupted change; recover?")
+    for said in dict.fromkeys(_whole_text(journal, journals) for journal in journals if journal.part.whole is not None):
+        session.tell.note(said)
+    done, failed = _put_back(session, journals)
+    if failed is not None:
+        if done:
+            failed.details.append(("done", f"node {', '.join(str(one.node) for one in done)}: put back"))
+        raise failed
+    return done[0] if len(done) == 1 else ChangedNodes(tuple(done))
+
+
+def _nothing(session: Session) -> Facts:
+    node_id = session.selected_id()
+    where = "on this bus" if node_id is None else "of this node"
+    said = f"nothing to recover: no change {where} was interrupted"
+    return Facts("recover", (("node", node_id), ("recovered", False)), (said,))
+
+
+def _labels(journal: Journal) -> str:
+    return several(change.label for change in journal.plan.changes)
+
+
+def _whole_text(journal: Journal, journals: list[Journal]) -> str:
+    ids = [one.plan.node_id for one in journals if one.part.whole == journal.part.whole]
+    return f"{journal.part.name} was interrupted: every line of it is taken back, on node {', '.join(map(str, ids))}"
+
+
+def _put_back(session: Session, journals: list[Journal]) -> tuple[list[Changed], DvtcliError | None]:
+    """What was put back, and the first error; the other nodes are put back all the same."""
+    done: list[Changed] = []
+    failed: DvtcliError | None = None
+    for journal in journals:
+        try:
+            done.append(_put_one_back(session, journal))
+        except DvtcliError as error:
+            if failed is None:
+                failed = error
+            else:
+                failed.details.append(("also", error.text))
+    return done, failed
+
+
+def _put_one_back(session: Session, journal: Journal) -> Changed:
+    from dvtcli.device.applied import Applied
+    from dvtcli.device.change.way_back import recover as put_back
+    from dvtcli.device.change.way_back import unknown_before
+
+    started = time.monotonic()
     node = session.node(journal.plan.node_id)
+    plan = put_back(node, journal)
+    if journal.part.final:
+        session.tell.warning(
+            f"{journal.part.final} had begun: node {node.node_id} may have stored what was taken back; see what it "
+            "comes up with, or `store`"
+        )
+    applied = Applied(plan, unknown_before([journal.plan]))
+    return changed(session, node, applied, time.monotonic() - started, undone=True)
+
+
+def _refuse_other_bus(session: Session, journal: Journal) -> None:
     if journal.bus != session.wire.name and not session.options.force:
         raise SafetyRefusal(
             f"the journal was made on another bus: {journal.bus}, not {session.wire.name}",
-            node=node.node_id,
+            node=journal.plan.node_id,
             place=str(journal.path),
             hint="attach to that bus, or --force if it is the same one under another name",
         )
-    return _accepted(session, node, journal) if accept else _recovered(session, node, journal)
 
 
-def _path(session: Session, file: str | None) -> Path | None:
-    """The journal that is meant, whether it can be read or not; None where no change was interrupted."""
-    if file is not None:
-        if not is_file(file):
-            raise UsageError(f"{file}: no such file", place=file, hint="recover alone takes the node's own journal")
-        return _held_file(session, Path(file))
-    keeper = session.open_network().node(session.node_id()).keeper
-    if keeper is not None:
-        return keeper.open_journal() if session.dry_run else keeper.held_journal()
-    path = Journals(session.state_folder / "journals", session.wire.name).path(session.node_id())
-    return path if path.exists() else None
+def _one_path(session: Session, file: str | None, word: str) -> Path | None:
+    """The journal that is to be closed, one at a time; None where no change was interrupted."""
+    paths = waiting_paths(session, file)
+    if len(paths) > 1:
+        raise UsageError(
+            f"several changes were interrupted on this bus: --{word} closes one at a time",
+            hint=f"-n ID recover --{word}",
+        )
+    return paths[0] if paths else None
 
 
-def _held_file(session: Session, path: Path) -> Path | None:
-    """The journal at *path* once no other dvtcli is at work on its node; None where it is gone by then."""
-    network = session.open_network()
-    try:
-        journal = read_journal(path)
-    except InputFileError:  # whoever reads it says so; `recover --discard` sets it aside under the lock
-        return path if path.exists() else None
-    if session.dry_run or journal.bus != network.bus.name:
-        return path  # of another bus nobody here is at work on its node, which need not be on this one
-    keeper = network.node(journal.plan.node_id).keeper
-    if keeper is not None:
-        keeper.hold()
-    return path if path.exists() else None
+def _accepted(session: Session, file: str | None) -> Facts:
+    """Close the journal with what the device holds now, which is shown beside what it held; writes nothing to it."""
+    from dvtcli.device.change.pending import CHANGE
+    from dvtcli.device.change.way_back import accepted_states, refuse_other_device
 
-
-def _recovered(session: Session, node: Node, journal: Journal) -> Changed:
-    labels = several(change.label for change in journal.plan.changes)
-    session.consent(f"{labels} of node {node.node_id} will be put back as before the interrupted change; recover?")
-    started = time.monotonic()
-    plan = way_back.recover(node, journal)
-    unknown = way_back.unknown_before([journal.plan])
-    return changed(session, node, Applied(plan, unknown), time.monotonic() - started, undone=True)
-
-
-def _accepted(session: Session, node: Node, journal: Journal) -> Facts:
-    """Close *journal* with what *node* holds now, which is shown beside what it held and was to hold."""
-    way_back.refuse_other_device(node, journal)
-    states = way_back.accepted_states(node, journal)
-    kept = None if session.dry_run else _set_aside(session, journal.path, node.node_id, ACCEPTED)
+    path = _one_path(session, file, "accept")
+    if path is None:
+        return _nothing(session)
+    journal = read_journal(path)
+    _refuse_other_bus(session, journal)
+    node = session.node(journal.plan.node_id)
+    refuse_other_device(node, journal)
+    states = accepted_states(node, journal)
+    others = [one.plan.node_id for one in with_others(session, path) if one.path != path]
+    kept = None if session.dry_run else _set_aside(session, path, node.node_id, ACCEPTED)
     if kept is not None:
         node.pending.suspicions.pop(CHANGE, None)
     text = [
         f"{name:<11} {line}" for one in states for name, line in (("holds now", one.held), ("held before", one.before))
     ]
-    said = f"node {node.node_id}: what it holds now is the new state; the journal is kept as {kept}"
     rows: tuple[tuple[str, Any], ...] = (
         ("node", node.node_id),
         ("recovered", False),
@@ -106,11 +154,31 @@ def _accepted(session: Session, node: Node, journal: Journal) -> Facts:
         ("kept", None if kept is None else str(kept)),
         ("held", [one.document() for one in states]),
     )
-    return Facts("recover", rows, (*text, said if kept is not None else "dry run: the journal stays"))
+    if kept is None:
+        return Facts("recover", rows, (*text, "dry run: the journal stays"))
+    said = f"node {node.node_id}: what it holds now is the new state; the journal is kept as {kept}"
+    return Facts("recover", rows, (*text, said, *_after_accepting(node, journal, others)))
 
 
-def _discarded(session: Session, path: Path) -> Facts:
-    """Set the journal at *path* aside unless it can be used; a usable one only with --force."""
+def _after_accepting(node: Node, journal: Journal, others: list[int]) -> list[str]:
+    """What is to be done next, where the change was left half-way."""
+    lines = [
+        "next: a line behind `held before` sets that back when it is typed; `store` keeps what is right, "
+        f"`nmt reset-node {node.node_id}` brings back what is stored"
+    ]
+    if journal.nmt_state == NmtState.OPERATIONAL and node.access.state() is NmtState.PRE_OPERATIONAL:
+        lines.append(f"it was OPERATIONAL and is PRE-OPERATIONAL now; when it is right: nmt start {node.node_id}")
+    if others:
+        ids = ", ".join(map(str, others))
+        lines.append(f"what {journal.part.name} changed on node {ids} waits, too: -n {others[0]} recover takes it back")
+    return lines
+
+
+def _discarded(session: Session, file: str | None) -> Facts:
+    """Set the journal aside unless it can be used; a usable one only with `--force`."""
+    path = _one_path(session, file, "discard")
+    if path is None:
+        return _nothing(session)
     node_id = _useless_for(session, path)
     kept = None if session.dry_run else _set_aside(session, path, node_id, DISCARDED)
     rows = (
@@ -128,7 +196,7 @@ def _useless_for(session: Session, path: Path) -> int:
     try:
         journal = read_journal(path)
     except InputFileError:
-        return session.node_id()
+        return _blocked_by(session, path)
     node_id = journal.plan.node_id
     bus = session.open_network().bus.name
     if not session.options.force and journal.bus == bus and journal.identity == session.node(node_id).identity():
@@ -139,7 +207,16 @@ def _useless_for(session: Session, path: Path) -> int:
             hint="recover puts the old configuration back, recover --accept takes what the device holds; "
             "--force sets it aside all the same",
         )
-    return session.node_id() if session.selected_id() is not None else node_id
+    selected = session.selected_id()
+    return node_id if selected is None else selected
+
+
+def _blocked_by(session: Session, path: Path) -> int:
+    """The node of a journal that cannot be read: the one that is selected, else what the file's name says."""
+    number = path.stem.rpartition("-")[2]
+    if session.selected_id() is None and number.isdecimal() and 1 <= int(number) <= 127:
+        return int(number)
+    return session.node_id()
 
 
 def _set_aside(session: Session, path: Path, node_id: int, word: str) -> Path:

@@ -12,6 +12,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from dvtcli.device.change.cancellation import Cancellation
+from dvtcli.device.change.whole import Whole
 from dvtcli.device.restarts import refuse_after_restarts
 from dvtcli.errors import BusUnavailable, DvtcliError, SafetyRefusal, UsageError
 from dvtcli.operations.options import Options
@@ -47,6 +48,8 @@ class Session:
         self.tell: Teller = tell or Silent()
         self.base = self.options = options or Options()
         self.cancellation = Cancellation()
+        #: what the changes that are made now belong to: an atomic script, or nothing
+        self.whole = Whole()
         #: called when the bus is about to be opened
         self.on_open: Callable[[], None] = lambda: None
         #: everything that was said at the program's start, in options, variables and files
@@ -176,6 +179,7 @@ class Session:
             if (by := self.chosen_by()) != NOBODY:
                 failed.details.append(("chosen by", by))
             raise
+        opened.whole = self.whole
         if self.options.verbose:
             tell.note(f"{opened.bus.name} is open, chosen by {self.chosen_by()}")
         return opened

@@ -92,3 +92,17 @@ def test_a_dry_run_undoes_what_it_did_itself_before_what_the_session_did(tmp_pat
         assert changed == [(3, "tpdo2"), (3, "tpdo2"), (1, "tpdo2")]
         assert ran.code == 2, "and then there is nothing more"
         assert bench.run("verify").code == 0
+
+
+def test_a_write_that_alters_nothing_is_no_change() -> None:
+    with Bench(("generic",)) as bench:
+        assert bench.run("set tpdo1 --timer 40").code == 0
+        for line in ("write 1017 500", "write 1800:5 40"):
+            ran = bench.run(line)
+            assert (ran.code, "It held that before: nothing has changed." in ran.stdout) == (0, True), ran.stdout
+        assert bench.run("store").code == 0
+        assert bench.run("write 1017 500").code == 0
+        assert not bench.session.node().unstored
+        ran = bench.run("undo --json")
+        assert (ran.code, ran.document["pdo"]) == (0, "tpdo1")
+        assert bench.run("undo").code == 2

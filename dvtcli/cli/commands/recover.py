@@ -11,7 +11,7 @@ from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import FILE
 
 if TYPE_CHECKING:
-    from dvtcli.operations.results import Changed, Facts
+    from dvtcli.operations.results import Changed, ChangedNodes, Facts
     from dvtcli.operations.session import Session
 
 TASK = ("Check and keep", 60)
@@ -22,7 +22,7 @@ TASK = ("Check and keep", 60)
 @click.option("--accept", is_flag=True, help="Take what the device holds as the new state; nothing is written to it.")
 @click.option("--discard", is_flag=True, help="Set a journal that cannot be used aside, under another name.")
 @click.pass_obj
-def command(session: Session, /, file: str | None, accept: bool, discard: bool) -> Changed | Facts:
+def command(session: Session, /, file: str | None, accept: bool, discard: bool) -> Changed | ChangedNodes | Facts:
     """Read the node, put back what the interrupted change replaced, and verify it.
 
     \b

@@ -43,7 +43,9 @@ def change_lines(result: Changed, width: int) -> Iterator[Line]:
         return
     verb = "put back" if result.undone else "set"
     keeps = f"In RAM only: {result.keep}" if result.volatile else "The device keeps it by itself"
-    next_step = "" if result.undone else ", `undo` reverts it"
+    next_step = "" if result.undone or result.unknown_before else ", `undo` reverts it"
+    if not result.altered:
+        keeps, next_step = "It held that before: nothing has changed", ""
     if result.saved:
         keeps, next_step = "By this the device keeps what is set (assumed: nobody published it)", ""
     yield [

@@ -65,7 +65,7 @@ def _carry_out(
         node.keeper.begin(plan, node.identity(), found.state, node.known_pdos)
     try:
         node.gate.enter()
-        run(node, plan, others, found.state)
+        run(node, plan, others)
     except LeftChanged as left:
         left_open(node, left)
         raise
@@ -75,6 +75,8 @@ def _carry_out(
         _settle_after(node, error, found)
         raise
     node.expected.seen(others)
+    if node.keeper is not None:
+        node.keeper.carried_out()
     done()
     _end(node, plan, lambda: _return(node, found), keep_journal=keep_journal)
 
@@ -150,12 +152,12 @@ def _add(error: BaseException, text: str) -> None:
         error.details.append(("nmt", text))
 
 
-def run(node: Changeable, plan: Plan, others: Mapping[Pdo, PdoConfig], found: NmtState | None) -> None:
+def run(node: Changeable, plan: Plan, others: Mapping[Pdo, PdoConfig]) -> None:
     """Run *plan* as one transaction, with an eye on *others*; what was read of the node before counts no longer."""
 
     def note(changes: Sequence[Change]) -> None:
         if node.keeper is not None:
-            node.keeper.note(Plan(plan.node_id, tuple(changes)), node.identity(), found)
+            node.keeper.note(Plan(plan.node_id, tuple(changes)))
 
     transaction = Transaction(
         node.sdo,

@@ -6,15 +6,18 @@ Knows folders and files of its own. Does not write to devices and does not decid
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import re
 import tempfile
+from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from dvtcli.device.change.whole import Part
 from dvtcli.device.trust import private_folder, stranger
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.mapping import MAX_ENTRIES, PdoMappingEntry
@@ -23,8 +26,8 @@ from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, plan_
 from dvtcli.errors import InputFileError, SafetyRefusal
 
 SCHEMA = "dvtcli.journal/1"
-#: A journal holds at most 1,024 PDOs; anything larger is something else.
-MOST_BYTES = 4_000_000
+#: A journal holds at most 1,024 PDOs and as many single objects; anything larger is something else.
+MOST_BYTES, _MOST_CHANGES = 4_000_000, 2048
 
 #: What a journal's new name says of it: closed with what the device held, or set aside unused.
 ACCEPTED, DISCARDED = "accepted", "discarded"
@@ -34,13 +37,17 @@ Identity = dict[str, int | None]
 
 @dataclass(frozen=True, slots=True)
 class Journal:
-    """An interrupted change: the node it was made on, its plan, and the NMT state that was found (None: unknown)."""
+    """An interrupted change: the node it was made on, its plan, and the NMT state that was found (None: unknown).
+
+    *part* says what it belongs to.
+    """
 
     path: Path
     bus: str
     identity: Identity
     plan: Plan
     nmt_state: int | None = None
+    part: Part = field(default_factory=Part)
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,18 +66,61 @@ class Journals:
         path = self.path(node_id)
         return read_journal(path) if path.exists() else None
 
-    def write(self, plan: Plan, identity: Identity, nmt_state: int | None) -> Path:
-        """Put *plan* on disk, whole and synced, before its first write; readable by its owner only."""
-        path = self.path(plan.node_id)
+    def _marker(self, whole: str) -> Path:
+        return self.folder / f"{whole}.whole"
+
+    def open_whole(self, whole: str) -> None:
+        """Before the first journal of the *whole* of this id: they count for as long as this lasts."""
+        if not self._marker(whole).exists():
+            write_private(self._marker(whole), "")
+
+    def close_whole(self, whole: str) -> None:
+        """The *whole* is complete, or put back: what is left of its journals counts no longer, at one stroke."""
+        if self._marker(whole).exists():
+            self._marker(whole).unlink()
+            _sync_folder(self.folder)
+
+    def counts(self, path: Path) -> bool:
+        """Whether there is a journal at *path* (a damaged one is one, too), and it is of no whole that is complete."""
+        if not path.exists():
+            return False
+        try:
+            whole = read_journal(path).part.whole
+        except (InputFileError, SafetyRefusal):
+            return True
+        return whole is None or Journals(path.parent, self.bus)._marker(whole).exists()  # noqa: SLF001 - one of ours
+
+    def all_of(self, whole: str) -> list[Journal]:
+        """The journals that belong to the *whole* of this id, by node-ID; those that cannot be used are passed over."""
+        found = []
+        for path in self.folder.glob(f"{file_name(self.bus)}-*.json"):
+            with suppress(InputFileError, SafetyRefusal):
+                found.append(read_journal(path))
+        ours = (one for one in found if (one.bus, one.part.whole) == (self.bus, whole))
+        return sorted(ours, key=lambda one: one.plan.node_id)
+
+    def write(self, plan: Plan, identity: Identity, nmt_state: int | None, part: Part | None = None) -> Path:
+        """Put *plan*, which belongs to *part*, on disk, whole and synced, before its first write; for its owner only.
+
+        OSError where it cannot be kept, or is too large to be read again.
+        """
+        path, part = self.path(plan.node_id), part or Part()
         document = {
             "schema": SCHEMA,
             "bus": self.bus,
             "node": plan.node_id,
             "identity": identity,
             "nmt_state": nmt_state,
+            "whole": part.whole,
+            "name": part.name,
+            "entries": list(part.entries),
+            "final": part.final,
             "changes": [change_document(change) for change in plan.changes],
         }
-        write_private(path, json.dumps(document, indent=1))
+        text = json.dumps(document, indent=1)
+        if len(text) > MOST_BYTES or len(plan.changes) > _MOST_CHANGES:
+            raise OSError(errno.EFBIG, os.strerror(errno.EFBIG), str(path))
+        write_private(path, text)
         return path
 
     def remove(self, node_id: int) -> None:
@@ -206,11 +256,12 @@ class _Reader:
             identity,
             plan,
             None if state is None else _number(document, "nmt_state", 0xFF),
+            _part(document),
         )
 
     def plan(self, document: Any) -> tuple[Identity, Plan]:
         changes = document.get("changes") if isinstance(document, dict) else None
-        if not isinstance(changes, list) or not changes or len(changes) > 2048:
+        if not isinstance(changes, list) or not changes or len(changes) > _MOST_CHANGES:
             raise ValueError("it names no changes")
         plan = Plan(_number(document, "node", 127, least=1), tuple(self.change(change) for change in changes))
         identity = document.get("identity")
@@ -255,6 +306,15 @@ class _Reader:
         communication = PdoCommunicationParameter(CobId.from_raw(_number(document, "cob_id", 0xFFFF_FFFF)), **times)
         mpdo = None if document.get("mpdo") is None else _number(document, "mpdo", 0xFF)
         return PdoConfig(communication, entries, mpdo)
+
+
+def _part(document: dict[str, Any]) -> Part:
+    """What the journal belongs to; those of earlier versions do not say, and stand alone."""
+    whole, name, final = document.get("whole"), document.get("name", ""), document.get("final", "")
+    entries = document.get("entries", [])
+    if not isinstance(entries, list) or not all(isinstance(one, str) for one in (whole or "", name, final, *entries)):
+        raise ValueError("what it belongs to is malformed")
+    return Part(whole, name, tuple(entries), final)
 
 
 def _number(document: dict[str, Any], key: str, most: int, least: int = 0) -> int:

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
 from dvtcli.device.change.journal import Identity, Journal, Journals, file_name, read_journal, set_aside, write_private
 from dvtcli.device.change.lock import NodeLock
+from dvtcli.device.change.whole import Course, Whole
 from dvtcli.device.past import Past
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Plan
@@ -44,12 +45,18 @@ class Keeper:
     warn: Callable[[str], None] = lambda _text: None
     #: the command that this process runs, for another dvtcli that waits for the lock
     command: Callable[[], str] = lambda: ""
+    #: what the changes that are made now belong to
+    whole: Whole = field(default_factory=Whole)
     lock: NodeLock = field(init=False)
     journals: Journals = field(init=False)
     #: the changes that a later process can put back
     past: Past = field(init=False)
     _backed_up: bool = False
     _identity: Identity = field(default_factory=dict)
+    #: what the journal that is ours has to put back
+    _course: Course = field(default_factory=Course)
+    #: the id under which `undo` is to remember the change in hand
+    _entry: str = ""
 
     def __post_init__(self) -> None:
         self.lock = NodeLock(self.locks, self.bus, self.node_id, self.command)
@@ -59,7 +66,7 @@ class Keeper:
     def open_journal(self) -> Path | None:
         """Where the journal of an unfinished change is: in our own folder, or where another dvtcli noted it."""
         own, noted = self.journals.path(self.node_id), self.lock.noted()
-        return next((path for path in (own, noted) if path is not None and path.exists()), None)
+        return next((path for path in (own, noted) if path is not None and self.journals.counts(path)), None)
 
     def interrupted(self) -> Journal | None:
         """The journal of a change that nobody is working on any more, or None; InputFileError where it is damaged."""
@@ -94,7 +101,7 @@ class Keeper:
             taken = not self.lock.held
             self.lock.take()
             path = self.open_journal()
-        if path is not None:
+        if path is not None and not self._is_open(path):
             raise SafetyRefusal(
                 f"an interrupted change of node {self.node_id} is not finished yet",
                 node=self.node_id,
@@ -102,6 +109,12 @@ class Keeper:
                 hint=_way_out(path),
             )
         return taken
+
+    def _is_open(self, path: Path) -> bool:
+        """Whether the journal at *path* is that of a whole of ours which is not complete yet."""
+        course = self._course
+        ours = course.made and course.in_hand is None and course.part.whole == self.whole.id
+        return bool(ours) and path == self.journals.path(self.node_id)
 
     def begin(
         self, plan: Plan, identity: Identity, nmt_state: int | None, pdos: Callable[[], Mapping[Pdo, PdoConfig]]
@@ -117,20 +130,74 @@ class Keeper:
             if not self._backed_up:
                 self._back_up(identity, held)
                 self._backed_up = True
-            path = self.journals.write(plan, identity, nmt_state)
+            if self.whole.id is not None:
+                self.journals.open_whole(self.whole.id)
+            self._entry = self._course.begin(self.whole, plan, nmt_state)
             try:
-                self.lock.note(path)
-            except OSError:
-                path.unlink(missing_ok=True)  # nothing is written to the device: there is nothing to recover
+                self.lock.note(self._write())
+            except OSError:  # nothing of this is written to the device: there is nothing to recover
+                self._course.in_hand = None
+                if not self._course.made:
+                    self.journals.path(self.node_id).unlink(missing_ok=True)
                 raise
 
-    def note(self, plan: Plan, identity: Identity, nmt_state: int | None) -> None:
+    def _write(self) -> Path:
+        course = self._course
+        return self.journals.write(course.plan, self._identity, course.nmt_state, course.part)
+
+    def note(self, plan: Plan) -> None:
         """Put *plan* on disk in place of the one in hand: more than that has to be put back."""
         with self._files("kept"):
-            self.journals.write(plan, identity, nmt_state)
+            self._course.in_hand = plan
+            self._write()
+
+    def carried_out(self) -> None:
+        """The change in hand was verified."""
+        self._course.carried_out()
 
     def end(self) -> None:
-        """After the change was verified, or undone and verified: forget the journal.
+        """After the change was verified, or undone and verified: forget the journal, unless it is that of a whole."""
+        self._course.in_hand = None
+        if self._course.made:  # what it says of the change in hand is so, also where that was undone
+            return
+        self._forget()
+
+    def final(self, line: str) -> None:
+        """Before *line* of the whole, which no undo reverts; empty: it was not done after all."""
+        if self._course.made:
+            self._course.part = replace(self._course.part, final=line)
+            if line:
+                with self._files("kept"):
+                    self._write()
+
+    def complete_whole(self) -> None:
+        """The whole is complete, on every node from now on: forget the journal. JournalKept where that fails."""
+        if self.whole.id is not None:
+            try:
+                self.journals.close_whole(self.whole.id)
+            except OSError as failed:
+                raise self._kept(self.journals.path(self.node_id), failed) from failed
+        self.end_whole()
+
+    def abandon_whole(self) -> None:
+        """The whole is not complete; what of it could not be put back waits for `recover`."""
+        self._tidy(self.journals, self.whole.id)
+
+    def _tidy(self, journals: Journals, whole: str | None) -> None:
+        """After a journal of *whole* is gone: so is what the last one needed."""
+        if whole is not None and not journals.all_of(whole):
+            with self._files("removed"):
+                journals.close_whole(whole)
+
+    def end_whole(self) -> None:
+        """This node's part of the whole was put back and verified: forget the journal."""
+        if self._course.made and self._course.in_hand is None:
+            whole, self._course = self._course.part.whole, Course()
+            self._forget()
+            self._tidy(self.journals, whole)
+
+    def _forget(self) -> None:
+        """Remove the journal.
 
         JournalKept where it is still there. That it is gone for good (it might come back after a power failure), or
         that the lock still names it, is a message only: `recover` asks before it does anything.
@@ -160,13 +227,16 @@ class Keeper:
 
     def remember(self, plan: Plan) -> None:
         """After *plan*, which `begin` was told of, was carried out and verified: a later `undo` can put it back."""
-        self.past.add(plan, self._identity)
+        self.past.add(plan, self._identity, self._entry)
 
     def forget(self, journal: Journal) -> None:
         """After *journal* was recovered, wherever it was kept."""
         with self._files("removed"):
             journal.path.unlink(missing_ok=True)
-        self.end()
+        self.past.drop(self.node_id, journal.identity, journal.part.entries)
+        self._course = Course()
+        self._forget()
+        self._tidy(Journals(journal.path.parent, journal.bus), journal.part.whole)
 
     def set_aside(self, path: Path, word: str) -> Path:
         """Close the journal at *path*: it blocks nothing any more, and is kept under the name that is returned."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from dvtcli.domain.plan import PdoChange, Plan
+from dvtcli.domain.plan import PdoChange, Plan, ValueChange, alters
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.proof import Proof
 from dvtcli.domain.rules import Finding
@@ -35,6 +35,16 @@ class Changed:
     saved: bool = False
     #: whether more nodes than this one are known
     named: bool = False
+
+    @property
+    def altered(self) -> bool:
+        """Whether anything is other than it was."""
+        return any(map(alters, self.plan.changes))
+
+    @property
+    def unknown_before(self) -> bool:
+        """Whether nobody knows what was there: write-only objects alone were written."""
+        return all(isinstance(change, ValueChange) and change.step.before is None for change in self.plan.changes)
 
     def document(self) -> Document:
         """`dvtcli.change/1`."""
