@@ -184,7 +184,7 @@ def _keeper(
 
     def keep(device: StrictDevice) -> None:
         try:
-            write_state(paths[device], device.lss.stored, device.stored())
+            write_state(paths[device], device.lss.stored, device.areas.kept())
         except OSError as failed:
             why = failed.strerror or str(failed)
             warn(f"{paths[device]}: {why}; node {device.node_id} keeps what it stored only while sim runs")

@@ -113,7 +113,7 @@ def test_ram_that_is_kept_proves_nothing(fault: str) -> None:
 def test_a_device_that_says_that_it_saves_by_itself_gets_no_canary() -> None:
     node = device("generic")
     node.set_value(0x1010, 1, (3).to_bytes(4, "little"))
-    node.parameter_store.saves_itself = True
+    node.areas.saves_itself = True
     with Wire(node) as wire, Bench((), {**wire.options, "yes": True}) as bench:
         wire.frames()
         document = proved(bench.run("store --prove --json"))

@@ -140,7 +140,7 @@ def test_what_does_not_store_on_command_is_said(capability: int, text: str) -> N
 
 def test_a_broken_memory_is_a_refusal_with_its_code() -> None:
     reached, bus = access("generic")
-    bus.device.store_fails = True
+    bus.device.areas.fails = True
     with pytest.raises(DeviceRefused) as caught:
         sign(reached, profile("generic").store, STORE, None, Cancellation())
     assert caught.value.abort == 0x06060000

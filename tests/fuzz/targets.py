@@ -121,10 +121,10 @@ def dcf(data: bytes) -> None:
         with contextlib.suppress(Refusal):
             device.upload(entry.index, entry.sub_index)
     device.state = NmtState.OPERATIONAL
-    device.sync()
-    device.poll(1.0)
-    device.receive(Frame(0x200 + NODE, bytes(8)))
-    device.emergency(0x8210)
+    device.services.sync()
+    device.services.poll(1.0)
+    device.services.receive(Frame(0x200 + NODE, bytes(8)))
+    device.services.emergency(0x8210)
 
 
 def _parsed(data: bytes) -> EdsFile | None:

@@ -185,7 +185,7 @@ class DirectBus:
         return self.heard_boot_ups > seen
 
     def send(self, frame: Frame) -> None:
-        self.device.receive(frame)
+        self.device.services.receive(frame)
 
     def receive(self, duration_s: float) -> Iterator[Frame]:
         yield from self.device.take_outbox()

@@ -78,15 +78,15 @@ class InProcess:
         self.device.take_outbox()
 
     def sync(self) -> list[Frame]:
-        return self.device.sync()
+        return self.device.services.sync()
 
     def receive(self, frame: Frame) -> list[Frame]:
-        return self.device.receive(frame)
+        return self.device.services.receive(frame)
 
     def events(self, can_id: int, duration_ms: int) -> int:
-        self.device.poll(self._now_ms / 1000)
+        self.device.services.poll(self._now_ms / 1000)
         began_ms, self._now_ms = self._now_ms, self._now_ms + duration_ms + 1
-        polls = [self.device.poll(ms / 1000) for ms in range(began_ms + 1, self._now_ms + 1)]
+        polls = [self.device.services.poll(ms / 1000) for ms in range(began_ms + 1, self._now_ms + 1)]
         return sum(frame.can_id == can_id for sent in polls for frame in sent)
 
 

@@ -169,11 +169,11 @@ def test_an_rpdo_of_sub_0_and_1_only_acts_at_once() -> None:
     )
     device.boot_up()
     device.nmt(1)
-    device.receive(Frame(0x201, b"\x55"))
+    device.services.receive(Frame(0x201, b"\x55"))
     assert device.value(0x6200) == b"\x55"
 
 
 def test_a_dictionary_without_sync_or_emcy_objects_uses_the_usual_can_ids() -> None:
     device = StrictDevice(dictionary(*tpdo()), GENERIC, 5)
-    assert device.hears_sync(Frame(0x80, b""))
-    assert [frame.can_id for frame in device.emergency(0x8210)] == [0x85]
+    assert device.services.hears_sync(Frame(0x80, b""))
+    assert [frame.can_id for frame in device.services.emergency(0x8210)] == [0x85]

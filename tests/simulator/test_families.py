@@ -95,8 +95,8 @@ def test_valid_pdos_of_a_family_have_can_ids_of_their_own(family: str) -> None:
 @pytest.mark.parametrize("family", family_names())
 def test_a_new_node_shows_life(family: str) -> None:
     device = booted(family)
-    assert device.poll(0.0) == [Frame(0x701, b"\x7f")]
-    assert device.next_poll_s() == 0.5
+    assert device.services.poll(0.0) == [Frame(0x701, b"\x7f")]
+    assert device.services.next_poll_s() == 0.5
 
 
 @pytest.mark.parametrize(

@@ -124,7 +124,7 @@ def test_a_failed_store_keeps_what_was_stored() -> None:
     device = booted()
     client = Client.on(device)
     client.write(0x1800, 2, 1, 1)
-    device.store_fails = True
+    device.areas.fails = True
     with pytest.raises(Aborted, match="06060000"):
         client.write(0x1010, 1, SAVE, 4)
     device.nmt(NmtCommand.RESET_NODE)
@@ -146,31 +146,31 @@ def test_heartbeats_carry_the_state_and_keep_the_period() -> None:
     device = booted()
     for cob_id in (0x1800, 0x1801):  # only heartbeats
         Client.on(device).write(cob_id, 1, 0xC0000000, 4)
-    assert device.poll(10.0) == [Frame(0x701, b"\x7f")]
-    assert device.poll(10.4) == []
-    assert device.next_poll_s() == 10.5
+    assert device.services.poll(10.0) == [Frame(0x701, b"\x7f")]
+    assert device.services.poll(10.4) == []
+    assert device.services.next_poll_s() == 10.5
     device.nmt(NmtCommand.START)
-    assert device.poll(10.5) == [Frame(0x701, b"\x05")]
+    assert device.services.poll(10.5) == [Frame(0x701, b"\x05")]
     device.nmt(NmtCommand.STOP)
-    assert device.poll(11.0) == [Frame(0x701, b"\x04")]
+    assert device.services.poll(11.0) == [Frame(0x701, b"\x04")]
 
 
 def test_heartbeat_time_0_switches_heartbeats_off_and_a_new_one_counts_at_once() -> None:
     device = booted()
-    device.poll(0.0)
+    device.services.poll(0.0)
     Client.on(device).write(0x1017, 0, 0, 2)
-    assert device.poll(100.0) == []
-    assert device.next_poll_s() is None
+    assert device.services.poll(100.0) == []
+    assert device.services.next_poll_s() is None
     Client.on(device).write(0x1017, 0, 50, 2)
-    assert device.poll(100.0) == [Frame(0x701, b"\x7f")]
+    assert device.services.poll(100.0) == [Frame(0x701, b"\x7f")]
 
 
 def test_late_heartbeats_are_not_made_up_for() -> None:
     device = booted()
-    device.poll(0.0)
-    assert len(device.poll(10.2)) == 1
-    assert device.poll(10.3) == []
-    assert device.next_poll_s() == 10.7
+    device.services.poll(0.0)
+    assert len(device.services.poll(10.2)) == 1
+    assert device.services.poll(10.3) == []
+    assert device.services.next_poll_s() == 10.7
 
 
 def test_nmt_commands_before_the_boot_up_are_ignored() -> None:
@@ -178,21 +178,21 @@ def test_nmt_commands_before_the_boot_up_are_ignored() -> None:
     device = StrictDevice(fresh.dictionary, fresh.family, 1)
     device.nmt(NmtCommand.START)
     assert device.state is NmtState.INITIALISING
-    assert device.poll(0.0) == []
+    assert device.services.poll(0.0) == []
 
 
 def test_sync_does_nothing_outside_operational() -> None:
     device = booted()
     Client.on(device).write(0x1800, 2, 1, 1)
-    assert device.sync() == []
+    assert device.services.sync() == []
     device.nmt(NmtCommand.START)
-    assert device.sync() == [Frame(0x181, b"\x37\x12")]
+    assert device.services.sync() == [Frame(0x181, b"\x37\x12")]
 
 
 def test_sync_counts_by_transmission_type() -> None:
     device = operational()
     Client.on(device).write(0x1800, 2, 3, 1)
-    assert [len(device.sync()) for _ in range(7)] == [0, 0, 1, 0, 0, 1, 0]
+    assert [len(device.services.sync()) for _ in range(7)] == [0, 0, 1, 0, 0, 1, 0]
 
 
 def test_sync_start_value_delays_the_first_frame() -> None:
@@ -202,41 +202,41 @@ def test_sync_start_value_delays_the_first_frame() -> None:
     client.write(0x1800, 6, 3, 1)
     client.write(0x1800, 2, 2, 1)
     client.write(0x1800, 1, 0x40000181, 4)
-    assert [len(device.sync(counter)) for counter in (1, 2, 3, 4, 5, 6, 7)] == [0, 0, 1, 0, 1, 0, 1]
+    assert [len(device.services.sync(counter)) for counter in (1, 2, 3, 4, 5, 6, 7)] == [0, 0, 1, 0, 1, 0, 1]
 
 
 def test_type_0_is_sent_on_change_at_the_next_sync() -> None:
     device = operational()
     Client.on(device).write(0x1800, 2, 0, 1)
-    assert [len(device.sync()) for _ in range(3)] == [1, 0, 0]
+    assert [len(device.services.sync()) for _ in range(3)] == [1, 0, 0]
     device.set_value(0x6041, 0, b"\x00\x00")
-    assert device.sync() == [Frame(0x181, b"\0\0")]
-    assert device.sync() == []
+    assert device.services.sync() == [Frame(0x181, b"\0\0")]
+    assert device.services.sync() == []
 
 
 def test_event_driven_and_disabled_tpdos_ignore_sync() -> None:
-    assert operational().sync() == []
+    assert operational().services.sync() == []
 
 
 def test_29_bit_pdos() -> None:
     device = operational()
     client = Client.on(device)
     client.write(0x1802, 1, 0x60012345, 4)
-    assert [(frame.can_id, frame.extended) for frame in device.sync()] == [(0x12345, True)]
+    assert [(frame.can_id, frame.extended) for frame in device.services.sync()] == [(0x12345, True)]
 
 
 def test_rpdo_lands_in_the_dictionary_at_once_when_event_driven() -> None:
     device = operational()
-    assert device.receive(Frame(0x201, b"\x1f\x00")) == []
+    assert device.services.receive(Frame(0x201, b"\x1f\x00")) == []
     assert number(device, 0x6040) == 0x1F
 
 
 def test_rpdo_is_ignored_outside_operational_and_as_a_remote_frame() -> None:
     device = booted()
-    device.receive(Frame(0x201, b"\x1f\x00"))
+    device.services.receive(Frame(0x201, b"\x1f\x00"))
     device.nmt(NmtCommand.START)
-    device.receive(Frame(0x201, b"\x1f\x00", remote=True))
-    device.receive(Frame(0x201, b"\x1f\x00", extended=True))
+    device.services.receive(Frame(0x201, b"\x1f\x00", remote=True))
+    device.services.receive(Frame(0x201, b"\x1f\x00", extended=True))
     assert number(device, 0x6040) == 0x0F
 
 
@@ -244,22 +244,22 @@ def test_rpdo_is_ignored_outside_operational_and_as_a_remote_frame() -> None:
 def test_synchronous_rpdo_waits_for_its_sync(family: str, syncs: int) -> None:
     device = operational(family)
     Client.on(device).write(0x1400, 2, 3, 1)
-    device.receive(Frame(0x201, b"\x1f\x00"))
+    device.services.receive(Frame(0x201, b"\x1f\x00"))
     for _ in range(syncs):
         assert number(device, 0x6040) == 0x0F
-        device.sync()
+        device.services.sync()
     assert number(device, 0x6040) == 0x1F
 
 
 def test_f3_short_rpdo_is_not_applied() -> None:
     device = operational()
-    assert device.receive(Frame(0x201, b"\x1f")) == [Frame(0x81, bytes.fromhex("1082110000000000"))]
+    assert device.services.receive(Frame(0x201, b"\x1f")) == [Frame(0x81, bytes.fromhex("1082110000000000"))]
     assert number(device, 0x6040) == 0x0F
 
 
 def test_f3_long_rpdo_is_applied_by_its_first_bytes() -> None:
     device = operational()
-    assert device.receive(Frame(0x201, b"\x1f\x00\xff")) == [Frame(0x81, bytes.fromhex("2082110000000000"))]
+    assert device.services.receive(Frame(0x201, b"\x1f\x00\xff")) == [Frame(0x81, bytes.fromhex("2082110000000000"))]
     assert number(device, 0x6040) == 0x1F
 
 
@@ -267,9 +267,9 @@ def test_emcy_goes_where_1014_says() -> None:
     device = operational()
     client = Client.on(device)
     client.write(0x1014, 0, 0xC5, 4)
-    assert [frame.can_id for frame in device.receive(Frame(0x201, b""))] == [0xC5]
+    assert [frame.can_id for frame in device.services.receive(Frame(0x201, b""))] == [0xC5]
     client.write(0x1014, 0, 0x80000081, 4)
-    assert device.receive(Frame(0x201, b"")) == []
+    assert device.services.receive(Frame(0x201, b"")) == []
 
 
 def test_a_short_entry_leaves_the_rest_of_its_object() -> None:
@@ -277,7 +277,7 @@ def test_a_short_entry_leaves_the_rest_of_its_object() -> None:
     client = Client.on(device)
     for write in ((0x1602, 0, 0, 1), (0x1602, 1, 0x20000008, 4), (0x1602, 0, 1, 1), (0x1402, 1, 0x401, 4)):
         client.write(*write)
-    device.receive(Frame(0x401, b"\xee"))
+    device.services.receive(Frame(0x401, b"\xee"))
     assert number(device, 0x2000) == 0x112233EE
 
 
@@ -291,7 +291,7 @@ def test_dummies_and_bits_are_taken_apart_by_bit_position() -> None:
     client.write(0x1602, 0, 5, 1)
     client.write(0x1402, 1, 0x401, 4)
     device.nmt(NmtCommand.START)
-    assert device.receive(Frame(0x401, (0b1010 | 0x1234 << 4).to_bytes(3, "little"))) == []
+    assert device.services.receive(Frame(0x401, (0b1010 | 0x1234 << 4).to_bytes(3, "little"))) == []
     assert (number(device, 0x2123), number(device, 0x2124), number(device, 0x2221)) == (1, 1, 0x1234)
 
 

@@ -136,32 +136,32 @@ def test_an_emergency_has_the_new_node_id() -> None:
     node = node_of()
     ask(node, CONFIGURE, "1105")
     node.handle(Frame(0, bytes([NmtCommand.RESET_COMMUNICATION, 0])))
-    assert [frame.can_id for frame in node.device.emergency(0x2310)] == [0x085]
+    assert [frame.can_id for frame in node.device.services.emergency(0x2310)] == [0x085]
 
 
 @pytest.mark.parametrize(("stored", "after"), [(False, 0x701), (True, 0x705)])
 def test_a_reset_of_the_node_brings_the_stored_node_id(stored: bool, after: int) -> None:
     node = node_of()
     ask(node, CONFIGURE, "1105", *(["17"] if stored else []), WAIT)
-    changes = node.device.stored_changes
+    changes = node.device.areas.changes
     node.handle(Frame(0, bytes([NmtCommand.RESET_COMMUNICATION, 1])))
     (boot_up,) = node.handle(Frame(0, bytes([NmtCommand.RESET_NODE, 5])))
     assert boot_up.can_id == after
     assert (node.device.lss.stored == 5) is stored
-    assert node.device.stored_changes == changes
+    assert node.device.areas.changes == changes
 
 
 def test_storing_is_a_change_to_keep_and_may_fail() -> None:
     node = node_of()
-    changes = node.device.stored_changes
+    changes = node.device.areas.changes
     ask(node, CONFIGURE, "1105")
-    assert node.device.stored_changes == changes
-    node.device.store_fails = True
+    assert node.device.areas.changes == changes
+    node.device.areas.fails = True
     assert ask(node, "17") == ["7E4 17 02"]
-    assert (node.device.lss.stored, node.device.stored_changes) == (1, changes)
-    node.device.store_fails = False
+    assert (node.device.lss.stored, node.device.areas.changes) == (1, changes)
+    node.device.areas.fails = False
     assert ask(node, "17") == ["7E4 17"]
-    assert node.device.stored_changes > changes
+    assert node.device.areas.changes > changes
 
 
 def test_what_was_kept_is_the_node_id_at_power_on() -> None:

@@ -22,7 +22,7 @@ def node() -> StrictDevice:
 
 
 def answers(device: StrictDevice) -> list[bytes]:
-    return [frame.data for frame in device.receive(REQUEST)]
+    return [frame.data for frame in device.services.receive(REQUEST)]
 
 
 def test_the_toggle_bit_alternates_and_starts_over_with_a_boot_up(node: StrictDevice) -> None:
@@ -46,5 +46,5 @@ def test_a_node_with_heartbeats_or_without_a_guard_time_is_silent(node: StrictDe
     other = booted()
     other.set_value(0x1017, 0, b"\0\0")
     assert answers(other) == []
-    assert not node.receive(Frame(0x702, b"", remote=True))
-    assert not node.receive(Frame(0x701, b"\5"))
+    assert not node.services.receive(Frame(0x702, b"", remote=True))
+    assert not node.services.receive(Frame(0x701, b"\5"))

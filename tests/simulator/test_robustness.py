@@ -128,7 +128,7 @@ def test_no_sequence_of_pdo_writes_makes_an_illegal_pdo(family: str, requests: l
         server.handle(request)
         check_pdos(device)
     device.state = NmtState.OPERATIONAL
-    for frame in device.sync():
+    for frame in device.services.sync():
         assert len(frame.data) <= 8
 
 

@@ -63,7 +63,7 @@ def test_a7_silence(request_: str, state: NmtState) -> None:
 
 def test_e3_store_hardware_failure() -> None:
     device = booted()
-    device.store_fails = True
+    device.areas.fails = True
     with pytest.raises(Aborted) as caught:
         Client.on(device).write(0x1010, 1, SAVE, 4)
     assert caught.value.code == 0x06060000

@@ -37,52 +37,52 @@ def change(device: StrictDevice, value: int) -> None:
 
 def sent(device: StrictDevice, *times_s: float) -> list[float]:
     """The times at which something was sent."""
-    return [now_s for now_s in times_s if device.poll(now_s)]
+    return [now_s for now_s in times_s if device.services.poll(now_s)]
 
 
 def test_on_change_and_once_at_the_start() -> None:
     device = alone()
-    assert device.poll(0.0) == [Frame(STATUS_FRAME, b"\x37\x12")]
-    assert device.poll(1.0) == []
-    assert device.next_poll_s() is None
+    assert device.services.poll(0.0) == [Frame(STATUS_FRAME, b"\x37\x12")]
+    assert device.services.poll(1.0) == []
+    assert device.services.next_poll_s() is None
     change(device, 0x1234)
-    assert device.next_poll_s() == 0.0
-    assert device.poll(1.1) == [Frame(STATUS_FRAME, b"\x34\x12")]
+    assert device.services.next_poll_s() == 0.0
+    assert device.services.poll(1.1) == [Frame(STATUS_FRAME, b"\x34\x12")]
     change(device, 0x1234)
-    assert device.poll(1.2) == []
+    assert device.services.poll(1.2) == []
 
 
 def test_a_change_that_is_undone_before_it_was_seen_is_none() -> None:
     device = alone()
-    device.poll(0.0)
+    device.services.poll(0.0)
     change(device, 0)
     change(device, 0x1237)
-    assert device.poll(0.1) == []
+    assert device.services.poll(0.1) == []
 
 
 def test_the_inhibit_time_holds_back_what_changed_and_then_sends_the_latest() -> None:
     device = alone(inhibit=1000)  # 100 ms
-    device.poll(0.0)
+    device.services.poll(0.0)
     change(device, 1)
-    assert device.poll(0.05) == []
-    assert device.next_poll_s() == pytest.approx(0.1)
+    assert device.services.poll(0.05) == []
+    assert device.services.next_poll_s() == pytest.approx(0.1)
     change(device, 2)
-    assert device.poll(0.06) == []
-    assert device.poll(0.1) == [Frame(STATUS_FRAME, b"\x02\x00")]
-    assert device.poll(0.3) == []
+    assert device.services.poll(0.06) == []
+    assert device.services.poll(0.1) == [Frame(STATUS_FRAME, b"\x02\x00")]
+    assert device.services.poll(0.3) == []
     change(device, 3)
-    assert device.poll(0.31) == [Frame(STATUS_FRAME, b"\x03\x00")]
+    assert device.services.poll(0.31) == [Frame(STATUS_FRAME, b"\x03\x00")]
 
 
 def test_the_event_timer_sends_what_did_not_change() -> None:
     device = alone(event=50)
     assert sent(device, *(step / 128 for step in range(33))) == [0, 7 / 128, 13 / 128, 20 / 128, 26 / 128, 32 / 128]
-    assert device.next_poll_s() == pytest.approx(0.3)
+    assert device.services.next_poll_s() == pytest.approx(0.3)
 
 
 def test_a_change_starts_the_event_timer_again() -> None:
     device = alone(event=50)
-    device.poll(0.0)
+    device.services.poll(0.0)
     change(device, 1)
     assert sent(device, 0.03, 0.05, 0.07, 0.08) == [0.03, 0.08]
 
@@ -94,25 +94,25 @@ def test_late_event_timers_are_not_made_up_for() -> None:
 
 def test_an_inhibit_time_longer_than_the_event_timer_wins() -> None:
     device = alone(event=50, inhibit=1000)
-    device.poll(0.0)
-    assert device.next_poll_s() == pytest.approx(0.1)
+    device.services.poll(0.0)
+    assert device.services.next_poll_s() == pytest.approx(0.1)
     assert sent(device, 0.05, 0.1, 0.15, 0.2) == [0.1, 0.2]
 
 
 def test_only_in_operational_and_anew_after_each_start() -> None:
     device = alone(event=50)
-    device.poll(0.0)
+    device.services.poll(0.0)
     device.nmt(NmtCommand.ENTER_PRE_OPERATIONAL)
-    assert device.poll(0.05) == []
-    assert device.next_poll_s() is None
+    assert device.services.poll(0.05) == []
+    assert device.services.next_poll_s() is None
     device.nmt(NmtCommand.START)
-    assert device.poll(0.06) == [Frame(STATUS_FRAME, b"\x37\x12")]
-    assert device.next_poll_s() == pytest.approx(0.11)
+    assert device.services.poll(0.06) == [Frame(STATUS_FRAME, b"\x37\x12")]
+    assert device.services.next_poll_s() == pytest.approx(0.11)
 
 
 def test_enabling_again_starts_anew_with_the_new_settings() -> None:
     device = alone(event=50)
-    device.poll(0.0)
+    device.services.poll(0.0)
     client = Client.on(device)
     client.write(0x1800, 1, 0x80000181, 4)
     assert sent(device, 0.05, 0.1) == []
@@ -123,7 +123,7 @@ def test_enabling_again_starts_anew_with_the_new_settings() -> None:
 
 def test_the_event_timer_may_change_while_the_pdo_is_valid() -> None:
     device = alone()
-    device.poll(0.0)
+    device.services.poll(0.0)
     Client.on(device).write(0x1800, 5, 10, 2)
     assert sent(device, 0.1, 0.11, 0.12) == [0.1, 0.11, 0.12]
 
@@ -143,9 +143,9 @@ def test_an_rpdo_moves_a_tpdo_of_the_same_object() -> None:
         (0x1402, 1, 0x401, 4),
     )  # fmt: skip
     device = alone(*mapping)
-    device.poll(0.0)
-    assert device.receive(Frame(0x401, b"\x01\x02\x03\x04")) == []
-    assert device.poll(0.1) == [Frame(STATUS_FRAME, b"\x01\x02\x03\x04")]
+    device.services.poll(0.0)
+    assert device.services.receive(Frame(0x401, b"\x01\x02\x03\x04")) == []
+    assert device.services.poll(0.1) == [Frame(STATUS_FRAME, b"\x01\x02\x03\x04")]
 
 
 REQUEST = Frame(STATUS_FRAME, b"", remote=True)
@@ -154,27 +154,27 @@ REQUEST = Frame(STATUS_FRAME, b"", remote=True)
 @pytest.mark.parametrize("kind", [1, 253, 254, 255])
 def test_a_remote_frame_brings_any_tpdo_that_allows_it(kind: int) -> None:
     device = alone(kind=kind)
-    device.poll(0.0)
-    assert device.receive(REQUEST) == [Frame(STATUS_FRAME, b"\x37\x12")]
-    assert device.receive(Frame(STATUS_FRAME, b"", extended=True, remote=True)) == []
+    device.services.poll(0.0)
+    assert device.services.receive(REQUEST) == [Frame(STATUS_FRAME, b"\x37\x12")]
+    assert device.services.receive(Frame(STATUS_FRAME, b"", extended=True, remote=True)) == []
 
 
 def test_remote_frames_are_refused_by_bit_30_and_outside_operational() -> None:
     device = alone(cob_id=0x40000181)
-    assert device.receive(REQUEST) == []
+    assert device.services.receive(REQUEST) == []
     device = alone()
     device.nmt(NmtCommand.STOP)
-    assert device.receive(REQUEST) == []
+    assert device.services.receive(REQUEST) == []
 
 
 def test_type_252_samples_at_sync_and_answers_with_the_sample() -> None:
     device = alone(kind=252)
-    assert device.receive(REQUEST) == []
-    assert device.sync() == []
+    assert device.services.receive(REQUEST) == []
+    assert device.services.sync() == []
     change(device, 1)
-    assert device.receive(REQUEST) == [Frame(STATUS_FRAME, b"\x37\x12")]
-    device.sync()
-    assert device.receive(REQUEST) == [Frame(STATUS_FRAME, b"\x01\x00")]
+    assert device.services.receive(REQUEST) == [Frame(STATUS_FRAME, b"\x37\x12")]
+    device.services.sync()
+    assert device.services.receive(REQUEST) == [Frame(STATUS_FRAME, b"\x01\x00")]
 
 
 def test_node_guarding_is_not_answered() -> None:
@@ -189,12 +189,12 @@ def test_the_event_timer_of_an_rpdo_is_a_deadline() -> None:
     device = alone(*DEADLINE, kind=1)
     assert sent(device, 0.0, 1.0) == []
     for now_s in (1.0, 1.09):
-        device.receive(Frame(0x201, b"\x1f\x00"))
-        assert device.poll(now_s) == []
-    assert device.next_poll_s() == pytest.approx(1.19)
-    assert device.poll(1.2) == [Frame(0x81, bytes.fromhex("5082110000000000"))]
-    assert device.poll(9.0) == []
-    assert device.receive(Frame(0x201, b"\x1f\x00")) == [Frame(0x81, bytes(8))]
+        device.services.receive(Frame(0x201, b"\x1f\x00"))
+        assert device.services.poll(now_s) == []
+    assert device.services.next_poll_s() == pytest.approx(1.19)
+    assert device.services.poll(1.2) == [Frame(0x81, bytes.fromhex("5082110000000000"))]
+    assert device.services.poll(9.0) == []
+    assert device.services.receive(Frame(0x201, b"\x1f\x00")) == [Frame(0x81, bytes(8))]
 
 
 def test_in_virtual_time_the_event_timer_runs_by_itself() -> None:

@@ -190,7 +190,7 @@ def test_frame_of_the_trinamic_rpdo_lands_in_its_objects() -> None:
     device = booted("tmcm")
     run(Client.on(device), TMCM_RPDO3)
     device.state = NmtState.OPERATIONAL
-    assert device.receive(Frame(0x401, bytes.fromhex("20A107000000FF00"))) == []
+    assert device.services.receive(Frame(0x401, bytes.fromhex("20A107000000FF00"))) == []
     assert int.from_bytes(device.value(0x607A), "little") == 500000
     assert int.from_bytes(device.value(0x2703, 1), "little") == 0x00FF0000
 
@@ -210,7 +210,7 @@ def test_sync_frame_carries_the_mapped_values(
     device = booted(family, node_id)
     run(Client.on(device), writes)
     device.state = NmtState.OPERATIONAL
-    assert Frame(can_id, bytes.fromhex(data)) in device.sync()
+    assert Frame(can_id, bytes.fromhex(data)) in device.services.sync()
 
 
 def test_link_example_end_to_end() -> None:
@@ -218,8 +218,8 @@ def test_link_example_end_to_end() -> None:
     run(Client.on(producer), LINK_TPDO1)
     run(Client.on(consumer), LINK_RPDO1)
     producer.state = consumer.state = NmtState.OPERATIONAL
-    for frame in producer.sync():
-        assert consumer.receive(frame) == []
+    for frame in producer.services.sync():
+        assert consumer.services.receive(frame) == []
     assert consumer.value(0x3000, 1) == producer.value(0x6401, 1)
     assert consumer.value(0x3000, 2) == producer.value(0x6401, 2)
     assert consumer.value(0x3001, 1) == producer.value(0x6000, 1)

@@ -71,7 +71,7 @@ class FaultyServer:
 
     def _break(self, kind: FaultKind) -> None:
         """What is wrong with the device all the time."""
-        store = self._server.device.parameter_store
+        store = self._server.device.areas
         match kind:
             case FaultKind.STORE_FAILS:
                 store.fails = True

@@ -15,7 +15,7 @@ from dvtcli.simulator.device.family import Family
 from dvtcli.simulator.device.gates import Gates
 from dvtcli.simulator.device.limits import check_limits
 from dvtcli.simulator.device.memory import Memory
-from dvtcli.simulator.device.parameter_areas import ParameterStore
+from dvtcli.simulator.device.parameter_areas import ParameterAreas
 from dvtcli.simulator.device.pdo_guard import PdoGuard
 from dvtcli.simulator.device.refusal import Refusal
 
@@ -32,7 +32,7 @@ class Judge:
     """Judges the downloads to one device; *services* are asked after the PDO rules and the file's limits."""
 
     def __init__(
-        self, memory: Memory, family: Family, gates: Gates, store: ParameterStore, services: Sequence[Service]
+        self, memory: Memory, family: Family, gates: Gates, store: ParameterAreas, services: Sequence[Service]
     ) -> None:
         self._memory = memory
         self._family = family

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dvtcli.domain.nmt import UNCONFIGURED
 from dvtcli.simulator.device.memory import Memory
-from dvtcli.simulator.device.parameter_areas import ParameterStore
+from dvtcli.simulator.device.parameter_areas import ParameterAreas
 
 IDENTITY = 0x1018
 
@@ -34,7 +34,7 @@ class LssSlave:
     brings back. *bit_rate* is the bus's, in bit/s: the one bit timing that can be had; None where frames take no time.
     """
 
-    def __init__(self, memory: Memory, store: ParameterStore, node_id: int) -> None:
+    def __init__(self, memory: Memory, store: ParameterAreas, node_id: int) -> None:
         self._memory = memory
         self._store = store
         self.pending = self.stored = node_id

@@ -18,7 +18,7 @@ _MANUFACTURER: Range = (0x2000, 0x5FFF)
 _AREAS = {1: ALL, 2: COMMUNICATION, 3: _APPLICATION}
 
 
-class ParameterStore:
+class ParameterAreas:
     """The non-volatile side of one device.
 
     What may be wrong with it: *fails*, a store answers 06060000; *stores_nothing* and *restores_nothing*, a signature
@@ -60,8 +60,13 @@ class ParameterStore:
         if self.saves_itself or (span is not None and not span[0] <= index <= span[1]):
             self._memory.save(index, index)
 
+    @property
+    def changes(self) -> int:
+        """A number that grows whenever `kept` changes."""
+        return self._memory.stored_changes
+
     def kept(self) -> dict[tuple[int, int], bytes]:
-        """What the next power-on brings back, by index and sub-index."""
+        """What the next power-on brings back, by index and sub-index; the rest are defaults."""
         kept = self._memory.stored_outside(1, 0)
         for first, last in self._to_restore:
             kept = {key: data for key, data in kept.items() if not first <= key[0] <= last}

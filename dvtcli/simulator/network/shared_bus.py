@@ -70,7 +70,7 @@ class Server:
         self._members = members
         self._nodes = tuple(nodes)
         self._latencies_s = dict(zip(nodes, latencies_s, strict=False))
-        self._stored, self._on_stored = {node: node.device.stored_changes for node in nodes}, stored
+        self._stored, self._on_stored = {node: node.device.areas.changes for node in nodes}, stored
         self._bus_failed, self._on_bus_failed = False, bus_failed
         self._frames_lost, self._on_frames_lost = False, frames_lost
         #: which nodes a CAN-ID means something to, as long as no node's hearing changes
@@ -165,13 +165,13 @@ class Server:
         """SDOs have CAN-IDs that CiA 301 keeps from PDOs: they concern one node, or none."""
         function, node_id = frame.can_id & ~0x7F, frame.can_id & 0x7F
         if frame.extended or not node_id or function not in (SDO_REQUEST, SDO_RESPONSE):
-            return (frame.can_id in _NETWORK_IDS and not frame.extended) or node.device.hears(frame)
+            return (frame.can_id in _NETWORK_IDS and not frame.extended) or node.device.services.hears(frame)
         return function == SDO_REQUEST and node.device.node_id == node_id
 
     def _hear(self, node: SimulatedNode, frame: Frame, at_s: float) -> None:
         answers = node.handle(frame, at_s)
-        if node.device.stored_changes != self._stored[node]:
-            self._stored[node] = node.device.stored_changes
+        if node.device.areas.changes != self._stored[node]:
+            self._stored[node] = node.device.areas.changes
             self._on_stored(node.device)
         for answer in answers:
             self._say(node, answer, at_s)
@@ -184,7 +184,7 @@ class Server:
     def _poll(self, node: SimulatedNode, now_s: float) -> None:
         for frame in node.poll(now_s):
             self._say(node, frame, now_s)
-        hearing = (node.device.node_id, node.device.hearing_changes)
+        hearing = (node.device.node_id, node.device.services.hearing_changes)
         if hearing != self._hearing.get(node):
             self._hearing[node] = hearing
             self._routes.clear()

@@ -69,10 +69,10 @@ class SimulatedNode:
             return self._set_layer(frame, now_s)
         elif not frame.extended and frame.can_id == SDO_REQUEST + self.device.node_id:
             return self._answer(frame, now_s)
-        elif self.device.hears_sync(frame):
-            return self.device.sync(frame.data[0] if frame.data else None) + self.device.take_outbox()
+        elif self.device.services.hears_sync(frame):
+            return self.device.services.sync(frame.data[0] if frame.data else None) + self.device.take_outbox()
         else:
-            return self.device.receive(frame) + self.device.take_outbox()
+            return self.device.services.receive(frame) + self.device.take_outbox()
         return self.device.take_outbox()
 
     def poll(self, now_s: float) -> list[Frame]:
@@ -88,7 +88,7 @@ class SimulatedNode:
         due: list[Frame] = []
         while self._later and self._later[0][0] <= now_s:
             due.append(self._later.popleft()[1])
-        return due + self.device.take_outbox() + self.device.poll(now_s)
+        return due + self.device.take_outbox() + self.device.services.poll(now_s)
 
     def next_poll_s(self) -> float | None:
         """When `poll` has something to send next, on the same clock; None for never."""
@@ -96,7 +96,7 @@ class SimulatedNode:
         return None if due_s is None else max(due_s, self._quiet_until_s)
 
     def _next_poll_s(self) -> float | None:
-        faulty, due_s = self._faulty, self.device.next_poll_s()
+        faulty, due_s = self._faulty, self.device.services.next_poll_s()
         if self._sources and self.device.state is not NmtState.INITIALISING:
             soonest_s = min(source.due_s for source in self._sources)
             if soonest_s < NEVER:

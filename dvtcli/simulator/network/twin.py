@@ -302,10 +302,10 @@ class Twin:
         with self._lock:
             device = self._device()
             self._follow_node(device)
-            if device.hears_sync(frame):
-                answers = device.sync(frame.data[0] if frame.data else None)
+            if device.services.hears_sync(frame):
+                answers = device.services.sync(frame.data[0] if frame.data else None)
             else:
-                answers = device.receive(frame)
+                answers = device.services.receive(frame)
             return self._sent(answers + device.take_outbox())
 
     def _sent(self, frames: list[Frame]) -> list[Frame]:
