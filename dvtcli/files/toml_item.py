@@ -18,6 +18,11 @@ from dvtcli.errors import InputFileError
 
 KeyPath = tuple[str, ...]
 _Choice = TypeVar("_Choice", bound=StrEnum)
+_T = TypeVar("_T")
+
+
+#: What a table may have: a function that reads it for each key.
+Schema = dict[str, Callable[["Item"], object]]
 
 
 def read_toml(text: str, source: str) -> Item:
@@ -160,6 +165,17 @@ def one_of(choices: type[_Choice]) -> Callable[[Item], _Choice]:
         return choices(item.value)
 
     return read
+
+
+def each_of(choices: type[_Choice], read: Callable[[Item], _T]) -> Callable[[Item], dict[_Choice, _T]]:
+    """A reader of tables that have exactly the words of an enumeration as keys, each value read by *read*."""
+
+    def read_all(item: Item) -> dict[_Choice, _T]:
+        names = [choice.value for choice in choices]
+        given = item.table(dict.fromkeys(names, read), required=names)
+        return {choice: given[choice.value] for choice in choices}
+
+    return read_all
 
 
 def object_address(item: Item) -> tuple[int, int]:

@@ -105,7 +105,7 @@ def _split(word: str, *, unconfigured: bool) -> tuple[str, int | None]:
 
 
 def _simulated(what: str, chosen: int, by: str) -> Simulated:
-    from dvtcli.simulator.device.family import family_eds, family_names
+    from dvtcli.simulator.network.family_file import family_eds, family_names
 
     path = Path(what)
     if is_file(what):
@@ -120,7 +120,8 @@ def _simulated(what: str, chosen: int, by: str) -> Simulated:
 
 def family_named(name: str) -> Family:
     """How the family *name* behaves; a plain CiA 301 device where none is called that."""
-    from dvtcli.simulator.device.family import Family, family_names, load_family
+    from dvtcli.simulator.device.family import Family
+    from dvtcli.simulator.network.family_file import family_names, load_family
 
     return load_family(name) if name in family_names() else Family()
 

@@ -6,8 +6,8 @@ from functools import lru_cache
 
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.files.eds.reader import read_eds
-from dvtcli.simulator.device.family import family_eds, load_family
 from dvtcli.simulator.device.strict_device import StrictDevice
+from dvtcli.simulator.network.family_file import family_eds, load_family
 
 
 @lru_cache

@@ -9,9 +9,9 @@ from types import TracebackType
 import can
 
 from dvtcli.files.eds.reader import read_eds
-from dvtcli.simulator.device.family import family_eds, load_family
 from dvtcli.simulator.device.faults import Fault
 from dvtcli.simulator.device.strict_device import StrictDevice
+from dvtcli.simulator.network.family_file import family_eds, load_family
 from dvtcli.simulator.network.simulated_network import SimulatedNetwork
 
 _NUMBERS = count(1)

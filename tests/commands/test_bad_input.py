@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from dvtcli.simulator.device.family import family_eds
+from dvtcli.simulator.network.family_file import family_eds
 from tests.commands.bench import Bench
 from tests.commands.bus import Wire, device
 

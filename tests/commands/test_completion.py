@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from dvtcli.simulator.device.family import family_eds
+from dvtcli.simulator.network.family_file import family_eds
 from tests.process import documents, dvtcli, environment, run
 from tests.prompt.terminal import CTRL_C, TAB, Terminal
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from dvtcli.domain.nmt import NmtState
-from dvtcli.simulator.device.family import family_eds
+from dvtcli.simulator.network.family_file import family_eds
 from tests.commands.bench import Bench, Ran
 from tests.commands.bus import Wire, device
 

@@ -16,7 +16,7 @@ import pytest
 
 from dvtcli.cli.catalogue import command_names
 from dvtcli.cli.lexer import split
-from dvtcli.simulator.device.family import family_eds
+from dvtcli.simulator.network.family_file import family_eds
 from tests.commands.bench import Bench
 from tests.commands.test_recording_commands import DBC, ramp
 from tests.house.test_commands import examples

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from dvtcli.simulator.device.family import family_eds
+from dvtcli.simulator.network.family_file import family_eds
 from tests.process import documents, dvtcli
 
 MAP = "map tpdo1 6041 606C/32 6C01:1 --sync 1"

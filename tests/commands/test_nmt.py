@@ -9,8 +9,8 @@ import pytest
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.errors import NoAnswer
 from dvtcli.files.eds.reader import parse_eds
-from dvtcli.simulator.device.family import family_eds, load_family
 from dvtcli.simulator.device.strict_device import StrictDevice
+from dvtcli.simulator.network.family_file import family_eds, load_family
 from tests.commands.bench import Bench
 from tests.commands.bus import Wire, device
 

@@ -15,8 +15,8 @@ from dvtcli.device.change.proven import Restart, prove_restore
 from dvtcli.device.store_parameters import RESTORE, Signed, await_power_cycle
 from dvtcli.domain.proof import POWER
 from dvtcli.errors import NoAnswer
-from dvtcli.simulator.device.family import family_eds
 from dvtcli.simulator.device.strict_device import StrictDevice
+from dvtcli.simulator.network.family_file import family_eds
 from tests.commands.bench import Bench, Ran
 from tests.commands.bus import Wire, device
 

@@ -17,7 +17,7 @@ from dvtcli.domain.ports import Frame
 from dvtcli.errors import UsageError
 from dvtcli.files.extras import extra
 from dvtcli.files.recording import Recorder
-from dvtcli.simulator.device.family import family_eds
+from dvtcli.simulator.network.family_file import family_eds
 from tests.files.recordings import BEGIN_S
 from tests.process import documents, dvtcli
 from tests.serve.served import bus_words, own_environment, served, wait_for

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from dvtcli.simulator.device.family import family_eds
+from dvtcli.simulator.network.family_file import family_eds
 from tests.commands.bench import Bench
 
 TWO = ("generic@1", "generic@3")

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.files.eds.reader import read_eds
-from dvtcli.simulator.device.family import family_eds, load_family
 from dvtcli.simulator.device.strict_device import StrictDevice
+from dvtcli.simulator.network.family_file import family_eds, load_family
 from tests.commands.bench import Bench
 from tests.commands.bus import Wire
 

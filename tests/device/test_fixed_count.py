@@ -17,8 +17,9 @@ from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.profile import GENERIC, DeviceProfile
 from dvtcli.errors import DeviceRefused, RuleError
 from dvtcli.files.eds.reader import read_eds
-from dvtcli.simulator.device.family import Family, family_eds
+from dvtcli.simulator.device.family import Family
 from dvtcli.simulator.device.strict_device import StrictDevice
+from dvtcli.simulator.network.family_file import family_eds
 from dvtcli.simulator.network.twin import TwinBus
 from tests.laws.bench import NODE, DirectBus, DirectSdo, FaultySdo, refuse
 from tests.process import environment, run

@@ -10,8 +10,8 @@ from dvtcli.device.access_level import log_in
 from dvtcli.device.nmt_gate import Access, Gate
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.errors import DeviceRefused, SdoAborted
-from dvtcli.simulator.device.family import load_family
 from dvtcli.simulator.device.strict_device import StrictDevice
+from dvtcli.simulator.network.family_file import load_family
 from tests.laws.bench import NODE, DirectBus, DirectSdo, dictionary, profile
 
 

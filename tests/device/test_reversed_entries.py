@@ -12,8 +12,8 @@ from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.profile import GENERIC
 from dvtcli.errors import DeviceRefused
-from dvtcli.simulator.device.family import load_family
 from dvtcli.simulator.device.reversed import ReversedDevice
+from dvtcli.simulator.network.family_file import load_family
 from dvtcli.simulator.network.twin import TwinBus
 from tests.laws.bench import NODE, DirectBus, DirectSdo, dictionary
 

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from dvtcli.simulator.device.family import family_names
+from dvtcli.simulator.network.family_file import family_names
 from tests.commands.bench import Bench
 
 #: The notes' worked examples, and what lies just inside and just outside of what families allow.

@@ -13,8 +13,8 @@ from dvtcli.domain.object_dictionary import DeviceInfo
 from dvtcli.errors import InputFileError
 from dvtcli.files.eds import own_files as eds_library
 from dvtcli.files.eds.reader import read_eds
-from dvtcli.simulator.device.family import family_eds, load_family
 from dvtcli.simulator.device.strict_device import StrictDevice
+from dvtcli.simulator.network.family_file import family_eds, load_family
 from dvtcli.simulator.network.simulated_network import SimulatedNetwork
 
 

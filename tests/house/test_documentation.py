@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from dvtcli import errors
-from dvtcli.simulator.device.family import family_names
+from dvtcli.simulator.network.family_file import family_names
 from tests.console import commands, compare, rewritten, workplace
 from tests.house.pages import CONSOLE, DOCS, PAGES, SCREEN, anchors, first_column, links, screen, section, text
 from tests.house.source import PACKAGE

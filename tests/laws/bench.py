@@ -15,9 +15,10 @@ from dvtcli.domain.rules import Proposal
 from dvtcli.errors import NoAnswer, SdoAborted
 from dvtcli.files.eds.reader import read_eds
 from dvtcli.files.profile.library import load_profile
-from dvtcli.simulator.device.family import Family, family_eds, load_family
+from dvtcli.simulator.device.family import Family
 from dvtcli.simulator.device.refusal import Refusal
 from dvtcli.simulator.device.strict_device import StrictDevice
+from dvtcli.simulator.network.family_file import family_eds, load_family
 
 FAMILIES = ("generic", "gen4", "espac", "tmcm", "roboteq")
 NODE = 1

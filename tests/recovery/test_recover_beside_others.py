@@ -12,7 +12,7 @@ from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Plan, plan_pdo
 from dvtcli.files.eds.reader import read_eds
-from dvtcli.simulator.device.family import family_eds, load_family
+from dvtcli.simulator.network.family_file import family_eds, load_family
 from tests.commands.bench import Bench
 from tests.commands.bus import Wire, device
 from tests.commands.test_verify_restarts import Restarting, restarting

@@ -11,7 +11,7 @@ import can
 import canopen
 import pytest
 
-from dvtcli.simulator.device.family import family_eds
+from dvtcli.simulator.network.family_file import family_eds
 from tests.process import documents
 from tests.prompt.terminal import Terminal
 from tests.serve.served import Served, served, wait_for

@@ -15,8 +15,8 @@ import pytest
 
 from dvtcli.domain.ports import Frame
 from dvtcli.files.eds.reader import read_eds
-from dvtcli.simulator.device.family import family_eds, load_family
 from dvtcli.simulator.device.strict_device import StrictDevice
+from dvtcli.simulator.network.family_file import family_eds, load_family
 from dvtcli.simulator.network.hub import MOST_CLIENTS, Hub
 from dvtcli.simulator.network.shared_bus import Server
 from dvtcli.simulator.network.station import stations

@@ -13,8 +13,8 @@ import pytest
 from canopen.lss import LssError
 
 from dvtcli.files.eds.reader import read_eds
-from dvtcli.simulator.device.family import family_eds, load_family
 from dvtcli.simulator.device.strict_device import StrictDevice
+from dvtcli.simulator.network.family_file import family_eds, load_family
 from dvtcli.simulator.network.simulated_network import SimulatedNetwork
 from tests.process import dvtcli
 from tests.serve.served import PATIENCE_S, served, wait_for

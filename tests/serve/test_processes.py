@@ -16,7 +16,7 @@ import can
 import canopen
 import pytest
 
-from dvtcli.simulator.device.family import family_eds
+from dvtcli.simulator.network.family_file import family_eds
 from tests.process import dvtcli, environment
 from tests.serve.served import PATIENCE_S, Served, own_environment, raw_client, received, served, wait_for
 

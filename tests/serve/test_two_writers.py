@@ -12,7 +12,7 @@ import can
 import canopen
 import pytest
 
-from dvtcli.simulator.device.family import family_eds
+from dvtcli.simulator.network.family_file import family_eds
 from tests import process
 from tests.forked import Forked
 from tests.serve.served import PATIENCE_S, Served, bus_words, own_environment, served

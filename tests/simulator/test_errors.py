@@ -9,8 +9,9 @@ import pytest
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.ports import Frame
-from dvtcli.simulator.device.family import GENERIC, family_names
+from dvtcli.simulator.device.family import GENERIC
 from dvtcli.simulator.device.strict_device import StrictDevice
+from dvtcli.simulator.network.family_file import family_names
 from tests.simulator.bench import Aborted, Client, booted
 
 

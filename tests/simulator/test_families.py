@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import fields, replace
+
 import pytest
 
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import Frame
-from dvtcli.simulator.device.family import GENERIC, family_eds, family_from_table, family_names, load_family
+from dvtcli.errors import InputFileError
+from dvtcli.simulator.device.family import GENERIC, Family
 from dvtcli.simulator.device.strict_device import StrictDevice
+from dvtcli.simulator.network.family_file import _FAMILY, family_eds, family_names, load_family, read_family
 from tests.simulator.bench import Aborted, Client, booted
 
 SAVE, LOAD = 0x65766173, 0x64616F6C
@@ -33,9 +37,39 @@ def test_unknown_family() -> None:
         family_eds("nonsense")
 
 
-def test_misspelt_key_is_an_error() -> None:
-    with pytest.raises(ValueError, match="granularty"):
-        family_from_table("x", {"granularty": 8})
+@pytest.mark.parametrize(
+    ("line", "complaint"),
+    [
+        ("granularty = 8", "granularty: unknown key"),
+        ("granularity = 0", "granularity: 0 is not within 1..64"),
+        ("extended_ids = 1", "extended_ids: must be true or false, not 1"),
+        ('rtr_bit = { tpdo = "set" }', "rtr_bit: the key 'rpdo' is missing"),
+        ("state_object = [0x5110, 0]", "state_object: must be an object such as '6C01:01', not [20752, 0]"),
+        ("needs_store = [0x1FFF, 0x1200]", "needs_store: [8191, 4608] is not a range: the first is above the last"),
+        ('tpdo_access = ["ro", "row"]', "tpdo_access: must be ro, wo, rw, rwr, rww or const, not 'row'"),
+        ("reasons = { x = 17 }", "reasons.x: the key must be a number"),
+        ("reasons = { 0x100000000 = 17 }", "reasons.0x100000000: the key is not within 0..4294967295"),
+        ('plant = "cia401"', "plant: must be cia402, not 'cia401'"),
+        ('boot_state = "ON"', "boot_state: must be INITIALISING, STOPPED, OPERATIONAL or PRE_OPERATIONAL, not 'ON'"),
+        ('like = "gen5"', "like: no family is called 'gen5'"),
+        ("[login]\nindex = 0x5000", "login: the key 'level' is missing"),
+        ("[[pins]]\nselector = 0", "pins.selector: 0 is not within 1..65535"),
+    ],
+)
+def test_a_wrong_value_names_its_line_and_its_key(line: str, complaint: str) -> None:
+    with pytest.raises(InputFileError) as caught:
+        read_family("x", f'title = "X"\n{line}\n', "x/simulated.toml")
+    assert caught.value.text == complaint
+    assert caught.value.place in ("x/simulated.toml:2", "x/simulated.toml:3")
+
+
+def test_a_key_of_a_family_that_is_like_another_replaces_that_one_s() -> None:
+    like = read_family("x", 'like = "gen4"\ntitle = "X"\nreasons = { 0x06040041 = 3 }\n', "x/simulated.toml")
+    assert like == replace(load_family("gen4"), name="x", title="X", reasons={0x0604_0041: 3})
+
+
+def test_every_field_of_a_family_can_be_written_and_no_other() -> None:
+    assert set(_FAMILY) == {each.name for each in fields(Family)} - {"name"} | {"like"}
 
 
 def test_generic_default_behaves_as_the_standard_says() -> None:

@@ -9,8 +9,8 @@ import pytest
 from dvtcli.domain.nmt import UNCONFIGURED, NmtCommand, NmtState
 from dvtcli.domain.ports import Frame
 from dvtcli.files.eds.reader import read_eds
-from dvtcli.simulator.device.family import family_eds, load_family
 from dvtcli.simulator.device.strict_device import StrictDevice
+from dvtcli.simulator.network.family_file import family_eds, load_family
 from dvtcli.simulator.network.station import SimulatedNode, stations
 from dvtcli.simulator.network.virtual_time import VirtualTimeBus
 from tests.simulator.bench import booted

@@ -7,7 +7,6 @@ profile is written and where the built-in ones are kept. Does not know what a be
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -26,11 +25,14 @@ from dvtcli.domain.profile import (
     StorePolicy,
     VpdoGroup,
 )
+from dvtcli.files.family_folder import families_with, family_path
 from dvtcli.files.toml_item import (
     Item,
+    Schema,
     alternatives,
     boolean,
     by_number,
+    each_of,
     integer,
     integers,
     key_range,
@@ -46,21 +48,19 @@ from dvtcli.files.toml_item import (
     suggest,
 )
 
-_FOLDER = Path(__file__).parents[2] / "families"
+_FILE = "profile.toml"
 #: How "not worth a word" is written, since TOML has no null.
 _FINE = "fine"
-
-Schema = dict[str, Callable[[Item], object]]
 
 
 def builtin_names() -> tuple[str, ...]:
     """Names of the built-in profiles, sorted; no file is opened."""
-    return tuple(sorted(path.parent.name for path in _FOLDER.glob("*/profile.toml")))
+    return families_with(_FILE)
 
 
 def builtin_path(name: str) -> Path:
     """Where the built-in profile *name* is kept."""
-    return _FOLDER / name / "profile.toml"
+    return family_path(name, _FILE)
 
 
 def read_profile(text: str, source: str) -> DeviceProfile:
@@ -111,12 +111,6 @@ def _severity(item: Item) -> Severity | None:
     return Severity(item.value)
 
 
-def _rtr_bit(item: Item) -> dict[Direction, BitPolicy]:
-    names = [direction.value for direction in Direction]
-    given = item.table(dict.fromkeys(names, one_of(BitPolicy)), required=names)
-    return {direction: given[direction.value] for direction in Direction}
-
-
 def _aliases(item: Item) -> dict[str, str]:
     for member in item.items():
         object_address(member)
@@ -147,7 +141,7 @@ def _by_abort(item: Item) -> dict[int, str]:
 
 
 def _login(item: Item) -> LoginPolicy:
-    return LoginPolicy(**item.table(_LOGIN, required=_LOGIN.keys() - {"user"}))
+    return LoginPolicy(**item.table(_LOGIN, required=(key for key in _LOGIN if key != "user")))
 
 
 def _vpdo(item: Item) -> dict[str, VpdoGroup]:
@@ -188,7 +182,7 @@ _PROFILE: Schema = {
     "max_entries": integer(1, 64),
     "max_entry_bits": integer(1, 64),
     "granularity": integer(1, 64),
-    "rtr_bit": _rtr_bit,
+    "rtr_bit": each_of(Direction, one_of(BitPolicy)),
     "extended_ids": boolean,
     "transmission_types": number_ranges(255),
     "event_timer_types": number_ranges(255),

@@ -1,19 +1,14 @@
 """Families of simulated devices, as data: what one allows, demands and does differently.
 
-A family is a folder: `families/NAME/simulated.toml` (behaviours, read here) beside `NAME.eds` (its object
-dictionary, read elsewhere) and `profile.toml` (what dvtcli must do). Does not know how a
-behaviour is carried out, what a profile says, and no maker.
+Does not know where a family is written down (`network.family_file`), how a behaviour is carried out, what a profile
+says, and no maker.
 """
 
 from __future__ import annotations
 
-import tomllib
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields
-from functools import cache
-from pathlib import Path
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any
 
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.nmt import NmtState
@@ -24,7 +19,6 @@ from dvtcli.domain.profile import BitPolicy
 Object = tuple[int, int]
 Range = tuple[int, int]
 
-_FOLDER = Path(__file__).parents[2] / "families"
 _KEEP = MappingProxyType({Direction.TPDO: BitPolicy.KEEP, Direction.RPDO: BitPolicy.KEEP})
 
 
@@ -160,98 +154,3 @@ GENERIC = Family()
 def within(index: int, ranges: tuple[Range, ...]) -> bool:
     """Whether *index* lies in one of *ranges*, ends included."""
     return any(first <= index <= last for first, last in ranges)
-
-
-def family_names() -> tuple[str, ...]:
-    """The families that come with dvtcli, in alphabetical order."""
-    return tuple(sorted(path.parent.name for path in _FOLDER.glob("*/simulated.toml")))
-
-
-def family_eds(name: str) -> Path:
-    """The EDS file of family *name*, or of the family it is `like`; KeyError where there is no such family."""
-    like = _table(name).get("like", name)
-    return _file(like, f"{like}.eds")
-
-
-@cache
-def load_family(name: str) -> Family:
-    """Read family *name*; KeyError where there is no such family, ValueError where its file is wrong."""
-    table = _table(name)
-    return family_from_table(name, {**_table(base), **table} if (base := table.pop("like", None)) else table)
-
-
-def _table(name: str) -> dict[str, Any]:
-    return tomllib.loads(_file(name, "simulated.toml").read_text(encoding="utf-8"))
-
-
-def family_from_table(name: str, table: Mapping[str, Any]) -> Family:
-    """Turn the keys of a family file into a Family; ValueError names a key that no family has."""
-    unknown = set(table) - {each.name for each in fields(Family)} | set(table) & {"name"}
-    if unknown:
-        raise ValueError(f"family {name}: unknown key {sorted(unknown)[0]!r}")
-    values = {key: _CONVERTERS[key](value) if key in _CONVERTERS else value for key, value in table.items()}
-    return Family(name=name, **values)
-
-
-def _file(name: str, file: str) -> Path:
-    if name not in family_names():
-        raise KeyError(name)
-    return _FOLDER / name / file
-
-
-def _object(value: list[int]) -> Object:
-    index, sub_index = value
-    return index, sub_index
-
-
-def _ranges(value: list[list[int]]) -> tuple[Range, ...]:
-    return tuple(_object(each) for each in value)
-
-
-def _accesses(value: list[str]) -> frozenset[Access]:
-    return frozenset(Access(each) for each in value)
-
-
-def _numbered(value: Mapping[str, Any], convert: Callable[[Any], Any] = int) -> dict[int, Any]:
-    return {int(key, 0): convert(each) for key, each in value.items()}
-
-
-def _login(value: Mapping[str, Any]) -> Login:
-    passcodes = _numbered(value["passcodes"])
-    return Login(value["index"], value["level"], _ranges(value["writes"]), passcodes, value.get("start"))
-
-
-def _plant(value: str) -> str:
-    if value not in ("", "cia402"):
-        raise ValueError(f"plant {value!r}: there is cia402")
-    return value
-
-
-def _pin_copy(value: Mapping[str, Any]) -> PinCopy:
-    return PinCopy(value["selector"], _ranges(value["pins"]), value["to_pin"], value.get("bitwise", False))
-
-
-def _motor_copy(value: Mapping[str, Any]) -> MotorCopy:
-    return MotorCopy(value["selector"], _numbered(value["down"], _object), _numbered(value["up"], _object))
-
-
-_CONVERTERS: dict[str, Callable[[Any], Any]] = {
-    "dummies": frozenset,
-    "rtr_bit": lambda value: {way: BitPolicy(value[way.value]) for way in Direction},
-    "transmission_types": _ranges,
-    "tpdo_access": _accesses,
-    "rpdo_access": _accesses,
-    "pre_operational_writes": _ranges,
-    "needs_store": _object,
-    "save_command": _object,
-    "login": _login,
-    "extended_error": _object,
-    "reasons": _numbered,
-    "state_object": _object,
-    "state_request": _object,
-    "master_object": _object,
-    "pins": lambda value: tuple(_pin_copy(each) for each in value),
-    "motors": _motor_copy,
-    "plant": _plant,
-    "boot_state": lambda value: NmtState[value],
-}
