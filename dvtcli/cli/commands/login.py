@@ -32,7 +32,7 @@ def command(session: Conversation, /, level: int | None, user: int | None) -> Lo
     login 2 --user 7
     login 0                    log out
     """
-    from dvtcli.cli.commands._passcode import passcode
+    from dvtcli.cli.passcode import passcode
     from dvtcli.operations.log_in import log_in
 
     return log_in(session, lambda node_id, wanted: passcode(session, node_id, wanted), level, user)

@@ -25,7 +25,7 @@ def force(session: Conversation, node_id: int | None, state: str | None) -> Done
 
 def log_in_at(session: Conversation, node_id: int | None, level: int | None) -> Done:
     """Log in at *level*, None for the one that PDO work needs; the passcode is found as `login` finds it."""
-    from dvtcli.cli.commands._passcode import passcode
+    from dvtcli.cli.passcode import passcode
     from dvtcli.device.access_level import log_in, policy_of
 
     node = session.node(node_id)
