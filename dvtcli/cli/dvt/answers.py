@@ -10,7 +10,7 @@ from dvtcli.errors import DeviceRefused, DvtcliError, NoAnswer, RuleError, SdoAb
 from dvtcli.operations.results import DvtAnswer
 
 if TYPE_CHECKING:
-    from dvtcli.cli.dvt.words import Word
+    from dvtcli.cli.dvt.word import Word
     from dvtcli.operations.session import Session
 
 
@@ -18,8 +18,9 @@ def answer(word: Word, session: Session, values: Sequence[Any]) -> DvtAnswer:
     """Run *word*: what our rules or the device refuse is `Abort`, silence is `Timeout`; all else is raised on."""
     given = next((value for arg, value in zip(word.arguments, values, strict=False) if arg.name == "NODE"), None)
     node, dry_run = _node(session, given), session.dry_run
+    assert word.run is not None, word.name  # noqa: S101 - such a word is carried out elsewhere
     try:
-        done = word.run(session, values)
+        done = word.run(session, *values)
     except (SdoAborted, DeviceRefused, RuleError) as refused:
         code = Abort.GENERAL if refused.abort is None else refused.abort
         return DvtAnswer(word.name, node, f"Abort 0x{code:08X}", _reasons(refused), exit_code=1, dry_run=dry_run)

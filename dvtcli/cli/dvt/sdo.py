@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from dvtcli.cli.dvt.done import Done
-from dvtcli.device.store_parameters import SIGNATURES
-from dvtcli.operations.object_values import value_result
-from dvtcli.operations.write_object import signature, write_bytes
+from dvtcli.cli.dvt.word import OBJECT, VALUE, Word
+from dvtcli.cli.effect import Effect
 
 if TYPE_CHECKING:
     from dvtcli.operations.session import Session
@@ -24,6 +23,8 @@ def read_hex(session: Session, node_id: int, index: int, sub_index: int) -> Done
 
 def read_decimal(session: Session, node_id: int, index: int, sub_index: int) -> Done:
     """An object in decimal; signed where the node's file says that it is signed, text where it is text."""
+    from dvtcli.operations.object_values import value_result
+
     node = session.node(node_id)
     value = value_result(node, index, sub_index, node.upload(index, sub_index), None).value
     if isinstance(value, bytes):
@@ -33,6 +34,9 @@ def read_decimal(session: Session, node_id: int, index: int, sub_index: int) -> 
 
 def write(session: Session, node_id: int, index: int, sub_index: int, data: bytes) -> Done:
     """Write *data* as `write` does: checked, journalled, read back, and put back where it does not read back."""
+    from dvtcli.device.store_parameters import SIGNATURES
+    from dvtcli.operations.write_object import signature, write_bytes
+
     node = session.node(node_id)
     if index in SIGNATURES:
         signature(session, node, index, sub_index, f"0x{int.from_bytes(data, 'little'):x}")
@@ -44,3 +48,11 @@ def _hex(data: bytes) -> str:
     if len(data) > _MOST_NUMBER_BYTES:
         return data.hex(" ").upper()
     return f"0x{data[::-1].hex().upper()}"
+
+
+WORDS = (
+    Word("sdo_rnx", OBJECT, "read an object, in hex", "read 6041", Effect.READS, read_hex),
+    Word("sdo_rn", OBJECT, "read an object, in decimal", "read 6041", Effect.READS, read_decimal),
+    Word("sdo_wnx", VALUE, "write an object, in hex", "write 1800:2 1", Effect.CHANGES, write),
+    Word("sdo_wn", VALUE, "write an object, in decimal", "write 1017 1000", Effect.CHANGES, write),
+)

@@ -5,6 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from dvtcli.cli.dvt.done import Done
+from dvtcli.cli.dvt.notation import level
+from dvtcli.cli.dvt.word import MAYBE_NODE, Argument, Word
+from dvtcli.cli.effect import Effect
 from dvtcli.domain.nmt import NmtState
 
 if TYPE_CHECKING:
@@ -23,13 +26,13 @@ def force(session: Conversation, node_id: int | None, state: str | None) -> Done
     return Done()
 
 
-def log_in_at(session: Conversation, node_id: int | None, level: int | None) -> Done:
-    """Log in at *level*, None for the one that PDO work needs; the passcode is found as `login` finds it."""
+def log_in_at(session: Conversation, node_id: int | None, asked: int | None) -> Done:
+    """Log in at the level *asked*, None for the one that PDO work needs; the passcode is found as `login` finds it."""
     from dvtcli.cli.passcode import passcode
     from dvtcli.device.access_level import log_in, policy_of
 
     node = session.node(node_id)
-    wanted = policy_of(node.access).needed if level is None else level
+    wanted = policy_of(node.access).needed if asked is None else asked
     log_in(node.access, wanted, lambda: passcode(session, node.node_id, wanted))
     if not session.dry_run:
         session.record.add(node.node_id, [f"login {wanted}"])
@@ -42,3 +45,22 @@ def store(session: Conversation, node_id: int | None) -> Done:
 
     store_settings(session, session.node(node_id), None)
     return Done()
+
+
+def _state(text: str) -> str:
+    if text not in _STATES:
+        raise ValueError(f"{text}: the state is pre or op")
+    return text
+
+
+WORDS = (
+    Word(
+        "fpo", (MAYBE_NODE, Argument("pre|op", _state, required=False)),
+        "force pre-operational (pre) or operational (op)", "nmt preop", Effect.COMMANDS, force,
+    ),
+    Word(
+        "lg", (MAYBE_NODE, Argument("LEVEL", level, required=False)),
+        "log in at a level, 0 to log out", "login 4", Effect.COMMANDS, log_in_at,
+    ),
+    Word("store", (MAYBE_NODE,), "keep what is set (in Tcl; elsewhere the command)", "store", Effect.FINAL, store),
+)  # fmt: skip

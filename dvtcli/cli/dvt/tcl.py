@@ -15,7 +15,8 @@ from dvtcli.cli.dvt.answers import answer
 from dvtcli.cli.dvt.tcl_process import Late, TclProcess
 from dvtcli.cli.dvt.tcl_safe import Commands, Exit, refuse_beyond_nodes
 from dvtcli.cli.dvt.tcl_wire import Answer, Call, End, Frame, Go, Gone, Limits, Ready, Setup, WireError
-from dvtcli.cli.dvt.words import WORDS, Word
+from dvtcli.cli.dvt.word import Word
+from dvtcli.cli.dvt.words import WORDS
 from dvtcli.cli.run_line import run_words
 from dvtcli.cli.script import enclosed, refuse_own_run, script_text
 from dvtcli.errors import DvtcliError, InputFileError, UsageError
@@ -84,7 +85,11 @@ class TclScript:
         self._start_s = start_s
         self._path = Path(source).resolve()
         self._commands = Commands(session, self._path.parent)
-        self._served = {*(name for name, word in WORDS.items() if word.where), "dvtcli", *self._commands.names}
+        self._served = {
+            *(name for name, word in WORDS.items() if word.run is not None),
+            "dvtcli",
+            *self._commands.names,
+        }
         self._failures: list[tuple[str, DvtAnswer]] = []
         self._computed_s = 0.0
         #: where the last command of ours was called, None where none was

@@ -8,7 +8,8 @@ import click
 
 from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.dvt.answers import answer
-from dvtcli.cli.dvt.words import WORDS, Word
+from dvtcli.cli.dvt.word import Word
+from dvtcli.cli.dvt.words import WORDS
 from dvtcli.cli.params import FILE, TEXT, CanopenType, TextType
 from dvtcli.cli.ways import ways
 
@@ -61,7 +62,7 @@ class WordCommand(DvtCommand):
         return rest
 
     def _run(self, ctx: click.Context, /, values: list[Any]) -> Any:
-        if self.word.name == "source":
+        if self.word.run is None:
             return ways(ctx).file(ctx.obj, values[0])
         return answer(self.word, ctx.obj, values)
 
