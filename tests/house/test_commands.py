@@ -96,16 +96,9 @@ def test_it_says_what_it_answers(name: str) -> None:
         assert isinstance(getattr(results, answer), type), answer
 
 
-#: files whose work is still to become an operation: they only become fewer
-STILL_AT_WORK = {"map.py", "_pdo_edit.py"}
-
-
 def test_a_command_holds_words_and_options_only() -> None:
     """Its work is an operation, which other programs can call: it imports no device, bus, rule or file format."""
-    at_work = set()
     for module in modules():
         if module.name.startswith("cli/commands/"):
-            for imported, _, typing_only in module.imports():
-                if not typing_only and imported.startswith(NO_WORDS):
-                    at_work.add(module.path.name)
-    assert at_work <= STILL_AT_WORK
+            for imported, line, typing_only in module.imports():
+                assert typing_only or not imported.startswith(NO_WORDS), f"{module.name}:{line} imports {imported}"

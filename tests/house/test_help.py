@@ -32,8 +32,8 @@ def test_every_command_declares_its_task(name: str) -> None:
 
 
 def test_a_file_without_a_task_is_named() -> None:
-    with pytest.raises(LookupError, match="_passcode"):
-        task("_passcode")
+    with pytest.raises(LookupError, match="_live_params"):
+        task("_live_params")
 
 
 def test_every_command_is_shown_by_its_task() -> None:

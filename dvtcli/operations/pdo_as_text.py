@@ -1,0 +1,54 @@
+"""A PDO as text that people edit, and what they made of it carried out. Does not know the editor."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.request import PdoRequest
+from dvtcli.errors import UsageError
+from dvtcli.files.pdo_yaml import Word, read_pdo_yaml, write_pdo_yaml, wrong_at
+from dvtcli.operations.change import configure_pdo
+from dvtcli.operations.named_objects import entry_at
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+    from dvtcli.domain.mapping import PdoMappingEntry
+    from dvtcli.domain.object_syntax import MappedObject, Skipped
+    from dvtcli.domain.pdo import Pdo
+    from dvtcli.operations.results import Changed
+    from dvtcli.operations.session import Session
+
+
+def pdo_as_text(session: Session, pdo: Pdo, node_id: int | None = None) -> str:
+    """*pdo* as the node with *node_id* (None: the selected one) holds it now, as YAML; UsageError for an MPDO."""
+    node = session.node(node_id)
+    config = node.pdo(pdo)
+    if config.mpdo is not None:
+        raise UsageError(f"{pdo.label} is a multiplexed PDO, which is shown and never written", node=node.node_id)
+    names = [_name(node, entry) for entry in config.mapping]
+    return write_pdo_yaml(pdo, config, names, f'node {node.node_id} "{node.title}"')
+
+
+def configure_from_text(session: Session, pdo: Pdo, text: str, node_id: int | None = None) -> Changed:
+    """Make *pdo* what *text* says, as `map` does; UsageError or InputFileError with the line that is wrong."""
+    node, asked = session.node(node_id), read_pdo_yaml(text, pdo)
+    want = PdoRequest(
+        asked.cob_id, asked.transmission_type, asked.inhibit_time, asked.event_timer, asked.sync_start_value,
+        asked.rtr_allowed, asked.extended, asked.enabled,
+        objects=None if asked.mapping is None else tuple(_resolved(word, node) for word in asked.mapping),
+    )  # fmt: skip
+    return configure_pdo(session, node.node_id, pdo, want)
+
+
+def _name(node: Node, entry: PdoMappingEntry) -> str:
+    known = node.dictionary is not None and not entry.is_dummy
+    return node.dictionary.display_name(entry.index, entry.sub_index) if known and node.dictionary else ""
+
+
+def _resolved(word: Word, node: Node) -> MappedObject | Skipped:
+    try:
+        return entry_at(node, word.text)
+    except UsageError as wrong:
+        error = wrong_at(word.line, wrong.text)
+        error.hint = wrong.hint
+        raise error from wrong
