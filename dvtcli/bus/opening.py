@@ -11,6 +11,7 @@ import select
 import socket
 from collections.abc import Callable, Mapping
 from difflib import get_close_matches
+from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from can import util
 
 from dvtcli.bus.python_can import CanBus
 from dvtcli.bus.sdo.link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S
+from dvtcli.domain.ports import CanopenBus
 from dvtcli.errors import BusUnavailable
 
 #: what python-can's drivers raise where a driver, a setting or a device is missing
@@ -36,6 +38,9 @@ OPEN_FAILURES = (
 )
 #: how long a socketcand server may take to accept (s); python-can itself would try for 10 s, in a busy loop
 PROBE_S = 1.0
+
+#: the group of entry points that other packages' ways to a bus have
+TRANSPORTS = "dvtcli.bus"
 
 _DRIVER_PACKAGES = {
     "slcan": "python-can[serial]",
@@ -107,6 +112,34 @@ def open_bus(
     if config["interface"] in _NO_ECHO_UNASKED and not config.get("receive_own_messages"):
         opened.echoes.rule_out()
     return opened
+
+
+def open_transport(
+    interface: str | None = None,
+    channel: str | None = None,
+    bitrate: int | None = None,
+    extra: Mapping[str, object] | None = None,
+    *,
+    timeout_s: float = DEFAULT_TIMEOUT_S,
+    retries: int = DEFAULT_RETRIES,
+) -> CanopenBus:
+    """As `open_bus`, also by a way to a bus that is no python-can interface, and which another package brings.
+
+    It is found by an entry point of the group `dvtcli.bus` with the name *interface*: a function with the parameters
+    of this one but the first.
+    """
+    found = None if interface is None or interface in can.VALID_INTERFACES else _transports().get(interface)
+    if found is None:
+        return open_bus(interface, channel, bitrate, extra, timeout_s=timeout_s, retries=retries)
+    try:
+        opened: CanopenBus = found.load()(channel, bitrate, extra or {}, timeout_s=timeout_s, retries=retries)
+    except OPEN_FAILURES as error:
+        raise _unavailable({"interface": interface, "channel": channel}, error) from error
+    return opened
+
+
+def _transports() -> Mapping[str, EntryPoint]:
+    return {one.name: one for one in entry_points(group=TRANSPORTS)}
 
 
 def _given(
@@ -187,8 +220,10 @@ def _unavailable(config: Mapping[str, object], error: Exception) -> BusUnavailab
 
 def _hint(config: Mapping[str, object], error: Exception) -> str:
     interface, channel = str(config["interface"]), config.get("channel")
-    if interface not in can.VALID_INTERFACES:
-        near = get_close_matches(interface, can.VALID_INTERFACES, n=3) or sorted(can.VALID_INTERFACES)
+    others = _transports()
+    if interface not in can.VALID_INTERFACES and interface not in others:
+        known = [*can.VALID_INTERFACES, *others]
+        near = get_close_matches(interface, known, n=3) or sorted(known)
         return f"known interfaces: {', '.join(near)}"
     number = errno.ETIMEDOUT if isinstance(error, TimeoutError) else _errno_of(error)
     if number in _ERRNO_HINTS:

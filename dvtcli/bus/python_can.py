@@ -66,6 +66,11 @@ class CanBus(ReadBus[can.Message]):
         self.error_frames = ErrorFrames()
 
     @property
+    def carries_frames(self) -> bool:
+        """Every python-can bus does."""
+        return True
+
+    @property
     def carries_remote_frames(self) -> bool:
         """Whether a remote frame can be sent: some ways to a bus would make a data frame of it."""
         return self.name.partition(":")[0] not in _NO_REMOTE_FRAMES
@@ -136,9 +141,7 @@ class CanBus(ReadBus[can.Message]):
                     raise ConnectionResetError("the server has closed the connection")
             return message
         except BUS_FAILURES as error:
-            failure = self._failed("receive", error)
-            self._receiver.fail(failure)
-            raise failure from error
+            raise self._failed("receive", error) from error
 
     def _failed(self, what: str, error: Exception) -> BusUnavailable:
         why = str(error).partition("\n")[0] or type(error).__name__  # python-can puts tracebacks into messages

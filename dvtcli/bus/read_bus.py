@@ -18,6 +18,7 @@ from dvtcli.bus.sdo.link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S
 from dvtcli.bus.traffic import Tap, Traffic
 from dvtcli.bus.watched_bus import WatchedBus
 from dvtcli.domain.ports import Frame
+from dvtcli.errors import BusUnavailable
 
 M = TypeVar("M")
 T = TypeVar("T")
@@ -37,7 +38,7 @@ class ReadBus(WatchedBus, Generic[M]):
         bitrate: int | None = None,
     ) -> None:
         super().__init__(name, simulated=simulated, timeout_s=timeout_s, retries=retries, bitrate=bitrate)
-        self._receiver: Receiver[M] = Receiver(self._read, self._deliver)
+        self._receiver: Receiver[M] = Receiver(self._read_or_fail, self._deliver)
         self._traffic: Traffic[M] = Traffic(frame_of, self.now_s)
         self._life_waiters: WeakSet[SimpleQueue[bool | Wake]] = WeakSet()
         self._close_lock = threading.Lock()
@@ -88,10 +89,7 @@ class ReadBus(WatchedBus, Generic[M]):
 
     @abstractmethod
     def _read(self, wait_s: float) -> M | None:
-        """The next message, None where none came within *wait_s*.
-
-        Where the bus failed, it tells the receiver (`fail`) and raises BusUnavailable.
-        """
+        """The next message, None where none came within *wait_s*; raises BusUnavailable where the bus failed."""
 
     @abstractmethod
     def _deliver(self, message: M) -> None:
@@ -100,6 +98,13 @@ class ReadBus(WatchedBus, Generic[M]):
     @abstractmethod
     def _leave(self) -> None:
         """Let go of what carries the bus; called once."""
+
+    def _read_or_fail(self, wait_s: float) -> M | None:
+        try:
+            return self._read(wait_s)
+        except BusUnavailable as failure:
+            self._receiver.fail(failure)  # whoever else waits
+            raise
 
     def _heartbeat(self, frame: Frame) -> None:
         """Take a heartbeat or boot-up message, and wake who waits for one."""

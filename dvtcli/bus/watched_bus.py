@@ -125,17 +125,25 @@ class WatchedBus(ABC):
         return 0
 
     @property
-    @abstractmethod
+    def carries_frames(self) -> bool:
+        """Whether CAN frames are sent and heard; not unless a transport says so."""
+        return False
+
+    @property
     def carries_remote_frames(self) -> bool:
         """Whether `send` can send a remote frame."""
+        return False
 
     @abstractmethod
     def tap(self, callback: Tap) -> Callable[[], None]:
         """Call *callback*(frame, sent) for each frame received or sent here; returns what ends that. As `on_event`."""
 
-    @abstractmethod
     def send(self, frame: Frame) -> None:
-        """Send one frame (SYNC, a PDO)."""
+        """Send one frame (SYNC, a PDO); UsageError where none are carried."""
+        raise UsageError(
+            f"{self.name} carries no CAN frames: 0x{frame.can_id:X} cannot be sent",
+            hint="it reads and writes objects, and commands NMT states; an interface of this machine carries frames",
+        )
 
     @abstractmethod
     def receive(self, duration_s: float) -> Iterator[Frame]:

@@ -56,6 +56,11 @@ class CanopenBus(Protocol):
         ...
 
     @property
+    def carries_frames(self) -> bool:
+        """Whether CAN frames are sent and heard: a gateway may do no more than read and write objects."""
+        ...
+
+    @property
     def carries_remote_frames(self) -> bool:
         """Whether `send` can send a remote frame."""
         ...

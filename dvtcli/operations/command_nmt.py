@@ -12,7 +12,6 @@ from dvtcli.device.store_parameters import reset_all_and_wait, reset_and_wait
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.profile import GENERIC
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
-from dvtcli.operations.layouts import open_wire
 from dvtcli.operations.reset_consent import consent_to_reset
 from dvtcli.operations.results import Commanded
 
@@ -51,7 +50,7 @@ def command_nmt(session: Session, command: NmtCommand, node_id: int | None = Non
 
 def _known(session: Session) -> set[int]:
     """The nodes that were met, and those that were heard."""
-    return {*session.network.nodes, *([] if session.dry_run else open_wire(session).heard_nodes())}
+    return {*session.network.nodes, *([] if session.dry_run else session.open_network().bus.heard_nodes())}
 
 
 def _access(session: Session, node_id: int) -> Access:

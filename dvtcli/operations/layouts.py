@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from dvtcli.errors import BusUnavailable, NoAnswer, SdoAborted, SdoProtocolError
+from dvtcli.errors import BusUnavailable, NoAnswer, SdoAborted, SdoProtocolError, UsageError
 from dvtcli.watch.decoder import Decoder, pdo_layouts
 
 if TYPE_CHECKING:
@@ -17,9 +17,14 @@ _WITHOUT_EDS = "its values have no names, and no sign: -1 reads 65535; --eds FIL
 
 
 def open_wire(session: Session) -> CanopenBus:
-    """The bus itself, also under --dry-run: only to listen to."""
-    session.open_network()
-    return session.wire
+    """The bus itself, also under --dry-run: only to listen to. UsageError where it carries no frames."""
+    bus = session.open_network().bus
+    if not bus.carries_frames:
+        raise UsageError(
+            f"{bus.name} carries no CAN frames: there is nothing to listen to",
+            hint="objects can be read and written there; an interface of this machine hears frames",
+        )
+    return bus
 
 
 def live_decoder(session: Session, nodes: tuple[int, ...], dbc: str | None = None) -> Decoder:
@@ -52,7 +57,7 @@ def _present(session: Session) -> list[int]:
     network = session.network
     found = {session.selected_id(), *network.simulated_ids, *network.nodes}
     if found == {None}:
-        bus = open_wire(session)
+        bus = session.wire
         bus.sleep(HEARD_S)
         found |= set(bus.heard_nodes())
     return sorted(node_id for node_id in found if node_id is not None)

@@ -203,10 +203,10 @@ class Network:
 
 def open_real_bus(options: Options) -> CanopenBus:
     """Open the interface that *options* name, else the one that python-can's own settings do; BusUnavailable."""
-    from dvtcli.bus.opening import open_bus
+    from dvtcli.bus.opening import open_transport
 
     extra = dict(pair.split("=", 1) for pair in options.bus_kwargs)
-    return open_bus(options.interface, options.channel, options.bitrate, extra, timeout_s=options.timeout)
+    return open_transport(options.interface, options.channel, options.bitrate, extra, timeout_s=options.timeout)
 
 
 def _interrupted(journal: Journal) -> str:

@@ -94,18 +94,6 @@ class Contract:
         bus.send_nmt(NmtCommand.ENTER_PRE_OPERATIONAL, 1)
         bus.sdo(1).upload(0x1000, 0)
 
-    def test_sync_brings_a_synchronous_tpdo(self, bus: CanopenBus) -> None:
-        sdo = bus.sdo(1)
-        sdo.download(0x1800, 1, (0x80000181).to_bytes(4, "little"))
-        sdo.download(0x1800, 2, b"\x01")
-        sdo.download(0x1A00, 0, b"\x00")
-        sdo.download(0x1A00, 1, (0x10010008).to_bytes(4, "little"))
-        sdo.download(0x1A00, 0, b"\x01")
-        sdo.download(0x1800, 1, (0x40000181).to_bytes(4, "little"))
-        bus.send_nmt(NmtCommand.START, 1)
-        bus.send(SYNC)
-        assert [frame.data for frame in bus.receive(0.1) if frame.can_id == 0x181] == [b"\x00"]
-
     def test_receive_ends(self, bus: CanopenBus) -> None:
         started = time.monotonic()
         list(bus.receive(0.02))
@@ -126,21 +114,6 @@ class Contract:
     def test_nothing_of_the_contract_is_missing(self, bus: CanopenBus) -> None:
         promised = {name for name in vars(CanopenBus) if not name.startswith("_")}
         assert promised == {name for name in promised if hasattr(bus, name)}
-
-    def test_who_taps_sees_each_frame_until_it_ends(self, bus: CanopenBus) -> None:
-        seen: list[tuple[int, bool]] = []
-        stop = bus.tap(lambda frame, sent: seen.append((frame.can_id, sent)))
-        bus.sdo(1).upload(0x1000, 0)
-        before = bus.boot_ups(1)
-        bus.send(SYNC)
-        bus.send_nmt(NmtCommand.RESET_NODE, 1)
-        assert bus.wait_boot_up(1, before, 1)
-        assert (0x080, True) in seen
-        assert (0x701, False) in seen
-        stop()
-        seen.clear()
-        bus.send(SYNC)
-        assert seen == []
 
     def test_boot_ups_are_told_as_they_come(self, bus: CanopenBus) -> None:
         told: list[NodeEvent] = []
@@ -180,7 +153,41 @@ class Contract:
         assert time.monotonic() - started < 0.15
 
 
-class TestCanBus(Contract):
+class CarriesFrames(Contract):
+    """What is kept besides where CAN frames pass."""
+
+    def test_it_says_so(self, bus: CanopenBus) -> None:
+        assert bus.carries_frames
+
+    def test_sync_brings_a_synchronous_tpdo(self, bus: CanopenBus) -> None:
+        sdo = bus.sdo(1)
+        sdo.download(0x1800, 1, (0x80000181).to_bytes(4, "little"))
+        sdo.download(0x1800, 2, b"\x01")
+        sdo.download(0x1A00, 0, b"\x00")
+        sdo.download(0x1A00, 1, (0x10010008).to_bytes(4, "little"))
+        sdo.download(0x1A00, 0, b"\x01")
+        sdo.download(0x1800, 1, (0x40000181).to_bytes(4, "little"))
+        bus.send_nmt(NmtCommand.START, 1)
+        bus.send(SYNC)
+        assert [frame.data for frame in bus.receive(0.1) if frame.can_id == 0x181] == [b"\x00"]
+
+    def test_who_taps_sees_each_frame_until_it_ends(self, bus: CanopenBus) -> None:
+        seen: list[tuple[int, bool]] = []
+        stop = bus.tap(lambda frame, sent: seen.append((frame.can_id, sent)))
+        bus.sdo(1).upload(0x1000, 0)
+        before = bus.boot_ups(1)
+        bus.send(SYNC)
+        bus.send_nmt(NmtCommand.RESET_NODE, 1)
+        assert bus.wait_boot_up(1, before, 1)
+        assert (0x080, True) in seen
+        assert (0x701, False) in seen
+        stop()
+        seen.clear()
+        bus.send(SYNC)
+        assert seen == []
+
+
+class TestCanBus(CarriesFrames):
     @pytest.fixture
     def bus(self, channel: str) -> Iterator[CanopenBus]:
         ours, theirs = (can.Bus(channel, interface="virtual", ignore_config=True) for _ in range(2))
@@ -194,7 +201,7 @@ class TestCanBus(Contract):
         assert not bus.simulated
 
 
-class TestSimulation(Contract):
+class TestSimulation(CarriesFrames):
     @pytest.fixture
     def bus(self) -> Iterator[CanopenBus]:
         bus = simulate([device(1), device(2)], timeout_s=2, retries=0)
@@ -218,7 +225,7 @@ class TestSimulation(Contract):
         assert (time.monotonic() - started) / len(buses) < 0.05
 
 
-class TestVirtualTime(Contract):
+class TestVirtualTime(CarriesFrames):
     @pytest.fixture
     def bus(self) -> Iterator[CanopenBus]:
         bus = VirtualTimeBus([device(1), device(2)], timeout_s=2, retries=0)
@@ -226,7 +233,7 @@ class TestVirtualTime(Contract):
         bus.close()
 
 
-class TestTwin(Contract):
+class TestTwin(CarriesFrames):
     @pytest.fixture
     def bus(self) -> Iterator[CanopenBus]:
         real = simulate([device(1), device(2)], timeout_s=2, retries=0)

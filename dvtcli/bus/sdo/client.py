@@ -16,6 +16,7 @@ from canopen.sdo.constants import SDO_STRUCT
 
 from dvtcli.bus.receiver import Wake
 from dvtcli.bus.sdo.link import ANSWER_ID, REQUEST_ID, DroppedAnswers, Inbox, SdoLink, SdoSettings
+from dvtcli.bus.sdo.silence import no_answer
 from dvtcli.domain.abort import Abort
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
 
@@ -261,13 +262,8 @@ class StrictSdoClient(SdoClient):
     def _silent(self) -> NoAnswer:
         """End a transfer whose answer did not come."""
         self.abort(Abort.TIME_OUT)
-        return NoAnswer(
-            f"node {self.node_id} did not answer for 0x{self.place} within {self.timeout_s:g} s",
-            node=self.node_id,
-            place=self.place,
-            why=f"its answers that did not count: {self.dropped}" if self.dropped.total else None,
-            hint="power, node-ID, bit rate? A node in STOPPED answers no SDO; `scan` shows who does",
-        )
+        why = f"its answers that did not count: {self.dropped}" if self.dropped.total else None
+        return no_answer(self.node_id, self.place, self.timeout_s, why)
 
 
 def _object_of(multiplexer: bytes) -> tuple[int, int]:

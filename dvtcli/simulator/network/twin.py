@@ -55,6 +55,11 @@ class TwinBus:
         return self._wrapped.simulated
 
     @property
+    def carries_frames(self) -> bool:
+        """Twins hear every frame, whatever the wrapped bus carries."""
+        return True
+
+    @property
     def carries_remote_frames(self) -> bool:
         """Twins hear every frame."""
         return True

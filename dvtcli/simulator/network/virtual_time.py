@@ -74,6 +74,11 @@ class VirtualTimeBus(WatchedBus):
             pass
 
     @property
+    def carries_frames(self) -> bool:
+        """Simulated nodes hear every frame."""
+        return True
+
+    @property
     def carries_remote_frames(self) -> bool:
         """Simulated nodes hear every frame."""
         return True
