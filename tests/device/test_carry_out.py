@@ -1,0 +1,256 @@
+"""What stands around a transaction: journal, NMT state afterwards, and what an error says of both."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+
+from dvtcli.device.change.carry_out import carry_out
+from dvtcli.device.change.pending import CHANGE
+from dvtcli.device.change.safekeeping import JournalKept, Keeper
+from dvtcli.device.node import Node
+from dvtcli.device.observe import Found
+from dvtcli.domain.nmt import NmtCommand, NmtState
+from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.plan import Plan, Step, ValueChange
+from dvtcli.domain.request import PdoRequest
+from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, NoAnswer, SafetyRefusal
+from tests.laws.bench import NODE, DirectBus, DirectSdo, booted, dictionary, profile, refuse, silence
+
+TPDO1, TPDO2 = Pdo.parse("tpdo1"), Pdo.parse("tpdo2")
+HEARTBEAT = (0x1017, 0)
+OPERATIONAL, PRE_OPERATIONAL = NmtState.OPERATIONAL, NmtState.PRE_OPERATIONAL
+
+
+@dataclass
+class Bus(DirectBus):
+    """A network whose NMT commands may end badly, and on which an upload may have been repeated."""
+
+    when_started: BaseException | None = None
+    repeated: int = 0
+
+    def send_nmt(self, command: NmtCommand, node_id: int) -> None:
+        if command is NmtCommand.START and self.when_started is not None:
+            raise self.when_started
+        super().send_nmt(command, node_id)
+
+    def upsets(self, node_id: int) -> int:
+        return self.heard_boot_ups + self.repeated
+
+
+@dataclass
+class Channel(DirectSdo):
+    """A device that restarts, refuses or falls silent at the *at*-th write from now on; the journal is looked for."""
+
+    what: str = ""
+    at: int = 0
+    bus: Bus | None = None
+    journal: Path | None = None
+    journals: list[bool] = field(default_factory=list)
+
+    def download(self, index: int, sub_index: int, data: bytes, *, timeout_s: float | None = None) -> None:
+        if self.journal is not None:
+            self.journals.append(self.journal.exists())
+        self.at -= 1
+        if self.what == "refuses" and self.at == 0:
+            refuse(self, index, sub_index, data)
+        if self.what == "silent" and self.at <= 0:
+            raise silence(index, sub_index)
+        super().download(index, sub_index, data, timeout_s=timeout_s)
+        if self.what == "restarts" and self.at == 0:
+            assert self.bus is not None
+            self.device.nmt(NmtCommand.RESET_NODE)
+            self.bus.heard_boot_ups += 1
+
+
+class Bench:
+    """A node that is OPERATIONAL, with a keeper in *folder*."""
+
+    def __init__(self, folder: Path, family: str = "generic") -> None:
+        self.device = booted(family)
+        self.device.nmt(NmtCommand.START)
+        self.channel = Channel(self.device)
+        self.bus = self.channel.bus = Bus(self.device, self.channel)
+        self.keeper = Keeper(folder / "state", folder / "locks", "direct", NODE)
+        self.journal = self.channel.journal = self.keeper.journals.path(NODE)
+        self.node = Node(self.bus, NODE, dictionary(family), profile(family), keeper=self.keeper)
+
+    def plan(self, number: int = 1000) -> Plan:
+        before = self.device.upload(*HEARTBEAT)
+        return Plan(NODE, (ValueChange(Step(*HEARTBEAT, before, number.to_bytes(2, "little"), "heartbeat")),))
+
+    def found(self, state: NmtState | None = OPERATIONAL, boot_ups: int = 0, upsets: int = 0) -> Found:
+        return Found(state, boot_ups, upsets)
+
+    def fault(self, what: str, at: int = 1) -> None:
+        self.channel.what, self.channel.at = what, at
+
+    def failed(self, found: Found | None = None, *, keep_journal: bool = False) -> DvtcliError:
+        with pytest.raises(DvtcliError) as caught:
+            carry_out(self.node, self.plan(), found=found, keep_journal=keep_journal)
+        return caught.value
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Iterator[Bench]:
+    made = Bench(tmp_path)
+    yield made
+    made.keeper.lock.release()
+
+
+def test_the_journal_is_there_from_the_first_write_to_the_last_look(bench: Bench) -> None:
+    done: list[bool] = []
+    carry_out(bench.node, bench.plan(), done=lambda: done.append(bench.journal.exists()))
+    assert bench.channel.journals == [True]
+    assert done == [True]
+    assert not bench.journal.exists()
+    assert bench.node.cancellation.active, "what is complete is not stopped any more"
+    assert bench.bus.commands == []
+
+
+def test_who_asks_for_it_keeps_the_journal(bench: Bench) -> None:
+    carry_out(bench.node, bench.plan(), keep_journal=True)
+    assert bench.journal.exists()
+    with pytest.raises(SafetyRefusal, match="not finished yet"):
+        bench.node.claim()
+
+
+def test_a_refusal_leaves_no_journal_and_no_suspicion(bench: Bench) -> None:
+    bench.fault("refuses")
+    error = bench.failed()
+    assert (type(error), error.state, error.details[1:]) == (DeviceRefused, "rolled_back", [])
+    assert not bench.journal.exists()
+    assert bench.node.pending.suspicions == {}
+
+
+def test_what_could_not_be_put_back_is_left_to_recover_and_never_stored(bench: Bench) -> None:
+    bench.fault("silent", 2)
+    step = Step(0x1006, 0, bench.device.upload(0x1006, 0), bytes.fromhex("204E0000"), "SYNC every 20 ms")
+    with pytest.raises(LeftChanged) as caught:
+        carry_out(bench.node, Plan(NODE, (*bench.plan().changes, ValueChange(step))))
+    error = caught.value
+    assert error.place == str(bench.journal)
+    assert error.hint == f"recover finishes it, from {bench.journal}"
+    assert bench.journal.exists()
+    assert bench.node.pending.suspicions == {CHANGE: "1017:00, 1006:00 of node 1 could not be put back"}
+
+
+def test_a_node_that_restarted_is_started_again_where_it_was_found_operational(bench: Bench) -> None:
+    bench.fault("restarts")
+    error = bench.failed()
+    assert (error.state, error.details) == ("rolled_back", [])
+    assert (bench.device.state, bench.bus.commands) == (OPERATIONAL, [NmtCommand.START])
+    assert not bench.journal.exists()
+
+
+@pytest.mark.parametrize("state", [None, PRE_OPERATIONAL])
+def test_one_that_was_found_otherwise_is_left_as_it_is(bench: Bench, state: NmtState | None) -> None:
+    bench.fault("restarts")
+    error = bench.failed(bench.found(state))
+    assert bench.bus.commands == []
+    unknown = [("nmt", "node 1 restarted; its NMT state before is not known: look at it")]
+    assert error.details == ([] if state else unknown)
+
+
+@pytest.mark.parametrize(
+    ("raised", "said"),
+    [
+        (NoAnswer("deaf", hint="look"), "deaf: look"),
+        (NoAnswer("deaf", why="no supply", hint="look"), "deaf: no supply"),
+        (KeyboardInterrupt(), "stopped once more: look at the NMT state of node 1"),
+    ],
+)
+def test_what_cannot_be_put_right_of_its_state_is_told_beside_the_refusal(
+    bench: Bench, raised: BaseException, said: str
+) -> None:
+    bench.fault("restarts")
+    bench.bus.when_started = raised
+    error = bench.failed()
+    assert error.details == [("nmt", said)]
+    assert not bench.journal.exists()
+
+
+@pytest.mark.parametrize("keep_journal", [False, True])
+def test_a_change_that_was_read_back_and_whose_node_then_cannot_be_started_is_unknown(
+    bench: Bench, keep_journal: bool
+) -> None:
+    bench.bus.when_started = NoAnswer("deaf")
+    error = bench.failed(bench.found(boot_ups=-1), keep_journal=keep_journal)
+    assert (str(error), error.state) == ("deaf", "unknown")
+    assert error.state_text == "unknown: 1017:00 was set and read back equal before that; look at the node"
+    assert bench.journal.exists() is keep_journal
+
+
+def test_one_that_is_torn_before_its_end_is_left_to_recover(bench: Bench) -> None:
+    bench.bus.when_started = KeyboardInterrupt()
+    error = bench.failed(bench.found(boot_ups=-1))
+    assert error.text == "stopped before 1017:00 of node 1 was complete"
+    assert (error.why, error.place, error.exit_code) == (None, str(bench.journal), 7)
+    assert bench.journal.exists()
+    assert CHANGE in bench.node.pending.suspicions
+
+
+@pytest.mark.parametrize(
+    ("state", "repeated", "commands"),
+    [
+        (PRE_OPERATIONAL, 1, [NmtCommand.START]),  # it restarted, and said nothing of it
+        (PRE_OPERATIONAL, 0, []),
+        (OPERATIONAL, 1, []),
+    ],
+)
+def test_a_restart_without_a_boot_up_is_told_by_a_lost_answer_and_another_state(
+    bench: Bench, state: NmtState, repeated: int, commands: list[NmtCommand]
+) -> None:
+    if state is PRE_OPERATIONAL:
+        bench.device.nmt(NmtCommand.ENTER_PRE_OPERATIONAL)
+    bench.bus.repeated = repeated
+    carry_out(bench.node, bench.plan(), found=bench.found())
+    assert bench.bus.commands == commands
+
+
+def test_inside_an_open_gate_the_state_is_left_to_the_gate(tmp_path: Path) -> None:
+    bench = Bench(tmp_path, "gen4")
+    bench.node.configure({TPDO1: PdoRequest(event_timer=50)})
+    assert bench.bus.commands == [NmtCommand.ENTER_PRE_OPERATIONAL]
+    bench.bus.heard_boot_ups += 1
+    carry_out(bench.node, bench.plan(), found=bench.found())
+    assert bench.device.state is PRE_OPERATIONAL
+    bench.keeper.lock.release()
+
+
+def test_a_journal_that_stays_is_an_error_or_beside_one(bench: Bench) -> None:
+    def into_a_folder() -> None:
+        bench.journal.unlink()
+        (bench.journal / "in the way").mkdir(parents=True)
+
+    with pytest.raises(JournalKept, match="cannot be removed"):
+        carry_out(bench.node, bench.plan(), done=into_a_folder)
+    (bench.journal / "in the way").rmdir()
+    bench.journal.rmdir()
+    bench.bus.when_started = NoAnswer("deaf")
+    with pytest.raises(NoAnswer) as caught:
+        carry_out(bench.node, bench.plan(7), found=bench.found(boot_ups=-1), done=into_a_folder)
+    ((label, text),) = caught.value.details
+    assert label == "journal"
+    assert text.startswith("the journal of node 1 cannot be removed: ")
+    assert f"delete {bench.journal}" in text
+
+
+def test_beside_a_moved_pdo_the_others_are_expected_to_stay(bench: Bench) -> None:
+    bench.node.configure({TPDO1: PdoRequest(event_timer=50)})
+    assert bench.node.expected.pdos.keys() == {TPDO1}
+    bench.node.configure({TPDO1: PdoRequest(cob_id=0x1A1)})
+    held = bench.node.pdos()
+    assert bench.node.expected.pdos.keys() == held.keys()
+    assert bench.node.expected.pdos[TPDO1].communication.cob_id.can_id == 0x1A1
+    assert bench.node.expected.pdos[TPDO2] == held[TPDO2]
+
+
+def test_what_was_read_before_a_change_counts_no_longer(bench: Bench) -> None:
+    bench.node.pdos()
+    assert bench.node.last_read
+    carry_out(bench.node, bench.plan())
+    assert not bench.node.last_read
