@@ -78,10 +78,12 @@ def test_a_change_that_ended_leaves_nothing_open(keep: Keep, tmp_path: Path) -> 
 def test_one_holder_at_a_time(keep: Keep, tmp_path: Path) -> None:
     first, second = keep(), keep("elsewhere")
     assert first.lock.is_free()
+    assert not first.lock.held
+    assert second.lock.is_free(), "who only looked holds nothing"
     first.lock.take()
     first.lock.take()
     assert first.lock.is_free()
-    assert not second.lock.is_free()
+    assert second.lock.is_free() is False
     with pytest.raises(SafetyRefusal, match=f"process {os.getpid()}"):
         second.lock.take()
     first.lock.release()
@@ -138,6 +140,46 @@ def test_who_wrote_meanwhile_is_known_and_who_only_looked_is_not(keep: Keep) -> 
     third.lock.take()
     assert third.lock.meanwhile is None, "nobody wrote after it had held the lock"
     assert who_else(third) == who_else(None) == "it restarted, or somebody else wrote to it"
+
+
+def test_who_recovers_writes_and_who_finds_a_journal_does_not(keep: Keep) -> None:
+    one, other, third = keep(), keep(), keep("elsewhere")
+    one.begin(PLAN, IDENTITY, None, dict)
+    one.end()
+    one.lock.release()
+    other.begin(PLAN, IDENTITY, None, dict)
+    other.lock.release()  # killed
+    third.lock.command = lambda: "pdo"
+    assert third.interrupted() is not None
+    assert one.lock.is_free()
+    assert one.lock.meanwhile is not None
+    assert one.lock.meanwhile.command == ""
+    third.lock.command = lambda: "recover"
+    found = third.interrupted()
+    assert found is not None
+    third.lock.take()
+    third.journals.folder.mkdir(parents=True)
+    third.forget(found)
+    third.lock.release()
+    assert one.lock.is_free()
+    assert one.lock.meanwhile.command == "recover"
+
+
+def test_what_the_lock_s_file_says_is_cut_short(keep: Keep) -> None:
+    one, other = keep(), keep("elsewhere")
+    one.lock.command = lambda: "x" * 200
+    one.lock.take()
+    assert one.lock.path.read_text().splitlines()[3] == "x" * 80
+    one.lock.path.write_text("1" * 50 + "\n\n" + "2" * 50 + "\n" + "3" * 100 + "\n")
+    with pytest.raises(SafetyRefusal) as caught:
+        other.lock.take(0)
+    assert f"(process {'1' * 20})" in caught.value.text
+    assert f"its `{'3' * 80}` holds" in str(caught.value.why)
+    one.lock.path.write_text("")
+    with pytest.raises(SafetyRefusal) as caught:
+        other.lock.take(0)
+    assert "(process ?)" in caught.value.text
+    assert caught.value.why == "it holds the node's lock, and was waited for 0 s"
 
 
 def test_the_backup_is_made_once_and_read_by_its_owner_only(keep: Keep, tmp_path: Path) -> None:

@@ -72,7 +72,7 @@ class Expected:
         """What differs: its label, its object, and how it differs."""
         held = node.pdos() if self.pdos else {}
         for pdo, wanted in self.pdos.items():
-            texts = [f"{pdo.label} is gone"] if pdo not in held else differences(pdo, wanted, held[pdo])
+            texts = ["it is gone"] if pdo not in held else differences(pdo, wanted, held[pdo])
             for text in texts:
                 yield pdo.label, f"{pdo.communication_index:04X}:01", f"{pdo.label}: {text}"
         for (index, sub_index), value in self.values.items():

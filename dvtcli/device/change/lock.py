@@ -138,7 +138,7 @@ class NodeLock:
     def note(self, journal: Path | None) -> None:
         """Write down, beside the holder, where the journal of the change in hand is; it outlives a killed holder."""
         assert self._file is not None  # noqa: S101 - only the holder writes
-        if journal is not None and journal != self.noted():
+        if journal != self.noted():  # a change begins, or one is put back
             self._last_writer = self._own
         self._file.truncate(0)
         self._file.write(_Noted(self._own, str(journal or ""), self._last_writer).text().encode())
