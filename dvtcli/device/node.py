@@ -12,6 +12,7 @@ from dvtcli.device.access_level import level_finding, level_findings, refuse_pas
 from dvtcli.device.applied import Applied, refuse
 from dvtcli.device.change.carry_out import carry_out
 from dvtcli.device.change.changeable import Changeable
+from dvtcli.device.change.gap import unbroken
 from dvtcli.device.change.pending import COMMUNICATION, EVERYTHING
 from dvtcli.device.change.safekeeping import who_else
 from dvtcli.device.change.way_back import plan_back, refuse_unless_left, unknown_before
@@ -69,32 +70,39 @@ class Node(Changeable):
 
     def undo(self, *, everything: bool = False, force: bool = False) -> Applied:
         """Put back what the last plan replaced, or all of them, in one transaction."""
-        undone = self.history[:] if everything else self.history[-1:]
-        kept = self.history[: len(self.history) - len(undone)]
-        applied = self.put_back(undone, force=force, own=True)
-        self.history = kept
-        for _ in undone:
+        applied, count = self.put_back(self.history, everything=everything, force=force, own=True)
+        self.history = self.history[: len(self.history) - count]
+        for _ in range(count):
             del self.order[max(number for number, node_id in enumerate(self.order) if node_id == self.node_id)]
         if self.keeper is not None:
-            self.keeper.past.forget_own(len(undone))
-        if self.pending.is_as_stored(len(kept)) and not applied.findings:
+            self.keeper.past.forget_own(count)
+        if self.pending.is_as_stored(len(self.history)) and not applied.findings:
             self.pending.unstored.clear()  # the device holds what was stored, or found, again
         return applied
 
-    def put_back(self, plans: Sequence[Plan], *, force: bool = False, own: bool = False) -> Applied:
-        """Put back what *plans* (oldest first) replaced; SafetyRefusal where the device holds something else by now.
+    def put_back(
+        self, plans: Sequence[Plan], *, everything: bool = False, force: bool = False, own: bool = False
+    ) -> tuple[Applied, int]:
+        """Put back what the newest of *plans* (oldest first) replaced, or *everything* of them; and how many that were.
 
-        *own* says that they are of this session's history.
+        These are more than one also where the device has lost the newest ones, as after a reset. *own* says that they
+        are of this session's history. SafetyRefusal where the device holds something else by now, UsageError where
+        nobody knows what it held before; with *force* neither.
         """
         found = self.claim()
+        chain = plans if own else unbroken(plans)
+        count = len(chain) if everything else 1
         if not force:
-            refuse_unless_left(self, plans)
-        plan, unknown = plan_back(self, plans), unknown_before(plans)
-        if unknown and not plan.changes:
-            raise UsageError(unknown[0].text, node=self.node_id)
+            count = refuse_unless_left(self, chain, count)
+        undone = chain[-count:]
+        plan, unknown = plan_back(self, undone), unknown_before(undone)
+        if unknown and not plan.changes and not force:
+            raise UsageError(
+                unknown[0].text, node=self.node_id, hint="undo --force leaves it so and forgets that change"
+            )
         applied = self.apply(plan, unknown, kept=False, found=found)
         self.unkept += not own
-        return applied
+        return applied, count
 
     def prepare_store(self, *, force: bool = False, confirm: bool = True) -> None:
         """Before a store: let nothing be stored that is not as it should be; enter the gate where the family needs it.

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import json
 import uuid
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -36,17 +37,25 @@ _NO_SERIAL = (None, 0, 0xFFFF_FFFF)
 
 @dataclass(frozen=True, slots=True)
 class Recorded:
-    """A change that was verified: its *plan*, when it was made (ISO 8601, UTC), on which bus and which device."""
+    """A change that was verified: its *plan*, when it was made (ISO 8601, UTC), on which bus and which device.
+
+    *selected* is the node-ID that dvtcli was started with, whichever node was changed; None for none.
+    """
 
     id: str
     when: str
     bus: str
     identity: Identity
     plan: Plan
+    selected: int | None = None
 
     def is_of(self, bus: str, identity: Identity) -> bool:
         """Whether it was made on a device of this *identity* on *bus*."""
         return (self.bus, self.identity) == (bus, identity)
+
+    def is_meant(self, selected: int | None) -> bool:
+        """Whether it is one of the node *selected*, or was made from there; every one is where that is None."""
+        return selected is None or selected in (self.plan.node_id, self.selected)
 
 
 def has_serial(identity: Identity) -> bool:
@@ -61,6 +70,8 @@ class Past:
     folder: Path
     bus: str
     say: Callable[[str], None] = lambda _text: None
+    #: the node-ID that dvtcli was started with
+    selected: int | None = None
     #: what this process added, oldest first; None for a change that could not be remembered
     _own: list[tuple[Path, str] | None] = field(default_factory=list)
 
@@ -74,7 +85,7 @@ class Past:
         That this fails makes the change no less done.
         """
         path, now = self.path(plan.node_id, identity), datetime.now(UTC)
-        entry = Recorded(name or uuid.uuid4().hex, now.isoformat(), self.bus, identity, plan)
+        entry = Recorded(name or uuid.uuid4().hex, now.isoformat(), self.bus, identity, plan, self.selected)
         self._own.append(None)  # its place among the changes of this process, whatever becomes of its file
         try:
             self._write(path, [*self._sound(path), entry][-MOST_CHANGES:])
@@ -94,8 +105,25 @@ class Past:
 
     def newest(self, node_id: int, identity: Identity) -> Recorded | None:
         """The last change of a device at *node_id* that is remembered; InputFileError where its file is damaged."""
-        entries = self._read(self.path(node_id, identity))
-        return next((one for one in reversed(entries) if one.is_of(self.bus, identity)), None)
+        return next(reversed(self.entries(node_id, identity)), None)
+
+    def entries(self, node_id: int, identity: Identity, selected: int | None = None) -> list[Recorded]:
+        """The last changes of a device at *node_id*, oldest first, as far back as all are meant by *selected*.
+
+        InputFileError where its file is damaged.
+        """
+        found = [one for one in self._read(self.path(node_id, identity)) if one.is_of(self.bus, identity)]
+        meant = takewhile(lambda one: one.is_meant(selected), reversed(found))
+        return list(meant)[::-1]
+
+    def tops(self, selected: int | None) -> list[Recorded]:
+        """The last change of each device of this bus, where *selected* means it; newest first.
+
+        Files that are damaged are passed over.
+        """
+        found = self._last_of(f"{file_name(self.bus)}-*.json")
+        meant = (one for one in found if one.bus == self.bus and one.is_meant(selected))
+        return sorted(meant, key=lambda one: one.when, reverse=True)
 
     def moved(self, node_id: int, identity: Identity) -> Recorded | None:
         """The last change of this device, by its serial number, while it had another node-ID than *node_id*.
@@ -113,17 +141,17 @@ class Past:
 
     def newest_of_all(self) -> Recorded | None:
         """The last change on this bus, whichever device it was made on; files that are damaged are passed over."""
-        found = self._last_of(f"{file_name(self.bus)}-*.json")
-        return max((one for one in found if one.bus == self.bus), key=lambda one: one.when, default=None)
+        return next(iter(self.tops(None)), None)
 
     def _last_of(self, pattern: str) -> Iterator[Recorded]:
         for path in sorted(self.folder.glob(pattern)):
             with suppress(InputFileError):
                 yield from self._read(path)[-1:]
 
-    def forget(self, entry: Recorded) -> None:
-        """Drop *entry*, which was put back."""
-        self._drop(self.path(entry.plan.node_id, entry.identity), [entry.id])
+    def forget(self, entries: Sequence[Recorded]) -> None:
+        """Drop *entries*, which are of one device and were put back."""
+        for path in {self.path(one.plan.node_id, one.identity) for one in entries}:
+            self._drop(path, [one.id for one in entries])
 
     def drop(self, node_id: int, identity: Identity, names: Collection[str]) -> None:
         """Drop the changes of those ids: they were put back, as `recover` does."""
@@ -179,6 +207,7 @@ def _document(one: Recorded) -> dict[str, Any]:
         "bus": one.bus,
         "node": one.plan.node_id,
         "identity": one.identity,
+        "selected": one.selected,
         "changes": [change_document(change) for change in one.plan.changes],
     }
 
@@ -191,7 +220,10 @@ def _entries(document: Any) -> Iterator[Recorded]:
         raise ValueError("it lists no changes")
     for one in changes:
         identity, plan = read_plan(one)
-        yield Recorded(str(one.get("id")), str(one.get("when")), str(one.get("bus")), identity, plan)
+        selected = one.get("selected")
+        if selected is not None and (type(selected) is not int or not 1 <= selected <= 127):
+            raise ValueError(f"selected is {selected!r}, expected 1..127")
+        yield Recorded(str(one.get("id")), str(one.get("when")), str(one.get("bus")), identity, plan, selected)
 
 
 def _damaged(path: Path, why: Exception) -> InputFileError:

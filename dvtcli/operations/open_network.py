@@ -142,6 +142,7 @@ class Network:
 
         folder, locks = state_folder(self.options), state_folder(None) / "locks"
         keeper = Keeper(folder, locks, self.bus.name, node_id, self.say, is_fixed, self.warn, self.doing, self.whole)
+        keeper.past.selected = self.options.node
         try:
             journal = keeper.interrupted()
         except (InputFileError, SafetyRefusal) as damaged:

@@ -1,18 +1,24 @@
-"""Putting changes back: this session's, one that an earlier process made, or to an automatic backup."""
+"""Putting changes back: of this session, of earlier processes as they are remembered, or by an automatic backup.
+
+Parses no words. What a device must hold so that a change may be put back is decided in `device.change.way_back`.
+"""
 
 from __future__ import annotations
 
 import time
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, TypeVar
 
 from dvtcli.device.backups import backups, way_to
 from dvtcli.device.wish import Wish
 from dvtcli.domain.plan import Plan
+from dvtcli.domain.rules.finding import Finding, warning
+from dvtcli.domain.rules.rule import WARNING, Rule
 from dvtcli.domain.script_line import change_lines
 from dvtcli.errors import DvtcliError, NoAnswer, SdoAborted, SdoProtocolError, UsageError
 from dvtcli.operations.change import changed
-from dvtcli.operations.results import ChangedNodes
+from dvtcli.operations.results import Changed, ChangedNodes
 
 if TYPE_CHECKING:
     from dvtcli.device.change.journal import Identity
@@ -20,30 +26,35 @@ if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.device.past import Recorded
     from dvtcli.operations.rehearse import Rehearse
-    from dvtcli.operations.results import Changed
     from dvtcli.operations.session import Session
+
+RULES = (Rule("newer-change", WARNING, "`undo` of one node: another one of the bus was changed later", "ours"),)
+
+T = TypeVar("T")
 
 
 def undo(session: Session, *, everything: bool = False) -> Changed | ChangedNodes:
-    """Put back what the last change replaced, on whichever node it was; *everything* of this session, last first.
+    """Put back the last change of this session, or with *everything* all of them, on every node.
 
-    Where this session changed nothing, the last change that an earlier process made to the node on this bus.
-    UsageError where there is none; LeftChanged where the device does not take it.
+    Where it changed nothing, or has undone it all, those of earlier processes: of the selected node and what was
+    changed from there, or of every node of the bus where none is selected. SafetyRefusal where a device holds something
+    else than what was left; an error says which nodes were put back before it.
     """
     order = session.network.order
     if not order:
-        return _recorded_put_back(session)
+        return _remembered_put_back(session, everything=everything)
     if not everything:
-        return _undone(session, session.node(order[-1]), everything=False)
-    return _all_undone(session, list(dict.fromkeys(reversed(order))))
+        return _own_put_back(session, order[-1], everything=False)
+    node_ids = list(dict.fromkeys(reversed(order)))
+    return _one_by_one(node_ids, lambda node_id: _own_put_back(session, node_id, everything=True))
 
 
-def _all_undone(session: Session, node_ids: list[int]) -> Changed | ChangedNodes:
-    """Undo everything on every one of *node_ids*; an error says which nodes were put back before it."""
+def _one_by_one(things: Iterable[T], put_back: Callable[[T], Changed]) -> Changed | ChangedNodes:
+    """Put one after the other back; an error says which nodes were before it."""
     done: list[Changed] = []
     try:
-        for node_id in node_ids:
-            done.append(_undone(session, session.node(node_id), everything=True))  # noqa: PERF401 - kept on an error
+        for thing in things:
+            done.append(put_back(thing))  # noqa: PERF401 - kept on an error
     except DvtcliError as error:
         if done:
             error.details.append(("done", f"node {', '.join(str(one.node) for one in done)}: put back before this"))
@@ -51,42 +62,138 @@ def _all_undone(session: Session, node_ids: list[int]) -> Changed | ChangedNodes
     return done[0] if len(done) == 1 else ChangedNodes(tuple(done))
 
 
-def _undone(session: Session, node: Node, *, everything: bool) -> Changed:
-    started = time.monotonic()
-    undone = node.history[:] if everything else node.history[-1:]
+def _own_put_back(session: Session, node_id: int, *, everything: bool) -> Changed:
+    started, node = time.monotonic(), session.node(node_id)
+    before = node.history[:]
     applied = node.undo(everything=everything, force=session.options.force)
+    undone = before[len(node.history) :]
     forgotten = not session.dry_run and not applied.findings and _forgotten(session, node.node_id, undone)
     seconds = time.monotonic() - started
     return changed(session, node, applied, seconds, undone=True, lines=[] if forgotten else None)
 
 
-def _recorded_put_back(session: Session) -> Changed:
-    """Put back the last change that an earlier process made to the node."""
-    keeper = _keeper(session)
-    node = session.node(keeper.node_id)
+def _forgotten(session: Session, node_id: int, undone: list[Plan]) -> bool:
+    """Leave *undone* out of what `save` writes, where nothing came after it; whether that was so.
+
+    What was stored, or commanded by NMT, in between belongs to what was done: then the undo is a change of its own.
+    """
+    kept = list(session.record.lines)
+    for plan in reversed(undone):
+        if not session.record.take_back(node_id, change_lines(plan)):
+            session.record.lines[:] = kept
+            return False
+    return True
+
+
+@dataclass(frozen=True, slots=True)
+class _Chain:
+    """What is remembered of a device that is there, oldest first; its node's lock is held."""
+
+    node: Node
+    keeper: Keeper
+    entries: list[Recorded]
+
+
+def _remembered_put_back(session: Session, *, everything: bool) -> Changed | ChangedNodes:
+    """Put back what earlier processes changed: the last change of all, or *everything*, one node after the other."""
+    selected = session.selected_id()
+    chains = _chains(session, selected, only_newest=not everything)
+    if not chains:
+        raise _nothing(session, selected)
+    newer = () if selected is None else _newer_elsewhere(chains)
+    return _one_by_one(chains, lambda chain: _chain_put_back(session, chain, newer, everything=everything))
+
+
+def _chains(session: Session, selected: int | None, *, only_newest: bool) -> list[_Chain]:
+    """What is meant, the device that was changed last first."""
+    network = session.open_network()
+    if not network.guarded:
+        return []
+    found: list[_Chain] = []
+    ids = dict.fromkeys(entry.plan.node_id for entry in network.past().tops(selected))
+    for node_id in [*ids, *([] if selected is None or selected in ids else [selected])]:
+        chain = _chain(session, node_id, selected)
+        if chain is not None:
+            found.append(chain)
+            if only_newest:
+                break
+    return found
+
+
+def _chain(session: Session, node_id: int, selected: int | None) -> _Chain | None:
+    """What is remembered of the device at *node_id* as far as it is meant; None where that is nothing."""
+    keeper = session.open_network().node(node_id).keeper
+    assert keeper is not None  # noqa: S101 - the bus is guarded
+    node = session.node(node_id)
     node.claim()
     identity = node.identity()
-    entry = keeper.past.newest(node.node_id, identity) or _moved(session, keeper, identity)
+    entries = keeper.past.entries(node_id, identity, selected)
+    if not entries and node_id == selected:
+        entries = _moved(session, keeper, identity)
+    return _Chain(node, keeper, entries) if entries else None
+
+
+def _moved(session: Session, keeper: Keeper, identity: Identity) -> list[Recorded]:
+    """The changes of the device under another node-ID, unless a device of this *identity* still answers there."""
+    entry = keeper.past.moved(keeper.node_id, identity)
     if entry is None:
-        raise _nothing(session, keeper)
-    session.tell.note(f"this puts the change of {entry.when[:19].replace('T', ' ')} UTC back")
-    started = time.monotonic()
-    applied = node.put_back([replace(entry.plan, node_id=node.node_id)], force=session.options.force)
+        return []
+    was = entry.plan.node_id
+    try:
+        there = session.open_network().node(was).identity()
+    except (NoAnswer, SdoAborted, SdoProtocolError):
+        there = {}
+    # two devices may well have one serial number
+    return [] if there == identity else keeper.past.entries(was, identity, None)
+
+
+def _newer_elsewhere(chains: list[_Chain]) -> tuple[Finding, ...]:
+    """A warning where another node of the bus was changed after those that are meant."""
+    last = chains[0].keeper.past.newest_of_all()
+    if last is None or last.when <= max(chain.entries[-1].when for chain in chains):
+        return ()
+    text = f"node {last.plan.node_id} was changed later, at {_time(last)}: -n {last.plan.node_id} undo puts that back"
+    return (warning("newer-change", f"node {last.plan.node_id}", text),)
+
+
+def _chain_put_back(session: Session, chain: _Chain, findings: tuple[Finding, ...], *, everything: bool) -> Changed:
+    started, node = time.monotonic(), chain.node
+    plans = [replace(one.plan, node_id=node.node_id) for one in chain.entries]
+    applied, count = node.put_back(plans, everything=everything, force=session.options.force)
+    undone = chain.entries[-count:]
+    session.tell.note(_undone_text(undone, gone=count > 1 and not len(applied.plan)))
     if not session.dry_run:
-        keeper.past.forget(entry)
+        chain.keeper.past.forget(undone)
+    applied = replace(applied, findings=(*applied.findings, *findings))
     return changed(session, node, applied, time.monotonic() - started, undone=True)
 
 
-def _moved(session: Session, keeper: Keeper, identity: Identity) -> Recorded | None:
-    """The last change of the device under another node-ID, unless a device of this *identity* still answers there."""
-    entry = keeper.past.moved(keeper.node_id, identity)
-    if entry is None:
-        return None
-    try:
-        there = session.open_network().node(entry.plan.node_id).identity()
-    except (NoAnswer, SdoAborted, SdoProtocolError):
-        return entry
-    return None if there == identity else entry  # two devices may well have one serial number
+def _undone_text(undone: list[Recorded], *, gone: bool) -> str:
+    since = _time(undone[0])
+    if gone:
+        return f"what was before the last {len(undone)} changes, since {since}, is there already, as after a reset"
+    return (
+        f"this puts the change of {since} back"
+        if len(undone) == 1
+        else (f"this puts the {len(undone)} changes since {since} back")
+    )
+
+
+def _time(entry: Recorded) -> str:
+    return f"{entry.when[:19].replace('T', ' ')} UTC"
+
+
+def _nothing(session: Session, selected: int | None) -> UsageError:
+    network = session.open_network()
+    if not network.guarded:
+        return UsageError("nothing to undo: this session changed nothing on the node", node=session.node_id())
+    if selected is None:
+        return UsageError("nothing to undo: no change on this bus is remembered")
+    error = UsageError(f"nothing to undo: no change of node {selected} is remembered", node=selected)
+    last = network.past().newest_of_all()
+    if last is not None:
+        error.hint = f"the last change on this bus was one of node {last.plan.node_id}: -n {last.plan.node_id} undo"
+    return error
 
 
 def _keeper(session: Session) -> Keeper:
@@ -96,23 +203,12 @@ def _keeper(session: Session) -> Keeper:
     if node_id is None and network.guarded:
         entry = network.past().newest_of_all()
         if entry is None:
-            raise UsageError("nothing to undo: no change on this bus is remembered")
+            raise _nothing(session, None)
         node_id = entry.plan.node_id
     keeper = network.node(session.node_id() if node_id is None else node_id).keeper
     if keeper is None:
-        raise _nothing(session, None)
+        raise _nothing(session, node_id)
     return keeper
-
-
-def _nothing(session: Session, keeper: Keeper | None) -> UsageError:
-    node_id = session.node_id() if keeper is None else keeper.node_id
-    error = UsageError("nothing to undo: this session changed nothing on the node", node=node_id)
-    last = None if keeper is None else keeper.past.newest_of_all()
-    if keeper is not None:
-        error.text = f"nothing to undo: no change of node {node_id} is remembered"
-    if last is not None:
-        error.hint = f"the last change on this bus was one of node {last.plan.node_id}: -n {last.plan.node_id} undo"
-    return error
 
 
 def undo_to_backup(session: Session, rehearse: Rehearse, when: str | None = None) -> Changed:
@@ -149,16 +245,3 @@ def _backup_file(keeper: Keeper, node: Node, when: str | None) -> str:
     error = UsageError(text, node=node.node_id, hint="a backup is made before a process's first change of a node")
     error.details += [("backup", f"{one.stamp}  {one.path}") for one in found]
     raise error
-
-
-def _forgotten(session: Session, node_id: int, undone: list[Plan]) -> bool:
-    """Leave *undone* out of what `save` writes, where nothing came after it; whether that was so.
-
-    What was stored, or commanded by NMT, in between belongs to what was done: then the undo is a change of its own.
-    """
-    kept = list(session.record.lines)
-    for plan in reversed(undone):
-        if not session.record.take_back(node_id, change_lines(plan)):
-            session.record.lines[:] = kept
-            return False
-    return True

@@ -42,7 +42,7 @@ def test_a_recorded_undo_leaves_alone_what_another_one_changed_since_it_was_look
     ("first", "between", "last", "label"),
     [
         ("set tpdo1 --timer 5", "set tpdo1 --timer 6", "set tpdo1 --timer 7", "TPDO1"),
-        ("write 1017 500 --force", "write 1017 600 --force", "write 1017 700 --force", "1017:00"),
+        ("write 1017 800 --force", "write 1017 600 --force", "write 1017 700 --force", "1017:00"),
     ],
 )
 def test_undo_all_takes_nothing_back_that_another_one_changed_in_between(

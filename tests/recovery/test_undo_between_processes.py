@@ -274,3 +274,84 @@ def test_changes_of_sessions_of_their_own_are_undone_to_the_start(
             pass
         assert code == 2
         assert held() == before
+
+
+def test_all_in_a_process_of_its_own_is_everything_remembered_of_every_node(tmp_path: Path) -> None:
+    with served(tmp_path, "generic@1", "generic@3") as nodes:
+        before = [nodes.dvtcli("-n", node_id, "pdo", "--all", "--json").stdout for node_id in ("1", "3")]
+        script = "map 1:tpdo1 6041 606C\nset 3:tpdo2 --timer 40\nset 1:tpdo1 --timer 7\n"
+        assert nodes.dvtcli("-n", "1", "run", "-", stdin=script).returncode == 0
+        assert nodes.dvtcli("-n", "3", "clear", "tpdo1").returncode == 0
+        tried = nodes.dvtcli("undo", "--all", "--dry-run", "--json")
+        assert (tried.returncode, json.loads(tried.stdout)["dry_run"]) == (0, True)
+        undone = nodes.dvtcli("undo", "--all", "--json")
+        assert undone.returncode == 0, undone.stdout
+        document = json.loads(undone.stdout)
+        assert {(one["node"], *one["pdos"]) for one in document["nodes"]} == {(1, "tpdo1"), (3, "tpdo1", "tpdo2")}
+        assert document["verified"] is True
+        assert [nodes.dvtcli("-n", node_id, "pdo", "--all", "--json").stdout for node_id in ("1", "3")] == before
+        assert nodes.dvtcli("undo", "--all").returncode == 2
+
+
+def test_what_was_changed_from_a_node_is_undone_from_there_and_what_is_newer_elsewhere_is_said(tmp_path: Path) -> None:
+    with served(tmp_path, "generic@1", "generic@3") as nodes:
+        for words in (("-n", "1", "set", "tpdo1", "--timer", "5"), ("-n", "1", "set", "3:tpdo2", "--timer", "6")):
+            assert nodes.dvtcli(*words).returncode == 0
+        assert nodes.dvtcli("-n", "3", "set", "tpdo3", "--timer", "7").returncode == 0
+        undone = nodes.dvtcli("-n", "1", "undo", "--json")
+        document = json.loads(undone.stdout)
+        assert (undone.returncode, document["node"], document["pdo"]) == (0, 1, "tpdo1")
+        (finding,) = document["findings"]
+        assert finding["rule"] == "newer-change"
+        assert "node 3 was changed later" in finding["text"]
+        assert "-n 3 undo puts that back" in finding["text"]
+        assert json.loads(nodes.dvtcli("-n", "3", "undo", "--json").stdout)["pdo"] == "tpdo3"
+        undone = nodes.dvtcli("-n", "1", "undo", "--json")
+        document = json.loads(undone.stdout)
+        assert (undone.returncode, document["node"], document["pdo"], document["findings"]) == (0, 3, "tpdo2", [])
+        assert nodes.dvtcli("undo").returncode == 2
+
+
+def test_changes_that_a_reset_has_taken_are_passed_over_together(bench: Bench) -> None:
+    before = bench.pdos()
+    for timer in ("41", "42", "43"):
+        assert bench.run("set", "tpdo2", "--timer", timer)[0] == 0
+    with bench.wire.at_work:
+        bench.wire.device.restart()
+        bench.wire.device.boot_up()
+        bench.wire.device.take_outbox()
+    assert bench.pdos() == before
+    code, stdout, stderr = bench.run("undo")
+    assert code == 0, stderr
+    assert "nothing was written" in stdout
+    assert "what was before the last 3 changes" in stderr
+    assert bench.run("undo")[0] == 2
+
+
+def test_a_change_that_was_overtaken_does_not_block_those_before_it(bench: Bench) -> None:
+    """The next step that the refusal names works, and leads to the older changes."""
+    assert bench.run("set", "tpdo1", "--timer", "11")[0] == 0
+    first = bench.pdos()
+    assert bench.run("set", "tpdo2", "--timer", "22")[0] == 0
+    with bench.wire.at_work:
+        bench.wire.device.download(0x1801, 5, bytes([33, 0]))
+    for words in (("undo",), ("undo", "--all")):
+        code, stdout, _ = bench.run(*words, "--json")
+        assert code == 6
+        assert "`undo --force` puts back" in json.loads(stdout)["hint"]
+    assert bench.run("undo", "--force")[0] == 0
+    assert bench.pdos() == first
+    assert bench.run("undo")[0] == 0
+    assert bench.run("undo")[0] == 2
+
+
+def test_all_stops_where_somebody_else_changed_something_in_between(bench: Bench) -> None:
+    assert bench.run("set", "tpdo2", "--timer", "22")[0] == 0
+    with bench.wire.at_work:
+        bench.wire.device.download(0x1801, 5, bytes([33, 0]))
+    others = bench.pdos()
+    for timer in ("44", "55"):
+        assert bench.run("set", "tpdo2", "--timer", timer)[0] == 0
+    assert bench.run("undo", "--all")[0] == 0
+    assert bench.pdos() == others, "what somebody else set is not overwritten"
+    assert bench.run("undo", "--all")[0] == 6

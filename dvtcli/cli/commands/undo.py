@@ -22,7 +22,9 @@ _NEWEST = "newest"
 
 
 @click.command("undo", cls=DvtCommand, short_help=__doc__, effect=Effect.CHANGES)
-@click.option("--all", "everything", is_flag=True, help="Every change of this session on every node, last first.")
+@click.option(
+    "--all", "everything", is_flag=True, help="Every change of this session on every node; else earlier ones."
+)
 @click.option(
     "--backup", type=TEXT, is_flag=False, flag_value=_NEWEST, metavar="[WHEN]",
     help="Put an automatic backup back: the newest, or that of a date and time.",

@@ -21,21 +21,34 @@ if TYPE_CHECKING:
 
 def refuse_gap(node: Changeable, plans: Sequence[Plan]) -> None:
     """Raise SafetyRefusal where one of *plans* began at what none of those before it found or left."""
+    found = _gap(plans)
+    if found is not None:
+        raise _refusal(node, *found)
+
+
+def unbroken(plans: Sequence[Plan]) -> Sequence[Plan]:
+    """The newest of *plans* (oldest first) without a gap: what was there before it is somebody else's to take back."""
+    return next((plans[first:] for first in range(len(plans)) if _gap(plans[first:]) is None), ())
+
+
+def _gap(plans: Sequence[Plan]) -> tuple[str, str] | None:
+    """What somebody else changed between two of *plans*, and how."""
     pdos: dict[Pdo, list[PdoConfig]] = {}
     values: dict[tuple[int, int], list[bytes]] = {}
     for change in (change for plan in plans for change in plan.changes):
         if isinstance(change, PdoChange):
             known = pdos.setdefault(change.pdo, [change.before])
             if change.before not in known:
-                raise _refusal(node, change.label, several(differences(change.pdo, known[-1], change.before)))
+                return change.label, several(differences(change.pdo, known[-1], change.before))
             known += [change.before, change.after]
         elif (pdo := Pdo.at(change.step.index)) is not None:
             pdos.pop(pdo, None)  # a part of it was written: the next plan finds another whole
         elif (before := change.step.before) is not None:
             held = values.setdefault((change.step.index, change.step.sub_index), [before])
             if before not in held:
-                raise _refusal(node, change.label, f"was {held[-1].hex(' ')}, became {before.hex(' ')}")
+                return change.label, f"was {held[-1].hex(' ')}, became {before.hex(' ')}"
             held += [before, change.step.after]
+    return None
 
 
 def _refusal(node: Changeable, label: str, why: str) -> SafetyRefusal:

@@ -65,21 +65,28 @@ def _is_filler(config: PdoConfig) -> bool:
     return config.enabled or config.count > 0
 
 
-def refuse_unless_left(node: Changeable, plans: Sequence[Plan]) -> None:
-    """Raise SafetyRefusal, naming what differs, unless *node* holds exactly what *plans* (oldest first) left.
+def refuse_unless_left(node: Changeable, plans: Sequence[Plan], count: int) -> int:
+    """How many of the newest of *plans* (oldest first) are to be put back for *count* of them to be gone.
 
-    A node that holds what was before them, as after a reset, is right, too: there is nothing to put back.
+    That is *count* where *node* holds exactly what they left. A node that holds what was before the newest ones, as
+    after a reset, has lost those: nothing is to be put back of them, and they are counted with the others.
+    SafetyRefusal, naming what differs, where it holds something else.
     """
-    refuse_gap(node, plans)
-    found = unlike(node, _ends(plans))
-    if found and unlike(node, _beginnings(plans)):
-        raise SafetyRefusal(
-            f"node {node.node_id} does not hold what that change left: {found[0][0]} {found[0][1]}",
-            node=node.node_id,
-            why=several(f"{label} {text}" for label, text in found[1:]) or None,
-            hint=f"{who_else(node.keeper)}: look at it with `pdo`; `undo --backup` puts an automatic backup back, "
-            "--force puts back all the same",
-        )
+    refuse_gap(node, plans[-count:])
+    found = unlike(node, _ends(plans[-count:]))
+    if not found:
+        return count
+    for gone in range(1, len(plans) + 1):
+        left = plans[len(plans) - count : len(plans) - gone]
+        if not unlike(node, _beginnings(plans[-gone:])) and not unlike(node, _ends(left)):
+            return max(gone, count)
+    raise SafetyRefusal(
+        f"node {node.node_id} does not hold what that change left: {found[0][0]} {found[0][1]}",
+        node=node.node_id,
+        why=several(f"{label} {text}" for label, text in found[1:]) or None,
+        hint=f"{who_else(node.keeper)}: look at it with `pdo`; `undo --force` puts back what was before that change "
+        "all the same, `undo --backup` an automatic backup",
+    )
 
 
 def _ends(plans: Sequence[Plan]) -> Wish:
