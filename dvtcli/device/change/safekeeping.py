@@ -11,9 +11,10 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
+from dvtcli.device.change.course import Course
 from dvtcli.device.change.journal import Identity, Journal, Journals, file_name, read_journal, set_aside, write_private
 from dvtcli.device.change.lock import NodeLock
-from dvtcli.device.change.whole import Course, Whole
+from dvtcli.device.change.whole import Whole
 from dvtcli.device.past import Past
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Plan

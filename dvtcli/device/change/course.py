@@ -1,0 +1,88 @@
+"""What one node's journal has to put back: the changes of a whole so far, as one plan.
+
+Knows plans. Does not know scripts, and neither writes files nor devices.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+
+from dvtcli.device.change.whole import Part, Whole
+from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.plan import Change, PdoChange, Plan, ValueChange
+
+
+@dataclass(slots=True)
+class Course:
+    """What one node's journal has to put back: the changes of a whole that were made, and the one *in_hand*.
+
+    *nmt_state* is what the first one found.
+    """
+
+    nmt_state: int | None = None
+    part: Part = field(default_factory=Part)
+    made: list[Plan] = field(default_factory=list)
+    in_hand: Plan | None = None
+
+    def begin(self, whole: Whole, plan: Plan, nmt_state: int | None) -> str:
+        """*plan* is about to be carried out; the id under which it is to be remembered."""
+        if self.part.whole != whole.id or not self.made:
+            self.made, self.nmt_state, self.part = [], nmt_state, Part(whole.id, whole.name)
+        entry = os.urandom(16).hex()
+        self.part = replace(self.part, entries=(*self.part.entries, entry))
+        self.in_hand = plan
+        return entry
+
+    def carried_out(self) -> None:
+        """The plan in hand was verified: it has to be put back with what comes after it, where that is a whole."""
+        if self.part.whole is not None and self.in_hand is not None:
+            self.made.append(self.in_hand)
+            self.in_hand = None
+
+    @property
+    def plan(self) -> Plan:
+        """Everything that has to be put back, as one plan."""
+        plans = [*self.made, *([] if self.in_hand is None else [self.in_hand])]
+        return plans[0] if len(plans) == 1 else combined(plans[0].node_id, plans)
+
+
+def combined(node_id: int, plans: Iterable[Plan]) -> Plan:
+    """One plan from before the first of *plans* to after the last one, to be put back from its end to its beginning.
+
+    What was written to an object of a PDO that is put back whole counts no longer, but for an entry behind the count
+    of a mapping that was empty: that is put back after the PDO, which makes room for it.
+    """
+    first: dict[object, Change] = {}
+    last: dict[object, Change] = {}
+    for change in (change for plan in plans for change in plan.changes):
+        key = change.pdo if isinstance(change, PdoChange) else change.label
+        first.setdefault(key, change)
+        last[key] = change
+    pdos = {change.pdo: change for change in first.values() if isinstance(change, PdoChange)}
+    joined = [_joined(change, last[key]) for key, change in first.items() if _counts(change, pdos)]
+    fillers = [change for change in joined if _is_in(change, pdos)]
+    return Plan(node_id, (*fillers, *(change for change in joined if not _is_in(change, pdos))))
+
+
+def _is_in(change: Change, pdos: dict[Pdo, PdoChange]) -> bool:
+    return isinstance(change, ValueChange) and Pdo.at(change.step.index) in pdos
+
+
+def _counts(change: Change, pdos: dict[Pdo, PdoChange]) -> bool:
+    if not isinstance(change, ValueChange) or not _is_in(change, pdos):
+        return True
+    pdo = Pdo.at(change.step.index)
+    assert pdo is not None  # noqa: S101 - it is one of theirs
+    before = pdos[pdo].before
+    entry = change.step.index == pdo.mapping_index and change.step.sub_index > 0
+    return entry and not before.enabled and before.count == 0
+
+
+def _joined(first: Change, last: Change) -> Change:
+    if isinstance(first, PdoChange) and isinstance(last, PdoChange):
+        return replace(last, before=first.before)
+    assert isinstance(first, ValueChange)  # noqa: S101 - one key, one kind
+    assert isinstance(last, ValueChange)  # noqa: S101
+    return ValueChange(replace(last.step, before=first.step.before))
