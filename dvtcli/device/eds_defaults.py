@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
 
-from dvtcli.device.quirks.fixed_count import FixedCount
-from dvtcli.device.quirks.reversed_entries import ReversedEntries
-from dvtcli.domain.abort import Abort
+from dvtcli.device.described_node import Defaults
+from dvtcli.device.quirks.channel import in_standard_order
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import EVENT_TIMER, INHIBIT_TIME, SYNC_START, TRANSMISSION_TYPE
@@ -16,42 +14,11 @@ from dvtcli.domain.profile import DeviceProfile
 from dvtcli.errors import SdoAborted
 
 
-@dataclass(frozen=True, slots=True)
-class Defaults:
-    """What *dictionary* says that node *node_id* holds when nothing was ever set: DefaultValue, with the node-ID."""
-
-    dictionary: ObjectDictionary
-    node_id: int
-
-    def upload(
-        self,
-        index: int,
-        sub_index: int,
-        *,
-        timeout_s: float | None = None,  # noqa: ARG002 - a file answers at once
-        retries: int | None = None,  # noqa: ARG002
-    ) -> bytes:
-        """The default; SdoAborted where the file has no such object, or tells none."""
-        entry = self.dictionary.entry(index, sub_index)
-        value = None if entry is None else replace(entry, value=None).initial(self.node_id)
-        if value is None:
-            raise SdoAborted(index, sub_index, Abort.NO_SUB_INDEX, node=self.node_id)
-        return value
-
-    def download(self, index: int, sub_index: int, data: bytes, *, timeout_s: float | None = None) -> None:  # noqa: ARG002
-        """A file's values are never written here."""
-        raise SdoAborted(index, sub_index, Abort.READ_ONLY, node=self.node_id)
-
-
 def differing_from_defaults(
     dictionary: ObjectDictionary, profile: DeviceProfile, node_id: int, held: Mapping[Pdo, PdoConfig]
 ) -> tuple[int, list[str]]:
     """How many of the *held* PDOs have a default in the file, and every parameter that is not its default."""
-    channel: SdoTransport = Defaults(dictionary, node_id)
-    if profile.reversed_entries:
-        channel = ReversedEntries(channel)
-    if profile.filler is not None:
-        channel = FixedCount(channel, profile.filler)
+    channel = in_standard_order(Defaults(dictionary, node_id), profile)
     compared, differences = 0, []
     for pdo, config in held.items():
         found = list(_compared(channel, pdo, config))

@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 
 from dvtcli.device.came_up import CameUp
 from dvtcli.device.missing import no_pdo
-from dvtcli.device.observe import observed
 from dvtcli.device.reached import Reached
 from dvtcli.device.read_pdos import present_pdos, read_pdo
 from dvtcli.domain.pdo import Pdo, PdoConfig
@@ -43,7 +42,7 @@ class KnownPdos(Reached):
     def pdos(self) -> dict[Pdo, PdoConfig]:
         """Every PDO as the device holds it now, in one life of it; one that the EDS lists and it lacks is left out."""
         boot_ups = self.bus.boot_ups(self.node_id)
-        self._pdos = observed(self.witness, self._read_pdos)
+        self._pdos = self.observed(self._read_pdos)
         if self.bus.boot_ups(self.node_id) == boot_ups:
             self.came_up.read(boot_ups, self._pdos)
         return dict(self._pdos)
@@ -61,7 +60,7 @@ class KnownPdos(Reached):
     def pdo(self, pdo: Pdo) -> PdoConfig:
         """One PDO as the device holds it now; UsageError where the node has no such PDO."""
         try:
-            config = observed(self.witness, lambda: read_pdo(self.sdo, pdo))
+            config = self.observed(lambda: read_pdo(self.sdo, pdo))
         except SdoAborted as aborted:
             raise no_pdo(self.node_id, pdo, self.present(), aborted) from aborted
         self._pdos[pdo] = config

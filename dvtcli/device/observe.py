@@ -71,8 +71,8 @@ class Undisturbed:
         return 0
 
 
-def observed(witness: Witness, look: Callable[[], T]) -> T:
-    """What *look* answers, once nothing upset the node from its first to its last upload.
+def observed(witness: Witness, look: Callable[[], T], node_id: int | None = None) -> T:
+    """What *look* answers, once nothing upset the node from its first to its last upload; *node_id* names it.
 
     NoAnswer where that does not come about within `MOST_LOOKS`.
     """
@@ -81,7 +81,9 @@ def observed(witness: Witness, look: Callable[[], T]) -> T:
         found = look()
         if witness.upsets() == upsets:
             return found
+    name = "the node" if node_id is None else f"node {node_id}"
     raise NoAnswer(
-        f"the node restarted, or lost an answer, each of {MOST_LOOKS} times that it was read back",
+        f"{name} restarted, or lost an answer, each of {MOST_LOOKS} times that it was read back",
+        node=node_id,
         hint="look at its supply and its wiring, then try again",
     )

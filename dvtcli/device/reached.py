@@ -7,14 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from dvtcli.device.change.cancellation import Cancellation
 from dvtcli.device.missing import hint_for_missing
 from dvtcli.device.nmt_gate import Access, Gate
-from dvtcli.device.observe import BusWitness
-from dvtcli.device.quirks.fixed_count import FixedCount
-from dvtcli.device.quirks.reversed_entries import ReversedEntries
+from dvtcli.device.observe import BusWitness, observed
+from dvtcli.device.quirks.channel import in_standard_order
 from dvtcli.device.read_pdos import read_optional
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.ports import CanopenBus, SdoTransport
@@ -23,6 +22,8 @@ from dvtcli.errors import SdoAborted
 
 if TYPE_CHECKING:
     from dvtcli.device.change.journal import Identity
+
+T = TypeVar("T")
 
 
 @dataclass(slots=True)
@@ -43,15 +44,16 @@ class Reached:
     @property
     def sdo(self) -> SdoTransport:
         """The node's SDO channel."""
-        channel: SdoTransport = self.bus.sdo(self.node_id)
-        if self.profile.reversed_entries:
-            channel = ReversedEntries(channel)
-        return channel if self.profile.filler is None else FixedCount(channel, self.profile.filler)
+        return in_standard_order(self.bus.sdo(self.node_id), self.profile)
 
     @property
     def witness(self) -> BusWitness:
         """Who tells whether the node restarted."""
         return BusWitness(self.bus, self.node_id)
+
+    def observed(self, look: Callable[[], T]) -> T:
+        """What *look* answers, in one life of the node; NoAnswer where it restarts again and again."""
+        return observed(self.witness, look, self.node_id)
 
     @property
     def access(self) -> Access:

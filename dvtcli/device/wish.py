@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.compare import differences
 from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.errors import NoAnswer
 
 if TYPE_CHECKING:
     from dvtcli.device.known_pdos import KnownPdos
@@ -16,8 +15,6 @@ if TYPE_CHECKING:
 Place = tuple[int, int]
 #: What differs: the PDO's label or the object, and the difference in words.
 Difference = tuple[str, str]
-#: How often a node is read anew that restarts while it is read.
-_TRIES = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,14 +44,7 @@ def session_wish(node: KnownPdos) -> Wish:
 
 def unlike(node: KnownPdos, wish: Wish) -> tuple[Difference, ...]:
     """Every difference between *wish* and what *node* holds now; NoAnswer where it restarts again and again."""
-    for _ in range(_TRIES):
-        boot_ups = node.bus.boot_ups(node.node_id)
-        found = tuple(_unlike(node, wish))
-        if node.bus.boot_ups(node.node_id) == boot_ups:
-            return found
-    raise NoAnswer(
-        f"node {node.node_id} restarts while it is read back: nothing can be said of what it holds", node=node.node_id
-    )
+    return node.observed(lambda: tuple(_unlike(node, wish)))
 
 
 def _unlike(node: KnownPdos, wish: Wish) -> Iterator[Difference]:

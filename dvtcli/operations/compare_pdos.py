@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.pending import REBOOT, VERIFY
+from dvtcli.device.described_node import FileValues
 from dvtcli.device.read_pdos import present_pdos, read_pdo
 from dvtcli.device.wish import Wish, session_wish, unlike
 from dvtcli.errors import UsageError
-from dvtcli.files.eds.file_as_node import FileValues
 from dvtcli.files.eds.reader import read_eds
 from dvtcli.operations.look_at_frames import look
 from dvtcli.operations.results import Compared, ComparedNodes

@@ -31,8 +31,8 @@ def decoder_for(session: Session, nodes: tuple[int, ...] | None, dbc: str | None
 
 def _file_decoder(path: Path, nodes: tuple[int, ...]) -> Decoder:
     """The mapping that an EDS or DCF sets, on *nodes*, else on the node-ID that a DCF names, else on node 1."""
+    from dvtcli.device.described_node import FileValues
     from dvtcli.device.read_pdos import present_pdos, read_pdo
-    from dvtcli.files.eds.file_as_node import FileValues
     from dvtcli.files.eds.reader import read_eds
     from dvtcli.watch.decoder import Decoder, pdo_layouts
 

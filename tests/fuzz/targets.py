@@ -30,6 +30,7 @@ from dvtcli.cli.script import script_lines
 from dvtcli.cli.view.output import Output
 from dvtcli.cli.ways_in import install
 from dvtcli.device.change.journal import Journals, read_journal
+from dvtcli.device.described_node import FileValues
 from dvtcli.device.node import Node
 from dvtcli.device.read_pdos import present_pdos, read_pdo
 from dvtcli.domain.datatypes import BY_SHORT_NAME, parse_number
@@ -43,7 +44,6 @@ from dvtcli.domain.profile import GENERIC, Severity
 from dvtcli.domain.proof import POWER, Proof
 from dvtcli.domain.rules import Finding
 from dvtcli.errors import DvtcliError, InputFileError, RuleError, UsageError
-from dvtcli.files.eds.file_as_node import FileValues
 from dvtcli.files.eds.reader import EdsFile, parse_eds
 from dvtcli.files.profile.toml import read_profile
 from dvtcli.operations import eds_files, results

@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from dvtcli.device.compare import differences
-from dvtcli.device.observe import observed
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Change, PdoChange
 from dvtcli.errors import SafetyRefusal
@@ -57,7 +56,7 @@ class Expected:
         """Read everything again; SafetyRefusal where something is not as expected, which *who_else* may have done."""
         if not self.pdos and not self.values:
             return
-        found = observed(node.witness, lambda: list(self._differences(node)))
+        found = node.observed(lambda: list(self._differences(node)))
         if found:
             raise SafetyRefusal(
                 f"node {node.node_id} is not stored: {found[0][0]} is not as it was read back",

@@ -1,0 +1,73 @@
+"""What is compared was read in one life of the node, and with no answer lost on the way."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import pytest
+
+from dvtcli.device.node import Node
+from dvtcli.device.wish import Wish, unlike
+from dvtcli.domain.pdo import Pdo
+from dvtcli.errors import NoAnswer
+from tests.laws.bench import NODE, DirectBus, DirectSdo, booted, dictionary, profile
+
+TPDO1 = Pdo.parse("tpdo1")
+OBJECT = (0x6081, 0)
+
+
+@dataclass
+class Upset(DirectSdo):
+    """While *left* is above 0, an upload of the last object that is compared has to be asked again."""
+
+    left: int = 0
+    upsets: int = 0
+
+    def upload(
+        self, index: int, sub_index: int, *, timeout_s: float | None = None, retries: int | None = None
+    ) -> bytes:
+        if (index, sub_index) == OBJECT and self.left:
+            self.left -= 1
+            self.upsets += 1
+        return super().upload(index, sub_index, timeout_s=timeout_s, retries=retries)
+
+
+@dataclass
+class UpsetBus(DirectBus):
+    """A bus that counts the uploads that were asked again."""
+
+    def upsets(self, node_id: int) -> int:
+        assert isinstance(self.channel, Upset)
+        return self.boot_ups(node_id) + self.channel.upsets
+
+
+def node() -> tuple[Node, Upset]:
+    channel = Upset(booted())
+    return Node(UpsetBus(channel.device, channel), NODE, dictionary("generic"), profile("generic")), channel
+
+
+def test_a_comparison_during_which_an_answer_was_lost_starts_over() -> None:
+    one, channel = node()
+    held = one.pdo(TPDO1)
+    wish = Wish({TPDO1: held}, {OBJECT: one.upload(*OBJECT)})
+    channel.left = 1
+    channel.reads.clear()
+    assert unlike(one, wish) == ()
+    assert channel.reads.count((TPDO1.communication_index, 1)) == 2
+    assert channel.reads.count(OBJECT) == 2
+
+
+def test_a_node_that_never_keeps_still_is_said_to_have_been_read_back_in_vain() -> None:
+    one, channel = node()
+    wish = Wish(values={OBJECT: one.upload(*OBJECT)})
+    channel.left = 100
+    with pytest.raises(NoAnswer, match="node 1 restarted, or lost an answer, each of 5 times") as caught:
+        unlike(one, wish)
+    assert caught.value.node == NODE
+
+
+def test_a_difference_is_told_of_what_was_read_last() -> None:
+    one, _ = node()
+    held = one.pdo(TPDO1)
+    wanted = replace(held, communication=replace(held.communication, event_timer=77))
+    assert [label for label, _ in unlike(one, Wish({TPDO1: wanted}))] == ["TPDO1"]
