@@ -1,13 +1,12 @@
 """TOML values that know their place: strict readers whose complaints name the line and the key.
 
-tomllib tells no lines, so a key's line is looked up in the text. Knows no file of ours in particular.
+Knows no file of ours in particular, and not how TOML is written (`toml_text`).
 """
 
 from __future__ import annotations
 
 import difflib
 import re
-import tomllib
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -15,8 +14,8 @@ from typing import Any, NoReturn, TypeVar
 
 from dvtcli.domain.profile import Range
 from dvtcli.errors import InputFileError
+from dvtcli.files.toml_text import KeyPath, parsed
 
-KeyPath = tuple[str, ...]
 _Choice = TypeVar("_Choice", bound=StrEnum)
 _T = TypeVar("_T")
 
@@ -27,15 +26,8 @@ Schema = dict[str, Callable[["Item"], object]]
 
 def read_toml(text: str, source: str) -> Item:
     """The whole of a TOML file; *source* is its name for messages. InputFileError where it is not TOML."""
-    try:
-        content = tomllib.loads(text)
-    except ValueError as error:  # TOMLDecodeError, and what int() says to a number of 5000 digits
-        raise _syntax_error(error, text, source) from None
-    except RecursionError:
-        raise InputFileError("values are nested too deeply", place=f"{source}:1") from None
-    if not _numbers_fit(content):
-        raise InputFileError("a number has more than the 64 bits of TOML", place=f"{source}:1")
-    return Item(content, (), source, _key_lines(text))
+    content, lines = parsed(text, source)
+    return Item(content, (), source, lines)
 
 
 @dataclass(frozen=True, slots=True)

@@ -271,7 +271,7 @@ def twin_of(network: Network) -> Network:
     """
     from dvtcli.simulator.device.reversed import ReversedDevice
     from dvtcli.simulator.device.strict_device import StrictDevice
-    from dvtcli.simulator.network.twin import TwinBus
+    from dvtcli.simulator.network.twin_bus import TwinBus
 
     def device_for(node_id: int, backing: Callable[[int, int], bytes]) -> StrictDevice:
         node = network.node(node_id)

@@ -83,7 +83,8 @@ def simulated_signals(words: tuple[str, ...], simulated: tuple[Simulated, ...]) 
         raise UsageError(
             "--signal is for simulated nodes", hint='give --sim too: --sim gen4 --signal "606C=sine(1500,2s)"'
         )
-    from dvtcli.simulator.device.signals import RowsError, read_signals
+    from dvtcli.simulator.device.signal_shapes import RowsError
+    from dvtcli.simulator.device.signals import read_signals
 
     try:
         return read_signals(words, [(one.node_id, read_dictionary(one.eds)) for one in simulated])

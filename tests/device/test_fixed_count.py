@@ -20,7 +20,7 @@ from dvtcli.files.eds.reader import read_eds
 from dvtcli.simulator.device.family import Family
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds
-from dvtcli.simulator.network.twin import TwinBus
+from dvtcli.simulator.network.twin_bus import TwinBus
 from tests.laws.bench import NODE, DirectBus, DirectSdo, FaultySdo, refuse
 from tests.process import environment, run
 

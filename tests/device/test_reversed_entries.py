@@ -14,7 +14,7 @@ from dvtcli.domain.profile import GENERIC
 from dvtcli.errors import DeviceRefused
 from dvtcli.simulator.device.reversed import ReversedDevice
 from dvtcli.simulator.network.family_file import load_family
-from dvtcli.simulator.network.twin import TwinBus
+from dvtcli.simulator.network.twin_bus import TwinBus
 from tests.laws.bench import NODE, DirectBus, DirectSdo, dictionary
 
 TPDO1 = Pdo.parse("tpdo1")

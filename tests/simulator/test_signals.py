@@ -10,7 +10,8 @@ import pytest
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.device.plant import DriveState, Plant, is_drive, next_state, state_of
-from dvtcli.simulator.device.signals import RowsError, Signal
+from dvtcli.simulator.device.signal_shapes import RowsError
+from dvtcli.simulator.device.signals import Signal
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.station import SimulatedNode
 from dvtcli.simulator.network.virtual_time import VirtualTimeBus

@@ -16,7 +16,7 @@ from dvtcli.errors import BusUnavailable, NoAnswer, SdoAborted, UsageError
 from dvtcli.simulator.device.family import GENERIC
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.simulated_network import SimulatedNetwork
-from dvtcli.simulator.network.twin import TwinBus
+from dvtcli.simulator.network.twin_bus import TwinBus
 from tests.bus.devices import device, dictionary
 
 Backing = Callable[[int, int], bytes]

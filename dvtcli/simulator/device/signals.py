@@ -7,23 +7,19 @@ configured.
 
 from __future__ import annotations
 
-import csv
-import math
-import random
 import re
-from bisect import bisect_right
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from dvtcli.domain.datatypes import DataType, Kind
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.simulator.device.moving import put_number
+from dvtcli.simulator.device.signal_shapes import RowsError, Shape, ramp, read_rows, rows, sine, square, walk
 from dvtcli.simulator.device.strict_device import StrictDevice
 
 #: how often a signal is written (s)
 SAMPLE_S = 0.01
-Shape = Callable[[float], float]
 
 _FORM = re.compile(
     r"(?:(?P<node>\d{1,3}|0[xX][0-9A-Fa-f]{1,2}):)?"
@@ -72,96 +68,6 @@ class Signal:
         shape = _shape(name, [word.strip() for word in words])
         node_id = None if node is None else int(node, 16 if node[1:2] in ("x", "X") else 10)
         return cls(int(found["index"], 16), int(found["sub"] or "0", 16), shape, node_id)
-
-
-def sine(amplitude: float, period_s: float) -> Shape:
-    """Swings between -*amplitude* and *amplitude*, beginning with 0."""
-    return lambda t_s: amplitude * math.sin(2 * math.pi * t_s / period_s)
-
-
-def ramp(first: float, last: float, period_s: float) -> Shape:
-    """Rises (or falls) from *first* to *last* in each period."""
-    return lambda t_s: first + (last - first) * (t_s % period_s) / period_s
-
-
-def square(one: float, other: float, period_s: float) -> Shape:
-    """*one* for half of each period, then *other*."""
-    return lambda t_s: one if t_s % period_s < period_s / 2 else other
-
-
-def walk(step: float, lowest: float, highest: float, period_s: float) -> Shape:
-    """Moves by up to *step* each period, within its limits, from their middle; the same way every time."""
-    chance = random.Random(0)  # noqa: S311 (a simulation that can be repeated, no secret)
-    values = [(lowest + highest) / 2]
-
-    def value(t_s: float) -> float:
-        steps = int(t_s / period_s)
-        while len(values) <= min(steps, _MOST_STEPS):
-            moved = values[-1] + chance.uniform(-step, step)
-            values.append(min(highest, max(lowest, moved)))
-        return values[steps % len(values)]
-
-    return value
-
-
-#: a walk begins anew after so many steps
-_MOST_STEPS = 100_000
-
-
-def rows(points: list[tuple[float, float]]) -> Shape:
-    """Holds each value of *points* (time in s, value), in order of time, until the next one."""
-    times = [time_s for time_s, _ in points]
-    return lambda t_s: points[max(0, bisect_right(times, t_s) - 1)][1]
-
-
-class RowsError(ValueError):
-    """A CSV file has no rows that could be a signal; *place* is its path, with `:LINE` where a line is to blame."""
-
-    def __init__(self, text: str, place: str) -> None:
-        super().__init__(text)
-        self.place = place
-
-
-def read_rows(path: Path, column: str) -> list[tuple[float, float]]:
-    """The times (s) and values of *column* in CSV file *path*; RowsError where there are none."""
-    try:
-        reader = csv.reader(_lines(path))
-        numbered = [(reader.line_num, line) for line in reader if line]
-    except (UnicodeError, csv.Error) as wrong:
-        raise RowsError(f"no CSV file: {wrong}", str(path)) from wrong
-    names = [name.strip() for name in numbered[0][1]] if numbered and not _is_number(numbered[0][1][0]) else []
-    place = names.index(column) if column in names else int(column) if _COLUMN.fullmatch(column) else 0
-    if numbered and place >= max(len(line) for _, line in numbered):
-        place = 0  # a number beyond every row is no column either
-    points = [(_cell(path, line, cells, 0), _cell(path, line, cells, place)) for line, cells in numbered[bool(names) :]]
-    if not points or place == 0:
-        known = f"; it has {', '.join(names[1:])}" if len(names) > 1 else ""
-        raise RowsError(f"no column {column!r} with values; columns count from 1 after the time{known}", str(path))
-    return sorted(points)
-
-
-_COLUMN = re.compile(r"[0-9]{1,4}")
-#: more than this many characters of a CSV file are no signal
-_MOST_CHARACTERS = 100_000_000
-
-
-def _lines(path: Path) -> list[str]:
-    """The lines of *path*, read as far as a file of sane size goes; OSError where it cannot be read."""
-    with path.open(encoding="utf-8-sig", newline="") as file:
-        text = file.read(_MOST_CHARACTERS + 1)
-    if len(text) > _MOST_CHARACTERS:
-        raise RowsError(f"more than {_MOST_CHARACTERS:,} characters", str(path))
-    return text.splitlines(keepends=True)
-
-
-def _cell(path: Path, line: int, cells: list[str], place: int) -> float:
-    try:
-        value = float(cells[place])
-    except (ValueError, IndexError):
-        value = math.nan
-    if not math.isfinite(value):
-        raise RowsError("rows are a time in seconds and numbers", f"{path}:{line}")
-    return value
 
 
 def read_signals(words: Iterable[str], dictionaries: Sequence[tuple[int, ObjectDictionary]]) -> tuple[Signal, ...]:
@@ -254,11 +160,3 @@ def _period(text: str) -> float:
     if period_s < 1e-3:
         raise ValueError(f"{text!r} is no period of 1 ms or more; write 2s, 500ms or 1min")
     return period_s
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
