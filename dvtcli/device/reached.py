@@ -13,7 +13,7 @@ from dvtcli.device.change.cancellation import Cancellation
 from dvtcli.device.missing import hint_for_missing
 from dvtcli.device.nmt_gate import Access, Gate
 from dvtcli.device.observe import BusWitness, observed
-from dvtcli.device.quirks.channel import in_standard_order
+from dvtcli.device.quirks.standard_channel import in_standard_order
 from dvtcli.device.read_pdos import read_optional
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.ports import CanopenBus, SdoTransport

@@ -1,4 +1,4 @@
-"""Clients that share one bus over TCP, by the socketcand protocol.
+"""Who is connected to one bus over TCP: lets clients in, waits for them, passes frames on, drops them.
 
 One thread calls everything but `wake`. Loses no frame: what a client does not read yet is kept, `congested` says that
 others should wait for it, and one that takes nothing for `STALL_S` is dropped. Does not know nodes or bit rates.
@@ -11,48 +11,20 @@ import selectors
 import socket
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, field
 from time import monotonic
 
 from dvtcli.domain.ports import Frame
-from dvtcli.simulator.network.socketcand import HI, OK, SYNTAX, UNKNOWN, Requests, RubbishError, opened_bus, sent_frame
+from dvtcli.simulator.network.hub_client import Client
+from dvtcli.simulator.network.socketcand import HI
 
 #: how long a client may take nothing while something waits for it (s)
 STALL_S = 5.0
-#: python-can wants the answer to `rawmode` alone in one read: frames wait so long, or until the client speaks (s)
-HOLD_S = 0.1
 #: clients at once, and what is kept for one before the others wait (bytes; a frame is some 45)
 MOST_CLIENTS, MOST_KEPT = 64, 256 * 1024
-_READ = 64 * 1024
 #: how long nobody is let in after the system had no room for a client (s)
 _FULL_S = 1.0
 _NO_ROOM = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
-#: clients that wait for an acknowledgement before they send their next frame get it at once, where the system can
-_QUICK_ACK: int | None = getattr(socket, "TCP_QUICKACK", None)
-
-MayRead = Callable[["Client"], bool]
-
-
-@dataclass(eq=False, slots=True)
-class Client:
-    """One connection: what it said so far, and what waits for it."""
-
-    connection: socket.socket
-    name: str
-    requests: Requests = field(default_factory=Requests)
-    opened: bool = False
-    raw: bool = False
-    #: what waits to be sent, and what waits until frames may follow
-    out: bytearray = field(default_factory=bytearray)
-    held: bytearray = field(default_factory=bytearray)
-    held_until_s: float | None = None
-    #: when something was last taken, or began to wait
-    progress_s: float = 0.0
-    blocked: bool = False
-    events: int = selectors.EVENT_READ
-    #: whether it said something since anything was sent to it
-    unanswered: bool = False
-    complained: bool = False
+MayRead = Callable[[Client], bool]
 
 
 class Hub:
@@ -88,7 +60,7 @@ class Hub:
     @property
     def congested(self) -> bool:
         """Whether a client has so much to read that the others should wait for it."""
-        return any(len(client.out) + len(client.held) > MOST_KEPT for client in self._clients.values())
+        return any(client.waiting > MOST_KEPT for client in self._clients.values())
 
     def wake(self) -> None:
         """End a `wait`, from any thread or signal handler."""
@@ -99,7 +71,7 @@ class Hub:
         """Put *text* on its way to every client in raw mode but *source*."""
         for client in self._clients.values():
             if client.raw and client is not source:
-                (client.out if client.held_until_s is None else client.held).extend(text)
+                client.put(text)
 
     def wait(self, timeout_s: float, may_read: MayRead) -> list[tuple[Client, Frame]]:
         """Send what waits, then the frames that clients sent within *timeout_s* (s), at once if there are some.
@@ -112,7 +84,7 @@ class Hub:
         for client in self._clients.values():
             self._listen(client, not congested and may_read(client))
             if client.unanswered:
-                self._acknowledge(client)
+                client.acknowledge()
         frames: list[tuple[Client, Frame]] = []
         for key, events in self._selector.select(max(0.0, self._shorter(timeout_s))):
             if key.fileobj is self._awake:
@@ -154,14 +126,6 @@ class Hub:
                 timeout_s = min(timeout_s, client.progress_s + self._stall_s - now_s)
         return timeout_s
 
-    @staticmethod
-    def _acknowledge(client: Client) -> None:
-        """Let the system acknowledge what *client* said, since no answer does."""
-        client.unanswered = False
-        if _QUICK_ACK is not None:
-            with suppress(OSError):  # it has hung up
-                client.connection.setsockopt(socket.IPPROTO_TCP, _QUICK_ACK, 1)
-
     def _listen(self, client: Client, read: bool) -> None:
         events = (selectors.EVENT_READ if read else 0) | (selectors.EVENT_WRITE if client.blocked else 0)
         if events == client.events:
@@ -190,9 +154,10 @@ class Hub:
         connection.setblocking(False)
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, MOST_KEPT)  # or the system keeps megabytes
-        client = self._clients[connection] = Client(connection, f"{where[0]}:{where[1]}")
+        client = self._clients[connection] = Client(connection, f"{where[0]}:{where[1]}", self._tell)
         self._selector.register(connection, client.events, client)
-        self._reply(client, HI)
+        client.reply(HI)
+        self._drop_if_gone(client)
 
     def _close_for_a_while(self, failed: OSError) -> None:
         """Let nobody in: who knocks would wake the thread again and again."""
@@ -211,97 +176,20 @@ class Hub:
     def _serve(self, client: Client, events: int, frames: list[tuple[Client, Frame]]) -> None:
         if events & selectors.EVENT_WRITE:
             client.blocked = False
-        if not events & selectors.EVENT_READ:
-            return
-        try:
-            data = client.connection.recv(_READ)
-        except BlockingIOError:
-            return
-        except OSError:
-            data = b""
-        if not data:
-            self._drop(client, None)
-            return
-        client.unanswered = True
-        self._release(client)
-        try:
-            requests = client.requests.feed(data)
-        except RubbishError as rubbish:
-            self._drop(client, str(rubbish))
-            return
-        for request in requests:
-            frame = self._obey(client, request)
-            if frame is not None:
-                frames.append((client, frame))
-
-    def _obey(self, client: Client, request: bytes) -> Frame | None:
-        """Do what *request* asks; the frame that it sends, if it is one."""
-        if client.opened:
-            try:
-                frame = sent_frame(request)
-            except ValueError as wrong:
-                self._complain(client, request, SYNTAX, str(wrong))
-                return None
-            if frame is not None:
-                return frame
-        if not client.opened and opened_bus(request) is not None:
-            client.opened = True
-            self._reply(client, OK)
-        elif client.opened and request in (b"rawmode", b"bcmmode"):
-            client.raw = request == b"rawmode"
-            self._reply(client, OK)
-            client.held_until_s = monotonic() + HOLD_S
-        elif client.opened and request == b"echo":
-            self._reply(client, b"< echo >")
-        else:
-            self._complain(client, request, UNKNOWN, "no such request here")
-        return None
-
-    def _complain(self, client: Client, request: bytes, answer: bytes, why: str) -> None:
-        """Refuse *request*; say so to the user once a client."""
-        self._reply(client, answer)
-        if not client.complained:
-            client.complained = True
-            self._tell(f"client {client.name} asked {request[:60]!r}: {why}")
-
-    def _reply(self, client: Client, text: bytes) -> None:
-        client.out.extend(text)
-        if not client.blocked:
-            self._send(client)
-
-    def _release(self, client: Client) -> None:
-        """Let frames follow: the client has read what had to come alone."""
-        if client.held_until_s is not None:
-            client.held_until_s = None
-            client.out.extend(client.held)
-            client.held.clear()
+        if events & selectors.EVENT_READ:
+            frames += ((client, frame) for frame in client.read())
+            self._drop_if_gone(client)
 
     def _flush(self) -> None:
         """Send what can be sent; drop who takes nothing."""
         now_s = monotonic()
         for client in tuple(self._clients.values()):
-            if client.held_until_s is not None and client.held_until_s <= now_s:
-                self._release(client)
-            if not client.out:
-                client.progress_s = now_s
-            elif client.blocked and now_s - client.progress_s >= self._stall_s:
-                self._drop(client, f"took nothing for {self._stall_s:g} s while frames waited for it")
-            elif not client.blocked:
-                self._send(client)
+            client.flush(now_s, self._stall_s)
+            self._drop_if_gone(client)
 
-    def _send(self, client: Client) -> None:
-        try:
-            sent = client.connection.send(client.out)
-        except BlockingIOError:
-            sent = 0
-        except OSError:
-            self._drop(client, None)
-            return
-        if sent:
-            client.unanswered = False
-            client.progress_s = monotonic()
-            del client.out[:sent]
-        client.blocked = bool(client.out)
+    def _drop_if_gone(self, client: Client) -> None:
+        if client.gone:
+            self._drop(client, client.why)
 
     def _drop(self, client: Client, why: str | None) -> None:
         """End a connection, for the reason that the user is told where there is one."""

@@ -12,7 +12,8 @@ from typing import Protocol
 
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.device.strict_device import StrictDevice
-from dvtcli.simulator.network.hub import Client, Hub
+from dvtcli.simulator.network.hub import Hub
+from dvtcli.simulator.network.hub_client import Client
 from dvtcli.simulator.network.socketcand import told_frame
 from dvtcli.simulator.network.station import LSS_MASTER, NMT_CAN_ID, SDO_REQUEST, SDO_RESPONSE, SimulatedNode
 from dvtcli.simulator.network.wire import Wire

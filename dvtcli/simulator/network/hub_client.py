@@ -1,0 +1,153 @@
+"""One client of a hub: what it says in the socketcand protocol, what it is answered, and what waits for it.
+
+Everything is sent and read without waiting. Does not know the other clients, nor when its connection is looked at.
+"""
+
+from __future__ import annotations
+
+import selectors
+import socket
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field
+from time import monotonic
+
+from dvtcli.domain.ports import Frame
+from dvtcli.simulator.network.socketcand import OK, SYNTAX, UNKNOWN, Requests, RubbishError, opened_bus, sent_frame
+
+#: python-can wants the answer to `rawmode` alone in one read: frames wait so long, or until the client speaks (s)
+HOLD_S = 0.1
+_READ = 64 * 1024
+#: clients that wait for an acknowledgement before they send their next frame get it at once, where the system can
+_QUICK_ACK: int | None = getattr(socket, "TCP_QUICKACK", None)
+
+
+@dataclass(eq=False, slots=True)
+class Client:
+    """One connection: what it said so far, and what waits for it; *tell* takes one line for the user about it."""
+
+    connection: socket.socket
+    name: str
+    tell: Callable[[str], None]
+    requests: Requests = field(default_factory=Requests)
+    opened: bool = False
+    raw: bool = False
+    #: what waits to be sent, and what waits until frames may follow
+    out: bytearray = field(default_factory=bytearray)
+    held: bytearray = field(default_factory=bytearray)
+    held_until_s: float | None = None
+    #: when something was last taken, or began to wait
+    progress_s: float = 0.0
+    blocked: bool = False
+    events: int = selectors.EVENT_READ
+    #: whether it said something since anything was sent to it
+    unanswered: bool = False
+    complained: bool = False
+    #: whether the connection has ended, or has to, and the reason that the user is told where there is one
+    gone: bool = False
+    why: str | None = None
+
+    @property
+    def waiting(self) -> int:
+        """How many bytes wait for it."""
+        return len(self.out) + len(self.held)
+
+    def put(self, text: bytes) -> None:
+        """Put the *text* of a frame on its way."""
+        (self.out if self.held_until_s is None else self.held).extend(text)
+
+    def reply(self, text: bytes) -> None:
+        """Put an answer on its way, before all frames that are held."""
+        self.out.extend(text)
+        if not self.blocked:
+            self.send()
+
+    def release(self) -> None:
+        """Let frames follow: the client has read what had to come alone."""
+        if self.held_until_s is not None:
+            self.held_until_s = None
+            self.out.extend(self.held)
+            self.held.clear()
+
+    def send(self) -> None:
+        """Send what can be sent at once."""
+        try:
+            sent = self.connection.send(self.out)
+        except BlockingIOError:
+            sent = 0
+        except OSError:
+            self.gone = True
+            return
+        if sent:
+            self.unanswered = False
+            self.progress_s = monotonic()
+            del self.out[:sent]
+        self.blocked = bool(self.out)
+
+    def flush(self, now_s: float, stall_s: float) -> None:
+        """Send what waits, by *now_s* on the monotonic clock; who takes nothing for *stall_s* has to go."""
+        if self.held_until_s is not None and self.held_until_s <= now_s:
+            self.release()
+        if not self.out:
+            self.progress_s = now_s
+        elif self.blocked and now_s - self.progress_s >= stall_s:
+            self.gone, self.why = True, f"took nothing for {stall_s:g} s while frames waited for it"
+        elif not self.blocked:
+            self.send()
+
+    def acknowledge(self) -> None:
+        """Let the system acknowledge what the client said, since no answer does."""
+        self.unanswered = False
+        if _QUICK_ACK is not None:
+            with suppress(OSError):  # it has hung up
+                self.connection.setsockopt(socket.IPPROTO_TCP, _QUICK_ACK, 1)
+
+    def read(self) -> list[Frame]:
+        """Do what the client asks by now; the frames that it sends."""
+        try:
+            data = self.connection.recv(_READ)
+        except BlockingIOError:
+            return []
+        except OSError:
+            data = b""
+        if not data:
+            self.gone = True
+            return []
+        self.unanswered = True
+        self.release()
+        try:
+            requests = self.requests.feed(data)
+        except RubbishError as rubbish:
+            self.gone, self.why = True, str(rubbish)
+            return []
+        return [frame for frame in map(self._obey, requests) if frame is not None]
+
+    def _obey(self, request: bytes) -> Frame | None:
+        """Do what *request* asks; the frame that it sends, if it is one."""
+        if self.opened:
+            try:
+                frame = sent_frame(request)
+            except ValueError as wrong:
+                self._complain(request, SYNTAX, str(wrong))
+                return None
+            if frame is not None:
+                return frame
+        if not self.opened and opened_bus(request) is not None:
+            self.opened = True
+            self.reply(OK)
+        elif self.opened and request in (b"rawmode", b"bcmmode"):
+            self.raw = request == b"rawmode"
+            self.reply(OK)
+            self.held_until_s = monotonic() + HOLD_S
+        elif self.opened and request == b"echo":
+            self.reply(b"< echo >")
+        else:
+            self._complain(request, UNKNOWN, "no such request here")
+        return None
+
+    def _complain(self, request: bytes, answer: bytes, why: str) -> None:
+        """Refuse *request*; say so to the user once a client."""
+        self.reply(answer)
+        if not self.complained:
+            self.complained = True
+            self.tell(f"client {self.name} asked {request[:60]!r}: {why}")
