@@ -1,3 +1,40 @@
-"""dvtcli: a PDO configurator for CANopen devices."""
+"""dvtcli: a PDO configurator for CANopen devices, and its API for Python programs.
 
-from dvtcli.version import __version__ as __version__
+    with dvtcli.connect(interface="socketcan", channel="can0") as bus:
+        bus.node(1, eds="drive.eds").map("tpdo1", "statusword", "606C", cob_id=0x201, sync=1)
+
+What stands in `__all__` is stable, every other name is ours to change. A name is imported when it is first used.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from dvtcli.version import __version__
+
+if TYPE_CHECKING:
+    from dvtcli import errors, results
+    from dvtcli.operations.api.python_bus import Bus, connect, simulate
+    from dvtcli.operations.api.python_node import Node
+
+__all__ = ["Bus", "Node", "__version__", "connect", "errors", "results", "simulate"]
+
+_FROM = {
+    "Bus": "operations.api.python_bus",
+    "connect": "operations.api.python_bus",
+    "simulate": "operations.api.python_bus",
+    "Node": "operations.api.python_node",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name in _FROM:
+        return getattr(import_module(f"dvtcli.{_FROM[name]}"), name)
+    if name in __all__:
+        return import_module(f"dvtcli.{name}")
+    raise AttributeError(f"dvtcli has no {name}")
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -13,6 +13,7 @@ from click.shell_completion import CompletionItem
 
 from dvtcli.cli.global_options import NEGATIVE_MARK
 from dvtcli.domain.datatypes import BY_SHORT_NAME, parse_number
+from dvtcli.domain.milliseconds import counts
 from dvtcli.domain.object_syntax import (
     MappedObject,
     Skipped,
@@ -270,15 +271,10 @@ class MillisecondsType(CanopenType):
     def parse(self, text: str, ctx: click.Context | None) -> int:
         """The number of counts."""
         try:
-            counts = float(text) * 1000 / self.unit_us
+            time_ms = float(text)
         except ValueError:
             raise ValueError(f"{text!r} is not a time in milliseconds") from None
-        top = self.most * self.unit_us / 1000
-        if not 0 <= counts <= self.most:
-            raise ValueError(f"{text} ms is not within 0…{top:g} ms")
-        if abs(counts - round(counts)) > 1e-6:
-            raise ValueError(f"{text} ms is no multiple of {self.unit_us / 1000:g} ms ({self.unit_us} us counts)")
-        return round(counts)
+        return counts(time_ms, self.unit_us, self.most)
 
 
 class TextType(CanopenType):

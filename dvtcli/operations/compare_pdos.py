@@ -15,7 +15,7 @@ from dvtcli.operations.look_at_frames import look
 from dvtcli.operations.results import Compared, ComparedNodes
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Collection, Sequence
 
     from dvtcli.device.node import Node
     from dvtcli.domain.pdo import Pdo
@@ -98,6 +98,21 @@ def _chosen(session: Session, pdos: Sequence[NodePdo], wishes: dict[int, Wish], 
             said = f"this session did not set {what}" if against == SESSION else f"{against} says nothing of {what}"
             raise UsageError(said, hint="verify FILE compares with a script, a DCF or an EDS; map or set it first")
     return {node_id: wished[node_id].only(wanted) for node_id, wanted in sorted(asked.items())} or wished
+
+
+def compare_node(
+    session: Session, node: Node, pdos: Collection[Pdo] = (), file: str | None = None, *, frame: bool = False
+) -> Compared:
+    """Compare *pdos* (none: everything) with what this session set on *node*, or with the DCF or EDS *file*.
+
+    UsageError where there is nothing to compare.
+    """
+    wish = session_wish(node) if file is None else dcf_wish(node, file)
+    missing = [pdo.label for pdo in pdos if pdo not in wish.pdos]
+    if missing or not wish:
+        what = missing[0] if missing else "anything"
+        raise UsageError(f"nothing to compare: {file or SESSION} does not set {what}", node=node.node_id)
+    return compare(session, node, wish.only(pdos) if pdos else wish, file, frame=frame)
 
 
 def compare(

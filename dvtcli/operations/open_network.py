@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.cancellation import Cancellation
+from dvtcli.device.change.progress import Progress
 from dvtcli.device.change.safekeeping import Keeper
 from dvtcli.device.change.whole import Whole
 from dvtcli.device.node import Node
@@ -72,6 +73,11 @@ class Network:
     done_before: Callable[[int], list[Plan]] = lambda _node_id: []
     #: node-IDs that were met elsewhere: where these are twins, on the bus itself
     met: Callable[[], Iterable[int]] = tuple
+    #: EDS and profile of single nodes, where somebody chose them
+    own_eds: dict[int, Path] = field(default_factory=dict)
+    own_profile: dict[int, str] = field(default_factory=dict)
+    #: told of every step of a change that a node took
+    on_step: Callable[[Progress], None] = lambda _progress: None
 
     @classmethod
     def opened(
@@ -120,7 +126,7 @@ class Network:
             node = Node(
                 self.bus, node_id, dictionary, profile, self.cancellation, self.consent,
                 history=self.done_before(node_id), order=self.order, keeper=keeper,
-                neighbours=lambda: self._others(node_id),
+                neighbours=lambda: self._others(node_id), on_step=self.on_step,
             )  # fmt: skip
             node.pending.boot_ups = boot_ups  # from first contact on a restart is noticed
             self.nodes[node_id] = node
@@ -164,6 +170,8 @@ class Network:
                 node.keeper.lock.release()
 
     def _dictionary(self, node_id: int) -> ObjectDictionary | None:
+        if node_id in self.own_eds:
+            return read_dictionary(self.own_eds[node_id])
         if self.options.eds:
             return read_dictionary(Path(self.options.eds))
         for one in self.simulated:
@@ -182,6 +190,8 @@ class Network:
         return None if path is None else read_dictionary(path)
 
     def _profile(self, node_id: int) -> DeviceProfile:
+        if node_id in self.own_profile:
+            return load_profile(self.own_profile[node_id])
         if self.options.profile:
             return load_profile(self.options.profile)
         for one in self.simulated:
@@ -287,6 +297,7 @@ def twin_of(network: Network) -> Network:
     return Network(
         bus, network.options, network.cancellation, network.consent, network.simulated,
         order=list(network.order), done_before=done_before, met=lambda: list(network.nodes),
+        own_eds=network.own_eds, own_profile=network.own_profile, on_step=network.on_step,
     )  # fmt: skip
 
 

@@ -12,7 +12,6 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from dvtcli.device.change.cancellation import Cancellation
-from dvtcli.device.change.whole import Whole
 from dvtcli.device.restarts import refuse_after_restarts
 from dvtcli.errors import BusUnavailable, DvtcliError, SafetyRefusal, UsageError
 from dvtcli.operations.options import Options
@@ -23,6 +22,7 @@ from dvtcli.operations.telling import Silent, Teller
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from dvtcli.device.change.whole import Whole
     from dvtcli.device.nmt_gate import Gate
     from dvtcli.device.node import Node
     from dvtcli.domain.heard import LastFrames
@@ -48,8 +48,6 @@ class Session:
         self.tell: Teller = tell or Silent()
         self.base = self.options = options or Options()
         self.cancellation = Cancellation()
-        #: what the changes that are made now belong to: an atomic script, or nothing
-        self.whole = Whole()
         #: called when the bus is about to be opened
         self.on_open: Callable[[], None] = lambda: None
         #: everything that was said at the program's start, in options, variables and files
@@ -300,6 +298,13 @@ class Session:
             left_behind = gate.abandon()
             if left_behind:
                 self.tell.warning(left_behind)
+
+    @cached_property
+    def whole(self) -> Whole:
+        """The changes that stand or fall together, as those of an atomic script."""
+        from dvtcli.device.change.whole import Whole
+
+        return Whole()
 
     @cached_property
     def secrets(self) -> Secrets:

@@ -59,6 +59,12 @@ def object_type(node: Node, index: int, sub_index: int) -> DataType:
     return type_of(node, index, sub_index, _size(node, index, sub_index))
 
 
+def refuse_signature(node: Node, index: int) -> None:
+    """Raise UsageError for 0x1010 and 0x1011, which take nothing but a signature."""
+    if index in SIGNATURES:
+        raise UsageError(f"0x{index:04X} takes a signature: use store() or restore()", node=node.node_id)
+
+
 def _size(node: Node, index: int, sub_index: int) -> int:
     """How long the object is; 0 where it cannot be read and no file tells."""
     if Pdo.at(index) is not None:

@@ -1,7 +1,7 @@
 """The house as its own code draws it: rooms, their order, every import between files, and what runs against the order.
 
 `python -m tests.house.draw` prints it, `--svg FILE` draws it too, `--package DIR` looks at another copy. Knows no law:
-`test_direction` judges. Counted are imports at the top, in functions and for the type checker, and every module that a
+`laws` judges. Counted are imports at the top, in functions and for the type checker, and every module that a
 string names (`import_module("dvtcli.x")`, `f"dvtcli.x.{name}"`, `python -m`): who imports by name imports.
 """
 
@@ -30,7 +30,9 @@ ROOMS: dict[str, str] = {
     "families": "data: profile, simulated behaviour and EDS of a device family",
     "simulator": "the strict device, and networks of it",
     "operations": "the use cases and what they answer",
-    "__init__": "the public face",
+    "results": "names of what calls answer",
+    "__init__": "the public face: `import dvtcli`",
+    "testing": "simulated nodes for the tests of others",
     "cli": "words and screens",
     "__main__": "the program's start",
 }
@@ -71,13 +73,26 @@ def _floor(room: str) -> int:
 
 
 class House:
-    """All files of a package, and every arrow between them."""
+    """All files of a package, and every arrow between them; *texts* are its files, None for those on the disk."""
 
-    def __init__(self, package: Path = PACKAGE) -> None:
+    def __init__(self, package: Path = PACKAGE, texts: Mapping[str, str] | None = None) -> None:
         self.package = package
-        paths = sorted(path for path in package.rglob("*.py") if "__pycache__" not in path.parts)
-        self.files = {path.relative_to(package).as_posix(): path for path in paths}
+        self.files = dict(sorted((_read(package) if texts is None else texts).items()))
+        self._of: dict[str, tuple[Arrow, ...]] = {}
         self._modules = {self._dotted(file): file for file in self.files}
+
+    def altered(self, file: str, text: str) -> House:
+        """A copy with *text* in *file*; arrows of other files are not looked for again unless the file is new."""
+        other = House(self.package, {**self.files, file: text})
+        if file in self.files:
+            other._of = {one: arrows for one, arrows in self._arrows_by_file().items() if one != file}
+        return other
+
+    def _arrows_by_file(self) -> dict[str, tuple[Arrow, ...]]:
+        for file, text in self.files.items():
+            if file not in self._of:
+                self._of[file] = tuple(self._of_file(file, text))
+        return self._of
 
     def _dotted(self, file: str) -> str:
         whole = f"{self.package.name}/{file}".removesuffix(".py").removesuffix("/__init__")
@@ -86,7 +101,7 @@ class House:
     @cached_property
     def arrows(self) -> tuple[Arrow, ...]:
         """Every import of one file of the package by another, once for each line."""
-        found = {arrow for file, path in self.files.items() for arrow in self._of_file(file, path)}
+        found = {arrow for arrows in self._arrows_by_file().values() for arrow in arrows}
         return tuple(sorted(found, key=lambda arrow: (arrow.source, arrow.line, arrow.target, arrow.how)))
 
     def outward(self) -> list[Arrow]:
@@ -100,8 +115,8 @@ class House:
             edges[arrow.source].add(arrow.target)
         return sorted((sorted(each) for each in _strongly_connected(edges) if len(each) > 1), key=len, reverse=True)
 
-    def _of_file(self, file: str, path: Path) -> Iterator[Arrow]:
-        tree = ast.parse(path.read_text("utf-8"))
+    def _of_file(self, file: str, text: str) -> Iterator[Arrow]:
+        tree = ast.parse(text)
         for node, how in _with_kind(tree):
             for target in self._targets(node, file, tree):
                 if target != file:
@@ -148,6 +163,11 @@ class House:
         }
         words = {word.partition(":")[0] for word in _texts(tree)}
         return [file for name, file in members.items() if name in words] or list(members.values())
+
+
+def _read(package: Path) -> dict[str, str]:
+    paths = (path for path in package.rglob("*.py") if "__pycache__" not in path.parts)
+    return {path.relative_to(package).as_posix(): path.read_text("utf-8") for path in paths}
 
 
 def _texts(tree: ast.Module) -> Iterator[str]:

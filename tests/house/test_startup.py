@@ -9,7 +9,7 @@ import pytest
 
 from tests.process import environment
 
-HEAVY = ["can", "canopen", "prompt_toolkit", "rich", "ruamel", "dvtcli.cli.commands.map", "dvtcli.simulator", "asyncio"]
+HEAVY = ["can", "canopen", "prompt_toolkit", "ruamel", "dvtcli.cli.commands.map", "dvtcli.simulator", "asyncio"]
 #: what only lines about nodes need
 NODES = ["dvtcli.domain.pdo", "dvtcli.device.change.journal"]
 PROBE = """

@@ -6,14 +6,16 @@ Decides nothing about what is legal, and shows nothing.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from itertools import count
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.pending import CHANGE
+from dvtcli.device.change.progress import Progress
 from dvtcli.device.change.safekeeping import JournalKept
 from dvtcli.device.change.transaction import Transaction, left_changed
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.domain.plan import Change, PdoChange, Plan, writes_cob_id
+from dvtcli.domain.plan import Change, PdoChange, Plan, Step, writes_cob_id
 from dvtcli.domain.several import several
 from dvtcli.errors import DvtcliError, LeftChanged
 
@@ -159,6 +161,11 @@ def run(node: Changeable, plan: Plan, others: Mapping[Pdo, PdoConfig]) -> None:
         if node.keeper is not None:
             node.keeper.note(Plan(plan.node_id, tuple(changes)))
 
+    steps, total = count(1), len(plan)
+
+    def took(step: Step) -> None:
+        node.on_step(Progress(plan.node_id, next(steps), total, step))
+
     transaction = Transaction(
         node.sdo,
         plan,
@@ -169,6 +176,7 @@ def run(node: Changeable, plan: Plan, others: Mapping[Pdo, PdoConfig]) -> None:
         witness=node.witness,
         others=others,
         on_altered=note,
+        on_step=took,
     )
     try:
         transaction.run()

@@ -5,10 +5,12 @@ Does not know what is changed, nor what can be undone.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from dvtcli.device.change.expected import Expected
 from dvtcli.device.change.pending import Pending
+from dvtcli.device.change.progress import Progress
 from dvtcli.device.change.safekeeping import Keeper
 from dvtcli.device.known_pdos import KnownPdos
 from dvtcli.device.observe import Found
@@ -24,6 +26,8 @@ class Changeable(KnownPdos):
     keeper: Keeper | None = None
     #: what this session knows that the node's RAM must hold before it is stored: changed here, or seen beside a change
     expected: Expected = field(default_factory=Expected)
+    #: told of every step of a change that the node took
+    on_step: Callable[[Progress], None] = lambda _progress: None
 
     def claim(self) -> Found:
         """Before the first read of a change: let no other dvtcli write to the node until the line ends.

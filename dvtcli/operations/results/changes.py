@@ -118,6 +118,10 @@ class Stored:
     skipped: str = ""
     because: str = ""
 
+    def __bool__(self) -> bool:
+        """Whether it is as it should be: `assert` in a test says the rest."""
+        return self.exit_code == 0
+
     @property
     def exit_code(self) -> int:
         """1 where a proof was asked for, and what it should have shown is not so, or not proven."""
@@ -184,6 +188,10 @@ class Compared:
     def frame_missing(self) -> bool:
         """Whether a frame was asked for and not seen."""
         return self.frame_asked and (not self.frames or any(frame is None for _, frame, _ in self.frames))
+
+    def __bool__(self) -> bool:
+        """Whether it is as it should be: `assert` in a test says the rest."""
+        return self.exit_code == 0
 
     @property
     def exit_code(self) -> int:

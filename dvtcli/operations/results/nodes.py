@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -55,6 +56,15 @@ class NodeListing:
     detail: bool = False
     exit_code: int = 0
 
+    def __iter__(self) -> Iterator[NodeRow]:
+        return iter(self.rows)
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __bool__(self) -> bool:
+        return bool(self.rows)
+
     def document(self) -> Document:
         """`dvtcli.nodes/1`."""
         return {"schema": "dvtcli.nodes/1", "bus": self.bus, "nodes": [row.document() for row in self.rows]}
@@ -74,6 +84,10 @@ class Commanded:
     dry_run: bool
     lost: tuple[str, ...] = ()
     wanted: str | None = None
+
+    def __bool__(self) -> bool:
+        """Whether it is as it should be: `assert` in a test says the rest."""
+        return self.exit_code == 0
 
     @property
     def elsewhere(self) -> tuple[tuple[int, str], ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from dvtcli.domain.datatypes import Value
@@ -91,6 +92,19 @@ class PdoListing:
     detail: bool = False
     sync_period_us: int | None = None
     exit_code: int = 0
+
+    def __iter__(self) -> Iterator[PdoRow]:
+        return iter(self.rows)
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __getitem__(self, pdo: str | Pdo) -> PdoRow:
+        wanted = pdo if isinstance(pdo, Pdo) else Pdo.parse(pdo)
+        for row in self.rows:
+            if row.pdo == wanted:
+                return row
+        raise KeyError(pdo)
 
     def document(self) -> Document:
         """`dvtcli.pdo/1`."""

@@ -38,6 +38,9 @@ PARTS = {
     "simulated-values": "families:simulated_values",
     "faults": "faults:faults",
     "signals": "faults:signals",
+    "python-calls": "api:calls",
+    "python-answers": "api:answers",
+    "python-fixtures": "api:fixtures",
 }
 _PART = re.compile(r"(<!-- generated: ([a-z-]+) -->\n).*?(<!-- end of generated -->)", re.S)
 

@@ -1,0 +1,181 @@
+"""canopen's own RemoteNode on a bus of ours, for programs that know canopen.
+
+Its SDO goes through an SdoTransport that it is given, so that both sides never speak on one channel at a time; frames
+that the bus hears are handed on by a thread of its own. Does not know what dvtcli does on the bus meanwhile.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from queue import SimpleQueue
+from typing import Any, cast
+
+import can
+import canopen
+from canopen import SdoAbortedError, SdoCommunicationError, objectdictionary
+from canopen.sdo.client import SdoClient
+
+from dvtcli.domain.nmt import NmtCommand
+from dvtcli.domain.object_dictionary import ObjectDictionary, ObjectType, OdEntry
+from dvtcli.domain.ports import CanopenBus, Frame, SdoTransport
+from dvtcli.errors import BusUnavailable, DvtcliError, SdoAborted
+
+#: How long the reading thread listens before it looks whether it should end, in seconds.
+_LISTEN_S = 0.1
+_NMT = 0x000
+
+
+class CanopenNetwork(canopen.Network):
+    """A canopen network on *bus*, which stays open when this is disconnected.
+
+    It hears and sends what *bus* hears and sends; call-backs come in a thread of its own and may use the bus.
+    """
+
+    def __init__(self, bus: CanopenBus) -> None:
+        super().__init__(_Sender(bus))
+        self._heard: SimpleQueue[Frame | None] = SimpleQueue()
+        self._open = True
+        self._untap = bus.tap(lambda frame, sent: None if sent else self._heard.put(frame))
+        self._shared = bus
+        self._threads = [threading.Thread(target=work, daemon=True) for work in (self._listen, self._hand_on)]
+        for thread in self._threads:
+            thread.start()
+
+    def _listen(self) -> None:
+        """Read the bus while nobody else does."""
+        try:
+            while self._open:
+                self._shared.idle(_LISTEN_S)
+        except BusUnavailable:
+            return  # whoever uses the bus is told
+        finally:
+            self._heard.put(None)
+
+    def _hand_on(self) -> None:
+        while (frame := self._heard.get()) is not None:
+            self.notify(frame.can_id, bytearray(frame.data), frame.timestamp_s)
+
+    def disconnect(self) -> None:
+        """Stop what is sent periodically, and hand on no more frames; the bus stays open. May be called twice."""
+        if self._open:
+            self._open = False
+            self._untap()
+            super().disconnect()
+            for thread in self._threads:
+                if thread is not threading.current_thread():  # a call-back may close the bus
+                    thread.join()
+
+
+class _Sender(can.BusABC):
+    """A python-can bus that only sends, on a bus of ours."""
+
+    def __init__(self, bus: CanopenBus) -> None:
+        super().__init__(channel=bus.name)
+        self.channel_info = bus.name
+        self._shared = bus
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:  # noqa: ARG002 - python-can's interface
+        """Send one frame; an NMT command is noted as what it is."""
+        if msg.arbitration_id == _NMT and not msg.is_extended_id and msg.dlc == 2:
+            self._shared.send_nmt(NmtCommand(msg.data[0]), msg.data[1])
+            return
+        frame = Frame(msg.arbitration_id, bytes(msg.data), msg.is_extended_id, msg.is_remote_frame)
+        self._shared.send(frame)
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:  # noqa: ARG002 - as above
+        return None, False
+
+
+class _Client(SdoClient):
+    """canopen's SDO client over a channel that others use, too."""
+
+    def __init__(self, node_id: int, od: objectdictionary.ObjectDictionary, channel: SdoTransport) -> None:
+        super().__init__(0x600 + node_id, 0x580 + node_id, od)  # type: ignore[no-untyped-call]
+        self._channel = channel
+
+    def upload(self, index: int, subindex: int) -> bytes:
+        """Read an object; canopen's SdoAbortedError and SdoCommunicationError."""
+        with _canopens_errors():
+            return self._channel.upload(index, subindex)
+
+    def download(self, index: int, subindex: int, data: bytes, force_segment: bool = False) -> None:  # noqa: ARG002
+        """Write an object; errors as `upload`."""
+        with _canopens_errors():
+            self._channel.download(index, subindex, bytes(data))
+
+    def open(self, *_: Any, **__: Any) -> Any:
+        """Raise SdoCommunicationError: a stream would keep the channel from everybody else."""
+        raise SdoCommunicationError("no streams on a shared channel: use upload and download")
+
+    def on_response(self, *_: Any) -> None:
+        """Leave answers to the channel."""
+
+
+@contextmanager
+def _canopens_errors() -> Iterator[None]:
+    try:
+        yield
+    except SdoAborted as aborted:
+        raise SdoAbortedError(aborted.code) from aborted
+    except DvtcliError as failed:
+        raise SdoCommunicationError(str(failed)) from failed
+
+
+class _Node(canopen.RemoteNode):
+    """A remote node whose default SDO channel is handed to it."""
+
+    def __init__(self, node_id: int, od: objectdictionary.ObjectDictionary, channel: SdoTransport) -> None:
+        self._channel: SdoTransport | None = channel
+        super().__init__(node_id, od)
+
+    def add_sdo(self, rx_cobid: int, tx_cobid: int) -> SdoClient:
+        """The default channel first; further ones are canopen's own."""
+        channel, self._channel = self._channel, None
+        if channel is None:
+            return cast("SdoClient", super().add_sdo(rx_cobid, tx_cobid))  # type: ignore[no-untyped-call]
+        client = _Client(rx_cobid - 0x600, self.object_dictionary, channel)
+        self.sdo_channels.append(client)
+        return client
+
+
+def remote_node(
+    network: CanopenNetwork, node_id: int, dictionary: ObjectDictionary | None, channel: SdoTransport
+) -> canopen.RemoteNode:
+    """canopen's node with *node_id* in *network*, with the objects of *dictionary*; its SDO goes through *channel*."""
+    od = canopen_dictionary(dictionary, node_id)
+    return network.add_node(_Node(node_id, od, channel))
+
+
+def canopen_dictionary(dictionary: ObjectDictionary | None, node_id: int) -> objectdictionary.ObjectDictionary:
+    """*dictionary* as canopen has it, for *node_id*; an empty one for None."""
+    od = objectdictionary.ObjectDictionary()  # type: ignore[no-untyped-call]
+    od.node_id = node_id
+    if dictionary is None:
+        return od
+    for index, held in dictionary.items():
+        if held.object_type in (ObjectType.ARRAY, ObjectType.RECORD):
+            kind = objectdictionary.ODArray if held.object_type == ObjectType.ARRAY else objectdictionary.ODRecord
+            parent = kind(held.name, index)
+            for entry in held.entries.values():
+                parent.add_member(_variable(entry, node_id))
+            od.add_object(parent)
+        else:
+            od.add_object(_variable(next(iter(held.entries.values())), node_id))
+    return od
+
+
+def _variable(entry: OdEntry, node_id: int) -> objectdictionary.ODVariable:
+    variable = objectdictionary.ODVariable(entry.name, entry.index, entry.sub_index)
+    variable.data_type = None if entry.data_type is None else entry.data_type.code
+    variable.access_type = str(entry.access)
+    variable.pdo_mappable = bool(entry.pdo_mapping)
+    variable.unit = entry.unit
+    limits: tuple[Any, Any] = entry.limits(node_id)
+    variable.min, variable.max = limits
+    initial = entry.initial(node_id)
+    if initial is not None and entry.data_type is not None and len(initial) == entry.data_type.size:
+        default: Any = entry.data_type.decode(initial)
+        variable.default = default
+    return variable

@@ -1,0 +1,124 @@
+"""Every call of the Python API runs as a line of its own does: options in force, the NMT state put back at its end.
+
+One call of a bus at a time, from any thread. Does not know what is called, nor who may be asked.
+"""
+
+from __future__ import annotations
+
+import re
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, TypeVar
+
+from dvtcli.device.change.transaction import Interrupted
+from dvtcli.device.restarts import losses, refuse_after_restarts
+from dvtcli.errors import BusUnavailable, DvtcliError, UsageError
+from dvtcli.operations.api.ctrl_c import ctrl_c_at_safe_points
+
+if TYPE_CHECKING:
+    from dvtcli.operations.session import Session
+
+T = TypeVar("T")
+#: Exit code of what nobody foresaw: nodes stay PRE-OPERATIONAL after it.
+_BUG = 70
+#: options of commands that have another name here
+_ARGUMENTS = {
+    "cob-id": "cob_id=",
+    "timer": "timer_ms=",
+    "inhibit": "inhibit_ms=",
+    "eds": "eds=",
+    "profile": "profile=",
+    "timeout": "timeout_s=",
+}
+
+
+class Calls:
+    """The calls of one bus, whose *session* they share."""
+
+    def __init__(self, session: Session) -> None:
+        self.session = session
+        self._turn = threading.Lock()
+        self._owner: int | None = None
+        self.closed = False
+
+    def run(self, work: Callable[[], T], *, changes: bool = False, yes: bool = False, force: bool = False) -> T:
+        """What *work* answers, with *yes* and *force* as a line's own options.
+
+        Where it *changes* something, Restarted is raised if by its end a node has lost what was set. KeyboardInterrupt
+        after a Ctrl-C, once the device is in a known state: its text says in which.
+        """
+        session = self.session
+        with self.alone():
+            session.cancellation.reset()
+            with ctrl_c_at_safe_points(session.cancellation):
+                try:
+                    with session.under(yes=yes, force=force):
+                        result = work()
+                        if changes and not session.dry_run:
+                            refuse_after_restarts(list(session.met_nodes()))
+                except BaseException as raised:
+                    self._failed(raised)
+                    raise
+                session.end_line(0)
+                self._tell_what_was_noticed()
+            if session.cancellation.requested:
+                raise KeyboardInterrupt("it was complete when Ctrl-C came; what it did stays")
+        return result
+
+    def _failed(self, raised: BaseException) -> None:
+        """Put NMT states back after *raised*, which is told what goes wrong with that."""
+        try:
+            self.session.end_line(_code_of(raised))
+            self._tell_what_was_noticed()
+        except DvtcliError as second:
+            raised.add_note(f"then: {second}")
+        if isinstance(raised, DvtcliError) and raised.hint is not None:
+            raised.hint = in_python(raised.hint)
+        if isinstance(raised, Interrupted):
+            raise KeyboardInterrupt(f"{raised.text}; the device: {raised.state}") from raised
+
+    def _tell_what_was_noticed(self) -> None:
+        """Say what the bus showed meanwhile: other SDO clients, and nodes that restarted and lost what was set."""
+        session = self.session
+        for text in (*session.wire.disturbances(), *losses(list(session.met_nodes()))):
+            session.tell.warning(text)
+
+    @contextmanager
+    def alone(self) -> Iterator[None]:
+        """A block in which no other thread uses the bus through this API.
+
+        UsageError where a call-back calls back into the bus, BusUnavailable once that is closed.
+        """
+        if self._owner == threading.get_ident():
+            raise UsageError("a call-back must not call the bus that calls it: remember what it says, and call later")
+        with self._turn:
+            if self.closed:
+                raise BusUnavailable("the bus is closed")
+            self._owner = threading.get_ident()
+            try:
+                yield
+            finally:
+                self._owner = None
+
+    def close(self) -> None:
+        """Leave the bus once no call is at work on it; further calls raise BusUnavailable."""
+        if self._owner == threading.get_ident():
+            raise UsageError("a call-back must not close the bus that calls it")
+        with self._turn:
+            if not self.closed:
+                self.closed = True
+                self.session.close()
+
+
+def in_python(hint: str) -> str:
+    """A *hint* to a command's user as a program wants it: `--yes` is `yes=True`, `--eds FILE` is `eds=FILE`."""
+    hint = re.sub(r"(?<![\w-])--(yes|force|extended|frame)\b", r"\1=True", hint)
+    return re.sub(rf"(?<![\w-])--({'|'.join(_ARGUMENTS)})(?: (?=[A-Z]))?", lambda one: _ARGUMENTS[one[1]], hint)
+
+
+def _code_of(raised: BaseException) -> int:
+    """The exit code that a command would end with."""
+    if isinstance(raised, DvtcliError):
+        return raised.exit_code
+    return 130 if isinstance(raised, KeyboardInterrupt) else _BUG

@@ -1,0 +1,193 @@
+"""A bus for a program: opened, asked for nodes, scanned, rehearsed on, closed. Prints nothing and asks nobody."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Any
+
+from dvtcli.errors import UsageError
+from dvtcli.operations.api.calls import Calls
+from dvtcli.operations.api.python_node import Node
+from dvtcli.operations.api.told import Message, Told
+from dvtcli.operations.options import Options
+from dvtcli.operations.session import Session
+from dvtcli.operations.simulated_nodes import read_dictionary
+
+if TYPE_CHECKING:
+    from canopen import RemoteNode
+
+    from dvtcli.bus.canopen_node import CanopenNetwork
+    from dvtcli.device.change.progress import Progress
+    from dvtcli.operations.results import NodeListing
+
+
+class Bus:
+    """An open CAN bus; a context manager that leaves it.
+
+    Made by `connect` and `simulate`. One call at a time is at work on a bus: calls of several threads wait for their
+    turn. Call-backs come in the thread that called, and must not call the bus.
+    """
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self._calls = Calls(session)
+        self._nodes: dict[int, Node] = {}
+        self._name = session.wire.name
+        self._canopen: CanopenNetwork | None = None
+        self._remote: dict[int, RemoteNode] = {}
+
+    def __enter__(self) -> Bus:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, tb: TracebackType | None) -> None:
+        self.close()
+
+    def __repr__(self) -> str:
+        return f"<dvtcli bus {self.name}{', closed' if self._calls.closed else ''}>"
+
+    @property
+    def name(self) -> str:
+        """How the bus is called, for example `socketcan:can0`."""
+        return self._name
+
+    @property
+    def is_dry_run(self) -> bool:
+        """Whether calls work on twins of the nodes at the moment."""
+        return self._session.dry_run
+
+    def node(self, node_id: int | None = None, *, eds: str | Path | None = None, profile: str | None = None) -> Node:
+        """The node with *node_id* (1…127; None: the first simulated one), with its EDS or DCF and its device family.
+
+        Nothing is sent yet. Without *eds* the file that `dvtcli eds add` keeps for the device's identity is taken, or
+        none; without *profile* the family is found from the identity. UsageError where the file cannot be read, or the
+        node has another one already; InputFileError where the file is wrong.
+        """
+        with self._calls.alone():
+            chosen = self._node_id(node_id)
+            network = self._session.open_network()
+            if eds is not None:
+                read_dictionary(Path(eds))
+                _choose(network.own_eds, chosen, Path(eds), met=chosen in network.nodes)
+            if profile is not None:
+                _choose(network.own_profile, chosen, profile, met=chosen in network.nodes)
+            return self._nodes.setdefault(chosen, Node(self._calls, chosen, self._canopen_node))
+
+    def _canopen_node(self, node_id: int) -> RemoteNode:
+        from dvtcli.bus.canopen_node import CanopenNetwork, remote_node
+        from dvtcli.operations.api.canopen_access import TakingTurns
+
+        with self._calls.alone():
+            session = self._session
+            if session.dry_run:
+                raise UsageError("canopen speaks to the device itself: not in a dry run")
+            if self._canopen is None:
+                self._canopen = CanopenNetwork(session.wire)
+            if node_id not in self._remote:
+                dictionary, channel = session.node(node_id).dictionary, TakingTurns(self._calls, node_id)
+                self._remote[node_id] = remote_node(self._canopen, node_id, dictionary, channel)
+            return self._remote[node_id]
+
+    def _node_id(self, node_id: int | None) -> int:
+        simulated = self._session.open_network().simulated_ids
+        if node_id is None and simulated:
+            return simulated[0]
+        if not isinstance(node_id, int) or not 1 <= node_id <= 127:
+            raise UsageError(f"{node_id!r} is not a node-ID; node-IDs are 1…127")
+        return node_id
+
+    def scan(self, answer_s: float = 0.05) -> NodeListing:
+        """List the nodes 1…127 that are heard or answer within *answer_s* seconds each; a list of rows."""
+        from dvtcli.operations.find_nodes import find_nodes
+
+        return self._calls.run(lambda: find_nodes(self._session, answer_s))
+
+    @contextmanager
+    def dry_run(self) -> Iterator[Bus]:
+        """A block in which everything is done to exact twins of the nodes: nothing is written to the bus.
+
+        The twins answer as the devices would, and forget everything at the block's end.
+        """
+        with self._calls.alone():
+            if self._session.dry_run:
+                raise UsageError("a dry run is going on already")
+            twins = self._session.under(dry_run=True)
+            twins.__enter__()
+        try:
+            yield self
+        finally:
+            with self._calls.alone():
+                twins.__exit__(None, None, None)
+
+    def close(self) -> None:
+        """Leave the bus, and let others write to its nodes; waits for a call that is at work. May be called twice."""
+        network, self._canopen = self._canopen, None
+        if network is not None:
+            network.disconnect()
+        self._calls.close()
+
+
+def _choose(chosen: dict[int, Any], node_id: int, what: Any, *, met: bool) -> None:
+    if met and chosen.get(node_id) != what:
+        raise UsageError(f"node {node_id} was used already: give eds and profile where it is first asked for")
+    chosen[node_id] = what
+
+
+def connect(
+    interface: str | None = None,
+    channel: str | int | None = None,
+    bitrate: int | None = None,
+    *,
+    timeout_s: float = 0.5,
+    journal: str | Path | None = None,
+    ask: Callable[[str], bool] | None = None,
+    on_message: Callable[[Message], None] | None = None,
+    on_progress: Callable[[Progress], None] | None = None,
+    **more: object,
+) -> Bus:
+    """Open a CAN interface by python-can's names; what is None comes from python-can's own configuration.
+
+    *bitrate* is in bit/s, *timeout_s* the SDO time-out in seconds, *journal* the folder of journals and backups (the
+    user's state folder), *more* further keys of python-can. *ask* is asked where a command would ask its user, and
+    answers whether to go on; without it, and without `yes=True`, such a call raises SafetyRefusal. *on_message* is told
+    what a command would say beside its result, *on_progress* each step of a change that a node took. BusUnavailable
+    where the bus cannot be opened.
+    """
+    given = {
+        "interface": interface,
+        "channel": None if channel is None else str(channel),
+        "bitrate": bitrate,
+        "bus_kwargs": tuple(f"{key}={value}" for key, value in more.items()),
+        "timeout": timeout_s,
+        "journal": None if journal is None else str(journal),
+    }
+    return _opened(given, Told(on_message, ask), on_progress)
+
+
+def simulate(
+    *nodes: str,
+    faults: tuple[str, ...] | list[str] = (),
+    signals: tuple[str, ...] | list[str] = (),
+    timeout_s: float = 0.5,
+    ask: Callable[[str], bool] | None = None,
+    on_message: Callable[[Message], None] | None = None,
+    on_progress: Callable[[Progress], None] | None = None,
+) -> Bus:
+    """Open a bus on which only simulated *nodes* live, in this process: `gen4`, `tmcm@5`, `my.eds@9`.
+
+    *faults* and *signals* are words as `--fault` and `--signal` take them. UsageError for a wrong word.
+    """
+    if not nodes:
+        raise UsageError("which node? a family, such as 'generic', or the path of an EDS")
+    given = {"sim": nodes, "fault": tuple(faults), "signal": tuple(signals), "timeout": timeout_s}
+    return _opened(given, Told(on_message, ask), on_progress)
+
+
+def _opened(given: dict[str, Any], told: Told, on_progress: Callable[[Progress], None] | None) -> Bus:
+    session = Session(Options(**{key: value for key, value in given.items() if value is not None}), told)
+    network = session.open_network()
+    if on_progress is not None:
+        network.on_step = on_progress
+    return Bus(session)

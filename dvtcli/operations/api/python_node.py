@@ -1,0 +1,272 @@
+"""One node for a program: what its commands do, as methods. Knows no words of a command line and prints nothing."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING, Literal, TypeVar, Unpack
+
+from dvtcli.domain.request import Cleared, Switched
+from dvtcli.errors import UsageError
+from dvtcli.operations.api.arguments import (
+    Entry,
+    Group,
+    Object,
+    PdoOptions,
+    bytes_of,
+    entry_of,
+    group_of,
+    nmt_command_of,
+    object_of,
+    pdo_of,
+    request,
+)
+from dvtcli.operations.api.arguments import type_of as type_named
+
+if TYPE_CHECKING:
+    from canopen import RemoteNode
+
+    from dvtcli.device.node import Node as DeviceNode
+    from dvtcli.domain.datatypes import Value
+    from dvtcli.domain.pdo import Pdo
+    from dvtcli.domain.request import PdoWant
+    from dvtcli.operations.api.calls import Calls
+    from dvtcli.operations.results import Changed, Commanded, Compared, NodeRow, PdoListing, PdoRow, Stored, ValueRead
+
+T = TypeVar("T")
+
+
+class Node:
+    """A node on a `Bus`, as `Bus.node` hands it out; it is asked who it is when it is first used.
+
+    Every method raises the errors of `dvtcli.errors`: NoAnswer where the node is silent, SdoAborted where it refuses,
+    BusUnavailable where the bus fails. Those that write check first (RuleError), put back what cannot be finished
+    (DeviceRefused, LeftChanged) and take *yes* and *force*: *yes* answers the questions that a command would ask, such
+    as whether a node may leave OPERATIONAL; without it a question is SafetyRefusal. *force* sends what dvtcli's own
+    rules refuse.
+    """
+
+    def __init__(self, calls: Calls, node_id: int, canopen: Callable[[int], RemoteNode]) -> None:
+        self._calls = calls
+        self._canopen = canopen
+        self._node_id = node_id
+
+    @property
+    def node_id(self) -> int:
+        """The node-ID, 1…127."""
+        return self._node_id
+
+    def __repr__(self) -> str:
+        return f"<dvtcli node {self._node_id}>"
+
+    def identity(self) -> NodeRow:
+        """What the node says of itself: device type, identity (0x1018), name, NMT state."""
+        from dvtcli.operations.identify import identify
+
+        return self._read(lambda node: identify(self._calls.session, node.node_id)).rows[0]
+
+    def pdos(self) -> PdoListing:
+        """Every PDO as the node holds it now."""
+        from dvtcli.operations.list_pdos import list_pdos
+
+        return self._read(lambda node: list_pdos(self._calls.session, node.node_id, show_all=True))
+
+    def pdo(self, pdo: str | Pdo) -> PdoRow:
+        """One PDO as the node holds it now; UsageError where it has none of that name (`tpdo1`)."""
+        from dvtcli.operations.list_pdos import show_pdo
+
+        wanted = pdo_of(pdo)
+        return self._read(lambda node: show_pdo(self._calls.session, wanted, node.node_id)).rows[0]
+
+    def read(self, object_: Object, as_type: str | None = None) -> ValueRead:
+        """Read an object by SDO upload, decoded as *as_type* (`u16`, `i32`, `r32`, `vs`, …) or as the EDS says."""
+        from dvtcli.operations.object_values import value_result
+
+        def read(node: DeviceNode) -> ValueRead:
+            index, sub_index = object_of(node, object_)
+            return value_result(node, index, sub_index, node.upload(index, sub_index), type_named(as_type))
+
+        return self._read(read)
+
+    def write(
+        self, object_: Object, value: Value, as_type: str | None = None, *, yes: bool = False, force: bool = False
+    ) -> Changed:
+        """Write an object by SDO download, read it back, and put the old value back where that differs.
+
+        Bytes go as they are, other values as *as_type* or as the EDS says. UsageError for 0x1010 and 0x1011: `store`
+        and `restore` do that.
+        """
+        from dvtcli.operations.write_object import object_type, refuse_signature, write_bytes
+
+        def write(node: DeviceNode) -> Changed:
+            index, sub_index = object_of(node, object_)
+            refuse_signature(node, index)
+            kind = type_named(as_type) or object_type(node, index, sub_index)
+            data = bytes_of(kind, value, f"{index:04X}:{sub_index:02X}")
+            return write_bytes(self._calls.session, node, index, sub_index, data)
+
+        return self._change(write, yes=yes, force=force)
+
+    def map(
+        self,
+        pdo: str | Pdo,
+        *objects: Entry,
+        yes: bool = False,
+        force: bool = False,
+        **options: Unpack[PdoOptions],
+    ) -> Changed:
+        """Map *objects* into a PDO, in frame order, and enable it: as the command `map`."""
+        from dvtcli.operations.change import configure
+
+        asked, wanted = request(options, enabled=True), pdo_of(pdo)
+
+        def work(node: DeviceNode) -> Changed:
+            mapped = tuple(entry_of(node, one) for one in objects)
+            return configure(self._calls.session, node, {wanted: replace(asked, objects=mapped)})
+
+        if not objects:
+            raise UsageError("which objects? 'statusword', '6C01:1', …")
+        return self._change(work, yes=yes, force=force)
+
+    def set(self, pdo: str | Pdo, *, yes: bool = False, force: bool = False, **options: Unpack[PdoOptions]) -> Changed:
+        """Set communication parameters of a PDO and leave its mapping alone: as the command `set`."""
+        from dvtcli.operations.change import configure
+
+        if not options:
+            raise UsageError("nothing to set: give transmission_type, timer_ms, cob_id, …")
+        asked, wanted = request(options, enabled=None), pdo_of(pdo)
+        return self._change(lambda node: configure(self._calls.session, node, {wanted: asked}), yes=yes, force=force)
+
+    def enable(self, *pdos: str | Pdo, yes: bool = False, force: bool = False) -> Changed:
+        """Enable PDOs with the mapping they have, all or none."""
+        return self._switch(pdos, Switched(enabled=True), yes=yes, force=force)
+
+    def disable(self, *pdos: str | Pdo, yes: bool = False, force: bool = False) -> Changed:
+        """Disable PDOs, all or none; their mapping stays."""
+        return self._switch(pdos, Switched(enabled=False), yes=yes, force=force)
+
+    def clear(self, *pdos: str | Pdo | Literal["all"], yes: bool = False, force: bool = False) -> Changed:
+        """Disable PDOs and empty their mapping, all or none; `"all"` are those whose mapping can be changed."""
+        from dvtcli.operations.switch import clear_all
+
+        if pdos == ("all",):
+            return self._change(lambda node: clear_all(self._calls.session, node.node_id), yes=yes, force=force)
+        return self._switch(pdos, Cleared(), yes=yes, force=force)
+
+    def _switch(self, pdos: tuple[str | Pdo, ...], want: PdoWant, *, yes: bool, force: bool) -> Changed:
+        from dvtcli.operations.switch import switch
+
+        if not pdos:
+            raise UsageError("which PDO? 'tpdo1', …")
+        wanted = [pdo_of(pdo) for pdo in pdos]
+        return self._change(lambda node: switch(self._calls.session, node.node_id, wanted, want), yes=yes, force=force)
+
+    def verify(self, *pdos: str | Pdo, file: str | None = None, frame: bool = False, yes: bool = False) -> Compared:
+        """Read PDOs back and compare with what this program set, or with *file* (DCF or EDS); true where all is equal.
+
+        With *frame* the node is started for a moment (which needs *yes*) and a frame of each enabled TPDO looked at.
+        UsageError where there is nothing to compare.
+        """
+        from dvtcli.operations.compare_pdos import compare_node
+
+        wanted = [pdo_of(pdo) for pdo in pdos]
+        return self._read(lambda node: compare_node(self._calls.session, node, wanted, file, frame=frame), yes=yes)
+
+    def undo(self, *, everything: bool = False, yes: bool = False, force: bool = False) -> Changed:
+        """Put back what this program's last change of the node replaced, or with *everything* all of them.
+
+        SafetyRefusal where the node holds something else by now, UsageError where nothing was changed.
+        """
+        from dvtcli.operations.change import changed
+
+        def undo(node: DeviceNode) -> Changed:
+            if not node.history:
+                raise UsageError("nothing to undo: this program changed nothing on the node", node=node.node_id)
+            started, session = time.monotonic(), self._calls.session
+            applied = node.undo(everything=everything, force=session.options.force)
+            return changed(session, node, applied, time.monotonic() - started, undone=True, lines=[])
+
+        return self._change(undo, yes=yes, force=force)
+
+    def store(
+        self,
+        group: Group = "all",
+        *,
+        prove: bool | Literal["power"] = False,
+        if_changed: bool = False,
+        within_s: float = 60.0,
+        yes: bool = False,
+        force: bool = False,
+    ) -> Stored:
+        """Store what the node holds (0x1010); true where it took that, and where *prove* shows what it should.
+
+        *prove* resets the node and compares what it comes up with (consent where a drive says operation enabled);
+        `"power"` waits up to *within_s* seconds until it was switched off and on. *if_changed* spares the EEPROM:
+        nothing is sent where the node holds what it came up with.
+        """
+        from dvtcli.operations.store_restore import store_settings
+
+        way = "power" if prove == "power" else "reset" if prove else None
+        if way and if_changed:
+            raise UsageError("if_changed may store nothing, which prove could not prove: give one of them")
+        number = group_of(group)
+        return self._change(
+            lambda node: store_settings(
+                self._calls.session, node, number, prove=way, if_changed=if_changed, wait_s=within_s
+            ),
+            yes=yes,
+            force=force,
+        )
+
+    def restore(self, group: Group = "all", *, prove: bool = False, yes: bool = False, force: bool = False) -> Stored:
+        """Bring the node's defaults back with its next reset (0x1011), which *prove* does at once; needs *yes*."""
+        from dvtcli.operations.store_restore import restore_defaults
+
+        number = group_of(group)
+        return self._change(
+            lambda node: restore_defaults(self._calls.session, node, number, prove=prove), yes=yes, force=force
+        )
+
+    def nmt(
+        self, command: Literal["start", "stop", "preop", "reset-node", "reset-comm"], *, yes: bool = False
+    ) -> Commanded:
+        """Send an NMT command and see that it worked; true where the node is seen in the state it was told to take.
+
+        The reset of a drive that says operation enabled needs *yes*.
+        """
+        from dvtcli.operations.command_nmt import command_nmt
+
+        specifier = nmt_command_of(command)
+        session = self._calls.session
+        return self._calls.run(lambda: command_nmt(session, specifier, self._node_id), yes=yes)
+
+    def recover(self, *, yes: bool = False, force: bool = False) -> Changed | None:
+        """Finish a change of the node that was interrupted, by putting the old configuration back; needs *yes*.
+
+        None where no change was interrupted.
+        """
+        from dvtcli.operations.recover_change import recover
+        from dvtcli.operations.results import Changed
+
+        def finish(node: DeviceNode) -> Changed | None:
+            self._calls.session.selected = node.node_id
+            done = recover(self._calls.session)
+            return done if isinstance(done, Changed) else None
+
+        return self._change(finish, yes=yes, force=force)
+
+    def canopen(self) -> RemoteNode:
+        """canopen's RemoteNode of this node, on the same bus and with the same EDS; the same one every time.
+
+        Its SDO waits for calls of this API, and they for it. What it writes is neither checked nor put back, so look at
+        it with `pdos` or `verify`. It hears frames until the bus is closed.
+        """
+        return self._canopen(self._node_id)
+
+    def _read(self, work: Callable[[DeviceNode], T], *, yes: bool = False) -> T:
+        return self._calls.run(lambda: work(self._calls.session.node(self._node_id)), yes=yes)
+
+    def _change(self, work: Callable[[DeviceNode], T], *, yes: bool, force: bool) -> T:
+        calls = self._calls
+        return calls.run(lambda: work(calls.session.node(self._node_id)), changes=True, yes=yes, force=force)

@@ -1,0 +1,61 @@
+"""Simulated nodes served on loopback from this process, for other programs and for tests. Prints nothing."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from dvtcli.operations.api.python_bus import Bus, connect
+from dvtcli.operations.api.told import LOG
+from dvtcli.operations.options import Options
+from dvtcli.operations.serve import LOOPBACK, Wanted, serving
+
+
+@dataclass(frozen=True, slots=True)
+class ServedBus:
+    """A bus with simulated *nodes* (their node-IDs) that any socketcand client on this machine can join."""
+
+    host: str
+    port: int
+    nodes: tuple[int, ...]
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """What python-can takes to join: `can.Bus(**bus.settings)`."""
+        return {"interface": "socketcand", "channel": "can0", "host": self.host, "port": self.port}
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """What the program `dvtcli` takes to join."""
+        return (
+            "-i", "socketcand", "-c", "can0", "--bus-kwargs", f"host={self.host}", "--bus-kwargs", f"port={self.port}",
+        )  # fmt: skip
+
+    def connect(self, **options: Any) -> Bus:
+        """Join it, as `dvtcli.connect` does, with *options* of that."""
+        return connect(**self.settings, **options)
+
+
+@contextmanager
+def serve(
+    *nodes: str, faults: Sequence[str] = (), signals: Sequence[str] = (), state: str | Path | None = None
+) -> Iterator[ServedBus]:
+    """While the block runs simulated *nodes* (`gen4`, `tmcm@5`, `my.eds@9`) are served on a free port of loopback.
+
+    *faults* and *signals* are words as `--fault` and `--signal` take them; *state* is the folder that keeps what nodes
+    store. UsageError for wrong words, BusUnavailable where no port is to be had.
+    """
+    options = Options(fault=tuple(faults), signal=tuple(signals))
+    wanted = Wanted(nodes, (LOOPBACK, 0), state=None if state is None else Path(state))
+    with serving(options, wanted, LOG.warning) as served:
+        thread = threading.Thread(target=served.server.run, name="dvtcli serve", daemon=True)
+        thread.start()
+        try:
+            yield ServedBus(LOOPBACK, served.port or 0, tuple(one.node_id for one in served.nodes))
+        finally:
+            served.server.stop()
+            thread.join()

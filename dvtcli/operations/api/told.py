@@ -1,0 +1,56 @@
+"""What the Python API tells while it works, and whom it asks: call-backs and the log `dvtcli`; nothing is printed."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+if TYPE_CHECKING:
+    from dvtcli.domain.ports import Frame
+
+LOG = logging.getLogger("dvtcli")
+LOG.addHandler(logging.NullHandler())
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """What a command would have said beside its result: a `note`, or a `warning` that nobody should miss."""
+
+    kind: Literal["note", "warning"]
+    text: str
+
+
+class Told:
+    """The Teller of a program: *on_message* and the log hear what a command would say; *ask_user* answers questions."""
+
+    def __init__(
+        self, on_message: Callable[[Message], None] | None = None, ask_user: Callable[[str], bool] | None = None
+    ) -> None:
+        self._on_message = on_message
+        self._ask_user = ask_user
+
+    def note(self, text: str) -> None:
+        """Something good to know."""
+        self._say(Message("note", text), logging.INFO)
+
+    def warning(self, text: str) -> None:
+        """Something that nobody should miss."""
+        self._say(Message("warning", text), logging.WARNING)
+
+    def instruct(self, text: str) -> None:
+        """What has to be done by hand now, such as switching a node off and on."""
+        self._say(Message("warning", text), logging.WARNING)
+
+    def _say(self, message: Message, level: int) -> None:
+        LOG.log(level, "%s", message.text)
+        if self._on_message is not None:
+            self._on_message(message)
+
+    def ask(self, question: str) -> bool | None:
+        """Whether the answer is yes; None where nobody is there to ask."""
+        return None if self._ask_user is None else bool(self._ask_user(question))
+
+    def traffic(self, frame: Frame, *, sent: bool, secret: bool) -> None:
+        """Nothing: no call asks for traffic."""

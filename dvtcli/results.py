@@ -1,0 +1,38 @@
+"""What the calls of the Python API answer, and what they tell: names for type hints and `isinstance`. Holds no code."""
+
+from dvtcli.device.change.progress import Progress
+from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.mapping import PdoMappingEntry
+from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
+from dvtcli.domain.plan import Plan, Step
+from dvtcli.domain.proof import Proof
+from dvtcli.domain.rules import Finding
+from dvtcli.operations.api.told import Message
+from dvtcli.operations.results.changes import Changed, Compared, Stored
+from dvtcli.operations.results.nodes import Commanded, NodeListing, NodeRow
+from dvtcli.operations.results.pdos import MappedName, PdoListing, PdoRow
+from dvtcli.operations.results.values import ValueRead
+
+__all__ = [
+    "Changed",
+    "CobId",
+    "Commanded",
+    "Compared",
+    "Finding",
+    "MappedName",
+    "Message",
+    "NodeListing",
+    "NodeRow",
+    "Pdo",
+    "PdoCommunicationParameter",
+    "PdoConfig",
+    "PdoListing",
+    "PdoMappingEntry",
+    "PdoRow",
+    "Plan",
+    "Progress",
+    "Proof",
+    "Step",
+    "Stored",
+    "ValueRead",
+]

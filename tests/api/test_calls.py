@@ -1,0 +1,319 @@
+"""The Python API does what the commands do: the same results, the same errors, the same care."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+import dvtcli
+from dvtcli import errors
+from dvtcli.results import Changed, Message, Progress
+from dvtcli.simulator.network.family_file import family_eds
+from dvtcli.testing import ServedBus
+from tests.commands.bench import Bench
+from tests.process import ROOT
+
+
+def test_a_map_answers_what_the_command_answers() -> None:
+    with Bench() as bench:
+        ran = bench.run("map tpdo1 6C01:1 606C 6041 --cob-id 0x201 --sync 1 --json")
+    with dvtcli.simulate("gen4") as bus:
+        changed = bus.node().map("tpdo1", "6C01:1", 0x606C, (0x6041, 0), cob_id=0x201, sync=1)
+    assert isinstance(changed, Changed)
+    assert changed.document() == ran.document
+
+
+def test_what_was_mapped_is_read_back_and_undone() -> None:
+    with dvtcli.simulate("gen4") as bus:
+        node = bus.node(1)
+        before = node.pdo("tpdo1").config
+        node.map("tpdo1", "statusword", "606C/32", cob_id=0x201, event=True, timer_ms=100, inhibit_ms=0.5)
+        held = node.pdos()["tpdo1"].config
+        assert [entry.object for entry in held.mapping] == ["6041:00", "606C:00"]
+        assert held.communication.cob_id.can_id == 0x201
+        assert (held.communication.event_timer, held.communication.inhibit_time) == (100, 5)
+        assert node.verify()
+        node.undo()
+        assert node.pdo("tpdo1").config == before
+
+
+def test_enable_disable_clear_and_set() -> None:
+    with dvtcli.simulate("gen4") as bus:
+        node = bus.node(1)
+        node.disable("tpdo1", "tpdo2")
+        assert not any(node.pdo(name).config.enabled for name in ("tpdo1", "tpdo2"))
+        node.enable("tpdo1")
+        assert node.pdo("tpdo1").config.enabled
+        node.set("tpdo1", transmission_type=255, timer_ms=250)
+        assert node.pdo("tpdo1").config.communication.event_timer == 250
+        node.clear("tpdo1")
+        assert node.pdo("tpdo1").config.mapping == ()
+        node.undo(everything=True)
+        assert node.pdo("tpdo2").config.enabled
+        node.clear("all")
+        assert not any(row.config.enabled for row in node.pdos())
+
+
+def test_nmt_is_judged_by_the_state_that_is_seen() -> None:
+    with dvtcli.simulate("gen4") as bus:
+        node = bus.node()
+        assert node.nmt("start")
+        assert node.identity().state == "OPERATIONAL"
+        assert node.nmt("reset-node", yes=True)
+    with dvtcli.simulate("gen4", faults=["ignores-nmt"]) as bus:
+        assert not bus.node().nmt("start")
+
+
+def test_a_change_of_an_earlier_program_is_recovered(dvtcli_serve: Callable[..., ServedBus]) -> None:
+    served = dvtcli_serve("gen4@5")
+    killed = """
+import dvtcli, os, signal
+def kill(step):
+    if step.done == 3:
+        os.kill(os.getpid(), signal.SIGKILL)
+bus = dvtcli.connect(**{settings}, on_progress=kill)
+bus.node(5).map("tpdo1", "6041/16", "606C/32")
+"""
+    with served.connect() as bus:
+        before = bus.node(5).pdo("tpdo1").config
+        assert bus.node(5).recover(yes=True) is None
+    done = subprocess.run([sys.executable, "-c", killed.format(settings=served.settings)], cwd=ROOT, check=False)
+    assert done.returncode == -signal.SIGKILL
+    with served.connect() as bus:
+        node = bus.node(5)
+        with pytest.raises(errors.SafetyRefusal, match="interrupted"):
+            node.set("tpdo2", event=True)
+        with pytest.raises(errors.SafetyRefusal, match="nobody can answer"):
+            node.recover()
+        assert node.pdo("tpdo1").config != before
+        assert node.recover(yes=True)
+        assert node.pdo("tpdo1").config == before
+
+
+def test_read_and_write() -> None:
+    with dvtcli.simulate("gen4") as bus:
+        node = bus.node(1)
+        assert node.read("1018:1").type_name == "u32"
+        node.write(0x1017, 700)
+        assert node.read((0x1017, 0)).value == 700
+        node.write("1017", b"\xe8\x03")
+        assert node.read(0x1017, "u16").raw == b"\xe8\x03"
+
+
+def test_a_scan_finds_the_nodes() -> None:
+    with dvtcli.simulate("gen4@5", "tmcm@7") as bus:
+        assert [row.node for row in bus.scan()] == [5, 7]
+        assert bus.node().node_id == 5
+
+
+WRONG = {
+    "no such PDO": (lambda node: node.map("tpdo9", 0x6041), errors.UsageError),
+    "no PDO": (lambda node: node.map("pdo1", 0x6041), errors.UsageError),
+    "no such object": (lambda node: node.map("tpdo1", "nosuch"), errors.UsageError),
+    "no such option": (lambda node: node.set("tpdo1", timr=1), errors.UsageError),
+    "two kinds": (lambda node: node.set("tpdo1", sync=1, event=True), errors.UsageError),
+    "no CAN-ID": (lambda node: node.set("tpdo1", cob_id=0x2000_0000), errors.UsageError),
+    "no multiple": (lambda node: node.set("tpdo1", inhibit_ms=0.05), errors.UsageError),
+    "no index": (lambda node: node.read(0x10000), errors.UsageError),
+    "no type": (lambda node: node.read(0x1017, "u17"), errors.UsageError),
+    "too large": (lambda node: node.write(0x1017, 0x10000), errors.UsageError),
+    "a signature": (lambda node: node.write("1010:1", 1), errors.UsageError),
+    "nothing to undo": (lambda node: node.undo(), errors.UsageError),
+    "nothing to compare": (lambda node: node.verify(), errors.UsageError),
+    "no NMT command": (lambda node: node.nmt("go"), errors.UsageError),
+    "nothing to map": (lambda node: node.map("tpdo1"), errors.UsageError),
+    "nothing to set": (lambda node: node.set("tpdo1"), errors.UsageError),
+    "no PDO to clear": (lambda node: node.clear(), errors.UsageError),
+    "no group": (lambda node: node.store("rest"), errors.UsageError),
+    "a rule": (lambda node: node.map("tpdo1", *["606C"] * 3), errors.RuleError),
+    "the device": (lambda node: node.read(0x2FFF), errors.SdoAborted),
+}
+
+
+@pytest.mark.parametrize(("call", "error"), WRONG.values(), ids=list(WRONG))
+def test_what_is_wrong_is_an_error_of_the_commands(call: object, error: type[errors.DvtcliError]) -> None:
+    with dvtcli.simulate("gen4") as bus:
+        node = bus.node()
+        before = [(row.pdo, row.config) for row in node.pdos()]
+        with pytest.raises(error) as raised:
+            call(node)  # type: ignore[operator]
+        assert raised.value.state == "unchanged"
+        assert [(row.pdo, row.config) for row in node.pdos()] == before
+
+
+def test_a_refused_change_is_put_back() -> None:
+    with dvtcli.simulate("gen4", faults=["refuse@3=0x06040041"]) as bus:
+        node = bus.node()
+        before = node.pdo("tpdo1").config
+        with pytest.raises(errors.DeviceRefused) as refused:
+            node.map("tpdo1", "6041", "606C")
+        assert refused.value.state == "rolled_back"
+        assert node.pdo("tpdo1").config == before
+
+
+def test_consent_needs_yes_or_somebody_who_gives_it() -> None:
+    asked: list[str] = []
+
+    def no(question: str) -> bool:
+        asked.append(question)
+        return False
+
+    with dvtcli.simulate("gen4") as bus:
+        with pytest.raises(errors.SafetyRefusal, match="nobody can answer") as refused:
+            bus.node().restore()
+        assert refused.value.hint == "give yes=True to answer yes"
+        assert bus.node().restore(yes=True)
+    with dvtcli.simulate("gen4", ask=no) as bus, pytest.raises(errors.SafetyRefusal, match="the answer was no"):
+        bus.node().restore()
+    assert "restore?" in asked[0]
+    with dvtcli.simulate("gen4", ask=lambda _question: True) as bus:
+        assert bus.node().restore()
+
+
+def test_yes_and_force_count_for_one_call() -> None:
+    with dvtcli.simulate("gen4") as bus:
+        node = bus.node()
+        node.restore(yes=True)
+        with pytest.raises(errors.SafetyRefusal):
+            node.restore()
+
+
+def test_a_dry_run_works_on_twins_that_remember() -> None:
+    with dvtcli.simulate("gen4") as bus:
+        node = bus.node()
+        before = node.pdo("tpdo1").config
+        with bus.dry_run():
+            assert bus.is_dry_run
+            changed = node.map("tpdo1", "6041", "606C")
+            assert changed.dry_run
+            assert node.pdo("tpdo1").config != before
+            assert node.verify()
+            with pytest.raises(errors.UsageError), bus.dry_run():
+                pass
+        assert not bus.is_dry_run
+        assert node.pdo("tpdo1").config == before
+        with pytest.raises(errors.UsageError, match="nothing to undo"):
+            node.undo()
+
+
+def test_a_dry_run_ends_with_an_error_in_it() -> None:
+    with dvtcli.simulate("gen4") as bus:
+        with pytest.raises(errors.UsageError), bus.dry_run():
+            bus.node().verify()
+        assert not bus.is_dry_run
+
+
+def test_progress_tells_every_step() -> None:
+    told: list[Progress] = []
+    with dvtcli.simulate("gen4", on_progress=told.append) as bus:
+        changed = bus.node().map("tpdo1", "6041", "606C")
+    assert [one.step for one in told] == list(changed.plan.steps)
+    assert [(one.done, one.total) for one in told] == [(n, len(told)) for n in range(1, len(told) + 1)]
+
+
+def test_a_call_back_that_raises_ends_the_change_which_is_put_back() -> None:
+    def stop(progress: Progress) -> None:
+        if progress.done == 3:
+            raise ZeroDivisionError
+
+    with dvtcli.simulate("gen4", on_progress=stop) as bus:
+        node = bus.node()
+        before = node.pdo("tpdo1").config
+        with pytest.raises(ZeroDivisionError):
+            node.map("tpdo1", "6041", "606C")
+        assert node.pdo("tpdo1").config == before
+
+
+def test_a_call_back_must_not_call_the_bus() -> None:
+    with dvtcli.simulate("gen4", on_progress=lambda _: bus.node().pdos()) as bus:
+        before = bus.node().pdo("tpdo1").config
+        with pytest.raises(errors.UsageError, match="call-back"):
+            bus.node().map("tpdo1", "6041", "606C")
+        assert bus.node().pdo("tpdo1").config == before
+
+
+def test_messages_go_to_the_call_back_and_the_log(caplog: pytest.LogCaptureFixture) -> None:
+    told: list[Message] = []
+    caplog.set_level("INFO", logger="dvtcli")
+    with dvtcli.simulate("gen4", on_message=told.append, faults=["reset@5"]) as bus:
+        bus.node().set("tpdo1", event=True, timer_ms=100)
+        with pytest.raises(errors.DvtcliError):
+            bus.node().map("tpdo2", "6041", "606C")
+    assert any("node 1 restarted" in one.text and one.kind == "warning" for one in told)
+    assert [one.text for one in told] == [record.getMessage() for record in caplog.records]
+
+
+def test_nothing_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
+    with dvtcli.simulate("gen4") as bus:
+        node = bus.node()
+        node.map("tpdo1", "6041")
+        node.store(prove=True)
+        with pytest.raises(errors.RuleError):
+            node.map("tpdo1", *["606C"] * 3)
+    assert capsys.readouterr() == ("", "")
+
+
+def test_a_closed_bus_says_so_and_closes_twice() -> None:
+    bus = dvtcli.simulate("gen4")
+    node = bus.node()
+    bus.close()
+    bus.close()
+    with pytest.raises(errors.BusUnavailable, match="closed"):
+        node.pdos()
+    assert repr(bus) == "<dvtcli bus sim, closed>"
+
+
+def test_an_eds_is_of_one_node(tmp_path: Path) -> None:
+    eds = tmp_path / "mine.eds"
+    eds.write_bytes(family_eds("generic").read_bytes())
+    with dvtcli.simulate("gen4@1", "generic@2") as bus:
+        two = bus.node(2, eds=eds, profile="generic")
+        two.pdos()
+        assert bus.node(2, eds=eds) is two
+        assert bus.node(1).identity().source != two.identity().source
+        with pytest.raises(errors.UsageError, match="used already"):
+            bus.node(2, eds=family_eds("gen4"))
+        with pytest.raises(errors.UsageError, match=r"[Nn]o such file"):
+            bus.node(3, eds=tmp_path / "nosuch.eds")
+
+
+@pytest.mark.parametrize("node_id", [0, 128, "1", None])
+def test_a_node_id_is_1_to_127(node_id: object) -> None:
+    with dvtcli.connect(interface="virtual", channel="api-ids") as bus, pytest.raises(errors.UsageError):
+        bus.node(node_id)  # type: ignore[arg-type]
+
+
+def test_a_bus_that_does_not_open() -> None:
+    with pytest.raises(errors.BusUnavailable, match="cannot open"):
+        dvtcli.connect(interface="nosuch", channel="x")
+    with pytest.raises(errors.UsageError):
+        dvtcli.simulate()
+    with pytest.raises(errors.UsageError, match="no such family"):
+        dvtcli.simulate("nosuch")
+
+
+def test_threads_wait_for_their_turn() -> None:
+    with dvtcli.simulate("gen4", "tmcm@5") as bus:
+        failures: list[BaseException] = []
+
+        def work(node_id: int) -> None:
+            try:
+                node = bus.node(node_id)
+                for milliseconds in (100, 200, 300):
+                    node.set("tpdo1", event=True, timer_ms=milliseconds)
+                    assert node.verify()
+            except BaseException as failed:  # noqa: BLE001 - told by the main thread
+                failures.append(failed)
+
+        threads = [threading.Thread(target=work, args=(node_id,)) for node_id in (1, 5, 1, 5)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        assert not failures

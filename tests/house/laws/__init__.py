@@ -1,0 +1,35 @@
+"""The laws of the house as functions of its source: each gives what breaks it, in words, and knows no permissions.
+
+`LAWS` has them by name. `test_laws` holds the house to them, and breaks each in several ways to see that it bites. Laws
+3, 4 and 9 are about what a device holds: `tests/laws`, `tests/faults` and the mutation run try them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+from tests.house.laws.failures import (
+    ends_nowhere_else,
+    errors_stand_in_one_tree,
+    nothing_is_swallowed,
+    only_view_prints,
+)
+from tests.house.laws.imports import direction, independence, libraries, nothing_heavy_is_eager
+from tests.house.laws.makers import behaviours_not_vendors
+from tests.house.laws.senders import few_files_send
+from tests.house.laws.source_tree import SourceTree
+
+Law = Callable[[SourceTree], Iterable[str]]
+
+LAWS: dict[str, Law] = {
+    "direction": direction,
+    "independence": independence,
+    "libraries": libraries,
+    "senders": few_files_send,
+    "vendors": behaviours_not_vendors,
+    "laziness": nothing_heavy_is_eager,
+    "exits": ends_nowhere_else,
+    "errors": errors_stand_in_one_tree,
+    "swallowing": nothing_is_swallowed,
+    "printing": only_view_prints,
+}

@@ -1,0 +1,88 @@
+"""Ways to break each law, at least three a law: a line put into a file, or a new file, that a check must notice."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Break:
+    """*text* put behind the imports of *file*, or a new file; the check *law* must name that file."""
+
+    law: str
+    file: str
+    text: str
+
+
+def _function(*lines: str) -> str:
+    return "\n".join(["def _broken(node, session, bus, ctx):", *(f"    {line}" for line in lines)])
+
+
+BREAKS = [
+    # 1: direction
+    Break("direction", "domain/plan.py", "from dvtcli.device.node import Node"),
+    Break("direction", "operations/change.py", _function("from dvtcli.cli.params import NodePdo")),
+    Break("direction", "operations/change.py", 'if TYPE_CHECKING:\n    from dvtcli.cli.view.output import Output'),
+    Break("direction", "device/node.py", _function('return importlib.import_module("dvtcli.operations.session")')),
+    Break("direction", "files/dbc.py", _function('importlib.import_module(f"dvtcli.cli.commands.{node}")')),
+    Break("direction", "bus/opening.py", _function('__import__("dvtcli.simulator.network.hub")')),
+    Break("direction", "bus/opening.py", '_ARGV = ["-m", "dvtcli.cli.main"]'),
+    Break("direction", "watch/table.py", _function("from dvtcli import connect")),
+    Break("direction", "domain/cob_id.py", "from dvtcli.domain.plan import Plan"),
+    Break("direction", "device/helper.py", "from dvtcli.files.dbc import read_dbc"),
+    # 1: independence of the strict device
+    Break("independence", "simulator/device/judge.py", "from dvtcli.domain import rules"),
+    Break("independence", "simulator/device/memory.py", _function("from dvtcli.domain.plan import plan_pdo")),
+    Break("independence", "simulator/device/limits.py", "if TYPE_CHECKING:\n    from dvtcli.domain import rules"),
+    Break("independence", "simulator/device/faults.py", _function('importlib.import_module("dvtcli.domain.rules")')),
+    Break("independence", "simulator/device/gates.py", "import dvtcli.device.read_pdos"),
+    Break("independence", "simulator/device/lss.py", "from dvtcli.bus.discover import *"),
+    # libraries
+    Break("libraries", "device/node.py", "import canopen"),
+    Break("libraries", "operations/change.py", _function("import click")),
+    Break("libraries", "cli/commands/map.py", _function("from can import Bus")),
+    Break("libraries", "domain/plan.py", "from ruamel.yaml import YAML"),
+    Break("libraries", "watch/decoder.py", _function('return importlib.import_module("can.interfaces")')),
+    Break("libraries", "cli/view/lines.py", "from prompt_toolkit.formatted_text import HTML"),
+    # 2: the plan is the only source of action
+    Break("senders", "cli/commands/map.py", _function("node.sdo.download(0x1800, 1, b'')")),
+    Break("senders", "operations/change.py", _function("write = node.sdo.download", "write(0x1800, 1, b'')")),
+    Break("senders", "cli/commands/pdo.py", _function("session.bus.send_nmt(1, 0)")),
+    Break("senders", "watch/listener.py", _function("bus.send(node)")),
+    Break("senders", "files/recording.py", _function("map(bus.send, node)")),
+    Break("senders", "cli/dvt/sdo.py", _function('getattr(node.sdo, "download")(0x1017, 0, b"")')),
+    Break("senders", "operations/helper.py", _function("bus.canopen().network.send_message(0, b'')")),
+    # 5: behaviours, not vendors
+    Break("vendors", "device/node.py", _function('if node.profile.name == "gen4":', "    return 1")),
+    Break("vendors", "device/store_parameters.py", _function("if node.identity()['vendor'] == 0x1E:", "    return 1")),
+    Break("vendors", "operations/change.py", "VENDOR = 0x4349"),
+    Break("vendors", "domain/plan.py", "class TrinamicPlan: ..."),
+    Break("vendors", "cli/view/pdo_lines.py", _function("return session.curtis_order")),
+    Break("vendors", "domain/cob_id.py", 'MAKERS = {"Lely": 1}'),
+    Break("vendors", "bus/opening.py", "PRODUCT = 0x07050000"),
+    # 6: nothing before it is needed
+    Break("laziness", "cli/main.py", "import can"),
+    Break("laziness", "cli/registry.py", "import asyncio"),
+    Break("laziness", "operations/session.py", "from dvtcli.bus.python_can import CanBus"),
+    Break("laziness", "errors.py", "try:\n    import canopen\nexcept ImportError:\n    canopen = None"),
+    Break("laziness", "__init__.py", "from dvtcli.operations.api.python_bus import connect"),
+    # 7: errors
+    Break("exits", "cli/commands/map.py", _function("raise SystemExit(3)")),
+    Break("exits", "operations/change.py", _function("sys.exit(0)")),
+    Break("exits", "cli/prompt/loop.py", "from sys import exit as leave"),
+    Break("exits", "device/node.py", _function("raise SystemExit")),
+    Break("exits", "files/dbc.py", _function("os._exit(0)")),
+    Break("exits", "cli/script.py", _function("quit()")),
+    Break("errors", "device/node.py", "class Odd(DvtcliError): ..."),
+    Break("errors", "operations/helper.py", "class Odd(Exception): ..."),
+    Break("errors", "cli/commands/map.py", "class MapError(click.ClickException): ..."),
+    Break("errors", "files/dbc.py", "class Odd(InputFileError): ..."),
+    Break("errors", "bus/opening.py", "class Odd(KeyboardInterrupt, object): ..."),
+    Break("swallowing", "cli/commands/map.py", _function("try:", "    node()", "except Exception as e:", "    e")),
+    Break("swallowing", "device/node.py", _function("try:", "    node()", "except:", "    pass")),
+    Break("swallowing", "files/dbc.py", _function("try:", "    node()", "except (OSError, BaseException): ...")),
+    Break("swallowing", "files/dbc.py", _function("with contextlib.suppress(Exception):", "    node()")),
+    Break("printing", "operations/change.py", _function('print("done")')),
+    Break("printing", "cli/commands/map.py", _function("click.echo(1)")),
+    Break("printing", "device/node.py", _function('sys.stderr.write("oops")')),
+]  # fmt: skip

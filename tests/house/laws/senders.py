@@ -1,0 +1,56 @@
+"""Law 2: the plan is the only source of action, so few files send."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+
+from tests.house.laws.source_tree import SourceTree, dotted
+
+#: what puts something on a bus
+_SENDING = frozenset(
+    {
+        "download",
+        "send",
+        "send_nmt",
+        "send_sdo",
+        "send_message",
+        "send_periodic",
+        "send_request",
+        "transmit",
+        "send_sync",
+    }
+)
+_BY_NAME = ("getattr", "attrgetter", "methodcaller")
+#: the way to the bus, and the other end of it
+_ROOMS = ("bus/", "simulator/")
+#: the few that may, with what for
+MAY_SEND = {
+    "domain/ports.py": "the contract itself",
+    "device/change/transaction.py": "plans",
+    "device/change/put_back.py": "the way back",
+    "device/store_parameters.py": "signatures of store and restore, and resets",
+    "device/access_level.py": "logins",
+    "device/nmt_gate.py": "the NMT gate, and the device's own state object",
+    "device/seen_state.py": "the remote frame of node guarding",
+    "device/quirks/reversed_entries.py": "a plan's writes in the order of old firmware",
+    "device/quirks/fixed_count.py": "a plan's writes with a count that stays",
+    "operations/produce_sync.py": "SYNC",
+    "operations/look_at_frames.py": "SYNC, and the way back to STOPPED",
+    "operations/command_nmt.py": "NMT commands",
+    "operations/api/canopen_access.py": "what canopen's user writes",
+}
+
+
+def few_files_send(tree: SourceTree) -> Iterator[str]:
+    """Nobody else sends: neither called, nor handed on, nor asked for by name."""
+    for file, module in tree:
+        if file.startswith(_ROOMS) or file in MAY_SEND:
+            continue
+        for node in ast.walk(module):
+            if isinstance(node, ast.Attribute) and node.attr in _SENDING and isinstance(node.ctx, ast.Load):
+                yield f"{file}:{node.lineno} {ast.unparse(node)}"
+            elif isinstance(node, ast.Call) and dotted(node.func).endswith(_BY_NAME):
+                words = {word.value for word in node.args if isinstance(word, ast.Constant)}
+                if words & _SENDING:
+                    yield f"{file}:{node.lineno} {ast.unparse(node)}"

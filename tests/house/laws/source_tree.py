@@ -1,0 +1,76 @@
+"""The package's source as text, of which a copy can have other text in one file. Reads each file once."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator, Mapping
+from functools import cache, cached_property
+
+from tests.house.draw import House
+
+
+@cache
+def parsed(text: str) -> ast.Module:
+    return ast.parse(text)
+
+
+class SourceTree:
+    """*texts* by file, as people say it: `device/node.py`. *house* has their rooms and arrows."""
+
+    def __init__(self, texts: Mapping[str, str], house: House) -> None:
+        self.texts = dict(texts)
+        self.house = house
+
+    @classmethod
+    def of_the_package(cls) -> SourceTree:
+        house = House()
+        return cls(house.files, house)
+
+    def altered(self, file: str, text: str) -> SourceTree:
+        """A copy with *text* in *file*, which may be new."""
+        return SourceTree({**self.texts, file: text}, self.house.altered(file, text))
+
+    def only(self, file: str) -> SourceTree:
+        """One file of it, with what it imports and is imported by as in the whole."""
+        return SourceTree({file: self.texts[file]}, self.house)
+
+    def __iter__(self) -> Iterator[tuple[str, ast.Module]]:
+        return ((file, parsed(text)) for file, text in self.texts.items())
+
+    @cached_property
+    def modules(self) -> dict[str, str]:
+        """Each file by its dotted name."""
+        return {_dotted(file): file for file in self.texts}
+
+
+def _dotted(file: str) -> str:
+    return f"dvtcli.{file}".removesuffix(".py").removesuffix("/__init__").replace("/", ".").removesuffix(".__init__")
+
+
+def typing_only(tree: ast.Module) -> set[int]:
+    """The nodes that only a type checker looks at."""
+    return {
+        id(child)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)
+        for statement in node.body
+        for child in ast.walk(statement)
+    }
+
+
+def imported(node: ast.AST) -> list[str]:
+    """The modules that a statement may import: `from a import b` may mean a or a.b."""
+    if isinstance(node, ast.Import):
+        return [alias.name for alias in node.names]
+    if isinstance(node, ast.ImportFrom):
+        return [node.module or "", *(f"{node.module}.{alias.name}" for alias in node.names)]
+    return []
+
+
+def dotted(node: ast.AST) -> str:
+    """`a.b.c` of a name, an attribute, or a call of one; `?` stands for what is neither."""
+    if isinstance(node, ast.Name):
+        return node.id
+    if isinstance(node, ast.Attribute):
+        return f"{dotted(node.value)}.{node.attr}"
+    return dotted(node.func) if isinstance(node, ast.Call) else "?"
