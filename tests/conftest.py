@@ -15,9 +15,10 @@ from tests import process
 from tests.surroundings import clean_environment, own_ground, own_place, set_environment
 
 #: a machine under load is slow, and no less right for it
-settings.register_profile("unhurried", deadline=None)
+settings.register_profile("unhurried", max_examples=50, deadline=None)
 settings.load_profile("unhurried")
-#: `pytest --hypothesis-profile=thorough` looks at thirty times as many examples of every law.
+#: `pytest --hypothesis-profile=thorough` looks at as many times more examples of every law.
+settings.register_profile("many", max_examples=200, deadline=None)
 settings.register_profile("thorough", max_examples=3000, deadline=None)
 
 
@@ -30,10 +31,18 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         "--fresh-python", action="store_true", help="a new Python for each dvtcli, instead of a fork of one"
     )
     parser.addoption("--serve-frames", type=int, default=8000, metavar="N", help="frames to 4 clients of sim [8000]")
-    parser.addoption("--rounds", type=int, default=8, metavar="N", help="rounds of four dvtcli at once [8]")
-    parser.addoption("--fuzz", type=int, default=20_000, metavar="N", help="hostile inputs in all [20000]")
+    parser.addoption("--rounds", type=int, default=5, metavar="N", help="rounds of four dvtcli at once [5]")
+    parser.addoption("--fuzz", type=int, default=8000, metavar="N", help="hostile inputs in all [8000]")
+    parser.addoption("--cells", type=int, default=3, metavar="N", help="faults for each sequence of the matrix [3]")
+    parser.addoption("--every-size", action="store_true", help="golden screens in each size of terminal, not in one")
     parser.addoption("--kills", type=int, default=4, metavar="N", help="kills in the middle of an atomic script [4]")
     parser.addoption("--signals", type=int, default=12, metavar="N", help="signals in the middle of a change [12]")
+
+
+def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
+    """Half as many again as there are cores: much of a test is waiting for a process or a time-out."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return cores + (cores + 1) // 2
 
 
 def pytest_configure(config: pytest.Config) -> None:

@@ -1,4 +1,4 @@
-"""A slice of the fault matrix; `tests/benchmarks/fault_matrix.py` runs the whole of it."""
+"""A part of the fault matrix, another one in each run; `tests/benchmarks/fault_matrix.py` runs the whole of it."""
 
 from __future__ import annotations
 
@@ -6,14 +6,15 @@ import pytest
 
 from tests.faults.matrix import NEW, OLD, RECOVERED, TOLD, UNNOTICED, Cell, cells_of, groups, outcome
 from tests.faults.sequences import AT_READ, FAMILIES, FAULTS, LASTING, Start
-
-#: one cell of so many; a prime, so that every fault meets other steps in other sequences
-STRIDE = 23
+from tests.sample import part
 
 
+@pytest.mark.counted
 @pytest.mark.parametrize("group", groups(), ids=lambda group: "-".join(map(str, group)))
-def test_every_fault_ends_old_or_new_or_can_be_finished(group: tuple[str, str, Start]) -> None:
-    for cell in list(cells_of(*group))[::STRIDE]:
+def test_every_fault_ends_old_or_new_or_can_be_finished(
+    group: tuple[str, str, Start], request: pytest.FixtureRequest
+) -> None:
+    for cell in part(list(cells_of(*group)), request.config.getoption("--cells"), request.config, group):
         result = outcome(cell)
         fine = result in (OLD, NEW) or (result == RECOVERED and cell.fault in LASTING)
         assert fine or (result in (TOLD, UNNOTICED) and cell.fault in AT_READ), f"{cell}: {result}"

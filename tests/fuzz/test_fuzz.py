@@ -33,6 +33,7 @@ def share(target: str, request: pytest.FixtureRequest) -> int:
     return wanted * SHARES[target] // 1000
 
 
+@pytest.mark.counted
 @pytest.mark.parametrize("target", TARGETS)
 def test_hostile_input_gets_an_answer_or_an_error_of_ours(target: str, request: pytest.FixtureRequest) -> None:
     count = share(target, request) * (20 - SMALLEST) // 20
@@ -40,6 +41,7 @@ def test_hostile_input_gets_an_answer_or_an_error_of_ours(target: str, request: 
         assert found is None, str(found)
 
 
+@pytest.mark.counted
 @pytest.mark.parametrize("target", TARGETS)
 def test_hypothesis_finds_no_smallest_input_that_fails(target: str, request: pytest.FixtureRequest) -> None:
     quiet = [HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.large_base_example]

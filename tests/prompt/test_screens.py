@@ -17,6 +17,7 @@ import pytest
 from tests.prompt.conftest import Open
 from tests.prompt.terminal import CTRL_C, CTRL_D, CTRL_R, PATIENCE_S, Terminal
 from tests.prompt.wire import Wire
+from tests.sample import part
 from tests.serve.served import bus_words
 
 SCREENS = Path(__file__).parent / "screens"
@@ -146,8 +147,17 @@ def wire() -> Iterator[Wire]:
     wire.close()
 
 
-@pytest.mark.parametrize(("columns", "rows"), SIZES)
-@pytest.mark.parametrize("name", SCENES)
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    """Each scene in one size, in another one in another run; with --every-size, and to be kept, in each."""
+    if "columns" in metafunc.fixturenames:
+        config = metafunc.config
+        every = config.getoption("--every-size") or config.getoption("--update-transcripts")
+        count = len(SIZES) if every else 1
+        cases = [(name, *size) for name in SCENES for size in part(SIZES, count, config, name)]
+        metafunc.parametrize(("name", "columns", "rows"), cases)
+
+
+@pytest.mark.counted
 def test_screen(
     name: str, columns: int, rows: int, open_terminal: Open, wire: Wire, request: pytest.FixtureRequest
 ) -> None:

@@ -111,6 +111,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
         metafunc.parametrize("case", cases(metafunc.config.getoption("--signals")), ids=str)
 
 
+@pytest.mark.counted
 def test_a_change_is_rolled_back_whoever_reads(
     bench: Bench, tmp_path: Path, case: tuple[int, tuple[str, ...], str, int]
 ) -> None:

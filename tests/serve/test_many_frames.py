@@ -23,6 +23,7 @@ def read(port: int, ready: threading.Barrier, count: int, heard: list[int]) -> N
             heard.extend(int(words[4], 16) for line in whole if (words := line.split())[2] == b"123")
 
 
+@pytest.mark.counted
 def test_no_frame_is_lost_on_its_way_to_four_clients(tmp_path: Path, request: pytest.FixtureRequest) -> None:
     count: int = request.config.getoption("--serve-frames")
     with served(tmp_path, "generic@1") as server:
