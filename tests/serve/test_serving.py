@@ -87,17 +87,16 @@ def test_a_server_takes_its_time_to_answer(tmp_path: Path) -> None:
 def test_each_server_takes_its_own_time(tmp_path: Path) -> None:
     with served(tmp_path, "generic@1", "generic@2", "--latency", "2:20") as server:
         bus = open_bus("socketcand", "can0", None, {"host": "127.0.0.1", "port": server.port}, timeout_s=5)
-        fast, slow = bus.sdo(1), bus.sdo(2)
-        took = []
-        for sdo in (fast, slow):
-            sdo.upload(0x1018, 1)
-            began = time.perf_counter()
+        took_s: tuple[list[float], list[float]] = [], []
+        for sdo, times_s in zip((bus.sdo(1), bus.sdo(2)), took_s, strict=True):
             for _ in range(10):
+                began_s = time.perf_counter()
                 sdo.upload(0x1018, 1)
-            took.append(time.perf_counter() - began)
+                times_s.append(time.perf_counter() - began_s)
         bus.close()
-        assert took[1] >= 0.2
-        assert took[0] < took[1]
+        fast_s, slow_s = map(min, took_s)  # on a busy machine, too, one of ten answers is at once
+        assert slow_s >= 0.02
+        assert fast_s < slow_s
 
 
 @pytest.mark.parametrize(
