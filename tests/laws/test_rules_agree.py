@@ -15,7 +15,7 @@ from tests.laws.bench import FAMILIES, NODE, DirectSdo, booted, dictionary, prof
 from tests.laws.configurations import legal, wild
 
 laws = settings(
-    max_examples=max(60, settings().max_examples), deadline=None, suppress_health_check=[HealthCheck.too_slow]
+    max_examples=max(30, settings().max_examples), deadline=None, suppress_health_check=[HealthCheck.too_slow]
 )
 families = pytest.mark.parametrize("family", FAMILIES)
 
