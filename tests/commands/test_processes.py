@@ -196,7 +196,7 @@ def test_a_reader_that_leaves_is_no_error(words: list[str]) -> None:
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
-@pytest.mark.parametrize("line", ["sync --count 100000 --period 5", "verify\nsync --count 100000 --period 5\npdo"])
+@pytest.mark.parametrize("line", ["sync --count 100000 --period 5", "node\nsync --count 100000 --period 5\npdo"])
 def test_signals_end_it_with_their_code(number: signal.Signals, code: int, line: str) -> None:
     process = subprocess.Popen(
         [sys.executable, "-m", "dvtcli", "--sim", "gen4", "run", "-"],
