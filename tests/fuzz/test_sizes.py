@@ -130,9 +130,10 @@ CASES = [
     Case("5,000 times --sim", (*["--sim=gen4"] * 5_000, "pdo"), {}, (2,)),
 ]  # fmt: skip
 
-#: these take seconds each, and wait for a long run: `--fuzz 100000`
-LONG = 100_000
+#: these take seconds each, and wait for a long run: `--fuzz 50000`
+LONG = 50_000
 SLOW = {
+    *("eds check: 100,000 sections", "script: 10 MB on one line", "script: 10 MB of continuations"),
     *("eds check: 450,000 bad lines", "eds check: 100,000 times the same section", "script: 10,000 lines"),
     *("read nothing: 900 compact arrays of 254", "objects: 60,000 objects", "read nothing: 60,000 objects"),
     *("dvtcli.toml: tables in tables", "eds check: 60,000 objects that say CompactSubObj=0"),
@@ -166,6 +167,7 @@ def run(case: Case, folder: Path) -> tuple[int, str, float, float]:
     return child.returncode, said, used.ru_utime + used.ru_stime, used.ru_maxrss / scale
 
 
+@pytest.mark.counted
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
 def test_a_hostile_size_ends_in_time_and_in_memory(case: Case, tmp_path: Path, request: pytest.FixtureRequest) -> None:
     if case.name in SLOW and request.config.getoption("--fuzz") < LONG:
