@@ -37,11 +37,11 @@ def rooms(found: dict[str, Any]) -> Iterator[str]:
         for name in (room, "all"):
             for number, key in enumerate(_KEYS):
                 counts[name][number] += file["summary"][key]
-    yield f"{'room':<12}{'branches':>18}{'lines':>18}"
+    yield f"{'room':<12}{'branches':>20}{'lines':>20}"
     for name in (*ROOMS, "all"):
         if any(counts[name]):
             gone, branches, run, lines = counts[name]
-            yield f"{name:<12}{_share(gone, branches):>18}{_share(run, lines):>18}"
+            yield f"{name:<12}{_share(gone, branches):>20}{_share(run, lines):>20}"
 
 
 _KEYS = ("covered_branches", "num_branches", "covered_lines", "num_statements")
