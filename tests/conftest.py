@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import os
+import signal
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -50,6 +51,8 @@ def pytest_configure(config: pytest.Config) -> None:
     """In every worker, before any test is read: nobody's wishes for dvtcli, Python or a terminal count."""
     process.FRESH_PYTHON |= config.getoption("--fresh-python")
     set_environment(clean_environment())
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # so a shell starts what it does not wait for
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     sys.dont_write_bytecode = False  # hundreds of processes start, and would compile all of it again each
 
 

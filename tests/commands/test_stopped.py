@@ -22,7 +22,7 @@ from tests.commands.bus import Wire, device
 def test_a_stopped_node_is_brought_back_by_the_first_command(command: str, state: NmtState, family: str) -> None:
     """A new process has heard nothing of the node; `nmt preop` is the hint it gives."""
     node = device(family)
-    with Wire(node) as wire, Bench((), {**wire.options, "timeout": 0.1}) as bench:
+    with Wire(node) as wire, Bench((), {**wire.options, "timeout": 0.5}) as bench:
         assert bench.run("read 1000").code == 0
         node.state = NmtState.STOPPED
         bench.session.close()

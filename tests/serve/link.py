@@ -9,7 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from itertools import pairwise
+from itertools import combinations
 from pathlib import Path
 from statistics import median
 
@@ -50,16 +50,18 @@ class Link:
         return [answer for answer in self.exchange(frame) if 0x080 < answer.can_id < 0x580 or answer.extended]
 
     def events(self, can_id: int, duration_ms: int) -> int:
-        """By the median of its periods on the server's clock: a busy machine sends some frames late."""
+        """By the median slope of their times on the server's clock: a busy machine sends some frames late."""
         times: list[float] = []
         until_s = time.monotonic() + PATIENCE_S
         quiet_s = time.monotonic() + duration_ms / 1000
-        while len(times) < 12 and time.monotonic() < until_s:
+        while len(times) < 16 and time.monotonic() < until_s:
             heard = self._heard(0.01) if times or time.monotonic() < quiet_s else self.exchange()
             times += [frame.timestamp_s for frame in heard if frame.can_id == can_id]
             if not times and time.monotonic() >= quiet_s:
                 return 0
-        return round(duration_ms / 1000 / median(later - earlier for earlier, later in pairwise(times)))
+        pairs = combinations(enumerate(times), 2)
+        period_s = median((later - earlier) / (last - first) for (first, earlier), (last, later) in pairs)
+        return round(duration_ms / 1000 / period_s)
 
     def exchange(self, *frames: Frame) -> list[Frame]:
         """Send *frames*; what everybody but the fence says until it answers."""
