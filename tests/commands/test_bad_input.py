@@ -211,7 +211,7 @@ def test_a_pdo_parameter_of_another_length_is_refused_also_without_a_file(descri
 def test_a_file_is_no_object() -> None:
     with Bench() as bench:
         no_eds = "tests/commands/help_examples.toml"
-        for line, file in [(f"eds show {no_eds}", f"{no_eds}:1"), ("run nofile.dvt", "nofile.dvt")]:
+        for line, file in [(f"eds show {no_eds}", "help_examples.toml:1"), ("run nofile.dvt", "nofile.dvt")]:
             error = bench.run(f"{line} --json").document
             assert (error["object"], error["file"]) == (None, file), line
 
