@@ -53,7 +53,9 @@ def moved(sdo: DirectSdo, pdo: Pdo, can_id: int) -> PdoChange:
 
 
 def refused_bus(_inner: SdoTransport, _index: int, _sub_index: int, _data: bytes) -> None:
-    raise BusUnavailable("down", state="unchanged")
+    error = BusUnavailable("down", state="unchanged")
+    error.details.append(("driver", "gone"))
+    raise error
 
 
 def run(sdo: SdoTransport, *changes: Change, clock: InstantClock | None = None, **how: Any) -> None:
@@ -91,7 +93,8 @@ def test_what_never_left_is_not_put_back_but_what_went_before_it_is(sdo: DirectS
     error = failed(FaultySdo(sdo, refused_bus, 1), change)
     assert (error.state, sdo.writes) == ("unchanged", [])
     error = failed(FaultySdo(sdo, refused_bus, 2), change, moved(sdo, TPDO1, 0x1A1))
-    assert error.state == "rolled_back"
+    assert (error.state, error.node) == ("rolled_back", NODE)
+    assert [label for label, _ in error.details] == ["step", "driver"]
     assert sdo.writes[-1] == (*HEARTBEAT, change.step.before)
 
 
@@ -100,7 +103,7 @@ def test_a_stop_is_obeyed_before_the_first_step_between_two_and_before_it_is_com
     sdo: DirectSdo, taken: int, writes: int
 ) -> None:
     cancellation = Cancellation()
-    cancellation.requested = not taken
+    cancellation.requested, cancellation.exit_code = not taken, 143
     steps: list[Step] = []
 
     def on_step(step: Step) -> None:
@@ -110,7 +113,7 @@ def test_a_stop_is_obeyed_before_the_first_step_between_two_and_before_it_is_com
     error = failed(sdo, moved(sdo, TPDO1, 0x1A1), cancellation=cancellation, on_step=on_step)
     assert isinstance(error, Interrupted)
     assert str(error) == f"stopped after step {taken} of 2"
-    assert (error.exit_code, error.node) == (130, NODE)
+    assert (error.exit_code, error.node) == (143, NODE)
     assert Interrupted.exit_code == 130
     assert len(sdo.writes) == writes
 
@@ -158,6 +161,8 @@ def test_a_difference_is_laid_to_a_restart_only_where_there_was_one(sdo: DirectS
     error = failed(FaultySdo(sdo, ignore, 1), value(sdo, 1000))
     assert str(error) == f"node {NODE} took 1017:00 without an error, but reads back differently"
     assert error.hint == "the device corrects or ignores the value: its manual says which values it takes"
+    error = failed(FaultySdo(sdo, ignore, 1), value(sdo, 1000), witness=Restarts(-1))
+    assert "took 1017:00 without an error" in str(error), "it restarted before the change only"
     error = failed(FaultySdo(sdo, ignore, 1), value(sdo, 1000), witness=Restarts(1))
     assert str(error) == f"node {NODE} restarted while 1017:00 was changed, and reads back differently"
     assert error.hint == "look at its supply, then try again"
@@ -216,6 +221,13 @@ def test_a_node_that_stays_silent_is_left_changed_when_patience_ends(sdo: Direct
     assert (type(error), error.state) == (LeftChanged, "left_changed")
     assert error.why == "silent; then, while rolling back: silent"
     assert PATIENCE_S <= clock.now_s() < PATIENCE_S + 2 * RETRY_S
+
+
+def test_what_is_refused_on_the_way_back_is_told_with_the_device_s_reason(sdo: DirectSdo) -> None:
+    error = failed(FaultySdo(sdo, refuse, 2, forever=True), value(sdo, 1000), moved(sdo, TPDO1, 0x1A1))
+    assert isinstance(error, LeftChanged)
+    after = str(error.why).partition("; then, while rolling back: ")[2]
+    assert "0x08000021" in after, "not only that it does not read back"
 
 
 def altering(sdo: DirectSdo, times: int) -> SdoTransport:
