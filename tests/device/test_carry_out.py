@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import pytest
@@ -17,6 +17,7 @@ from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Plan, Step, ValueChange
 from dvtcli.domain.request import PdoRequest
+from dvtcli.domain.rules.finding import warning
 from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, NoAnswer, SafetyRefusal
 from tests.laws.bench import NODE, DirectBus, DirectSdo, booted, dictionary, profile, refuse, silence
 
@@ -254,3 +255,21 @@ def test_what_was_read_before_a_change_counts_no_longer(bench: Bench) -> None:
     assert bench.node.last_read
     carry_out(bench.node, bench.plan())
     assert not bench.node.last_read
+
+
+def test_a_refusal_that_was_foreseen_is_told_with_the_rule_s_reason(bench: Bench) -> None:
+    bench.fault("refuses")
+    foreseen = (warning("rule", "0x1018:01", "another object"), warning("rule", "0x1017:00", "the manual says so"))
+    with pytest.raises(DeviceRefused) as caught:
+        carry_out(bench.node, bench.plan(), foreseen)
+    assert caught.value.why == "the manual says so"
+
+
+def test_after_what_a_family_never_stores_is_a_suspicion(tmp_path: Path) -> None:
+    bench = Bench(tmp_path)
+    family = bench.node.profile
+    bench.node.profile = replace(family, store=replace(family.store, never_after=(0x0800_0021,)))
+    bench.fault("refuses")
+    bench.failed()
+    assert bench.node.pending.suspicions == {CHANGE: "the device answered 0x08000021 to a change"}
+    bench.keeper.lock.release()

@@ -490,3 +490,12 @@ def test_the_longest_entry_of_a_family() -> None:
     family = replace(GENERIC, max_entry_bits=16)
     assert rules(replace(mapped(proposal(), (0x6041, 0, 16)), profile=family)) == []
     assert rules(replace(mapped(proposal(), (0x606C, 0, 32)), profile=family)) == ["entry-length"]
+
+
+def test_a_finding_names_the_object_where_its_name_is_known() -> None:
+    asked = proposal()
+    entry = PdoMappingEntry.from_raw(0x6041_0020)
+    asked = replace(asked, want=replace(asked.want, mapping=(entry,)))
+    assert '6041:00 "Statusword" has 16 bits, 32 are wanted' in [finding.text for finding in check_pdo(asked)]
+    nameless = replace(asked, dictionary=None, lengths={(0x6041, 0): 16})
+    assert "6041:00 has 16 bits, 32 are wanted" in [finding.text for finding in check_pdo(nameless)]
