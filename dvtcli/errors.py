@@ -24,6 +24,8 @@ from typing import TYPE_CHECKING, Literal
 if TYPE_CHECKING:
     from dvtcli.domain.rules import Finding
 
+#: How the line is labelled that says that a failure was a twin's.
+DRY_RUN = "dry run"
 State = Literal["unchanged", "rolled_back", "left_changed", "unknown"]
 
 
@@ -58,6 +60,10 @@ class DvtcliError(Exception):
         self.state: State = state
         #: the state in words where those for *state* say too much or too little
         self.state_text: str | None = None
+        #: whether the start's own options are wrong, whichever line of a script found out
+        self.at_start = False
+        #: whether what failed was never meant for the bus, so that nothing could force it
+        self.rehearsed = False
         #: `FILE:LINE` of the script lines above it whose changes stay
         self.stays: tuple[str, ...] = ()
         #: further labelled lines for the screen, e.g. ("step", "0x1A00:03 <- 0x27030120")

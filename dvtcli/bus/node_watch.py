@@ -22,7 +22,8 @@ class NodeWatch:
     def __init__(self) -> None:
         self.states: dict[int, NmtState] = {}
         self.boot_ups: dict[int, int] = {}
-        #: when each node said boot-up last, and how often it did within TWICE_S of the time before
+        #: when each node that answered nothing since said boot-up last, and how often that was within TWICE_S of the
+        #: time before
         self._booted_s: dict[int, float] = {}
         self.double_boot_ups: dict[int, int] = {}
         #: downloads that another SDO client began since the node's last boot-up
@@ -56,6 +57,10 @@ class NodeWatch:
         if before is not state:
             self._tell(StateChange(node_id, before, state, frame.timestamp_s))
         return True
+
+    def answered(self, node_id: int) -> None:
+        """Node *node_id* answered an SDO request: its next boot-up is a restart, not a second node's start."""
+        self._booted_s.pop(node_id, None)
 
     def request_of_another(self, frame: Frame) -> None:
         """Take an SDO request that is not ours: it may write (CiA 301, 7.2.4.3), or not."""

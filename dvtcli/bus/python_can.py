@@ -162,6 +162,7 @@ class CanBus(ReadBus[can.Message]):
         if function in _SDO_IDS:
             if function == ANSWER_ID:
                 self.echoes.answered(REQUEST_ID + node_id)
+                self._watch.answered(node_id)
             elif not message.is_extended_id:
                 self._watch.request_of_another(frame_of(message))
             extended = message.is_extended_id

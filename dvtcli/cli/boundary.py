@@ -79,10 +79,11 @@ def _ended(session: Conversation, raised: BaseException) -> int:
 
 def _shown(session: Conversation, error: DvtcliError) -> int:
     error.stays = session.staying()
+    place = None if error.at_start else session.place
     try:
-        session.output.error(error, session.place)
+        session.output.error(error, place)
     except OSError:  # stdout takes no documents
-        session.output.error(error, session.place, readable=True)
+        session.output.error(error, place, readable=True)
     return error.exit_code
 
 

@@ -17,7 +17,7 @@ from dvtcli.cli.run_line import parse
 from dvtcli.cli.script import MOST_BYTES, MOST_NESTED, ScriptLine, script_lines, script_of
 from dvtcli.device.store_parameters import RESTORE
 from dvtcli.device.wish import Wish
-from dvtcli.errors import DvtcliError, UsageError
+from dvtcli.errors import DRY_RUN, DvtcliError, UsageError
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
@@ -102,5 +102,6 @@ def _placed(wrong: DvtcliError, place: str) -> DvtcliError:
     """*wrong* with where it is in the script, innermost first, unless it says that itself."""
     if ":" not in wrong.text or not wrong.text.startswith(place.rpartition(":")[0]):
         wrong.text = f"{place}: {wrong.text}"
-    wrong.state = "unchanged"
+    wrong.state, wrong.rehearsed = "unchanged", True
+    wrong.details = [row for row in wrong.details if row[0] != DRY_RUN]
     return wrong

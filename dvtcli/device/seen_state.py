@@ -16,6 +16,8 @@ from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
 
 HEARTBEAT_TIME, GUARD_TIME, LIFE_TIME_FACTOR = 0x1017, 0x100C, 0x100D
 STATUSWORD = (0x6041, 0)
+#: How far the objects of a drive's axes are apart, and how many axes there may be (CiA 402-2, 6.2).
+AXIS, _AXES = 0x800, 8
 _ERROR_CONTROL = 0x700
 #: Longest wait for a sign of life that confirms a state, where nothing says when the next one comes, in seconds.
 CONFIRM_S = 1.5
@@ -85,20 +87,27 @@ def seen_states(accesses: Mapping[int, Access], wanted: NmtState) -> dict[int, N
     }
 
 
-def operation_enabled(bus: CanopenBus, node_id: int) -> int | None:
-    """The statusword (0x6041) of a drive that says "operation enabled"; None where it says something else, or nothing.
+def operation_enabled(bus: CanopenBus, node_id: int) -> tuple[int, int] | None:
+    """Index and value of the first statusword that says "operation enabled"; None where none does, or can be read.
 
-    A node that does not answer is not asked twice: it may be STOPPED, or have no such object.
+    A drive has up to eight axes, `AXIS` apart (CiA 402-2, 6.2). A node that does not answer is not asked twice: it may
+    be STOPPED.
     """
-    try:
-        data = bus.sdo(node_id).upload(*STATUSWORD, retries=0)
-    except (NoAnswer, SdoAborted, SdoProtocolError):
-        return None
-    statusword = int.from_bytes(data, "little")
-    return statusword if drive_state(statusword) == "operation enabled" else None
+    for axis in range(_AXES):
+        index = STATUSWORD[0] + axis * AXIS
+        try:
+            data = bus.sdo(node_id).upload(index, STATUSWORD[1], retries=0)
+        except SdoAborted:
+            continue
+        except (NoAnswer, SdoProtocolError):
+            return None
+        statusword = int.from_bytes(data, "little")
+        if drive_state(statusword) == "operation enabled":
+            return index, statusword
+    return None
 
 
-def moving(bus: CanopenBus, node_ids: Collection[int]) -> dict[int, int]:
-    """Statuswords of those of *node_ids* whose drive says "operation enabled"."""
+def moving(bus: CanopenBus, node_ids: Collection[int]) -> dict[int, tuple[int, int]]:
+    """The statuswords, with their indices, of those of *node_ids* that have an axis that says "operation enabled"."""
     said = {node_id: operation_enabled(bus, node_id) for node_id in node_ids}
-    return {node_id: statusword for node_id, statusword in said.items() if statusword is not None}
+    return {node_id: found for node_id, found in said.items() if found is not None}

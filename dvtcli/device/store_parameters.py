@@ -63,7 +63,9 @@ def sign(access: Access, policy: StorePolicy, index: int, sub_index: int | None,
         silent.state = "unknown"
         silent.hint = f"it may still be writing; wait, then `{word_of(index)}` again"
         if access.bus.boot_ups(access.node_id) != boot_ups:
-            silent.hint = f"it has rebooted instead; `{word_of(index)}` again"
+            silent.hint = f"it restarted instead; `{word_of(index)}` again"
+            if index == STORE:
+                silent.hint = "it restarted instead: what was not stored is lost; set it again, then store"
             return_to(access, found)
         raise
     return Signed(index, where, access.bus.now_s() - started_s, capability)

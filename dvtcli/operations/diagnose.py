@@ -80,7 +80,12 @@ def _settings(session: Session) -> Check:
     ]
     said += [f"{name} = {value} ({where})" for name, value, where in _library_settings(options)]
     found = f"; files: {', '.join(files)}" if files else ""
-    return Check("settings", "ok", ("; ".join(said) or "all as they come") + found)
+    text = ("; ".join(said) or "all as they come") + found
+    in_vain = session.settings.never_taken()
+    if in_vain is None:
+        return Check("settings", "ok", text)
+    refused, _, cure = in_vain.partition("; ")
+    return Check("settings", "warn", f"{text}; {refused}", cure)
 
 
 def _shown(value: object) -> str:
@@ -122,9 +127,9 @@ def _bus(session: Session) -> Iterator[Check]:
         return
     options = session.options
     if not (options.sim or options.interface or options.channel or is_configured()):
-        yield Check(
-            "bus", "warn", "none is chosen", "dvtcli at a terminal offers what is there; or -i and -c, or --sim"
-        )
+        others = "dvtcli at a terminal offers what is there; or -i and -c, or --sim"
+        described = session.settings.described_buses()
+        yield Check("bus", "warn", "none is chosen", f"{described}; {others}" if described else others)
         return
     try:
         network = session.network

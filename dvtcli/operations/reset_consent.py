@@ -10,15 +10,11 @@ if TYPE_CHECKING:
 
 
 def consent_to_reset(session: Session, node_ids: Collection[int]) -> None:
-    """Ask before *node_ids* are reset where a drive among them says "operation enabled"; SafetyRefusal on no.
-
-    Not of nodes that live in this process only: they have no motor.
-    """
+    """Ask before *node_ids* are reset where a drive among them says "operation enabled"; SafetyRefusal on no."""
     from dvtcli.device.seen_state import moving
 
-    if session.options.yes or session.dry_run or session.bus.simulated:
+    if session.options.yes or session.dry_run:
         return
-    for node_id, statusword in moving(session.bus, sorted(node_ids)).items():
-        session.consent(
-            f"node {node_id} says operation enabled (0x6041 is 0x{statusword:04X}): its reset lets the motor go; reset?"
-        )
+    for node_id, (index, statusword) in moving(session.bus, sorted(node_ids)).items():
+        said = f"0x{index:04X} is 0x{statusword:04X}"
+        session.consent(f"node {node_id} says operation enabled ({said}): its reset lets the motor go; reset?")

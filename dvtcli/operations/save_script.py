@@ -43,7 +43,7 @@ def save_script(session: Session, file: str, what: Saved = ENDS, spelled: Callab
 
     Asks before it overwrites. UsageError where there is nothing to save, or where the file cannot be written.
     """
-    path = Path(file)
+    path = _place(file)
     found = {ENDS: _ends, STEPS: _steps, EVERYTHING: _everything}
     sections = found[what](session)
     if os.path.exists(path):  # noqa: PTH110 - Path.exists raises OSError for a name that is too long
@@ -56,6 +56,16 @@ def save_script(session: Session, file: str, what: Saved = ENDS, spelled: Callab
     count = sum(not line.startswith("#") for _, lines in sections for entry in lines for line in entry.splitlines())
     said = f"{file}: {count} command{'' if count == 1 else 's'} for {identity}. Run it: dvtcli run {shlex.quote(file)}"
     return Facts("save", (("file", file), ("commands", count)), (said,))
+
+
+def _place(file: str) -> Path:
+    """Where *file* is to be; UsageError where there is no folder for it, or a folder of that name."""
+    path = Path(file)
+    if os.path.isdir(path):  # noqa: PTH112 - Path.is_dir raises OSError for a name that is too long
+        raise UsageError(f"{file} is a folder", hint=f"name a file in it: save {shlex.quote(str(path))}/NAME.dvt")
+    if not os.path.isdir(path.parent):  # noqa: PTH112
+        raise UsageError(f"{file}: there is no folder {path.parent}", place=file)
+    return path
 
 
 def _steps(session: Session) -> list[Section]:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from dvtcli.device.change.cancellation import Cancellation
 from dvtcli.device.restarts import refuse_after_restarts
-from dvtcli.errors import BusUnavailable, DvtcliError, SafetyRefusal, UsageError
+from dvtcli.errors import DRY_RUN, BusUnavailable, DvtcliError, SafetyRefusal, UsageError
 from dvtcli.operations.options import Options
 from dvtcli.operations.record import Record
 from dvtcli.operations.settings import NOBODY, Settings
@@ -93,7 +93,7 @@ class Session:
         except DvtcliError as error:
             if self.dry_run:
                 error.state = "unchanged"
-                error.details.insert(0, ("dry run", "this was the node's twin; nothing was sent"))
+                error.details.insert(0, (DRY_RUN, "this was the node's twin; nothing was sent"))
             raise
         finally:
             if fresh_twin:
@@ -176,6 +176,12 @@ class Session:
         except BusUnavailable as failed:
             if (by := self.chosen_by()) != NOBODY:
                 failed.details.append(("chosen by", by))
+            elif described := self.settings.described_buses():
+                failed.hint = f"{described}; {failed.hint}"
+            failed.at_start = True
+            raise
+        except UsageError as wrong:
+            wrong.at_start = True
             raise
         opened.whole = self.whole
         if self.options.verbose:

@@ -170,6 +170,13 @@ class Settings:
         own = platformdirs.user_config_path("dvtcli") / "config.toml"
         return f"{self.project.path}: {names}: never taken from a project's file; it may stand in {own}"
 
+    def described_buses(self) -> str:
+        """How to choose one of the buses that the files describe, empty where they describe none."""
+        names = sorted({name for file in self.files for name in file.buses})
+        return (
+            f"{' or '.join(f'--bus {name}' for name in names)} chooses what a settings file describes" if names else ""
+        )
+
     def resolved(self) -> tuple[Layer, DvtcliError | None]:
         """What counts in the end, and why it must not be used where it must not.
 

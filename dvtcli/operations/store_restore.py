@@ -131,9 +131,9 @@ def restore_defaults(session: Session, node: Node, sub_index: int | None, *, pro
         RESET_COMM if communication else RESET_NODE, lambda: _reset(node, command), communication=communication
     )
     state = node.access.state() if prove else None
-    earlier = restart_and_read(node, restart)[0] if prove and node.dictionary is None else None
+    earlier, lost = restart_and_read(node, restart) if prove and node.dictionary is None else (None, ())
     done = sign(node.access, node.profile.store, RESTORE, sub_index, node.cancellation)
-    proof = prove_restore(node, done, restart, earlier) if prove else None
+    proof = prove_restore(node, done, restart, earlier, lost) if prove else None
     return_to(node.access, state)
     node.wanted.clear()
     node.wanted_values.clear()

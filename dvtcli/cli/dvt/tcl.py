@@ -173,7 +173,9 @@ class TclScript:
         self._session.place = None
         if self._last is not None:
             error.state = "unknown"
-            error.state_text = "unchanged since its last command; what the script set before stays set"
+            error.state_text = "unchanged since its last command"
+            if not self._session.staying():  # else its lines are named
+                error.state_text += "; what the script set before stays set"
         return error
 
     def _endless(self, place: str) -> InputFileError:
@@ -215,11 +217,14 @@ class TclScript:
 
     def _answered(self, call: Call) -> Answer:
         """Carry out a command of ours: its answer, or why not for an error that the script may catch."""
-        self._session.place = self._last = self._place(call.file, call.line)
+        self._session.place = self._last = place = self._place(call.file, call.line)
         try:
             return Answer(False, self._run(call.name, call.texts))
         except UsageError as wrong:
             return Answer(True, f"{wrong.text}; {wrong.hint}" if wrong.hint else wrong.text)
+        finally:
+            if self._session.script_changes is not None:
+                self._session.script_changes.note(place)
 
     def _run(self, name: str, texts: tuple[str, ...]) -> str:
         if name == "dvtcli":

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from dvtcli.cli.view.lines import Cell, Line, Table
 from dvtcli.domain.mapping import PdoMappingEntry
-from dvtcli.domain.plan import Step
+from dvtcli.domain.plan import PdoChange, Step
 from dvtcli.domain.proof import RESTART_NAMES, Proof
 from dvtcli.domain.several import plural, several
 from dvtcli.operations.results.changes import Changed, ChangedNodes, Compared, ComparedNodes, Stored
@@ -38,7 +38,9 @@ def change_lines(result: Changed, width: int) -> Iterator[Line]:
     if result.dry_run:
         yield [
             Cell("dry run: ", "cyan"),
-            Cell(f"{labels} would be set: {writes} on the twin, read back equal. Nothing was sent."),
+            Cell(
+                f"{_counted(result, labels, 'would be set')}: {writes} on the twin, read back equal. Nothing was sent."
+            ),
         ]
         return
     verb = "put back" if result.undone else "set"
@@ -49,9 +51,18 @@ def change_lines(result: Changed, width: int) -> Iterator[Line]:
     if result.saved:
         keeps, next_step = "By this the device keeps what is set (assumed: nobody published it)", ""
     yield [
-        Cell(f"{labels} {verb}: {writes}, read back equal, {result.seconds:.2f} s. "),
+        Cell(f"{_counted(result, labels, verb)}: {writes}, read back equal, {result.seconds:.2f} s. "),
         Cell(f"{keeps}{next_step}.", "dim"),
     ]
+
+
+def _counted(result: Changed, labels: str, verb: str) -> str:
+    """What was changed with what became of it; many are counted before some of them are named."""
+    changes = result.plan.changes
+    if several(change.label for change in changes) == ", ".join(change.label for change in changes):
+        return f"{labels} {verb}"
+    noun = "PDO" if all(isinstance(change, PdoChange) for change in changes) else "change"
+    return f"{plural(len(changes), noun)} {verb} ({labels})"
 
 
 def _value(step: Step, data: bytes | None) -> str:

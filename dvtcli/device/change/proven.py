@@ -199,13 +199,17 @@ def restart_and_read(node: Node, restart: Restart) -> tuple[dict[Pdo, PdoConfig]
     return node.pdos(), lost
 
 
-def prove_restore(node: Node, signed: Signed, restart: Restart, earlier: Pdos | None) -> Proof:
+def prove_restore(
+    node: Node, signed: Signed, restart: Restart, earlier: Pdos | None, lost_before: tuple[str, ...] = ()
+) -> Proof:
     """Restart *node*, whose restore was acknowledged, and compare its PDOs with the defaults of the EDS.
 
-    Without an EDS something must differ from *earlier*, read after a restart ahead of the restore.
+    Without an EDS something must differ from *earlier*, read after a restart ahead of the restore, which took
+    *lost_before*.
     """
     with _acknowledged(node, signed):
         after, lost = restart_and_read(node, restart)
+    lost = (*lost_before, *lost)
     uncovered, hint = _uncovered(signed.sub_index), "restore all --prove takes and compares them"
     if node.dictionary is not None:
         compared, found = differing_from_defaults(node.dictionary, node.profile, node.node_id, after)

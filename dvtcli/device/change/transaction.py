@@ -15,7 +15,12 @@ from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, writes_cob_id
 from dvtcli.domain.ports import SdoTransport
 from dvtcli.domain.several import several
-from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, SdoAborted
+from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, NoAnswer, SdoAborted
+
+#: What to do about a node that restarts.
+TRY_AGAIN = "look at its supply, then try again"
+#: What to do first about one that does not answer.
+BRING_BACK = "bring the node back first (power, wiring, `scan`)"
 
 
 class Interrupted(DvtcliError):
@@ -112,7 +117,7 @@ class Transaction:
         hint = "the device corrects or ignores the value: its manual says which values it takes"
         if restarted:
             text = f"node {node_id} restarted while {change.label} was changed, and reads back differently"
-            hint = "look at its supply, then try again"
+            hint = TRY_AGAIN
         return DeviceRefused(text, node=node_id, place=change.steps[-1].object, why=difference, hint=hint)
 
     def _altered(self) -> dict[Pdo, str]:
@@ -151,6 +156,16 @@ class Transaction:
             refusal = isinstance(fault, DeviceRefused)
             fault.state = "unknown" if unreadable and not refusal else "rolled_back"
             fault.node = self.plan.node_id
+            if isinstance(fault, NoAnswer):
+                self._explain_silence(fault)
+
+    def _explain_silence(self, silent: NoAnswer) -> None:
+        """The node has answered the roll-back since: it is neither off nor STOPPED."""
+        if self._restarted():
+            silent.why, silent.hint = "it restarted meanwhile: its boot-up message was heard", TRY_AGAIN
+        else:
+            silent.why = silent.why or "it answers again: an answer, or its request, was lost or late"
+            silent.hint = "try again; where that repeats, a longer --timeout, or look at the wiring and the bus load"
 
     def _put_back(self) -> None:
         """Put the plan's PDOs back, and after them those that the device altered along with them."""
@@ -197,10 +212,11 @@ def _reason(error: BaseException) -> str:
 def left_changed(plan: Plan, fault: BaseException, second: BaseException) -> LeftChanged:
     """The worst case: say what failed twice and what the device may be left with."""
     labels = several(change.label for change in plan.changes)
+    first = f"{BRING_BACK}; then " if isinstance(second, NoAnswer) else ""
     return LeftChanged(
         f"{labels} of node {plan.node_id} could not be put back",
         node=plan.node_id,
         why=f"{fault}; then, while rolling back: {second}{_reason(second)}",
-        hint="look at it with `pdo --all`; a power cycle brings the stored settings back",
+        hint=f"{first}look at it with `pdo --all`; a power cycle brings the stored settings back",
         state="left_changed",
     )

@@ -1,0 +1,119 @@
+"""Small words that were wrong or missing once: labels, hints, places, what stays."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from dvtcli.simulator.device.family import family_eds
+from tests.commands.bench import Bench
+from tests.commands.bus import Wire, device
+from tests.process import documents, environment, run
+
+
+def test_verify_does_not_call_its_rehearsal_a_dry_run(tmp_path: Path) -> None:
+    script = tmp_path / "bad.dvt"
+    script.write_text("write 1000 5\n")
+    with Bench(("gen4",)) as bench:
+        ran = bench.run(f"verify {script}")
+    assert ran.code == 1
+    assert "dry run" not in ran.stderr
+    assert "--force" not in ran.stderr, "nothing is sent by verify, forced or not"
+
+
+def test_a_bus_of_the_settings_is_the_hint_where_none_is_chosen(tmp_path: Path) -> None:
+    (tmp_path / "dvtcli.toml").write_text('[bus.bench]\ninterface = "virtual"\nchannel = "b"\n')
+    own = environment() | {"HOME": str(tmp_path)}
+    done = run(["-n", "1", "pdo"], cwd=tmp_path, env=own)
+    assert done.returncode == 5
+    assert "--bus bench" in done.stderr
+    (found,) = documents(run(["doctor", "--json"], cwd=tmp_path, env=own).stdout)
+    bus = next(check for check in found["checks"] if check["check"] == "bus")
+    assert "--bus bench" in bus["hint"]
+
+
+def test_doctor_tells_what_a_projects_file_says_in_vain(tmp_path: Path) -> None:
+    (tmp_path / "dvtcli.toml").write_text("yes = true\n")
+    (found,) = documents(run(["doctor", "--json"], cwd=tmp_path, env=environment() | {"HOME": str(tmp_path)}).stdout)
+    settings = next(check for check in found["checks"] if check["check"] == "settings")
+    assert settings["verdict"] == "warn"
+    assert "yes: never taken from a project's file" in settings["text"]
+    assert "config.toml" in settings["hint"]
+
+
+def test_a_folder_is_no_file_to_save_to(tmp_path: Path) -> None:
+    with Bench(("gen4",), {"yes": True}) as bench:
+        bench.run("set tpdo1 --timer 70")
+        ran = bench.run(f"save {tmp_path}")
+        assert ran.code == 2
+        assert f"{tmp_path} is a folder" in ran.stderr
+        assert f"save {tmp_path}/NAME.dvt" in ran.stderr
+        ran = bench.run(f"save {tmp_path}/none/x.dvt")
+        assert ran.code == 2
+        assert f"there is no folder {tmp_path}/none" in ran.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_many_changes_are_counted_before_they_are_named() -> None:
+    with Bench(("gen4",)) as bench:
+        ran = bench.run("clear all")
+        assert "5 PDOs set (TPDO1, TPDO2, TPDO4 and 2 more): 8 writes" in ran.stdout
+        assert "dry run: 5 PDOs would be set (TPDO1, " in Bench(("gen4",)).run("clear all --dry-run").stdout
+
+
+@pytest.mark.parametrize("fault", ["nonsense", "5:silent@1"])
+def test_an_option_of_the_start_is_no_fault_of_a_scripts_line(fault: str) -> None:
+    with Bench(("gen4",), {"fault": (fault,)}) as bench:
+        ran = bench.script("read 1000")
+        assert ran.code == 2
+        assert ran.stderr.startswith(f"error: --fault {fault}")
+        assert bench.script("read 1000 --json").document["at"] is None
+
+
+def test_what_a_tcl_script_changed_before_it_was_stopped_is_named(tmp_path: Path) -> None:
+    script = tmp_path / "m.tcl"
+    script.write_text("dvtcli map tpdo1 6041 606C\ndvtcli read 1000\ndvtcli set tpdo2 --timer 70\nwhile 1 {}\n")
+    with Bench(("gen4",)) as bench:
+        ran = bench.run(f"run {script} --max-seconds 1")
+    assert ran.code == 4
+    assert f"state   unchanged since its last command; what {script}:1, {script}:3 changed stays" in ran.stderr
+    assert "before stays" not in ran.stderr
+
+
+# --- consent to a reset
+
+
+def two_axes() -> str:
+    """The generic drive with a second axis 0x800 further on (CiA 402-2, 6.2)."""
+    return family_eds("generic").read_text("utf-8") + (
+        "\n[6841]\nParameterName=Statusword 2\nObjectType=0x7\nDataType=0x0006\nAccessType=ro\n"
+        "DefaultValue=0x1237\nPDOMapping=1\n"
+    )
+
+
+def test_a_second_axis_that_is_enabled_is_not_reset_unasked(tmp_path: Path) -> None:
+    from dvtcli.files.eds.reader import parse_eds
+    from dvtcli.simulator.device.family import load_family
+    from dvtcli.simulator.device.strict_device import StrictDevice
+
+    (tmp_path / "two.eds").write_text(two_axes())
+    node = StrictDevice(parse_eds(two_axes().encode(), "two.eds").dictionary, load_family("generic"), 1)
+    node.set_value(0x6041, 0, b"\x50\x02")
+    with Wire(node) as wire, Bench((), {**wire.options, "journal": str(tmp_path)}) as bench:
+        for line in ("nmt reset-node", "store --prove"):
+            ran = bench.run(line)
+            assert ran.code == 6
+            assert "node 1 says operation enabled (0x6841 is 0x1237)" in ran.stderr
+        node.set_value(0x6841, 0, b"\x50\x02")
+        assert bench.run("nmt reset-node").code == 0
+
+
+def test_without_an_eds_what_the_first_reset_took_is_said_too() -> None:
+    with Wire(device("generic")) as wire, Bench((), {**wire.options, "yes": True}) as bench:
+        assert bench.session.node().dictionary is None
+        bench.run("map tpdo1 6064")
+        bench.run("store")
+        bench.run("set tpdo2 --timer 70")
+        document = bench.run("restore --prove --json").documents[-1]
+        assert (document["proved"], document["lost"]) == (True, ["TPDO2"])

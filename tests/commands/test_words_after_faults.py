@@ -1,0 +1,63 @@
+"""What is said after a fault of the node fits what was heard: a restart, a lost answer, silence."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.commands.bench import Bench
+from tests.commands.bus import Wire, device
+
+MAP = "map tpdo1 6041 606C"
+
+
+def sim(*faults: str) -> Bench:
+    return Bench(("gen4",), {"fault": faults, "yes": True, "timeout": 0.2})
+
+
+@pytest.mark.parametrize("number", [1, 3, 6])
+def test_a_node_that_restarts_in_a_change_is_not_called_silent(number: int) -> None:
+    with sim(f"reset@{number}") as bench:
+        ran = bench.run(MAP)
+    assert ran.code == 5
+    assert "why     it restarted meanwhile: its boot-up message was heard" in ran.stderr
+    assert "hint    look at its supply, then try again" in ran.stderr
+    assert "bit rate?" not in ran.stderr
+    assert "rolled back" in ran.stderr
+
+
+def test_a_node_that_restarts_soon_after_it_came_up_is_not_taken_for_two() -> None:
+    with sim("reset@1") as bench:
+        ran = bench.run(MAP)
+    assert "two boot-ups" not in ran.stderr
+    assert "two nodes" not in ran.stderr
+
+
+def test_a_node_whose_answer_was_lost_is_not_called_silent() -> None:
+    with sim("lose-response@3") as bench:
+        ran = bench.run(MAP)
+    assert ran.code == 5
+    assert "why     it answers again: an answer, or its request, was lost or late" in ran.stderr
+    assert "bit rate?" not in ran.stderr
+    assert "--timeout" in ran.stderr
+
+
+def test_a_node_that_restarts_instead_of_storing_is_not_told_to_store_what_is_lost() -> None:
+    with sim("reset@1") as bench:
+        ran = bench.run("store")
+    assert ran.code == 5
+    assert "it restarted instead: what was not stored is lost; set it again, then store" in ran.stderr
+
+
+def test_a_node_that_stays_silent_in_the_roll_back_is_to_be_brought_back_first(tmp_path: Path) -> None:
+    with sim("silent@3") as bench:
+        ran = bench.run(MAP)
+    assert ran.code == 7
+    assert "hint    bring the node back first (power, wiring, `scan`)" in ran.stderr
+    with Wire(device("generic"), faults=("silent@3",)) as wire:
+        options = {**wire.options, "yes": True, "timeout": 0.2, "journal": str(tmp_path)}
+        with Bench((), options) as bench:
+            ran = bench.run("map tpdo1 6064")
+    assert ran.code == 7
+    assert "bring the node back first (power, wiring, `scan`); then `recover` finishes it, from " in ran.stderr
