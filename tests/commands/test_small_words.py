@@ -109,6 +109,20 @@ def test_a_second_axis_that_is_enabled_is_not_reset_unasked(tmp_path: Path) -> N
         assert bench.run("nmt reset-node").code == 0
 
 
+@pytest.mark.parametrize("line", ["nmt reset-node", "nmt reset-comm all", "store --prove"])
+def test_a_simulated_drive_that_was_enabled_here_is_not_reset_unasked(line: str) -> None:
+    """As it came up it may be: nobody enabled it, and who rehearses a script shall not get used to --yes."""
+    with Bench(("generic",)) as bench:
+        assert bench.script("nmt reset-node", "store --prove").code == 0
+        for word in (6, 7, 15):
+            assert bench.run(f"write 6040 {word}").code == 0
+        ran = bench.run(line)
+        assert ran.code == 6
+        assert "node 1 says operation enabled (0x6041 is " in ran.stderr
+        assert bench.run("write 6040 6").code == 0
+        assert bench.run(line).code == 0
+
+
 def test_without_an_eds_what_the_first_reset_took_is_said_too() -> None:
     with Wire(device("generic")) as wire, Bench((), {**wire.options, "yes": True}) as bench:
         assert bench.session.node().dictionary is None
