@@ -6,7 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from dvtcli.simulator.device.family import family_eds
+from dvtcli.files.eds.reader import parse_eds
+from dvtcli.simulator.device.strict_device import StrictDevice
+from dvtcli.simulator.network.family_file import family_eds, load_family
 from tests.commands.bench import Bench
 from tests.commands.bus import Wire, device
 from tests.process import documents, environment, run
@@ -93,10 +95,6 @@ def two_axes() -> str:
 
 
 def test_a_second_axis_that_is_enabled_is_not_reset_unasked(tmp_path: Path) -> None:
-    from dvtcli.files.eds.reader import parse_eds
-    from dvtcli.simulator.device.family import load_family
-    from dvtcli.simulator.device.strict_device import StrictDevice
-
     (tmp_path / "two.eds").write_text(two_axes())
     node = StrictDevice(parse_eds(two_axes().encode(), "two.eds").dictionary, load_family("generic"), 1)
     node.set_value(0x6041, 0, b"\x50\x02")
