@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import inspect
 import re
 
 import click
@@ -16,6 +17,7 @@ from dvtcli.cli.registry import REGISTRY
 from dvtcli.cli.run_line import parse
 from dvtcli.cli.view.output import Output
 from dvtcli.operations import results
+from tests.house.reference.documents import RUNS
 from tests.house.source import PACKAGE, modules
 
 #: what does the work
@@ -94,6 +96,13 @@ def test_it_says_what_it_answers(name: str) -> None:
     """A result of `dvtcli.operations.results`, an exit code, or nothing where it shows things as they come."""
     for answer in annotated(name) - {"int", "None"}:
         assert isinstance(getattr(results, answer), type), answer
+
+
+@every_command
+def test_the_reference_of_a_document_names_the_commands_that_answer_it(name: str) -> None:
+    for answer in annotated(name) - {"int", "None", "Facts", "ChangedNodes", "ComparedNodes"}:
+        (schema,) = re.findall(r'"schema": "(dvtcli\.[a-z-]+/\d+)"', inspect.getsource(getattr(results, answer)))
+        assert f"`{name}" in RUNS[schema]["from"], f"{schema} in documents.toml"
 
 
 def test_a_command_holds_words_and_options_only() -> None:
