@@ -66,7 +66,7 @@ class Prompt:
 
     def __init__(self, session: Conversation, status: Status, lines: Reader) -> None:
         self._session, self._status, self._reader = session, status, lines
-        #: whether a line ran: what was typed meanwhile was typed blindly
+        #: whether a line ran since the last prompt: what was typed meanwhile was typed blindly
         self._has_run = False
         #: whether the node may be asked how it is before a prompt: not after it kept silent, which takes time
         self._answers = True
@@ -102,7 +102,7 @@ class Prompt:
     def _forget_what_was_typed_blindly(self) -> None:
         """Lines that were typed while another one ran would run unseen: they are thrown away, and that is said."""
         thrown_away = throw_away(sys.stdin, self._reader.left_over()) if self._has_run else None
-        self._has_run = True
+        self._has_run = False
         if thrown_away:
             self._session.output.warning(thrown_away)
 
@@ -112,6 +112,7 @@ class Prompt:
         from dvtcli.cli.prompt.redirect import sent
 
         session = self._session
+        self._has_run = True
 
         def run() -> int:
             command, destination = cut(expanded(line, session.aliases))
