@@ -1,0 +1,126 @@
+"""What findings say: what was wanted, what there is instead, and what to do next."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.mapping import PdoMappingEntry
+from dvtcli.domain.object_dictionary import Access, ObjectDictionary
+from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.profile import GENERIC, Severity
+from dvtcli.domain.rules import Finding, Proposal, check_pdo
+from dvtcli.domain.rules.mappable import decimal_hint, missing_object
+from dvtcli.domain.rules.raw_write import ParameterWrite, length_findings, parameter_findings, write_findings
+from tests.laws.bench import dictionary
+from tests.rules.test_edges import RPDO1, TPDO1, proposal
+
+RPDO2 = Pdo.parse("rpdo2")
+GENERIC_FILE = dictionary("generic")
+STATUSWORD, CONTROLWORD = 0x6041_0010, 0x6040_0010
+
+
+def mapping(pdo: Pdo, *raw: int, described: ObjectDictionary | None = None) -> Proposal:
+    """*pdo* is to map the entries *raw*."""
+    asked = proposal(pdo, described=described)
+    return replace(asked, want=replace(asked.want, mapping=tuple(PdoMappingEntry.from_raw(one) for one in raw)))
+
+
+def found(asked: Proposal, rule: str) -> Finding:
+    (finding,) = (finding for finding in check_pdo(asked) if finding.rule == rule)
+    return finding
+
+
+def changed(index: int, **attributes: object) -> ObjectDictionary:
+    """The generic file, in which the only entry of *index* has other *attributes*."""
+    described = GENERIC_FILE[index]
+    entries = {0: replace(described.entries[0], **attributes)}  # type: ignore[arg-type]
+    return ObjectDictionary({**GENERIC_FILE, index: replace(described, entries=entries)}, GENERIC_FILE.info, "file.eds")
+
+
+def test_too_many_bits_are_counted_and_the_last_object_is_named() -> None:
+    finding = found(mapping(TPDO1, *[STATUSWORD] * 5), "pdo-length")
+    assert "would need 80 bits, a PDO holds 64" in finding.text
+    assert finding.hint == "16 bits too many: drop 6041:00, or put it into another PDO"
+
+
+def test_what_cannot_be_mapped_says_for_what() -> None:
+    assert found(mapping(RPDO1, STATUSWORD), "direction").text.endswith("it cannot be an RPDO's target")
+    write_only = changed(0x6040, access=Access.WO)
+    assert found(mapping(TPDO1, CONTROLWORD, described=write_only), "direction").text.endswith("it cannot feed a TPDO")
+
+
+def test_an_object_that_is_taken_in_the_other_direction_only_says_in_which() -> None:
+    strict = replace(GENERIC, rw_in_tpdo=Severity.ERROR, rw_in_rpdo=Severity.ERROR)
+    described = changed(0x6040, access=Access.RW)
+    for pdo, where in ((TPDO1, "an RPDO"), (RPDO1, "a TPDO")):
+        asked = replace(mapping(pdo, CONTROLWORD, 0x6060_0008, described=described), profile=strict)
+        said = [finding.text for finding in check_pdo(asked) if finding.rule == "read-write-object"]
+        assert any(text.startswith("6040:00") and text.endswith(f"takes it in {where} only") for text in said)
+
+
+def test_a_file_that_says_nothing_of_mapping_is_said_to() -> None:
+    described = changed(0x6041, pdo_mapping=None)
+    silent = ObjectDictionary({0x6041: described[0x6041]}, described.info, "file.eds")
+    finding = found(mapping(TPDO1, STATUSWORD, 0x6061_0008, described=silent), "mappable-unknown")
+    assert finding.severity is Severity.WARNING
+    assert "file.eds does not say whether 6041:00" in finding.text
+    assert found(mapping(TPDO1, STATUSWORD, 0x6061_0008, described=described), "mappable").severity is Severity.ERROR
+
+
+def test_a_missing_sub_index_lists_the_first_dozen_that_there_are() -> None:
+    entry = GENERIC_FILE[0x6041].entries[0]
+    many = replace(GENERIC_FILE[0x6041], entries={sub: replace(entry, sub_index=sub) for sub in range(20)})
+    described = ObjectDictionary({0x6041: many}, GENERIC_FILE.info, "file.eds")
+    finding = missing_object(described, "0x1A00:01", 0x6041, 0x50)
+    assert finding.text.endswith("has 00, 01, 02, 03, 04, 05, 06, 07, 08, 09, 0A, 0B")
+
+
+@pytest.mark.parametrize(
+    ("sub_index", "hint"),
+    [
+        (0x12, "sub-indices are hexadecimal: decimal 12 is 6041:0C"),
+        (0x05, None),  # the same in both
+        (0x1A, None),  # no decimal number
+        (0x99, None),  # nor would 99 be there
+    ],
+)
+def test_a_decimal_sub_index_is_recognised(sub_index: int, hint: str | None) -> None:
+    entry = GENERIC_FILE[0x6041].entries[0]
+    many = replace(GENERIC_FILE[0x6041], entries={sub: replace(entry, sub_index=sub) for sub in range(20)})
+    assert decimal_hint(ObjectDictionary({0x6041: many}, GENERIC_FILE.info, "file.eds"), 0x6041, sub_index) == hint
+
+
+def test_after_a_dummy_the_other_targets_are_looked_at_too() -> None:
+    asked = mapping(RPDO1, 0x0005_0008, CONTROLWORD, CONTROLWORD)
+    said = [finding.text for finding in check_pdo(asked) if finding.rule == "double-target"]
+    assert any("mapped twice (entry 2 and 3)" in text for text in said)
+    assert not [one for one in check_pdo(mapping(RPDO1, 0x0005_0008, 0x0005_0008)) if one.rule == "double-target"]
+
+
+def test_a_raw_write_is_answered_with_the_command_that_does_it_in_order() -> None:
+    now = proposal(TPDO1).now
+    enabled = replace(now, communication=replace(now.communication, cob_id=CobId(0x181, rtr_allowed=False)))
+
+    def ask(want: object) -> Proposal:
+        raise AssertionError("nothing more is asked")
+
+    write = ParameterWrite(0x1800, 1, 0x4000_0191)
+    (finding,) = parameter_findings(ask, enabled, write, ())  # type: ignore[arg-type]
+    assert str(finding.hint).startswith("set tpdo1 --cob-id 0x191")
+
+
+def test_a_wrong_length_is_counted_and_named() -> None:
+    (long,) = length_findings(0x1800, 2, bytes(2))
+    assert (long.text, long.abort) == ("0x1800:02 has 1 byte, not 2", 0x0607_0012)
+    (short,) = length_findings(0x1800, 1, bytes(3))
+    assert (short.text, short.abort) == ("0x1800:01 has 4 bytes, not 3", 0x0607_0013)
+
+
+def test_a_missing_object_and_a_missing_sub_index_have_hints_of_their_own() -> None:
+    (finding,) = write_findings(GENERIC_FILE, 0x5FFF, 0, b"\0")
+    assert finding.hint == "objects TEXT searches"
+    (finding,) = write_findings(GENERIC_FILE, 0x1018, 0x7F, b"\0")
+    assert finding.hint is None
