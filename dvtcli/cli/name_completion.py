@@ -17,7 +17,7 @@ from dvtcli.cli.global_options import taken
 from dvtcli.domain.mapping import DUMMY_BITS, MAX_PDO_BITS
 from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry, normalised
 from dvtcli.domain.object_syntax import parse_object
-from dvtcli.domain.rules.mappable import FEEDS_TPDO, TAKES_RPDO
+from dvtcli.domain.rules.mapped_object import FEEDS_TPDO, TAKES_RPDO
 from dvtcli.errors import DvtcliError
 from dvtcli.operations.options import Options
 from dvtcli.operations.settings import Settings

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import Pdo
-from dvtcli.domain.rules.mappable import decimal_hint
+from dvtcli.domain.rules.mapped_object import decimal_hint
 from dvtcli.errors import SdoAborted, UsageError
 
 

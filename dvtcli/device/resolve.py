@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.proposal import proposal
 from dvtcli.domain.request import PdoRequest, resolved
-from dvtcli.domain.rules.mappable import missing_object
+from dvtcli.domain.rules.mapped_object import missing_object
 from dvtcli.errors import RuleError, UsageError
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.object_dictionary import normalised
-from dvtcli.domain.rules.mappable import FEEDS_TPDO, TAKES_RPDO
+from dvtcli.domain.rules.mapped_object import FEEDS_TPDO, TAKES_RPDO
 from dvtcli.errors import UsageError
 from dvtcli.operations.results import ObjectListing, ObjectRow
 

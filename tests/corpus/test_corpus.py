@@ -10,7 +10,7 @@ from dvtcli.domain.datatypes import Kind
 from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
 from dvtcli.domain.pdo import Direction, Pdo
 from dvtcli.domain.ports import Frame
-from dvtcli.domain.rules.mappable import FEEDS_TPDO, TAKES_RPDO
+from dvtcli.domain.rules.mapped_object import FEEDS_TPDO, TAKES_RPDO
 from tests.commands.bench import Bench
 
 _INITIATE_DOWNLOAD = 1

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from dvtcli.domain.abort import Abort
+from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
 from dvtcli.domain.profile import Severity, within
 from dvtcli.domain.rules.finding import Finding, Proposal, error, warning
 from dvtcli.domain.rules.rule import ERROR, WARNING, Rule
@@ -58,7 +59,7 @@ def _changed(proposal: Proposal) -> Iterator[tuple[int, int | None, int | None]]
 
 
 def _file_findings(proposal: Proposal, sub_index: int, value: int) -> Iterator[Finding]:
-    """What the EDS says of this parameter: access type and limits."""
+    """What the object, the family and the EDS say of this parameter."""
     place, name = proposal.communication_place(sub_index), _NAMES[sub_index]
     if value > _LARGEST.get(sub_index, 0xFFFF_FFFF):
         yield error(
@@ -75,8 +76,14 @@ def _file_findings(proposal: Proposal, sub_index: int, value: int) -> Iterator[F
         return
     dictionary = proposal.dictionary
     entry = dictionary.entry(proposal.pdo.communication_index, sub_index) if dictionary else None
-    if entry is None or dictionary is None:
-        return
+    if entry is not None and dictionary is not None:
+        yield from _entry_findings(proposal, dictionary, entry, value)
+
+
+def _entry_findings(proposal: Proposal, dictionary: ObjectDictionary, entry: OdEntry, value: int) -> Iterator[Finding]:
+    """What *entry* of the EDS says: whether it may be written, and its limits."""
+    sub_index = entry.sub_index
+    place, name = proposal.communication_place(sub_index), _NAMES[sub_index]
     if not entry.access.writable:
         yield error(
             "parameter-static",

@@ -1,0 +1,110 @@
+"""Rules about one object that is to be mapped: existence, direction, what its family advises (CiA 306, 4.6.3)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from dvtcli.domain.abort import Abort
+from dvtcli.domain.mapping import DUMMY_BITS, PdoMappingEntry
+from dvtcli.domain.object_dictionary import Access, ObjectDictionary, OdEntry
+from dvtcli.domain.profile import Severity
+from dvtcli.domain.rules.finding import Finding, Proposal, error, warning
+from dvtcli.domain.rules.rule import ERROR, WARNING, Rule
+
+RULES = (
+    Rule("object-exists", ERROR, "the object or its sub-index is not in the device's file", "the EDS",
+         (Abort.NO_OBJECT, Abort.NO_SUB_INDEX)),
+    Rule("direction", ERROR, "a TPDO would send what cannot be read, an RPDO set what cannot be written",
+         "the EDS, AccessType (CiA 306, 4.6.3)", (Abort.NOT_MAPPABLE,)),
+    Rule("mappable-unknown", WARNING, "the file says nothing about mapping", "the EDS, PDOMapping (CiA 306)"),
+    Rule("mappable", ERROR, "the file says PDOMapping=0", "the EDS, PDOMapping (CiA 306)", (Abort.NOT_MAPPABLE,)),
+    Rule("advised-against", WARNING, "the maker advises against this object in a TPDO", "the family"),
+    Rule("read-write-object", (Severity.ERROR, Severity.WARNING),
+         "a read/write object in a direction that the family refuses (error) or advises against (warning)",
+         "the family", (Abort.NOT_MAPPABLE,)),
+)  # fmt: skip
+
+#: Access types whose objects may feed a TPDO, and be an RPDO's target (CiA 306, 4.6.3).
+FEEDS_TPDO = frozenset({Access.RO, Access.RWR, Access.CONST, Access.RW})
+TAKES_RPDO = frozenset({Access.WO, Access.RWW, Access.RW})
+
+
+def object_findings(proposal: Proposal, place: str, entry: PdoMappingEntry) -> Iterator[Finding]:
+    """Judge the object of one *entry* at *place*; nothing where there is no file that tells of it."""
+    dictionary = proposal.dictionary
+    if dictionary is None:
+        return
+    found = dictionary.entry(entry.index, entry.sub_index)
+    if found is None and entry.index in DUMMY_BITS:
+        yield error("object-exists", place, f"the dummy 0x{entry.index:04X} has sub-index 00 only", Abort.NO_SUB_INDEX)
+        return
+    if found is None:
+        yield missing_object(dictionary, place, entry.index, entry.sub_index)
+        return
+    yield from _direction(proposal, dictionary, place, found)
+    yield from _access_advice(proposal, dictionary, place, found)
+
+
+def missing_object(dictionary: ObjectDictionary, place: str, index: int, sub_index: int) -> Finding:
+    """The finding for an object that *dictionary* does not have, with what it has instead."""
+    if index not in dictionary:
+        text = f"0x{index:04X} is not in {dictionary.source}"
+        return error("object-exists", place, text, Abort.NO_OBJECT, "objects TEXT searches the dictionary")
+    known = dictionary[index]
+    subs = ", ".join(f"{sub:02X}" for sub in list(known.entries)[:12])
+    text = f'0x{index:04X}:{sub_index:02X} is not in {dictionary.source}; {index:04X} "{known.name}" has {subs}'
+    return error("object-exists", place, text, Abort.NO_SUB_INDEX, decimal_hint(dictionary, index, sub_index))
+
+
+def decimal_hint(dictionary: ObjectDictionary, index: int, sub_index: int) -> str | None:
+    """A hint where *sub_index*, read as decimal digits, would be an object of *dictionary*."""
+    digits = f"{sub_index:X}"
+    if digits.isdigit() and dictionary.entry(index, int(digits)) and int(digits) != sub_index:
+        return f"sub-indices are hexadecimal: decimal {digits} is {index:04X}:{int(digits):02X}"
+    return None
+
+
+def _direction(proposal: Proposal, dictionary: ObjectDictionary, place: str, found: OdEntry) -> Iterator[Finding]:
+    name = proposal.name(found.index, found.sub_index)
+    tpdo = proposal.pdo.is_tpdo
+    if found.access not in (FEEDS_TPDO if tpdo else TAKES_RPDO) and not (tpdo and found.access is Access.RWW):
+        role = "feed a TPDO" if tpdo else "be an RPDO's target"
+        yield error(
+            "direction",
+            place,
+            f"{name} is {found.access} in {dictionary.place(found)}: it cannot {role}",
+            Abort.NOT_MAPPABLE,
+            f"objects --mappable {proposal.pdo.direction}",
+        )
+    elif found.pdo_mapping is None and not dictionary.tells_mappability:
+        yield warning("mappable-unknown", place, f"{dictionary.source} does not say whether {name} can be mapped")
+    elif not found.pdo_mapping:
+        yield error(
+            "mappable",
+            place,
+            f"{name} is not mappable: {dictionary.place(found)} has PDOMapping=0",
+            Abort.NOT_MAPPABLE,
+            f"objects --mappable {proposal.pdo.direction}",
+        )
+
+
+def _access_advice(proposal: Proposal, dictionary: ObjectDictionary, place: str, found: OdEntry) -> Iterator[Finding]:
+    """What a device family makes of objects that the host may write too (Sevcon 3.3, Trinamic 6.3)."""
+    tpdo, profile = proposal.pdo.is_tpdo, proposal.profile
+    name = proposal.name(found.index, found.sub_index)
+    if tpdo and (advice := profile.why_not_in_tpdo(found.index)):
+        yield warning("advised-against", place, f"{name}: {advice}")
+        return
+    severity = {
+        (True, Access.RW): profile.rw_in_tpdo,
+        (True, Access.RWW): profile.rww_in_tpdo,
+        (False, Access.RW): profile.rw_in_rpdo,
+    }.get((tpdo, found.access))
+    if severity is Severity.ERROR:
+        where = "an RPDO" if tpdo else "a TPDO"
+        text = f"{name} is {found.access} in {dictionary.place(found)}: a {profile.title} takes it in {where} only"
+        hint = f"objects --mappable {proposal.pdo.direction}"
+        yield error("read-write-object", place, text, Abort.NOT_MAPPABLE, hint)
+    elif severity is not None:
+        text = f"{name} is {found.access} ({dictionary.place(found)}): it may hold what the host wrote, not what is"
+        yield Finding("read-write-object", severity, place, text)
