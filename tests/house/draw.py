@@ -148,7 +148,8 @@ class House:
 
     def _named(self, said: str, tree: ast.Module) -> list[str]:
         """The files that a string names: `dvtcli.x.y` anywhere in it one; `dvtcli.x.` and `dvtcli.x.{}` those files of
-        room x that other strings of the file name, all of them where none is named. `dvtcli.x/1` is a document's name.
+        room x that other strings of the file name, where none is named all of them that end as the string does.
+        `dvtcli.x/1` is a document's name.
         """
         whole = re.findall(rf"(?<![\w./]){self.package.name}(?:\.\w+)+(?![\w/.])", said)
         if found := [self._modules[name] for name in whole if name in self._modules]:
@@ -156,10 +157,11 @@ class House:
         match = re.fullmatch(rf"({self.package.name}\.(?:\w+\.)*)(?:\{{\}}[\w.{{}}]*)?", said)
         if match is None:
             return []
+        suffix = said.rpartition("}")[2] if "}" in said else ""
         members = {
             name.removeprefix(match[1]): file
             for name, file in self._modules.items()
-            if name.startswith(match[1]) and "." not in name.removeprefix(match[1])
+            if name.startswith(match[1]) and "." not in name.removeprefix(match[1]) and name.endswith(suffix)
         }
         words = {word.partition(":")[0] for word in _texts(tree)}
         return [file for name, file in members.items() if name in words] or list(members.values())

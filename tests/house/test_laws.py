@@ -17,7 +17,7 @@ from tests.house.laws.source_tree import SourceTree
 
 HOUSE = SourceTree.of_the_package()
 #: laws about how files hang together: the others look at one file at a time
-WHOLE = {"direction", "independence", "laziness", "errors"}
+WHOLE = {"direction", "independence", "laziness", "errors", "results"}
 
 
 @pytest.mark.parametrize("law", LAWS)

@@ -21,9 +21,6 @@ if TYPE_CHECKING:
     from dvtcli.errors import DvtcliError
     from dvtcli.operations.results import Document, Result
 
-#: Results that are read at leisure; what a change did is shown as it is.
-_LISTS = frozenset({"PdoListing", "ObjectListing", "NodeListing", "Facts", "FileReport"})
-
 
 class Output:
     """One pair of streams with the options that shape what is written to them."""
@@ -66,7 +63,7 @@ class Output:
         if not self.quiet:
             self.lines(remarks(result))
         lines = self._painted(self.stdout, text(result, self.width))
-        if type(result).__name__ not in _LISTS or not self._page(lines):
+        if not result.at_leisure or not self._page(lines):
             with self._answering():
                 for line in lines:
                     print(line, file=self.stdout)

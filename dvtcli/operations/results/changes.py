@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from dvtcli.domain.plan import PdoChange, Plan, ValueChange, alters
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.proof import Proof
 from dvtcli.domain.rules import Finding
-from dvtcli.operations.results.documents import Document, finding_document, hex_bytes
+from dvtcli.operations.results.documents import Answer, Document, finding_document, hex_bytes
 
 if TYPE_CHECKING:
     from dvtcli.errors import DvtcliError
 
 
 @dataclass(frozen=True, slots=True)
-class Changed:
+class Changed(Answer):
     """A plan that was carried out and read back."""
+
+    renderer: ClassVar = "change_lines:change_lines"
+    remarked: ClassVar = True
 
     node: int
     plan: Plan
@@ -73,8 +76,11 @@ class Changed:
 
 
 @dataclass(frozen=True, slots=True)
-class ChangedNodes:
+class ChangedNodes(Answer):
     """The same on several nodes; its document has the fields of one node's, with what all of them have in common."""
+
+    renderer: ClassVar = "change_lines:changed_nodes_lines"
+    remarked: ClassVar = True
 
     nodes: tuple[Changed, ...]
     exit_code: int = 0
@@ -101,11 +107,13 @@ class ChangedNodes:
 
 
 @dataclass(frozen=True, slots=True)
-class Stored:
+class Stored(Answer):
     """A store or restore that the device took, with its *proof* where one was asked for.
 
     *skipped* says why nothing was sent at all; *because* why it was sent though it might not have been needed.
     """
+
+    renderer: ClassVar = "change_lines:stored_lines"
 
     node: int
     object: str
@@ -167,8 +175,10 @@ class Stored:
 
 
 @dataclass(frozen=True, slots=True)
-class Compared:
+class Compared(Answer):
     """A read-back against what was wanted: one row a PDO that differs."""
+
+    renderer: ClassVar = "change_lines:compared_lines"
 
     node: int
     pdos: int
@@ -226,8 +236,10 @@ def _what(label: str) -> Document:
 
 
 @dataclass(frozen=True, slots=True)
-class ComparedNodes:
+class ComparedNodes(Answer):
     """The same of several nodes; its document has the fields of one node's, with what all of them have in common."""
+
+    renderer: ClassVar = "change_lines:compared_nodes_lines"
 
     nodes: tuple[Compared, ...]
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
-from dvtcli.operations.results.documents import Document
+from dvtcli.operations.results.documents import Answer, Document
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,8 +30,10 @@ class ProfileRow:
 
 
 @dataclass(frozen=True, slots=True)
-class ProfileListing:
+class ProfileListing(Answer):
     """The profiles there are, and the *folder* that the user's own belong into."""
+
+    renderer: ClassVar = "profile_lines:profile_list_lines"
 
     rows: tuple[ProfileRow, ...]
     folder: str
@@ -46,8 +49,10 @@ class ProfileListing:
 
 
 @dataclass(frozen=True, slots=True)
-class ProfileShown:
+class ProfileShown(Answer):
     """One profile: key, value as written, and reason of every value; the rest is as in *like*, or the standard's."""
+
+    renderer: ClassVar = "profile_lines:profile_lines"
 
     row: ProfileRow
     values: tuple[tuple[str, str, str], ...]

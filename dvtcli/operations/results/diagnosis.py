@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
-from dvtcli.operations.results.documents import Document
+from dvtcli.operations.results.documents import Answer, Document
 
 Verdict = Literal["ok", "warn", "FAIL"]
 
@@ -26,8 +26,10 @@ class Check:
 
 
 @dataclass(frozen=True, slots=True)
-class Diagnosis:
+class Diagnosis(Answer):
     """Every check, in the order in which one needs the other."""
+
+    renderer: ClassVar = "diagnosis_lines:diagnosis_lines"
 
     checks: tuple[Check, ...]
 

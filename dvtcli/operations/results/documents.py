@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 from dvtcli.domain.datatypes import CanopenTime, Value
 from dvtcli.domain.rules import Finding
@@ -11,8 +11,34 @@ from dvtcli.domain.rules import Finding
 Document = dict[str, Any]
 
 
+class Answer:
+    """What an answer says of how it is shown, said in its own class; all but `renderer` have a default."""
+
+    __slots__ = ()
+    #: a module of `cli.view` and its function of (answer, width in columns): `pdo_lines:listing_lines`
+    renderer: ClassVar[str]
+    #: whether it is a list that is read at leisure, with a pager where it is more than a screen
+    at_leisure: ClassVar[bool] = False
+    #: whether its findings are said beside it, and not in its own text
+    remarked: ClassVar[bool] = False
+
+    @property
+    def remark(self) -> str:
+        """What is said beside it besides its findings; empty for nothing."""
+        return ""
+
+
 class Result(Protocol):
-    """What every command's answer can do."""
+    """What every command's answer can do: an `Answer` with an exit code and a document."""
+
+    renderer: ClassVar[str]
+    at_leisure: ClassVar[bool]
+    remarked: ClassVar[bool]
+
+    @property
+    def remark(self) -> str:
+        """What is said beside it."""
+        ...
 
     @property
     def exit_code(self) -> int:

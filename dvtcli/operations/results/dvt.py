@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 from dvtcli.domain.rules import Finding
-from dvtcli.operations.results.documents import Document, finding_document
+from dvtcli.operations.results.documents import Answer, Document, finding_document
 
 
 @dataclass(frozen=True, slots=True)
-class DvtAnswer:
+class DvtAnswer(Answer):
     """What *word* answered: `OK`, a value, `Abort 0x…` or `Timeout`; *reasons* say why, what first.
 
     *dry_run* says that the node's twin answered.
     """
+
+    renderer: ClassVar = "file_lines:answer_lines"
+    remarked: ClassVar = True
 
     word: str
     node: int | None
@@ -22,6 +26,11 @@ class DvtAnswer:
     exit_code: int = 0
     findings: tuple[Finding, ...] = ()
     dry_run: bool = False
+
+    @property
+    def remark(self) -> str:
+        """Under --dry-run, who answered."""
+        return "dry run: the node's twin answered; nothing was written to the bus" if self.dry_run else ""
 
     def document(self) -> Document:
         """`dvtcli.dvt/1`."""

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 from dvtcli.domain.rules import Finding
-from dvtcli.operations.results.documents import Document, finding_document
+from dvtcli.operations.results.documents import Answer, Document, finding_document
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,8 +19,11 @@ class FileFinding:
 
 
 @dataclass(frozen=True, slots=True)
-class FileReport:
+class FileReport(Answer):
     """What `eds check` found: sections in the file, sections understood, and findings."""
+
+    renderer: ClassVar = "file_lines:file_lines"
+    at_leisure: ClassVar = True
 
     path: str
     sections: int
@@ -42,8 +45,12 @@ class FileReport:
 
 
 @dataclass(frozen=True, slots=True)
-class Facts:
+class Facts(Answer):
     """A few labelled lines: what was done or is so."""
+
+    renderer: ClassVar = "file_lines:fact_lines"
+    at_leisure: ClassVar = True
+    remarked: ClassVar = True
 
     schema: str
     rows: tuple[tuple[str, Any], ...]

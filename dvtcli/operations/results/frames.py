@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 from dvtcli.domain.datatypes import Value
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.wall_clock import utc
-from dvtcli.operations.results.documents import Document, hex_bytes, json_value
+from dvtcli.operations.results.documents import Answer, Document, hex_bytes, json_value
 
 
 @dataclass(frozen=True, slots=True)
-class FrameSeen:
+class FrameSeen(Answer):
     """One frame with what it is (*kind*, *label*), its *node* and *pdo* where known, and its *signals* by name."""
+
+    renderer: ClassVar = "frame_lines:frame_lines"
 
     frame: Frame
     kind: str
@@ -58,8 +61,10 @@ class PlottedSignal:
 
 
 @dataclass(frozen=True, slots=True)
-class Plotted:
+class Plotted(Answer):
     """Signals over the time of a recording; *output* is the picture's file, None where it is drawn as text."""
+
+    renderer: ClassVar = "frame_lines:plot_lines"
 
     file: str
     signals: tuple[PlottedSignal, ...]

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
-from dvtcli.operations.results.documents import Document
+from dvtcli.operations.results.documents import Answer, Document
 
 
 @dataclass(frozen=True, slots=True)
-class LoggedIn:
+class LoggedIn(Answer):
     """The access level that the node is at, and the one that was *wanted* (0: to be logged out)."""
+
+    renderer: ClassVar = "login_lines:login_lines"
 
     node: int
     level: int

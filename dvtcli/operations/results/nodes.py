@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from dvtcli.domain.ports import Frame
-from dvtcli.operations.results.documents import Document, hex_bytes
+from dvtcli.operations.results.documents import Answer, Document, hex_bytes
 
 if TYPE_CHECKING:
     from dvtcli.errors import DvtcliError
@@ -47,8 +47,11 @@ class NodeRow:
 
 
 @dataclass(frozen=True, slots=True)
-class NodeListing:
+class NodeListing(Answer):
     """Nodes that answered, or the one that was asked for (*detail*)."""
+
+    renderer: ClassVar = "node_lines:node_lines"
+    at_leisure: ClassVar = True
 
     bus: str
     rows: tuple[NodeRow, ...]
@@ -71,12 +74,14 @@ class NodeListing:
 
 
 @dataclass(frozen=True, slots=True)
-class Commanded:
+class Commanded(Answer):
     """An NMT command that was sent, to one node or all (0), with the state that each one is seen in.
 
     A state is None where it cannot be seen; *wanted* is the state that was asked for, None of a reset, whose boot-up
     was heard. *lost* are changes that the reset took.
     """
+
+    renderer: ClassVar = "node_lines:commanded_lines"
 
     node: int
     command: str
@@ -122,8 +127,10 @@ class Commanded:
 
 
 @dataclass(frozen=True, slots=True)
-class Synced:
+class Synced(Answer):
     """SYNC messages that were sent and the frames that came in answer, by CAN-ID."""
+
+    renderer: ClassVar = "node_lines:synced_lines"
 
     count: int
     period_ms: float

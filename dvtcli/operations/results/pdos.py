@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import ClassVar
 
 from dvtcli.domain.datatypes import Value
 from dvtcli.domain.heard import Period
 from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.operations.results.documents import Document, hex_bytes
+from dvtcli.operations.results.documents import Answer, Document, hex_bytes
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,8 +83,11 @@ class PdoRow:
 
 
 @dataclass(frozen=True, slots=True)
-class PdoListing:
+class PdoListing(Answer):
     """A node's PDOs; *hidden* are left out of the text, *detail* asks for the frame picture of the one row."""
+
+    renderer: ClassVar = "pdo_lines:listing_lines"
+    at_leisure: ClassVar = True
 
     node: int
     title: str

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 from dvtcli.domain.datatypes import Value
-from dvtcli.operations.results.documents import Document, hex_bytes, json_value
+from dvtcli.operations.results.documents import Answer, Document, hex_bytes, json_value
 
 
 @dataclass(frozen=True, slots=True)
-class ValueRead:
+class ValueRead(Answer):
     """One object's value, raw and decoded; *written* where a write set it."""
+
+    renderer: ClassVar = "value_lines:value_lines"
 
     node: int
     object: str
@@ -48,8 +51,11 @@ class ObjectRow:
 
 
 @dataclass(frozen=True, slots=True)
-class ObjectListing:
+class ObjectListing(Answer):
     """Entries of the object dictionary."""
+
+    renderer: ClassVar = "value_lines:object_lines"
+    at_leisure: ClassVar = True
 
     node: int | None
     source: str

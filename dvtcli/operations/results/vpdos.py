@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
-from dvtcli.operations.results.documents import Document
+from dvtcli.operations.results.documents import Answer, Document
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,8 +28,10 @@ class VpdoRow:
 
 
 @dataclass(frozen=True, slots=True)
-class VpdoListing:
+class VpdoListing(Answer):
     """The virtual PDOs of a node."""
+
+    renderer: ClassVar = "vpdo_lines:vpdo_lines"
 
     node: int
     groups: tuple[VpdoRow, ...]

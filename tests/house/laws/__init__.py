@@ -16,6 +16,7 @@ from tests.house.laws.failures import (
 )
 from tests.house.laws.imports import direction, independence, libraries, nothing_heavy_is_eager
 from tests.house.laws.makers import behaviours_not_vendors
+from tests.house.laws.results import results_say_all_of_themselves
 from tests.house.laws.senders import few_files_send
 from tests.house.laws.source_tree import SourceTree
 
@@ -32,4 +33,5 @@ LAWS: dict[str, Law] = {
     "errors": errors_stand_in_one_tree,
     "swallowing": nothing_is_swallowed,
     "printing": only_view_prints,
+    "results": results_say_all_of_themselves,
 }

@@ -26,7 +26,7 @@ BESIDE_THE_TREE = {
 }  # fmt: skip
 #: exceptions that end within their room and reach no user
 INNER = {
-    "simulator/network/socketcand.py:RubbishError", "simulator/device/signals.py:RowsError",
+    "simulator/network/socketcand.py:RubbishError", "simulator/device/signal_shapes.py:RowsError",
     "simulator/device/refusal.py:Refusal", "cli/dvt/tcl_safe.py:Exit", "cli/dvt/tcl_process.py:Late",
     "cli/dvt/tcl.py:_Ended", "cli/dvt/tcl_wire.py:WireError", "cli/dvt/tcl_wire.py:Gone",
     "cli/prompt/terminal.py:ThrownAway", "cli/prompt/checking.py:Refused", "cli/view/streams.py:ReaderLeft",

@@ -1,0 +1,51 @@
+"""Law 8 for results: each says its document and how it is shown, in its own file; nothing else has a list of them."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+
+from tests.house.laws.source_tree import SourceTree, parsed
+
+_ROOM = "operations/results/"
+_FACE = f"{_ROOM}__init__.py"
+#: what describes answers and is none
+_ABOUT = f"{_ROOM}documents.py"
+
+
+def results_say_all_of_themselves(tree: SourceTree) -> Iterator[str]:
+    """An answer has a renderer that there is and a schema; its file is known to type checkers."""
+    for file, module in tree:
+        if not file.startswith(_ROOM) or file in (_FACE, _ABOUT):
+            continue
+        answers = [node for node in module.body if isinstance(node, ast.ClassDef) and _is_answer(node)]
+        if answers and f"from dvtcli.{file[:-3].replace('/', '.')} import" not in tree.texts[_FACE]:
+            yield f"{file} is not in {_FACE}"
+        for node in answers:
+            yield from (f"{file}:{node.lineno} {node.name}: {what}" for what in _missing(tree, node))
+
+
+def _is_answer(node: ast.ClassDef) -> bool:
+    return _members(node) >= {"document", "exit_code"}
+
+
+def _missing(tree: SourceTree, node: ast.ClassDef) -> Iterator[str]:
+    source = ast.unparse(node)
+    if not re.search(r"'schema': (f?'dvtcli\.|self\.)", source):
+        yield "its document has no schema"
+    said = re.search(r"renderer: ClassVar = '(\w+):(\w+)'", source)
+    if said is None:
+        yield "it says no renderer"
+        return
+    view = tree.texts.get(f"cli/view/{said[1]}.py")
+    functions = {} if view is None else {one.name: one for one in parsed(view).body if isinstance(one, ast.FunctionDef)}
+    if said[2] not in functions:
+        yield f"there is no {said[1]}:{said[2]} in cli/view"
+    elif len(functions[said[2]].args.args) != 2:
+        yield f"{said[1]}:{said[2]} does not take (answer, width)"
+
+
+def _members(node: ast.ClassDef) -> set[str]:
+    names = {one.target.id for one in node.body if isinstance(one, ast.AnnAssign) and isinstance(one.target, ast.Name)}
+    return names | {one.name for one in node.body if isinstance(one, ast.FunctionDef)}
