@@ -61,3 +61,17 @@ def test_a_node_that_stays_silent_in_the_roll_back_is_to_be_brought_back_first(t
             ran = bench.run("map tpdo1 6064")
     assert ran.code == 7
     assert "bring the node back first (power, wiring, `scan`); then `recover` finishes it, from " in ran.stderr
+
+
+def test_a_bus_that_failed_is_to_be_brought_back_first() -> None:
+    with sim("bus-error@3") as bench:
+        ran = bench.run(MAP)
+    assert ran.code == 7
+    assert "hint    bring the bus back first (`doctor` looks at it); then look at it with `pdo --all`" in ran.stderr
+
+
+def test_answers_that_are_none_get_the_next_step() -> None:
+    with sim("malformed@3") as bench:
+        ran = bench.run(MAP)
+    assert ran.code == 5
+    assert "hint    two nodes with one node-ID, or another SDO client? -vv shows the frames" in ran.stderr

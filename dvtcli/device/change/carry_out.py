@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from dvtcli.device.change.pending import CHANGE
 from dvtcli.device.change.progress import Progress
 from dvtcli.device.change.safekeeping import JournalKept
-from dvtcli.device.change.transaction import BRING_BACK, Transaction, left_changed
+from dvtcli.device.change.transaction import BRING_BACK, BUS_BACK, Transaction, left_changed
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Change, PdoChange, Plan, Step, writes_cob_id
@@ -96,8 +96,8 @@ def left_open(node: Changeable, left: LeftChanged) -> None:
     node.pending.suspicions[CHANGE] = left.text
     if node.keeper is not None:
         left.place = str(node.keeper.journals.path(node.node_id))
-        silent = (left.hint or "").startswith(BRING_BACK)
-        first = f"{BRING_BACK}; then `recover`" if silent else "recover"
+        found = next((first for first in (BRING_BACK, BUS_BACK) if (left.hint or "").startswith(first)), None)
+        first = f"{found}; then `recover`" if found else "recover"
         left.hint = f"{first} finishes it, from {left.place}"
 
 

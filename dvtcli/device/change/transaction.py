@@ -15,12 +15,21 @@ from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, writes_cob_id
 from dvtcli.domain.ports import SdoTransport
 from dvtcli.domain.several import several
-from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, NoAnswer, SdoAborted
+from dvtcli.errors import (
+    BusUnavailable,
+    DeviceRefused,
+    DvtcliError,
+    LeftChanged,
+    NoAnswer,
+    SdoAborted,
+    SdoProtocolError,
+)
 
 #: What to do about a node that restarts.
 TRY_AGAIN = "look at its supply, then try again"
-#: What to do first about one that does not answer.
+#: What to do first about one that does not answer, and about a bus that failed.
 BRING_BACK = "bring the node back first (power, wiring, `scan`)"
+BUS_BACK = "bring the bus back first (`doctor` looks at it)"
 
 
 class Interrupted(DvtcliError):
@@ -158,6 +167,8 @@ class Transaction:
             fault.node = self.plan.node_id
             if isinstance(fault, NoAnswer):
                 self._explain_silence(fault)
+            elif isinstance(fault, SdoProtocolError):
+                fault.hint = fault.hint or "two nodes with one node-ID, or another SDO client? -vv shows the frames"
 
     def _explain_silence(self, silent: NoAnswer) -> None:
         """The node has answered the roll-back since: it is neither off nor STOPPED."""
@@ -212,7 +223,9 @@ def _reason(error: BaseException) -> str:
 def left_changed(plan: Plan, fault: BaseException, second: BaseException) -> LeftChanged:
     """The worst case: say what failed twice and what the device may be left with."""
     labels = several(change.label for change in plan.changes)
-    first = f"{BRING_BACK}; then " if isinstance(second, NoAnswer) else ""
+    first = ""
+    if isinstance(second, NoAnswer | BusUnavailable):
+        first = f"{BRING_BACK if isinstance(second, NoAnswer) else BUS_BACK}; then "
     return LeftChanged(
         f"{labels} of node {plan.node_id} could not be put back",
         node=plan.node_id,
