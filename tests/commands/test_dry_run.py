@@ -138,3 +138,14 @@ def test_save_in_a_dry_run_writes_no_file(tmp_path: Path) -> None:
         assert ran.code == 2
         assert "nothing to save" in ran.stderr
         assert list(tmp_path.iterdir()) == []
+
+
+def test_each_dry_line_has_a_twin_of_its_own_and_a_dry_script_one_for_all_its_lines() -> None:
+    line = "set tpdo1 --timer 70"
+    with Bench(("gen4",)) as bench:
+        for _ in range(2):
+            assert bench.run(f"{line} --dry-run --json").document["writes"] == 1, "no line knows of one before it"
+        assert bench.run(f"{line} --json").document["writes"] == 1
+    with Bench(("gen4",), {"dry_run": True}) as bench:
+        writes = [document["writes"] for document in bench.script(f"{line} --json", f"{line} --json").documents]
+        assert writes == [1, 0]
