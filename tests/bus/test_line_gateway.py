@@ -44,6 +44,7 @@ class Gateway:
 
     def __init__(self, *nodes: tuple[int, str]) -> None:
         self.bus = simulate([device(node_id, family) for node_id, family in nodes], timeout_s=0.2, retries=0)
+        self._nodes = {node_id for node_id, _ in nodes}
         self.asked: list[str] = []
         #: what is said to a client instead of an answer, by a part of the line that it follows
         self.wrong: dict[str, str] = {}
@@ -98,6 +99,8 @@ class Gateway:
         for part, wrong in self.wrong.items():
             if part in words:
                 return None if wrong == "hang up" else wrong.replace("N", number)
+        if re.match(r"\d+ [rw] ", words) and int(words.split()[0]) not in self._nodes:
+            return f"[{number}] ERROR:103 #Time-out.\r\n"  # at once: nobody needs to wait for a node that is not there
         try:
             return f"[{number}] {self._done(words)}\r\n"
         except SdoAborted as aborted:
@@ -206,7 +209,7 @@ def test_a_refusal_rolls_back_over_it(gateway: Gateway) -> None:
 
 def test_scan_finds_nodes_over_it(gateway: Gateway) -> None:
     with Session(Options(interface="line-gateway", channel=gateway.channel), open_bus=opened) as session:
-        assert [row.node for row in find_nodes(session, 0.02).rows] == [1, 2, 5]
+        assert [row.node for row in find_nodes(session, 5).rows] == [1, 2, 5]
 
 
 def test_the_program_finds_it_by_its_entry_point(gateway: Gateway, tmp_path: Path) -> None:
