@@ -91,7 +91,7 @@ def _put_back(session: Session, journals: list[Journal]) -> tuple[list[Changed],
 
 def _put_one_back(session: Session, journal: Journal) -> Changed:
     from dvtcli.device.applied import Applied
-    from dvtcli.device.change.way_back import recover as put_back
+    from dvtcli.device.change.finish_interrupted import recover as put_back
     from dvtcli.device.change.way_back import unknown_before
 
     started = time.monotonic()
@@ -129,8 +129,8 @@ def _one_path(session: Session, file: str | None, word: str) -> Path | None:
 
 def _accepted(session: Session, file: str | None) -> Facts:
     """Close the journal with what the device holds now, which is shown beside what it held; writes nothing to it."""
+    from dvtcli.device.change.finish_interrupted import accepted_states, refuse_other_device
     from dvtcli.device.change.pending import CHANGE
-    from dvtcli.device.change.way_back import accepted_states, refuse_other_device
 
     path = _one_path(session, file, "accept")
     if path is None:

@@ -11,6 +11,7 @@ import pytest
 from dvtcli.device.change.carry_out import carry_out
 from dvtcli.device.change.pending import CHANGE
 from dvtcli.device.change.safekeeping import JournalKept, Keeper
+from dvtcli.device.change.transaction import BRING_BACK
 from dvtcli.device.node import Node
 from dvtcli.device.observe import Found
 from dvtcli.domain.nmt import NmtCommand, NmtState
@@ -134,7 +135,7 @@ def test_what_could_not_be_put_back_is_left_to_recover_and_never_stored(bench: B
         carry_out(bench.node, Plan(NODE, (*bench.plan().changes, ValueChange(step))))
     error = caught.value
     assert error.place == str(bench.journal)
-    assert error.hint == f"recover finishes it, from {bench.journal}"
+    assert error.hint == f"{BRING_BACK}; then `recover` finishes it, from {bench.journal}"
     assert bench.journal.exists()
     assert bench.node.pending.suspicions == {CHANGE: "1017:00, 1006:00 of node 1 could not be put back"}
 

@@ -18,8 +18,8 @@ from dvtcli.cli.run_line import boundary, run_words
 from dvtcli.cli.script import run_script
 from dvtcli.cli.view.output import Output
 from dvtcli.cli.ways_in import install
+from dvtcli.device.change.finish_interrupted import recover
 from dvtcli.device.change.safekeeping import Keeper
-from dvtcli.device.change.way_back import recover
 from dvtcli.device.node import Node
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.pdo import Pdo
