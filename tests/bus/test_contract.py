@@ -19,6 +19,7 @@ from dvtcli.simulator.network.simulated_network import SimulatedNetwork
 from dvtcli.simulator.network.twin_bus import TwinBus
 from dvtcli.simulator.network.virtual_time import VirtualTimeBus
 from tests.bus.devices import device, dictionary
+from tests.house.draw import House
 
 SYNC = Frame(0x080, b"")
 
@@ -240,3 +241,9 @@ class TestTwin(CarriesFrames):
         yield bus
         bus.close()
         real.close()
+
+
+def test_who_uses_a_bus_does_not_know_of_which_kind_it_is() -> None:
+    """Only who opens one does; everybody else has the contract."""
+    knowing = {arrow.source for arrow in House().arrows if arrow.target == "bus/python_can.py"}
+    assert knowing == {"bus/opening.py", "simulator/network/in_process_bus.py"}

@@ -186,6 +186,10 @@ def test_map_verify_and_store_run_over_it(gateway: Gateway, node_id: int) -> Non
     options = Options(interface="line-gateway", channel=gateway.channel, node=node_id, yes=True)
     with Session(options, open_bus=opened) as session:
         want = PdoRequest(cob_id=0x180 + node_id, event_timer=70, objects=(MappedObject(0x1001, 0, 8),), enabled=True)
+        before = gateway.bus.sdo(node_id).upload(0x1A00, 1)
+        with session.under(dry_run=True):
+            assert configure_pdo(session, None, TPDO1, want).dry_run
+        assert gateway.bus.sdo(node_id).upload(0x1A00, 1) == before
         assert configure_pdo(session, None, TPDO1, want).exit_code == 0
         held = session.node().pdo(TPDO1)
         assert (held.communication.cob_id.can_id, held.communication.event_timer) == (0x180 + node_id, 70)
