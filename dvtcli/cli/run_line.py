@@ -29,16 +29,6 @@ def parse(words: Sequence[str], session: Conversation) -> click.Context:
     return command.make_context(name, list(args), parent=root)
 
 
-def run_parsed(ctx: click.Context, session: Conversation) -> int:
-    """Run a parsed line and answer its exit code; results and errors are shown on the way."""
-
-    def invoke() -> Any:
-        with ctx:
-            return ctx.command.invoke(ctx)
-
-    return boundary(session, invoke)
-
-
 def run_words(words: Sequence[str], session: Conversation) -> int:
     """Parse and run one line."""
     return boundary(session, lambda: _parse_and_invoke(words, session))

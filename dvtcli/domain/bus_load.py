@@ -63,30 +63,12 @@ def frame_bits(can_id: int, data: bytes = b"", extended: bool = False, remote: b
     return total
 
 
-def unstuffed_bits(length: int, extended: bool = False, remote: bool = False) -> int:
-    """As `frame_bits` without the stuff bits: what a frame with *length* bytes (0..8) takes at least."""
-    return _stuffed_length(length, extended, remote) + TRAILER + INTERFRAME
-
-
-def worst_case_bits(length: int, extended: bool = False, remote: bool = False) -> int:
-    """As `frame_bits` for the unluckiest CAN-ID and data of *length* bytes (0..8): a stuff bit after every 4 bits.
-
-    The first stuff bit needs 5 equal bits, each later one only 4, as a stuff bit begins the next run.
-    """
-    return unstuffed_bits(length, extended, remote) + (_stuffed_length(length, extended, remote) - 1) // 4
-
-
 def header(can_id: int, length: int, extended: bool, remote: bool) -> tuple[int, int]:
     """Start of frame (0), arbitration and control field as one number, and how many bits that is."""
     if extended:
         base, extension = can_id >> 18 & 0x7FF, can_id & 0x3FFFF
         return base << 27 | 0b11 << 25 | extension << 7 | remote << 6 | length, 39
     return (can_id & 0x7FF) << 7 | remote << 6 | length, 19
-
-
-def _stuffed_length(length: int, extended: bool, remote: bool) -> int:
-    """Bits from the start of the frame to the end of its CRC, among which bits are stuffed."""
-    return header(0, 0, extended, remote)[1] + (0 if remote else 8 * length) + _CRC_BITS
 
 
 def _stuffed_part(can_id: int, data: bytes, extended: bool, remote: bool) -> tuple[int, int]:

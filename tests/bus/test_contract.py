@@ -17,9 +17,9 @@ from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.in_process_bus import simulate
 from dvtcli.simulator.network.simulated_network import SimulatedNetwork
 from dvtcli.simulator.network.twin_bus import TwinBus
-from dvtcli.simulator.network.virtual_time import VirtualTimeBus
 from tests.bus.devices import device, dictionary
 from tests.house.draw import House
+from tests.virtual_time import VirtualTimeBus
 
 SYNC = Frame(0x080, b"")
 

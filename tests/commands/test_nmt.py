@@ -160,7 +160,7 @@ def test_a_drive_that_is_not_enabled_is_reset(statusword: int, eds: str) -> None
 
 def test_all_are_reset_or_who_is_not_is_named() -> None:
     from dvtcli.device.store_parameters import reset_all_and_wait
-    from dvtcli.simulator.network.virtual_time import VirtualTimeBus
+    from tests.virtual_time import VirtualTimeBus
 
     bus = VirtualTimeBus([device("generic", 3)])
     reset_all_and_wait(bus, NmtCommand.RESET_NODE, {3})

@@ -9,8 +9,8 @@ from dvtcli.device.store_parameters import await_power_cycle, reset_and_wait
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.profile import GENERIC
 from dvtcli.errors import NoAnswer
-from dvtcli.simulator.network.virtual_time import VirtualTimeBus
 from tests.laws.bench import NODE, booted
+from tests.virtual_time import VirtualTimeBus
 
 
 def test_an_older_boot_up_is_not_the_reset_s() -> None:

@@ -6,8 +6,23 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dvtcli.domain.bus_load import INTERFRAME, frame_bits, unstuffed_bits, worst_case_bits
+from dvtcli.domain.bus_load import INTERFRAME, TRAILER, frame_bits, header
 from dvtcli.domain.ports import Frame
+
+
+def unstuffed_bits(length: int, extended: bool = False, remote: bool = False) -> int:
+    """What a frame with *length* bytes takes at least: no stuff bit, but the gap behind it."""
+    return stuffed_length(length, extended, remote) + TRAILER + INTERFRAME
+
+
+def stuffed_length(length: int, extended: bool, remote: bool) -> int:
+    """From the start of frame to the CRC's end: the bits that stuff bits go between."""
+    return header(0, length, extended, remote)[1] + 8 * length * (not remote) + 15
+
+
+def worst_case_bits(length: int, extended: bool = False, remote: bool = False) -> int:
+    """For the unluckiest CAN-ID and data: the first stuff bit needs 5 equal bits, each later one only 4."""
+    return unstuffed_bits(length, extended, remote) + (stuffed_length(length, extended, remote) - 1) // 4
 
 
 def bitwise(frame: Frame) -> str:

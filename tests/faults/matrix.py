@@ -29,9 +29,9 @@ from dvtcli.operations.open_network import Network
 from dvtcli.simulator.device.faults import Fault
 from dvtcli.simulator.device.refusal import Refusal
 from dvtcli.simulator.device.strict_device import StrictDevice
-from dvtcli.simulator.network.virtual_time import VirtualTimeBus
 from tests.faults.sequences import AT_READ, FAMILIES, FAULTS, LASTING, MASTERS, SEQUENCES, STARTS, Start
 from tests.laws.bench import NODE, booted, dictionary, profile
+from tests.virtual_time import VirtualTimeBus
 
 install()
 #: outcomes of a cell that are as they should be

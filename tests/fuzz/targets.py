@@ -59,9 +59,9 @@ from dvtcli.simulator.device.sdo_server import SdoServer
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds
 from dvtcli.simulator.network.station import SimulatedNode
-from dvtcli.simulator.network.virtual_time import VirtualTimeBus
 from tests.fuzz.server import sdo_client
 from tests.laws.bench import NODE, booted, dictionary, plain, profile
+from tests.virtual_time import VirtualTimeBus
 
 install()
 Target = Callable[[bytes], None]

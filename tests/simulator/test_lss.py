@@ -12,8 +12,8 @@ from dvtcli.files.eds.reader import read_eds
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family
 from dvtcli.simulator.network.station import SimulatedNode, stations
-from dvtcli.simulator.network.virtual_time import VirtualTimeBus
 from tests.simulator.bench import booted
+from tests.virtual_time import VirtualTimeBus
 
 #: vendor, product, revision and serial number of the node
 ADDRESS = (0x1E, 0x0705302D, 0x00010008, 0x00C0FFEE)

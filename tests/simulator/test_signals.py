@@ -14,8 +14,8 @@ from dvtcli.simulator.device.signal_shapes import RowsError
 from dvtcli.simulator.device.signals import Signal
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.station import SimulatedNode
-from dvtcli.simulator.network.virtual_time import VirtualTimeBus
 from tests.simulator.bench import Client, booted
+from tests.virtual_time import VirtualTimeBus
 
 
 def at(text: str, *times_s: float) -> list[float]:

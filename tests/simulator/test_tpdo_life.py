@@ -8,8 +8,8 @@ from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.station import SimulatedNode
-from dvtcli.simulator.network.virtual_time import VirtualTimeBus
 from tests.simulator.bench import Client, booted
+from tests.virtual_time import VirtualTimeBus
 
 STATUS, STATUS_FRAME = 0x6041, 0x181
 Write = tuple[int, int, int, int]

@@ -11,8 +11,8 @@ from dvtcli.domain.ports import Frame
 from dvtcli.errors import BusUnavailable, NoAnswer, SdoAborted, UsageError
 from dvtcli.simulator.device.faults import Fault
 from dvtcli.simulator.device.strict_device import StrictDevice
-from dvtcli.simulator.network.virtual_time import VirtualTimeBus
 from tests.bus.devices import device
+from tests.virtual_time import VirtualTimeBus
 
 REQUEST = (0x1800, 2, b"\x05")
 

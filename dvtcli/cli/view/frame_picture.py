@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from dvtcli.cli.view.columns import clipped, columns
 from dvtcli.cli.view.safe import safe
 from dvtcli.domain.mapping import MAX_PDO_BITS
 from dvtcli.operations.results.pdos import PdoRow
@@ -91,9 +92,11 @@ def _border(parts: list[Box], cell: int, corners: str) -> str:
 
 def _centred(text: str, part: Box, cell: int) -> str:
     width = _width(part, cell)
-    if len(text) > width and "." in text:
+    if columns(text) > width and "." in text:
         text = text.rpartition(".")[2]  # the sub-index's own name says more than the start of the object's
-    shown = safe(text) if len(text) <= width else safe(text)[: width - 1] + "…"
-    if part.fill == " " or not shown:
-        return shown.center(width, part.fill)
-    return f" {shown} ".center(width, part.fill)[:width]
+    shown = clipped(safe(text), width)
+    if part.fill != " " and shown:
+        shown = clipped(f" {shown} ", width)
+    room = width - columns(shown)  # the smaller half before it in a box of even width, as str.center has it
+    before = room // 2 + (room & width & 1)
+    return part.fill * before + shown + part.fill * (room - before)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
+from dvtcli.cli.view.columns import clipped, columns
 from dvtcli.cli.view.safe import safe
 
 #: Screens are at most this wide, whatever the terminal.
@@ -40,12 +41,12 @@ class Table:
         self.rows.append([cell if isinstance(cell, Cell) else Cell(cell) for cell in cells])
 
     def lines(self, width: int = MAX_WIDTH) -> Iterable[list[Cell]]:
-        """The rows as lines, no wider than *width* characters where a column can shrink."""
+        """The rows as lines, no wider than *width* columns where a column can shrink."""
         rows = [[Cell(safe(cell.text), cell.style) for cell in row] for row in self.rows]
         if self.header:
             rows.insert(0, [Cell(text, "dim") for text in self.header])
-        columns = max((len(row) for row in rows), default=0)
-        widths = [max((len(row[i].text) for row in rows if i < len(row)), default=0) for i in range(columns)]
+        most = max((len(row) for row in rows), default=0)
+        widths = [max((columns(row[i].text) for row in rows if i < len(row)), default=0) for i in range(most)]
         self._fit(widths, width)
         return [self._line(row, widths) for row in rows]
 
@@ -57,9 +58,9 @@ class Table:
     def _line(self, row: Sequence[Cell], widths: list[int]) -> list[Cell]:
         cells = [Cell(" " * self.indent)]
         for number, cell in enumerate(row):
-            text = cell.text if len(cell.text) <= widths[number] else cell.text[: widths[number] - 1] + "…"
+            text = clipped(cell.text, widths[number])
             last = number == len(row) - 1
-            padding = " " * (widths[number] - len(text))
+            padding = " " * (widths[number] - columns(text))
             before, after = (padding, "") if number in self.right else ("", "" if last else padding)
             cells += [Cell(before), Cell(text, cell.style), Cell(after if last else after + "  ")]
         return cells

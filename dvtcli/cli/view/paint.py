@@ -7,6 +7,7 @@ from typing import TextIO
 
 import click
 
+from dvtcli.cli.view.columns import columns
 from dvtcli.cli.view.glyphs import ascii_only
 from dvtcli.cli.view.lines import Cell, Line
 from dvtcli.cli.view.safe import safe
@@ -16,7 +17,7 @@ from dvtcli.cli.view.wrap import wrapped
 def painted(line: Line, stream: TextIO, *, colored: bool, plain: bool, width: int = 0) -> str:
     """The text of *line* for *stream*; *plain* asks for ASCII look-alikes, *width* (columns, 0: any) for wrapping."""
     cells: Sequence[Cell] = [Cell(line)] if isinstance(line, str) else [line] if isinstance(line, Cell) else line
-    if width and sum(len(cell.text) for cell in cells) > width:
+    if width and sum(columns(cell.text) for cell in cells) > width:
         broken = wrapped([Cell(safe(cell.text), cell.style) for cell in cells], width)
         return "\n".join(painted(part, stream, colored=colored, plain=plain) for part in broken)
     text = "".join(_styled(cell) if colored else safe(cell.text) for cell in cells).rstrip()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 
+from dvtcli.cli.view.columns import columns
 from dvtcli.cli.view.lines import Cell
 
 #: A first cell of at most this many characters is a label: what follows it hangs beside it.
@@ -17,7 +18,7 @@ def wrapped(cells: Sequence[Cell], width: int) -> Iterator[list[Cell]]:
 
     A word that is wider than the screen stands on a line of its own, as long as it is.
     """
-    if sum(len(cell.text) for cell in cells) <= width:
+    if sum(columns(cell.text) for cell in cells) <= width:
         yield list(cells)
         return
     indent = _indent(cells)
@@ -25,14 +26,14 @@ def wrapped(cells: Sequence[Cell], width: int) -> Iterator[list[Cell]]:
     line: list[Cell] = []
     used = 0
     for piece in _pieces(cells):
-        if used + len(piece.text) <= width or used <= indent:
+        if used + columns(piece.text) <= width or used <= indent:
             line.append(piece)
-            used += len(piece.text)
+            used += columns(piece.text)
         elif piece.text.isspace():
             used = width  # the blank that the line breaks at
         else:
             yield line
-            line, used = [Cell(" " * indent), piece], indent + len(piece.text)
+            line, used = [Cell(" " * indent), piece], indent + columns(piece.text)
     yield line
 
 

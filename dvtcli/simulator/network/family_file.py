@@ -57,7 +57,9 @@ def family_eds(name: str) -> Path:
 @cache
 def load_family(name: str) -> Family:
     """Read family *name*; KeyError where there is no such family, InputFileError where its file is wrong."""
-    return _family(name, _read(name))
+    if name not in family_names():
+        raise KeyError(name)
+    return read_family(name, family_path(name, _FILE).read_text(encoding="utf-8"), f"{name}/{_FILE}")
 
 
 def read_family(name: str, text: str, source: str) -> Family:

@@ -1,0 +1,27 @@
+"""How many columns of a terminal a text takes: an ideograph takes two, a combining accent none. Knows no styles."""
+
+from __future__ import annotations
+
+import re
+
+#: what takes one column each, and most screens have nothing else: Latin, punctuation, arrows, boxes, blocks
+_ONE_EACH = re.compile(r"[ -~\u00a0-\u00ac\u00ae-\u02ff\u2010-\u2027\u2190-\u22ff\u2500-\u25ff]*")
+
+
+def columns(text: str) -> int:
+    """The columns that *text* takes; control characters, which `safe` has replaced before, take none."""
+    if _ONE_EACH.fullmatch(text):
+        return len(text)
+    from wcwidth import wcwidth
+
+    return sum(max(0, wcwidth(sign)) for sign in text)
+
+
+def clipped(text: str, width: int) -> str:
+    """*text* in at most *width* columns, with `…` where something is left out."""
+    if columns(text) <= width:
+        return text
+    kept = text[: max(0, width - 1)]
+    while kept and columns(kept) > width - 1:
+        kept = kept[:-1]
+    return kept + "…"

@@ -1,0 +1,55 @@
+"""The product has nothing that only its tests use, and needs no package that it does not import."""
+
+from __future__ import annotations
+
+import ast
+import re
+import tomllib
+from collections import Counter
+from collections.abc import Iterator
+
+from dvtcli import Bus, Node, results, testing
+from tests.house.laws.source_tree import SourceTree, dotted, imported
+from tests.process import ROOT
+
+HOUSE = SourceTree.of_the_package()
+#: what programs of others use
+PUBLIC = {*vars(Bus), *vars(Node), *results.__all__, *testing.__all__}
+#: distribution -> the package that it brings, where that has another name
+BRINGS = {"python-can": "can", "prompt-toolkit": "prompt_toolkit", "ruamel.yaml": "ruamel"}
+
+
+def defined() -> Iterator[tuple[str, str]]:
+    """Every function, method and class with its place, without what a library calls by its name."""
+    own = {node.name for _, tree in HOUSE for node in ast.walk(tree) if isinstance(node, ast.ClassDef)}
+    foreign: set[str] = set()
+    classes = [node for _, tree in HOUSE for node in ast.walk(tree) if isinstance(node, ast.ClassDef)]
+    while True:
+        found = {node.name for node in classes if any(_last(base) not in own - foreign for base in node.bases)}
+        if found <= foreign:
+            break
+        foreign |= found
+    called_back = {id(one) for node in classes if node.name in foreign for one in node.body}
+    for file, tree in HOUSE:
+        for node in ast.walk(tree):
+            if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("__"):
+                kept_by_decorator = any(isinstance(one, ast.Call) for one in node.decorator_list)
+                if id(node) not in called_back and (isinstance(node, ast.ClassDef) or not kept_by_decorator):
+                    yield node.name, f"{file}:{node.lineno}"
+
+
+def _last(node: ast.expr) -> str:
+    return dotted(node).rpartition(".")[2]
+
+
+def test_everything_is_used_by_the_product_itself() -> None:
+    words = Counter(word for text in HOUSE.texts.values() for word in re.findall(r"\w+", text))
+    unused = [f"{place} {name}" for name, place in defined() if words[name] == 1 and name not in PUBLIC]
+    assert unused == [], "it goes, or moves to the tests"
+
+
+def test_every_dependency_is_imported() -> None:
+    needed = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["dependencies"]
+    names = {re.split(r"[<>=~! ]", word)[0] for word in needed}
+    packages = {name.partition(".")[0] for _, tree in HOUSE for node in ast.walk(tree) for name in imported(node)}
+    assert {BRINGS.get(name, name) for name in names} <= packages

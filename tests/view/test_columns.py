@@ -1,0 +1,38 @@
+"""Screens are measured in columns of a terminal, which is not the number of characters."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from wcwidth import wcswidth
+
+from dvtcli.cli.view.columns import clipped, columns
+from dvtcli.cli.view.lines import Table
+
+
+@pytest.mark.parametrize(
+    ("text", "width"),
+    [("", 0), ("statusword", 10), ("…→─█°µ", 6), ("電圧", 4), ("e\u0301", 1), ("\u200b", 0), ("ｽﾃｰﾀｽ", 5), ("🛑", 2)],
+)
+def test_a_text_takes_the_columns_that_a_terminal_gives_it(text: str, width: int) -> None:
+    assert columns(text) == width
+
+
+@given(st.text(st.characters(blacklist_categories=("Cc", "Cs", "Cf"))))
+def test_it_is_what_wcwidth_says_sign_by_sign(text: str) -> None:
+    assert columns(text) == sum(max(0, wcswidth(sign)) for sign in text)
+
+
+@given(st.text(), st.integers(1, 20))
+def test_what_is_clipped_fits(text: str, width: int) -> None:
+    assert columns(clipped(text, width)) <= max(width, 1)
+    assert columns(text) > width or clipped(text, width) == text
+
+
+def test_columns_of_a_table_stand_below_each_other() -> None:
+    table = Table(("name", "type"))
+    table.add("電圧", "u16")
+    table.add("current", "i16")
+    lines = ["".join(cell.text for cell in line) for line in table.lines()]
+    assert [columns(line[: line.index(word)]) for line, word in zip(lines[1:], ("u16", "i16"), strict=True)] == [11, 11]
