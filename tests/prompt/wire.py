@@ -32,6 +32,8 @@ class Wire:
         self.syncs = 0
         #: called with the number of each SDO download before the node sees it
         self.at_download: Callable[[int], None] = lambda _number: None
+        #: called with the command of each NMT message before the node sees it
+        self.at_nmt: Callable[[int], None] = lambda _command: None
         #: seconds that each SDO download takes
         self.slowness_s = 0.0
         #: held while the node is at a frame: whoever looks at the device takes it first
@@ -97,6 +99,8 @@ class Wire:
             self.downloads += 1
             self.at_download(self.downloads)
             time.sleep(self.slowness_s)
+        if frame.can_id == 0x000:
+            self.at_nmt(frame.data[0])
         self.syncs += frame.can_id == 0x080
         for answer in self._node.handle(frame):
             self.say(answer.can_id, answer.data)

@@ -29,6 +29,8 @@ CODES = {signal.SIGINT: 130, signal.SIGTERM: 143, signal.SIGHUP: 129}
 CLOSED = ((), ("stdout",), ("stderr",), ("stdout", "stderr"))
 #: the state object of a Gen4, and what it says (the published Gen4 manual)
 STATE, PRE_OPERATIONAL, OPERATIONAL = 0x5110, 0x7F, 0x05
+#: the NMT command (CiA 301, 7.2.8.3.1.2)
+RESET_NODE = 0x81
 TCL = "catch {dvtcli " + " ".join(MAP) + "}\nputs never\ndvtcli pdo\n"
 SCRIPT = "pdo -q\n" + " ".join(MAP) + "\nset tpdo2 --timer 70\n"
 
@@ -73,9 +75,12 @@ def start(bench: Bench) -> dict[tuple[int, int], bytes]:
 
 
 def stopped(
-    bench: Bench, number: int, closed: tuple[str, ...], step: int, *words: str, times: int = 1, **streams: Any
+    bench: Bench, number: int, closed: tuple[str, ...], step: object, *words: str, times: int = 1, **streams: Any
 ) -> tuple[int, str]:
-    """Run dvtcli with *words*, whose SDO download *step* brings the signal *number*; its exit code and stderr."""
+    """Run dvtcli with *words*, whose SDO download *step* brings the signal *number*; its exit code and stderr.
+
+    Instead of a number, `reset` is the NMT command that resets the node.
+    """
     child = subprocess.Popen(
         [sys.executable, "-m", "dvtcli", *bench.words, "--yes", *words],
         **{"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, **streams},
@@ -83,19 +88,23 @@ def stopped(
     )
 
     def strike(at: int) -> None:
-        if at == bench.wire.downloads and at - before in (step, *range(step + 1, step + times)):
-            for name in closed if at - before == step else ():
+        first = step if isinstance(step, int) else at - before
+        if at == bench.wire.downloads and at - before in range(first, first + times):
+            for name in closed if at - before == first else ():
                 getattr(child, name).close()
             child.send_signal(number)
 
     before = bench.wire.downloads
-    bench.wire.at_download = strike
+    if isinstance(step, int):
+        bench.wire.at_download = strike
+    else:
+        bench.wire.at_nmt = lambda command: strike(bench.wire.downloads) if command == RESET_NODE else None
     stderr = b"" if "stderr" in closed or child.stderr is None else child.stderr.read()
     child.wait(60)
     for stream in (child.stdout, child.stderr):
         if stream is not None:
             stream.close()
-    bench.wire.at_download = lambda _number: None
+    bench.wire.at_download = bench.wire.at_nmt = lambda _number: None
     return child.returncode, stderr.decode()
 
 
@@ -106,9 +115,24 @@ def cases(count: int) -> list[tuple[int, tuple[str, ...], str, int]]:
     return everything[:count]
 
 
+#: where a store is struck: at its own download, at the one that changes a value to test the reset, at that reset
+STRUCK = (1, 2, "reset")
+
+
+def store_cases(count: int) -> list[tuple[int, tuple[str, ...], str, object]]:
+    """As `cases`, of stores."""
+    everything: list[tuple[int, tuple[str, ...], str, object]] = [
+        *itertools.product(CODES, CLOSED, ("store",), STRUCK[:1]),
+        *itertools.product(CODES, CLOSED, ("prove",), STRUCK),
+    ]
+    random.Random(9).shuffle(everything)
+    return everything[:count]
+
+
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    if "case" in metafunc.fixturenames:
-        metafunc.parametrize("case", cases(metafunc.config.getoption("--signals")), ids=str)
+    for name, made in (("case", cases), ("store_case", store_cases)):
+        if name in metafunc.fixturenames:
+            metafunc.parametrize(name, made(metafunc.config.getoption("--signals")), ids=str)
 
 
 @pytest.mark.counted
@@ -206,3 +230,26 @@ def test_a_reader_that_leaves_changes_nothing_of_a_change(
     assert held(bench)[0x1800, 1] == bytes.fromhex("01020000")
     code, stderr = stopped(bench, 0, closed, 1, "write", "1018:1", "5", *options)
     assert code == 1, stderr
+
+
+def test_a_store_that_is_stopped_says_what_is_stored_and_changes_nothing_else(
+    bench: Bench, store_case: tuple[int, tuple[str, ...], str, object]
+) -> None:
+    number, closed, way, step = store_case
+    assert bench.run(*MAP)[0] == 0
+    before, pdos = start(bench), bench.pdos()
+    code, stderr = stopped(bench, number, closed, step, "store", *(["--prove"] if way == "prove" else []))
+    assert code in (0, CODES[signal.Signals(number)]), stderr
+    assert code or way == "store" or step == "reset", "what is not proved is no success; at the reset it comes too late"
+    assert bench.pdos() == pdos, "nor is anything left of the test of the reset"
+    assert held(bench) == before
+    assert not bench.journals()
+    if "stderr" not in closed:
+        assert "Traceback" not in stderr
+        said = "it was complete when the signal came" if code == 0 else "acknowledged the store, which is not proved"
+        assert said in stderr
+    with bench.wire.at_work:
+        bench.wire.device.restart()
+        bench.wire.device.boot_up()
+        bench.wire.device.take_outbox()
+    assert bench.pdos() == pdos, "it is stored"
