@@ -148,7 +148,7 @@ class Run:
         session.start({"yes": True, "node": NODE})
         network = Network(self.bus, session.options, session.cancellation, session.consent)
         node = network.nodes[NODE] = self.node()
-        node.cancellation, node.consent = session.cancellation, session.consent
+        node.cancellation, node.consent, node.order = session.cancellation, session.consent, network.order
         session._network = network
         if len(lines) == 1:
             code = run_words(split(lines[0]), session)

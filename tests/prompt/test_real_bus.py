@@ -27,10 +27,10 @@ def terminal(wire: Wire, open_terminal: Open) -> Terminal:
     return opened(wire, open_terminal)
 
 
-def opened(wire: Wire, open_terminal: Open, *options: str) -> Terminal:
+def opened(wire: Wire, open_terminal: Open, *options: str, state: str = "PRE-OP") -> Terminal:
     bus = ["-i", "socketcand", "-c", "can0", "--bus-kwargs", "host=127.0.0.1", "--bus-kwargs", f"port={wire.port}"]
     terminal = open_terminal(*bus, "-n", "5", "--eds", str(wire.eds), *options, columns=120, rows=40)
-    terminal.wait_prompt(prompt(wire, "PRE-OP> "))
+    terminal.wait_prompt(prompt(wire, f"{state}> "))
     return terminal
 
 
