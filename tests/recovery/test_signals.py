@@ -11,6 +11,7 @@ import random
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -22,6 +23,7 @@ import pytest
 
 from tests.process import environment
 from tests.recovery.test_killed import MAP, STEPS, Bench
+from tests.serve.served import wait_for
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
 
@@ -253,3 +255,31 @@ def test_a_store_that_is_stopped_says_what_is_stored_and_changes_nothing_else(
         bench.wire.device.boot_up()
         bench.wire.device.take_outbox()
     assert bench.pdos() == pdos, "it is stored"
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_second_signal_before_the_answer_rolls_back_and_says_so(
+    bench: Bench, tmp_path: Path, number: signal.Signals
+) -> None:
+    before, said = start(bench), tmp_path / "stderr"
+    with said.open("wb") as stderr_file:
+        child = subprocess.Popen(
+            [sys.executable, "-m", "dvtcli", *bench.words, *MAP, "--yes", "--timeout", "5"],
+            stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=stderr_file, env=environment(),
+        )  # fmt: skip
+    downloads = bench.wire.downloads
+
+    def twice(at: int) -> None:
+        if at == downloads + 4:
+            child.send_signal(number)
+            wait_for(lambda: "stopping at the next safe point" in said.read_text(), "its answer")
+            child.send_signal(number)
+            time.sleep(0.5)  # the answer would be taken as it comes, and the signal as the roll-back's then
+
+    bench.wire.at_download = twice
+    assert child.wait(60) == CODES[number], said.read_text()
+    stderr = said.read_text()
+    assert "stopped at once, in step 4 of 8" in stderr
+    assert "rolled back: everything is as it was" in stderr
+    assert held(bench) == before
+    assert not bench.journals()

@@ -89,7 +89,15 @@ class Transaction:
             self._stop_if_cancelled(done, total)  # the last moment for that: what is complete stays
         except BaseException as fault:  # a bug of ours must not leave the device half configured either
             self._roll_back(fault)
+            if isinstance(fault, KeyboardInterrupt) and self._touched:
+                raise self._torn(done, total) from fault
             raise
+
+    def _torn(self, done: int, total: int) -> Interrupted:
+        """Whoever insisted was not told of the next safe point: the device is put back all the same."""
+        torn = Interrupted(f"stopped at once, in step {done} of {total}", node=self.plan.node_id, state="rolled_back")
+        torn.exit_code = self.cancellation.exit_code
+        return torn
 
     def _stop_if_cancelled(self, done: int, total: int) -> None:
         if self.cancellation.requested:
