@@ -5,10 +5,14 @@ from __future__ import annotations
 import importlib.util
 from pathlib import Path
 
+import click
 import pytest
 
+from dvtcli.cli.catalogue import command_names
+from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.commands import verify
 from dvtcli.cli.dvt.tcl_safe import ON_NODES
+from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import FileType
 from dvtcli.cli.registry import REGISTRY
 from tests.commands.bench import Bench
@@ -81,6 +85,17 @@ def test_verify_of_pdos_works_as_ever(tmp_path: Path) -> None:
         ran = tcl(bench, tmp_path, "dvtcli map tpdo1 606C\ndvtcli verify tpdo1\ndvtcli verify TPDO1 --timeout 1\n")
         assert ran.code == 0, ran.stderr
         assert "equal" in ran.stdout
+
+
+def test_every_command_that_works_on_nodes_is_there_but_what_needs_a_person() -> None:
+    """A new one is put into `ON_NODES`, or named here with the reason: `recover` is for who looks at the device."""
+    commands = {name: REGISTRY.get_command(click.Context(REGISTRY), name) for name in command_names()}
+    working = {
+        name
+        for name, command in commands.items()
+        if isinstance(command, DvtCommand) and command.effect not in (Effect.READS, Effect.RUNS)
+    }
+    assert working - set(ON_NODES) == {"recover"}
 
 
 def test_no_other_command_of_a_script_takes_a_file() -> None:
