@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from dvtcli import errors
-from dvtcli.simulator.network.family_file import family_names
+from dvtcli.simulator.network.family_file import family_names, load_family
 from tests.console import commands, compare, rewritten, workplace
 from tests.house.pages import CONSOLE, DOCS, PAGES, SCREEN, anchors, first_column, links, screen, section, text
 from tests.house.source import PACKAGE
@@ -100,10 +100,9 @@ def test_every_script_is_listed_with_how_it_is_run() -> None:
             assert f"dvtcli {how} run scripts/{name}" in (SCRIPTS / name).read_text("utf-8"), name
 
 
-def test_every_simulated_family_is_told_of() -> None:
-    told = section("docs/reference/families.md", "Simulated families")
-    words = " ".join(line for line in told.splitlines() if line.startswith("- "))
-    assert set(re.findall(r"`([a-z][\w-]+)`", words)) >= set(family_names())
+@pytest.mark.parametrize("name", family_names())
+def test_every_simulated_family_says_what_it_is_like(name: str) -> None:
+    assert load_family(name).about, f"families/{name}/simulated.toml: about = …, in a few words"
 
 
 def test_every_room_is_described() -> None:

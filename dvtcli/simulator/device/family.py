@@ -98,6 +98,8 @@ class Family:
 
     name: str = "generic"
     title: str = "CiA 301 device"
+    #: what is remarkable about it, in a few words
+    about: str = ""
     granularity: int | None = None
     max_entries: int = 64
     max_entry_bits: int = 64

@@ -157,6 +157,7 @@ _MOTOR: Schema = {
 _FAMILY: Schema = {
     "like": lambda item: load_family(_known(item)),
     "title": string,
+    "about": string,
     "granularity": integer(1, 64),
     "max_entries": integer(1, 64),
     "max_entry_bits": integer(1, 64),

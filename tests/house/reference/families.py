@@ -54,10 +54,15 @@ def profile_values() -> Iterator[str]:
 def simulated() -> Iterator[str]:
     """The simulated families, with the objects that each has."""
     rows = (
-        (f"[`{name}`](#simulated-{name})", plain(_facts(name).get("title", "")), family_eds(name).name)
+        (
+            f"[`{name}`](#simulated-{name})",
+            plain(_facts(name).get("title", "")),
+            _facts(name)["about"],
+            family_eds(name).name,
+        )
         for name in family_names()
     )
-    return table(("family", "like", "object dictionary"), rows)
+    return table(("family", "like", "in short", "object dictionary"), rows)
 
 
 def simulated_values() -> Iterator[str]:
