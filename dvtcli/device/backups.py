@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from dvtcli.device.change.journal import file_name
+from dvtcli.device.change.private_file import file_name
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import PdoChange, plan_pdo
 from dvtcli.domain.script_line import identity_line

@@ -16,15 +16,9 @@ from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
-from dvtcli.device.change.journal import (
-    MOST_BYTES,
-    Identity,
-    change_document,
-    file_name,
-    read_plan,
-    set_aside,
-    write_private,
-)
+from dvtcli.device.change.journal import MOST_BYTES
+from dvtcli.device.change.plan_document import Identity, change_document, read_plan
+from dvtcli.device.change.private_file import file_name, set_aside, write_private
 from dvtcli.domain.plan import Plan
 from dvtcli.errors import InputFileError, SafetyRefusal
 

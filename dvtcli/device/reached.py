@@ -21,7 +21,7 @@ from dvtcli.domain.profile import GENERIC, DeviceProfile
 from dvtcli.errors import SdoAborted
 
 if TYPE_CHECKING:
-    from dvtcli.device.change.journal import Identity
+    from dvtcli.device.change.plan_document import Identity
 
 T = TypeVar("T")
 

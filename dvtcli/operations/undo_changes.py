@@ -21,7 +21,7 @@ from dvtcli.operations.change import changed
 from dvtcli.operations.results import Changed, ChangedNodes
 
 if TYPE_CHECKING:
-    from dvtcli.device.change.journal import Identity
+    from dvtcli.device.change.plan_document import Identity
     from dvtcli.device.change.safekeeping import Keeper
     from dvtcli.device.node import Node
     from dvtcli.device.past import Recorded

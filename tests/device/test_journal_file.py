@@ -9,7 +9,8 @@ from typing import Any
 
 import pytest
 
-from dvtcli.device.change.journal import MOST_BYTES, Journals, file_name, read_journal
+from dvtcli.device.change.journal import MOST_BYTES, Journals, read_journal
+from dvtcli.device.change.private_file import file_name
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from dvtcli.device.change.journal import Identity
 from dvtcli.device.change.lock import NodeLock
+from dvtcli.device.change.plan_document import Identity
 from dvtcli.device.change.safekeeping import Keeper, who_else
 from dvtcli.device.read_pdos import read_pdo
 from dvtcli.domain.pdo import Pdo

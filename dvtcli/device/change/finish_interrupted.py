@@ -21,7 +21,8 @@ from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, SafetyRefusal
 
 if TYPE_CHECKING:
     from dvtcli.device.change.changeable import Changeable
-    from dvtcli.device.change.journal import Identity, Journal
+    from dvtcli.device.change.journal import Journal
+    from dvtcli.device.change.plan_document import Identity
     from dvtcli.device.known_pdos import KnownPdos
 
 

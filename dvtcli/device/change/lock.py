@@ -14,7 +14,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import IO
 
-from dvtcli.device.change.journal import file_name
+from dvtcli.device.change.private_file import file_name
 from dvtcli.device.trust import check_folder, open_private, private_folder
 from dvtcli.errors import SafetyRefusal
 

@@ -12,8 +12,10 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from dvtcli.device.change.course import Course
-from dvtcli.device.change.journal import Identity, Journal, Journals, file_name, read_journal, set_aside, write_private
+from dvtcli.device.change.journal import Journal, Journals, read_journal
 from dvtcli.device.change.lock import NodeLock
+from dvtcli.device.change.plan_document import Identity
+from dvtcli.device.change.private_file import file_name, set_aside, write_private
 from dvtcli.device.change.whole import Whole
 from dvtcli.device.past import Past
 from dvtcli.domain.pdo import Pdo, PdoConfig

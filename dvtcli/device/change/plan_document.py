@@ -1,0 +1,101 @@
+"""Plans as JSON, and back: what a journal, and what `undo` remembers, say of a change.
+
+Reads what somebody may have damaged: every part is checked. Does not know files.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.mapping import MAX_ENTRIES, PdoMappingEntry
+from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
+from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, plan_pdo
+
+#: A plan names at most 1,024 PDOs and as many single objects; anything larger is something else.
+MOST_CHANGES = 2048
+_LIMITS = {"transmission_type": 0xFF, "inhibit_time": 0xFFFF, "event_timer": 0xFFFF, "sync_start_value": 0xFF}
+
+Identity = dict[str, int | None]
+
+
+def change_document(change: Change) -> dict[str, Any]:
+    """A change as JSON, from which `read_plan` makes it again."""
+    if isinstance(change, ValueChange):
+        step = change.step
+        before = None if step.before is None else step.before.hex()
+        return {"object": [step.index, step.sub_index], "before": before, "after": step.after.hex()}
+    return {"pdo": str(change.pdo), "before": _config_document(change.before), "after": _config_document(change.after)}
+
+
+def _config_document(config: PdoConfig) -> dict[str, Any]:
+    parameter = config.communication
+    return {
+        "cob_id": parameter.cob_id.raw,
+        "transmission_type": parameter.transmission_type,
+        "inhibit_time": parameter.inhibit_time,
+        "event_timer": parameter.event_timer,
+        "sync_start_value": parameter.sync_start_value,
+        "mapping": [entry.raw for entry in config.mapping],
+        "mpdo": config.mpdo,
+    }
+
+
+def read_plan(document: Any) -> tuple[Identity, Plan]:
+    """The identity and the plan that a JSON document tells; ValueError says which part is wrong."""
+    changes = document.get("changes") if isinstance(document, dict) else None
+    if not isinstance(changes, list) or not changes or len(changes) > MOST_CHANGES:
+        raise ValueError("it names no changes")
+    plan = Plan(read_number(document, "node", 127, least=1), tuple(_change(change) for change in changes))
+    identity = document.get("identity")
+    if not isinstance(identity, dict) or not all(
+        isinstance(key, str) and (value is None or type(value) is int) for key, value in identity.items()
+    ):
+        raise ValueError("identity is malformed")
+    return identity, plan
+
+
+def _change(document: Any) -> Change:
+    if not isinstance(document, dict):
+        raise ValueError("a change is malformed")
+    if "pdo" in document:
+        pdo = Pdo.parse(str(document["pdo"]))
+        before, after = (_config(document.get(key)) for key in ("before", "after"))
+        if (before.mpdo, after.mpdo) != (None, None):
+            raise ValueError("a multiplexed PDO is never changed")
+        change: PdoChange = plan_pdo(pdo, before, after)
+        return change
+    return _value(document)
+
+
+def _value(document: dict[str, Any]) -> ValueChange:
+    where = document.get("object")
+    if not isinstance(where, list) or len(where) != 2:
+        raise ValueError("an object is malformed")
+    index, sub_index = (read_number({"": part}, "", most) for part, most in zip(where, (0xFFFF, 0xFF), strict=True))
+    before = document.get("before")
+    held = None if before is None else bytes.fromhex(str(before))
+    return ValueChange(Step(index, sub_index, held, bytes.fromhex(str(document.get("after"))), "write"))
+
+
+def _config(document: Any) -> PdoConfig:
+    if not isinstance(document, dict):
+        raise ValueError("a configuration is malformed")
+    times = {
+        key: None if document.get(key) is None else read_number(document, key, most) for key, most in _LIMITS.items()
+    }
+    words = document.get("mapping")
+    if not isinstance(words, list) or len(words) > MAX_ENTRIES:
+        raise ValueError("a mapping is malformed")
+    entries = tuple(PdoMappingEntry.from_raw(read_number({"": word}, "", 0xFFFF_FFFF)) for word in words)
+    communication = PdoCommunicationParameter(CobId.from_raw(read_number(document, "cob_id", 0xFFFF_FFFF)), **times)
+    mpdo = None if document.get("mpdo") is None else read_number(document, "mpdo", 0xFF)
+    return PdoConfig(communication, entries, mpdo)
+
+
+def read_number(document: dict[str, Any], key: str, most: int, least: int = 0) -> int:
+    """A whole number of *document* within *least*..*most*; ValueError where *key* holds something else."""
+    value = document.get(key)
+    if type(value) is not int or not least <= value <= most:
+        raise ValueError(f"{key or 'a number'} is {value!r}, expected {least}..{most}")
+    return value
