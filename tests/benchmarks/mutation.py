@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import random
+import re
 import subprocess
 import sys
 import tempfile
@@ -109,8 +110,9 @@ def main() -> int:
     todo = [one for one in chosen(given.modules, given.sample, given.seed) if given.matching in str(one)]
     if given.again is not None:
         lines = given.again.read_text("utf-8").splitlines()
-        survivors = {line[15:].partition("   ")[0] for line in lines if line.startswith(("survived ", "no test "))}
-        todo = [one for one in todo if str(one) in survivors]
+        said = (line[15:].partition("   ")[0] for line in lines if line.startswith(("survived ", "no test ")))
+        survivors = {_without_line(text) for text in said}
+        todo = [one for one in todo if _without_line(str(one)) in survivors]
     if given.list:
         print(*todo, f"{len(todo)} mutants", sep="\n")
         return 0
@@ -129,6 +131,11 @@ def main() -> int:
         print(f'\n[[explained]]\nmodule = "{mutant.module}"\nfunction = "{mutant.function}"')
         print(f"change = '''{mutant.change}'''\nwhy = \"\"  # line {mutant.line}")
     return 1 if survived else 0
+
+
+def _without_line(text: str) -> str:
+    """What is printed of a mutant, wherever it stands by now."""
+    return re.sub(r"(?<=\.py):\d+", "", text, count=1)
 
 
 def _tried(open_ones: Sequence[Mutant], given: argparse.Namespace) -> list[Outcome]:
