@@ -6,6 +6,7 @@ Does not know how they are typed (`cli.global_options`) nor settings files (`set
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from dvtcli.errors import UsageError
@@ -69,6 +70,14 @@ class Options(NamedTuple):
     def json(self) -> bool:
         """Whether results are JSON documents."""
         return self.format in ("json", "jsonl")
+
+
+def options_of(given: Mapping[str, Any]) -> Options:
+    """The options *given* by name, the others as they come; UsageError for an unknown name or a wrong value."""
+    unknown = sorted(given.keys() - set(Options._fields))
+    if unknown:
+        raise UsageError(f"there is no option {unknown[0]!r}", hint=f"options are: {', '.join(Options._fields)}")
+    return Options(**{name: checked(name, value) for name, value in given.items()})
 
 
 def is_repeated(name: str) -> bool:

@@ -14,7 +14,7 @@ from dvtcli.domain.ports import Frame
 from dvtcli.domain.request import PdoRequest
 from dvtcli.errors import SafetyRefusal, UsageError
 from dvtcli.operations.change import configure
-from dvtcli.operations.options import Options
+from dvtcli.operations.options import Options, options_of
 from dvtcli.operations.session import Session
 from dvtcli.operations.store_restore import restore_defaults, store_settings
 
@@ -116,6 +116,28 @@ def test_at_the_end_a_node_is_in_the_state_it_was_found_in() -> None:
 def test_which_node_is_meant_must_be_said() -> None:
     with Session(Options(interface="virtual", channel="nobody-here")) as session, pytest.raises(UsageError):
         session.node()
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"bitrate": 12}, "bit rates are 1000…1000000 bit/s"),
+        ({"bitrate": "fast"}, "'fast' is not a bit rate"),
+        ({"timeout": 0}, "a time-out is 0.001…600 seconds"),
+        ({"node": 128}, "node-IDs are 1…127"),
+        ({"format": "xml"}, "'xml' is not one of 'text', 'json', 'jsonl'"),
+        ({"bus_kwargs": ("fd",)}, "takes KEY=VALUE"),
+        ({"chanel": "can0"}, "there is no option 'chanel'"),
+    ],
+)
+def test_options_are_checked_before_a_bus_is_touched(given: dict[str, object], said: str) -> None:
+    with pytest.raises(UsageError, match=said):
+        options_of(given)
+
+
+def test_options_are_taken_as_a_command_line_takes_them() -> None:
+    given = {"node": "0x10", "bitrate": "500000", "timeout": "0.2", "sim": ["gen4"], "channel": 0, "dry_run": True}
+    assert options_of(given) == Options(node=16, bitrate=500_000, timeout=0.2, sim=("gen4",), channel="0", dry_run=True)
 
 
 def test_plain_python_needs_neither_click_nor_a_terminal() -> None:

@@ -12,7 +12,7 @@ from dvtcli.errors import UsageError
 from dvtcli.operations.api.calls import Calls
 from dvtcli.operations.api.python_node import Node
 from dvtcli.operations.api.told import Message, Told
-from dvtcli.operations.options import Options
+from dvtcli.operations.options import options_of
 from dvtcli.operations.session import Session
 from dvtcli.operations.simulated_nodes import read_dictionary
 
@@ -186,7 +186,7 @@ def simulate(
 
 
 def _opened(given: dict[str, Any], told: Told, on_progress: Callable[[Progress], None] | None) -> Bus:
-    session = Session(Options(**{key: value for key, value in given.items() if value is not None}), told)
+    session = Session(options_of({key: value for key, value in given.items() if value is not None}), told)
     network = session.open_network()
     if on_progress is not None:
         network.on_step = on_progress
