@@ -1,26 +1,20 @@
 """Which lines of a script can be taken back: what `run --atomic` refuses before its first line runs.
 
-Knows commands by their effect, names and parsed arguments. Runs nothing.
+Knows no command: each says what a line of it does. Runs nothing.
 """
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from dvtcli.cli.command import effect_of
-from dvtcli.cli.effect import Effect
+from dvtcli.cli.command import of_line
+from dvtcli.cli.effect import Effect, Final
 from dvtcli.cli.global_options import PREFIX
-from dvtcli.device.store_parameters import SIGNATURES
 from dvtcli.errors import UsageError
 
 if TYPE_CHECKING:
     import click
-
-_INDEX = re.compile("[0-9a-f]{4}")
-#: NMT commands after which what was changed is lost, or is at work.
-_FINAL_NMT = frozenset({"start", "reset-node", "reset-comm"})
 
 
 def is_rehearsal(ctx: click.Context) -> bool:
@@ -28,39 +22,19 @@ def is_rehearsal(ctx: click.Context) -> bool:
     return bool(ctx.params.get(f"{PREFIX}dry_run"))
 
 
-def final_word(ctx: click.Context) -> str | None:
-    """What the parsed line does that no undo reverts, in its own words; None where it does no such thing."""
-    name, params = ctx.info_name or "", ctx.params
-    if is_rehearsal(ctx):
-        return None
-    if effect_of(ctx) is Effect.FINAL:
-        return name
-    if name == "nmt":
-        return f"nmt {params.get('command_')}" if params.get("command_") in _FINAL_NMT else None
-    if name == "fpo":
-        return "fpo op" if "op" in params.get("values", ()) else None
-    place = _place(ctx)
-    return f"{name} to 0x{place:04X}" if place in SIGNATURES else None
-
-
-def _place(ctx: click.Context) -> int | None:
-    """The index that a `write`, or a word that writes, is about; None where that is a name, or something else."""
-    if ctx.info_name == "write":
-        head = ctx.params["object_"].text.partition(":")[0].lower().removeprefix("0x")
-        return int(head, 16) if _INDEX.fullmatch(head) else None
-    if ctx.info_name in ("sdo_wn", "sdo_wnx"):
-        return int(ctx.params["values"][1])
-    return None
+def final(ctx: click.Context) -> Final | None:
+    """What the parsed line does that no undo reverts; None where it does no such thing."""
+    return None if is_rehearsal(ctx) else of_line(ctx).final(ctx.params)
 
 
 def is_changing(ctx: click.Context) -> bool:
     """Whether the parsed line changes what a node holds, in a way that can be undone."""
-    return not is_rehearsal(ctx) and effect_of(ctx) is Effect.CHANGES and final_word(ctx) is None
+    return not is_rehearsal(ctx) and of_line(ctx).effect is Effect.CHANGES and final(ctx) is None
 
 
 def does_other(ctx: click.Context) -> bool:
     """Whether the parsed line does something to a node that its history does not hold."""
-    return not is_rehearsal(ctx) and (final_word(ctx) is not None or effect_of(ctx) is Effect.COMMANDS)
+    return not is_rehearsal(ctx) and (final(ctx) is not None or of_line(ctx).effect is Effect.COMMANDS)
 
 
 @dataclass(slots=True)
@@ -79,9 +53,9 @@ class Reach:
         """Take the line at *place* (`FILE:LINE`) in."""
         if is_changing(ctx):
             self._change(place)
-        word = final_word(ctx)
-        if word is not None and self.final is None:
-            self.final = (place, word)
+        found = final(ctx)
+        if found is not None and self.final is None:
+            self.final = (place, found.words)
 
     def script(self, place: str, other: Reach) -> None:
         """Take in the script that the line at *place* runs."""

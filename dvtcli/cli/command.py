@@ -6,22 +6,20 @@ Knows no command, and not where lines come from.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from dvtcli.cli.effect import Effect, Final
 from dvtcli.cli.global_options import NEGATIVE_MARK, global_options, one_pair_each, taken
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
-    from dvtcli.cli.effect import Effect
     from dvtcli.errors import DvtcliError
     from dvtcli.operations.results import Result
 
 
-#: Commands that need no bus, and so go on whatever a settings file is like.
-GOES_ON = frozenset({"help", "tour", "doctor", "eds", "profiles", "completion", "exit"})
 #: What `exit` answers, so that whoever reads lines stops; never an exit code of the process.
 LEAVE = -1
 _NEGATIVE = re.compile(r"-(?:\d|0x|\.\d).*", re.IGNORECASE)
@@ -30,13 +28,28 @@ _NEGATIVE = re.compile(r"-(?:\d|0x|\.\d).*", re.IGNORECASE)
 class DvtCommand(click.Command):
     """A command that also takes the global options, and negative numbers as values.
 
-    *effect* is what it does to nodes; with *needs_settings* it does not run where a settings file is wrong.
+    *effect* is what it does to nodes; where that depends on a line's parameters, *final* says of them what no undo
+    reverts. With *needs_settings* it does not run where a settings file is wrong.
     """
 
-    def __init__(self, *args: Any, effect: Effect, needs_settings: bool = True, **kwargs: Any) -> None:
+    def __init__(
+        self,
+        *args: Any,
+        effect: Effect,
+        final: Callable[[Mapping[str, Any]], Final | None] | None = None,
+        needs_settings: bool = True,
+        **kwargs: Any,
+    ) -> None:
         super().__init__(*args, **kwargs)
-        self.effect, self.needs_settings = effect, needs_settings
+        self.effect, self.needs_settings, self._final = effect, needs_settings, final
         self.params.extend(global_options(hidden=True))
+
+    def final(self, params: Mapping[str, Any]) -> Final | None:
+        """What a line with *params* does that no undo reverts, None where it does no such thing."""
+        if self._final is not None:
+            return self._final(params)
+        keeps = self.effect in (Effect.KEEPS, Effect.BRINGS_BACK)
+        return Final(self.name or "", self.effect is Effect.BRINGS_BACK) if keeps else None
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Parse *args*, with `-1500` and `-0x10` as values."""
@@ -66,10 +79,10 @@ class DvtCommand(click.Command):
             return _deliver(session, super().invoke(ctx))
 
 
-def effect_of(ctx: click.Context) -> Effect:
-    """What the command of a parsed line does to nodes."""
+def of_line(ctx: click.Context) -> DvtCommand:
+    """The command of a parsed line."""
     assert isinstance(ctx.command, DvtCommand)  # noqa: S101 - the registry has no other
-    return ctx.command.effect
+    return ctx.command
 
 
 def _notation_notes(values: Iterable[Any]) -> Iterator[str]:

@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING
 
 import click
 
-from dvtcli.cli.atomic import final_word
+from dvtcli.cli.atomic import final
 from dvtcli.cli.boundary import usage_error
-from dvtcli.cli.command import effect_of
+from dvtcli.cli.command import of_line
 from dvtcli.cli.effect import Effect
 from dvtcli.cli.global_options import PREFIX
 from dvtcli.cli.run_line import parse
 from dvtcli.cli.script import MOST_BYTES, MOST_NESTED, ScriptLine, script_lines, script_of
-from dvtcli.device.store_parameters import RESTORE
 from dvtcli.device.wish import Wish
 from dvtcli.errors import DRY_RUN, DvtcliError, UsageError
 
@@ -67,17 +66,17 @@ def _play_line(stage: Conversation, line: ScriptLine, sources: Sequence[str]) ->
         _refuse_unknown(ctx)
         if (file := script_of(ctx)) is not None:
             _play_nested(stage, file, sources)
-        elif effect_of(ctx) in _PLAYED:
+        elif of_line(ctx).effect in _PLAYED:
             ctx.command.invoke(ctx)
     return False
 
 
 def _refuse_unknown(ctx: click.Context) -> None:
     """Raise UsageError for a line that brings back what is stored, or was: only the device knows that."""
-    word = final_word(ctx) or ""
-    if word in ("restore", "recover") or word.startswith("nmt reset-") or word.endswith(f" to 0x{RESTORE:04X}"):
+    found = final(ctx)
+    if found is not None and found.brings_back:
         raise UsageError(
-            f"what the script leaves cannot be told before it runs: {word} brings back what the device keeps",
+            f"what the script leaves cannot be told before it runs: {found.words} brings back what the device keeps",
             hint="run it, then `save FILE.dvt` and compare with that",
         )
 

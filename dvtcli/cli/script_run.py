@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from dvtcli.cli.atomic import does_other, final_word
+from dvtcli.cli.atomic import does_other, final
 from dvtcli.cli.command import LEAVE
 from dvtcli.cli.run_line import boundary
 from dvtcli.errors import DvtcliError
@@ -37,17 +37,17 @@ def _run_noted(session: Conversation, ctx: click.Context) -> Any:
     assert changes is not None  # noqa: S101 - a script runs
     assert place is not None  # noqa: S101
     noted = changes.dry_run or not session.dry_run  # what a line does to twins of its own is gone when it ends
-    other, word = does_other(ctx), final_word(ctx)  # now: running the line takes its options out of it
+    other, ends = does_other(ctx), final(ctx)  # now: running the line takes its options out of it
     try:
         if session.cancellation.requested:  # asked for when the last line's change was complete
             raise KeyboardInterrupt
-        if word is not None and noted:
-            changes.begin_final(f"{place} {word}")
+        if ends is not None and noted:
+            changes.begin_final(f"{place} {ends.words}")
         with ctx:
             code = ctx.command.invoke(ctx)
         done = code in (0, None, LEAVE)
         if noted:
-            changes.note(place, other=done and other, final=done and word is not None)
+            changes.note(place, other=done and other, final=done and ends is not None)
         if not done:
             _refuse_half(ctx, changes, code)
     except BaseException as failed:

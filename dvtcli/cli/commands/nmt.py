@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from dvtcli.cli.command import DvtCommand
-from dvtcli.cli.effect import Effect
+from dvtcli.cli.effect import Effect, Final
 from dvtcli.cli.params import CanopenType, NumberType
 from dvtcli.domain.nmt import NmtCommand
 
@@ -30,7 +31,13 @@ class NodeOrAll(CanopenType):
         return 0 if text.lower() == "all" else int(NumberType(1, 127, "a node-ID").parse(text, ctx))
 
 
-@click.command("nmt", cls=DvtCommand, short_help=__doc__, effect=Effect.COMMANDS)
+def _final(params: Mapping[str, Any]) -> Final | None:
+    """After some commands what was changed is lost, or is at work."""
+    one = _WORDS[params["command_"]]
+    return Final(f"nmt {one.word}", one.is_reset) if one.is_reset or one is NmtCommand.START else None
+
+
+@click.command("nmt", cls=DvtCommand, short_help=__doc__, effect=Effect.COMMANDS, final=_final)
 @click.argument("command_", type=click.Choice(list(_WORDS)), metavar="start|stop|preop|reset-node|reset-comm")
 @click.argument("node_id", type=NodeOrAll(), required=False, metavar="[NODE|all]")
 @click.pass_obj

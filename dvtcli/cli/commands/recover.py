@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 TASK = ("Check and keep", 60)
 
 
-@click.command("recover", cls=DvtCommand, short_help=__doc__, effect=Effect.FINAL)
+@click.command("recover", cls=DvtCommand, short_help=__doc__, effect=Effect.BRINGS_BACK)
 @click.argument("file", type=FILE, required=False)
 @click.option("--accept", is_flag=True, help="Take what the device holds as the new state; nothing is written to it.")
 @click.option("--discard", is_flag=True, help="Set a journal that cannot be used aside, under another name.")

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 TASK = ("Check and keep", 40)
 
 
-@click.command("restore", cls=DvtCommand, short_help=__doc__, effect=Effect.FINAL)
+@click.command("restore", cls=DvtCommand, short_help=__doc__, effect=Effect.BRINGS_BACK)
 @click.argument("group", type=StoreGroup(), required=False, metavar="[all|communication|application|N]")
 @click.option("--prove", is_flag=True, help="Reset the node at once, and see whether it has its defaults.")
 @click.pass_obj

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 TASK = ("Check and keep", 30)
 
 
-@click.command("store", cls=DvtCommand, short_help=__doc__, effect=Effect.FINAL)
+@click.command("store", cls=DvtCommand, short_help=__doc__, effect=Effect.KEEPS)
 @click.argument("group", type=StoreGroup(), required=False, metavar="[all|communication|application|N]")
 @click.option(
     "--prove",

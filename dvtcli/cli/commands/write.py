@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import re
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from dvtcli.cli.command import DvtCommand
-from dvtcli.cli.effect import Effect
+from dvtcli.cli.effect import Effect, Final, final_write
 from dvtcli.cli.params import OBJECT, TEXT, DataTypeParam, ObjectWord
 from dvtcli.operations.write_object import write_text
 
@@ -18,8 +20,16 @@ if TYPE_CHECKING:
 
 TASK = ("Change PDOs", 70)
 
+_INDEX = re.compile("[0-9a-f]{4}")
 
-@click.command("write", cls=DvtCommand, short_help=__doc__, effect=Effect.CHANGES)
+
+def _final(params: Mapping[str, Any]) -> Final | None:
+    """0x1010 and 0x1011 by their numbers; a name is looked up only where there is a node."""
+    head = params["object_"].text.partition(":")[0].lower().removeprefix("0x")
+    return final_write("write", int(head, 16) if _INDEX.fullmatch(head) else None)
+
+
+@click.command("write", cls=DvtCommand, short_help=__doc__, effect=Effect.CHANGES, final=_final)
 @click.argument("object_", type=OBJECT, metavar="OBJECT")
 @click.argument("value", type=TEXT)
 @click.option("--as", "data_type", type=DataTypeParam(), metavar="TYPE", help="Encode as u8…u64, i8…i64, r32, vs, …")

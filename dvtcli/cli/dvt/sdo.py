@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
 
 from dvtcli.cli.dvt.done import Done
 from dvtcli.cli.dvt.word import OBJECT, VALUE, Word
-from dvtcli.cli.effect import Effect
+from dvtcli.cli.effect import Effect, Final, final_write
 
 if TYPE_CHECKING:
     from dvtcli.operations.session import Session
@@ -44,6 +45,10 @@ def write(session: Session, node_id: int, index: int, sub_index: int, data: byte
     return Done(findings=write_bytes(session, node, index, sub_index, data).findings)
 
 
+def _final(name: str) -> Callable[[Sequence[Any]], Final | None]:
+    return lambda values: final_write(name, values[1])
+
+
 def _hex(data: bytes) -> str:
     if len(data) > _MOST_NUMBER_BYTES:
         return data.hex(" ").upper()
@@ -53,6 +58,6 @@ def _hex(data: bytes) -> str:
 WORDS = (
     Word("sdo_rnx", OBJECT, "read an object, in hex", "read 6041", Effect.READS, read_hex),
     Word("sdo_rn", OBJECT, "read an object, in decimal", "read 6041", Effect.READS, read_decimal),
-    Word("sdo_wnx", VALUE, "write an object, in hex", "write 1800:2 1", Effect.CHANGES, write),
-    Word("sdo_wn", VALUE, "write an object, in decimal", "write 1017 1000", Effect.CHANGES, write),
+    Word("sdo_wnx", VALUE, "write an object, in hex", "write 1800:2 1", Effect.CHANGES, write, _final("sdo_wnx")),
+    Word("sdo_wn", VALUE, "write an object, in decimal", "write 1017 1000", Effect.CHANGES, write, _final("sdo_wn")),
 )

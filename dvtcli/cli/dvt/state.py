@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 from dvtcli.cli.dvt.done import Done
 from dvtcli.cli.dvt.notation import level
 from dvtcli.cli.dvt.word import MAYBE_NODE, Argument, Word
-from dvtcli.cli.effect import Effect
+from dvtcli.cli.effect import Effect, Final
 from dvtcli.domain.nmt import NmtState
 
 if TYPE_CHECKING:
@@ -47,6 +48,10 @@ def store(session: Conversation, node_id: int | None) -> Done:
     return Done()
 
 
+def _final(values: Sequence[Any]) -> Final | None:
+    return Final("fpo op") if "op" in values else None
+
+
 def _state(text: str) -> str:
     if text not in _STATES:
         raise ValueError(f"{text}: the state is pre or op")
@@ -56,11 +61,11 @@ def _state(text: str) -> str:
 WORDS = (
     Word(
         "fpo", (MAYBE_NODE, Argument("pre|op", _state, required=False)),
-        "force pre-operational (pre) or operational (op)", "nmt preop", Effect.COMMANDS, force,
+        "force pre-operational (pre) or operational (op)", "nmt preop", Effect.COMMANDS, force, _final,
     ),
     Word(
         "lg", (MAYBE_NODE, Argument("LEVEL", level, required=False)),
         "log in at a level, 0 to log out", "login 4", Effect.COMMANDS, log_in_at,
     ),
-    Word("store", (MAYBE_NODE,), "keep what is set (in Tcl; elsewhere the command)", "store", Effect.FINAL, store),
+    Word("store", (MAYBE_NODE,), "keep what is set (in Tcl; elsewhere the command)", "store", Effect.KEEPS, store),
 )  # fmt: skip

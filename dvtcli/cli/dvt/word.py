@@ -13,7 +13,7 @@ from dvtcli.cli.dvt import notation as numbers
 
 if TYPE_CHECKING:
     from dvtcli.cli.dvt.done import Done
-    from dvtcli.cli.effect import Effect
+    from dvtcli.cli.effect import Effect, Final
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +35,8 @@ class Word:
     """One word; *modern* is the command line that does the same.
 
     *effect* is what it does to nodes. *run* carries it out with the session and the values that `bind` brought, and
-    raises what its functions raise; None where whoever runs lines does it itself.
+    raises what its functions raise; None where whoever runs lines does it itself. *final* says of these values what no
+    undo reverts, where that depends on them.
     """
 
     name: str
@@ -44,6 +45,7 @@ class Word:
     modern: str
     effect: Effect
     run: Callable[..., Done] | None
+    final: Callable[[Sequence[Any]], Final | None] | None = None
 
     @property
     def grammar(self) -> str:

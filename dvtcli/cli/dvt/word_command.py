@@ -45,9 +45,11 @@ class WordCommand(DvtCommand):
             for number, one in enumerate(word.arguments)
         ]  # fmt: skip
         text = f"{word.summary[0].upper()}{word.summary[1:]}. The modern form: {word.modern}. More: help dvt."
+        final = word.final
         super().__init__(
-            word.name, params=params, callback=click.pass_context(self._run), help=text, effect=word.effect
-        )
+            word.name, params=params, callback=click.pass_context(self._run), help=text, effect=word.effect,
+            final=None if final is None else lambda params: final(params["values"]),
+        )  # fmt: skip
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Parse *args* and read them by the word's own rules."""
