@@ -7,8 +7,6 @@ from __future__ import annotations
 
 import json
 import signal
-import subprocess
-import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -18,7 +16,8 @@ import can
 import canopen
 import pytest
 
-from tests.process import ROOT
+from tests.forked import Forked
+from tests.process import start
 from tests.serve.served import Served, bus_words, own_environment, served
 
 NODES = (1, 3)
@@ -68,7 +67,7 @@ def is_upload_of(index: int) -> Callable[[can.Message], bool]:
 
 
 @contextmanager
-def _kill(nodes: Served, child: subprocess.Popen[str], at: int, which: Callable[[can.Message], bool]) -> Iterator[None]:
+def _kill(nodes: Served, child: Forked, at: int, which: Callable[[can.Message], bool]) -> Iterator[None]:
     """Kill *child* at the *at*-th of those frames on the bus that *which* tells."""
     bus, stop = nodes.attach(), threading.Event()
 
@@ -99,11 +98,8 @@ def killed(
     """Run *lines* and kill that at the *at*-th of the frames that *which* tells; the exit code."""
     script = nodes.folder / "x.dvt"
     script.write_text("\n".join(lines))
-    child = subprocess.Popen(
-        [sys.executable, "-m", "dvtcli", *bus_words(nodes.port), "-n", "1", "--yes", "run", str(script), *words],
-        stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT,
-        env=own_environment(nodes.folder),
-    )  # fmt: skip
+    argv = [*bus_words(nodes.port), "-n", "1", "--yes", "run", str(script), *words]
+    child = start(argv, env=own_environment(nodes.folder))
     with _kill(nodes, child, at, which):
         child.communicate(timeout=60)
     return child.returncode
@@ -131,6 +127,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
         metafunc.parametrize("kill_at", sorted({1 + number * STEPS // count for number in range(count)}))
 
 
+@pytest.mark.counted
 def test_every_line_of_every_node_is_recovered(nodes: Served, kill_at: int) -> None:
     before = held(nodes)
     assert killed(nodes, LINES, kill_at) == -signal.SIGKILL
