@@ -137,7 +137,11 @@ STEPS = [
 ]
 
 
-@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=max(20, settings().max_examples // 2),
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
 @given(st.lists(st.sampled_from(STEPS), min_size=1, max_size=12))
 def test_the_end_state_on_a_fresh_device_gives_the_same(
     tmp_path_factory: pytest.TempPathFactory, lines: list[str]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 
 from tests.process import ROOT
@@ -59,6 +59,7 @@ class Module:
             yield from ((name, node.lineno, node in typing_only) for name in names)
 
 
-def modules() -> list[Module]:
-    """Every Python file of the package."""
-    return [Module(path) for path in sorted(PACKAGE.rglob("*.py"))]
+@cache
+def modules() -> tuple[Module, ...]:
+    """Every Python file of the package, read and parsed once."""
+    return tuple(Module(path) for path in sorted(PACKAGE.rglob("*.py")))
