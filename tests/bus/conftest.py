@@ -23,7 +23,7 @@ def serve(channel: str) -> Iterator[Callable[..., tuple[CanBus, Server]]]:
     """Start a scripted server and a bus that talks to it."""
     started: list[tuple[CanBus, Server]] = []
 
-    def start(script: Script = well_behaved, *, timeout_s: float = 0.05, retries: int = 0) -> tuple[CanBus, Server]:
+    def start(script: Script = well_behaved, *, timeout_s: float = 0.25, retries: int = 0) -> tuple[CanBus, Server]:
         ours = can.Bus(channel, interface="virtual", ignore_config=True)
         pair = CanBus(ours, f"virtual:{channel}", timeout_s=timeout_s, retries=retries), Server(channel, script)
         started.append(pair)
