@@ -17,7 +17,7 @@ from dvtcli.results import Changed, Message, Progress
 from dvtcli.simulator.network.family_file import family_eds
 from dvtcli.testing import ServedBus
 from tests.commands.bench import Bench
-from tests.process import ROOT
+from tests.process import environment
 
 
 def test_a_map_answers_what_the_command_answers() -> None:
@@ -83,7 +83,9 @@ bus.node(5).map("tpdo1", "6041/16", "606C/32")
     with served.connect() as bus:
         before = bus.node(5).pdo("tpdo1").config
         assert bus.node(5).recover(yes=True) is None
-    done = subprocess.run([sys.executable, "-c", killed.format(settings=served.settings)], cwd=ROOT, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", killed.format(settings=served.settings)], env=environment(), check=False
+    )
     assert done.returncode == -signal.SIGKILL
     with served.connect() as bus:
         node = bus.node(5)

@@ -74,7 +74,7 @@ def test_the_import_costs_nothing() -> None:
         "import dvtcli, sys; print(*(name for name in sys.modules if name.startswith('dvtcli')), 'can' in sys.modules)"
     )
     said = subprocess.run(
-        [sys.executable, "-c", code], cwd=ROOT, env=environment(), capture_output=True, encoding="utf-8", check=True
+        [sys.executable, "-c", code], env=environment(), capture_output=True, encoding="utf-8", check=True
     ).stdout
     assert sorted(said.split()) == ["False", "dvtcli", "dvtcli.version"]
 
