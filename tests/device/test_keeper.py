@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -218,3 +219,22 @@ def test_the_folder_of_locks_is_made_with_its_parents(tmp_path: Path) -> None:
     lock.take()
     lock.release()
     assert lock.path.exists()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no limit of a file's size")
+def test_a_disk_that_takes_nothing_does_not_take_the_note_of_an_open_journal(tmp_path: Path) -> None:
+    import resource
+
+    lock, note = NodeLock(tmp_path / "state" / "locks", "socketcan:can0", 5), tmp_path / "elsewhere.json"
+    lock.take()
+    lock.note(note)
+    lock.release()
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (0, hard))
+    try:
+        with pytest.raises(OSError, match="too large"):
+            lock.take()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert not lock.held
+    assert lock.noted() == note

@@ -102,9 +102,9 @@ class NodeLock:
             return
         private_folder(self.folder.parent)
         private_folder(self.folder)
-        descriptor = open_private(self.path, os.O_RDWR | os.O_CREAT | os.O_APPEND)
+        descriptor = open_private(self.path, os.O_RDWR | os.O_CREAT)
         # unbuffered: what a full disk refuses is refused once, not again at the end
-        file = os.fdopen(descriptor, "ab+", buffering=0)
+        file = os.fdopen(descriptor, "rb+", buffering=0)
         try:
             _lock_within(file, wait_s)
         except BaseException as stopped:
@@ -114,8 +114,12 @@ class NodeLock:
             raise
         self._file = file
         self._own = Holder(str(os.getpid()), datetime.now(UTC).isoformat(), " ".join(self.command().split())[:80])
-        self._look_back()
-        self.note(self.noted())
+        try:
+            self._look_back()
+            self.note(self.noted())
+        except BaseException:
+            self.release()
+            raise
 
     def _refusal(self, wait_s: float) -> SafetyRefusal:
         holder = self._read().holder
@@ -140,9 +144,10 @@ class NodeLock:
         assert self._file is not None  # noqa: S101 - only the holder writes
         if journal != self.noted():  # a change begins, or one is put back
             self._last_writer = self._own
-        self._file.truncate(0)
-        self._file.write(_Noted(self._own, str(journal or ""), self._last_writer).text().encode())
-        self._file.flush()
+        text = _Noted(self._own, str(journal or ""), self._last_writer).text().encode()
+        self._file.seek(0)
+        self._file.write(text)  # over the old text: a disk that takes nothing leaves that as it is
+        self._file.truncate(len(text))
         os.fsync(self._file.fileno())
 
     def noted(self) -> Path | None:
