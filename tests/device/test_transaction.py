@@ -169,6 +169,13 @@ def test_a_difference_is_laid_to_a_restart_only_where_there_was_one(sdo: DirectS
     assert (error.place, error.why) == ("1017:00", "0x1017:00 is f4 01, expected e8 03")
 
 
+def test_what_was_so_already_and_is_lost_meanwhile_is_a_difference_too(sdo: DirectSdo) -> None:
+    now = read_pdo(sdo, TPDO1)
+    lost = replace(now, communication=replace(now.communication, cob_id=now.communication.cob_id.disabled()))
+    error = failed(sdo, PdoChange(TPDO1, lost, lost, ()))
+    assert error.place == "TPDO1"
+
+
 def test_a_device_that_restarts_each_time_it_is_put_back_proves_nothing(sdo: DirectSdo) -> None:
     clock = InstantClock()
 

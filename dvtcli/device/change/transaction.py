@@ -135,7 +135,9 @@ class Transaction:
         if restarted:
             text = f"node {node_id} restarted while {change.label} was changed, and reads back differently"
             hint = TRY_AGAIN
-        return DeviceRefused(text, node=node_id, place=change.steps[-1].object, why=difference, hint=hint)
+        # what was so already had no steps: a restart in between took it
+        place = change.steps[-1].object if change.steps else change.label
+        return DeviceRefused(text, node=node_id, place=place, why=difference, hint=hint)
 
     def _altered(self) -> dict[Pdo, str]:
         """Other PDOs whose COB-ID the device changed along with ours, in words; none where it restarted meanwhile."""
