@@ -7,7 +7,7 @@ that the bus hears are handed on by a thread of its own. Does not know what dvtc
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from queue import SimpleQueue
 from typing import Any, cast
@@ -30,11 +30,12 @@ _NMT = 0x000
 class CanopenNetwork(canopen.Network):
     """A canopen network on *bus*, which stays open when this is disconnected.
 
-    It hears and sends what *bus* hears and sends; call-backs come in a thread of its own and may use the bus.
+    It hears and sends what *bus* hears and sends; call-backs come in a thread of its own and may use the bus. *refuse*
+    is asked before a frame is sent, and raises where it must not be.
     """
 
-    def __init__(self, bus: CanopenBus) -> None:
-        super().__init__(_Sender(bus))
+    def __init__(self, bus: CanopenBus, refuse: Callable[[], None] = lambda: None) -> None:
+        super().__init__(_Sender(bus, refuse))
         self._heard: SimpleQueue[Frame | None] = SimpleQueue()
         self._open = True
         self._untap = bus.tap(lambda frame, sent: None if sent else self._heard.put(frame))
@@ -71,13 +72,15 @@ class CanopenNetwork(canopen.Network):
 class _Sender(can.BusABC):
     """A python-can bus that only sends, on a bus of ours."""
 
-    def __init__(self, bus: CanopenBus) -> None:
+    def __init__(self, bus: CanopenBus, refuse: Callable[[], None]) -> None:
         super().__init__(channel=bus.name)
         self.channel_info = bus.name
         self._shared = bus
+        self._refuse = refuse
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:  # noqa: ARG002 - python-can's interface
         """Send one frame; an NMT command is noted as what it is."""
+        self._refuse()
         if msg.arbitration_id == _NMT and not msg.is_extended_id and msg.dlc == 2:
             self._shared.send_nmt(NmtCommand(msg.data[0]), msg.data[1])
             return

@@ -46,7 +46,7 @@ class Node(Changeable):
         """
         lengths = untyped_lengths(self, wants.values())
         found = self.claim()
-        now = {pdo: self.pdo(pdo) for pdo in wants}
+        now = self.observed(lambda: {pdo: self.pdo(pdo) for pdo in wants})  # what is so already is not looked at again
         wanted = {pdo: resolve(self, pdo, now[pdo], want, lengths) for pdo, want in wants.items()}
         findings: list[Finding] = []
         for pdo, want in wanted.items():
@@ -95,7 +95,7 @@ class Node(Changeable):
         if not force:
             count = refuse_unless_left(self, chain, count)
         undone = chain[-count:]
-        plan, unknown = plan_back(self, undone), unknown_before(undone)
+        plan, unknown = self.observed(lambda: plan_back(self, undone)), unknown_before(undone)
         if unknown and not plan.changes and not force:
             raise UsageError(
                 unknown[0].text, node=self.node_id, hint="undo --force leaves it so and forgets that change"

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -319,3 +320,66 @@ def test_threads_wait_for_their_turn() -> None:
         for thread in threads:
             thread.join()
         assert not failures
+
+
+@pytest.mark.parametrize("reads", range(14, 24))
+def test_a_call_whose_node_restarts_by_its_end_does_not_answer_that_it_is_done(reads: int) -> None:
+    with dvtcli.simulate("gen4", faults=[f"reset-after-read@{reads}=0"]) as bus:
+        node = bus.node()
+        assert node.nmt("start")
+        boots = bus._session.wire.boot_ups(1)
+        try:
+            node.map("tpdo1", "6041", cob_id=0x201, yes=True)
+        except (errors.Restarted, errors.DeviceRefused):
+            return
+        assert bus._session.wire.boot_ups(1) == boots or node.pdo("tpdo1").config.communication.cob_id.can_id == 0x201
+
+
+@pytest.mark.parametrize("reads", range(1, 20))
+def test_what_is_so_already_was_read_in_one_life_of_the_node(reads: int) -> None:
+    with dvtcli.simulate("gen4", faults=[f"reset-after-read@{reads}=0"]) as bus:
+        node = bus.node()
+        cob_id = node.pdo("tpdo1").config.communication.cob_id
+        node.canopen().sdo.download(0x1800, 1, cob_id.disabled().raw.to_bytes(4, "little"))
+        boots = bus._session.wire.boot_ups(1)
+        with suppress(errors.Restarted):
+            node.disable("tpdo1", "rpdo1")
+        assert bus._session.wire.boot_ups(1) == boots or not node.pdo("tpdo1").config.enabled
+
+
+def test_another_threads_call_is_no_part_of_a_dry_run() -> None:
+    failed: list[Exception] = []
+
+    def call(node: dvtcli.Node) -> None:
+        try:
+            node.disable("tpdo1")
+        except errors.UsageError as refused:
+            failed.append(refused)
+
+    with dvtcli.simulate("gen4") as bus:
+        with bus.dry_run():
+            thread = threading.Thread(target=call, args=[bus.node()])
+            thread.start()
+            thread.join()
+        assert [str(one) for one in failed] == ["another thread's dry run is going on: call again when it has ended"]
+        call(bus.node())
+        assert not bus.node().pdo("tpdo1").config.enabled
+
+
+def test_what_stood_or_fell_together_is_recovered_on_every_node(dvtcli_serve: Callable[..., ServedBus]) -> None:
+    served = dvtcli_serve("gen4@1", "gen4@3")
+    killed = f"""
+import dvtcli, os, signal
+bus = dvtcli.connect(**{served.settings})
+bus._session.whole.begin("x.dvt")
+bus.node(1).disable("tpdo1")
+bus.node(3).disable("tpdo1")
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+    subprocess.run([sys.executable, "-c", killed], cwd=ROOT, check=False)
+    with served.connect() as bus:
+        assert not any(bus.node(node_id).pdo("tpdo1").config.enabled for node_id in (1, 3))
+        done = bus.node(3).recover(yes=True)
+        assert done is not None
+        assert done.node == 3
+        assert all(bus.node(node_id).pdo("tpdo1").config.enabled for node_id in (1, 3))

@@ -74,6 +74,9 @@ def test_it_does_not_speak_in_a_dry_run() -> None:
                 bus.node().canopen()
             with pytest.raises(canopen.SdoCommunicationError, match="dry run"):
                 remote.sdo.download(0x1017, 0, b"\0\0")
+            with pytest.raises(errors.UsageError, match="dry run"):
+                remote.nmt.state = "STOPPED"
+        assert bus.node().identity().state != "STOPPED"
 
 
 def test_a_node_that_restarts_between_two_calls_has_lost_what_was_set() -> None:
@@ -93,3 +96,10 @@ def test_it_works_on_a_bus_of_others() -> None:
     with serve("gen4@5") as served, served.connect() as bus:
         assert bus.node(5, eds=family_eds("gen4")).canopen().sdo[0x1018][1].raw == bus.node(5).identity().vendor_id
         assert [row.node for row in bus.scan()] == [5]
+
+
+@pytest.mark.usefixtures("dvtcli_state")
+def test_others_may_write_once_it_has_written() -> None:
+    with serve("gen4@5") as served, served.connect() as bus, served.connect() as other:
+        bus.node(5).canopen().sdo.download(0x1017, 0, b"\x64\0")
+        assert other.node(5).write(0x1017, 200)

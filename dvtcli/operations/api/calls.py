@@ -40,6 +40,8 @@ class Calls:
         self.session = session
         self._turn = threading.Lock()
         self._owner: int | None = None
+        #: the thread whose dry run is going on
+        self.rehearsing: int | None = None
         self.closed = False
 
     def run(self, work: Callable[[], T], *, changes: bool = False, yes: bool = False, force: bool = False) -> T:
@@ -50,6 +52,8 @@ class Calls:
         """
         session = self.session
         with self.alone():
+            if self.rehearsing not in (None, threading.get_ident()):
+                raise UsageError("another thread's dry run is going on: call again when it has ended")
             session.cancellation.reset()
             with ctrl_c_at_safe_points(session.cancellation):
                 try:
@@ -60,8 +64,10 @@ class Calls:
                 except BaseException as raised:
                     self._failed(raised)
                     raise
-                session.end_line(0)
-                self._tell_what_was_noticed()
+                try:
+                    session.end_line(0, alone=changes and not session.dry_run)
+                finally:
+                    self._tell_what_was_noticed()
             if session.cancellation.requested:
                 raise KeyboardInterrupt("it was complete when Ctrl-C came; what it did stays")
         return result

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from dvtcli.device.change.safekeeping import let_go
 from dvtcli.errors import UsageError
 
 if TYPE_CHECKING:
@@ -36,3 +37,4 @@ class TakingTurns:
                 session.wire.sdo(self._node_id).download(index, sub_index, data, timeout_s=timeout_s)
             finally:
                 node.forget()
+                let_go(node.keeper)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -81,14 +82,17 @@ class Bus:
 
         with self._calls.alone():
             session = self._session
-            if session.dry_run:
-                raise UsageError("canopen speaks to the device itself: not in a dry run")
+            self._refuse_in_dry_run()
             if self._canopen is None:
-                self._canopen = CanopenNetwork(session.wire)
+                self._canopen = CanopenNetwork(session.wire, self._refuse_in_dry_run)
             if node_id not in self._remote:
                 dictionary, channel = session.node(node_id).dictionary, TakingTurns(self._calls, node_id)
                 self._remote[node_id] = remote_node(self._canopen, node_id, dictionary, channel)
             return self._remote[node_id]
+
+    def _refuse_in_dry_run(self) -> None:
+        if self._session.dry_run:
+            raise UsageError("canopen speaks to the device itself: not in a dry run")
 
     def _node_id(self, node_id: int | None) -> int:
         simulated = self._session.open_network().simulated_ids
@@ -108,17 +112,20 @@ class Bus:
     def dry_run(self) -> Iterator[Bus]:
         """A block in which everything is done to exact twins of the nodes: nothing is written to the bus.
 
-        The twins answer as the devices would, and forget everything at the block's end.
+        The twins answer as the devices would, and forget everything at the block's end. Calls of other threads raise
+        UsageError meanwhile: what they ask for may be meant for the devices.
         """
         with self._calls.alone():
             if self._session.dry_run:
                 raise UsageError("a dry run is going on already")
             twins = self._session.under(dry_run=True)
             twins.__enter__()
+            self._calls.rehearsing = threading.get_ident()
         try:
             yield self
         finally:
             with self._calls.alone():
+                self._calls.rehearsing = None
                 twins.__exit__(None, None, None)
 
     def close(self) -> None:

@@ -244,14 +244,16 @@ class Node:
     def recover(self, *, yes: bool = False, force: bool = False) -> Changed | None:
         """Finish a change of the node that was interrupted, by putting the old configuration back; needs *yes*.
 
-        None where no change was interrupted.
+        Other nodes that an atomic script changed with it are put back, too. None where no change was interrupted.
         """
         from dvtcli.operations.recover_change import recover
-        from dvtcli.operations.results import Changed
+        from dvtcli.operations.results import Changed, ChangedNodes
 
         def finish(node: DeviceNode) -> Changed | None:
             self._calls.session.selected = node.node_id
             done = recover(self._calls.session)
+            if isinstance(done, ChangedNodes):
+                return next((one for one in done.nodes if one.node == node.node_id), None)
             return done if isinstance(done, Changed) else None
 
         return self._change(finish, yes=yes, force=force)
