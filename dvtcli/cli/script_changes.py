@@ -6,6 +6,7 @@ Does not know how lines are parsed or run, and shows nothing.
 from __future__ import annotations
 
 from contextlib import suppress
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.put_back import PATIENCE_S, RETRY_S
@@ -122,12 +123,9 @@ class ScriptChanges:
             raise self._committed(cause)
         for keeper in self._keepers():
             keeper.final("")
-        failures: list[LeftChanged] = []
         with self._session.cancellation.way_back():
-            for node in reversed(list(self._session.met_nodes())):
-                failure = self._take_back(node, cause)
-                if failure is not None:
-                    failures.append(failure)
+            tried = [self._take_back(node, cause) for node in reversed(list(self._session.met_nodes()))]
+            failures = [failure for one in tried if (failure := one.settled(cause)) is not None]
         if failures:
             failures[0].details += [("also", failure.text) for failure in failures[1:]]
             raise failures[0]
@@ -135,29 +133,17 @@ class ScriptChanges:
         del self._session.record.lines[self._executed :]
         self._session.selected = self._selected
 
-    def _take_back(self, node: Node, cause: str) -> LeftChanged | None:
-        """Undo what was done to *node*; why that is not possible, where it is not."""
+    def _take_back(self, node: Node, cause: str) -> _TakenBack:
+        """Undo what was done to *node*, or find out why that is not possible; its journal stays."""
         made = self._made(node)
-        unknown = unknown_before(made)
+        tried = _TakenBack(node, made)
         try:
-            if made:
-                self._undo_all(node)
-            if node.keeper is not None:
-                node.keeper.end_whole()
+            tried.boot_ups = node.bus.boot_ups(node.node_id)
+            while self._made(node):
+                _undo_patiently(node)
         except (DvtcliError, KeyboardInterrupt) as failed:
-            return _left(node, made, cause, failed)
-        if not unknown:
-            return None
-        left = _left_changed(node, made, cause, "; ".join(finding.text for finding in unknown))
-        left.hint = "set it by hand: its value before is not known"
-        return left
-
-    def _undo_all(self, node: Node) -> None:
-        boot_ups = node.bus.boot_ups(node.node_id)
-        while self._made(node):
-            _undo_patiently(node)
-        if node.bus.boot_ups(node.node_id) != boot_ups:  # what was put back before that may be lost again
-            raise NoAnswer("it restarted meanwhile")
+            tried.failure = _left(node, made, cause, failed)
+        return tried
 
     def _committed(self, cause: str) -> LeftChanged:
         return LeftChanged(
@@ -165,6 +151,34 @@ class ScriptChanges:
             hint="look at the nodes with `verify` and `pdo`",
             state="left_changed",
         )
+
+
+@dataclass(slots=True)
+class _TakenBack:
+    """What *made* of a script was undone on *node*, which had sent *boot_ups* before; or why not (*failure*)."""
+
+    node: Node
+    made: list[Plan]
+    boot_ups: int = 0
+    failure: LeftChanged | None = None
+
+    def settled(self, cause: str) -> LeftChanged | None:
+        """Once all nodes had their turn: forget the journal; why something of it stays, where it does."""
+        if self.failure is not None:
+            return self.failure
+        try:
+            if self.made and self.node.bus.boot_ups(self.node.node_id) != self.boot_ups:
+                raise NoAnswer("it restarted meanwhile")  # what was put back before that may be lost again
+            if self.node.keeper is not None:
+                self.node.keeper.end_whole()
+        except (DvtcliError, KeyboardInterrupt) as failed:
+            return _left(self.node, self.made, cause, failed)
+        unknown = unknown_before(self.made)
+        if not unknown:
+            return None
+        left = _left_changed(self.node, self.made, cause, "; ".join(finding.text for finding in unknown))
+        left.hint = "set it by hand: its value before is not known"
+        return left
 
 
 def _undo_patiently(node: Node) -> None:

@@ -376,7 +376,7 @@ bus.node(1).disable("tpdo1")
 bus.node(3).disable("tpdo1")
 os.kill(os.getpid(), signal.SIGKILL)
 """
-    subprocess.run([sys.executable, "-c", killed], cwd=ROOT, check=False)
+    subprocess.run([sys.executable, "-c", killed], env=environment(), check=False)
     with served.connect() as bus:
         assert not any(bus.node(node_id).pdo("tpdo1").config.enabled for node_id in (1, 3))
         done = bus.node(3).recover(yes=True)

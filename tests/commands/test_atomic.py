@@ -7,6 +7,8 @@ from typing import Any
 
 import pytest
 
+from dvtcli.device.change.progress import Progress
+from dvtcli.domain.nmt import NmtCommand
 from tests.commands.bench import Bench, Ran
 from tests.process import dvtcli
 
@@ -55,6 +57,24 @@ def test_a_failing_line_takes_all_lines_back(bench: Bench, tmp_path: Path, wrong
     assert held(bench) == before
     assert bench.session.record.lines == [(1, "set tpdo3 --timer 33")]
     assert bench.run("undo").code == 0, "what was changed before the script can be undone as ever"
+
+
+def test_a_node_that_restarts_while_another_is_taken_back_is_not_called_as_it_was(bench: Bench, tmp_path: Path) -> None:
+    steps: list[int] = []
+
+    def took(step: Progress) -> None:
+        steps.append(step.node)
+        if steps == [2, 2, 1, 2, 1]:  # what the script did not store of node 2 is back in its RAM, and lost again
+            bench.session.wire.send_nmt(NmtCommand.RESET_NODE, 2)
+            assert bench.session.wire.wait_boot_up(2, 1, 10)
+
+    bench.session.open_network().on_step = took
+    assert bench.run("pdo tpdo1").code == 0
+    assert bench.run("set 2:tpdo3 --timer 33").code == 0
+    ran = atomic(bench, tmp_path, "set 2:tpdo3 --timer 44", "set 1:tpdo1 --timer 55", "read 5FFF", options="--json")
+    assert steps == [2, 2, 1, 2, 1]
+    assert (ran.code, ran.documents[-1]["state"]) == (7, "left_changed")
+    assert ran.documents[-1]["why"].endswith("it restarted meanwhile")
 
 
 def test_a_difference_is_a_failure_too(bench: Bench, tmp_path: Path) -> None:
