@@ -29,7 +29,7 @@ from dvtcli.operations.open_network import Network
 from dvtcli.simulator.device.faults import Fault
 from dvtcli.simulator.device.refusal import Refusal
 from dvtcli.simulator.device.strict_device import StrictDevice
-from tests.faults.sequences import AT_READ, FAMILIES, FAULTS, LASTING, MASTERS, SEQUENCES, STARTS, Start
+from tests.faults.sequences import AT_READ, FAMILIES, FAULTS, LASTING, MASTERS, SEQUENCES, STARTS, UNHEARD, Start
 from tests.laws.bench import NODE, booted, dictionary, profile
 from tests.virtual_time import VirtualTimeBus
 
@@ -130,7 +130,12 @@ class Run:
             self.said.append(frame)
 
     def answered_after_its_restart(self) -> bool:
-        """Whether the node answered an SDO request in a later life than the one it was found in."""
+        """Whether the node answered an SDO request in a later life than the one it was found in.
+
+        One that is still starting up answered nothing since: with `restore` it had an earlier restart of its own.
+        """
+        if self.device.state is NmtState.INITIALISING:
+            return False
         boots = [at for at, frame in enumerate(self.said) if frame == replace(frame, can_id=0x700 + NODE, data=b"\0")]
         return any(frame.can_id == 0x580 + NODE for frame in self.said[boots[-1] :]) if boots else False
 
@@ -339,7 +344,7 @@ class Judge:
         """What is not as after line *boundary* (0: as found), the NMT state included; None where all is."""
         wanted, now = self.ideal.states[boundary], snapshot(self.run.device)
         for pdo, config in now.items():
-            if config != wanted[pdo] and not (self._lost(pdo, boundary) and config == self.ideal.at_power_on[pdo]):
+            if config != wanted[pdo] and not (self._lost(pdo, boundary) and self._since_power_on(pdo, config, wanted)):
                 return f"{pdo} is {_text(config)}, not {_text(wanted[pdo])}"
         if self._stored_wrongly(boundary):
             return "something else is stored"
@@ -347,6 +352,14 @@ class Judge:
         if state is not _state(self.cell.start) and not self._told_to_be_pre_operational(state):
             return f"the node is {state.label}, not {_state(self.cell.start).label}"
         return None
+
+    def _since_power_on(self, pdo: Pdo, config: tuple[bytes | None, ...], wanted: Snapshot) -> bool:
+        """Whether *pdo* holds what it came up with; or, restarted unheard, that with what a line set after it."""
+        up = self.ideal.at_power_on[pdo]
+        if self.cell.fault != UNHEARD:
+            return config == up
+        parameters = all(held in pair for held, *pair in zip(config[:5], up[:5], wanted[pdo][:5], strict=True))
+        return parameters and config[5:] in (up[5:], wanted[pdo][5:])
 
     def _told_to_be_pre_operational(self, state: NmtState) -> bool:
         """Whether the node stays PRE-OPERATIONAL, and its user was told.

@@ -139,12 +139,14 @@ LASTING: dict[str, tuple[str, ...]] = {
     "refuse+silent": ("refuse@{k}=0x06040041", "silent@{k2}"),
     "lost+bus-error": ("lose-response@{k}", "bus-error@{k1}"),
 }
+#: a restart of which nobody hears anything
+UNHEARD = "reset-at-read-without-boot-up"
 #: what goes wrong at the k-th answer to a read-back: `{k}` counts the uploads since the last download
 AT_READ: dict[str, tuple[str, ...]] = {
     "reset-after-read-0.05s": ("reset-after-read@{k}=0.05",),
     "reset-after-read-0.6s": ("reset-after-read@{k}=0.6",),
     "reset-at-read-0.05s": ("reset-at-read@{k}=0.05",),
     "reset-at-read-0.6s": ("reset-at-read@{k}=0.6",),
-    "reset-at-read-without-boot-up": ("reset-at-read@{k}=0.05", "no-boot-up"),
+    UNHEARD: ("reset-at-read@{k}=0.05", "no-boot-up"),
 }
 FAULTS = {**TRANSIENT, **LASTING, **AT_READ}
