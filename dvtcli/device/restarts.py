@@ -13,14 +13,17 @@ if TYPE_CHECKING:
 
 
 def held_plans(node: Node) -> list[Plan]:
-    """The plans of this session whose changes *node* holds, as far as it was heard: a reset takes what is unstored."""
+    """The plans of this session whose changes *node* holds, as far as it was heard: a reset takes what is unstored.
+
+    Where only a part was stored nobody says of which plans: what may be held is listed rather than forgotten.
+    """
     pending, history = node.pending, node.history
     stored, since = history[: pending.stored_at], history[max(pending.stored_at, pending.lost_until) :]
     try:
         restarted = pending.boot_ups not in (None, node.bus.boot_ups(node.node_id))
     except BusUnavailable:
         restarted = False
-    return stored if restarted else [*stored, *since]
+    return stored if restarted and not pending.partly_stored else [*stored, *since]
 
 
 def losses(nodes: Iterable[Node]) -> Iterator[str]:

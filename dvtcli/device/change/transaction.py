@@ -124,9 +124,20 @@ class Transaction:
             difference = first_difference(self.sdo, change)
             if difference:
                 raise self._differs(change, difference)
+        if self._others_matter() and self._restarted():
+            raise self._unsure_of_others()
         altered = self._altered()
         if altered:
             raise self._altered_too(altered)
+
+    def _others_matter(self) -> bool:
+        return bool(self.others) and writes_cob_id(self.plan)
+
+    def _unsure_of_others(self) -> DeviceRefused:
+        """Its own PDOs are as planned; nobody knows what the others held when their COB-IDs may have been altered."""
+        own, node_id = several(change.label for change in self.plan.changes), self.plan.node_id
+        why = "what it holds of the other PDOs since then cannot be told from what this change may have altered"
+        return DeviceRefused(f"node {node_id} restarted while {own} was changed", node=node_id, why=why, hint=TRY_AGAIN)
 
     def _differs(self, change: Change, difference: str) -> DeviceRefused:
         node_id, restarted = self.plan.node_id, self._restarted()
@@ -141,7 +152,7 @@ class Transaction:
 
     def _altered(self) -> dict[Pdo, str]:
         """Other PDOs whose COB-ID the device changed along with ours, in words; none where it restarted meanwhile."""
-        if not writes_cob_id(self.plan) or not self.others or self._restarted():
+        if not self._others_matter() or self._restarted():
             return {}
         return {
             pdo: f"0x{pdo.communication_index:04X}:01 was 0x{self.others[pdo].communication.cob_id.raw:08X}, "
