@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from dvtcli.device.change.journal import ACCEPTED, DISCARDED, read_journal
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.several import several
-from dvtcli.errors import DvtcliError, InputFileError, SafetyRefusal, UsageError
+from dvtcli.errors import DvtcliError, InputFileError, Restarted, SafetyRefusal, UsageError
 from dvtcli.operations.change import changed
 from dvtcli.operations.results import Changed, ChangedNodes, Facts
 from dvtcli.operations.waiting_journals import waiting_paths, with_others
@@ -86,7 +86,20 @@ def _put_back(session: Session, journals: list[Journal]) -> tuple[list[Changed],
                 failed = error
             else:
                 failed.details.append(("also", error.text))
-    return done, failed
+    return done, failed or _restarted(session, done)
+
+
+def _restarted(session: Session, done: list[Changed]) -> Restarted | None:
+    """The error where a node restarted after it was put back, while another one was."""
+    nodes = [session.node(one.node) for one in done]
+    again = [node.node_id for node in nodes if node.bus.boot_ups(node.node_id) != node.pending.boot_ups]
+    if not again:
+        return None
+    return Restarted(
+        f"node {', '.join(map(str, again))} restarted after it was put back: what it had not stored is lost",
+        hint="look at its supply, then at what it holds with `pdo`; `undo --backup` puts an automatic backup back",
+        state="unknown",
+    )
 
 
 def _put_one_back(session: Session, journal: Journal) -> Changed:

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
+import can
 import pytest
 
 import dvtcli
@@ -383,3 +384,32 @@ os.kill(os.getpid(), signal.SIGKILL)
         assert done is not None
         assert done.node == 3
         assert all(bus.node(node_id).pdo("tpdo1").config.enabled for node_id in (1, 3))
+
+
+def test_a_node_that_restarts_while_another_is_recovered_is_not_called_put_back(
+    dvtcli_serve: Callable[..., ServedBus],
+) -> None:
+    served = dvtcli_serve("gen4@1", "gen4@3", faults=["3:late@2=0.4"])
+    killed = f"""
+import dvtcli, os, signal
+bus = dvtcli.connect(**{served.settings})
+bus._session.whole.begin("x.dvt")
+bus.node(1).set("tpdo1", timer_ms=44)
+bus.node(3).disable("tpdo1")
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+    with served.connect() as bus:
+        bus.node(1).set("tpdo1", timer_ms=33)
+    subprocess.run([sys.executable, "-c", killed], env=environment(), check=False)
+    with served.connect(timeout_s=5) as bus, can.Bus(**served.settings) as other:
+
+        def reset() -> None:
+            while (frame := other.recv(60)) is not None and (frame.arbitration_id, frame.data[0] >> 5) != (0x603, 1):
+                pass
+            other.send(can.Message(arbitration_id=0, data=[0x81, 1], is_extended_id=False))
+
+        thread = threading.Thread(target=reset)
+        thread.start()
+        with pytest.raises(errors.Restarted, match="node 1 restarted after it was put back"):
+            bus.node(3).recover(yes=True)
+        thread.join()

@@ -103,6 +103,7 @@ def _put_back_for_good(node: Changeable, journal: Journal) -> None:
         if journal.nmt_state == NmtState.OPERATIONAL and node.access.state() is NmtState.PRE_OPERATIONAL:
             node.access.insist(NmtState.OPERATIONAL)
         if node.bus.boot_ups(node.node_id) == boot_ups:
+            node.pending.boot_ups = boot_ups
             return
     raise LeftChanged(
         f"node {node.node_id} restarted each of {MOST_LOOKS} times that it was put back",
