@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from dvtcli.device.change.safekeeping import who_else
 from dvtcli.domain.request import PdoRequest
-from dvtcli.errors import UsageError
+from dvtcli.errors import SafetyRefusal, UsageError
 from dvtcli.files.pdo_yaml import Word, read_pdo_yaml, write_pdo_yaml, wrong_at
 from dvtcli.operations.change import configure_pdo
 from dvtcli.operations.named_objects import entry_at
@@ -29,9 +30,22 @@ def pdo_as_text(session: Session, pdo: Pdo, node_id: int | None = None) -> str:
     return write_pdo_yaml(pdo, config, names, f'node {node.node_id} "{node.title}"')
 
 
-def configure_from_text(session: Session, pdo: Pdo, text: str, node_id: int | None = None) -> Changed:
-    """Make *pdo* what *text* says, as `map` does; UsageError or InputFileError with the line that is wrong."""
+def configure_from_text(
+    session: Session, pdo: Pdo, text: str, node_id: int | None = None, *, seen: str | None = None
+) -> Changed:
+    """Make *pdo* what *text* says, as `map` does; UsageError or InputFileError with the line that is wrong.
+
+    *seen* is the text that was edited: SafetyRefusal where the node holds something else by now.
+    """
     node, asked = session.node(node_id), read_pdo_yaml(text, pdo)
+    if seen is not None:
+        node.claim()
+        if pdo_as_text(session, pdo, node_id) != seen:
+            raise SafetyRefusal(
+                f"{pdo.label} of node {node.node_id} is not what it was when the editor was opened",
+                node=node.node_id,
+                hint=f"{who_else(node.keeper)}: `pdo edit {pdo}` again shows what it holds now",
+            )
     want = PdoRequest(
         asked.cob_id, asked.transmission_type, asked.inhibit_time, asked.event_timer, asked.sync_start_value,
         asked.rtr_allowed, asked.extended, asked.enabled,

@@ -15,6 +15,7 @@ from dvtcli.domain.request import PdoRequest
 from dvtcli.errors import SafetyRefusal, UsageError
 from dvtcli.operations.change import configure
 from dvtcli.operations.options import Options, options_of
+from dvtcli.operations.pdo_as_text import configure_from_text, pdo_as_text
 from dvtcli.operations.session import Session
 from dvtcli.operations.store_restore import restore_defaults, store_settings
 
@@ -151,3 +152,15 @@ def test_plain_python_needs_neither_click_nor_a_terminal() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.splitlines()[1:] == [""]
+
+
+def test_a_text_that_was_edited_meanwhile_takes_nothing_of_somebody_else_back() -> None:
+    with Session(Options(sim=("generic",))) as session:
+        seen = pdo_as_text(session, TPDO3)
+        edited = seen.replace("event_timer_ms: 0", "event_timer_ms: 70")
+        assert edited != seen
+        session.wire.sdo(1).download(0x1802, 2, b"\x01")
+        with pytest.raises(SafetyRefusal, match="not what it was when the editor was opened"):
+            configure_from_text(session, TPDO3, edited, seen=seen)
+        again = pdo_as_text(session, TPDO3)
+        assert configure_from_text(session, TPDO3, again.replace("event_timer_ms: 0", "event_timer_ms: 70"), seen=again)

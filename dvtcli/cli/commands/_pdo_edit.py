@@ -33,7 +33,7 @@ def edit(session: Conversation, pdo: Pdo, node_id: int | None) -> Changed | Fact
             return _left(pdo)
         text = edited
         try:
-            return configure_from_text(session, pdo, text, node_id)
+            return configure_from_text(session, pdo, text, node_id, seen=before)
         except DvtcliError as wrong:
             if wrong.exit_code not in (2, 4) and not isinstance(wrong, RuleError):
                 raise  # the device was asked: another text changes nothing about it
