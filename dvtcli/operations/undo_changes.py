@@ -16,7 +16,7 @@ from dvtcli.domain.plan import Plan
 from dvtcli.domain.rules.finding import Finding, warning
 from dvtcli.domain.rules.rule import WARNING, Rule
 from dvtcli.domain.script_line import change_lines
-from dvtcli.errors import DvtcliError, NoAnswer, SdoAborted, SdoProtocolError, UsageError
+from dvtcli.errors import DvtcliError, NoAnswer, Restarted, SdoAborted, SdoProtocolError, UsageError
 from dvtcli.operations.change import changed
 from dvtcli.operations.results import Changed, ChangedNodes
 
@@ -46,15 +46,27 @@ def undo(session: Session, *, everything: bool = False) -> Changed | ChangedNode
     if not everything:
         return _own_put_back(session, order[-1], everything=False)
     node_ids = list(dict.fromkeys(reversed(order)))
-    return _one_by_one(node_ids, lambda node_id: _own_put_back(session, node_id, everything=True))
+    return _one_by_one(session, node_ids, lambda node_id: _own_put_back(session, node_id, everything=True))
 
 
-def _one_by_one(things: Iterable[T], put_back: Callable[[T], Changed]) -> Changed | ChangedNodes:
-    """Put one after the other back; an error says which nodes were before it."""
+def _one_by_one(session: Session, things: Iterable[T], put_back: Callable[[T], Changed]) -> Changed | ChangedNodes:
+    """Put one after the other back; an error says which nodes were before it.
+
+    Restarted where one of them restarted while another was put back.
+    """
     done: list[Changed] = []
+    boot_ups: dict[int, int] = {}
     try:
         for thing in things:
-            done.append(put_back(thing))  # noqa: PERF401 - kept on an error
+            done.append(one := put_back(thing))
+            boot_ups[one.node] = session.bus.boot_ups(one.node)
+        again = [str(node_id) for node_id, seen in boot_ups.items() if session.bus.boot_ups(node_id) != seen]
+        if again:
+            raise Restarted(
+                f"node {', '.join(again)} restarted after it was put back: what it had not stored is lost",
+                hint="look at its supply, then at what it holds with `pdo`",
+                state="unknown",
+            )
     except DvtcliError as error:
         if done:
             error.details.append(("done", f"node {', '.join(str(one.node) for one in done)}: put back before this"))
@@ -101,7 +113,7 @@ def _remembered_put_back(session: Session, *, everything: bool) -> Changed | Cha
     if not chains:
         raise _nothing(session, selected)
     newer = () if selected is None else _newer_elsewhere(chains)
-    return _one_by_one(chains, lambda chain: _chain_put_back(session, chain, newer, everything=everything))
+    return _one_by_one(session, chains, lambda chain: _chain_put_back(session, chain, newer, everything=everything))
 
 
 def _chains(session: Session, selected: int | None, *, only_newest: bool) -> list[_Chain]:

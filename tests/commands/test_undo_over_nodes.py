@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from dvtcli.device.change.progress import Progress
+from dvtcli.domain.nmt import NmtCommand
 from tests.commands.bench import Bench
 
 TWO = ("generic@1", "generic@3")
@@ -106,3 +108,21 @@ def test_a_write_that_alters_nothing_is_no_change() -> None:
         ran = bench.run("undo --json")
         assert (ran.code, ran.document["pdo"]) == (0, "tpdo1")
         assert bench.run("undo").code == 2
+
+
+def test_a_node_that_restarts_while_another_is_undone_is_not_called_put_back() -> None:
+    with Bench(("generic@1", "generic@2")) as bench:
+        steps: list[int] = []
+
+        def took(step: Progress) -> None:
+            steps.append(step.node)
+            if steps == [2, 1, 1, 2]:  # what was in RAM of node 1 before this session is back there, and lost again
+                bench.session.wire.send_nmt(NmtCommand.RESET_NODE, 1)
+                assert bench.session.wire.wait_boot_up(1, 1, 10)
+
+        bench.session.open_network().on_step = took
+        bench.session.wire.sdo(1).download(0x1800, 5, (33).to_bytes(2, "little"))
+        assert bench.run("set 2:tpdo3 --timer 44").code == bench.run("set 1:tpdo1 --timer 55").code == 0
+        ran = bench.run("undo --all")
+        assert ran.code == 1
+        assert "node 1 restarted after it was put back" in ran.stderr
