@@ -159,8 +159,10 @@ def test_a_text_that_was_edited_meanwhile_takes_nothing_of_somebody_else_back() 
         seen = pdo_as_text(session, TPDO3)
         edited = seen.replace("event_timer_ms: 0", "event_timer_ms: 70")
         assert edited != seen
-        session.wire.sdo(1).download(0x1802, 2, b"\x01")
+        session.wire.sdo(1).download(0x1802, 5, b"\x21\0")
         with pytest.raises(SafetyRefusal, match="not what it was when the editor was opened"):
             configure_from_text(session, TPDO3, edited, seen=seen)
         again = pdo_as_text(session, TPDO3)
-        assert configure_from_text(session, TPDO3, again.replace("event_timer_ms: 0", "event_timer_ms: 70"), seen=again)
+        assert configure_from_text(
+            session, TPDO3, again.replace("event_timer_ms: 33", "event_timer_ms: 70"), seen=again
+        )
