@@ -92,13 +92,15 @@ def seen_states(accesses: Mapping[int, Access], wanted: NmtState) -> dict[int, N
 def operation_enabled(bus: CanopenBus, node_id: int) -> tuple[int, int] | None:
     """Index and value of the first statusword that says "operation enabled"; None where none does, or can be read.
 
-    A drive has up to eight axes, `AXIS` apart (CiA 402-2, 6.2). A node that does not answer is not asked twice: it may
-    be STOPPED.
+    A drive has up to eight axes, `AXIS` apart (CiA 402-2, 6.2). Each is asked as often as any upload is, since one lost
+    answer does not make a drive stand still; a node that is heard to be STOPPED is not asked.
     """
+    if bus.nmt_state(node_id) is NmtState.STOPPED:
+        return None
     for axis in range(_AXES):
         index = STATUSWORD[0] + axis * AXIS
         try:
-            data = bus.sdo(node_id).upload(index, STATUSWORD[1], retries=0)
+            data = bus.sdo(node_id).upload(index, STATUSWORD[1])
         except SdoAborted:
             continue
         except (NoAnswer, SdoProtocolError):

@@ -8,10 +8,13 @@ from dvtcli.device.change.cancellation import Cancellation
 from dvtcli.device.change.put_back import PATIENCE_S, RETRY_S
 from dvtcli.device.lazy_pdos import LazyMapping
 from dvtcli.device.nmt_gate import CONFIRM_TIMEOUT_S, Access, Gate
+from dvtcli.device.seen_state import operation_enabled
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.pdo import PdoConfig
 from dvtcli.errors import DeviceRefused, NoAnswer, SafetyRefusal, SdoAborted
+from dvtcli.simulator.device.sdo_server import SdoServer
 from tests.laws.bench import NODE, DirectBus, DirectSdo, booted, profile, silence
+from tests.virtual_time import VirtualTimeBus
 
 
 class Unheard(DirectBus):
@@ -187,3 +190,36 @@ def test_other_pdos_are_read_once_and_only_if_somebody_looks() -> None:
     assert loads == []
     assert (len(held), list(held)) == (0, [])
     assert loads == [1]
+
+
+class Lossy(SdoServer):
+    """Loses its first answer, and counts what it was asked."""
+
+    asked = 0
+
+    def handle(self, request: bytes) -> bytes | None:
+        self.asked += 1
+        return None if self.asked == 1 else super().handle(request)
+
+
+def enabled_drive() -> tuple[VirtualTimeBus, Lossy]:
+    """A bus with a drive that says "operation enabled", and loses an answer."""
+    drive = booted()
+    drive.set_value(0x6041, 0, b"\x37\x12")
+    bus = VirtualTimeBus([drive])
+    bus.nodes[0].server = server = Lossy(drive)
+    return bus, server
+
+
+def test_one_lost_answer_does_not_make_a_drive_stand_still() -> None:
+    bus, _ = enabled_drive()
+    assert operation_enabled(bus, NODE) == (0x6041, 0x1237)
+
+
+def test_a_node_that_is_heard_to_be_stopped_is_not_asked() -> None:
+    bus, server = enabled_drive()
+    bus.nodes[0].device.set_value(0x1017, 0, b"\x32\x00")
+    bus.send_nmt(NmtCommand.STOP, NODE)
+    bus.sleep(0.2)
+    assert operation_enabled(bus, NODE) is None
+    assert server.asked == 0
