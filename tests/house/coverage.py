@@ -36,7 +36,7 @@ def rooms(found: dict[str, Any]) -> Iterator[str]:
         room = room_of(path.replace("\\", "/").partition("dvtcli/")[2])
         for name in (room, "all"):
             for number, key in enumerate(_KEYS):
-                counts[name][number] += file["summary"][key]
+                counts[name][number] += file["summary"].get(key, 0)  # no branches: they were not counted
     yield f"{'room':<12}{'branches':>20}{'lines':>20}"
     for name in (*ROOMS, "all"):
         if any(counts[name]):

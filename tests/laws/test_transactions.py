@@ -136,8 +136,8 @@ FAULTS: list[tuple[Fault, type[BaseException]]] = [
     (refuse, DeviceRefused),
     (lose_request, NoAnswer),
     (lose_answer, NoAnswer),
-    (interrupt_before, KeyboardInterrupt),
-    (interrupt_after, KeyboardInterrupt),
+    (interrupt_before, Interrupted),
+    (interrupt_after, Interrupted),
     (crash, RuntimeError),
 ]
 

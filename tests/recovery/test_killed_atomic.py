@@ -34,6 +34,8 @@ LINES = (
 )
 #: how many SDO downloads they take, at least
 STEPS = 22
+#: What a script does after its last change, so that a kill, which takes its time on a busy machine, is not too late.
+AFTERWARDS = ["read 1009"] * 300
 
 
 def held(nodes: Served) -> dict[int, dict[tuple[int, int], bytes]]:
@@ -116,7 +118,7 @@ def waiting(nodes: Served) -> list[int]:
 
 @pytest.fixture
 def nodes(tmp_path: Path) -> Iterator[Served]:
-    with served(tmp_path, "generic@1", "generic@3") as made:
+    with served(tmp_path, "generic@1", "generic@3", "--latency", "10") as made:  # a kill comes before the answer
         yield made
 
 
@@ -130,7 +132,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 @pytest.mark.counted
 def test_every_line_of_every_node_is_recovered(nodes: Served, kill_at: int) -> None:
     before = held(nodes)
-    assert killed(nodes, LINES, kill_at) == -signal.SIGKILL
+    assert killed(nodes, [*LINES, *AFTERWARDS], kill_at) == -signal.SIGKILL
     left, ids = held(nodes), waiting(nodes)
     assert left != before
     assert ids == [node_id for node_id in NODES if left[node_id] != before[node_id]]
@@ -182,7 +184,7 @@ def test_a_script_that_is_complete_leaves_nothing_to_recover(nodes: Served) -> N
 
 def test_a_kill_while_it_stores_says_that_it_may_be_stored(nodes: Served) -> None:
     before = held(nodes)
-    lines = [*LINES[:2], "store", "read 1009"]
+    lines = [*LINES[:2], "store", *AFTERWARDS]
     assert killed(nodes, lines, 1, is_upload_of(0x1010)) == -signal.SIGKILL
     assert waiting(nodes) == [1, 3]
     recovered = nodes.dvtcli("recover", "--yes")
@@ -198,7 +200,7 @@ def test_a_kill_while_it_stores_says_that_it_may_be_stored(nodes: Served) -> Non
 
 def test_what_a_kill_leaves_of_the_journals_of_a_complete_script_counts_no_longer(nodes: Served) -> None:
     """Journals are removed one by one: their end is a single step all the same."""
-    lines = [*LINES[:3], "read 1009"]
+    lines = [*LINES[:3], *AFTERWARDS]
     assert killed(nodes, lines, 1, is_upload_of(0x1009)) == -signal.SIGKILL
     assert waiting(nodes) == [1, 3]
     (marker,) = (nodes.folder / "state-home" / "dvtcli" / "journals").glob("*.whole")
