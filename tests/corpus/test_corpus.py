@@ -12,6 +12,7 @@ from dvtcli.domain.pdo import Direction, Pdo
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.rules.mapped_object import FEEDS_TPDO, TAKES_RPDO
 from tests.commands.bench import Bench
+from tests.real_files import real_files
 
 _INITIATE_DOWNLOAD = 1
 #: Files whose PDOs are all enabled as they come up (bit 31 of every COB-ID is 0): nothing could be changed in RAM
@@ -20,8 +21,7 @@ _WITHOUT_A_HARMLESS_PLACE = {"ifm_rm9000.eds", "maxon_epos4-50-15-node1.dcf", "s
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    folder = metafunc.config.getoption("--eds-corpus")
-    paths = sorted(p for p in Path(folder).iterdir() if p.suffix.lower() in (".eds", ".dcf")) if folder else []
+    paths = real_files(metafunc.config)
     metafunc.parametrize("path", paths, ids=[path.name for path in paths])
 
 

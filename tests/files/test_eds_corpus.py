@@ -9,11 +9,11 @@ import pytest
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.files.eds.reader import NOT_UNDERSTOOD, EdsFile, read_eds
+from tests.real_files import real_files
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    folder = metafunc.config.getoption("--eds-corpus")
-    paths = sorted(p for p in Path(folder).iterdir() if p.suffix.lower() in (".eds", ".dcf")) if folder else []
+    paths = real_files(metafunc.config)
     metafunc.parametrize("path", paths, ids=[path.name for path in paths])
 
 
