@@ -12,7 +12,7 @@ from dvtcli.device.store_parameters import reset_all_and_wait, reset_and_wait
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.profile import GENERIC
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
-from dvtcli.operations.reset_consent import consent_to_reset
+from dvtcli.operations.reset_consent import consent_to_reset, consent_to_reset_unheard
 from dvtcli.operations.results import Commanded
 
 if TYPE_CHECKING:
@@ -26,9 +26,13 @@ def command_nmt(session: Session, command: NmtCommand, node_id: int | None = Non
     """
     target = session.node_id() if node_id is None else node_id
     reset = command.is_reset
-    concerned = {target} if target else _known(session)
     if reset:
+        concerned = {target} if target else _heard(session)
         consent_to_reset(session, concerned)
+        if not concerned:
+            consent_to_reset_unheard(session)
+    else:
+        concerned = {target} if target else _known(session)
     nodes = [node for node in session.network.nodes.values() if node.node_id in concerned]
     for node in nodes:
         node.commanded()
@@ -45,12 +49,31 @@ def command_nmt(session: Session, command: NmtCommand, node_id: int | None = Non
     if reset and session.in_script:
         _note_what_came_up(session, states)
     seen = tuple((one, None if state is None else state.label) for one, state in sorted(states.items()))
-    return Commanded(target, command.word, seen, session.dry_run, lost, None if reset else command.after.label)
+    notes = _interrupted(session, {*states, *([] if target else [session.selected_id()])})
+    wanted = None if reset else command.after.label
+    return Commanded(target, command.word, seen, session.dry_run, lost, wanted, notes)
 
 
 def _known(session: Session) -> set[int]:
     """The nodes that were met, and those that were heard."""
     return {*session.network.nodes, *([] if session.dry_run else session.open_network().bus.heard_nodes())}
+
+
+def _heard(session: Session) -> set[int]:
+    """The nodes that are there, as far as can be known before all are reset: met, selected and answering, or heard."""
+    if not session.dry_run and not session.bus.simulated:
+        session.bus.sleep(CONFIRM_S)  # the first command of a session has heard nobody yet
+        selected = session.selected_id()
+        if selected is not None:
+            with suppress(NoAnswer, SdoProtocolError):  # selected, and not there
+                session.node(selected)
+    return _known(session)
+
+
+def _interrupted(session: Session, node_ids: Iterable[int | None]) -> tuple[str, ...]:
+    """What is to be known of those nodes that an interrupted change left half configured."""
+    said = (session.network.interrupted(node_id) for node_id in sorted(one for one in node_ids if one is not None))
+    return tuple(text for text in said if text)
 
 
 def _access(session: Session, node_id: int) -> Access:

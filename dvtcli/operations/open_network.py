@@ -158,6 +158,21 @@ class Network:
             self.say(_interrupted(journal))
         return keeper
 
+    def interrupted(self, node_id: int) -> str:
+        """What to say of a change of the node that was interrupted and not finished; empty where there is none.
+
+        Of a node that was not met yet it is said to the user, too, as it is when it is met.
+        """
+        if not self.guarded:
+            return ""
+        node = self.nodes.get(node_id)
+        keeper = self._keeper(node_id, None) if node is None else node.keeper
+        try:
+            journal = None if keeper is None else keeper.interrupted()
+        except (InputFileError, SafetyRefusal) as damaged:
+            return f"{damaged.text}: {damaged.why or damaged.place}; {damaged.hint}"
+        return "" if journal is None else _interrupted(journal)
+
     def past(self) -> Past:
         """The changes on this bus that are remembered."""
         return Past(state_folder(None) / "changes", self.bus.name, self.say)

@@ -25,6 +25,12 @@ def consent_to_reset(session: Session, node_ids: Collection[int]) -> None:
         session.consent(f"node {node_id} says operation enabled ({said}): its reset lets the motor go; reset?")
 
 
+def consent_to_reset_unheard(session: Session) -> None:
+    """Ask before all nodes of a bus are reset on which none is heard: whether a drive moves is not known."""
+    if not session.bus.simulated:
+        session.consent("no node is heard, a drive whose operation is enabled may be there all the same; reset all?")
+
+
 def _commanded(session: Session, node_id: int) -> bool:
     """Whether this session wrote a controlword of the node."""
     from dvtcli.device.seen_state import CONTROLWORDS

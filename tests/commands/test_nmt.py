@@ -150,6 +150,49 @@ def test_an_enabled_drive_is_not_reset_unasked(line: str, eds: str) -> None:
         assert bench.run(f"{line} --yes").code == 0
 
 
+@pytest.mark.parametrize("line", ["nmt reset-node all", "nmt reset-comm all"])
+@pytest.mark.parametrize("selected", [None, 1])
+def test_all_are_listened_for_before_they_are_reset(line: str, selected: int | None, eds: str) -> None:
+    """The first command of a session has heard nobody yet: an enabled drive may be among all."""
+    still, node = device("generic", 1), device("generic", 9)
+    still.set_value(0x6041, 0, b"\x50\x02")
+    node.set_value(0x6041, 0, b"\x37\x12")
+    with (
+        Wire(still, node) as wire,
+        Bench((), {**wire.options, "node": selected, "eds": eds}) as bench,
+    ):
+        ran = bench.run(line)
+        assert ran.code == 6
+        assert "node 9 says operation enabled (0x6041 is 0x1237)" in ran.stderr
+        assert not any(frame.arbitration_id == 0 for frame in wire.frames()), "nothing was sent"
+        document = bench.run(f"{line} --yes --json").document
+        assert [one["node"] for one in document["nodes"]] == [1, 9], "their boot-ups were heard"
+
+
+def test_where_nobody_is_heard_a_reset_of_all_is_asked_for(eds: str) -> None:
+    quiet = device("generic")
+    quiet.set_value(0x1017, 0, b"\0\0")
+    with Wire(quiet) as wire, Bench((), {**wire.options, "node": None, "eds": eds}) as bench:
+        bench.run("doctor")  # the boot-up of a node that was just switched on is over
+        ran = bench.run("nmt reset-node all")
+        assert ran.code == 6
+        assert "no node is heard" in ran.stderr
+        assert "--yes" in ran.stderr
+        assert not any(frame.arbitration_id == 0 for frame in wire.frames())
+        assert bench.run("nmt reset-node all --yes").code == 0
+
+
+@pytest.mark.parametrize(("statusword", "code"), [(0x0250, 0), (0x1237, 6)])
+def test_the_selected_node_counts_though_it_sends_no_heartbeat(statusword: int, code: int, eds: str) -> None:
+    quiet = device("generic")
+    quiet.set_value(0x1017, 0, b"\0\0")
+    quiet.set_value(0x6041, 0, statusword.to_bytes(2, "little"))
+    with Wire(quiet) as wire, Bench((), {**wire.options, "eds": eds}) as bench:
+        ran = bench.run("nmt reset-node all --json")
+        assert ran.code == code
+        assert code or [one["node"] for one in ran.document["nodes"]] == [1]
+
+
 @pytest.mark.parametrize("statusword", [0x0250, 0x1233, 0x1218])
 def test_a_drive_that_is_not_enabled_is_reset(statusword: int, eds: str) -> None:
     node = device("generic")

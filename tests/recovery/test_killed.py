@@ -210,3 +210,19 @@ def test_the_backup_restores_also_after_can_ids_were_exchanged(bench: Bench) -> 
     code, _, stderr = bench.run("run", str(backup))
     assert code == 0, stderr
     assert bench.pdos() == before
+
+
+@pytest.mark.parametrize("target", ["5", "all"])
+def test_a_start_of_a_half_configured_node_says_so_in_its_document(bench: Bench, target: str) -> None:
+    child = bench.start(*MAP)
+    bench.wire.at_download = lambda number: child.kill() if number == 4 else None
+    child.communicate(timeout=60)
+    bench.wire.at_download = lambda _number: None
+    code, stdout, _ = bench.run("--json", "nmt", "start", target)
+    (document,) = documents(stdout)
+    assert (code, document["command"]) == (0, "start")
+    assert document["notes"] == [
+        "a change of TPDO1 of node 5 was interrupted: `recover` puts the old configuration back"
+    ]
+    assert bench.run("recover", "--yes")[0] == 0
+    assert documents(bench.run("--json", "nmt", "start", target)[1])[0]["notes"] == []

@@ -78,7 +78,8 @@ class Commanded(Answer):
     """An NMT command that was sent, to one node or all (0), with the state that each one is seen in.
 
     A state is None where it cannot be seen; *wanted* is the state that was asked for, None of a reset, whose boot-up
-    was heard. *lost* are changes that the reset took.
+    was heard. *lost* are changes that the reset took; *notes* tell of nodes that an interrupted change left half
+    configured.
     """
 
     renderer: ClassVar = "node_lines:commanded_lines"
@@ -89,6 +90,7 @@ class Commanded(Answer):
     dry_run: bool
     lost: tuple[str, ...] = ()
     wanted: str | None = None
+    notes: tuple[str, ...] = ()
 
     def __bool__(self) -> bool:
         """Whether it is as it should be: `assert` in a test says the rest."""
@@ -122,6 +124,7 @@ class Commanded(Answer):
             "wanted": self.wanted,
             "nodes": [{"node": node, "state": state} for node, state in self.states],
             "lost": list(self.lost),
+            "notes": list(self.notes),
             "dry_run": self.dry_run,
         }
 
