@@ -218,11 +218,11 @@ def test_a_start_of_a_half_configured_node_says_so_in_its_document(bench: Bench,
     bench.wire.at_download = lambda number: child.kill() if number == 4 else None
     child.communicate(timeout=60)
     bench.wire.at_download = lambda _number: None
-    code, stdout, _ = bench.run("--json", "nmt", "start", target)
-    (document,) = documents(stdout)
-    assert (code, document["command"]) == (0, "start")
-    assert document["notes"] == [
-        "a change of TPDO1 of node 5 was interrupted: `recover` puts the old configuration back"
-    ]
+    said = "a change of TPDO1 of node 5 was interrupted: `recover` puts the old configuration back"
+    for dry in ([], ["--dry-run"]):
+        code, stdout, _ = bench.run("--json", *dry, "nmt", "start", target)
+        (document,) = documents(stdout)
+        assert (code, document["command"], document["notes"]) == (0, "start", [said])
+    assert bench.run("nmt", "start", target)[2].count(said) == 1
     assert bench.run("recover", "--yes")[0] == 0
     assert documents(bench.run("--json", "nmt", "start", target)[1])[0]["notes"] == []
