@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 
 from dvtcli.device.described_node import Defaults
 from dvtcli.device.quirks.standard_channel import in_standard_order
+from dvtcli.device.wish import value_text
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import EVENT_TIMER, INHIBIT_TIME, SYNC_START, TRANSMISSION_TYPE
@@ -24,6 +25,24 @@ def differing_from_defaults(
         found = list(_compared(channel, pdo, config))
         compared += bool(found)
         differences += [text for text in found if text]
+    return compared, differences
+
+
+def values_unlike_defaults(
+    dictionary: ObjectDictionary, node_id: int, held: Mapping[tuple[int, int], bytes]
+) -> tuple[int, list[str]]:
+    """How many of the single objects in *held* have a default in the file, and every one that is not its default."""
+    channel = Defaults(dictionary, node_id)
+    compared, differences = 0, []
+    for (index, sub_index), data in held.items():
+        try:
+            default = channel.upload(index, sub_index)
+        except SdoAborted:
+            continue  # the file tells no default: nothing to compare with
+        compared += 1
+        if data != default:
+            texts = f"is {value_text(data)}, its default is {value_text(default)}"
+            differences.append(f"{index:04X}:{sub_index:02X}: {texts}")
     return compared, differences
 
 

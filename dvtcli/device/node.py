@@ -13,7 +13,7 @@ from dvtcli.device.applied import Applied, refuse
 from dvtcli.device.change.carry_out import carry_out
 from dvtcli.device.change.changeable import Changeable
 from dvtcli.device.change.gap import unbroken
-from dvtcli.device.change.pending import COMMUNICATION, EVERYTHING
+from dvtcli.device.change.pending import CHANGE, COMMUNICATION, EVERYTHING
 from dvtcli.device.change.safekeeping import who_else
 from dvtcli.device.change.way_back import plan_back, refuse_unless_left, unknown_before
 from dvtcli.device.observe import Found
@@ -105,18 +105,21 @@ class Node(Changeable):
         return applied, count
 
     def prepare_store(self, *, force: bool = False, confirm: bool = True) -> None:
-        """Before a store: let nothing be stored that is not as it should be; enter the gate where the family needs it.
+        """Before a store or restore: let nothing be stored that is not as it should be; enter the gate where needed.
 
         What this session changed is read again, and the PDOs whole, since a device may have lost or altered them;
-        *confirm* says whether: not where all of it is about to be given up.
+        *confirm* says whether: not where all of it is about to be given up, nor does it matter then that it is lost or
+        altered already.
         """
         self.claim()
-        for reason in self.pending.suspicions.values():
-            raise SafetyRefusal(
-                f"node {self.node_id} is not stored: {reason}",
-                node=self.node_id,
-                hint="set it as it should be and `verify`, or `nmt reset-node` brings back what is stored; then store",
-            )
+        word, again = ("stored", "set it as it should be and `verify`, or ") if confirm else ("restored", "")
+        for cause, reason in self.pending.suspicions.items():
+            if confirm or cause == CHANGE:
+                raise SafetyRefusal(
+                    f"node {self.node_id} is not {word}: {reason}",
+                    node=self.node_id,
+                    hint=f"{again}`nmt reset-node` brings back what is stored; then {word.removesuffix('d')}",
+                )
         refuse(level_finding(self.access), "nothing was stored or restored", self.node_id, force=force)
         if confirm and not force:
             self.expected.require(self, who_else(self.keeper))

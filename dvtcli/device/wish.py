@@ -58,10 +58,11 @@ def unlike_values(node: KnownPdos, values: Mapping[Place, bytes]) -> Iterator[Di
     for (index, sub_index), value in values.items():
         held = node.upload(index, sub_index)
         if held != value:
-            yield f"{index:04X}:{sub_index:02X}", f"is {_shown(held)}, expected {_shown(value)}"
+            yield f"{index:04X}:{sub_index:02X}", f"is {value_text(held)}, expected {value_text(value)}"
 
 
-def _shown(data: bytes) -> str:
+def value_text(data: bytes) -> str:
+    """An object's value in words: a number where it has a number's length, else its bytes."""
     if len(data) in (1, 2, 4, 8):
         return f"0x{int.from_bytes(data, 'little'):0{2 * len(data)}X}"
     return data.hex(" ").upper() or "empty"

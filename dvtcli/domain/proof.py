@@ -15,6 +15,8 @@ class Proof:
 
     *unproved* says why equality shows nothing, where it does not, and *hint* what would. *canary* is what was changed
     to find out, *put_back* where that had to be put back afterwards; *lost* are unstored changes that the restart took.
+    *already*: of nothing that is stored it is known that it was otherwise before, so that equality shows what the node
+    comes up with, and not what was asked of it.
     """
 
     by: str
@@ -27,6 +29,7 @@ class Proof:
     objects: int = 0
     hint: str = ""
     put_back: str = ""
+    already: bool = False
 
     @property
     def holds(self) -> bool:

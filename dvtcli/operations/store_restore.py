@@ -10,7 +10,7 @@ from dvtcli.device.change.proven import Held, Restart, prepare_proof, prove_rest
 from dvtcli.device.store_parameters import RESTORE, STORE, await_power_cycle, reset_and_wait, return_to, sign
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.proof import POWER, RESET_COMM, RESET_NODE
-from dvtcli.errors import DeviceRefused
+from dvtcli.errors import DeviceRefused, SdoAborted
 from dvtcli.operations.reset_consent import consent_to_reset
 from dvtcli.operations.results import Stored
 
@@ -131,12 +131,13 @@ def restore_defaults(session: Session, node: Node, sub_index: int | None, *, pro
         RESET_COMM if communication else RESET_NODE, lambda: _reset(node, command), communication=communication
     )
     state = node.access.state() if prove else None
-    earlier, lost = restart_and_read(node, restart) if prove and node.dictionary is None else (None, ())
+    before, lost = _before_restore(node, restart) if prove else (None, ())
     done = sign(node.access, node.profile.store, RESTORE, sub_index, node.cancellation)
-    proof = prove_restore(node, done, restart, earlier, lost) if prove else None
+    proof = prove_restore(node, done, restart, before, lost) if prove else None
     return_to(node.access, state)
     node.wanted.clear()
-    node.wanted_values.clear()
+    if proof is None or not proof.differences:  # what is not restored is looked at again the next time
+        node.wanted_values.clear()
     node.expected.clear()
     node.pending.forget(done.sub_index)
     if not session.dry_run:
@@ -144,3 +145,13 @@ def restore_defaults(session: Session, node: Node, sub_index: int | None, *, pro
     return Stored(
         node.node_id, done.place, "restore", done.seconds, node.profile.store.timeout_s, (), session.dry_run, proof
     )
+
+
+def _before_restore(node: Node, restart: Restart) -> tuple[Held | None, tuple[str, ...]]:
+    """What *node* holds ahead of a restore, and what was lost to find out: without an EDS, what it comes up with."""
+    if node.dictionary is None:
+        return restart_and_read(node, restart)
+    try:
+        return Held.now(node), ()
+    except SdoAborted:  # a node that refuses to be read is not kept from its defaults
+        return None, ()

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from dvtcli.device.canary import Canary
+from dvtcli.device.change.pending import CHANGE
 from dvtcli.device.change.proven import Restart, prove_restore
 from dvtcli.device.store_parameters import RESTORE, Signed, await_power_cycle
 from dvtcli.domain.proof import POWER
@@ -374,6 +375,78 @@ def test_a_restore_that_did_nothing_is_no_proof() -> None:
         assert "NOT RESTORED" in ran.stdout
         assert "TPDO1: 0x1A00:01 is 0x60640020, its default is 0x60410010" in ran.stdout
         assert proved(bench.run("restore --prove --json"))["proved"] is False
+
+
+@pytest.mark.parametrize("family", ["generic", "gen4", "tmcm"])
+def test_an_object_that_this_session_wrote_is_compared_with_its_default(family: str) -> None:
+    with sim("restores-nothing", family=family) as bench:
+        for line in ("write 1017 1000", "store"):
+            assert bench.run(line).code == 0
+        ran = bench.run("restore --prove")
+        assert ran.code == 1, ran.stdout
+        assert "NOT RESTORED" in ran.stdout
+        assert "1017:00: is 0x03E8, its default is 0x" in ran.stdout
+        assert bench.run("restore --prove").code == 1, "neither does it a second time"
+
+
+@pytest.mark.parametrize("group", ["", "communication"])
+def test_an_object_that_this_session_wrote_is_proved_to_hold_its_default(group: str) -> None:
+    with sim() as bench:
+        for line in ("write 1017 1000", "store"):
+            assert bench.run(line).code == 0
+        document = proved(bench.run(f"restore {group} --prove --json"))
+        assert (document["proved"], document["objects"], document["compared"]) == (True, 1, 8)
+
+
+def test_an_object_of_another_group_is_not_compared() -> None:
+    with sim() as bench:
+        for line in ("write 6083 1234", "store"):
+            assert bench.run(line).code == 0
+        assert proved(bench.run("restore communication --prove --json"))["objects"] == 0
+
+
+def test_an_object_that_keeps_its_value_is_named_though_its_group_has_no_pdos() -> None:
+    with sim("restores-nothing") as bench:
+        for line in ("write 6083 1234", "store"):
+            assert bench.run(line).code == 0
+        document = proved(bench.run("restore application --prove --json"))
+        assert [text.partition(" ")[0] for text in document["differences"]] == ["6083:00:"]
+
+
+@pytest.mark.parametrize(
+    ("lines", "said"), [([], True), ([MAP], True), (["write 1017 1000"], True), ([MAP, "store"], False)]
+)
+def test_defaults_that_were_there_anyway_are_not_said_to_come_from_the_load(lines: list[str], said: bool) -> None:
+    """A change in RAM goes with the reset, whatever "load" does."""
+    with sim() as bench:
+        for line in lines:
+            assert bench.run(line).code == 0
+        ran = bench.run("restore --prove")
+        assert ran.code == 0
+        assert ("not that the load did it" in ran.stdout) is said
+
+
+def test_what_verify_found_does_not_hold_a_restore_back() -> None:
+    node = device("generic")
+    with Wire(node) as wire, Bench((), {**wire.options, "yes": True, "eds": generic()}) as bench:
+        assert bench.run("set tpdo1 --timer 70").code == 0
+        with wire.lock:
+            node.set_value(0x1800, 5, b"\x47\0")
+        assert bench.run("verify").code == 3
+        assert bench.run("store").code == 6
+        ran = bench.run("restore --prove")
+        assert ran.code == 0, ran.stderr
+        assert bench.run("store").code == 0
+
+
+def test_a_change_that_could_not_be_put_back_holds_a_restore_back_in_its_own_words() -> None:
+    with sim() as bench:
+        bench.session.node().pending.suspicions[CHANGE] = "TPDO1 could not be put back"
+        ran = bench.run("restore")
+        assert ran.code == 6
+        assert "node 1 is not restored: TPDO1 could not be put back" in ran.stderr
+        assert "then restore" in ran.stderr
+        assert "store;" not in ran.stderr
 
 
 def test_without_an_eds_only_a_difference_is_proof() -> None:

@@ -144,6 +144,9 @@ def _shown_by(result: Stored, proof: Proof) -> Iterator[Line]:
         yield [Cell("proved: ", "green"), Cell(f"{after} {what} no longer hold {proof.against}")]
     else:
         yield [Cell("proved: ", "green"), Cell(f"{after} {what} hold {proof.against}")]
+        if proof.already:
+            yield "  dvtcli knows of nothing stored that differed from its default before: this shows what the node"
+            yield "  comes up with, not that the load did it"
 
 
 def compared_nodes_lines(result: ComparedNodes, width: int) -> Iterator[Line]:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from dvtcli.device.canary import Canary, Place, harmless_places
 from dvtcli.device.change.pending import COMMUNICATION, EVERYTHING, GROUPS
 from dvtcli.device.compare import differences as pdo_differences
-from dvtcli.device.eds_defaults import differing_from_defaults
+from dvtcli.device.eds_defaults import differing_from_defaults, values_unlike_defaults
 from dvtcli.device.store_parameters import Signed, return_to, word_of
 from dvtcli.device.wish import Place as Object
 from dvtcli.device.wish import unlike_values
@@ -24,12 +24,14 @@ from dvtcli.errors import DvtcliError, SdoAborted
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
+    from dvtcli.domain.object_dictionary import ObjectDictionary
 
 Pdos = Mapping[Pdo, PdoConfig]
 #: bit of 0x1010 and 0x1011 by which a device says that it saves without being told (CiA 301, 7.5.2.13)
 _BY_ITSELF = 2
 #: What finds out what a reset cannot, and what to do where a power cycle was none.
 _POWER = "store --prove power finds out"
+_RESTORE_ALL = "restore all --prove takes and compares them"
 _OFF_FOR_LONGER = "switch it off until nothing of it is lit, and `store --prove power` again"
 
 
@@ -54,7 +56,7 @@ def prepare_proof(node: Node, before: Pdos) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Held:
-    """What a node held ahead of a store: its PDOs, and the single objects that this session wrote."""
+    """What a node holds: its PDOs, and the single objects that this session wrote."""
 
     pdos: Pdos
     values: Mapping[Object, bytes]
@@ -64,13 +66,13 @@ class Held:
         """Read it; an object that only takes values is no part of it."""
         values: dict[Object, bytes] = {}
         for place in node.wanted_values:
-            if Pdo.at(place[0]) is None and node.profile.store.needed_for(place[0]):
+            if Pdo.at(place[0]) is None:
                 with suppress(SdoAborted):
                     values[place] = node.sdo.upload(*place)
         return cls(node.pdos(), values)
 
     def of_group(self, sub_index: int) -> dict[Object, bytes]:
-        """The objects that group *sub_index* of 0x1010 takes; none of a maker's own."""
+        """The objects that group *sub_index* of 0x1010 or 0x1011 takes; none of a maker's own."""
         low, high = GROUPS.get(sub_index, (1, 0))
         return {place: value for place, value in self.values.items() if low <= place[0] <= high}
 
@@ -81,7 +83,8 @@ def prove_store(node: Node, before: Held, signed: Signed, restart: Restart) -> P
     A canary, changed after the store, shows whether the restart took what was in RAM. Errors say that the store was
     acknowledged; LeftChanged where the canary could not be put back.
     """
-    values = before.of_group(signed.sub_index)
+    covered, policy = before.of_group(signed.sub_index), node.profile.store
+    values = {place: value for place, value in covered.items() if policy.needed_for(place[0])}
     with _acknowledged(node, signed):
         found = node.access.state()
         canary, blind = _canary(node, before.pdos, signed)
@@ -191,37 +194,60 @@ def _differences(before: Pdos, after: Pdos) -> list[str]:
     return differences
 
 
-def restart_and_read(node: Node, restart: Restart) -> tuple[dict[Pdo, PdoConfig], tuple[str, ...]]:
-    """Restart *node*; its PDOs then, and the labels of the changes that this took."""
+def restart_and_read(node: Node, restart: Restart) -> tuple[Held, tuple[str, ...]]:
+    """Restart *node*; what it holds then, and the labels of the changes that this took."""
     restart.run()
     lost = node.was_reset(communication=restart.communication)
     node.gate.renew()
-    return node.pdos(), lost
+    return Held.now(node), lost
 
 
 def prove_restore(
-    node: Node, signed: Signed, restart: Restart, earlier: Pdos | None, lost_before: tuple[str, ...] = ()
+    node: Node, signed: Signed, restart: Restart, before: Held | None, lost_before: tuple[str, ...] = ()
 ) -> Proof:
-    """Restart *node*, whose restore was acknowledged, and compare its PDOs with the defaults of the EDS.
+    """Restart *node*, whose restore was acknowledged, and compare what it holds with the defaults of the EDS.
 
-    Without an EDS something must differ from *earlier*, read after a restart ahead of the restore, which took
-    *lost_before*.
+    That are its PDOs, and the single objects that this session wrote. *before* is what it held ahead of the restore.
+    Without an EDS a PDO must differ from *before*, read after a restart that took *lost_before*.
     """
     with _acknowledged(node, signed):
         after, lost = restart_and_read(node, restart)
     lost = (*lost_before, *lost)
-    uncovered, hint = _uncovered(signed.sub_index), "restore all --prove takes and compares them"
     if node.dictionary is not None:
-        compared, found = differing_from_defaults(node.dictionary, node.profile, node.node_id, after)
-        unproved = uncovered or ("" if compared else "the EDS tells no defaults of its PDOs")
-        against = f"the defaults of {node.dictionary.source or 'the EDS'}"
-        return Proof(
-            restart.by, compared, against, () if uncovered else tuple(found), unproved, lost=lost,
-            hint=hint if uncovered else "`pdo` shows what it holds; its manual may tell the defaults",
-        )  # fmt: skip
-    changed = sum(after.get(pdo) != config for pdo, config in (earlier or {}).items())
+        return _against_defaults(node, node.dictionary, signed, restart, before, after, lost)
+    uncovered = _uncovered(signed.sub_index)
+    changed = sum(after.pdos.get(pdo) != config for pdo, config in (before.pdos if before else {}).items())
     unproved = "no EDS tells the defaults, and nothing differs from what was stored before"
     return Proof(
         restart.by, changed, "what was stored before", (), uncovered or ("" if changed else unproved), lost=lost,
-        hint=hint if uncovered else "--eds FILE tells its defaults",
+        hint=_RESTORE_ALL if uncovered else "--eds FILE tells its defaults",
     )  # fmt: skip
+
+
+def _against_defaults(
+    node: Node,
+    dictionary: ObjectDictionary,
+    signed: Signed,
+    restart: Restart,
+    before: Held | None,
+    after: Held,
+    lost: tuple[str, ...],
+) -> Proof:
+    uncovered, against = _uncovered(signed.sub_index), f"the defaults of {dictionary.source or 'the EDS'}"
+
+    def look(held: Held) -> Proof:
+        pdos, unlike = differing_from_defaults(dictionary, node.profile, node.node_id, held.pdos)
+        objects, others = values_unlike_defaults(dictionary, node.node_id, held.of_group(signed.sub_index))
+        differences = (*(() if uncovered else unlike), *others)
+        return Proof(restart.by, pdos, against, differences, objects=objects)
+
+    found = look(after)
+    told = found.compared or found.objects
+    differed = set() if before is None else set(look(before).differing) - set(lost)  # a reset takes those anyway
+    return replace(
+        found,
+        unproved=uncovered or ("" if told else "the EDS tells no defaults of its PDOs"),
+        lost=lost,
+        hint=_RESTORE_ALL if uncovered else "`pdo` shows what it holds; its manual may tell the defaults",
+        already=not differed,
+    )

@@ -54,7 +54,10 @@ def _state(word: str, proof: Proof) -> str:
 def compared_text(proof: Proof) -> str:
     """How many PDOs, and objects besides, were compared."""
     pdos = plural(proof.compared, "PDO")
-    return f"{pdos} and {plural(proof.objects, 'object')}" if proof.objects else pdos
+    if not proof.objects:
+        return pdos
+    objects = plural(proof.objects, "object")
+    return f"{pdos} and {objects}" if proof.compared else objects
 
 
 def not_obeyed(node: int, wanted: str | None, elsewhere: Sequence[tuple[int, str]]) -> DvtcliError:
