@@ -13,7 +13,7 @@ import click
 from dvtcli.cli.view.streams import ReaderLeft, is_abandoned, silence
 from dvtcli.device.change.cancellation import INTERRUPTED
 from dvtcli.domain.several import several
-from dvtcli.errors import DvtcliError, UsageError
+from dvtcli.errors import DvtcliError, State, UsageError
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
@@ -115,7 +115,9 @@ def usage_error(wrong: click.ClickException) -> UsageError:
 def _lost(session: Conversation, failed: OSError) -> int:
     """Say on stderr that results are lost, also where they are documents: stdout takes no more."""
     silence(sys.stdout)
-    lost = ResultsLost(f"the results cannot be written: {failed.strerror}", state="unknown")
+    wrote = not session.only_looked or any(node.came_up.written for node in session.met_nodes())  # as `pdo edit` does
+    state: State = "unknown" if wrote else "unchanged"
+    lost = ResultsLost(f"the results cannot be written: {failed.strerror}", state=state)
     lost.stays = session.staying()
     session.output.error(lost, session.place, readable=True)
     return lost.exit_code

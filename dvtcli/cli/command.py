@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 #: What `exit` answers, so that whoever reads lines stops; never an exit code of the process.
 LEAVE = -1
+#: effects that leave every node as it was; what runs other lines is judged by those
+_LOOKING = (Effect.READS, Effect.SELECTS, Effect.RUNS)
 _NEGATIVE = re.compile(r"-(?:\d|0x|\.\d).*", re.IGNORECASE)
 
 
@@ -71,6 +73,7 @@ class DvtCommand(click.Command):
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command with its line's own global options in force."""
         session: Conversation = ctx.obj
+        session.only_looked &= self.effect in _LOOKING
         with session.line(taken(ctx.params)):
             if self.needs_settings:
                 session.require_settings()

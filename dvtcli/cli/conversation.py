@@ -70,6 +70,8 @@ class Conversation(Session):
         self.script_changes: ScriptChanges | None = None
         #: `FILE:LINE` of the script line that runs
         self.place: str | None = None
+        #: whether no line so far was of a command that does something to nodes
+        self.only_looked = True
         #: words of the prompt's user, each with what it stands for
         self.aliases: dict[str, str] = {}
         #: whether this is a stage for another one's lines: what is noticed on the bus is told there

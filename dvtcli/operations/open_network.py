@@ -127,6 +127,7 @@ class Network:
                 self.bus, node_id, dictionary, profile, self.cancellation, self.consent,
                 history=self.done_before(node_id), order=self.order, keeper=keeper,
                 neighbours=lambda: self._others(node_id), on_step=self.on_step,
+                reads_are_free=node_id in self.simulated_ids,
             )  # fmt: skip
             node.pending.boot_ups = boot_ups  # from first contact on a restart is noticed
             self.nodes[node_id] = node

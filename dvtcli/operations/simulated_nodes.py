@@ -67,12 +67,18 @@ def simulated_faults(words: tuple[str, ...], simulated: tuple[Simulated, ...]) -
         return ()
     if not simulated:
         raise UsageError("--fault is for simulated nodes", hint="give --sim too: --sim gen4 --fault lose-response@3")
-    from dvtcli.simulator.device.faults import read_faults
+    from dvtcli.simulator.device.faults import own_of, read_faults
+    from dvtcli.simulator.device.faulty import altered
 
     try:
-        return read_faults(words, [one.node_id for one in simulated])
+        faults = read_faults(words, [one.node_id for one in simulated])
+        for one in simulated:
+            for fault in own_of(one.node_id, simulated[0].node_id, faults):
+                if fault.place is not None:
+                    altered(simulated_device(one), fault)
     except ValueError as wrong:
         raise UsageError(f"--fault {wrong}") from wrong
+    return faults
 
 
 def simulated_signals(words: tuple[str, ...], simulated: tuple[Simulated, ...]) -> tuple[Signal, ...]:

@@ -219,7 +219,11 @@ def _keeper(session: Session) -> Keeper:
         node_id = entry.plan.node_id
     keeper = network.node(session.node_id() if node_id is None else node_id).keeper
     if keeper is None:
-        raise _nothing(session, node_id)
+        raise UsageError(
+            f"no backup of node {node_id or session.node_id()}: it is simulated in this process, which makes none",
+            node=node_id or session.node_id(),
+            hint="`undo` puts the last change back, `undo --all` all that this session changed",
+        )
     return keeper
 
 

@@ -65,6 +65,33 @@ def test_a_wrong_fault_is_a_usage_error(fault: str) -> None:
     assert fault in ran.stderr
 
 
+@pytest.mark.parametrize(
+    ("fault", "why"),
+    [
+        ("alters@1=9999:0:5", "the node has no object 9999:00"),
+        ("enable-alters=9999:0:5", "the node has no object 9999:00"),
+        ("alters@1=1801:4:5", "the node has no object 1801:04"),
+        ("alters@1=1801:2:256", "1801:02 has 1 byte only"),
+        ("9:alters@1=1801:5:65536", "1801:05 has 2 bytes only"),
+    ],
+)
+def test_an_object_that_the_node_lacks_or_that_is_too_small_is_a_usage_error(fault: str, why: str) -> None:
+    ran, _ = run("set tpdo1 --timer 100", fault, sim=("generic", "generic@9"))
+    assert ran.code == 2
+    assert why in ran.stderr
+
+
+@pytest.mark.parametrize("line", ["set tpdo1 --timer 100", "write 1800:5 100", "map tpdo1 606C"])
+@pytest.mark.parametrize("altered", ["1801:2:5", "1A01:1:0x60610008"])
+def test_another_pdo_that_was_altered_beside_a_change_is_not_stored(line: str, altered: str) -> None:
+    with Bench(sim=("generic",), options={"fault": (f"alters@1={altered}",)}) as bench:
+        assert bench.run(line).code == 0
+        ran = bench.run("store")
+        assert ran.code == 6
+        assert "TPDO2 is not as it was read back" in ran.stderr
+        assert bench.run("store --force").code == 0
+
+
 def test_faults_need_a_simulated_node_and_the_start() -> None:
     assert run("pdo", "silent@1", sim=())[0].code == 2
     with Bench(sim=("generic",)) as bench:

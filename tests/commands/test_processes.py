@@ -63,8 +63,16 @@ def test_the_documents_have_the_stable_fields() -> None:
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
-@pytest.mark.parametrize("line", ["objects", "objects --json", "--help", "map tpdo1 606C --json"])
-def test_results_that_a_full_disk_loses_are_said(line: str) -> None:
+@pytest.mark.parametrize(
+    ("line", "state"),
+    [
+        ("objects", "unchanged: nothing was written"),
+        ("pdo tpdo1 --json", "unchanged: nothing was written"),
+        ("--help", "unchanged: nothing was written"),
+        ("map tpdo1 606C --json", "unknown: read back what the device holds"),
+    ],
+)
+def test_results_that_a_full_disk_loses_are_said(line: str, state: str) -> None:
     with Path("/dev/full").open("w") as full:
         done = subprocess.run(
             [sys.executable, "-m", "dvtcli", "--sim", "gen4", *line.split()],
@@ -72,6 +80,7 @@ def test_results_that_a_full_disk_loses_are_said(line: str) -> None:
         )  # fmt: skip
     assert done.returncode == 1
     assert done.stderr.startswith("error: the results cannot be written: No space left on device")
+    assert f"  state   {state}\n" in done.stderr
     assert "Traceback" not in done.stderr
 
 

@@ -74,3 +74,12 @@ def test_a_makers_own_way_to_save_is_nothing_to_undo() -> None:
         undone = bench.run("undo")
         assert undone.code == 2
         assert "nothing to undo" in undone.stderr
+
+
+def test_a_node_of_this_process_has_no_backup_which_does_not_say_that_nothing_was_changed() -> None:
+    with Bench() as bench:
+        assert bench.run("set tpdo1 --timer 100").code == 0
+        undone = bench.run("undo --backup")
+        assert undone.code == 2
+        assert "it is simulated in this process, which makes none" in undone.stderr
+        assert bench.run("undo").code == 0

@@ -241,9 +241,17 @@ def test_a_journal_that_stays_is_an_error_or_beside_one(bench: Bench) -> None:
     assert f"delete {bench.journal}" in text
 
 
-def test_beside_a_moved_pdo_the_others_are_expected_to_stay(bench: Bench) -> None:
+def test_what_a_backup_read_beside_a_change_is_expected_to_stay(bench: Bench) -> None:
+    held = bench.node.pdos()
     bench.node.configure({TPDO1: PdoRequest(event_timer=50)})
-    assert bench.node.expected.pdos.keys() == {TPDO1}
+    assert {**bench.node.expected.pdos, TPDO1: held[TPDO1]} == held
+    assert bench.node.expected.pdos[TPDO1].communication.event_timer == 50
+
+
+def test_beside_a_moved_pdo_the_others_are_expected_to_stay(bench: Bench) -> None:
+    bench.keeper._backed_up = True
+    bench.node.configure({TPDO1: PdoRequest(event_timer=50)})
+    assert bench.node.expected.pdos.keys() == {TPDO1}, "nothing is read for that alone"
     bench.node.configure({TPDO1: PdoRequest(cob_id=0x1A1)})
     held = bench.node.pdos()
     assert bench.node.expected.pdos.keys() == held.keys()

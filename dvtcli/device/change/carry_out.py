@@ -62,10 +62,11 @@ def _carry_out(
     *findings* are what the rules had said; they explain a refusal of something that was forced. *done* is called once
     the plan was read back, before anything else can go wrong.
     """
-    others = _others(node, plan)
+    others = _watched(node, plan)
     if node.keeper is not None:
         node.keeper.begin(plan, node.identity(), found.state, node.known_pdos)
     try:
+        beside = _beside(node, plan, found)
         node.gate.enter()
         run(node, plan, others)
     except LeftChanged as left:
@@ -76,19 +77,34 @@ def _carry_out(
             _explain(node, error, findings)
         _settle_after(node, error, found)
         raise
-    node.expected.seen(others)
+    node.expected.seen(beside)
     if node.keeper is not None:
         node.keeper.carried_out()
     done()
     _end(node, plan, lambda: _return(node, found), keep_journal=keep_journal)
 
 
-def _others(node: Changeable, plan: Plan) -> dict[Pdo, PdoConfig]:
-    """The PDOs that *plan* leaves alone, as the node holds them; none where the plan cannot move them."""
-    if not writes_cob_id(plan):
+def _watched(node: Changeable, plan: Plan) -> dict[Pdo, PdoConfig]:
+    """The PDOs that *plan* leaves alone, to be compared right after it; none where it writes no COB-ID."""
+    return _others(plan, node.known_pdos()) if writes_cob_id(plan) else {}
+
+
+def _beside(node: Changeable, plan: Plan, found: Found) -> dict[Pdo, PdoConfig]:
+    """The PDOs that *plan* leaves alone, to be compared before a store: those that were read since *found*.
+
+    A backup or a rule has read them, or nobody: a real bus has no uploads to spare for that.
+    """
+    if not any(Pdo.at(step.index) for step in plan.steps) or node.bus.boot_ups(node.node_id) != found.boot_ups:
         return {}
+    if node.reads_are_free and not node.expected.pdos.keys() >= set(node.present()):
+        return _others(plan, node.known_pdos())
+    return _others(plan, node.last_read)
+
+
+def _others(plan: Plan, held: Mapping[Pdo, PdoConfig]) -> dict[Pdo, PdoConfig]:
+    """Those of the PDOs *held* that *plan* leaves alone."""
     own = {change.pdo for change in plan.changes if isinstance(change, PdoChange)}
-    return {pdo: config for pdo, config in node.known_pdos().items() if pdo not in own and config.mpdo is None}
+    return {pdo: config for pdo, config in held.items() if pdo not in own and config.mpdo is None}
 
 
 def left_open(node: Changeable, left: LeftChanged) -> None:

@@ -11,7 +11,9 @@ from dataclasses import dataclass
 from dvtcli.domain.pdo import Pdo
 from dvtcli.simulator.device.faults import Fault, FaultKind
 from dvtcli.simulator.device.memory import STORE
+from dvtcli.simulator.device.refusal import Refusal
 from dvtcli.simulator.device.sdo_server import INITIATE_DOWNLOAD, INITIATE_UPLOAD, UPLOAD_SEGMENT, SdoServer
+from dvtcli.simulator.device.strict_device import StrictDevice
 
 _TOGGLE, _EXPEDITED = 0x10, 0x02
 #: kinds whose download does not reach the device
@@ -128,9 +130,8 @@ class FaultyServer:
 
     def _alter(self, fault: Fault) -> None:
         """Let the device's own application change the object that *fault* names."""
-        if fault.place is not None and fault.value is not None:
-            size = self._server.device.size_of(*fault.place) or 4
-            self._server.device.set_value(*fault.place, fault.value.to_bytes(size, "little"))
+        if fault.place is not None:
+            self._server.device.set_value(*fault.place, altered(self._server.device, fault))
 
     def _taken(self, request: bytes, frames: tuple[bytes, ...]) -> None:
         """What the node does by itself after it took a download."""
@@ -205,6 +206,19 @@ class FaultyServer:
             return response
         self._wrong_toggle = False
         return bytes([response[0] ^ _TOGGLE]) + response[1:]
+
+
+def altered(device: StrictDevice, fault: Fault) -> bytes:
+    """What the object that *fault* names then holds; ValueError where *device* lacks it, or it is too small."""
+    index, sub_index = fault.place or (0, 0)
+    try:
+        device.value(index, sub_index)
+    except Refusal as refusal:
+        raise ValueError(f"{fault}: the node has no object {index:04X}:{sub_index:02X}") from refusal
+    size, value = device.size_of(index, sub_index) or 4, fault.value or 0
+    if value >= 1 << 8 * size:
+        raise ValueError(f"{fault}: {index:04X}:{sub_index:02X} has {size} byte{'s' if size > 1 else ''} only")
+    return value.to_bytes(size, "little")
 
 
 def _moment(fault: Fault) -> str:
