@@ -16,7 +16,7 @@ import pytest
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import UsageError
 from dvtcli.files.extras import extra
-from dvtcli.files.recording import Recorder
+from dvtcli.files.recording import APPENDABLE, FORMATS, ROTATING, Recorder
 from dvtcli.simulator.network.family_file import family_eds
 from tests.files.recordings import BEGIN_S
 from tests.process import documents, dvtcli
@@ -45,7 +45,17 @@ def ramp(path: Path, count: int = 50) -> Path:
     return path
 
 
-@pytest.mark.parametrize("suffix", [".asc", ".blf", ".log", ".trc"])
+@pytest.mark.parametrize("name", ["log", "decode"])
+def test_help_names_every_format(name: str) -> None:
+    """A new line in `FORMATS` is told by the help of both, and by the options of `log` that it allows."""
+    told = " ".join(dvtcli("help", name).stdout.split())
+    assert [suffix for suffix in FORMATS if suffix not in told] == []
+    if name == "log":
+        assert f"Behind what is there ({' '.join(APPENDABLE)})" in told
+        assert f"A new file after so many bytes ({' '.join(ROTATING)})" in told
+
+
+@pytest.mark.parametrize("suffix", sorted(set(FORMATS) - {".mf4"}))
 def test_what_is_logged_is_decoded(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"run{suffix}"
     done = dvtcli("--sim", "gen4", "--json", stdin=f"nmt start\nlog {path} --duration 1\n")

@@ -44,7 +44,7 @@ def command(
     decode: bool,
     **sources: Any,
 ) -> Facts:
-    """Record every frame into FILE until Ctrl-C; its suffix says the format.
+    """Record every frame into FILE until Ctrl-C; its suffix says the format: .asc .blf .log .trc .mf4.
 
     Sends nothing; with --decode SDO uploads, once, at the start.
 
