@@ -141,7 +141,10 @@ def _judge(node: Node, wish: Wish, *, differs: bool) -> None:
 
 
 def dcf_wish(node: Node, file: str) -> Wish:
-    """The PDOs as a DCF (or an EDS's defaults) sets them on this node."""
-    dictionary = read_eds(Path(file)).dictionary
+    """The PDOs as a DCF (or an EDS's defaults) sets them on this node; UsageError where the file cannot be read."""
+    try:
+        dictionary = read_eds(Path(file)).dictionary
+    except OSError as failed:
+        raise UsageError(f"{file}: {failed.strerror or failed}", place=file) from failed
     values = FileValues(dictionary, node.node_id)
     return Wish({pdo: read_pdo(values, pdo) for pdo in present_pdos(values, dictionary)})

@@ -7,18 +7,21 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from dvtcli.device.read_pdos import read_identity
+from dvtcli.device.read_pdos import read_identity, read_optional
+from dvtcli.device.seen_state import HEARTBEAT_TIME
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
 from dvtcli.operations.identify import device_name, silent
 from dvtcli.operations.results import NodeListing, NodeRow
 
 if TYPE_CHECKING:
-    from dvtcli.domain.ports import CanopenBus
+    from dvtcli.domain.ports import CanopenBus, SdoTransport
     from dvtcli.operations.session import Session
 
 #: How long each node-ID has to answer, in seconds, and how many are asked at once.
 _ANSWER_S = 0.05
 _AT_ONCE = 8
+#: The state of a node of which nothing was heard: it sends no heartbeat (0x1017 is 0 or missing), or none came yet.
+_UNHEARD = _NO_HEARTBEAT, _UNKNOWN = "no heartbeat", "state unknown"
 #: Heartbeats are usually sent once a second or faster.
 _LISTEN_S = 1.0
 
@@ -34,8 +37,21 @@ def find_nodes(session: Session, answer_s: float = _ANSWER_S) -> NodeListing:
         for _ in bus.receive(_LISTEN_S):
             pass  # heartbeats are noted by the bus itself
     with ThreadPoolExecutor(_AT_ONCE) as pool:
-        rows = [row for row in pool.map(lambda node_id: _ask(bus, node_id, answer_s), range(1, 128)) if row is not None]
+        found = pool.map(lambda node_id: _ask(bus, node_id, answer_s), range(1, 128))
+        rows = [_with_own_state(session, row) for row in found if row is not None]
     return NodeListing(bus.name, tuple(rows), time.monotonic() - started)
+
+
+def _with_own_state(session: Session, row: NodeRow) -> NodeRow:
+    """*row* with what the node's own state object says, where nothing was heard and its family is known to have one."""
+    node = session.network.nodes.get(row.node)
+    if row.state not in _UNHEARD or node is None or node.profile.state_object is None:
+        return row
+    try:
+        state = node.access.state()
+    except (NoAnswer, SdoAborted, SdoProtocolError):
+        return row
+    return row if state is None else replace(row, state=state.label)
 
 
 def _ask(bus: CanopenBus, node_id: int, limit_s: float) -> NodeRow | None:
@@ -44,7 +60,7 @@ def _ask(bus: CanopenBus, node_id: int, limit_s: float) -> NodeRow | None:
 
     sdo = bus.sdo(node_id)
     state = bus.nmt_state(node_id)
-    label = state.label if state is not None else "no heartbeat"
+    label = state.label if state is not None else _UNKNOWN
     try:
         device_type: int | None = int.from_bytes(sdo.upload(0x1000, 0, timeout_s=limit_s, retries=0)[:4], "little")
     except NoAnswer as error:
@@ -53,6 +69,7 @@ def _ask(bus: CanopenBus, node_id: int, limit_s: float) -> NodeRow | None:
         return silent(node_id, error, label)
     except SdoAborted:
         device_type = None
+    label = _unheard(sdo) if state is None else label
     row = NodeRow(node_id, label, device_type)
     try:
         vendor, product, revision, serial = (read_identity(sdo, sub) for sub in (1, 2, 3, 4))
@@ -61,3 +78,11 @@ def _ask(bus: CanopenBus, node_id: int, limit_s: float) -> NodeRow | None:
         return replace(row, name=device_name(sdo))
     except (NoAnswer, SdoProtocolError) as error:
         return replace(row, note=error.text)
+
+
+def _unheard(sdo: SdoTransport) -> str:
+    """What is to be said of the state of a node that answers, and of which nothing was heard."""
+    try:
+        return _UNKNOWN if read_optional(sdo, HEARTBEAT_TIME, 0, 2) else _NO_HEARTBEAT
+    except (NoAnswer, SdoAborted, SdoProtocolError):
+        return _UNKNOWN

@@ -57,7 +57,7 @@ def store_settings(
         session.record.add(node.node_id, ["store" if sub_index is None else f"store {sub_index}"])
     return Stored(
         node.node_id, done.place, "store", done.seconds, node.profile.store.timeout_s, changed, session.dry_run, proof,
-        because=because,
+        because=because, prove_asked=prove is not None,
     )  # fmt: skip
 
 
@@ -121,7 +121,7 @@ def _reset(node: Node, command: NmtCommand) -> None:
 def restore_defaults(session: Session, node: Node, sub_index: int | None, *, prove: bool) -> Stored:
     """Ask the node for its defaults; they come with the next reset, which *prove* does at once, and looks."""
     session.consent(f"node {node.node_id} will lose what is set and stored, and take its defaults; restore?")
-    prove = prove and not session.dry_run  # a twin has no defaults but those of its file
+    asked, prove = prove, prove and not session.dry_run  # a twin has no defaults but those of its file
     if prove:
         consent_to_reset(session, [node.node_id])
     node.prepare_store(force=session.options.force, confirm=False)
@@ -143,8 +143,9 @@ def restore_defaults(session: Session, node: Node, sub_index: int | None, *, pro
     if not session.dry_run:
         session.record.add(node.node_id, ["restore" if sub_index is None else f"restore {sub_index}"])
     return Stored(
-        node.node_id, done.place, "restore", done.seconds, node.profile.store.timeout_s, (), session.dry_run, proof
-    )
+        node.node_id, done.place, "restore", done.seconds, node.profile.store.timeout_s, (), session.dry_run, proof,
+        prove_asked=asked,
+    )  # fmt: skip
 
 
 def _before_restore(node: Node, restart: Restart) -> tuple[Held | None, tuple[str, ...]]:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from reprlib import repr as short
 from typing import TYPE_CHECKING, Literal, TypedDict
 
-from dvtcli.domain.datatypes import BY_SHORT_NAME, DataType, Value
+from dvtcli.domain.datatypes import BY_SHORT_NAME, DataType, Kind, Value
 from dvtcli.domain.milliseconds import counts
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.object_syntax import MappedObject, Skipped
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.request import PdoRequest
 from dvtcli.errors import UsageError
+from dvtcli.operations.api.checks import flag, number, whole, word, wrong
 from dvtcli.operations.named_objects import entry_at, object_at
 
 if TYPE_CHECKING:
@@ -51,65 +53,89 @@ class PdoOptions(TypedDict, total=False):
 Group = Literal["all", "communication", "application"] | int
 _GROUPS = {"all": 1, "communication": 2, "application": 3}
 _KINDS = ("transmission_type", "sync", "event")
+_FLAGS = ("event", "rtr", "extended", "enabled")
+_AN_OBJECT = "a name of the EDS, '6C01:1', 0x6041 or (0x6C01, 1)"
+_AN_ENTRY = f"{_AN_OBJECT}, (0x6C01, 1, 16) or 'dummy/16'"
 
 
 def pdo_of(pdo: str | Pdo) -> Pdo:
     """A PDO from `tpdo1`, `RPDO3`; UsageError where it is none."""
     try:
-        return pdo if isinstance(pdo, Pdo) else Pdo.parse(pdo)
-    except ValueError as wrong:
-        raise UsageError(str(wrong)) from wrong
+        return pdo if isinstance(pdo, Pdo) else Pdo.parse(word("pdo", pdo, "a PDO is 'tpdo1', 'rpdo3', …"))
+    except ValueError as failed:
+        raise UsageError(str(failed)) from failed
 
 
 def object_of(node: Node, object_: Object) -> tuple[int, int]:
     """Index and sub-index; UsageError where *node* has no object of that name, or it is none."""
     if isinstance(object_, str):
         return object_at(node, object_)
-    index, sub_index = (object_, 0) if isinstance(object_, int) else object_
-    return _within(index, "an index", 0xFFFF), _within(sub_index, "a sub-index", 0xFF)
+    if not _numbers(object_, 2):
+        raise wrong("object_", object_, _AN_OBJECT)
+    index, sub_index = object_ if isinstance(object_, tuple) else (object_, 0)
+    return whole("index", index, "an index", 0xFFFF), whole("sub_index", sub_index, "a sub-index", 0xFF)
+
+
+def _numbers(object_: object, most: int) -> bool:
+    """Whether *object_* is an index, or a tuple of an index, a sub-index and up to *most* numbers in all."""
+    numbers = object_ if isinstance(object_, tuple) else (object_, 0)
+    return 2 <= len(numbers) <= most and all(isinstance(one, int) and not isinstance(one, bool) for one in numbers)
 
 
 def entry_of(node: Node, entry: Entry) -> MappedObject | Skipped:
     """A mapping entry; UsageError as `object_of`."""
     if isinstance(entry, str):
         return entry_at(node, entry)
+    if not _numbers(entry, 3):
+        raise UsageError(f"objects: {short(entry)}: {_AN_ENTRY}")
     if isinstance(entry, tuple) and len(entry) == 3:
-        return MappedObject(*object_of(node, entry[:2]), _within(entry[2], "a length in bits", 64, low=1))
+        return MappedObject(*object_of(node, entry[:2]), whole("bits", entry[2], "a length in bits", 64, low=1))
     return MappedObject(*object_of(node, entry))
 
 
-def type_of(short: str | None) -> DataType | None:
+def type_of(name: str | None) -> DataType | None:
     """A data type by its short name (`u16`, `i32`, `r32`, `vs`, …); UsageError where there is none."""
-    if short is not None and short.lower() not in BY_SHORT_NAME:
-        raise UsageError(f"{short!r} is not a type; types are {' '.join(BY_SHORT_NAME)}")
-    return None if short is None else BY_SHORT_NAME[short.lower()]
+    if name is None:
+        return None
+    if word("as_type", name, f"types are {' '.join(BY_SHORT_NAME)}").lower() not in BY_SHORT_NAME:
+        raise UsageError(f"{name!r} is not a type; types are {' '.join(BY_SHORT_NAME)}")
+    return BY_SHORT_NAME[name.lower()]
 
 
 def bytes_of(kind: DataType, value: Value, object_: str) -> bytes:
     """*value* as *kind*; bytes go as they are. UsageError where it does not fit."""
     if isinstance(value, bytes):
         return value
+    if isinstance(value, bool) and kind.kind is not Kind.BOOLEAN:
+        raise wrong("value", value, f"0x{object_} is no BOOLEAN but {kind.short}: a value of that, text or bytes")
     try:
         return kind.parse(value) if isinstance(value, str) else kind.encode(value)
-    except ValueError as wrong:
-        raise UsageError(f"{value!r} for 0x{object_} ({kind.short}): {wrong}") from wrong
+    except ValueError as failed:
+        raise UsageError(f"{value!r} for 0x{object_} ({kind.short}): {failed}") from failed
 
 
 def group_of(group: Group) -> int:
     """The sub-index of 0x1010 or 0x1011 that *group* means; UsageError where it is none."""
     if isinstance(group, int):
-        return _within(group, "a sub-index", 127, low=1)
-    if group not in _GROUPS:
-        raise UsageError(f"{group!r}: {', '.join(_GROUPS)}, or a sub-index 1…127")
+        return whole("group", group, "a sub-index", 127, low=1)
+    if not isinstance(group, str) or group not in _GROUPS:
+        raise wrong("group", group, f"{', '.join(map(repr, _GROUPS))}, or a sub-index 1…127")
     return _GROUPS[group]
 
 
-def nmt_command_of(word: str) -> NmtCommand:
+def nmt_command_of(command: str) -> NmtCommand:
     """An NMT command by its word; UsageError where there is none."""
-    found = next((command for command in NmtCommand if command.word == word), None)
+    found = next((one for one in NmtCommand if one.word == command), None)
     if found is None:
-        raise UsageError(f"{word!r}: {', '.join(command.word for command in NmtCommand)}")
+        raise wrong("command", command, ", ".join(repr(one.word) for one in NmtCommand))
     return found
+
+
+def proof_of(prove: object) -> str | None:
+    """The way to prove a store that *prove* means: `reset`, `power`, None for none."""
+    if not isinstance(prove, bool) and not (isinstance(prove, str) and prove == "power"):
+        raise wrong("prove", prove, "True, False or 'power'")
+    return ("power" if prove == "power" else "reset") if prove else None
 
 
 def request(options: PdoOptions, *, enabled: bool | None) -> PdoRequest:
@@ -119,16 +145,19 @@ def request(options: PdoOptions, *, enabled: bool | None) -> PdoRequest:
         raise UsageError(
             f"{sorted(unknown)[0]!r} is nothing that a PDO has; it has {', '.join(PdoOptions.__annotations__)}"
         )
+    for name, value in options.items():
+        if name in _FLAGS and value is not None:
+            flag(name, value)
     if sum(name in options for name in _KINDS) > 1:
         raise UsageError("transmission_type, sync and event exclude each other: give one")
     return PdoRequest(
         cob_id=_cob_id(options.get("cob_id")),
         transmission_type=_transmission_type(options),
-        inhibit_time=_counts(options.get("inhibit_ms"), 100),
-        event_timer=_counts(options.get("timer_ms"), 1000),
-        sync_start_value=_optional(options.get("sync_start"), "a SYNC start value", 240),
+        inhibit_time=_counts("inhibit_ms", options.get("inhibit_ms"), 100),
+        event_timer=_counts("timer_ms", options.get("timer_ms"), 1000),
+        sync_start_value=_optional("sync_start", options.get("sync_start"), "a SYNC start value", 240),
         rtr_allowed=options.get("rtr"),
-        extended=options.get("extended", False),
+        extended=options.get("extended") or False,
         enabled=options.get("enabled", enabled),
     )
 
@@ -137,8 +166,8 @@ def _transmission_type(options: PdoOptions) -> int | None:
     if options.get("event"):
         return 255
     if (syncs := options.get("sync")) is not None:
-        return _within(syncs, "a number of SYNCs", 240, low=1)
-    return _optional(options.get("transmission_type"), "a transmission type", 255)
+        return whole("sync", syncs, "a number of SYNCs", 240, low=1)
+    return _optional("transmission_type", options.get("transmission_type"), "a transmission type", 255)
 
 
 def _cob_id(asked: int | Literal["auto", "keep"] | None) -> int | Literal["auto", "keep"] | None:
@@ -146,21 +175,17 @@ def _cob_id(asked: int | Literal["auto", "keep"] | None) -> int | Literal["auto"
         if asked not in ("auto", "keep"):
             raise UsageError(f"cob_id={asked!r}: a CAN-ID, 'auto' or 'keep'")
         return asked
-    return _optional(asked, "a CAN-ID", 0x1FFF_FFFF)
+    return _optional("cob_id", asked, "a CAN-ID", 0x1FFF_FFFF)
 
 
-def _optional(value: int | None, what: str, high: int) -> int | None:
-    return None if value is None else _within(value, what, high)
+def _optional(name: str, value: int | None, what: str, high: int) -> int | None:
+    return None if value is None else whole(name, value, what, high)
 
 
-def _within(value: int, what: str, high: int, *, low: int = 0) -> int:
-    if not isinstance(value, int) or not low <= value <= high:
-        raise UsageError(f"{value!r}: {what} is {low}…{high}" + (f" (0x{low:X}…0x{high:X})" if high > 255 else ""))
-    return value
-
-
-def _counts(time_ms: float | None, unit_us: int) -> int | None:
+def _counts(name: str, time_ms: float | None, unit_us: int) -> int | None:
+    if time_ms is None:
+        return None
     try:
-        return None if time_ms is None else counts(time_ms, unit_us)
-    except ValueError as wrong:
-        raise UsageError(str(wrong)) from wrong
+        return counts(number(name, time_ms, "a number of milliseconds, 0 or more"), unit_us)
+    except ValueError as failed:
+        raise UsageError(f"{name}={time_ms!r}: {failed}") from failed

@@ -5,16 +5,18 @@ One call of a bus at a time, from any thread. Does not know what is called, nor 
 
 from __future__ import annotations
 
-import re
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, TypeVar
+from weakref import WeakSet
 
 from dvtcli.device.change.transaction import Interrupted
 from dvtcli.device.restarts import losses, refuse_after_restarts
 from dvtcli.errors import BusUnavailable, DvtcliError, UsageError
+from dvtcli.operations.api.checks import flags
 from dvtcli.operations.api.ctrl_c import ctrl_c_at_safe_points
+from dvtcli.operations.api.hints import python_words
 
 if TYPE_CHECKING:
     from dvtcli.operations.session import Session
@@ -22,15 +24,8 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 #: Exit code of what nobody foresaw: nodes stay PRE-OPERATIONAL after it.
 _BUG = 70
-#: options of commands that have another name here
-_ARGUMENTS = {
-    "cob-id": "cob_id=",
-    "timer": "timer_ms=",
-    "inhibit": "inhibit_ms=",
-    "eds": "eds=",
-    "profile": "profile=",
-    "timeout": "timeout_s=",
-}
+#: the buses of this program that are in use
+_OPEN: WeakSet[Calls] = WeakSet()
 
 
 class Calls:
@@ -43,6 +38,7 @@ class Calls:
         #: the thread whose dry run is going on
         self.rehearsing: int | None = None
         self.closed = False
+        _OPEN.add(self)
 
     def run(self, work: Callable[[], T], *, changes: bool = False, yes: bool = False, force: bool = False) -> T:
         """What *work* answers, with *yes* and *force* as a line's own options.
@@ -50,6 +46,7 @@ class Calls:
         Where it *changes* something, Restarted is raised if by its end a node has lost what was set. KeyboardInterrupt
         after a Ctrl-C, once the device is in a known state: its text says in which.
         """
+        flags(yes=yes, force=force)
         session = self.session
         with self.alone():
             if self.rehearsing not in (None, threading.get_ident()):
@@ -79,8 +76,6 @@ class Calls:
             self._tell_what_was_noticed()
         except DvtcliError as second:
             raised.add_note(f"then: {second}")
-        if isinstance(raised, DvtcliError) and raised.hint is not None:
-            raised.hint = in_python(raised.hint)
         if isinstance(raised, Interrupted):
             raise KeyboardInterrupt(f"{raised.text}; the device: {raised.state}") from raised
 
@@ -103,7 +98,8 @@ class Calls:
                 raise BusUnavailable("the bus is closed")
             self._owner = threading.get_ident()
             try:
-                yield
+                with python_words(others=any(not other.closed for other in list(_OPEN) if other is not self)):
+                    yield
             finally:
                 self._owner = None
 
@@ -115,12 +111,6 @@ class Calls:
             if not self.closed:
                 self.closed = True
                 self.session.close()
-
-
-def in_python(hint: str) -> str:
-    """A *hint* to a command's user as a program wants it: `--yes` is `yes=True`, `--eds FILE` is `eds=FILE`."""
-    hint = re.sub(r"(?<![\w-])--(yes|force|extended|frame)\b", r"\1=True", hint)
-    return re.sub(rf"(?<![\w-])--({'|'.join(_ARGUMENTS)})(?: (?=[A-Z]))?", lambda one: _ARGUMENTS[one[1]], hint)
 
 
 def _code_of(raised: BaseException) -> int:

@@ -11,9 +11,11 @@ from typing import TYPE_CHECKING, Any
 
 from dvtcli.errors import UsageError
 from dvtcli.operations.api.calls import Calls
+from dvtcli.operations.api.checks import call_back, path, seconds, whole, word, words, wrong
+from dvtcli.operations.api.hints import python_words
 from dvtcli.operations.api.python_node import Node
 from dvtcli.operations.api.told import Message, Told
-from dvtcli.operations.options import options_of
+from dvtcli.operations.options import BIT_RATES, options_of
 from dvtcli.operations.session import Session
 from dvtcli.operations.simulated_nodes import read_dictionary
 
@@ -66,12 +68,15 @@ class Bus:
         none; without *profile* the family is found from the identity. UsageError where the file cannot be read, or the
         node has another one already; InputFileError where the file is wrong.
         """
+        eds = None if eds is None else path("eds", eds)
+        if profile is not None:
+            word("profile", profile, "the name of a device family, as `dvtcli profiles` lists them")
         with self._calls.alone():
             chosen = self._node_id(node_id)
             network = self._session.open_network()
             if eds is not None:
-                read_dictionary(Path(eds))
-                _choose(network.own_eds, chosen, Path(eds), met=chosen in network.nodes)
+                read_dictionary(eds)
+                _choose(network.own_eds, chosen, eds, met=chosen in network.nodes)
             if profile is not None:
                 _choose(network.own_profile, chosen, profile, met=chosen in network.nodes)
             return self._nodes.setdefault(chosen, Node(self._calls, chosen, self._canopen_node))
@@ -98,7 +103,7 @@ class Bus:
         simulated = self._session.open_network().simulated_ids
         if node_id is None and simulated:
             return simulated[0]
-        if not isinstance(node_id, int) or not 1 <= node_id <= 127:
+        if isinstance(node_id, bool) or not isinstance(node_id, int) or not 1 <= node_id <= 127:
             raise UsageError(f"{node_id!r} is not a node-ID; node-IDs are 1…127")
         return node_id
 
@@ -106,6 +111,7 @@ class Bus:
         """List the nodes 1…127 that are heard or answer within *answer_s* seconds each; a list of rows."""
         from dvtcli.operations.find_nodes import find_nodes
 
+        seconds("answer_s", answer_s)
         return self._calls.run(lambda: find_nodes(self._session, answer_s))
 
     @contextmanager
@@ -162,14 +168,21 @@ def connect(
     what a command would say beside its result, *on_progress* each step of a change that a node took. BusUnavailable
     where the bus cannot be opened.
     """
+    if interface is not None:
+        word("interface", interface, "a name of python-can, such as 'socketcan'")
+    if channel is not None and (isinstance(channel, bool) or not isinstance(channel, str | int)):
+        raise wrong("channel", channel, "a name of python-can, such as 'can0', or a number")
+    if bitrate is not None:
+        whole("bitrate", bitrate, "a bit rate (bit/s)", BIT_RATES[-1], low=BIT_RATES[0])
     given = {
         "interface": interface,
         "channel": None if channel is None else str(channel),
         "bitrate": bitrate,
         "bus_kwargs": tuple(f"{key}={value}" for key, value in more.items()),
-        "timeout": timeout_s,
-        "journal": None if journal is None else str(journal),
+        "timeout": seconds("timeout_s", timeout_s),
+        "journal": None if journal is None else str(path("journal", journal)),
     }
+    call_back(ask=ask, on_message=on_message, on_progress=on_progress)
     return _opened(given, Told(on_message, ask), on_progress)
 
 
@@ -188,13 +201,19 @@ def simulate(
     """
     if not nodes:
         raise UsageError("which node? a family, such as 'generic', or the path of an EDS")
-    given = {"sim": nodes, "fault": tuple(faults), "signal": tuple(signals), "timeout": timeout_s}
+    for node in nodes:
+        if not isinstance(node, str | Path):
+            raise UsageError(f"nodes: {node!r}: a family, such as 'generic' or 'generic@5', or the path of an EDS")
+    given: dict[str, Any] = {"sim": nodes, "fault": words("faults", faults), "signal": words("signals", signals)}
+    given["timeout"] = seconds("timeout_s", timeout_s)
+    call_back(ask=ask, on_message=on_message, on_progress=on_progress)
     return _opened(given, Told(on_message, ask), on_progress)
 
 
 def _opened(given: dict[str, Any], told: Told, on_progress: Callable[[Progress], None] | None) -> Bus:
-    session = Session(options_of({key: value for key, value in given.items() if value is not None}), told)
-    network = session.open_network()
+    with python_words():
+        session = Session(options_of({key: value for key, value in given.items() if value is not None}), told)
+        network = session.open_network()
     if on_progress is not None:
         network.on_step = on_progress
     return Bus(session)

@@ -20,11 +20,15 @@ from dvtcli.operations.api.arguments import (
     nmt_command_of,
     object_of,
     pdo_of,
+    proof_of,
     request,
 )
 from dvtcli.operations.api.arguments import type_of as type_named
+from dvtcli.operations.api.checks import flags, number, path
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from canopen import RemoteNode
 
     from dvtcli.device.node import Node as DeviceNode
@@ -162,7 +166,9 @@ class Node:
         wanted = [pdo_of(pdo) for pdo in pdos]
         return self._change(lambda node: switch(self._calls.session, node.node_id, wanted, want), yes=yes, force=force)
 
-    def verify(self, *pdos: str | Pdo, file: str | None = None, frame: bool = False, yes: bool = False) -> Compared:
+    def verify(
+        self, *pdos: str | Pdo, file: str | Path | None = None, frame: bool = False, yes: bool = False
+    ) -> Compared:
         """Read PDOs back and compare with what this program set, or with *file* (DCF or EDS); true where all is equal.
 
         With *frame* the node is started for a moment (which needs *yes*) and a frame of each enabled TPDO looked at.
@@ -170,8 +176,9 @@ class Node:
         """
         from dvtcli.operations.compare_pdos import compare_node
 
-        wanted = [pdo_of(pdo) for pdo in pdos]
-        return self._read(lambda node: compare_node(self._calls.session, node, wanted, file, frame=frame), yes=yes)
+        flags(frame=frame)
+        wanted, against = [pdo_of(pdo) for pdo in pdos], None if file is None else str(path("file", file))
+        return self._read(lambda node: compare_node(self._calls.session, node, wanted, against, frame=frame), yes=yes)
 
     def undo(self, *, everything: bool = False, yes: bool = False, force: bool = False) -> Changed:
         """Put back what this program's last change of the node replaced, or with *everything* all of them.
@@ -179,6 +186,8 @@ class Node:
         SafetyRefusal where the node holds something else by now, UsageError where nothing was changed.
         """
         from dvtcli.operations.change import changed
+
+        flags(everything=everything)
 
         def undo(node: DeviceNode) -> Changed:
             if not node.history:
@@ -201,19 +210,23 @@ class Node:
     ) -> Stored:
         """Store what the node holds (0x1010); true where it took that, and where *prove* shows what it should.
 
+        A dry run proves nothing: with *prove* its answer is not true, and its `proof` None.
+
         *prove* resets the node and compares what it comes up with (consent where a drive says operation enabled);
         `"power"` waits up to *within_s* seconds until it was switched off and on. *if_changed* spares the EEPROM:
         nothing is sent where the node holds what it came up with.
         """
         from dvtcli.operations.store_restore import store_settings
 
-        way = "power" if prove == "power" else "reset" if prove else None
+        flags(if_changed=if_changed)
+        number("within_s", within_s, "a number of seconds, 0 or more")
+        way = proof_of(prove)
         if way and if_changed:
             raise UsageError("if_changed may store nothing, which prove could not prove: give one of them")
-        number = group_of(group)
+        chosen = group_of(group)
         return self._change(
             lambda node: store_settings(
-                self._calls.session, node, number, prove=way, if_changed=if_changed, wait_s=within_s
+                self._calls.session, node, chosen, prove=way, if_changed=if_changed, wait_s=within_s
             ),
             yes=yes,
             force=force,
@@ -223,9 +236,10 @@ class Node:
         """Bring the node's defaults back with its next reset (0x1011), which *prove* does at once; needs *yes*."""
         from dvtcli.operations.store_restore import restore_defaults
 
-        number = group_of(group)
+        flags(prove=prove)
+        chosen = group_of(group)
         return self._change(
-            lambda node: restore_defaults(self._calls.session, node, number, prove=prove), yes=yes, force=force
+            lambda node: restore_defaults(self._calls.session, node, chosen, prove=prove), yes=yes, force=force
         )
 
     def nmt(

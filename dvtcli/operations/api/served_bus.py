@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from dvtcli.operations.api.checks import words
 from dvtcli.operations.api.python_bus import Bus, connect
 from dvtcli.operations.api.told import LOG
 from dvtcli.operations.options import Options
@@ -49,7 +50,7 @@ def serve(
     *faults* and *signals* are words as `--fault` and `--signal` take them; *state* is the folder that keeps what nodes
     store. UsageError for wrong words, BusUnavailable where no port is to be had.
     """
-    options = Options(fault=tuple(faults), signal=tuple(signals))
+    options = Options(fault=words("faults", faults), signal=words("signals", signals))
     wanted = Wanted(nodes, (LOOPBACK, 0), state=None if state is None else Path(state))
     with serving(options, wanted, LOG.warning) as served:
         thread = threading.Thread(target=served.server.run, name="dvtcli serve", daemon=True)

@@ -110,7 +110,8 @@ class ChangedNodes(Answer):
 class Stored(Answer):
     """A store or restore that the device took, with its *proof* where one was asked for.
 
-    *skipped* says why nothing was sent at all; *because* why it was sent though it might not have been needed.
+    *skipped* says why nothing was sent at all; *because* why it was sent though it might not have been needed;
+    *prove_asked* whether it was to be proved, which a dry run cannot do.
     """
 
     renderer: ClassVar = "change_lines:stored_lines"
@@ -125,10 +126,11 @@ class Stored(Answer):
     proof: Proof | None = None
     skipped: str = ""
     because: str = ""
+    prove_asked: bool = False
 
     def __bool__(self) -> bool:
-        """Whether it is as it should be: `assert` in a test says the rest."""
-        return self.exit_code == 0
+        """Whether it is as it should be, and proved if that was asked for: a dry run proves nothing."""
+        return self.exit_code == 0 and not (self.prove_asked and self.proof is None)
 
     @property
     def exit_code(self) -> int:
