@@ -37,6 +37,9 @@ def rooms(found: dict[str, Any]) -> Iterator[str]:
         for name in (room, "all"):
             for number, key in enumerate(_KEYS):
                 counts[name][number] += file["summary"].get(key, 0)  # no branches: they were not counted
+    if not counts["all"][2]:
+        yield "nothing was counted: the data in this folder are empty"
+        return
     yield f"{'room':<12}{'branches':>20}{'lines':>20}"
     for name in (*ROOMS, "all"):
         if any(counts[name]):
