@@ -149,14 +149,14 @@ class Conversation(Session):
         stage.base = stage.options = quiet
         stage.cancellation, stage.selected = self.cancellation, self.selected
         stage._network = replace(
-            network, options=quiet, nodes={}, order=[], done_before=lambda _node_id: [], guarded=False,
-            met=lambda: list(network.nodes), say=lambda _text: None, warn=lambda _text: None,
+            network, keeping=None, nodes={}, order=[], done_before=lambda _node_id: [],
+            met=lambda: list(network.nodes),
         )  # fmt: skip
         return stage
 
     def offline_dictionaries(self) -> list[tuple[ObjectDictionary, dict[str, str]]]:
         """Dictionaries (with aliases) known without touching a bus: --eds, and those of simulated nodes."""
-        from dvtcli.operations.open_network import offline_dictionaries
+        from dvtcli.operations.device_files import offline_dictionaries
 
         return offline_dictionaries(self.base)
 

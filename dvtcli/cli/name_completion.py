@@ -57,7 +57,7 @@ def _dictionaries(
     contexts = [ctx.find_root(), ctx]
     try:
         given = {name: value for one in contexts for name, value in taken(dict(one.params)).items()}
-        from dvtcli.operations.open_network import offline_dictionaries
+        from dvtcli.operations.device_files import offline_dictionaries
 
         return offline_dictionaries(_laid_over_files(given))
     except (DvtcliError, click.ClickException):

@@ -118,11 +118,11 @@ def _remembered_put_back(session: Session, *, everything: bool) -> Changed | Cha
 
 def _chains(session: Session, selected: int | None, *, only_newest: bool) -> list[_Chain]:
     """What is meant, the device that was changed last first."""
-    network = session.open_network()
-    if not network.guarded:
+    keeping = session.open_network().keeping
+    if keeping is None:
         return []
     found: list[_Chain] = []
-    ids = dict.fromkeys(entry.plan.node_id for entry in network.past().tops(selected))
+    ids = dict.fromkeys(entry.plan.node_id for entry in keeping.past().tops(selected))
     for node_id in [*ids, *([] if selected is None or selected in ids else [selected])]:
         chain = _chain(session, node_id, selected)
         if chain is not None:
@@ -135,7 +135,7 @@ def _chains(session: Session, selected: int | None, *, only_newest: bool) -> lis
 def _chain(session: Session, node_id: int, selected: int | None) -> _Chain | None:
     """What is remembered of the device at *node_id* as far as it is meant; None where that is nothing."""
     keeper = session.open_network().node(node_id).keeper
-    assert keeper is not None  # noqa: S101 - the bus is guarded
+    assert keeper is not None  # noqa: S101 - its changes are kept
     node = session.node(node_id)
     node.claim()
     identity = node.identity()
@@ -196,13 +196,13 @@ def _time(entry: Recorded) -> str:
 
 
 def _nothing(session: Session, selected: int | None) -> UsageError:
-    network = session.open_network()
-    if not network.guarded:
+    keeping = session.open_network().keeping
+    if keeping is None:
         return UsageError("nothing to undo: this session changed nothing on the node", node=session.node_id())
     if selected is None:
         return UsageError("nothing to undo: no change on this bus is remembered")
     error = UsageError(f"nothing to undo: no change of node {selected} is remembered", node=selected)
-    last = network.past().newest_of_all()
+    last = keeping.past().newest_of_all()
     if last is not None:
         error.hint = f"the last change on this bus was one of node {last.plan.node_id}: -n {last.plan.node_id} undo"
     return error
@@ -212,8 +212,8 @@ def _keeper(session: Session) -> Keeper:
     """What keeps the selected node's files; where none is selected, of the node that was changed last on this bus."""
     network = session.open_network()
     node_id = session.selected_id()
-    if node_id is None and network.guarded:
-        entry = network.past().newest_of_all()
+    if node_id is None and network.keeping is not None:
+        entry = network.keeping.past().newest_of_all()
         if entry is None:
             raise _nothing(session, None)
         node_id = entry.plan.node_id

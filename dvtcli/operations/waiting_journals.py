@@ -14,7 +14,7 @@ from dvtcli.device.change.journal import Journals, read_journal
 from dvtcli.device.change.lock import NodeLock
 from dvtcli.device.change.private_file import file_name
 from dvtcli.errors import InputFileError, NoAnswer, UsageError
-from dvtcli.operations.open_network import state_folder
+from dvtcli.operations.keeping import state_folder
 from dvtcli.operations.options import is_file
 
 if TYPE_CHECKING:

@@ -25,6 +25,7 @@ from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import DvtcliError
+from dvtcli.operations.device_files import DeviceFiles
 from dvtcli.operations.open_network import Network
 from dvtcli.simulator.device.faults import Fault
 from dvtcli.simulator.device.refusal import Refusal
@@ -151,7 +152,7 @@ class Run:
         record = Record()
         session = Conversation(record)
         session.start({"yes": True, "node": NODE})
-        network = Network(self.bus, session.options, session.cancellation, session.consent)
+        network = Network(self.bus, DeviceFiles(self.bus, session.options), session.cancellation, session.consent)
         node = network.nodes[NODE] = self.node()
         node.cancellation, node.consent, node.order = session.cancellation, session.consent, network.order
         session._network = network

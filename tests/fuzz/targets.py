@@ -47,6 +47,7 @@ from dvtcli.errors import DvtcliError, InputFileError, RuleError, UsageError
 from dvtcli.files.eds.reader import EdsFile, parse_eds
 from dvtcli.files.profile.toml import read_profile
 from dvtcli.operations import eds_files, results
+from dvtcli.operations.device_files import DeviceFiles
 from dvtcli.operations.open_network import Network
 from dvtcli.operations.options import node_id
 from dvtcli.operations.search_objects import object_row
@@ -208,7 +209,7 @@ def line(data: bytes) -> None:
     bus = VirtualTimeBus([_fresh(family)], timeout_s=0.1)
     dry_run = words[0] not in _READ_ONLY
     session.start({"node": NODE, "profile": family, "eds": str(family_eds(family)), "dry_run": dry_run})
-    session._network = Network(bus, session.options, session.cancellation, session.consent)
+    session._network = Network(bus, DeviceFiles(bus, session.options), session.cancellation, session.consent)
     session.started = True
     sent: list[Frame] = []
     bus.tap(lambda frame, ours: sent.append(frame) if ours else None)
@@ -231,7 +232,7 @@ def device(data: bytes) -> None:
     session = _session()
     bus = VirtualTimeBus([simulated], timeout_s=0.1)
     session.start({"node": NODE, "profile": "generic", "dry_run": True})
-    session._network = Network(bus, session.options, session.cancellation, session.consent)
+    session._network = Network(bus, DeviceFiles(bus, session.options), session.cancellation, session.consent)
     session._network.nodes[NODE] = Node(bus, NODE, file.dictionary, GENERIC, session.cancellation, session.consent)
     session.started = True
     sent: list[Frame] = []

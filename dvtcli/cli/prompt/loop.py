@@ -167,7 +167,7 @@ def _banner(session: Conversation) -> None:
     network = session.network
     session.output.stdout.flush()
     lines: list[Line] = []
-    if network.simulated:
+    if network.simulated_ids:
         nodes = [_simulated(session.node(node_id)) for node_id in network.simulated_ids]
         lines.append(f"dvtcli {__version__}  simulated {nodes[0]}")
         lines += [f"{'':{len(__version__) + 9}}simulated {node}" for node in nodes[1:]]

@@ -76,9 +76,9 @@ class Bus:
             network = self._session.open_network()
             if eds is not None:
                 read_dictionary(eds)
-                _choose(network.own_eds, chosen, eds, met=chosen in network.nodes)
+                _choose(network.files.own_eds, chosen, eds, met=chosen in network.nodes)
             if profile is not None:
-                _choose(network.own_profile, chosen, profile, met=chosen in network.nodes)
+                _choose(network.files.own_profile, chosen, profile, met=chosen in network.nodes)
             return self._nodes.setdefault(chosen, Node(self._calls, chosen, self._canopen_node))
 
     def _canopen_node(self, node_id: int) -> RemoteNode:

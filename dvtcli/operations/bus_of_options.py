@@ -1,0 +1,51 @@
+"""The bus that the options name: one of simulated nodes in this process, or a real one. Does not know its nodes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from dvtcli.domain.ports import CanopenBus
+from dvtcli.errors import UsageError
+from dvtcli.operations.options import Options
+from dvtcli.operations.simulated_nodes import (
+    Simulated,
+    read_dictionary,
+    simulated_device,
+    simulated_faults,
+    simulated_nodes,
+    simulated_signals,
+)
+
+#: Opens the bus that options name.
+OpenBus = Callable[[Options], CanopenBus]
+
+
+def bus_of(options: Options, open_bus: OpenBus | None = None) -> tuple[CanopenBus, tuple[Simulated, ...]]:
+    """Open the bus that *options* name, or with *open_bus*; which nodes are simulated on it.
+
+    BusUnavailable, UsageError or InputFileError.
+    """
+    if options.eds:
+        read_dictionary(Path(options.eds))  # a wrong file is said before a bus is touched
+    simulated = simulated_nodes(options.sim)
+    if simulated and (options.interface or options.channel):
+        raise UsageError(
+            "--sim and an interface exclude each other: a simulated node lives on no real bus", hint="leave one out"
+        )
+    faults = simulated_faults(options.fault, simulated)
+    signals = simulated_signals(options.signal, simulated)
+    if not simulated:
+        return (open_bus or open_real_bus)(options), ()
+    from dvtcli.simulator.network.in_process_bus import simulate
+
+    devices = [simulated_device(one) for one in simulated]
+    return simulate(devices, faults=faults, signals=signals, timeout_s=options.timeout), simulated
+
+
+def open_real_bus(options: Options) -> CanopenBus:
+    """Open the interface that *options* name, else the one that python-can's own settings do; BusUnavailable."""
+    from dvtcli.bus.opening import open_transport
+
+    extra = dict(pair.split("=", 1) for pair in options.bus_kwargs)
+    return open_transport(options.interface, options.channel, options.bitrate, extra, timeout_s=options.timeout)

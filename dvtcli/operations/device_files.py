@@ -1,0 +1,91 @@
+"""Which EDS and which profile describe a node: as somebody chose, as it is simulated, else by its identity.
+
+Does not know what is done with them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from dvtcli.device.read_pdos import read_identity
+from dvtcli.domain.object_dictionary import ObjectDictionary
+from dvtcli.domain.ports import CanopenBus
+from dvtcli.domain.profile import GENERIC, DeviceProfile
+from dvtcli.files.profile.library import load_profile, own_names, profile_for_identity, profile_names
+from dvtcli.operations.options import Options
+from dvtcli.operations.simulated_nodes import Simulated, read_dictionary, simulated_nodes
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceFiles:
+    """The files of the nodes on *bus*, of which some are *simulated*, as *options* say."""
+
+    bus: CanopenBus
+    options: Options
+    simulated: tuple[Simulated, ...] = ()
+    #: EDS and profile of single nodes, where somebody chose them
+    own_eds: dict[int, Path] = field(default_factory=dict)
+    own_profile: dict[int, str] = field(default_factory=dict)
+
+    def dictionary(self, node_id: int) -> ObjectDictionary | None:
+        """The object dictionary of a node; None where no file is known."""
+        if node_id in self.own_eds:
+            return read_dictionary(self.own_eds[node_id])
+        if self.options.eds:
+            return read_dictionary(Path(self.options.eds))
+        for one in self.simulated:
+            if one.node_id == node_id:
+                return read_dictionary(one.eds)
+        return self._from_library(node_id)
+
+    def _from_library(self, node_id: int) -> ObjectDictionary | None:
+        """The dictionary that `eds add` keeps for the node's identity."""
+        from dvtcli.files.eds.own_files import find, folder
+
+        if not folder().is_dir():
+            return None
+        vendor, product, revision = (read_identity(self.bus.sdo(node_id), sub) for sub in (1, 2, 3))
+        path = None if vendor is None or product is None else find(vendor, product, revision)
+        return None if path is None else read_dictionary(path)
+
+    def profile(self, node_id: int) -> DeviceProfile:
+        """The profile of a node, the generic one where its family is not known."""
+        if node_id in self.own_profile:
+            return load_profile(self.own_profile[node_id])
+        if self.options.profile:
+            return load_profile(self.options.profile)
+        for one in self.simulated:
+            if one.node_id == node_id and one.family in profile_names():
+                return self._simulated_profile(node_id, one.family)
+        sdo = self.bus.sdo(node_id)
+        vendor, product = read_identity(sdo, 1), read_identity(sdo, 2)
+        if not vendor:  # a device that does not say who it is (0 is nobody's number): its file does
+            return profile_of(self.dictionary(node_id))
+        return profile_for_identity(vendor, product or 0)
+
+    def _simulated_profile(self, node_id: int, family: str) -> DeviceProfile:
+        """The user's own profile where it names the identity that a simulated node's file tells, else the family's."""
+        if own := own_names():
+            found = profile_of(self.dictionary(node_id))
+            if found.name in own:
+                return found
+        return load_profile(family)
+
+
+def profile_of(dictionary: ObjectDictionary | None) -> DeviceProfile:
+    """The profile for the device that a file describes (`[DeviceInfo]`), the generic one where it does not say."""
+    if dictionary is None or dictionary.info.vendor_id is None:
+        return GENERIC
+    return profile_for_identity(dictionary.info.vendor_id, dictionary.info.product_code or 0)
+
+
+def offline_dictionaries(options: Options) -> list[tuple[ObjectDictionary, dict[str, str]]]:
+    """Dictionaries, with the aliases of their profile, that are known before any bus is opened."""
+    paths = [Path(options.eds)] if options.eds else []
+    found = []
+    paths += [] if paths else [one.eds for one in simulated_nodes(options.sim)]
+    for dictionary in map(read_dictionary, paths):
+        profile = load_profile(options.profile) if options.profile else profile_of(dictionary)
+        found.append((dictionary, profile.aliases))
+    return found

@@ -1,0 +1,97 @@
+"""What is kept of the nodes of a bus, and where: locks, backups, journals, the changes that `undo` remembers.
+
+Of nodes that outlive this process only. Does not know when a node is changed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dvtcli.device.change.safekeeping import Keeper
+from dvtcli.device.change.whole import Whole
+from dvtcli.device.past import Past
+from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.several import several
+from dvtcli.errors import InputFileError, SafetyRefusal
+from dvtcli.operations.options import Options
+
+if TYPE_CHECKING:
+    from dvtcli.device.change.journal import Journal
+    from dvtcli.domain.object_dictionary import ObjectDictionary
+
+
+@dataclass(frozen=True, slots=True)
+class Keeping:
+    """The files about the nodes of *bus*, by its name; journals and backups below *folder*."""
+
+    bus: str
+    folder: Path
+    #: the node-ID that -n selects
+    selected: int | None
+    #: show a message that is no result, and one that nobody may miss
+    say: Callable[[str], None]
+    warn: Callable[[str], None]
+    #: what is being done now, for another dvtcli that finds a node's lock taken
+    doing: Callable[[], str]
+    #: what the changes that are made now belong to
+    whole: Whole = field(default_factory=Whole)
+
+    def keeper(self, node_id: int, dictionary: ObjectDictionary | None) -> Keeper:
+        """Lock, backup and journal of a node; says so where a change of it was interrupted."""
+        keeper = self._keeper(node_id, dictionary)
+        interrupted, is_damaged = _interrupted(keeper)
+        if interrupted:
+            (self.warn if is_damaged else self.say)(interrupted)
+        return keeper
+
+    def interrupted(self, node_id: int, keeper: Keeper | None) -> str:
+        """What to say of a change of the node that was interrupted and not finished; empty where there is none.
+
+        Of a node that was not met yet, and has no *keeper*, it is said to the user, too, as it is when it is met.
+        """
+        return _interrupted(keeper or self.keeper(node_id, None))[0]
+
+    def past(self) -> Past:
+        """The changes on this bus that are remembered."""
+        return Past(state_folder(None) / "changes", self.bus, self.say)
+
+    def _keeper(self, node_id: int, dictionary: ObjectDictionary | None) -> Keeper:
+        def is_fixed(pdo: Pdo) -> bool:
+            entry = dictionary.entry(pdo.communication_index, 1) if dictionary else None
+            return entry is not None and not entry.access.writable
+
+        locks = state_folder(None) / "locks"
+        keeper = Keeper(self.folder, locks, self.bus, node_id, self.say, is_fixed, self.warn, self.doing, self.whole)
+        keeper.past.selected = self.selected
+        return keeper
+
+
+def _interrupted(keeper: Keeper) -> tuple[str, bool]:
+    """What to say of a change that was interrupted, empty where there is none; and whether its journal is damaged."""
+    try:
+        journal = keeper.interrupted()
+    except (InputFileError, SafetyRefusal) as damaged:
+        return f"{damaged.text}: {damaged.why or damaged.place}; {damaged.hint}", True
+    return "" if journal is None else _how_to_finish(journal), False
+
+
+def _how_to_finish(journal: Journal) -> str:
+    labels, node_id = several(change.label for change in journal.plan.changes), journal.plan.node_id
+    if journal.part.whole is None:
+        return f"a change of {labels} of node {node_id} was interrupted: `recover` puts the old configuration back"
+    return (
+        f"{journal.part.name} was interrupted, which changed {labels} of node {node_id}: `recover` takes every line of "
+        "it back, on all nodes"
+    )
+
+
+def state_folder(options: Options | None) -> Path:
+    """Where journals and backups are kept: --journal, else the user's state folder (which None asks for)."""
+    if options is not None and options.journal:
+        return Path(options.journal)
+    import platformdirs
+
+    return Path(platformdirs.user_state_dir("dvtcli"))

@@ -1,0 +1,194 @@
+"""What a session has open: the bus and its nodes, their twins under --dry-run, the tap that shows traffic.
+
+Everything is opened when it is first needed, and does as the options in force say. Does not know which node is
+selected, nor what is done to it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+from dvtcli.errors import DRY_RUN, BusUnavailable, DvtcliError, UsageError
+from dvtcli.operations.said import Said
+from dvtcli.operations.settings import NOBODY
+
+if TYPE_CHECKING:
+    from dvtcli.device.change.whole import Whole
+    from dvtcli.device.node import Node
+    from dvtcli.domain.ports import CanopenBus
+    from dvtcli.operations.bus_of_options import OpenBus
+    from dvtcli.operations.keeping import Keeping
+    from dvtcli.operations.open_network import Network
+    from dvtcli.operations.options import Options
+    from dvtcli.operations.serve import Serving, Wanted
+    from dvtcli.operations.telling import Teller
+
+
+class Opened(Said):
+    """A session with the bus that it opens: the one that the options name, or another one with *open_bus*."""
+
+    def __init__(
+        self, options: Options | None = None, tell: Teller | None = None, *, open_bus: OpenBus | None = None
+    ) -> None:
+        super().__init__(options, tell)
+        #: called when the bus is about to be opened
+        self.on_open: Callable[[], None] = lambda: None
+        self._open_bus = open_bus
+        self._network: Network | None = None
+        self._twin: Network | None = None
+        self._untap: Callable[[], None] | None = None
+
+    @contextmanager
+    def under(self, **given: Any) -> Iterator[None]:
+        """Let other options, by their names in `Options`, count while the block runs, `dry_run=True` above all."""
+        try:
+            with self._under(given):
+                yield
+        finally:
+            self._apply()
+
+    @contextmanager
+    def _under(self, given: Mapping[str, Any]) -> Iterator[None]:
+        """Let *given* options count; what they do to the bus stays until the next `_apply`."""
+        outer = self.base
+        fresh_twin = given.get("dry_run") and not outer.dry_run
+        self.base = self.options = outer._replace(**given)
+        self._apply()
+        try:
+            yield
+        except DvtcliError as error:
+            if self.dry_run:
+                error.state = "unchanged"
+                error.details.insert(0, (DRY_RUN, "this was the node's twin; nothing was sent"))
+            raise
+        finally:
+            if fresh_twin:
+                self._twin = None
+            self.base = self.options = outer
+
+    def _apply(self) -> None:
+        """Let the bus do as the options say now."""
+        if self._network is not None:
+            self._network.bus.set_timeout(self.options.timeout)
+        self._watch()
+
+    def _watch(self) -> None:
+        """Show traffic while -v asks for it, and only then: a tap costs time on every frame."""
+        if self._network is None or bool(self.options.verbose) == (self._untap is not None):
+            return
+        if self._untap is not None:
+            self._untap()
+            self._untap = None
+        else:
+            secret, traffic = self.secrets.in_frame, self.tell.traffic
+            self._untap = self._network.bus.tap(lambda frame, sent: traffic(frame, sent=sent, secret=secret(frame)))
+
+    @property
+    def network(self) -> Network:
+        """The bus with its nodes, or their twins under --dry-run; opened on first use."""
+        network = self.open_network()
+        if not self.dry_run:
+            return network
+        if self._twin is None:
+            from dvtcli.operations.twin_network import twin_of
+
+            self._twin = twin_of(network)
+        return self._twin
+
+    def open_network(self) -> Network:
+        """The bus itself with its nodes, also under --dry-run; opened on first use."""
+        if self._network is None:
+            self.require_settings()
+            self.on_open()
+            self._network = self._opened()
+            self._watch()
+        return self._network
+
+    def _opened(self) -> Network:
+        from dvtcli.operations.bus_of_options import bus_of
+        from dvtcli.operations.device_files import DeviceFiles
+        from dvtcli.operations.open_network import Network
+
+        with self._chooser_said():
+            bus, simulated = bus_of(self.base, self._open_bus)
+        if self.options.verbose:
+            self.tell.note(f"{bus.name} is open, chosen by {self.chosen_by()}")
+        files = DeviceFiles(bus, self.base, simulated)
+        return Network(bus, files, self.cancellation, self.consent, None if simulated else self._keeping(bus))
+
+    def _keeping(self, bus: CanopenBus) -> Keeping:
+        """Only of nodes that outlive this process."""
+        from dvtcli.operations.keeping import Keeping, state_folder
+
+        folder = state_folder(self.base)
+        return Keeping(bus.name, folder, self.base.node, self.tell.note, self.tell.warning, self.doing, self.whole)
+
+    @contextmanager
+    def _chooser_said(self) -> Iterator[None]:
+        """Where the bus does not open it is said who chose it."""
+        try:
+            yield
+        except BusUnavailable as failed:
+            if (by := self.chosen_by()) != NOBODY:
+                failed.details.append(("chosen by", by))
+            elif described := self.settings.described_buses():
+                failed.hint = f"{described}; {failed.hint}"
+            failed.at_start = True
+            raise
+        except UsageError as wrong:
+            wrong.at_start = True
+            raise
+
+    def serving(self, wanted: Wanted) -> AbstractContextManager[Serving]:
+        """Simulated nodes for other programs, instead of a bus of our own."""
+        from dvtcli.operations.serve import serving
+
+        self.require_settings()
+        self.on_open()
+        return serving(self.base, wanted, self.tell.warning)
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the bus was opened."""
+        return self._network is not None
+
+    @property
+    def wire(self) -> CanopenBus:
+        """The bus itself, also under --dry-run: to listen to, never to write to."""
+        assert self._network is not None  # noqa: S101 - who listens has opened it
+        return self._network.bus
+
+    @property
+    def bus(self) -> CanopenBus:
+        """The bus, or the twin's under --dry-run."""
+        return self.network.bus
+
+    @cached_property
+    def whole(self) -> Whole:
+        """The changes that stand or fall together, as those of an atomic script."""
+        from dvtcli.device.change.whole import Whole
+
+        return Whole()
+
+    def met_nodes(self) -> Iterator[Node]:
+        """Every node that was looked at so far, and every twin of one."""
+        for network in (self._network, self._twin):
+            yield from network.nodes.values() if network else ()
+
+    def _nodes(self) -> list[Node]:
+        return list(self._network.nodes.values()) if self._network is not None else []
+
+    def warn_of_disturbances(self) -> None:
+        """Say what was noticed on the SDO channels: another client, two nodes with one node-ID."""
+        for text in self._network.bus.disturbances() if self._network is not None else ():
+            self.tell.warning(text)
+
+    def close(self) -> None:
+        """Leave the bus."""
+        self._twin = None
+        if self._network is not None:
+            self._network.close()
+            self._network = self._untap = None

@@ -1,0 +1,39 @@
+"""What no screen and no file may show: passcodes, on the wire and in typed lines. Does not know who shows anything."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from dvtcli.domain.object_dictionary import ObjectDictionary, normalised
+from dvtcli.domain.ports import Frame
+from dvtcli.domain.sdo_frame import sdo_value_of
+from dvtcli.files.profile.library import passcode_objects
+
+
+@dataclass(frozen=True, slots=True)
+class Secrets:
+    """The objects that take a passcode, of every profile: what is written there is shown and recorded nowhere."""
+
+    objects: frozenset[tuple[int, int]]
+
+    @classmethod
+    def known(cls) -> Secrets:
+        """Those of all profiles; InputFileError where one of the user's own is wrong."""
+        return cls(passcode_objects())
+
+    def in_frame(self, frame: Frame) -> bool:
+        """Whether *frame* is an SDO that carries a passcode."""
+        return sdo_value_of(frame) in self.objects
+
+    def in_line(self, line: str, dictionaries: Iterable[ObjectDictionary] = ()) -> bool:
+        """Whether a typed *line* names an object that takes a passcode, and so may hold one.
+
+        By number in any notation, or by one of the names that *dictionaries* have for it.
+        """
+        words = line.lower().replace("0x", "").replace(":", " ").replace("-", " ")
+        if any(re.search(rf"\b(?:{index:04x}|{index})\s+0*{sub:x}\b", words) for index, sub in self.objects):
+            return True
+        found = (one.entry(*place) for one in dictionaries for place in self.objects)
+        return any(normalised(entry.name) in normalised(line) for entry in found if entry is not None)
