@@ -24,11 +24,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Simulated:
-    """One `--sim`: its node-ID (255: none yet), the family (None for a file), and the file of its dictionary."""
+    """One `--sim`: its node-ID (255: none yet), the family (None for a file), and the file of its dictionary.
+
+    *folder* is where a family of the user's own is, as `learn` writes one; its name is the folder's.
+    """
 
     node_id: int
     family: str | None
     eds: Path
+    folder: Path | None = None
 
     @property
     def label(self) -> str:
@@ -41,7 +45,13 @@ def simulated_device(one: Simulated) -> StrictDevice:
     """The device that *one* names, INITIALISING."""
     from dvtcli.simulator.device.strict_device import StrictDevice
 
-    return StrictDevice(read_dictionary(one.eds), family_named(one.family or "generic"), one.node_id)
+    return StrictDevice(read_dictionary(one.eds), _family(one), one.node_id)
+
+
+def _family(one: Simulated) -> Family:
+    from dvtcli.simulator.network.family_file import load_family_folder
+
+    return family_named(one.family or "generic") if one.folder is None else load_family_folder(one.folder)
 
 
 def simulated_nodes(words: tuple[str, ...], by: str = "--sim", *, unconfigured: bool = False) -> tuple[Simulated, ...]:
@@ -105,23 +115,28 @@ def simulated_signals(words: tuple[str, ...], simulated: tuple[Simulated, ...]) 
 
 
 def _split(word: str, *, unconfigured: bool) -> tuple[str, int | None]:
-    if is_file(word) or "@" not in word:
+    from dvtcli.simulator.network.family_file import is_family_folder
+
+    if is_file(word) or "@" not in word or is_family_folder(word):
         return word, None
     what, _, digits = word.rpartition("@")
     return what, UNCONFIGURED if unconfigured and digits == str(UNCONFIGURED) else node_id(digits)
 
 
 def _simulated(what: str, chosen: int, by: str) -> Simulated:
-    from dvtcli.simulator.network.family_file import family_eds, family_names
+    from dvtcli.simulator.network.family_file import family_eds, family_folder_eds, family_names, is_family_folder
 
     path = Path(what)
     if is_file(what):
         return Simulated(chosen, None, path)
     if what in family_names():
         return Simulated(chosen, what, family_eds(what))
+    if is_family_folder(what):
+        return Simulated(chosen, path.resolve().name, family_folder_eds(path), path)
     known = ", ".join(family_names())
     raise UsageError(
-        f"{by} {what}: no such family and no such file", hint=f"families: {known}; or the path of an EDS or DCF"
+        f"{by} {what}: no such family and no such file",
+        hint=f"families: {known}; or the path of an EDS or DCF, or of a folder that `learn` wrote",
     )
 
 

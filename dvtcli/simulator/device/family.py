@@ -19,6 +19,7 @@ from dvtcli.domain.profile import BitPolicy
 Object = tuple[int, int]
 Range = tuple[int, int]
 
+_NO_ANSWERS: Mapping[Direction, Mapping[str, int]] = MappingProxyType({Direction.TPDO: {}, Direction.RPDO: {}})
 _KEEP = MappingProxyType({Direction.TPDO: BitPolicy.KEEP, Direction.RPDO: BitPolicy.KEEP})
 
 
@@ -80,6 +81,9 @@ class Family:
       *zero_bits_counted*: whether a count may cover an entry of 0, or one of 0 bits.
     - *empty_pdos_enabled*: whether a PDO without a mapping may be enabled; *restricted_ids_refused*: whether a PDO may
       not have a CAN-ID that CiA 301 keeps for others.
+    - *answers*: by direction the abort code that a check of `pdo_checks` answers, 0 for accepted; it goes before what
+      the other keys say. *pdo_types*: by direction the accepted transmission types, in place of *transmission_types*.
+    - *max_inhibit_time* (100 µs), *max_event_timer* (ms): the highest accepted.
     - *filler*: what an entry may hold, besides 0, that is not used where the count of a mapping is read-only.
     - *pre_operational_writes*: ranges of indices that refuse downloads outside PRE-OPERATIONAL.
     - *needs_store*: range of indices that a reset reverts unless they were stored, everything outside keeps itself;
@@ -94,6 +98,7 @@ class Family:
       whatever it is asked, as a vehicle that is being driven does.
     - *plant*: what moves in the simulation where the device has its objects: `cia402`, a motor; "" for nothing.
     - *pins*, *motors*: virtual PDOs. *boot_state*: the state after boot-up.
+    - *learnt*: it was written by `learn`, along with a profile: it is no second opinion on that.
     """
 
     name: str = "generic"
@@ -123,6 +128,10 @@ class Family:
     zero_bits_counted: bool = False
     empty_pdos_enabled: bool = False
     restricted_ids_refused: bool = True
+    answers: Mapping[Direction, Mapping[str, int]] = field(default_factory=lambda: _NO_ANSWERS)
+    pdo_types: Mapping[Direction, tuple[Range, ...]] | None = None
+    max_inhibit_time: int = 0xFFFF
+    max_event_timer: int = 0xFFFF
     filler: int = 0
     pre_operational_writes: tuple[Range, ...] = ()
     needs_store: Range | None = None
@@ -142,6 +151,7 @@ class Family:
     motors: MotorCopy | None = None
     plant: str = ""
     boot_state: NmtState = NmtState.PRE_OPERATIONAL
+    learnt: bool = False
 
     @property
     def capabilities(self) -> dict[int, int]:

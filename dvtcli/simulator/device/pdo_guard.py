@@ -17,7 +17,7 @@ from dvtcli.simulator.device.family import Family, within
 from dvtcli.simulator.device.memory import Memory
 from dvtcli.simulator.device.refusal import Refusal
 
-COB_ID, TRANSMISSION_TYPE, INHIBIT_TIME, SYNC_START = 1, 2, 3, 6
+COB_ID, TRANSMISSION_TYPE, INHIBIT_TIME, EVENT_TIMER, SYNC_START = 1, 2, 3, 5, 6
 _RTR_TYPES = (252, 253)
 _ENFORCED_GRANULARITIES = (1, 8)
 #: CiA 301, table 40: CAN-IDs no PDO may use.
@@ -29,6 +29,22 @@ _RESTRICTED = (
     (0x6E0, 0x6FF),
     (0x701, 0x7FF),
 )
+#: What a parameter that is written while the PDO is valid is called in `pdo_checks`, and what the standard answers.
+_WHILE_VALID = {
+    TRANSMISSION_TYPE: ("type-while-valid", 0),
+    INHIBIT_TIME: ("inhibit-while-valid", Abort.VALUE_RANGE),
+    EVENT_TIMER: ("event-while-valid", 0),
+    SYNC_START: ("sync-start-while-valid", Abort.VALUE_RANGE),
+}
+#: What an entry that is written while the mapping is in use is called: by whether the PDO is valid (else its count is
+#: not 0), and whether the entry is held already.
+_IN_USE = {
+    (True, True): "entry-again",
+    (True, False): "entry-while-valid",
+    (False, True): "entry-again-counted",
+    (False, False): "entry-while-counted",
+}
+_MISSING: dict[int, str] = {Abort.NO_OBJECT: "missing-object", Abort.NO_SUB_INDEX: "missing-sub-index"}
 
 
 class PdoGuard:
@@ -55,29 +71,43 @@ class PdoGuard:
         """The COB-ID a PDO has now; disabled where the node has no such object."""
         return CobId.from_raw(self._memory.number(pdo.communication_index, COB_ID, missing=1 << 31) & 0xFFFF_FFFF)
 
+    def _refuse(self, pdo: Pdo, check: str, code: int) -> None:
+        """Raise Refusal with the family's answer to *check*, *code* where it has none of its own; 0 is no refusal."""
+        code = self._family.answers[pdo.direction].get(check, code)
+        if code:
+            raise Refusal(code)
+
     def _check_communication(self, pdo: Pdo, sub_index: int, value: int) -> None:
         if sub_index == COB_ID:
             self._check_cob_id(pdo, CobId.from_raw(value))
-        elif sub_index == TRANSMISSION_TYPE:
+            return
+        if sub_index == TRANSMISSION_TYPE:
             self._check_transmission_type(pdo, value)
-        elif sub_index in (INHIBIT_TIME, SYNC_START) and self.cob_id(pdo).valid:
-            raise Refusal(Abort.VALUE_RANGE)
+        elif sub_index == INHIBIT_TIME and value > self._family.max_inhibit_time:
+            self._refuse(pdo, "inhibit-high", Abort.VALUE_HIGH)
+        elif sub_index == EVENT_TIMER and value > self._family.max_event_timer:
+            self._refuse(pdo, "event-high", Abort.VALUE_HIGH)
+        if sub_index in _WHILE_VALID and self.cob_id(pdo).valid:
+            self._refuse(pdo, *_WHILE_VALID[sub_index])
 
     def _check_cob_id(self, pdo: Pdo, wanted: CobId) -> None:
         held = self.cob_id(pdo)
         if wanted == held:
+            if held.valid:
+                self._refuse(pdo, "cob-id-again", 0)
             return
         self._check_frame_bits(pdo, wanted)
         if not wanted.valid:
             return
         if held.valid and (held.can_id, held.extended) != (wanted.can_id, wanted.extended):
-            raise Refusal(Abort.VALUE_RANGE)
-        if not wanted.fits_frame or self._is_restricted(wanted):
-            raise Refusal(Abort.VALUE_RANGE)
+            self._refuse(pdo, "cob-id-while-valid", Abort.VALUE_RANGE)
+        if not wanted.fits_frame:
+            self._refuse(pdo, "beyond-frame", Abort.VALUE_RANGE)
+        elif not wanted.extended and within(wanted.can_id, _RESTRICTED):
+            self._refuse(pdo, "restricted", Abort.VALUE_RANGE if self._family.restricted_ids_refused else 0)
         used = self._filled_mapping(pdo) if self._count_is_fixed(pdo) else self._memory.number(pdo.mapping_index, 0)
-        empty = not held.valid and used == 0
-        if empty and not self._family.empty_pdos_enabled:
-            raise Refusal(Abort.VALUE_RANGE)
+        if not held.valid and used == 0:
+            self._refuse(pdo, "empty-enabled", 0 if self._family.empty_pdos_enabled else Abort.VALUE_RANGE)
 
     def _count_is_fixed(self, pdo: Pdo) -> bool:
         """Whether entries can be written and their count cannot: unused ones hold a filler then."""
@@ -93,63 +123,66 @@ class PdoGuard:
             raise Refusal(Abort.PDO_LENGTH)
         return len(used)
 
-    def _is_restricted(self, wanted: CobId) -> bool:
-        return self._family.restricted_ids_refused and not wanted.extended and within(wanted.can_id, _RESTRICTED)
-
     def _check_frame_bits(self, pdo: Pdo, wanted: CobId) -> None:
         policy = self._family.rtr_bit[pdo.direction]
-        against = (policy is BitPolicy.SET and wanted.rtr_allowed) or (
-            policy is BitPolicy.CLEAR and not wanted.rtr_allowed
-        )
-        if against or (wanted.extended and not self._family.extended_ids):
-            raise Refusal(Abort.VALUE_RANGE)
+        if (policy is BitPolicy.SET and wanted.rtr_allowed) or (policy is BitPolicy.CLEAR and not wanted.rtr_allowed):
+            self._refuse(pdo, "rtr-bit", Abort.VALUE_RANGE)
+        if wanted.extended and not self._family.extended_ids:
+            self._refuse(pdo, "extended", Abort.VALUE_RANGE)
 
     def _check_transmission_type(self, pdo: Pdo, value: int) -> None:
-        on_request = value in _RTR_TYPES
-        if on_request and not (pdo.is_tpdo and self.cob_id(pdo).rtr_allowed):
-            raise Refusal(Abort.VALUE_RANGE)
-        if not within(value, self._family.transmission_types):
-            raise Refusal(Abort.VALUE_RANGE)
+        own = self._family.pdo_types
+        if value in _RTR_TYPES and pdo.is_tpdo and not self.cob_id(pdo).rtr_allowed:
+            self._refuse(pdo, "type-without-rtr", Abort.VALUE_RANGE)
+        elif own is None and value in _RTR_TYPES and not pdo.is_tpdo:
+            self._refuse(pdo, "type", Abort.VALUE_RANGE)
+        if not within(value, self._family.transmission_types if own is None else own[pdo.direction]):
+            self._refuse(pdo, "type", Abort.VALUE_RANGE)
 
     def _check_count(self, pdo: Pdo, count: int) -> None:
         if self.cob_id(pdo).valid:
-            if self._is_same(pdo, 0, count):
+            again = self._memory.number(pdo.mapping_index, 0) == count
+            code = 0 if self._is_same(pdo, 0, count) else self._family.mapping_in_use
+            self._refuse(pdo, "count-again" if again else "count-while-valid", code)
+            if again:
                 return
-            raise Refusal(self._family.mapping_in_use)
-        strict = self._family.count_within_entries
-        if strict and count > self._max_entries(pdo):
-            raise Refusal(Abort.PDO_LENGTH)
+        strict = Abort.PDO_LENGTH if self._family.count_within_entries else 0
+        if count > self._max_entries(pdo):
+            self._refuse(pdo, "count-beyond", strict)
         bits = 0
         for sub_index in range(1, count + 1):
             if not self._memory.exists(pdo.mapping_index, sub_index):
-                if strict:
-                    raise Refusal(Abort.PDO_LENGTH)
+                self._refuse(pdo, "count-beyond", strict)
                 break
             bits += self._covered_bits(pdo, self._memory.number(pdo.mapping_index, sub_index))
         if bits > 64:
-            raise Refusal(Abort.PDO_LENGTH)
+            self._refuse(pdo, "too-many-bits", Abort.PDO_LENGTH)
 
     def _covered_bits(self, pdo: Pdo, raw: int) -> int:
         """The length of an entry that a count is about to make active, checked once more."""
         if raw == 0:
-            if self._family.empty_entries_counted:
-                return 0
-            raise Refusal(Abort.NOT_MAPPABLE)
+            self._refuse(pdo, "count-over-zero", 0 if self._family.empty_entries_counted else Abort.NOT_MAPPABLE)
+            return 0
         entry = PdoMappingEntry.from_raw(raw)
-        if entry.bits == 0 and not self._family.zero_bits_counted:
-            raise Refusal(Abort.VALUE_RANGE)
+        if entry.bits == 0:
+            self._refuse(pdo, "count-over-no-bits", 0 if self._family.zero_bits_counted else Abort.VALUE_RANGE)
         self._check_entry(pdo, entry)
         return entry.bits
 
     def _check_entry_write(self, pdo: Pdo, sub_index: int, raw: int) -> None:
         if sub_index > self._max_entries(pdo):
-            raise Refusal(Abort.NO_SUB_INDEX)
+            self._refuse(pdo, "no-entry", Abort.NO_SUB_INDEX)
         fixed = self._count_is_fixed(pdo)
-        if self.cob_id(pdo).valid or (not fixed and self._memory.number(pdo.mapping_index, 0)):
-            if self._is_same(pdo, sub_index, raw):
+        valid = self.cob_id(pdo).valid
+        if valid or (not fixed and self._memory.number(pdo.mapping_index, 0)):
+            again = self._memory.number(pdo.mapping_index, sub_index) == raw
+            code = 0 if self._is_same(pdo, sub_index, raw) else self._family.mapping_in_use
+            self._refuse(pdo, _IN_USE[valid, again], code)
+            if again:
                 return
-            raise Refusal(self._family.mapping_in_use)
-        if raw and not (fixed and raw == self._family.filler):
+        if not raw:
+            self._refuse(pdo, "entry-zero", 0)
+        elif not (fixed and raw == self._family.filler):
             self._check_entry(pdo, PdoMappingEntry.from_raw(raw))
 
     def _is_same(self, pdo: Pdo, sub_index: int, value: int) -> bool:
@@ -165,10 +198,14 @@ class PdoGuard:
             longest: int | None = self._dummy_bits(pdo, entry)
         else:
             longest = self._object_bits(pdo, entry)
-        step = self._granularity
-        too_long = self._family.entry_length_checked and longest is not None and entry.bits > longest
-        if too_long or entry.bits > self._family.max_entry_bits or entry.bits % step:
-            raise Refusal(Abort.NOT_MAPPABLE)
+        if longest is not None and entry.bits > longest:
+            self._refuse(pdo, "entry-too-long", Abort.NOT_MAPPABLE if self._family.entry_length_checked else 0)
+        elif longest is not None and entry.bits < longest:
+            self._refuse(pdo, "entry-too-short", 0)
+        if entry.bits > self._family.max_entry_bits:
+            self._refuse(pdo, "entry-bits", Abort.NOT_MAPPABLE)
+        if entry.bits % self._granularity:
+            self._refuse(pdo, "granularity", Abort.NOT_MAPPABLE)
 
     @property
     def _granularity(self) -> int:
@@ -179,19 +216,23 @@ class PdoGuard:
 
     def _dummy_bits(self, pdo: Pdo, entry: PdoMappingEntry) -> int:
         if entry.sub_index:
-            raise Refusal(Abort.NO_SUB_INDEX)
+            self._refuse(pdo, "dummy-sub-index", Abort.NO_SUB_INDEX)
+        if pdo.is_tpdo and self._family.tpdo_dummies:
+            self._refuse(pdo, "dummy", self._family.tpdo_dummies)
         supported = self._family.dummies
         if supported is None:
             supported = self._memory.dictionary.info.dummies
-        if pdo.is_tpdo and self._family.tpdo_dummies:
-            raise Refusal(self._family.tpdo_dummies)
         if supported is not None and entry.index not in supported:
-            raise Refusal(Abort.NOT_MAPPABLE)
+            self._refuse(pdo, "dummy", Abort.NOT_MAPPABLE)
         return DUMMY_BITS[entry.index]
 
     def _object_bits(self, pdo: Pdo, entry: PdoMappingEntry) -> int | None:
         """The length of a mapped object, None where nobody knows it."""
-        self._memory.require(entry.index, entry.sub_index)
+        try:
+            self._memory.require(entry.index, entry.sub_index)
+        except Refusal as missing:
+            self._refuse(pdo, _MISSING.get(missing.code, "missing-object"), missing.code)
+            return None
         self._check_mappable(pdo, entry.index, entry.sub_index)
         data_type = self._memory.data_type(entry.index, entry.sub_index)
         if data_type is not None and data_type.bits is not None:
@@ -207,12 +248,11 @@ class PdoGuard:
             return
         if described.access not in (self._family.tpdo_access if pdo.is_tpdo else self._family.rpdo_access):
             wrong_way = Abort.WRITE_ONLY if pdo.is_tpdo else Abort.READ_ONLY
-            raise Refusal(
-                wrong_way if self._family.entry_access_codes and described.pdo_mapping else Abort.NOT_MAPPABLE
-            )
+            telling = self._family.entry_access_codes and described.pdo_mapping
+            self._refuse(pdo, "wrong-direction", wrong_way if telling else Abort.NOT_MAPPABLE)
         mappable = not self._states_mappability if described.pdo_mapping is None else described.pdo_mapping
         if not mappable:
-            raise Refusal(Abort.NOT_MAPPABLE)
+            self._refuse(pdo, "not-mappable", Abort.NOT_MAPPABLE)
 
     @cached_property
     def _states_mappability(self) -> bool:

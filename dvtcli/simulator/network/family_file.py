@@ -6,6 +6,7 @@ Knows how a family is written. Does not know what a behaviour means, nor what th
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -16,6 +17,7 @@ from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.object_dictionary import Access
 from dvtcli.domain.pdo import Direction
 from dvtcli.domain.profile import BitPolicy
+from dvtcli.errors import InputFileError
 from dvtcli.files.family_folder import families_with, family_path
 from dvtcli.files.toml_item import (
     Item,
@@ -35,6 +37,7 @@ from dvtcli.files.toml_item import (
     suggest,
 )
 from dvtcli.simulator.device.family import GENERIC, Family, Login, MotorCopy, PinCopy
+from dvtcli.simulator.device.pdo_checks import CHECKS
 
 _FILE = "simulated.toml"
 #: The one thing that moves in a simulation: a CiA 402 motor.
@@ -60,6 +63,37 @@ def load_family(name: str) -> Family:
     if name not in family_names():
         raise KeyError(name)
     return read_family(name, family_path(name, _FILE).read_text(encoding="utf-8"), f"{name}/{_FILE}")
+
+
+def is_family_folder(text: str) -> bool:
+    """Whether *text* is the path of a folder with a family's `simulated.toml`."""
+    return os.path.isfile(os.path.join(text, _FILE))  # noqa: PTH113, PTH118 - Path raises for a name that is too long
+
+
+def load_family_folder(folder: Path) -> Family:
+    """The family whose `simulated.toml` is in *folder*; InputFileError where that is wrong."""
+    path = folder / _FILE
+    return read_family(folder.resolve().name, read_text(path), str(path))
+
+
+def family_folder_eds(folder: Path) -> Path:
+    """The EDS in *folder*, else that of the family it is `like`; InputFileError where there is none, or several."""
+    files = sorted(path for path in folder.iterdir() if path.suffix.lower() in (".eds", ".dcf"))
+    if len(files) == 1:
+        return files[0]
+    path = folder / _FILE
+    like = next((item for item in read_toml(read_text(path), str(path)).items() if item.key == "like"), None)
+    if files or like is None:
+        raise InputFileError(f"{folder}: {len(files) or 'no'} EDS files, where a family has one", place=str(folder))
+    return family_eds(_known(like))
+
+
+def read_text(path: Path) -> str:
+    """The text of *path*; InputFileError where it cannot be read as UTF-8."""
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as failed:
+        raise InputFileError(f"{path}: {getattr(failed, 'strerror', None) or failed}", place=str(path)) from failed
 
 
 def read_family(name: str, text: str, source: str) -> Family:
@@ -127,6 +161,11 @@ def _plant(item: Item) -> str:
     return _PLANT
 
 
+def _answers(item: Item) -> dict[str, int]:
+    """Abort codes by the names of checks."""
+    return item.table(dict.fromkeys(CHECKS, _ABORT))
+
+
 def _boot_state(item: Item) -> NmtState:
     words = [state.name for state in NmtState]
     if item.value not in words:
@@ -181,6 +220,10 @@ _FAMILY: Schema = {
     "zero_bits_counted": boolean,
     "empty_pdos_enabled": boolean,
     "restricted_ids_refused": boolean,
+    "answers": each_of(Direction, _answers),
+    "pdo_types": each_of(Direction, number_ranges(255)),
+    "max_inhibit_time": integer(0, 0xFFFF),
+    "max_event_timer": integer(0, 0xFFFF),
     "filler": integer(0, 0xFFFF_FFFF),
     "pre_operational_writes": number_ranges(0xFFFF),
     "needs_store": number_range(0xFFFF),
@@ -200,4 +243,5 @@ _FAMILY: Schema = {
     "motors": _motors,
     "plant": _plant,
     "boot_state": _boot_state,
+    "learnt": boolean,
 }

@@ -1,0 +1,48 @@
+"""What each check of the PDO parameters is called, so that a family can say how it answers one.
+
+A family's `[answers.tpdo]` and `[answers.rpdo]` name a check and the abort code it answers, 0 for accepted. What is not
+named there is as the other keys of the family have it. Knows names only; `pdo_guard` makes the checks.
+"""
+
+from __future__ import annotations
+
+#: Check → what is written when it is made.
+CHECKS = {
+    "cob-id-again": "a COB-ID that is held already, while the PDO is valid",
+    "cob-id-while-valid": "another CAN-ID, while the PDO is valid",
+    "rtr-bit": "a COB-ID whose bit 30 is not as the family has it",
+    "extended": "a COB-ID with bit 29",
+    "beyond-frame": "a CAN-ID above 0x7FF without bit 29, to be valid",
+    "restricted": "a CAN-ID that CiA 301 keeps for others, to be valid",
+    "empty-enabled": "a COB-ID that makes a PDO valid whose count is 0",
+    "type": "a transmission type that the family does not know",
+    "type-without-rtr": "transmission type 252 or 253 while bit 30 forbids RTR",
+    "type-while-valid": "a transmission type, while the PDO is valid",
+    "inhibit-while-valid": "an inhibit time, while the PDO is valid",
+    "event-while-valid": "an event timer, while the PDO is valid",
+    "sync-start-while-valid": "a SYNC start value, while the PDO is valid",
+    "inhibit-high": "an inhibit time above the family's highest",
+    "event-high": "an event timer above the family's highest",
+    "count-again": "the count that is held already, while the PDO is valid",
+    "count-while-valid": "another count, while the PDO is valid",
+    "count-beyond": "a count above the entries that there are",
+    "count-over-zero": "a count over an entry of 0",
+    "count-over-no-bits": "a count over an entry of 0 bits",
+    "too-many-bits": "a count over more than 64 bits",
+    "no-entry": "an entry behind the last one",
+    "entry-again": "the entry that is held already, while the PDO is valid",
+    "entry-while-valid": "another entry, while the PDO is valid",
+    "entry-again-counted": "the entry that is held already, while the count is not 0",
+    "entry-while-counted": "another entry, while the count is not 0",
+    "entry-zero": "an entry of 0",
+    "missing-object": "an entry that names an object that is not there",
+    "missing-sub-index": "an entry that names a sub-index that is not there",
+    "not-mappable": "an entry that names an object that is not mappable",
+    "wrong-direction": "an entry that names an object whose access is for the other direction",
+    "entry-too-long": "an entry that is longer than its object",
+    "entry-too-short": "an entry that is shorter than its object",
+    "entry-bits": "an entry above the family's longest",
+    "granularity": "an entry whose length is no multiple of the granularity",
+    "dummy": "an entry that names a dummy which the family does not have",
+    "dummy-sub-index": "an entry that names sub-index 1 of a dummy",
+}
