@@ -38,6 +38,8 @@ class Node(Changeable):
     order: list[int] = field(default_factory=list)
     #: how many changes were put back that were none of this session's
     unkept: int = 0
+    #: labels of what a restart was seen to take while a change was made, which is yet to be said
+    _unsaid: tuple[str, ...] = ()
 
     def configure(self, wants: Mapping[Pdo, PdoWant], *, force: bool = False) -> Applied:
         """Make each PDO what *wants* says, all or none: check, write the least, read back, else put the old back.
@@ -142,11 +144,17 @@ class Node(Changeable):
             boot_ups = self.bus.boot_ups(self.node_id)
         except BusUnavailable:
             return ()  # a dead bus tells nothing, and whoever needs it says so
+        self._heard(boot_ups)
+        lost, self._unsaid = self._unsaid, ()
+        return lost
+
+    def _heard(self, boot_ups: int) -> None:
+        """So many boot-ups were seen by now: what the last ones took is to be said."""
         lost = self.pending.rebooted(boot_ups)
         if lost:
             self.read_anew()
             self.pending.lost_until = len(self.history)
-        return lost
+            self._unsaid += lost
 
     def apply(
         self,
@@ -166,13 +174,17 @@ class Node(Changeable):
             locked = level_findings(self.access, plan)
             refuse(locked, f"{several(change.label for change in plan.changes)} not changed", self.node_id, force=force)
             findings += locked
-            carry_out(self, plan, findings, found=found, done=lambda: self._done(plan, kept=kept))
+            carry_out(self, plan, findings, found=found, done=lambda boot_ups: self._done(plan, boot_ups, kept=kept))
         else:
             self._remember(plan.changes)
         return Applied(plan, findings)
 
-    def _done(self, plan: Plan, *, kept: bool) -> None:
-        """*plan* was carried out and read back: whatever fails from here on, it is so."""
+    def _done(self, plan: Plan, boot_ups: int, *, kept: bool) -> None:
+        """*plan* was carried out, and read back after *boot_ups* boot-ups: whatever fails from here on, it is so.
+
+        Those took what was set before it, and nothing of the plan.
+        """
+        self._heard(boot_ups)
         saves = any(self.saves((step.index, step.sub_index)) for step in plan.steps)
         if kept and not saves and any(map(alters, plan.changes)):
             self._keep(plan)

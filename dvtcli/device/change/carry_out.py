@@ -34,7 +34,7 @@ def carry_out(
     findings: tuple[Finding, ...] = (),
     *,
     found: Found | None = None,
-    done: Callable[[], None] = lambda: None,
+    done: Callable[[int], None] = lambda _boot_ups: None,
     keep_journal: bool = False,
 ) -> None:
     """As below, from its first to its last file and frame: a signal waits for a safe point, or comes too late.
@@ -53,14 +53,14 @@ def _carry_out(
     plan: Plan,
     findings: tuple[Finding, ...],
     found: Found,
-    done: Callable[[], None],
+    done: Callable[[int], None],
     *,
     keep_journal: bool,
 ) -> None:
     """Take *node* to where *plan* ends, or leave it as it was; LeftChanged names the journal where neither works.
 
     *findings* are what the rules had said; they explain a refusal of something that was forced. *done* is called once
-    the plan was read back, before anything else can go wrong.
+    the plan was read back, before anything else can go wrong, with the number of boot-ups seen by then.
     """
     others = _watched(node, plan)
     if node.keeper is not None:
@@ -68,7 +68,7 @@ def _carry_out(
     try:
         beside = _beside(node, plan, found)
         node.gate.enter()
-        run(node, plan, others)
+        boot_ups = run(node, plan, others)
     except LeftChanged as left:
         left_open(node, left)
         raise
@@ -80,7 +80,7 @@ def _carry_out(
     node.expected.seen(beside)
     if node.keeper is not None:
         node.keeper.carried_out()
-    done()
+    done(boot_ups)
     _end(node, plan, lambda: _return(node, found), keep_journal=keep_journal)
 
 
@@ -172,8 +172,11 @@ def _add(error: BaseException, text: str) -> None:
         error.details.append(("nmt", text))
 
 
-def run(node: Changeable, plan: Plan, others: Mapping[Pdo, PdoConfig]) -> None:
-    """Run *plan* as one transaction, with an eye on *others*; what was read of the node before counts no longer."""
+def run(node: Changeable, plan: Plan, others: Mapping[Pdo, PdoConfig]) -> int:
+    """Run *plan* as one transaction, with an eye on *others*; what was read of the node before counts no longer.
+
+    Returns the number of boot-ups that were seen when the read-back began.
+    """
 
     def note(changes: Sequence[Change]) -> None:
         if node.keeper is not None:
@@ -200,6 +203,7 @@ def run(node: Changeable, plan: Plan, others: Mapping[Pdo, PdoConfig]) -> None:
         transaction.run()
     finally:
         node.forget()
+    return transaction.boot_ups_verified
 
 
 def _explain(node: Changeable, error: DvtcliError, findings: tuple[Finding, ...]) -> None:

@@ -63,6 +63,8 @@ class Transaction:
     on_altered: Callable[[Sequence[Change]], None] = lambda _changes: None
     _started: list[Change] = field(default_factory=list)
     _touched: bool = False
+    #: boot-ups seen when the read-back that proved the plan began
+    boot_ups_verified: int = field(default=0, init=False)
     _boot_ups: int = 0
 
     def run(self) -> None:
@@ -120,6 +122,7 @@ class Transaction:
 
     def _verify(self) -> None:
         """Read back what the plan set; what differs is a refusal that came without an abort."""
+        self.boot_ups_verified = self.witness.boot_ups()
         for change in self.plan.changes:
             difference = first_difference(self.sdo, change)
             if difference:
