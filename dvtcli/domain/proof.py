@@ -16,7 +16,7 @@ class Proof:
     *unproved* says why equality shows nothing, where it does not, and *hint* what would. *canary* is what was changed
     to find out, *put_back* where that had to be put back afterwards; *lost* are unstored changes that the restart took.
     *already*: of nothing that is stored it is known that it was otherwise before, so that equality shows what the node
-    comes up with, and not what was asked of it.
+    comes up with, and not what was asked of it. *notes* say what was left out.
     """
 
     by: str
@@ -30,6 +30,7 @@ class Proof:
     hint: str = ""
     put_back: str = ""
     already: bool = False
+    notes: tuple[str, ...] = ()
 
     @property
     def holds(self) -> bool:

@@ -6,7 +6,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.pending import COMMUNICATION, EVERYTHING
-from dvtcli.device.change.proven import Held, Restart, prepare_proof, prove_restore, prove_store, restart_and_read
+from dvtcli.device.change.proven import Restart, prepare_proof, prove_restore, prove_store, restart_and_read
+from dvtcli.device.held import Held
 from dvtcli.device.store_parameters import RESTORE, STORE, await_power_cycle, reset_and_wait, return_to, sign
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.proof import POWER, RESET_COMM, RESET_NODE

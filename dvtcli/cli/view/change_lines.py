@@ -5,12 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from dvtcli.cli.view.lines import Cell, Line, Table
+from dvtcli.cli.view.wrap import wrapped
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.plan import PdoChange, Step
 from dvtcli.domain.proof import RESTART_NAMES, Proof
 from dvtcli.domain.several import plural, several
 from dvtcli.operations.results.changes import Changed, ChangedNodes, Compared, ComparedNodes, Stored
 from dvtcli.operations.results.failures import compared_text
+
+#: characters that a sentence takes of a line, also where no terminal says how wide it is
+_WIDTH = 98
 
 
 def changed_nodes_lines(result: ChangedNodes, width: int) -> Iterator[Line]:
@@ -137,16 +141,12 @@ def _shown_by(result: Stored, proof: Proof) -> Iterator[Line]:
     elif stored:
         gone = ", and what was changed for the test was gone" if proof.canary else ""
         yield [Cell("proved: ", "green"), Cell(f"{after} {what} read back equal{gone}")]
-        if not result.changed:
-            yield "  dvtcli knows of no change since the last store: this shows what the node comes up with,"
-            yield "  not that the save wrote it"
     elif proof.against == "what was stored before":
         yield [Cell("proved: ", "green"), Cell(f"{after} {what} no longer hold {proof.against}")]
     else:
         yield [Cell("proved: ", "green"), Cell(f"{after} {what} hold {proof.against}")]
-        if proof.already:
-            yield "  dvtcli knows of nothing stored that differed from its default before: this shows what the node"
-            yield "  comes up with, not that the load did it"
+    for note in result.notes:
+        yield from wrapped([Cell(f"  {note}")], _WIDTH)
 
 
 def compared_nodes_lines(result: ComparedNodes, width: int) -> Iterator[Line]:

@@ -7,20 +7,20 @@ know screens, and asks nobody.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from dvtcli.device.canary import Canary, Place, harmless_places
-from dvtcli.device.change.pending import COMMUNICATION, EVERYTHING, GROUPS
+from dvtcli.device.change.pending import COMMUNICATION, EVERYTHING
 from dvtcli.device.compare import differences as pdo_differences
 from dvtcli.device.eds_defaults import differing_from_defaults, values_unlike_defaults
+from dvtcli.device.held import Held
 from dvtcli.device.store_parameters import Signed, return_to, word_of
-from dvtcli.device.wish import Place as Object
 from dvtcli.device.wish import unlike_values
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.proof import Proof
-from dvtcli.errors import DvtcliError, SdoAborted
+from dvtcli.errors import DvtcliError
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
@@ -52,29 +52,6 @@ def prepare_proof(node: Node, before: Pdos) -> None:
     """Ask now what the proof would have to ask later, when the store is done: the canary needs the gate."""
     if next(harmless_places(node, before), None) is not None:
         node.gate.enter()
-
-
-@dataclass(frozen=True, slots=True)
-class Held:
-    """What a node holds: its PDOs, and the single objects that this session wrote."""
-
-    pdos: Pdos
-    values: Mapping[Object, bytes]
-
-    @classmethod
-    def now(cls, node: Node) -> Held:
-        """Read it; an object that only takes values is no part of it."""
-        values: dict[Object, bytes] = {}
-        for place in node.wanted_values:
-            if Pdo.at(place[0]) is None:
-                with suppress(SdoAborted):
-                    values[place] = node.sdo.upload(*place)
-        return cls(node.pdos(), values)
-
-    def of_group(self, sub_index: int) -> dict[Object, bytes]:
-        """The objects that group *sub_index* of 0x1010 or 0x1011 takes; none of a maker's own."""
-        low, high = GROUPS.get(sub_index, (1, 0))
-        return {place: value for place, value in self.values.items() if low <= place[0] <= high}
 
 
 def prove_store(node: Node, before: Held, signed: Signed, restart: Restart) -> Proof:
@@ -111,6 +88,7 @@ def prove_store(node: Node, before: Held, signed: Signed, restart: Restart) -> P
         len(values),
         "store all --prove takes and compares them" if uncovered else hint if blind else "",
         "" if survived is None else survived.put_back_text,
+        notes=before.notes,
     )
 
 
@@ -207,7 +185,7 @@ def prove_restore(
 ) -> Proof:
     """Restart *node*, whose restore was acknowledged, and compare what it holds with the defaults of the EDS.
 
-    That are its PDOs, and the single objects that this session wrote. *before* is what it held ahead of the restore.
+    That are its PDOs, and the single objects that dvtcli wrote. *before* is what it held ahead of the restore.
     Without an EDS a PDO must differ from *before*, read after a restart that took *lost_before*.
     """
     with _acknowledged(node, signed):
@@ -220,7 +198,7 @@ def prove_restore(
     unproved = "no EDS tells the defaults, and nothing differs from what was stored before"
     return Proof(
         restart.by, changed, "what was stored before", (), uncovered or ("" if changed else unproved), lost=lost,
-        hint=_RESTORE_ALL if uncovered else "--eds FILE tells its defaults",
+        hint=_RESTORE_ALL if uncovered else "--eds FILE tells its defaults", notes=after.notes,
     )  # fmt: skip
 
 
@@ -250,4 +228,5 @@ def _against_defaults(
         lost=lost,
         hint=_RESTORE_ALL if uncovered else "`pdo` shows what it holds; its manual may tell the defaults",
         already=not differed,
+        notes=after.notes,
     )

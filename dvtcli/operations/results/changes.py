@@ -150,6 +150,22 @@ class Stored(Answer):
         lost = self.proof is not None and bool(self.proof.differences)
         return self.word == "store" and not (lost or self.dry_run or self.skipped)
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a proof that holds does not show, and what it left out."""
+        proof = self.proof
+        if proof is None:
+            return ()
+        known, did = "", "the load did it"
+        if self.word == "store" and not self.changed:
+            known, did = "no change since the last store", "the save wrote it"
+        elif proof.already:
+            known = "nothing stored that differed from its default before"
+        if not known or not proof.holds:
+            return proof.notes
+        shows = f"dvtcli knows of {known}: this shows what the node comes up with, not that {did}"
+        return (shows, *proof.notes)
+
     def document(self) -> Document:
         """`dvtcli.store/1`."""
         proof = self.proof
@@ -172,6 +188,7 @@ class Stored(Answer):
             "unproved": (proof and proof.unproved) or None,
             "canary": (proof and proof.canary) or None,
             "lost": [] if proof is None else list(proof.lost),
+            "notes": list(self.notes),
             "dry_run": self.dry_run,
         }
 

@@ -1,0 +1,75 @@
+"""What a node holds of what a store keeps: its PDOs, and the single objects that dvtcli wrote. Writes nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from dvtcli.device.change.pending import GROUPS
+from dvtcli.device.wish import Place
+from dvtcli.domain.command_object import is_command
+from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.plan import Plan, ValueChange
+from dvtcli.domain.several import several
+from dvtcli.errors import InputFileError, SdoAborted
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+
+
+@dataclass(frozen=True, slots=True)
+class Held:
+    """What a node holds: its PDOs, and the single objects that this session, or an earlier one, wrote.
+
+    *notes* say what of that was left out.
+    """
+
+    pdos: Mapping[Pdo, PdoConfig]
+    values: Mapping[Place, bytes]
+    notes: tuple[str, ...] = ()
+
+    @classmethod
+    def now(cls, node: Node) -> Held:
+        """Read it; an object that only takes values is no part of it, nor is one that moves the machine."""
+        written, notes = _written(node)
+        values: dict[Place, bytes] = {}
+        for place in (place for place in written if not _is_command(node, place)):
+            with suppress(SdoAborted):
+                values[place] = node.sdo.upload(*place)
+        commands = [f"0x{index:04X}:{sub:02X}" for index, sub in written if _is_command(node, (index, sub))]
+        if commands:
+            notes += (f"not compared: {several(commands)}, since a command or a target is no setting",)
+        return cls(node.pdos(), values, notes)
+
+    def of_group(self, sub_index: int) -> dict[Place, bytes]:
+        """The objects that group *sub_index* of 0x1010 or 0x1011 takes; none of a maker's own."""
+        low, high = GROUPS.get(sub_index, (1, 0))
+        return {place: value for place, value in self.values.items() if low <= place[0] <= high}
+
+
+def _written(node: Node) -> tuple[list[Place], tuple[str, ...]]:
+    """Single objects that were written, by whichever process; and what to say where not all is known."""
+    places, notes = dict.fromkeys(place for place in node.wanted_values if Pdo.at(place[0]) is None), ()
+    if node.keeper is None:
+        return list(places), notes
+    try:
+        past = node.keeper.past.entries(node.node_id, node.identity())
+    except InputFileError as damaged:
+        return list(places), (f"objects that an earlier command wrote are not compared: {damaged.text}",)
+    for entry in past:
+        places |= dict.fromkeys(_values_of(node, entry.plan))
+    return list(places), notes
+
+
+def _values_of(node: Node, plan: Plan) -> Iterator[Place]:
+    for change in plan.changes:
+        if isinstance(change, ValueChange) and change.step.before is not None:
+            place = (change.step.index, change.step.sub_index)
+            if Pdo.at(place[0]) is None and not node.saves(place):
+                yield place
+
+
+def _is_command(node: Node, place: Place) -> bool:
+    return is_command(place[0], node.dictionary.entry(*place) if node.dictionary else None)

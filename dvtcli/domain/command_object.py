@@ -1,0 +1,32 @@
+"""Objects that tell a machine what to do now: a setting is kept by a store, a command is not.
+
+Knows numbers of the standards, and what a file says can be mapped. Does not know what an object holds.
+"""
+
+from __future__ import annotations
+
+from dvtcli.domain.object_dictionary import OdEntry
+
+#: How far the objects of one axis, or logical device, are from those of the next (CiA 402-2, 7)
+_AXIS, _LAST = 0x800, 0x9FFF
+#: Controlword, target and demand objects of the first axis (CiA 402-2: 0x6040, 0x6042, 0x6071, 0x607A, 0x60B0…0x60B2,
+#: 0x60C1, 0x60FE, 0x60FF)
+_OF_DRIVES = frozenset({0x6040, 0x6042, 0x6071, 0x607A, 0x60B0, 0x60B1, 0x60B2, 0x60C1, 0x60FE, 0x60FF})
+#: Outputs of an I/O module (CiA 401-1, 7.2: digital 0x6200, 0x6220, 0x6300, 0x6320, analogue 0x6400…0x6411)
+_OF_OUTPUTS = frozenset({0x6200, 0x6220, 0x6300, 0x6320, 0x6400, 0x6410, 0x6411})
+_MAKERS = range(0x2000, 0x6000)
+
+
+def is_command(index: int, entry: OdEntry | None) -> bool:
+    """Whether the object at *index*, which a file describes as *entry*, is a command, a target or an output.
+
+    Of a maker's own objects those are it that an RPDO can take, as far as the file says so.
+    """
+    if not 0x6000 <= index <= _LAST:
+        return index in _MAKERS and _is_taken_by_rpdos(entry)
+    first = 0x6000 + (index - 0x6000) % _AXIS
+    return first in _OF_DRIVES or (first in _OF_OUTPUTS and _is_taken_by_rpdos(entry))
+
+
+def _is_taken_by_rpdos(entry: OdEntry | None) -> bool:
+    return entry is not None and bool(entry.pdo_mapping) and entry.access.writable

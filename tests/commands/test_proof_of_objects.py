@@ -1,0 +1,98 @@
+"""Single objects in a proof: those of earlier commands are compared, commands to the machine are not settings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from dvtcli.simulator.network.family_file import family_eds
+from tests.commands.bench import Bench
+from tests.commands.bus import Wire, device
+
+
+@pytest.fixture(autouse=True)
+def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+
+
+def on_bus(wire: Wire, *, eds: bool = True) -> Bench:
+    given = {"eds": str(family_eds("generic"))} if eds else {}
+    return Bench((), {**wire.options, "yes": True, "timeout": 0.2, **given})
+
+
+@pytest.mark.parametrize("eds", [True, False])
+def test_an_object_of_an_earlier_process_that_is_not_kept_is_named(eds: bool) -> None:
+    with Wire(device("generic"), faults=("stores-nothing",)) as wire:
+        with on_bus(wire, eds=eds) as first:
+            assert first.run("write 1017 1000").code == 0
+        with on_bus(wire, eds=eds) as second:
+            ran = second.run("store --prove --json")
+    assert ran.code == 1, ran.stdout
+    assert ran.document["proved"] is False
+    assert [text.partition(":00")[0] for text in ran.document["differences"]] == ["1017"]
+
+
+def test_an_object_of_an_earlier_process_is_compared_with_its_default_too() -> None:
+    with Wire(device("generic"), faults=("restores-nothing",)) as wire:
+        with on_bus(wire) as first:
+            assert first.script("write 1017 1000", "store").code == 0
+        with on_bus(wire) as second:
+            ran = second.run("restore --prove --json")
+    assert ran.code == 1, ran.stdout
+    assert [text.partition(":00")[0] for text in ran.document["differences"]] == ["1017"]
+
+
+def test_what_was_taken_back_is_not_looked_for() -> None:
+    with Wire(device("generic")) as wire:
+        with on_bus(wire) as first:
+            assert first.script("write 1017 1000", "undo").code == 0
+        with on_bus(wire) as second:
+            ran = second.run("store --prove --json")
+    assert (ran.code, ran.document["objects"]) == (0, 0)
+
+
+def test_a_history_that_cannot_be_read_is_said(tmp_path: Path) -> None:
+    with Wire(device("generic")) as wire:
+        with on_bus(wire) as first:
+            assert first.run("write 1017 1000").code == 0
+        (path,) = (tmp_path / "state" / "dvtcli" / "changes").glob("*.json")
+        path.write_text("{")
+        with on_bus(wire) as second:
+            ran = second.run("store --prove --json")
+    assert ran.code == 0, ran.stdout
+    assert any(str(path) in note for note in ran.document["notes"]), ran.document["notes"]
+
+
+@pytest.mark.parametrize("family", ["generic", "tmcm"])
+@pytest.mark.parametrize("eds", [True, False])
+def test_a_command_to_the_drive_is_no_setting(family: str, eds: bool) -> None:
+    given = {"eds": str(family_eds(family))} if eds else {}
+    with Wire(device(family)) as wire, Bench((), {**wire.options, "yes": True, **given}) as bench:
+        assert bench.run("write 6040 6 --as u16").code == 0
+        assert bench.run("disable tpdo2").code == 0
+        ran = bench.run("store --prove --json")
+    assert ran.code == 0, ran.stdout
+    assert (ran.document["proved"], ran.document["objects"]) == (True, 0)
+    assert any("0x6040:00" in note for note in ran.document["notes"]), "and that is said"
+
+
+def test_a_setting_that_an_rpdo_can_take_is_one_all_the_same() -> None:
+    with Wire(device("generic"), faults=("stores-nothing",)) as wire, on_bus(wire) as bench:
+        assert bench.run("write 6060 1").code == 0
+        ran = bench.run("store --prove --json")
+    assert ran.code == 1
+    assert [text.partition(":00")[0] for text in ran.document["differences"]] == ["6060"]
+
+
+def test_a_proof_of_what_may_have_been_so_before_says_that_in_json_too() -> None:
+    with Bench(("generic",), {"yes": True}) as bench:
+        for line, word in (("store --prove", "save"), ("restore --prove", "load")):
+            (note,) = bench.run(f"{line} --json").document["notes"]
+            assert note.startswith("dvtcli knows of no")
+            assert f"not that the {word} " in note
+            said = " ".join(bench.run(line).stdout.split())
+            assert note in said, "it is the sentence of the screen"
+        assert bench.run("set tpdo1 --timer 70").code == 0
+        assert bench.run("store --prove --json").document["notes"] == []
+        assert bench.run("restore --prove --json").document["notes"] == []
