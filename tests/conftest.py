@@ -50,10 +50,16 @@ def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
 def pytest_configure(config: pytest.Config) -> None:
     """In every worker, before any test is read: nobody's wishes for dvtcli, Python or a terminal count."""
     process.FRESH_PYTHON |= config.getoption("--fresh-python")
-    set_environment(clean_environment())
+    set_environment(clean_environment() | _for_workers(config))
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # so a shell starts what it does not wait for
         signal.signal(signal.SIGINT, signal.default_int_handler)
     sys.dont_write_bytecode = False  # hundreds of processes start, and would compile all of it again each
+
+
+def _for_workers(config: pytest.Config) -> dict[str, str]:
+    """Options from a variable, which a worker has to read too: `--cov` counts where the tests are."""
+    has_workers = bool(getattr(config.option, "numprocesses", None)) and not hasattr(config, "workerinput")
+    return {key: os.environ[key] for key in ("PYTEST_ADDOPTS",) if has_workers and key in os.environ}
 
 
 @pytest.fixture(scope="session", autouse=True)
