@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from dvtcli.device.came_up import CameUp
 from dvtcli.device.missing import no_pdo
 from dvtcli.device.reached import Reached
-from dvtcli.device.read_pdos import present_pdos, read_pdo
+from dvtcli.device.read_pdos import WHATEVER, present_pdos, read_pdo
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.errors import BusUnavailable, SdoAborted
 
@@ -40,7 +40,10 @@ class KnownPdos(Reached):
         return self._present
 
     def pdos(self) -> dict[Pdo, PdoConfig]:
-        """Every PDO as the device holds it now, in one life of it; one that the EDS lists and it lacks is left out."""
+        """Every PDO as the device holds it now, in one life of it; one that the EDS lists and it lacks is left out.
+
+        One of which something cannot be read is inconsistent, and among them.
+        """
         boot_ups = self.bus.boot_ups(self.node_id)
         self._pdos = self.observed(self._read_pdos)
         if self.bus.boot_ups(self.node_id) == boot_ups:
@@ -50,11 +53,8 @@ class KnownPdos(Reached):
     def _read_pdos(self) -> dict[Pdo, PdoConfig]:
         found: dict[Pdo, PdoConfig] = {}
         for pdo in self.present():
-            try:
-                found[pdo] = read_pdo(self.sdo, pdo)
-            except SdoAborted as aborted:
-                if aborted.index not in (pdo.communication_index, pdo.mapping_index):
-                    raise
+            with suppress(SdoAborted):  # it has neither COB-ID nor mapping: no such PDO
+                found[pdo] = read_pdo(self.sdo, pdo, WHATEVER)
         return found
 
     def pdo(self, pdo: Pdo) -> PdoConfig:

@@ -15,6 +15,7 @@ from dvtcli.device.change.changeable import Changeable
 from dvtcli.device.change.gap import unbroken
 from dvtcli.device.change.pending import CHANGE, COMMUNICATION, EVERYTHING
 from dvtcli.device.change.safekeeping import who_else
+from dvtcli.device.change.taken_back import foreseen, put_back_findings, with_way_back
 from dvtcli.device.change.way_back import plan_back, refuse_unless_left, unknown_before
 from dvtcli.device.observe import Found
 from dvtcli.device.proposal import proposal
@@ -25,7 +26,7 @@ from dvtcli.domain.plan import Change, PdoChange, Plan, Step, alters, plan_pdo
 from dvtcli.domain.request import PdoWant
 from dvtcli.domain.rules import Finding, check_pdo
 from dvtcli.domain.several import several
-from dvtcli.errors import BusUnavailable, SafetyRefusal, UsageError
+from dvtcli.errors import BusUnavailable, DeviceRefused, SafetyRefusal, UsageError
 
 
 @dataclass(slots=True)
@@ -102,7 +103,13 @@ class Node(Changeable):
             raise UsageError(
                 unknown[0].text, node=self.node_id, hint="undo --force leaves it so and forgets that change"
             )
-        applied = self.apply(plan, unknown, kept=False, found=found)
+        try:
+            applied = self.apply(plan, unknown, kept=False, found=found)
+        except DeviceRefused:
+            if not foreseen(undone):
+                raise
+            plan = self.observed(lambda: plan_back(self, undone, as_taken=True))
+            applied = self.apply(plan, (*unknown, *put_back_findings(foreseen(undone))), kept=False)
         self.unkept += not own
         return applied, count
 
@@ -171,6 +178,8 @@ class Node(Changeable):
         that the plan was made from.
         """
         if len(plan):
+            plan, warnings = with_way_back(self, plan)
+            findings += warnings if kept else ()
             locked = level_findings(self.access, plan)
             refuse(locked, f"{several(change.label for change in plan.changes)} not changed", self.node_id, force=force)
             findings += locked

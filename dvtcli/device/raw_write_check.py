@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import takewhile
 from typing import TYPE_CHECKING
 
 from dvtcli.device.proposal import proposal
 from dvtcli.device.read_pdos import read_optional
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.mapping import MAX_ENTRIES, PdoMappingEntry
-from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Change, PdoChange, Step, ValueChange
 from dvtcli.domain.rules.raw_write import (
     ParameterWrite,
@@ -47,10 +48,19 @@ def raw_change(node: KnownPdos, step: Step) -> Change:
     if step.index == pdo.communication_index:
         after = replace(now, communication=with_raw(now.communication, step.sub_index, value))
     elif step.sub_index == 0:
-        after = replace(now, mapping=_entries(node, pdo, ParameterWrite(step.index, 0, value)))
+        after = _with_count(node, pdo, now, value)
     else:
         after = now  # an entry behind the count: nothing that is active changes
     return ValueChange(step) if after == now else PdoChange(pdo, now, after, (step,))
+
+
+def _with_count(node: KnownPdos, pdo: Pdo, now: PdoConfig, count: int) -> PdoConfig:
+    """*now* with *count*, as it reads back: inconsistent where there are fewer entries."""
+    entries = _entries(node, pdo, ParameterWrite(pdo.mapping_index, 0, count))
+    if len(entries) == count:
+        return replace(now, mapping=entries, held_count=None, unread=now.lacking)
+    gap = () if len(entries) == MAX_ENTRIES else ((pdo.mapping_index, len(entries) + 1),)
+    return replace(now, mapping=entries, held_count=count, unread=(*now.lacking, *gap))
 
 
 def _entries(node: KnownPdos, pdo: Pdo, write: ParameterWrite) -> tuple[PdoMappingEntry, ...]:
@@ -58,8 +68,10 @@ def _entries(node: KnownPdos, pdo: Pdo, write: ParameterWrite) -> tuple[PdoMappi
     if write.index != pdo.mapping_index or write.sub_index:
         return ()
     numbers = range(1, min(write.value, MAX_ENTRIES) + 1)
-    words = [read_optional(node.sdo, pdo.mapping_index, number, 4) for number in numbers]
-    return tuple(PdoMappingEntry.from_raw(word) for word in words if word is not None)
+    words = (read_optional(node.sdo, pdo.mapping_index, number, 4) for number in numbers)
+    return tuple(
+        PdoMappingEntry.from_raw(word) for word in takewhile(lambda word: word is not None, words) if word is not None
+    )
 
 
 def held_value(node: KnownPdos, index: int, sub_index: int) -> bytes | None:

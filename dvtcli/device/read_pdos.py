@@ -5,7 +5,9 @@ Reads raw words and takes them apart. Does not judge them, and does not need an 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Container, Iterable, Iterator
+from dataclasses import dataclass, field
+from itertools import takewhile
 
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.cob_id import CobId
@@ -17,6 +19,12 @@ from dvtcli.errors import SdoAborted, SdoProtocolError
 
 #: Answers that mean "this device has no such object": devices choose freely among them.
 ABSENT = frozenset({Abort.NO_OBJECT, Abort.NO_SUB_INDEX})
+#: Those, and answers that say that an object can never be read; others may pass.
+UNREADABLE = ABSENT | {Abort.WRITE_ONLY, Abort.UNSUPPORTED_ACCESS}
+#: Every abort code, for a list that shows what can be shown.
+WHATEVER = range(1 << 32)
+#: Stands for the COB-ID of a PDO that has none: bit 31 set says that the PDO does not exist (CiA 301, 7.5.2.35).
+_NO_COB_ID = CobId(0, valid=False)
 IDENTITY = 0x1018
 #: Without an EDS every PDO up to this number is asked for; beyond it the first gap ends the search.
 ALWAYS_PROBED = 4
@@ -65,37 +73,80 @@ def service_can_ids(sdo: SdoTransport) -> tuple[int, int | None]:
     return 0x080 if sync is None else sync & 0x7FF, None if emcy is None else emcy & 0x7FF
 
 
-def read_pdo(sdo: SdoTransport, pdo: Pdo) -> PdoConfig:
-    """Read what *pdo* is set to: communication parameter and active mapping.
+def read_pdo(sdo: SdoTransport, pdo: Pdo, passing: Container[int] = UNREADABLE) -> PdoConfig:
+    """Read what *pdo* is set to: communication parameter and active mapping, as far as the device tells it.
 
     Sub-index 4 is never touched; sub-indices 2, 3, 5 and 6 are each optional (CiA 301, 7.5.2.35/37). Entries
-    are read up to the count only, since what lies behind is filler.
+    are read up to the count only, since what lies behind is filler. Where an abort code of *passing* is the answer,
+    the PDO lacks that and is inconsistent; the SdoAborted is raised where it has neither COB-ID nor mapping.
     """
+    told = _Told(sdo, passing)
+    cob_id = told.number(pdo.communication_index, 1, 4)
+    communication = _communication(told, pdo, cob_id)
+    count = told.number(pdo.mapping_index, 0, 1)
+    if cob_id is None and count is None and told.first is not None and told.first.code in ABSENT:
+        raise told.first
+    if count is None or is_mpdo(count):
+        return PdoConfig(communication, (), mpdo=count, unread=tuple(told.unread))
+    words = list(takewhile(lambda word: word is not None, _entries(told, pdo, count)))
+    mapping = tuple(PdoMappingEntry.from_raw(word) for word in words if word is not None)
+    odd = None if count == len(mapping) else count
+    return PdoConfig(communication, mapping, held_count=odd, unread=tuple(told.unread))
+
+
+def _communication(told: _Told, pdo: Pdo, cob_id: int | None) -> PdoCommunicationParameter:
     index = pdo.communication_index
-    communication = PdoCommunicationParameter(
-        cob_id=CobId.from_raw(read_number(sdo, index, 1, 4)),
-        transmission_type=read_optional(sdo, index, 2, 1),
-        inhibit_time=read_optional(sdo, index, 3, 2),
-        event_timer=read_optional(sdo, index, 5, 2),
-        sync_start_value=read_optional(sdo, index, 6, 1) if pdo.is_tpdo else None,
+    if told.first is not None and told.first.code == Abort.NO_OBJECT:
+        return PdoCommunicationParameter(_NO_COB_ID)
+    return PdoCommunicationParameter(
+        cob_id=_NO_COB_ID if cob_id is None else CobId.from_raw(cob_id),
+        transmission_type=told.optional(index, 2, 1),
+        inhibit_time=told.optional(index, 3, 2),
+        event_timer=told.optional(index, 5, 2),
+        sync_start_value=told.optional(index, 6, 1) if pdo.is_tpdo else None,
     )
-    count = read_number(sdo, pdo.mapping_index, 0, 1)
-    if is_mpdo(count):
-        return PdoConfig(communication, (), mpdo=count)
-    if count > MAX_ENTRIES:
-        place = f"{pdo.mapping_index:04X}:00"
-        raise SdoProtocolError(f"0x{place} says {count} mapped objects; a PDO has 0..{MAX_ENTRIES}", place=place)
-    words = [read_number(sdo, pdo.mapping_index, number, 4) for number in range(1, count + 1)]
-    return PdoConfig(communication, tuple(PdoMappingEntry.from_raw(word) for word in words))
+
+
+def _entries(told: _Told, pdo: Pdo, count: int) -> Iterator[int | None]:
+    return (told.number(pdo.mapping_index, number, 4) for number in range(1, min(count, MAX_ENTRIES) + 1))
+
+
+@dataclass(slots=True)
+class _Told:
+    """What a device tells of one PDO: *unread* are the places that it did not, *first* its first refusal of them."""
+
+    sdo: SdoTransport
+    passing: Container[int]
+    unread: list[tuple[int, int]] = field(default_factory=list)
+    first: SdoAborted | None = None
+
+    def number(self, index: int, sub_index: int, size: int) -> int | None:
+        """A number that a PDO should have, None where an answer of *passing* says that it cannot be read."""
+        try:
+            return read_number(self.sdo, index, sub_index, size)
+        except SdoAborted as aborted:
+            if aborted.code not in self.passing:
+                raise
+            self.first = self.first or aborted
+            self.unread.append((index, sub_index))
+            return None
+
+    def optional(self, index: int, sub_index: int, size: int) -> int | None:
+        """A number that a PDO need not have."""
+        try:
+            return read_number(self.sdo, index, sub_index, size)
+        except SdoAborted as aborted:
+            if aborted.code not in self.passing:
+                raise
+            return None
 
 
 def present_pdos(sdo: SdoTransport, dictionary: ObjectDictionary | None) -> list[Pdo]:
-    """The PDOs the node has, TPDOs first: the EDS's, or what the node answers for where there is none."""
+    """The PDOs the node has, TPDOs first: the EDS's, also half ones, or what the node answers for without an EDS."""
     if dictionary is None:
         return [pdo for direction in (Direction.TPDO, Direction.RPDO) for pdo in _probe(sdo, direction)]
     listed = {pdo for pdo in map(Pdo.at, dictionary) if pdo is not None}
-    complete = [pdo for pdo in listed if {pdo.communication_index, pdo.mapping_index} <= dictionary.keys()]
-    return sorted(complete, key=lambda pdo: (not pdo.is_tpdo, pdo.number))
+    return sorted(listed, key=lambda pdo: (not pdo.is_tpdo, pdo.number))
 
 
 def _probe(sdo: SdoTransport, direction: Direction) -> Iterator[Pdo]:

@@ -6,11 +6,12 @@ Knows the standard's indices and defaults. Does not know what a device allows (`
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 
 from dvtcli.domain.cob_id import CobId
-from dvtcli.domain.mapping import DAM_MPDO, SAM_MPDO, PdoMappingEntry, total_bits
+from dvtcli.domain.mapping import DAM_MPDO, MAX_ENTRIES, SAM_MPDO, PdoMappingEntry, total_bits
 
 MAX_PDO_NUMBER = 512
 EVENT_DRIVEN = 255
@@ -106,13 +107,17 @@ class PdoCommunicationParameter:
 class PdoConfig:
     """What a PDO is set to: its communication parameter and its active mapping, in frame order.
 
-    *count* is the mapping's sub-index 0; it differs from the number of entries only for MPDOs
-    (0xFE, 0xFF), which are shown and never written.
+    *count* is the mapping's sub-index 0; it differs from the number of entries for MPDOs (0xFE, 0xFF), which are
+    shown and never written, and for an inconsistent PDO: *held_count* is what that says, *unread* the objects (index,
+    sub-index) that it lacks or does not tell: its COB-ID (which counts as off then), its count, or the first entry
+    behind *mapping*.
     """
 
     communication: PdoCommunicationParameter
     mapping: tuple[PdoMappingEntry, ...]
     mpdo: int | None = None
+    held_count: int | None = None
+    unread: tuple[tuple[int, int], ...] = ()
 
     @property
     def enabled(self) -> bool:
@@ -122,12 +127,55 @@ class PdoConfig:
     @property
     def count(self) -> int:
         """Mapping sub-index 0 as the device holds it."""
-        return len(self.mapping) if self.mpdo is None else self.mpdo
+        odd = self.held_count if self.mpdo is None else self.mpdo
+        return len(self.mapping) if odd is None else odd
+
+    @property
+    def has_cob_id(self) -> bool:
+        """Whether the device tells its COB-ID; one without is no PDO on the bus."""
+        return all(is_mapping_index(index) for index, _ in self.unread)
+
+    @property
+    def has_mapping(self) -> bool:
+        """Whether the device tells its mapping's count."""
+        return all(_is_entry(*place) for place in self.unread if is_mapping_index(place[0]))
+
+    @property
+    def lacking(self) -> tuple[tuple[int, int], ...]:
+        """Those of *unread* without which it is no whole PDO, whatever it maps: its COB-ID, and its mapping's count."""
+        return tuple(place for place in self.unread if not _is_entry(*place))
+
+    @property
+    def inconsistency(self) -> str:
+        """What is wrong with it as it stands, in words; empty for a PDO that is whole."""
+        return "; ".join(_inconsistencies(self))
 
     @property
     def bits(self) -> int:
         """Summed length of the mapping, in bits."""
         return total_bits(self.mapping)
+
+
+def is_mapping_index(index: int) -> bool:
+    """Whether a PDO's parameter at *index* (0x1400..0x1BFF) is its mapping, not its communication parameter."""
+    return bool(index & 0x200)
+
+
+def _is_entry(index: int, sub_index: int) -> bool:
+    return is_mapping_index(index) and sub_index > 0
+
+
+def _inconsistencies(config: PdoConfig) -> Iterator[str]:
+    for index, sub_index in config.unread:
+        place = f"0x{index:04X}:{sub_index:02X}"
+        if not is_mapping_index(index):
+            yield f"its COB-ID {place} cannot be read"
+        elif sub_index == 0:
+            yield f"its mapping {place} cannot be read"
+        else:
+            yield f"its count is {config.count}, but {place} cannot be read"
+    if config.held_count is not None and len(config.mapping) == MAX_ENTRIES:
+        yield f"its count is {config.held_count}, a PDO has 0..{MAX_ENTRIES} entries"
 
 
 def is_mpdo(count: int) -> bool:

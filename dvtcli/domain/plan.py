@@ -38,12 +38,16 @@ class Step:
 
 @dataclass(frozen=True, slots=True)
 class PdoChange:
-    """One PDO from *before* to *after*, with the steps between."""
+    """One PDO from *before* to *after*, with the steps between.
+
+    *back* is what is put back where the device refuses *before*, None where it is not expected to.
+    """
 
     pdo: Pdo
     before: PdoConfig
     after: PdoConfig
     steps: tuple[Step, ...]
+    back: PdoConfig | None = None
 
     @property
     def label(self) -> str:
@@ -134,7 +138,7 @@ def _pdo_steps(pdo: Pdo, now: PdoConfig, want: PdoConfig) -> Iterator[Step]:
     index = pdo.communication_index
     held = now.communication.cob_id
     wanted = want.communication.cob_id
-    if held.valid and _needs_disabling(now, want):
+    if disables(now, want):
         off = wanted if wanted == held.disabled() else held.disabled()
         yield _cob_id_step(index, held, off, "disable the PDO (bit 31)")
         held = off
@@ -142,7 +146,7 @@ def _pdo_steps(pdo: Pdo, now: PdoConfig, want: PdoConfig) -> Iterator[Step]:
         yield _cob_id_step(index, held, wanted.disabled(), "allow RTR, which the transmission type answers")
         held = wanted.disabled()
     yield from _communication_steps(index, now.communication, want.communication)
-    if _mapping_differs(now, want):
+    if mapping_differs(now, want):
         yield from _mapping_steps(pdo.mapping_index, now, want)
     if held != wanted:
         what = "enable" if wanted.valid else "stays disabled"
@@ -156,7 +160,7 @@ def _needs_disabling(now: PdoConfig, want: PdoConfig) -> bool:
         a.cob_id != b.cob_id
         or a.inhibit_time != b.inhibit_time
         or a.sync_start_value != b.sync_start_value
-        or _mapping_differs(now, want)
+        or mapping_differs(now, want)
     )
 
 
@@ -171,8 +175,14 @@ def _needs_rtr_first(now: PdoConfig, want: PdoConfig) -> bool:
     )
 
 
-def _mapping_differs(now: PdoConfig, want: PdoConfig) -> bool:
-    return now.mapping != want.mapping or now.mpdo != want.mpdo
+def disables(now: PdoConfig, want: PdoConfig) -> bool:
+    """Whether the way from *now* to *want* switches an enabled PDO off, so that it has to be enabled anew."""
+    return now.enabled and _needs_disabling(now, want)
+
+
+def mapping_differs(now: PdoConfig, want: PdoConfig) -> bool:
+    """Whether the way from *now* to *want* writes the mapping."""
+    return now.mapping != want.mapping or now.count != want.count
 
 
 def _cob_id_step(index: int, before: CobId, after: CobId, reason: str) -> Step:

@@ -77,33 +77,39 @@ def resolved(want: PdoWant, proposal: Proposal, lengths: Mapping[ObjectAddress, 
 
 
 def cleared(now: PdoConfig) -> PdoConfig:
-    """*now* without a mapping, and disabled."""
-    return PdoConfig(replace(now.communication, cob_id=now.communication.cob_id.disabled()), ())
+    """*now* without a mapping, and disabled; what it lacks altogether stays so."""
+    off = replace(now.communication, cob_id=now.communication.cob_id.disabled())
+    return PdoConfig(off, (), unread=now.lacking)
 
 
 def _requested(request: PdoRequest, proposal: Proposal, lengths: Mapping[ObjectAddress, int | None]) -> PdoConfig:
-    mapping = None if request.objects is None else _entries(request.objects, proposal, lengths)
     now = proposal.now
     held = now.communication
-    enabled = now.enabled if request.enabled is None else request.enabled
     communication = PdoCommunicationParameter(
-        cob_id=_cob_id(request, proposal, enabled=enabled),
+        cob_id=held.cob_id,
         transmission_type=_pick(request.transmission_type, held.transmission_type),
         inhibit_time=_pick(request.inhibit_time, held.inhibit_time),
         event_timer=_pick(request.event_timer, held.event_timer),
         sync_start_value=_pick(request.sync_start_value, held.sync_start_value),
     )
-    if mapping is None:
-        return replace(now, communication=communication)
-    return PdoConfig(communication, mapping)
+    want = replace(now, communication=communication)
+    if request.objects is not None:
+        want = PdoConfig(communication, _entries(request.objects, proposal, lengths), unread=now.lacking)
+    return _with_cob_id(want, _cob_id(request, replace(proposal, want=want)))
+
+
+def _with_cob_id(config: PdoConfig, cob_id: CobId) -> PdoConfig:
+    return replace(config, communication=replace(config.communication, cob_id=cob_id))
 
 
 def _pick(asked: int | None, held: int | None) -> int | None:
     return held if asked is None else asked
 
 
-def _cob_id(request: PdoRequest, proposal: Proposal, *, enabled: bool) -> CobId:
+def _cob_id(request: PdoRequest, proposal: Proposal) -> CobId:
+    """The COB-ID that *request* means where the PDO becomes what *proposal* wants otherwise."""
     held = proposal.now.communication.cob_id
+    enabled = proposal.now.enabled if request.enabled is None else request.enabled
     flags = replace(held, valid=enabled, rtr_allowed=_rtr(request, proposal))
     if isinstance(request.cob_id, int):
         if request.cob_id > HIGHEST_BASE_CAN_ID and not request.extended:
@@ -128,10 +134,8 @@ def _rtr(request: PdoRequest, proposal: Proposal) -> bool:
 
 
 def _legal(proposal: Proposal, cob_id: CobId) -> bool:
-    """Whether the PDO may be enabled with *cob_id*; a PDO that is enabled with it already may keep it."""
-    if proposal.now.communication.cob_id == cob_id:
-        return True
-    want = replace(proposal.want, communication=replace(proposal.want.communication, cob_id=cob_id))
+    """Whether the PDO may be enabled with *cob_id*; one that stays enabled with it may keep it."""
+    want = _with_cob_id(proposal.want, cob_id)
     return not any(f.severity is Severity.ERROR for f in can_id_findings(replace(proposal, want=want)))
 
 

@@ -55,10 +55,19 @@ def map_line(pdo: Pdo, config: PdoConfig) -> str:
 
 
 def whole_line(pdo: Pdo, config: PdoConfig) -> str:
-    """All that *pdo* is set to, for a person; an MPDO is a comment, since it is never written."""
+    """All that *pdo* is set to, for a person; a comment where no line could set that."""
+    remark = _remark(pdo, config)
+    return f"# {remark}" if remark else "; ".join(whole_lines(pdo, config))
+
+
+def _remark(pdo: Pdo, config: PdoConfig) -> str:
+    """Why no script sets *pdo* to *config*: an MPDO is never written, an inconsistent PDO cannot be made one."""
     if config.mpdo is not None:
-        return f"# {pdo} is a multiplexed PDO (count 0x{config.mpdo:02X})"
-    return "; ".join(whole_lines(pdo, config))
+        return f"{pdo} is a multiplexed PDO (count 0x{config.mpdo:02X})"
+    if not config.inconsistency:
+        return ""
+    words = " ".join([*map(str, config.mapping), *_parameter_words(None, config.communication)])
+    return f"{pdo} is inconsistent ({config.inconsistency}): {words}"
 
 
 def _parameter_words(before: PdoCommunicationParameter | None, after: PdoCommunicationParameter) -> Iterator[str]:
@@ -85,17 +94,15 @@ def backup_lines(
     """A script that sets every one of *pdos* as it is, on a device of this *identity* only.
 
     It disables them first, since a CAN-ID may be in use elsewhere by the time it runs; not those of *fixed*, whose
-    COB-IDs cannot be written. An MPDO is never written: it becomes a comment.
+    COB-IDs cannot be written. What no script could set becomes a comment.
     """
     pin = identity_line(identity)
     lines = ["# dvtcli script 1", *([pin] if pin else [])]
-    movable = [str(pdo) for pdo, config in pdos.items() if config.mpdo is None and pdo not in fixed]
+    remarks = {pdo: _remark(pdo, config) for pdo, config in pdos.items()}
+    movable = [str(pdo) for pdo in pdos if not remarks[pdo] and pdo not in fixed]
     lines += [f"disable {' '.join(movable)}"] if movable else []
     for pdo, config in pdos.items():
-        if config.mpdo is not None:
-            lines.append(f"# {pdo} is a multiplexed PDO (count 0x{config.mpdo:02X}) and is left alone")
-        else:
-            lines += whole_lines(pdo, config)
+        lines += [f"# {remarks[pdo]} and is left alone"] if remarks[pdo] else whole_lines(pdo, config)
     return lines
 
 

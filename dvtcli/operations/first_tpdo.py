@@ -51,7 +51,7 @@ def _with_room(
     node: Node, tpdos: Mapping[Pdo, PdoConfig], bits: int, can_id: int | None
 ) -> tuple[Pdo, tuple[PdoMappingEntry, ...]]:
     """The TPDO that takes *bits* more, with the entries that stay in it; DeviceRefused where there is none."""
-    usable = {pdo: config for pdo, config in tpdos.items() if node.is_dynamic(pdo) and config.mpdo is None}
+    usable = {pdo: config for pdo, config in tpdos.items() if node.is_dynamic(pdo) and not _is_odd(config)}
     for pdo, config in usable.items():
         right = can_id in (None, config.communication.cob_id.can_id)
         if config.enabled and right and config.bits + bits <= _MOST_BITS and _takes_entry(node, pdo, config):
@@ -64,6 +64,10 @@ def _with_room(
         node=node.node_id,
         hint="clear a TPDO first, or map into one by name: map tpdo1 …",
     )
+
+
+def _is_odd(config: PdoConfig) -> bool:
+    return config.mpdo is not None or bool(config.inconsistency)
 
 
 def _takes_entry(node: Node, pdo: Pdo, config: PdoConfig) -> bool:

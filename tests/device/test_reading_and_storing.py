@@ -68,10 +68,20 @@ def test_a_multiplexed_pdo_is_shown_by_its_count(count: int) -> None:
 
 
 @pytest.mark.parametrize("count", [65, 200, 0xFD])
-def test_an_impossible_count_is_a_protocol_error(count: int) -> None:
-    with pytest.raises(SdoProtocolError) as caught:
-        read_pdo(Table({(0x1800, 1): bytes(4), (0x1A00, 0): bytes([count])}), TPDO1)
-    assert caught.value.place == "1A00:00"
+def test_an_impossible_count_is_kept_with_what_can_be_read(count: int) -> None:
+    table = Table({(0x1800, 1): bytes(4), (0x1A00, 0): bytes([count]), (0x1A00, 1): b"\x10\0\x41\x60"})
+    config = read_pdo(table, TPDO1)
+    assert (config.held_count, config.count, config.unread) == (count, count, ((0x1A00, 2),))
+    assert [str(entry) for entry in config.mapping] == ["6041:00/16"]
+
+
+def test_half_a_pdo_is_one_and_none_of_both_is_none() -> None:
+    sending = read_pdo(Table({(0x1800, 1): b"\x81\1\0\0"}), TPDO1)
+    assert (sending.enabled, sending.has_cob_id, sending.has_mapping) == (True, True, False)
+    mapped = read_pdo(Table({(0x1A00, 0): b"\0"}), TPDO1)
+    assert (mapped.enabled, mapped.has_cob_id, mapped.has_mapping) == (False, False, True)
+    with pytest.raises(SdoAborted):
+        read_pdo(Table({}), TPDO1)
 
 
 @pytest.mark.parametrize("answer", [b"", b"\1\2\3\4\5"])

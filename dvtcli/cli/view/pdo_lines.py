@@ -22,7 +22,7 @@ def listing_lines(result: PdoListing, width: int) -> Iterator[Line]:
     if result.detail:
         yield from _detail(result, result.rows[0], width)
         return
-    shown = [row for row in result.rows if result.show_all or row.config.enabled or row.config.count or row.unstored]
+    shown = [row for row in result.rows if result.show_all or _is_of_interest(row)]
     table = Table(
         ("PDO", "COB-ID", "STATE", "TYPE", "INHIBIT", "EVENT", "LEN", "MAPPED OBJECTS"), frozenset({4, 5, 6}), 7
     )
@@ -30,11 +30,29 @@ def listing_lines(result: PdoListing, width: int) -> Iterator[Line]:
         table.add(*_cells(row))
     if shown:
         yield from table.lines(width)
+    yield from (line for row in shown for line in _inconsistency(row))
     hidden = len(result.rows) - len(shown)
     if hidden:
         yield f"{hidden} more {'is' if hidden == 1 else 'are'} off and empty: pdo --all"
     elif not result.rows:
         yield f"node {result.node} has no PDOs"
+
+
+def _is_of_interest(row: PdoRow) -> bool:
+    return row.config.enabled or bool(row.config.count or row.config.inconsistency) or row.unstored
+
+
+def _inconsistency(row: PdoRow) -> Iterator[Line]:
+    """What is wrong with a PDO as it stands, and what mends it."""
+    if not row.config.inconsistency:
+        return
+    way = "map or clear repairs it" if row.config.has_cob_id and row.config.has_mapping else ""
+    if not row.config.has_mapping and row.config.enabled:
+        way = f"disable {row.pdo} switches it off"
+    yield [
+        Cell(f"{row.pdo.label} is inconsistent: ", "red"),
+        Cell("; ".join(filter(None, [row.config.inconsistency, way]))),
+    ]
 
 
 def _cells(row: PdoRow) -> list[str | Cell]:
@@ -44,9 +62,13 @@ def _cells(row: PdoRow) -> list[str | Cell]:
     timer = "" if parameter.event_timer is None else _milliseconds(parameter.event_timer)
     mapped = ", ".join(_names(row)) or "-"
     return [
-        Cell(row.pdo.label, "bold"), str(parameter.cob_id), state, _type(row.config, row), inhibit, timer,
+        Cell(row.pdo.label, "bold"), _cob_id(row), state, _type(row.config, row), inhibit, timer,
         _length(row.config), mapped + (" *" if row.unstored else ""),
     ]  # fmt: skip
+
+
+def _cob_id(row: PdoRow) -> str:
+    return str(row.config.communication.cob_id) if row.config.has_cob_id else "-"
 
 
 def _milliseconds(value: float) -> str:
@@ -81,7 +103,8 @@ def _detail(result: PdoListing, row: PdoRow, width: int) -> Iterator[Line]:
     rtr = "RTR allowed" if parameter.cob_id.rtr_allowed else "no RTR"
     wide = ", 29-bit" if parameter.cob_id.extended else ""
     default = "" if row.default_can_id is None else f" (default 0x{row.default_can_id:03X})"
-    yield [Cell(f"  COB-ID    {parameter.cob_id} "), state, Cell(f", {rtr}{wide}{default}")]
+    yield from _inconsistency(row)
+    yield [Cell(f"  COB-ID    {_cob_id(row)} "), state, Cell(f", {rtr}{wide}{default}")]
     yield f"  type      {_type(row.config, row)}{_sync_note(result, row)}"
     if parameter.inhibit_time is not None:
         yield f"  inhibit   {parameter.inhibit_time} x 100 us = {_milliseconds(parameter.inhibit_time / 10)}"

@@ -104,7 +104,8 @@ def _beside(node: Changeable, plan: Plan, found: Found) -> dict[Pdo, PdoConfig]:
 def _others(plan: Plan, held: Mapping[Pdo, PdoConfig]) -> dict[Pdo, PdoConfig]:
     """Those of the PDOs *held* that *plan* leaves alone."""
     own = {change.pdo for change in plan.changes if isinstance(change, PdoChange)}
-    return {pdo: config for pdo, config in held.items() if pdo not in own and config.mpdo is None}
+    movable = {pdo: config for pdo, config in held.items() if config.mpdo is None and config.has_cob_id}
+    return {pdo: config for pdo, config in movable.items() if pdo not in own}
 
 
 def left_open(node: Changeable, left: LeftChanged) -> None:

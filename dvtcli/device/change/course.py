@@ -82,7 +82,7 @@ def _counts(change: Change, pdos: dict[Pdo, PdoChange]) -> bool:
 
 def _joined(first: Change, last: Change) -> Change:
     if isinstance(first, PdoChange) and isinstance(last, PdoChange):
-        return replace(last, before=first.before)
+        return replace(last, before=first.before, back=first.back)
     assert isinstance(first, ValueChange)  # noqa: S101 - one key, one kind
     assert isinstance(last, ValueChange)  # noqa: S101
     return ValueChange(replace(last.step, before=first.step.before))

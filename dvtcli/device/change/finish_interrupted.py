@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.change.pending import CHANGE
 from dvtcli.device.change.put_back import restore_patiently
+from dvtcli.device.change.taken_back import put_back_findings
 from dvtcli.device.change.way_back import plan_back
 from dvtcli.device.compare import differences
 from dvtcli.device.observe import MOST_LOOKS, BusWitness
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from dvtcli.device.change.journal import Journal
     from dvtcli.device.change.plan_document import Identity
     from dvtcli.device.known_pdos import KnownPdos
+    from dvtcli.domain.rules import Finding
 
 
 def refuse_other_device(node: KnownPdos, journal: Journal) -> None:
@@ -75,36 +77,37 @@ def _accepted_value(node: KnownPdos, step: Step) -> AcceptedState:
     return AcceptedState(step.object, value_line(step, held), value_line(step, step.before), found)
 
 
-def recover(node: Changeable, journal: Journal) -> Plan:
+def recover(node: Changeable, journal: Journal) -> tuple[Plan, tuple[Finding, ...]]:
     """Finish an interrupted change: put back what it replaced, verify that, restore the NMT state, forget the journal.
 
     Only forwards, towards what was: a failure leaves the journal for the next try (LeftChanged). Returns the plan
-    of what was to be written. SafetyRefusal where the journal was made on another device.
+    of what was to be written, and warnings of what the device did not take back. SafetyRefusal where the journal was
+    made on another device.
     """
     refuse_other_device(node, journal)
     if node.keeper is not None:
         node.keeper.lock.take()
     plan = plan_back(node, [journal.plan])
-    _put_back_for_good(node, journal)
+    otherwise = _put_back_for_good(node, journal)
     if node.keeper is not None:
         node.keeper.forget(journal)
     node.pending.suspicions.pop(CHANGE, None)
-    return plan
+    return plan, put_back_findings(otherwise)
 
 
-def _put_back_for_good(node: Changeable, journal: Journal) -> None:
+def _put_back_for_good(node: Changeable, journal: Journal) -> tuple[PdoChange, ...]:
     """Put back, and start the node where it was found OPERATIONAL; again where it restarted after it was verified.
 
     What it held in RAM only is lost with a restart, also with one that the start brings about.
     """
     for _ in range(MOST_LOOKS):
         boot_ups = node.bus.boot_ups(node.node_id)
-        _put_back(node, journal)
+        otherwise = _put_back(node, journal)
         if journal.nmt_state == NmtState.OPERATIONAL and node.access.state() is NmtState.PRE_OPERATIONAL:
             node.access.insist(NmtState.OPERATIONAL)
         if node.bus.boot_ups(node.node_id) == boot_ups:
             node.pending.boot_ups = boot_ups
-            return
+            return otherwise
     raise LeftChanged(
         f"node {node.node_id} restarted each of {MOST_LOOKS} times that it was put back",
         node=node.node_id,
@@ -114,13 +117,13 @@ def _put_back_for_good(node: Changeable, journal: Journal) -> None:
     )
 
 
-def _put_back(node: Changeable, journal: Journal) -> None:
+def _put_back(node: Changeable, journal: Journal) -> tuple[PdoChange, ...]:
     node.gate.enter()
     try:
         with node.cancellation.guard():
             node.gate.renew()  # a try before this one may have started it
             witness = BusWitness(node.bus, node.node_id)
-            restore_patiently(node.sdo, journal.plan.changes, node.bus, node.gate.renew, witness)
+            return restore_patiently(node.sdo, journal.plan.changes, node.bus, node.gate.renew, witness)
     except (DvtcliError, KeyboardInterrupt) as fault:
         labels = several(change.label for change in journal.plan.changes)
         raise LeftChanged(

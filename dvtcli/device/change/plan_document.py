@@ -5,6 +5,7 @@ Reads what somebody may have damaged: every part is checked. Does not know files
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 from dvtcli.domain.cob_id import CobId
@@ -23,9 +24,11 @@ def change_document(change: Change) -> dict[str, Any]:
     """A change as JSON, from which `read_plan` makes it again."""
     if isinstance(change, ValueChange):
         step = change.step
-        before = None if step.before is None else step.before.hex()
-        return {"object": [step.index, step.sub_index], "before": before, "after": step.after.hex()}
-    return {"pdo": str(change.pdo), "before": _config_document(change.before), "after": _config_document(change.after)}
+        held = None if step.before is None else step.before.hex()
+        return {"object": [step.index, step.sub_index], "before": held, "after": step.after.hex()}
+    before, after = _config_document(change.before), _config_document(change.after)
+    back = None if change.back is None else _config_document(change.back)
+    return {"pdo": str(change.pdo), "before": before, "after": after, "back": back}
 
 
 def _config_document(config: PdoConfig) -> dict[str, Any]:
@@ -38,6 +41,8 @@ def _config_document(config: PdoConfig) -> dict[str, Any]:
         "sync_start_value": parameter.sync_start_value,
         "mapping": [entry.raw for entry in config.mapping],
         "mpdo": config.mpdo,
+        "held_count": config.held_count,
+        "unread": [list(place) for place in config.unread],
     }
 
 
@@ -63,7 +68,8 @@ def _change(document: Any) -> Change:
         before, after = (_config(document.get(key)) for key in ("before", "after"))
         if (before.mpdo, after.mpdo) != (None, None):
             raise ValueError("a multiplexed PDO is never changed")
-        change: PdoChange = plan_pdo(pdo, before, after)
+        back = None if document.get("back") is None else _config(document["back"])
+        change: PdoChange = replace(plan_pdo(pdo, before, after), back=back)
         return change
     return _value(document)
 
@@ -89,8 +95,17 @@ def _config(document: Any) -> PdoConfig:
         raise ValueError("a mapping is malformed")
     entries = tuple(PdoMappingEntry.from_raw(read_number({"": word}, "", 0xFFFF_FFFF)) for word in words)
     communication = PdoCommunicationParameter(CobId.from_raw(read_number(document, "cob_id", 0xFFFF_FFFF)), **times)
-    mpdo = None if document.get("mpdo") is None else read_number(document, "mpdo", 0xFF)
-    return PdoConfig(communication, entries, mpdo)
+    mpdo, held = (
+        None if document.get(key) is None else read_number(document, key, 0xFF) for key in ("mpdo", "held_count")
+    )
+    return PdoConfig(communication, entries, mpdo, held, _unread(document.get("unread", [])))
+
+
+def _unread(places: Any) -> tuple[tuple[int, int], ...]:
+    """What of the PDO could not be read; journals of earlier versions do not say."""
+    if not isinstance(places, list) or not all(isinstance(one, list) and len(one) == 2 for one in places):
+        raise ValueError("what could not be read is malformed")
+    return tuple((read_number({"": index}, "", 0xFFFF), read_number({"": sub}, "", 0xFF)) for index, sub in places)
 
 
 def read_number(document: dict[str, Any], key: str, most: int, least: int = 0) -> int:

@@ -41,22 +41,23 @@ def restore_patiently(
     clock: Clock,
     before_retry: Callable[[], None],
     witness: Witness | None = None,
-) -> None:
+) -> tuple[PdoChange, ...]:
     """Put every change's *before* back; a node that is silent or refuses may be rebooting, so it is asked again.
 
     Also what was not begun: a reboot takes that, too, back to what is stored. Each try reads the device anew, so
     nothing is taken for granted of what an earlier one wrote; what was put back stays put back. A try during which
     the *witness* saw the node restart, or an upload repeated, proves nothing: it is followed by another. *before_retry*
-    makes the device writable again. Raises the last try's error after `PATIENCE_S`.
+    makes the device writable again. Raises the last try's error after `PATIENCE_S`. Returns the changes of which the
+    device refused *before* and took *back*.
     """
     witness = witness or Undisturbed()
     deadline = clock.now_s() + PATIENCE_S
     while True:
         try:
             upsets = witness.upsets()
-            restore(sdo, changes)
+            otherwise = restore(sdo, changes)
             if witness.upsets() == upsets:
-                return
+                return otherwise
             if clock.now_s() >= deadline:
                 raise DeviceRefused("the node restarted, or lost an answer, each time that it was put back")
         except _PASSING:
@@ -67,27 +68,43 @@ def restore_patiently(
                 before_retry()  # where that fails too, the next try finds out
 
 
-def restore(sdo: SdoTransport, changes: Sequence[Change]) -> None:
+def restore(sdo: SdoTransport, changes: Sequence[Change]) -> tuple[PdoChange, ...]:
     """Put every change's *before* back, last change first, then verify all; the first failure is raised at the end.
 
     The device is read anew first: after a time-out nobody knows whether the last write arrived. Verified is after the
-    last write only, since putting one PDO back may alter another.
+    last write only, since putting one PDO back may alter another. Returns what was put back to its *back* instead.
     """
     failures: list[Exception] = []
     for change in reversed(changes):
         try:
-            for step in _steps_back(sdo, change):
-                sdo.download(step.index, step.sub_index, step.after)
+            _put_one_back(sdo, change)
         except NoAnswer:
             raise  # a silent node answers nothing about the others either
         except Exception as failed:  # noqa: BLE001 - the others are put back all the same
             failures.append(failed)
     if failures:
         raise failures[0]
+    otherwise = []
     for change in changes:
         difference = first_difference(sdo, change, wanted_before=True)
+        if difference and isinstance(change, PdoChange) and change.back is not None:
+            difference = first_difference(sdo, replace(change, after=change.back))
+            otherwise.append(change)
         if difference:
             raise DeviceRefused(f"{change.label} does not read back as it was", place=change.label, why=difference)
+    return tuple(otherwise)
+
+
+def _put_one_back(sdo: SdoTransport, change: Change) -> None:
+    """Put back what *change* replaced; where the device refuses that, and that was foreseen, what it takes."""
+    try:
+        for step in _steps_back(sdo, change):
+            sdo.download(step.index, step.sub_index, step.after)
+    except SdoAborted:
+        if not isinstance(change, PdoChange) or change.back is None:
+            raise
+        for step in plan_pdo(change.pdo, read_pdo(sdo, change.pdo), change.back).steps:
+            sdo.download(step.index, step.sub_index, step.after)
 
 
 def _steps_back(sdo: SdoTransport, change: Change) -> Sequence[Step]:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 
 from dvtcli.device.change.cancellation import Cancellation
 from dvtcli.device.change.put_back import Clock, altered_cob_ids, first_difference, restore_patiently
+from dvtcli.device.change.taken_back import put_back_findings
 from dvtcli.device.observe import Undisturbed, Witness, observed
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, writes_cob_id
@@ -181,13 +182,16 @@ class Transaction:
         if not self._touched:
             return
         try:
-            self._put_back()
+            otherwise = self._put_back()
         except (Exception, KeyboardInterrupt) as second:  # noqa: BLE001 - whatever it is, the device is left changed
             raise left_changed(self.plan, fault, second) from fault
         if isinstance(fault, DvtcliError):
             unreadable = any(isinstance(one, ValueChange) and one.step.before is None for one in self._started)
             refusal = isinstance(fault, DeviceRefused)
             fault.state = "unknown" if unreadable and not refusal else "rolled_back"
+            fault.details += [("put back", finding.text) for finding in put_back_findings(otherwise)]
+            if otherwise and fault.state == "rolled_back":
+                fault.state_text = "rolled back as far as the device takes it, read back equal; nothing was stored"
             fault.node = self.plan.node_id
             if isinstance(fault, NoAnswer):
                 self._explain_silence(fault)
@@ -202,18 +206,22 @@ class Transaction:
             silent.why = silent.why or "it answers again: an answer, or its request, was lost or late"
             silent.hint = "try again; where that repeats, a longer --timeout, or look at the wiring and the bus load"
 
-    def _put_back(self) -> None:
-        """Put the plan's PDOs back, and after them those that the device altered along with them."""
+    def _put_back(self) -> tuple[PdoChange, ...]:
+        """Put the plan's PDOs back, and after them those that the device altered along with them.
+
+        Returns those that were put back to what the device takes instead of what they were.
+        """
         changes: tuple[Change, ...] = self.plan.changes
-        restore_patiently(self.sdo, changes, self.clock, self.before_retry, self.witness)
+        otherwise = restore_patiently(self.sdo, changes, self.clock, self.before_retry, self.witness)
         altered = tuple(PdoChange(pdo, self.others[pdo], self.others[pdo], ()) for pdo in self._altered())
         if not altered:
-            return
+            return otherwise
         self.on_altered((*changes, *altered))
         restore_patiently(self.sdo, (*changes, *altered), self.clock, self.before_retry, self.witness)
         still = self._altered()
         if still:
             raise DeviceRefused("the device alters other PDOs again", why="; ".join(still.values()))
+        return otherwise
 
 
 def step_text(step: Step) -> str:

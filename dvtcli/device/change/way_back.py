@@ -23,17 +23,17 @@ if TYPE_CHECKING:
 RULES = (Rule("write-only", WARNING, "what a write-only object held is not known, so it is not put back", "ours"),)
 
 
-def plan_back(node: KnownPdos, plans: Iterable[Plan]) -> Plan:
+def plan_back(node: KnownPdos, plans: Iterable[Plan], *, as_taken: bool = False) -> Plan:
     """The plan from what *node* holds now to what it held before the oldest of *plans* (oldest first).
 
     The node is read anew, since nothing is known of what happened to it meanwhile. A write-only object stays as it
-    is (`unknown_before`).
+    is (`unknown_before`). With *as_taken* a PDO of which a refusal was foreseen becomes what a device takes instead.
     """
     pdos: dict[Pdo, PdoConfig] = {}
     values: dict[tuple[int, int], Step] = {}
     for change in (change for plan in reversed(list(plans)) for change in reversed(plan.changes)):
         if isinstance(change, PdoChange):
-            pdos[change.pdo] = change.before
+            pdos[change.pdo] = change.back if as_taken and change.back is not None else change.before
         else:
             values[change.step.index, change.step.sub_index] = change.step
     changes = [plan_pdo(pdo, node.pdo(pdo), before) for pdo, before in pdos.items()]

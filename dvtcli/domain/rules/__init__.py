@@ -11,6 +11,7 @@ from dvtcli.domain.rules.can_id import can_id_findings
 from dvtcli.domain.rules.communication import communication_findings
 from dvtcli.domain.rules.finding import Finding, Proposal
 from dvtcli.domain.rules.mappable import mapping_findings
+from dvtcli.domain.rules.whole_pdo import whole_findings
 
 __all__ = ["Finding", "Proposal", "check_pdo", "errors_in"]
 
@@ -20,6 +21,7 @@ _RANK = {Severity.ERROR: 0, Severity.WARNING: 1, Severity.NOTE: 2}
 def check_pdo(proposal: Proposal) -> tuple[Finding, ...]:
     """Everything the rules say about *proposal*: errors first, each kind in frame order."""
     findings = [
+        *whole_findings(proposal),
         *mapping_findings(proposal),
         *communication_findings(proposal),
         *can_id_findings(proposal),

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.pdo import Direction, Pdo
+from dvtcli.domain.plan import disables
 from dvtcli.domain.profile import BitPolicy, Severity
 from dvtcli.domain.rules.finding import Finding, Producer, Proposal, error, note, warning
 from dvtcli.domain.rules.rule import ERROR, NOTE, Rule
@@ -49,9 +50,9 @@ def restricted_use(can_id: int) -> str | None:
 
 
 def can_id_findings(proposal: Proposal) -> Iterator[Finding]:
-    """Judge the wanted COB-ID where it changes, and where the PDO becomes valid."""
+    """Judge the wanted COB-ID where it changes, and where the PDO becomes valid, also anew with the one it has."""
     now, want = proposal.now.communication.cob_id, proposal.want.communication.cob_id
-    if now == want:
+    if now == want and not disables(proposal.now, proposal.want):
         return
     place = proposal.communication_place(1)
     yield from _flag_findings(proposal, place)
@@ -73,6 +74,8 @@ def can_id_findings(proposal: Proposal) -> Iterator[Finding]:
             Abort.VALUE_RANGE,
             "take one within 0x181..0x57F or 0x680..0x6DF, or --cob-id auto",
         )
+    if now == want:  # whoever uses the same one has done so before
+        return
     yield from _service_clashes(proposal, place)
     yield from _pdo_clashes(proposal, place)
     yield from _producer_clashes(proposal, place)

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from dvtcli.domain.abort import Abort
-from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
+from dvtcli.domain.mapping import MAX_ENTRIES
 from dvtcli.domain.profile import Severity, within
+from dvtcli.domain.rules.described_step import described_step_findings
 from dvtcli.domain.rules.finding import Finding, Proposal, error, warning
 from dvtcli.domain.rules.rule import ERROR, WARNING, Rule
 
@@ -15,7 +16,6 @@ RULES = (
     Rule("parameter-range", ERROR, "outside the limits of the device's file, of the family or of the object's size",
          "CiA 301, 7.5.2.35; the EDS, LowLimit and HighLimit (CiA 306); the family",
          (Abort.VALUE_HIGH, Abort.VALUE_LOW)),
-    Rule("parameter-static", ERROR, "the parameter is read-only", "the EDS, AccessType (CiA 306)", (Abort.READ_ONLY,)),
     Rule("transmission-type", (Severity.ERROR, Severity.WARNING),
          "a reserved type, or one that the family does not have (error); one with a meaning of its own (warning)",
          "CiA 301, 7.5.2.35 and 7.5.2.37; the family", (Abort.VALUE_RANGE,)),
@@ -28,7 +28,8 @@ _LARGEST = {2: 0xFF, 3: 0xFFFF, 5: 0xFFFF, 6: 0xFF}
 
 
 def communication_findings(proposal: Proposal) -> Iterator[Finding]:
-    """Judge every communication parameter that changes."""
+    """Judge every communication parameter that changes, and each write by what the device's file says of it."""
+    fits = len(proposal.want.mapping) <= MAX_ENTRIES
     for sub_index, before, after in _changed(proposal):
         place = proposal.communication_place(sub_index)
         if after is not None and before is None:
@@ -40,9 +41,13 @@ def communication_findings(proposal: Proposal) -> Iterator[Finding]:
             )
             continue
         if after is not None:
-            yield from _file_findings(proposal, sub_index, after)
+            found = list(_size_findings(proposal, sub_index, after))
+            fits = fits and not found
+            yield from found
         if sub_index == 2 and after is not None:
             yield from _type_findings(proposal, place, after)
+    if fits:
+        yield from described_step_findings(proposal)
     yield from _combination_findings(proposal)
 
 
@@ -58,8 +63,8 @@ def _changed(proposal: Proposal) -> Iterator[tuple[int, int | None, int | None]]
     return ((sub_index, before, after) for sub_index, before, after in rows if before != after)
 
 
-def _file_findings(proposal: Proposal, sub_index: int, value: int) -> Iterator[Finding]:
-    """What the object, the family and the EDS say of this parameter."""
+def _size_findings(proposal: Proposal, sub_index: int, value: int) -> Iterator[Finding]:
+    """What the object's size and the family say of this parameter."""
     place, name = proposal.communication_place(sub_index), _NAMES[sub_index]
     if value > _LARGEST.get(sub_index, 0xFFFF_FFFF):
         yield error(
@@ -73,53 +78,9 @@ def _file_findings(proposal: Proposal, sub_index: int, value: int) -> Iterator[F
         most = _shown(sub_index, proposal.profile.max_time_count)
         text = f"{name} {_shown(sub_index, value)} is above {most}, the most that a {proposal.profile.title} takes"
         yield error("parameter-range", place, text, Abort.VALUE_HIGH)
-        return
-    dictionary = proposal.dictionary
-    entry = dictionary.entry(proposal.pdo.communication_index, sub_index) if dictionary else None
-    if entry is not None and dictionary is not None:
-        yield from _entry_findings(proposal, dictionary, entry, value)
-
-
-def _entry_findings(proposal: Proposal, dictionary: ObjectDictionary, entry: OdEntry, value: int) -> Iterator[Finding]:
-    """What *entry* of the EDS says: whether it may be written, and its limits."""
-    sub_index = entry.sub_index
-    place, name = proposal.communication_place(sub_index), _NAMES[sub_index]
-    if not entry.access.writable:
-        yield error(
-            "parameter-static",
-            place,
-            f"{name} of {proposal.pdo.label} is {entry.access} in {dictionary.place(entry)}",
-            Abort.READ_ONLY,
-            "this device fixes it; leave the option out",
-        )
-    if not _sane(entry.low, entry.high):
-        return
-    if entry.high is not None and value > entry.high:
-        yield error(
-            "parameter-range",
-            place,
-            f"{name} {_shown(sub_index, value)} is above the limit "
-            f"{_shown(sub_index, int(entry.high))} in {dictionary.place(entry)}",
-            Abort.VALUE_HIGH,
-        )
-    if entry.low is not None and value < entry.low:
-        yield error(
-            "parameter-range",
-            place,
-            f"{name} {_shown(sub_index, value)} is below the limit "
-            f"{_shown(sub_index, int(entry.low))} in {dictionary.place(entry)}",
-            Abort.VALUE_LOW,
-        )
-
-
-def _sane(low: float | None, high: float | None) -> bool:
-    """Limits count only where they leave a choice: real files carry 0..0 and reversed ones."""
-    return low is None or high is None or low < high
 
 
 def _shown(sub_index: int, value: int) -> str:
-    if sub_index == 1:
-        return f"0x{value:08X}"
     return f"{value / 10:.1f} ms ({value} x 100 us)" if sub_index == 3 else str(value)
 
 

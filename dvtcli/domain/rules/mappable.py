@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import count
 
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.mapping import DUMMY_BITS, MAX_ENTRIES, MAX_PDO_BITS, PdoMappingEntry
+from dvtcli.domain.plan import disables, mapping_differs
 from dvtcli.domain.profile import Severity
 from dvtcli.domain.rules.entry_length import length_findings
 from dvtcli.domain.rules.finding import Finding, Proposal, error, note, warning
@@ -45,7 +47,8 @@ def mapping_findings(proposal: Proposal) -> Iterator[Finding]:
             f"{proposal.pdo.label} is a multiplexed PDO (count 0x{proposal.now.mpdo:02X}); dvtcli shows MPDOs "
             "and never writes them",
         )
-    if want.enabled and not want.count and (not proposal.now.enabled or proposal.now.count):
+    enables = not proposal.now.enabled or disables(proposal.now, want)
+    if want.enabled and not want.count and (enables or proposal.now.count):
         yield error(
             "empty-mapping",
             proposal.communication_place(1),
@@ -53,7 +56,7 @@ def mapping_findings(proposal: Proposal) -> Iterator[Finding]:
             Abort.VALUE_RANGE,
             f"map {proposal.pdo} OBJECT…, or --off",
         )
-    if want.mapping == proposal.now.mapping:
+    if not mapping_differs(proposal.now, want):
         return
     yield from _static_findings(proposal)
     yield from _size_findings(proposal)
@@ -114,7 +117,7 @@ def _count_findings(proposal: Proposal) -> Iterator[Finding]:
     subs = _entry_sub_indices(proposal)
     limit = min(MAX_ENTRIES, proposal.profile.max_entries or MAX_ENTRIES)
     text = f"{wanted} entries are wanted, {label} of this device takes {limit if subs is None else min(limit, subs)}"
-    hint = "spread the objects over more PDOs"
+    hint = "spread the objects over more PDOs" if subs != 0 else "choose another PDO (pdo --all)"
     if subs is not None and wanted > subs:
         yield error("entry-count", proposal.mapping_place(subs + 1), text, Abort.NO_SUB_INDEX, hint)
     elif wanted > limit:
@@ -122,11 +125,12 @@ def _count_findings(proposal: Proposal) -> Iterator[Finding]:
 
 
 def _entry_sub_indices(proposal: Proposal) -> int | None:
-    """How many entries the EDS's mapping parameter has room for; None where it does not say."""
+    """How many entries from the first one on the EDS's mapping parameter has; None where it does not say."""
     dictionary, index = proposal.dictionary, proposal.pdo.mapping_index
     if dictionary is None or index not in dictionary:
         return None
-    return len(dictionary[index].entries.keys() - {0}) or None
+    described = dictionary[index].entries
+    return next(number for number in count() if number + 1 not in described)
 
 
 def _dummy(proposal: Proposal, place: str, entry: PdoMappingEntry) -> Iterator[Finding]:

@@ -168,13 +168,21 @@ def _mapping(
     if write.sub_index == 0:
         if write.value in (0xFE, 0xFF):
             yield error("mpdo", write.place, "dvtcli never writes multiplexed PDOs", Abort.PDO_LENGTH)
+        elif write.value > len(entries):
+            place = f"0x{write.index:04X}:{len(entries) + 1:02X}"
+            yield error("entry-count", write.place, f"the count would be {write.value}, but {place} cannot be read",
+                        Abort.PDO_LENGTH, f"map {pdo} OBJECT… sets the entries and the count")  # fmt: skip
         elif write.value:
-            yield from mapping_findings(proposal_for(replace(now, mapping=entries)))
+            yield from mapping_findings(proposal_for(_with_mapping(now, entries)))
         return
     if now.count:
         yield error("entry-while-counted", write.place, f"an entry cannot change while the count is {now.count}",
                     Abort.UNSUPPORTED_ACCESS, f"map {pdo} OBJECT… does it in order")  # fmt: skip
         return
     single = PdoMappingEntry.from_raw(write.value)
-    for finding in mapping_findings(proposal_for(replace(now, mapping=(single,)))):
+    for finding in mapping_findings(proposal_for(_with_mapping(now, (single,)))):
         yield replace(finding, place=write.place)
+
+
+def _with_mapping(now: PdoConfig, entries: tuple[PdoMappingEntry, ...]) -> PdoConfig:
+    return replace(now, mapping=entries, held_count=None, unread=now.lacking)

@@ -61,7 +61,7 @@ class PdoRow:
         return {
             "pdo": str(self.pdo),
             "enabled": self.config.enabled,
-            "cob_id": parameter.cob_id.can_id,
+            "cob_id": parameter.cob_id.can_id if self.config.has_cob_id else None,
             "extended": parameter.cob_id.extended,
             "rtr_allowed": parameter.cob_id.rtr_allowed,
             "transmission_type": parameter.transmission_type,
@@ -70,6 +70,7 @@ class PdoRow:
             "sync_start": parameter.sync_start_value,
             "bits": self.config.bits,
             "mapping": self._mapping(),
+            "inconsistent": self.config.inconsistency or None,
             "last_frame": None if self.last is None else self.last.document(),
         }
 

@@ -1,0 +1,55 @@
+"""What a device will take back of the PDOs that a plan changes, kept in the plan itself before anything is written.
+
+Judges by the rules, without a read. Does not write.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.plan import Change, PdoChange, Plan, alters
+from dvtcli.domain.rules import Proposal
+from dvtcli.domain.rules.no_way_back import nearest, put_back_finding, way_back_finding
+
+if TYPE_CHECKING:
+    from dvtcli.device.known_pdos import KnownPdos
+    from dvtcli.domain.rules import Finding
+
+
+def with_way_back(node: KnownPdos, plan: Plan) -> tuple[Plan, tuple[Finding, ...]]:
+    """*plan* with what is put back of each PDO where *node* refuses what it holds now, and a warning for each."""
+    found = [_foreseen(node, change) for change in plan.changes]
+    findings = tuple(finding for _, finding in found if finding is not None)
+    return replace(plan, changes=tuple(change for change, _ in found)), findings
+
+
+def _foreseen(node: KnownPdos, change: Change) -> tuple[Change, Finding | None]:
+    if not isinstance(change, PdoChange) or not change.steps or not alters(change):
+        return change, None
+    back = Proposal(node.node_id, change.pdo, change.after, change.before, {}, node.profile, node.dictionary)
+    found = nearest(back)
+    if found is None:
+        return change, None
+    config, reason = found
+    return replace(change, back=config), way_back_finding(change.pdo, change.before, config, reason)
+
+
+def put_back_findings(changes: Iterable[Change]) -> tuple[Finding, ...]:
+    """A warning for each of *changes*, all of which were put back as what the device takes."""
+    return tuple(
+        put_back_finding(change.pdo, change.before, change.back)
+        for change in changes
+        if isinstance(change, PdoChange) and change.back is not None
+    )
+
+
+def foreseen(plans: Iterable[Plan]) -> list[PdoChange]:
+    """The first change of each PDO of *plans* (oldest first) of which it was foreseen that it is not taken back."""
+    first: dict[Pdo, PdoChange] = {}
+    for change in (change for plan in plans for change in plan.changes):
+        if isinstance(change, PdoChange):
+            first.setdefault(change.pdo, change)
+    return [change for change in first.values() if change.back is not None]

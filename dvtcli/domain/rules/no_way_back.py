@@ -1,0 +1,94 @@
+"""What a device takes back of a PDO's present configuration, once it was changed; said before it is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.plan import EVENT_TIMER, INHIBIT_TIME, SYNC_START, TRANSMISSION_TYPE
+from dvtcli.domain.request import cleared
+from dvtcli.domain.rules import check_pdo, errors_in
+from dvtcli.domain.rules.finding import Finding, Proposal, warning
+from dvtcli.domain.rules.rule import WARNING, Rule
+
+RULES = (
+    Rule("way-back", WARNING,
+         "a PDO holds what a device does not take: `undo` leaves it off, or off and empty, where that is refused",
+         "CiA 301, 7.5.2.35 to 7.5.2.38; the EDS; the family"),
+)  # fmt: skip
+
+_FIELDS = {
+    TRANSMISSION_TYPE: "transmission_type", INHIBIT_TIME: "inhibit_time",
+    EVENT_TIMER: "event_timer", SYNC_START: "sync_start_value",
+}  # fmt: skip
+_NAMES = {"transmission_type": "transmission type", "inhibit_time": "inhibit time", "event_timer": "event timer",
+          "sync_start_value": "SYNC start value"}  # fmt: skip
+
+
+def nearest(back: Proposal) -> tuple[PdoConfig, Finding] | None:
+    """What a device takes instead where it does not take what *back* wants, and the first reason; None where it does.
+
+    *back* goes from what is to be set to what is held now. Parameters that are refused stay as they are to be set;
+    then the PDO is off, and then empty.
+    """
+    refusals = _refusals(back)
+    if not refusals:
+        return None
+    wanted = back.want
+    for other in _weaker(back):
+        wanted = other
+        if not _refusals(replace(back, want=wanted)):
+            break
+    return wanted, refusals[0]
+
+
+def _refusals(back: Proposal) -> list[Finding]:
+    """What a device would abort; what only our rules forbid has been there before."""
+    return [finding for finding in errors_in(check_pdo(back)) if finding.abort is not None]
+
+
+def _weaker(back: Proposal) -> Iterator[PdoConfig]:
+    places = {finding.place for finding in _refusals(back)}
+    refused = [name for sub, name in _FIELDS.items() if back.communication_place(sub) in places]
+    kept = {name: getattr(back.now.communication, name) for name in refused}
+    as_set = replace(back.want, communication=replace(back.want.communication, **kept))
+    off = replace(as_set, communication=replace(as_set.communication, cob_id=as_set.communication.cob_id.disabled()))
+    empty = cleared(off)
+    yield from (as_set, off, empty)
+    yield replace(empty, communication=replace(back.now.communication, cob_id=back.now.communication.cob_id.disabled()))
+
+
+def way_back_finding(pdo: Pdo, before: PdoConfig, back: PdoConfig, reason: Finding) -> Finding:
+    """The warning that *pdo*, which is *before*, can be put back as *back* only where a device judges as the rules."""
+    text = f"{pdo.label} is {_state(before)}, which a device refuses ({reason.text}): `undo` then leaves it "
+    return warning("way-back", reason.place, text + left_as(before, back))
+
+
+def put_back_finding(pdo: Pdo, before: PdoConfig, back: PdoConfig) -> Finding:
+    """The warning that the device refused what *pdo* was *before*, so that it is *back* now."""
+    place = f"0x{pdo.communication_index:04X}:01"
+    return warning("way-back", place, put_back_text(pdo, before, back))
+
+
+def put_back_text(pdo: Pdo, before: PdoConfig, back: PdoConfig) -> str:
+    """The same in words."""
+    return f"{pdo.label} was {_state(before)}, which the device refuses: it is {left_as(before, back)} now"
+
+
+def _state(config: PdoConfig) -> str:
+    if config.inconsistency:
+        return "inconsistent"
+    word = "enabled" if config.enabled else "off"
+    return word if config.count else f"{word} and empty"
+
+
+def left_as(before: PdoConfig, back: PdoConfig) -> str:
+    """What becomes of a PDO that was *before* and is put *back*, in words."""
+    words = [] if back.enabled else ["off"]
+    words += ["empty"] if not back.count and (words or before.count) else []
+    for field, name in _NAMES.items():
+        value = getattr(back.communication, field)
+        if value != getattr(before.communication, field):
+            words.append(f"at {name} {value}")
+    return " and ".join(words) or "as it is set now"

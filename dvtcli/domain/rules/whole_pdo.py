@@ -1,0 +1,39 @@
+"""Rules about PDOs that are not whole: without COB-ID, without mapping, or with a count that their entries do not fill.
+
+Such a PDO may be disabled, cleared and mapped anew; it is not enabled as it stands.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from dvtcli.domain.abort import Abort
+from dvtcli.domain.plan import disables, mapping_differs
+from dvtcli.domain.rules.finding import Finding, Proposal, error
+from dvtcli.domain.rules.rule import ERROR, Rule
+
+RULES = (
+    Rule("half-pdo", ERROR, "the PDO has no COB-ID, or no mapping, that the change could write",
+         "CiA 301, 7.5.2.35 to 7.5.2.38: a PDO has both; the device", (Abort.NO_OBJECT,)),
+    Rule("inconsistent-pdo", ERROR, "a PDO would be enabled whose count its entries do not fill",
+         "CiA 301, 7.5.2.36 and 7.5.2.38", (Abort.PDO_LENGTH,)),
+)  # fmt: skip
+
+
+def whole_findings(proposal: Proposal) -> Iterator[Finding]:
+    """Judge what the change needs of a PDO that lacks it, and an inconsistent one that it would enable."""
+    now, want, label = proposal.now, proposal.want, proposal.pdo.label
+    maps = mapping_differs(now, want)
+    if not now.has_cob_id and now.communication.cob_id != want.communication.cob_id:
+        place, hint = proposal.communication_place(1), "choose another PDO (pdo --all); --off maps without enabling"
+        yield error("half-pdo", place, f"{label} of this device has no COB-ID: {place} cannot be read",
+                    Abort.NO_OBJECT, hint)  # fmt: skip
+    if not now.has_mapping and maps:
+        place, hint = proposal.mapping_place(0), "choose another PDO (pdo --all); disable switches this one off"
+        yield error("half-pdo", place, f"{label} of this device has no mapping: {place} cannot be read",
+                    Abort.NO_OBJECT, hint)  # fmt: skip
+    enables = want.enabled and (not now.enabled or disables(now, want))
+    if want.held_count is not None and (maps or enables):
+        place, hint = proposal.mapping_place(0), f"map {proposal.pdo} OBJECT… or clear {proposal.pdo} repairs it"
+        yield error("inconsistent-pdo", place, f"{label} is not enabled as it stands: {want.inconsistency}",
+                    Abort.PDO_LENGTH, hint)  # fmt: skip

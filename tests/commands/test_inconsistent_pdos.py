@@ -1,0 +1,133 @@
+"""PDOs that are not whole are shown, take part in the clash check, and are repaired."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.commands.bench import Bench, Ran
+from tests.small_eds import INPUTS, Eds, communication, mapping, plain
+
+FIRST = INPUTS << 16 | 0x0108
+
+
+def bench(eds: Eds, name: str = "odd.eds") -> Bench:
+    path = Path(name).resolve()
+    path.write_text(eds.text())
+    return Bench((str(path),), {"yes": True})
+
+
+def row(ran: Ran, pdo: str) -> dict[str, Any]:
+    found = [one for one in ran.document["pdos"] if one["pdo"] == pdo]
+    return found[0]
+
+
+def count_above(count: int = 9, cob_id: int = 0x181) -> Eds:
+    eds = plain()
+    eds.record(0x1800, "Communication 1", communication(cob_id))
+    eds.record(0x1A00, "Mapping 1", mapping(count, [FIRST, FIRST + 0x100, FIRST + 0x200, FIRST + 0x300]))
+    return eds
+
+
+def without(index: int, cob_id: int = 0x281) -> Eds:
+    """TPDO2 enabled, one of its parameters missing."""
+    eds = plain()
+    eds.record(0x1801, "Communication 2", communication(cob_id))
+    eds.record(0x1A01, "Mapping 2", mapping(1, [FIRST, 0, 0, 0]))
+    del eds.objects[index]
+    return eds
+
+
+@pytest.mark.parametrize("count", [5, 9, 64, 65, 0xFD])
+def test_a_count_above_the_entries_is_shown_with_those_that_can_be_read(count: int) -> None:
+    with bench(count_above(count)) as one:
+        shown = row(one.run("pdo --all --json"), "tpdo1")
+        assert (shown["enabled"], len(shown["mapping"])) == (True, 4)
+        assert shown["inconsistent"] == f"its count is {count}, but 0x1A00:05 cannot be read"
+        text = one.run("pdo").stdout
+        assert f"TPDO1 is inconsistent: its count is {count}, but 0x1A00:05 cannot be read; map or clear" in text
+        assert "is inconsistent" in one.run("pdo tpdo1").stdout
+
+
+@pytest.mark.parametrize("line", ["map tpdo1 6000:1 6000:2", "clear tpdo1", "disable tpdo1"])
+def test_a_count_above_the_entries_is_repaired_and_what_was_is_put_back_as_far_as_the_device_takes_it(
+    line: str,
+) -> None:
+    with bench(count_above()) as one:
+        ran = one.run(line)
+        assert ran.code == 0, ran.stderr
+        assert one.run("verify").code == 0
+        mended = row(one.run("pdo --all --json"), "tpdo1")
+        assert (mended["inconsistent"] is None) is (line != "disable tpdo1")
+        back = one.run("undo")
+        assert back.code == 0, back.stderr
+        after = row(one.run("pdo --all --json"), "tpdo1")
+        if line == "disable tpdo1":
+            assert "off and empty" not in ran.stderr + back.stderr
+            assert (after["enabled"], after["inconsistent"] is None) == (True, False)
+            return
+        assert "off and empty" in ran.stderr
+        assert "off and empty" in back.stderr
+        assert (after["enabled"], after["mapping"], after["inconsistent"]) == (False, [], None)
+
+
+def test_the_same_entries_again_repair_the_count() -> None:
+    with bench(count_above()) as one:
+        assert one.run("map tpdo1 6000:1 6000:2 6000:3 6000:4").code == 0
+        assert row(one.run("pdo --all --json"), "tpdo1")["inconsistent"] is None
+
+
+def test_it_is_not_enabled_as_it_stands() -> None:
+    with bench(count_above(cob_id=0x80000181)) as one:
+        ran = one.run("enable tpdo1")
+        assert ran.code == 1
+        assert "map tpdo1 OBJECT… or clear tpdo1 repairs it" in ran.stderr
+        assert one.run("set tpdo1 --timer 20").code == 0
+
+
+def test_its_can_id_counts_as_used() -> None:
+    with bench(count_above()) as one:
+        ran = one.run("map tpdo2 6000:1 --cob-id 0x181")
+        assert ran.code == 1
+        assert "CAN-ID 0x181 is already used by TPDO1" in ran.stderr
+
+
+def test_a_raw_write_repairs_it_and_one_that_breaks_it_is_refused() -> None:
+    with bench(count_above(cob_id=0x80000181)) as one:
+        assert one.run("write 1A00:0 0 --force").code == 0
+        ran = one.run("write 1A00:0 9")
+        assert ran.code == 1
+        assert "the count would be 9, but 0x1A00:05 cannot be read" in ran.stderr
+        assert one.run("write 1A00:0 4").code == 0
+        assert row(one.run("pdo --all --json"), "tpdo1")["inconsistent"] is None
+
+
+def test_a_communication_parameter_without_its_mapping() -> None:
+    with bench(without(0x1A01)) as one:
+        shown = row(one.run("pdo --all --json"), "tpdo2")
+        assert (shown["enabled"], shown["cob_id"], shown["mapping"]) == (True, 0x281, [])
+        assert shown["inconsistent"] == "its mapping 0x1A01:00 cannot be read"
+        assert "disable tpdo2 switches it off" in one.run("pdo").stdout
+        assert one.run("map tpdo1 6000:1 --cob-id 0x281").code == 1
+        ran = one.run("map tpdo2 6000:1")
+        assert (ran.code, "TPDO2 of this device has no mapping" in ran.stderr) == (1, True)
+        assert one.run("disable tpdo2").code == 0
+        assert one.run("undo").code == 0
+        assert one.run("clear tpdo2").code == 0
+        assert not row(one.run("pdo --all --json"), "tpdo2")["enabled"]
+
+
+def test_a_mapping_without_its_communication_parameter() -> None:
+    with bench(without(0x1801)) as one:
+        shown = row(one.run("pdo --all --json"), "tpdo2")
+        assert (shown["enabled"], shown["cob_id"], len(shown["mapping"])) == (False, None, 1)
+        assert shown["inconsistent"] == "its COB-ID 0x1801:01 cannot be read"
+        ran = one.run("map tpdo2 6000:2")
+        assert (ran.code, "TPDO2 of this device has no COB-ID" in ran.stderr) == (1, True)
+        assert one.run("map tpdo2 6000:2 --off").code == 0
+        assert one.run("undo").code == 0
+        assert one.run("clear tpdo2").code == 0
+        assert row(one.run("pdo --all --json"), "tpdo2")["mapping"] == []
+        assert one.run("map tpdo1 6000:3").code == 0, "the others are compared without it"
