@@ -19,12 +19,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tests.benchmarks.mutation_lines import MUTANT, PROFILE, Known
+from tests.benchmarks.mutation_lines import MUTANT, PROFILE, Known, own_s
 from tests.benchmarks.mutators import Mutant, given_its_code, mutated, reach
 
 ROOT = Path(__file__).parents[2]
 #: a mutant that takes this many times the tests' own time, and then so many seconds more, runs for ever: noticed
 _TIMES, _MORE_S = 4, 20.0
+_TOO_LONG = 4  # of a child that ended itself
+_IN_PLACE = "in place"
 _NOT_SO = 3  # exit code of a child whose mutant cannot be made in place
 _COPIED = ("dvtcli", "tests", "scripts", "docs", "pyproject.toml", "README.md", "CHANGELOG.md", "CONTRIBUTING.md")
 _WORDS = ["-x", "-n", "0", "-q", "-p", "no:cacheprovider", "--tb=no", "-rfE", "-o", "tmp_path_retention_policy=none"]
@@ -55,6 +57,8 @@ class Limits:
 
     in_place_s: float
     in_file_s: float
+    #: what could be made in place, and passed, is not tried with the file wrong as well
+    once: bool = False
 
 
 class Bench:
@@ -76,8 +80,9 @@ class Bench:
                 yield Outcome(mutant, "no test", "no test runs it")
         if self.limits.in_place_s:
             found = self._in_place(unnoticed)
-            yield from (one for one in found if not one.open or not self.limits.in_file_s)
-            unnoticed = [one.mutant for one in found if one.open]
+            unnoticed = [one.mutant for one in found if one.open and not (self.limits.once and one.by == _IN_PLACE)]
+            again = unnoticed if self.limits.in_file_s else []
+            yield from (one for one in found if one.mutant not in again)
         if self.limits.in_file_s:
             yield from map(self._in_file, unnoticed)
 
@@ -155,11 +160,11 @@ class _Template:
         noted = self.folder / "failed"
         noted.write_text("", "utf-8")
         code = _in_child(lambda: self._be_child(mutant, items, noted), _TIMES * seconds + _MORE_S)
-        if code in (None, -signal.SIGALRM):
+        if code in (None, _TOO_LONG):
             return Outcome(mutant, "time", "took too long")
         if code not in (0, 1, _NOT_SO):
             raise RuntimeError(f"the child that tried {mutant} ended with {code}")
-        said = noted.read_text("utf-8") or ("in place" if code == 0 else "cannot be made in place")
+        said = noted.read_text("utf-8") or (_IN_PLACE if code == 0 else "cannot be made in place")
         return Outcome(mutant, "killed" if code == 1 else "survived", said)
 
     def _be_child(self, mutant: Mutant, items: list[Any], noted: Path) -> None:
@@ -168,9 +173,8 @@ class _Template:
         os.environ[MUTANT] = f"{mutant.module}\n{mutant.number}"
         config = items[0].config
         config.pluginmanager.register(_FirstFailure(noted))
-        signal.signal(signal.SIGALRM, signal.SIG_DFL)
         for place, item in enumerate(items):
-            signal.setitimer(signal.ITIMER_REAL, _TIMES * self.known.seconds[item.nodeid] + _MORE_S / 2)
+            _end_after(_TIMES * self.known.seconds[item.nodeid] + _MORE_S / 2)
             following = items[place + 1] if place + 1 < len(items) else None
             config.hook.pytest_runtest_protocol(item=item, nextitem=following)
         os._exit(0)
@@ -189,6 +193,19 @@ class _FirstFailure:
             os._exit(1)
 
 
+def _end_after(limit_s: float) -> None:
+    """End this process when it has had *limit_s* of its own time; what was said before is forgotten."""
+    end_s = own_s() + limit_s
+
+    def end_or_wait(*_: object) -> None:
+        if (left_s := end_s - own_s()) <= 0:
+            os._exit(_TOO_LONG)
+        signal.setitimer(signal.ITIMER_REAL, left_s + 0.01)
+
+    signal.signal(signal.SIGALRM, end_or_wait)
+    signal.setitimer(signal.ITIMER_REAL, limit_s)
+
+
 def _in_child(work: Callable[[], None], limit_s: float) -> int | None:
     """The exit code of a child that does *work*; None where it had to be ended."""
     child = os.fork()
@@ -200,9 +217,9 @@ def _in_child(work: Callable[[], None], limit_s: float) -> int | None:
             traceback.print_exc()
         finally:
             os._exit(70)
-    deadline_s = time.monotonic() + limit_s
+    deadline_s = own_s(child) + limit_s
     ended = (0, 0)
-    while not ended[0] and time.monotonic() < deadline_s:
+    while not ended[0] and own_s(child) < deadline_s:
         time.sleep(0.005)
         ended = os.waitpid(child, os.WNOHANG)
     with contextlib.suppress(ProcessLookupError):
