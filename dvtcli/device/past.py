@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from dvtcli.device.change.journal import MOST_BYTES
-from dvtcli.device.change.plan_document import Identity, change_document, read_plan
+from dvtcli.device.change.plan_document import Identity, change_document, read_number, read_plan
 from dvtcli.device.change.private_file import file_name, set_aside, write_private
 from dvtcli.domain.plan import Plan
 from dvtcli.errors import InputFileError, SafetyRefusal
@@ -214,9 +214,7 @@ def _entries(document: Any) -> Iterator[Recorded]:
         raise ValueError("it lists no changes")
     for one in changes:
         identity, plan = read_plan(one)
-        selected = one.get("selected")
-        if selected is not None and (type(selected) is not int or not 1 <= selected <= 127):
-            raise ValueError(f"selected is {selected!r}, expected 1..127")
+        selected = None if one.get("selected") is None else read_number(one, "selected", 127, least=1)
         yield Recorded(str(one.get("id")), str(one.get("when")), str(one.get("bus")), identity, plan, selected)
 
 

@@ -96,6 +96,14 @@ def arguments() -> argparse.Namespace:
     parser.add_argument(
         "--again", type=Path, metavar="LOG", help="only those that an earlier run's output says survived"
     )
+    parser.add_argument(
+        "--done",
+        type=Path,
+        nargs="+",
+        default=(),
+        metavar="LOG",
+        help="not those that earlier output says are noticed",
+    )
     parser.add_argument("--jobs", type=int, default=1, metavar="N", help="copies that work at a time [1]")
     parser.add_argument("--map", type=Path, metavar="FILE", help="which tests run which lines, where it is known")
     parser.add_argument("--narrow", action="store_true", help="only the tests of the files' own rooms")
@@ -110,10 +118,11 @@ def main() -> int:
     given = arguments()
     todo = [one for one in chosen(given.modules, given.sample, given.seed) if given.matching in str(one)]
     if given.again is not None:
-        lines = given.again.read_text("utf-8").splitlines()
-        said = (line[15:].partition("   ")[0] for line in lines if line.startswith(("survived ", "no test ")))
-        survivors = {_without_line(text) for text in said}
+        survivors = _said_of(given.again, "survived", "no test")
         todo = [one for one in todo if _without_line(str(one)) in survivors]
+    for log in given.done:
+        noticed = _said_of(log, "killed", "killed (file)", "time")
+        todo = [one for one in todo if _without_line(str(one)) not in noticed]
     if given.list:
         print(*todo, f"{len(todo)} mutants", sep="\n")
         return 0
@@ -132,6 +141,12 @@ def main() -> int:
         print(f'\n[[explained]]\nmodule = "{mutant.module}"\nfunction = "{mutant.function}"')
         print(f"change = '''{mutant.change}'''\nwhy = \"\"  # line {mutant.line}")
     return 1 if survived else 0
+
+
+def _said_of(log: Path, *outcomes: str) -> set[str]:
+    """Which mutants an earlier run's output *log* says one of *outcomes* of."""
+    lines = log.read_text("utf-8").splitlines()
+    return {_without_line(line[15:].partition("   ")[0]) for line in lines if line[:15].rstrip() in outcomes}
 
 
 def _without_line(text: str) -> str:

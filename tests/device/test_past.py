@@ -1,0 +1,183 @@
+"""What is remembered of changes, in its file: what a damaged one says, and whose change it was."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from dvtcli.device.change.journal import MOST_BYTES
+from dvtcli.device.change.plan_document import Identity
+from dvtcli.device.past import Past
+from dvtcli.domain.plan import Plan, Step, ValueChange
+from dvtcli.errors import InputFileError
+
+IDENTITY: Identity = {"vendor": 1, "product": 2, "revision": 3, "serial": 4}
+
+
+def plan(node_id: int = 5, value: int = 1, size: int = 2) -> Plan:
+    data = bytes([value]) * size
+    return Plan(node_id, (ValueChange(Step(0x2000, 0, bytes(size), data, "write")),))
+
+
+def values(past: Past, selected: int | None = None, node_id: int = 5) -> list[int]:
+    """The first byte of what each remembered change of the node wrote, oldest first."""
+    return [next(one.plan.steps).after[0] for one in past.entries(node_id, IDENTITY, selected)]
+
+
+Spoil = Callable[[dict[str, Any]], object]
+
+
+@pytest.mark.parametrize(
+    ("spoil", "why"),
+    [
+        (lambda past: past.update(schema="dvtcli.past/2"), "it does not say dvtcli.past/1"),
+        (lambda past: past.update(changes={}), "it lists no changes"),
+        (lambda past: past["changes"][0].update(node=128), "node is 128, expected 1..127"),
+        (lambda past: past["changes"][0].update(selected=0), "selected is 0, expected 1..127"),
+        (lambda past: past["changes"][0].update(selected=128), "selected is 128, expected 1..127"),
+        (lambda past: past["changes"][0].update(selected=True), "selected is True, expected 1..127"),
+        (lambda past: past["changes"][0].update(selected="5"), "selected is '5', expected 1..127"),
+    ],
+)
+def test_a_damaged_file_says_where_and_why(tmp_path: Path, spoil: Spoil, why: str) -> None:
+    past = Past(tmp_path, "can0")
+    past.add(plan(), IDENTITY)
+    path = past.path(5, IDENTITY)
+    document = json.loads(path.read_text("utf-8"))
+    spoil(document)
+    path.write_text(json.dumps(document), "utf-8")
+    with pytest.raises(InputFileError) as caught:
+        past.newest(5, IDENTITY)
+    assert (caught.value.place, caught.value.why) == (str(path), why)
+    assert past.tops(None) == [], "whoever asks about every device is not stopped by one of them"
+
+
+@pytest.mark.parametrize("text", ["[]", "7", "null", "{", '{"schema": "dvtcli.past/1"}', "[" * 100_000])
+def test_what_is_no_such_file_is_said_and_not_used(tmp_path: Path, text: str) -> None:
+    past = Past(tmp_path, "can0")
+    past.path(5, IDENTITY).write_text(text, "utf-8")
+    with pytest.raises(InputFileError, match="does not tell what was changed"):
+        past.entries(5, IDENTITY)
+
+
+def test_a_file_that_cannot_be_opened_is_said(tmp_path: Path) -> None:
+    past = Past(tmp_path, "can0")
+    past.path(5, IDENTITY).mkdir()
+    with pytest.raises(InputFileError) as caught:
+        past.newest(5, IDENTITY)
+    assert "directory" in (caught.value.why or "")
+
+
+@pytest.mark.parametrize("selected", [None, 1, 127])
+def test_the_node_that_a_change_was_made_from_is_remembered(tmp_path: Path, selected: int | None) -> None:
+    Past(tmp_path, "can0", selected=selected).add(plan(), IDENTITY)
+    newest = Past(tmp_path, "can0").newest(5, IDENTITY)
+    assert newest is not None
+    assert newest.selected == selected
+
+
+def test_a_change_is_meant_from_its_own_node_and_from_where_it_was_made_as_far_back_as_all_are(tmp_path: Path) -> None:
+    for value, selected in enumerate((7, None, 7, 7), 1):
+        Past(tmp_path, "can0", selected=selected).add(plan(value=value), IDENTITY)
+    past = Past(tmp_path, "can0")
+    assert values(past) == values(past, 5) == [1, 2, 3, 4]
+    assert values(past, 7) == [3, 4], "what lies behind one that was not made from there would be put back out of turn"
+    assert values(past, 9) == []
+    assert [len(past.tops(selected)) for selected in (None, 5, 7, 9)] == [1, 1, 1, 0]
+
+
+def test_the_newest_of_each_device_of_this_bus_comes_first(tmp_path: Path) -> None:
+    """A bus whose name begins like another one's is another bus."""
+    for bus, node_id in (("can0", 5), ("can0", 9), ("can0-b", 7), ("can0", 5), ("can0", 8)):
+        Past(tmp_path, bus).add(plan(node_id), IDENTITY)
+    past = Past(tmp_path, "can0")
+    assert [one.plan.node_id for one in past.tops(None)] == [8, 5, 9]
+    newest = past.newest_of_all()
+    assert newest is not None
+    assert newest.plan.node_id == 8
+    moved = past.moved(8, IDENTITY)
+    assert moved is not None
+    assert moved.plan.node_id == 5
+
+
+def test_what_is_put_back_is_forgotten_and_nothing_else(tmp_path: Path) -> None:
+    first, second = Past(tmp_path, "can0"), Past(tmp_path, "can0")
+    first.add(plan(value=1), IDENTITY, "one")
+    second.add(plan(value=2), IDENTITY)
+    second.add(plan(9, 3), IDENTITY)
+    second.add(plan(value=4), IDENTITY, "four")
+    second.add(plan(value=5), IDENTITY)
+    second.forget_own(1)
+    assert values(second) == [1, 2, 4]
+    second.drop(5, IDENTITY, ["four"])
+    second.forget_own(3)
+    assert (values(second), values(second, node_id=9)) == ([1], [])
+    first.forget(first.entries(5, IDENTITY))
+    assert values(first) == []
+
+
+def test_dropping_makes_no_file(tmp_path: Path) -> None:
+    past = Past(tmp_path, "can0")
+    past.drop(5, IDENTITY, ["one"])
+    assert list(tmp_path.iterdir()) == []
+    past.add(plan(), IDENTITY)
+    written = past.path(5, IDENTITY).stat()
+    past.drop(5, IDENTITY, [])
+    assert past.path(5, IDENTITY).stat() == written, "nothing to drop: the file is left alone"
+
+
+def test_a_file_of_the_largest_size_is_read_and_one_above_is_not(tmp_path: Path) -> None:
+    past = Past(tmp_path, "can0")
+    past.add(plan(), IDENTITY)
+    path = past.path(5, IDENTITY)
+    text = path.read_text("utf-8")
+    path.write_text(text.ljust(MOST_BYTES), "utf-8")
+    assert values(past) == [1]
+    path.write_text(text.ljust(MOST_BYTES + 1), "utf-8")
+    with pytest.raises(InputFileError):
+        past.newest(5, IDENTITY)
+
+
+def test_what_would_be_too_large_to_be_read_loses_its_older_half_and_never_its_newest(tmp_path: Path) -> None:
+    past = Past(tmp_path, "can0")
+    for value in (1, 2, 3, 4):
+        past.add(plan(value=value, size=200_000), IDENTITY)
+    assert values(past) == [1, 2, 3, 4]
+    past.add(plan(value=5, size=600_000), IDENTITY)
+    assert values(past) == [4, 5]
+    past.add(plan(value=6, size=MOST_BYTES // 4), IDENTITY)
+    with pytest.raises(InputFileError):  # it alone is too large
+        past.newest(5, IDENTITY)
+
+
+def test_a_damaged_file_is_kept_aside_and_said_and_the_next_change_is_remembered(tmp_path: Path) -> None:
+    said: list[str] = []
+    past = Past(tmp_path, "can0", said.append)
+    past.path(5, IDENTITY).write_text("rubbish", "utf-8")
+    past.add(plan(value=7), IDENTITY)
+    assert values(past) == [7]
+    (aside,) = (path for path in tmp_path.iterdir() if path != past.path(5, IDENTITY))
+    assert aside.read_text("utf-8") == "rubbish"
+    assert said == [f"{past.path(5, IDENTITY)} does not tell what was changed: it is kept as {aside}"]
+
+
+def test_what_cannot_be_written_is_said_and_has_its_place_among_the_session_s_changes(tmp_path: Path) -> None:
+    said: list[str] = []
+    folder = tmp_path / "changes"
+    past = Past(folder, "can0", said.append)
+    past.add(plan(value=1), IDENTITY)
+    folder.rename(tmp_path / "away")
+    folder.write_text("in the way", "utf-8")
+    past.add(plan(value=2), IDENTITY)
+    assert len(said) == 1
+    assert said[0].startswith("the change is done, but cannot be remembered for a later `undo`: ")
+    folder.unlink()
+    (tmp_path / "away").rename(folder)
+    past.forget_own(1)
+    assert values(past) == [1], "the one that is forgotten is the one that was never written"
+    past.forget_own(1)
+    assert values(past) == []
