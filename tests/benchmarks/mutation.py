@@ -110,6 +110,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--in-place", type=float, default=20, metavar="S", help="of tests in place; 0: not so [20]")
     parser.add_argument("--in-file", type=float, default=60, metavar="S", help="of tests with the file wrong [60]")
     parser.add_argument("--once", action="store_true", help="with the file wrong: only what cannot be made in place")
+    parser.add_argument("--twice", action="store_true", help="noticed is what the same test notices again: when busy")
     parser.add_argument("--list", action="store_true", help="only list the mutants")
     return parser.parse_args()
 
@@ -159,7 +160,7 @@ def _tried(open_ones: Sequence[Mutant], given: argparse.Namespace) -> list[Outco
         lines = (given.map or Path(folder) / "lines").resolve()
         if not lines.exists():
             record(lines, NEAR if given.narrow else (*NEAR, *WIDE))
-        limits = Limits(given.in_place, given.in_file, given.once)
+        limits = Limits(given.in_place, given.in_file, given.once, given.twice)
         shares = [open_ones[start :: given.jobs] for start in range(given.jobs)]
         done = as_completed([pool.submit(work, share, lines, limits) for share in shares if share])
         return [outcome for share in done for outcome in share.result()]

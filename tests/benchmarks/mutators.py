@@ -76,10 +76,19 @@ def reach(text: str, mutant: Mutant) -> tuple[int, int]:
     return found
 
 
-def given_its_code(module: str, text: str, number: int) -> bool:
+def functions_by_file() -> dict[str, list[FunctionType]]:
+    """Every function that there is by now, by the file of its code."""
+    found: dict[str, list[FunctionType]] = {}
+    for one in gc.get_objects():
+        if type(one) is FunctionType:
+            found.setdefault(one.__code__.co_filename, []).append(one)
+    return found
+
+
+def given_its_code(module: str, text: str, number: int, functions: dict[str, list[FunctionType]] | None = None) -> bool:
     """Give what fault *number* of *module* changes its code, here and now; False where it changes more than functions.
 
-    *text* is that of the module's file.
+    *text* is that of the module's file; *functions* are those of `functions_by_file`, once the module was imported.
     """
     name = module.removesuffix(".py").replace("/", ".")
     path = importlib.import_module(name).__file__ or ""
@@ -87,10 +96,9 @@ def given_its_code(module: str, text: str, number: int) -> bool:
     changes = _changes(right, wrong)
     if not changes:
         return False
-    functions = [one for one in gc.get_objects() if type(one) is FunctionType and one.__code__.co_filename == path]
     done = 0
     for old, new in changes:
-        for function in functions:
+        for function in (functions or functions_by_file()).get(path, []):
             if function.__code__ == old and function.__code__.co_qualname == old.co_qualname:
                 with contextlib.suppress(ValueError):  # other free variables: only with the file itself
                     function.__code__ = new

@@ -1,0 +1,136 @@
+"""Which value a proof changes, and to what: harmless, of a PDO that is off, and one that the rules allow."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from dvtcli.device.canary import Canary, Place, harmless_places
+from dvtcli.device.node import Node
+from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.profile import GENERIC, DeviceProfile, StorePolicy
+from tests.laws.bench import NODE, DirectBus, DirectSdo, booted, dictionary, refuse
+
+TPDO1, TPDO2, RPDO1 = Pdo.parse("tpdo1"), Pdo.parse("tpdo2"), Pdo.parse("rpdo1")
+
+
+def node(profile: DeviceProfile = GENERIC) -> Node:
+    device = booted()
+    return Node(DirectBus(device, DirectSdo(device)), NODE, dictionary("generic"), profile)
+
+
+def off(one: Node, pdo: Pdo = TPDO1, **held: int | None) -> PdoConfig:
+    """*pdo* of *one* as it would be if it were disabled and its parameters were *held*."""
+    config = one.pdo(pdo)
+    cob_id = config.communication.cob_id.disabled()
+    return replace(config, communication=replace(config.communication, cob_id=cob_id, **held))
+
+
+def changes(one: Node, *configs: PdoConfig, pdo: Pdo = TPDO1) -> list[tuple[str, int, int | None, int | None]]:
+    """What may be changed: which parameter, its sub-index, from which value and to which."""
+    pdos = dict(zip((pdo, TPDO2), configs, strict=False))
+    return [
+        (place.field, place.sub_index, getattr(place.before.communication, place.field),
+         getattr(place.after.communication, place.field))
+        for place in harmless_places(one, pdos)
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("held", "put"),
+    [
+        ({"event_timer": 0, "inhibit_time": 0, "transmission_type": 254}, [1000, 100, 255]),
+        ({"event_timer": 7, "inhibit_time": 9, "transmission_type": 255}, [8, 10, 254]),
+        ({"event_timer": 0xFFFF, "inhibit_time": 0xFFFF, "transmission_type": 1}, [0xFFFE, 0xFFFE, 255]),
+    ],
+)
+def test_a_slow_value_where_there_is_none_else_the_neighbour(held: dict[str, int], put: list[int]) -> None:
+    one = node()
+    fields = [("event_timer", 5), ("inhibit_time", 3), ("transmission_type", 2)]
+    wanted = [(*where, held[where[0]], value) for where, value in zip(fields, put, strict=True)]
+    assert changes(one, off(one, **held)) == wanted
+
+
+def test_what_a_device_has_not_is_left_out() -> None:
+    one = node()
+    config = off(one, event_timer=None, inhibit_time=None, transmission_type=255)
+    assert [field for field, *_ in changes(one, config)] == ["transmission_type"]
+
+
+def test_the_same_parameter_of_another_pdo_comes_before_another_parameter() -> None:
+    one = node()
+    found = list(harmless_places(one, {TPDO1: off(one), TPDO2: off(one, TPDO2)}))
+    assert [(place.field, place.pdo) for place in found[:3]] == [
+        ("event_timer", TPDO1), ("event_timer", TPDO2), ("inhibit_time", TPDO1),
+    ]  # fmt: skip
+
+
+def test_a_pdo_that_is_on_or_multiplexed_is_never_touched() -> None:
+    one = node()
+    one_on = replace(off(one), communication=one.pdo(TPDO1).communication)
+    assert one_on.enabled
+    assert changes(one, one_on) == []
+    assert changes(one, replace(off(one), mapping=(), mpdo=0xFE)) == []
+
+
+def test_what_a_device_keeps_by_itself_shows_nothing() -> None:
+    one = node(replace(GENERIC, store=StorePolicy(covers=(0x1400, 0x17FF))))
+    assert changes(one, off(one)) == []
+    assert changes(one, off(one, RPDO1), pdo=RPDO1) != []
+
+
+def place(one: Node) -> Place:
+    one.bus.sdo(NODE).download(0x1800, 1, (0x8000_0181).to_bytes(4, "little"))
+    found = next(harmless_places(one, one.pdos()))
+    assert (found.pdo, found.field) == (TPDO1, "event_timer")
+    return found
+
+
+def test_it_is_told_with_its_place_and_both_values() -> None:
+    found = place(node())
+    before = found.before.communication.event_timer
+    assert found.text == f"0x1800:05 (event timer of TPDO1) {before} -> {found.after.communication.event_timer}"
+    assert found.put_back_text == f"0x1800:05 (event timer of TPDO1) is put back to {before}, read back equal"
+
+
+def test_it_survived_where_its_value_is_there_whatever_else_changed() -> None:
+    one = node()
+    found = place(one)
+    canary = Canary(one, found)
+    assert not canary.survived({TPDO1: found.before})
+    assert canary.survived({TPDO1: replace(found.after, mapping=())})
+    assert not canary.survived({})
+
+
+class Choosy(DirectSdo):
+    """A device that takes no event timer of the PDOs in *spared*."""
+
+    spared: tuple[int, ...] = ()
+
+    def download(self, index: int, sub_index: int, data: bytes, *, timeout_s: float | None = None) -> None:
+        if sub_index == 5 and index in self.spared:
+            return refuse(self, index, sub_index, data)
+        return super().download(index, sub_index, data)
+
+
+@pytest.mark.parametrize(("refused", "planted"), [(0, "tpdo1"), (1, "tpdo2"), (2, "tpdo3"), (3, None)])
+def test_three_places_are_tried(refused: int, planted: str | None) -> None:
+    device = booted()
+    channel = Choosy(device)
+    channel.spared = tuple(range(0x1800, 0x1800 + refused))
+    one = Node(DirectBus(device, channel), NODE, dictionary("generic"), GENERIC)
+    for number in range(4):
+        cob_id = 0x8000_0181 + number * 0x100
+        channel.download(0x1800 + number, 1, cob_id.to_bytes(4, "little"))
+    before = one.pdos()
+    canary = Canary.planted(one, before)
+    if planted is None:
+        assert canary is None
+        assert one.pdos() == before
+        return
+    assert canary is not None
+    assert str(canary.place.pdo) == planted
+    assert canary.survived(one.pdos())
+    canary.put_back()
+    assert one.pdos() == before
