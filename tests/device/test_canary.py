@@ -16,15 +16,14 @@ TPDO1, TPDO2, RPDO1 = Pdo.parse("tpdo1"), Pdo.parse("tpdo2"), Pdo.parse("rpdo1")
 
 
 def node(profile: DeviceProfile = GENERIC) -> Node:
-    device = booted()
-    return Node(DirectBus(device, DirectSdo(device)), NODE, dictionary("generic"), profile)
+    return Node(DirectBus.of(booted()), NODE, dictionary("generic"), profile)
 
 
-def off(one: Node, pdo: Pdo = TPDO1, **held: int | None) -> PdoConfig:
+def off(one: Node, pdo: Pdo = TPDO1, *, held: dict[str, int | None] | None = None) -> PdoConfig:
     """*pdo* of *one* as it would be if it were disabled and its parameters were *held*."""
     config = one.pdo(pdo)
     cob_id = config.communication.cob_id.disabled()
-    return replace(config, communication=replace(config.communication, cob_id=cob_id, **held))
+    return replace(config, communication=replace(config.communication, cob_id=cob_id, **(held or {})))
 
 
 def changes(one: Node, *configs: PdoConfig, pdo: Pdo = TPDO1) -> list[tuple[str, int, int | None, int | None]]:
@@ -45,16 +44,16 @@ def changes(one: Node, *configs: PdoConfig, pdo: Pdo = TPDO1) -> list[tuple[str,
         ({"event_timer": 0xFFFF, "inhibit_time": 0xFFFF, "transmission_type": 1}, [0xFFFE, 0xFFFE, 255]),
     ],
 )
-def test_a_slow_value_where_there_is_none_else_the_neighbour(held: dict[str, int], put: list[int]) -> None:
+def test_a_slow_value_where_there_is_none_else_the_neighbour(held: dict[str, int | None], put: list[int]) -> None:
     one = node()
     fields = [("event_timer", 5), ("inhibit_time", 3), ("transmission_type", 2)]
     wanted = [(*where, held[where[0]], value) for where, value in zip(fields, put, strict=True)]
-    assert changes(one, off(one, **held)) == wanted
+    assert changes(one, off(one, held=held)) == wanted
 
 
 def test_what_a_device_has_not_is_left_out() -> None:
     one = node()
-    config = off(one, event_timer=None, inhibit_time=None, transmission_type=255)
+    config = off(one, held={"event_timer": None, "inhibit_time": None, "transmission_type": 255})
     assert [field for field, *_ in changes(one, config)] == ["transmission_type"]
 
 
@@ -110,8 +109,8 @@ class Choosy(DirectSdo):
 
     def download(self, index: int, sub_index: int, data: bytes, *, timeout_s: float | None = None) -> None:
         if sub_index == 5 and index in self.spared:
-            return refuse(self, index, sub_index, data)
-        return super().download(index, sub_index, data)
+            refuse(self, index, sub_index, data)
+        super().download(index, sub_index, data)
 
 
 @pytest.mark.parametrize(("refused", "planted"), [(0, "tpdo1"), (1, "tpdo2"), (2, "tpdo3"), (3, None)])

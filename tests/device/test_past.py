@@ -114,6 +114,7 @@ def test_what_is_put_back_is_forgotten_and_nothing_else(tmp_path: Path) -> None:
     second.forget_own(1)
     assert values(second) == [1, 2, 4]
     second.drop(5, IDENTITY, ["four"])
+    assert values(second) == [1, 2], "as `recover` does"
     second.forget_own(3)
     assert (values(second), values(second, node_id=9)) == ([1], [])
     first.forget(first.entries(5, IDENTITY))
@@ -142,16 +143,45 @@ def test_a_file_of_the_largest_size_is_read_and_one_above_is_not(tmp_path: Path)
         past.newest(5, IDENTITY)
 
 
-def test_what_would_be_too_large_to_be_read_loses_its_older_half_and_never_its_newest(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("sizes", "left"),
+    [
+        ((200_000, 200_000, 200_000, 200_000), [1, 2, 3, 4]),
+        ((200_000, 200_000, 200_000, 200_000, 200_000), [4, 5]),
+        ((200_000, 200_000, 200_000, 450_000), [3, 4]),
+        ((600_000, 600_000), [2]),
+    ],
+)
+def test_what_would_be_too_large_to_be_read_loses_its_older_half(
+    tmp_path: Path, sizes: tuple[int, ...], left: list[int]
+) -> None:
     past = Past(tmp_path, "can0")
-    for value in (1, 2, 3, 4):
-        past.add(plan(value=value, size=200_000), IDENTITY)
-    assert values(past) == [1, 2, 3, 4]
-    past.add(plan(value=5, size=600_000), IDENTITY)
-    assert values(past) == [4, 5]
-    past.add(plan(value=6, size=MOST_BYTES // 4), IDENTITY)
-    with pytest.raises(InputFileError):  # it alone is too large
-        past.newest(5, IDENTITY)
+    for value, size in enumerate(sizes, 1):
+        past.add(plan(value=value, size=size), IDENTITY)
+    assert values(past) == left
+
+
+def test_fifty_changes_are_remembered(tmp_path: Path) -> None:
+    past = Past(tmp_path, "can0")
+    for value in range(52):
+        past.add(plan(value=value), IDENTITY)
+    assert values(past) == list(range(2, 52))
+
+
+def test_a_file_is_named_by_bus_identity_and_node(tmp_path: Path) -> None:
+    path = Past(tmp_path, "can0").path(5, {"vendor": 0x19A, "product": 2, "revision": None, "serial": 0xFFFF_FFFE})
+    assert path == tmp_path / "can0-0000019A-00000002-none-FFFFFFFE-node5.json"
+
+
+@pytest.mark.parametrize(
+    ("serial", "known"), [(None, False), (0, False), (1, True), (0xFFFF_FFFE, True), (0xFFFF_FFFF, False)]
+)
+def test_a_device_with_another_node_id_is_known_by_a_serial_number_of_its_own(
+    tmp_path: Path, serial: int | None, known: bool
+) -> None:
+    past = Past(tmp_path, "can0")
+    past.add(plan(9), IDENTITY | {"serial": serial})
+    assert (past.moved(5, IDENTITY | {"serial": serial}) is not None) == known
 
 
 def test_a_damaged_file_is_kept_aside_and_said_and_the_next_change_is_remembered(tmp_path: Path) -> None:
@@ -170,13 +200,17 @@ def test_what_cannot_be_written_is_said_and_has_its_place_among_the_session_s_ch
     folder = tmp_path / "changes"
     past = Past(folder, "can0", said.append)
     past.add(plan(value=1), IDENTITY)
+    held = past.entries(5, IDENTITY)
     folder.rename(tmp_path / "away")
     folder.write_text("in the way", "utf-8")
     past.add(plan(value=2), IDENTITY)
-    assert len(said) == 1
-    assert said[0].startswith("the change is done, but cannot be remembered for a later `undo`: ")
+    past.forget_own(1)
+    past.add(plan(value=2), IDENTITY)
+    past.forget(held)
     folder.unlink()
     (tmp_path / "away").rename(folder)
+    undone = "it is put back, but what `undo` remembers cannot be written: Not a directory"
+    assert said == [*2 * ["the change is done, but cannot be remembered for a later `undo`: Not a directory"], undone]
     past.forget_own(1)
     assert values(past) == [1], "the one that is forgotten is the one that was never written"
     past.forget_own(1)
