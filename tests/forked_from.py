@@ -6,7 +6,9 @@ import pkgutil
 import sys
 from contextlib import suppress
 from importlib import import_module
+from pathlib import Path
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # this tree, wherever another one is installed
 sys.dont_write_bytecode = False  # what is compiled here need not be again for the next one
 
 import dvtcli  # noqa: E402

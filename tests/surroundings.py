@@ -13,7 +13,8 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 #: what a machine needs to start programs at all; every other variable of whoever runs the tests is dropped
 _KEPT = ("PATH", "PATHEXT", "SYSTEMROOT", "TEMP", "TMP", "TMPDIR", "LD_LIBRARY_PATH", "VIRTUAL_ENV")
-_KEPT_BEGINNINGS = ("PYTEST_VERSION", "PYTEST_XDIST_", "PYTEST_CURRENT_TEST", "COVERAGE_", "COV_CORE_")
+_KEPT_BEGINNINGS = ("PYTEST_VERSION", "PYTEST_XDIST_", "PYTEST_CURRENT_TEST", "PYTEST_MUTATION_")
+_KEPT_BEGINNINGS += ("COVERAGE_", "COV_CORE_")
 
 
 def clean_environment() -> dict[str, str]:

@@ -20,7 +20,7 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).resolve().parents[2]  # a test's folder has `tests` as a link
 #: Hypothesis' profile for these runs
 PROFILE = "mutation"
 #: for the processes that tests start: the file to add lines to, and the patterns; or module and number of a mutant

@@ -1,0 +1,63 @@
+"""What a node came up with stands for what is stored only while all of it was read, and nothing written, since."""
+
+from __future__ import annotations
+
+from dvtcli.device.came_up import CameUp
+from dvtcli.device.read_pdos import read_pdo
+from dvtcli.domain.pdo import Pdo
+from tests.laws.bench import DirectSdo, booted
+
+TPDO1, TPDO2 = Pdo.parse("tpdo1"), Pdo.parse("tpdo2")
+SDO = DirectSdo(booted())
+FIRST, SECOND = read_pdo(SDO, TPDO1), read_pdo(SDO, TPDO2)
+BOTH = {TPDO1: FIRST, TPDO2: SECOND}
+
+
+def test_without_a_boot_up_nobody_knows_what_was_written_before() -> None:
+    came_up = CameUp()
+    came_up.read(0, BOTH)
+    assert came_up.why_not(0, BOTH) == "no boot-up of the node was heard"
+
+
+def test_what_was_read_after_the_boot_up_counts_until_the_next() -> None:
+    came_up = CameUp()
+    came_up.read(1, BOTH)
+    assert came_up.why_not(1, BOTH) == ""
+    assert came_up.why_not(2, BOTH) == "its PDOs were not read after its last boot-up"
+
+
+def test_parts_of_it_may_be_read_one_after_the_other() -> None:
+    came_up = CameUp()
+    came_up.read(1, {TPDO1: FIRST})
+    assert came_up.why_not(1, BOTH) == "not all its PDOs were read after its last boot-up"
+    assert came_up.why_not(1, {TPDO1: FIRST}) == ""
+    came_up.read(1, BOTH)
+    assert came_up.why_not(1, BOTH) == ""
+    assert came_up.why_not(1, {TPDO1: FIRST}) == "", "a PDO that it no longer answers for is nothing to store"
+
+
+def test_the_first_reading_counts_and_not_what_somebody_else_made_of_it() -> None:
+    came_up = CameUp()
+    came_up.read(1, BOTH)
+    now = BOTH | {TPDO2: FIRST}
+    came_up.read(1, now)
+    assert came_up.why_not(1, now) == "it is not what came up"
+
+
+def test_what_was_written_is_over_with_the_next_boot_up() -> None:
+    came_up = CameUp()
+    came_up.read(1, BOTH)
+    came_up.wrote(1)
+    came_up.read(1, BOTH)
+    assert came_up.why_not(1, BOTH) == "it was written since its last boot-up"
+    came_up.read(2, BOTH)
+    assert came_up.why_not(2, BOTH) == ""
+
+
+def test_what_is_written_before_anything_was_read_counts_too() -> None:
+    came_up = CameUp()
+    came_up.wrote(1)
+    came_up.read(1, BOTH)
+    assert came_up.why_not(1, BOTH) == "it was written since its last boot-up"
+    came_up.wrote(2)
+    assert came_up.why_not(2, BOTH) == "it was written since its last boot-up"
