@@ -9,12 +9,19 @@ from dataclasses import dataclass, replace
 
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
+from dvtcli.domain.pdo import Pdo
 from dvtcli.errors import SdoAborted
+
+#: The COB-ID of a PDO that does not exist (CiA 301, 7.5.2.35: bit 31).
+_OFF = bytes([0, 0, 0, 0x80])
 
 
 @dataclass(frozen=True, slots=True)
 class FileValues:
-    """What *dictionary* says that node *node_id* holds: ParameterValue, else DefaultValue, else zeros."""
+    """What *dictionary* says that node *node_id* holds: ParameterValue, else DefaultValue, else zeros.
+
+    A PDO of which it tells no COB-ID is off.
+    """
 
     dictionary: ObjectDictionary
     node_id: int
@@ -41,7 +48,8 @@ class FileValues:
 
     def _told(self, entry: OdEntry) -> bytes | None:
         value = entry.initial(self.node_id)
-        return value if value is not None else bytes((entry.data_type and entry.data_type.size) or 1)
+        told = value if value is not None else bytes((entry.data_type and entry.data_type.size) or 1)
+        return _OFF if _is_no_cob_id(entry, told) else told
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,4 +57,12 @@ class Defaults(FileValues):
     """What *dictionary* says that node *node_id* holds when nothing was ever set: DefaultValue, with the node-ID."""
 
     def _told(self, entry: OdEntry) -> bytes | None:
-        return replace(entry, value=None).initial(self.node_id)
+        told = replace(entry, value=None).initial(self.node_id)
+        return None if told is not None and _is_no_cob_id(entry, told) else told
+
+
+def _is_no_cob_id(entry: OdEntry, told: bytes) -> bool:
+    """Whether a file says that a PDO is enabled with CAN-ID 0x000, which is NMT: that it does not tell its COB-ID."""
+    pdo = Pdo.at(entry.index)
+    is_cob_id = pdo is not None and (entry.index, entry.sub_index) == (pdo.communication_index, 1)
+    return is_cob_id and len(told) == len(_OFF) and not any(told)

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from dvtcli.device.change.put_back import PATIENCE_S, RETRY_S
+from dvtcli.device.read_pdos import read_optional
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import CanopenBus
@@ -100,7 +101,7 @@ class Access:
     def _is_master(self) -> bool:
         if self.profile.master_object is None:
             return False
-        return any(self.bus.sdo(self.node_id).upload(*self.profile.master_object))
+        return bool(read_optional(self.bus.sdo(self.node_id), *self.profile.master_object, 1))  # none: not one
 
     def confirmed(self, wanted: NmtState, timeout_s: float) -> NmtState | None:
         """The state the node tells within *timeout_s*, as soon as it is *wanted*; None where it tells none.

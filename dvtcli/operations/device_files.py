@@ -11,8 +11,8 @@ from pathlib import Path
 from dvtcli.device.read_pdos import read_identity
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.ports import CanopenBus
-from dvtcli.domain.profile import GENERIC, DeviceProfile
-from dvtcli.files.profile.library import load_profile, own_names, profile_for_identity, profile_names
+from dvtcli.domain.profile import DeviceProfile
+from dvtcli.files.profile.library import load_profile, own_names, profile_for_identity, profile_names, profile_of
 from dvtcli.operations.options import Options
 from dvtcli.operations.simulated_nodes import Simulated, read_dictionary, simulated_nodes
 
@@ -71,13 +71,6 @@ class DeviceFiles:
             if found.name in own:
                 return found
         return load_profile(family)
-
-
-def profile_of(dictionary: ObjectDictionary | None) -> DeviceProfile:
-    """The profile for the device that a file describes (`[DeviceInfo]`), the generic one where it does not say."""
-    if dictionary is None or dictionary.info.vendor_id is None:
-        return GENERIC
-    return profile_for_identity(dictionary.info.vendor_id, dictionary.info.product_code or 0)
 
 
 def offline_dictionaries(options: Options) -> list[tuple[ObjectDictionary, dict[str, str]]]:

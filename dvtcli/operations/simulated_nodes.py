@@ -5,7 +5,7 @@ Does not know buses, and neither whether the nodes live in this process or are s
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from dvtcli.domain.nmt import UNCONFIGURED
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.errors import InputFileError, UsageError
+from dvtcli.files.profile.library import profile_of
 from dvtcli.operations.options import is_file, node_id
 
 if TYPE_CHECKING:
@@ -51,19 +52,37 @@ def simulated_device(one: Simulated) -> StrictDevice:
 def _family(one: Simulated) -> Family:
     from dvtcli.simulator.network.family_file import load_family_folder
 
-    return family_named(one.family or "generic") if one.folder is None else load_family_folder(one.folder)
+    if one.folder is not None:
+        return load_family_folder(one.folder)
+    return family_named(one.family) if one.family else _family_of_file(read_dictionary(one.eds))
+
+
+def _family_of_file(dictionary: ObjectDictionary) -> Family:
+    """A plain CiA 301 device; the object in which the device's own family tells its NMT state is alive in it, too.
+
+    The family's profile asks that object, and a value that a DCF has for it would be the state for ever.
+    """
+    known = family_named(profile_of(dictionary).name)
+    return replace(
+        family_named("generic"),
+        state_object=known.state_object,
+        state_request=known.state_request,
+        master_object=known.master_object,
+    )
 
 
 def simulated_nodes(words: tuple[str, ...], by: str = "--sim", *, unconfigured: bool = False) -> tuple[Simulated, ...]:
-    """What each of *words* means, which *by* took: a file wins over `@`; node-IDs default to the first free one.
+    """What each of *words* means, which *by* took: a file wins over `@`.
 
+    Node-IDs default to the one that a DCF was made for, else to the first free one.
     With *unconfigured* a node may wait for its node-ID: `WHAT@255`.
     """
     found: list[Simulated] = []
     for word in words:
         what, wanted = _split(word, unconfigured=unconfigured)
         used = {one.node_id for one in found}
-        chosen = wanted if wanted is not None else next((n for n in range(1, 128) if n not in used), 1)
+        chosen = _node_id_of_file(what, used) if wanted is None else wanted
+        chosen = chosen if chosen is not None else next((n for n in range(1, 128) if n not in used), 1)
         one = _simulated(what, chosen, by)
         if one in found if chosen == UNCONFIGURED else chosen in used:
             raise UsageError(f"{by} {word}: node-ID {chosen} is given twice", hint="WHAT@ID sets the node-ID")
@@ -121,6 +140,14 @@ def _split(word: str, *, unconfigured: bool) -> tuple[str, int | None]:
         return word, None
     what, _, digits = word.rpartition("@")
     return what, UNCONFIGURED if unconfigured and digits == str(UNCONFIGURED) else node_id(digits)
+
+
+def _node_id_of_file(what: str, used: set[int]) -> int | None:
+    """The node-ID that a DCF was made for; None for other files, and where it says none, or one that is *used*."""
+    if not what.lower().endswith(".dcf") or not is_file(what):
+        return None
+    stated = read_dictionary(Path(what)).info.node_id
+    return stated if stated is not None and 1 <= stated <= 127 and stated not in used else None
 
 
 def _simulated(what: str, chosen: int, by: str) -> Simulated:

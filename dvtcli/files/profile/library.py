@@ -8,7 +8,8 @@ from __future__ import annotations
 from functools import cache
 from pathlib import Path
 
-from dvtcli.domain.profile import DeviceProfile, ObjectAddress
+from dvtcli.domain.object_dictionary import ObjectDictionary
+from dvtcli.domain.profile import GENERIC, DeviceProfile, ObjectAddress
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.profile.toml import builtin_names, builtin_path, read_profile
 from dvtcli.files.toml_item import suggest
@@ -92,3 +93,10 @@ def passcode_objects() -> frozenset[ObjectAddress]:
     """The objects that take a passcode, of every family: what is written there is nobody's business."""
     profiles = map(load_profile, profile_names())
     return frozenset(profile.login.passcode for profile in profiles if profile.login is not None)
+
+
+def profile_of(dictionary: ObjectDictionary | None) -> DeviceProfile:
+    """The profile for the device that a file describes (`[DeviceInfo]`), the generic one where it does not say."""
+    if dictionary is None or dictionary.info.vendor_id is None:
+        return GENERIC
+    return profile_for_identity(dictionary.info.vendor_id, dictionary.info.product_code or 0)

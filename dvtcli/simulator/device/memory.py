@@ -19,6 +19,8 @@ Key = tuple[int, int]
 STORE, RESTORE = 0x1010, 0x1011
 _MISSING = (Abort.NO_OBJECT, Abort.NO_SUB_INDEX)
 _RESERVED_SUB_INDEX = 4
+#: What a PDO wakes with whose file tells no COB-ID, or 0x000, which is NMT: it does not exist (bit 31).
+_OFF, _COB_ID_BYTES = bytes([0, 0, 0, 0x80]), 4
 _COMMUNICATION_TYPES = {0: U8, 1: U32, 2: U8, 3: U16, 5: U16, 6: U8}
 
 
@@ -114,6 +116,8 @@ class Memory:
             return self._capabilities[index].to_bytes(4, "little")
         entry = self.entry(index, sub_index)
         data = (entry.initial(self.node_id) if entry else None) or b""
+        if not any(data) and size == _COB_ID_BYTES and _is_cob_id(index, sub_index):
+            return _OFF
         return data if size is None else data[:size].ljust(size, b"\0")
 
     def number(self, index: int, sub_index: int, missing: int = 0) -> int:
@@ -187,6 +191,11 @@ class Memory:
         self.changes += 1
         self._ram = {key: data for key, data in self._ram.items() if not first <= key[0] <= last}
         self._ram.update({key: data for key, data in self._stored.items() if first <= key[0] <= last})
+
+
+def _is_cob_id(index: int, sub_index: int) -> bool:
+    pdo = Pdo.at(index)
+    return pdo is not None and (index, sub_index) == (pdo.communication_index, 1)
 
 
 def _is_reserved(index: int, sub_index: int) -> bool:
