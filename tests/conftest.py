@@ -42,9 +42,27 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
-    """Half as many again as there are cores: much of a test is waiting for a process or a time-out."""
+    """Three for each core: half of a test is waiting for a process or a time-out."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return cores + (cores + 1) // 2
+    return 3 * cores
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """What takes long begins early: `long` tests go to the heads of the parts that xdist makes of all, one a worker.
+
+    Nothing else changes in the order that pytest-randomly made; a worker that is done takes from another one's tail.
+    """
+    early = [item for item in items if item.get_closest_marker("long")]
+    rest = [item for item in items if not item.get_closest_marker("long")]
+    workers = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
+    ordered: list[pytest.Item] = []
+    for number in range(workers):
+        first = early[number::workers]
+        others = max(0, (len(items) - len(ordered)) // (workers - number) - len(first))
+        ordered += [*first, *rest[:others]]
+        del rest[:others]
+    items[:] = ordered
 
 
 def pytest_configure(config: pytest.Config) -> None:

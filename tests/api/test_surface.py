@@ -8,6 +8,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 import dvtcli
 from dvtcli import errors, results, testing
 from tests.process import ROOT, environment
@@ -79,6 +81,7 @@ def test_the_import_costs_nothing() -> None:
     assert sorted(said.split()) == ["False", "dvtcli", "dvtcli.version"]
 
 
+@pytest.mark.long
 def test_programs_are_checked_with_the_types(tmp_path: Path) -> None:
     program = tmp_path / "program.py"
     program.write_text(

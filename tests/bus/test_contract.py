@@ -243,6 +243,7 @@ class TestTwin(CarriesFrames):
         real.close()
 
 
+@pytest.mark.long
 def test_who_uses_a_bus_does_not_know_of_which_kind_it_is() -> None:
     """Only who opens one does; everybody else has the contract."""
     knowing = {arrow.source for arrow in House().arrows if arrow.target == "bus/python_can.py"}

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import io
 import json
+import re
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from dvtcli.cli.conversation import Conversation
@@ -13,8 +15,21 @@ from dvtcli.cli.run_line import boundary, run_words
 from dvtcli.cli.script import run_script
 from dvtcli.cli.view.output import Output
 from dvtcli.cli.ways_in import install
+from dvtcli.files.profile.toml import builtin_path
 
 install()
+
+
+def impatient() -> str:
+    """The name of a profile of the test's own home: a CiA 301 device whose store is waited for 1 s, not 20 s."""
+    folder = Path.home() / ".config" / "dvtcli" / "profiles"
+    folder.mkdir(parents=True, exist_ok=True)
+    text = builtin_path("generic").read_text("utf-8")
+    text, named = re.subn(r"(?m)^name = .*", 'name = "impatient"', text)
+    text, waits = re.subn(r"(?m)^timeout_s = .*", "timeout_s = 1", text)
+    assert (named, waits) == (1, 1)
+    (folder / "impatient.toml").write_text(text, "utf-8")
+    return "impatient"
 
 
 @dataclass

@@ -158,6 +158,7 @@ def test_a_line_that_fails_behind_a_store_is_left_changed(bench: Bench, tmp_path
     assert ran.documents[-1]["stays"] == [f"{tmp_path}/x.dvt:1", f"{tmp_path}/x.dvt:2"]
 
 
+@pytest.mark.long
 def test_a_node_that_cannot_be_taken_back_is_7(tmp_path: Path) -> None:
     with Bench(("generic@1",), {"fault": ("silent@9",)}) as bench:
         ran = atomic(

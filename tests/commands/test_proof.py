@@ -18,7 +18,7 @@ from dvtcli.domain.proof import POWER
 from dvtcli.errors import NoAnswer
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds
-from tests.commands.bench import Bench, Ran
+from tests.commands.bench import Bench, Ran, impatient
 from tests.commands.bus import Wire, device
 
 MAP = "map tpdo1 6064 606C"
@@ -139,7 +139,7 @@ def test_a_device_without_a_harmless_place_is_not_proved() -> None:
 
 def test_save_is_never_repeated() -> None:
     with Wire(device("generic"), faults=("lose-response@1",)) as wire:
-        with Bench((), {**wire.options, "yes": True, "timeout": 0.1}) as bench:
+        with Bench((), {**wire.options, "yes": True, "timeout": 0.1, "profile": impatient()}) as bench:
             wire.frames()
             ran = bench.run("store --prove")
         saves = [m for m in wire.frames() if m.arbitration_id == 0x601 and m.data[4:] == b"save"]
@@ -207,6 +207,7 @@ def test_the_canary_is_journalled_and_put_back(tmp_path: Path) -> None:
         assert bench.run("undo").code == 2, "it is no change of the user's"
 
 
+@pytest.mark.long
 def test_a_canary_that_cannot_be_put_back_is_said_and_recover_finishes_it(tmp_path: Path) -> None:
     node = device("generic")
     # downloads: 1 the save, 2 the canary, 3 what puts it back; its repetitions go on for PATIENCE_S

@@ -142,6 +142,7 @@ STEPS = [
     deadline=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
+@pytest.mark.long
 @given(st.lists(st.sampled_from(STEPS), min_size=1, max_size=12))
 def test_the_end_state_on_a_fresh_device_gives_the_same(
     tmp_path_factory: pytest.TempPathFactory, lines: list[str]

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.commands.bench import Bench
+from tests.commands.bench import Bench, impatient
 from tests.commands.bus import Wire, device
 
 MAP = "map tpdo1 6041 606C"
@@ -44,12 +44,13 @@ def test_a_node_whose_answer_was_lost_is_not_called_silent() -> None:
 
 
 def test_a_node_that_restarts_instead_of_storing_is_not_told_to_store_what_is_lost() -> None:
-    with sim("reset@1") as bench:
+    with Bench(("generic",), {"fault": ("reset@1",), "yes": True, "profile": impatient()}) as bench:
         ran = bench.run("store")
     assert ran.code == 5
     assert "it restarted instead: what was not stored is lost; set it again, then store" in ran.stderr
 
 
+@pytest.mark.long
 def test_a_node_that_stays_silent_in_the_roll_back_is_to_be_brought_back_first(tmp_path: Path) -> None:
     with sim("silent@3") as bench:
         ran = bench.run(MAP)

@@ -5,7 +5,7 @@ An abort is what dvtcli is there to prevent: a rule could have foreseen it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -63,6 +63,11 @@ CONFIGURATIONS = {
     "disabled": "disable tpdo1",
     "cleared": "clear tpdo1",
 }
+#: what no family takes
+NOWHERE = frozenset({
+    "9 entries", "80 bits", "half an object", "too long an entry", "64-bit entry", "no such object", "not mappable",
+    "wrong direction", "dummy in a TPDO", "type 241", "type 252 of an RPDO", "no such PDO",
+})  # fmt: skip
 TAKEN, REFUSED, ABORTED = "taken", "refused", "ABORTED"
 #: what an error document says where it was found out before anything was written
 _BEFOREHAND = ("rules", "usage")
@@ -79,14 +84,14 @@ class Cell:
     frames: tuple[Any, ...] = ()
 
 
-def cells() -> Iterator[Cell]:
-    """Every configuration on every family, each on a node of its own."""
-    for family in family_names():
-        for name, line in CONFIGURATIONS.items():
-            yield _cell(family, name, line)
+def cells(names: Iterable[str] = CONFIGURATIONS) -> Iterator[Cell]:
+    """The configurations of *names* on every family, each on a node of its own."""
+    return (cell(family, name) for family in family_names() for name in names)
 
 
-def _cell(family: str, name: str, line: str) -> Cell:
+def cell(family: str, name: str) -> Cell:
+    """What becomes of the configuration *name* on a node of *family*."""
+    line = CONFIGURATIONS[name]
     with Bench((family,)) as bench:
         ran = bench.run(f"{line} --json")
         assert ran.code in (0, 1, 2), (family, line, ran.stdout, ran.stderr)
@@ -111,7 +116,7 @@ def table(found: list[Cell]) -> Iterator[str]:
     families = list(dict.fromkeys(cell.family for cell in found))
     width = max(map(len, CONFIGURATIONS)) + 2
     yield " " * width + "".join(f"{family:<20}" for family in families).rstrip()
-    for name in CONFIGURATIONS:
+    for name in dict.fromkeys(cell.name for cell in found):
         row = [cell for cell in found if cell.name == name]
         words = (cell.outcome if cell.outcome != REFUSED else cell.why[:18] for cell in row)
         yield f"{name:<{width}}" + "".join(f"{word:<20}" for word in words).rstrip()

@@ -33,6 +33,7 @@ def share(target: str, request: pytest.FixtureRequest) -> int:
     return wanted * SHARES[target] // 1000
 
 
+@pytest.mark.long
 @pytest.mark.counted
 @pytest.mark.parametrize("target", TARGETS)
 def test_hostile_input_gets_an_answer_or_an_error_of_ours(target: str, request: pytest.FixtureRequest) -> None:

@@ -51,6 +51,7 @@ def test_programs_run(code: str, tmp_path: Path, request: pytest.FixtureRequest)
     run([sys.executable, "-c", code], tmp_path)
 
 
+@pytest.mark.long
 def test_tests_pass_with_the_fixtures(tmp_path: Path) -> None:
     files = [(title, code) for _, (_, title, code) in blocks() if title]
     assert {title for title, _ in files} >= {"conftest.py"}

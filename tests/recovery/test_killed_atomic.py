@@ -32,6 +32,8 @@ LINES = (
     "clear 1:tpdo2",
     "write 1A01:1 0x606C0020",
 )
+
+pytestmark = pytest.mark.long
 #: how many SDO downloads they take, at least
 STEPS = 22
 #: What a script does after its last change, so that a kill, which takes its time on a busy machine, is not too late.

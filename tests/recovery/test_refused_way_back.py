@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 from tests.process import ROOT
 from tests.serve.served import served
 
@@ -19,6 +21,7 @@ def enabled_and_empty(folder: Path) -> Path:
     return path
 
 
+@pytest.mark.long
 def test_a_reset_finishes_what_the_device_does_not_let_recover_put_back(tmp_path: Path) -> None:
     eds = enabled_and_empty(tmp_path)
     with served(tmp_path, f"{eds}@1", "--fault", "refuse@3=0x06040041") as nodes:

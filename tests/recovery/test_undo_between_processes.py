@@ -251,6 +251,7 @@ STEPS = [
     deadline=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
+@pytest.mark.long
 @given(st.lists(st.sampled_from(STEPS), min_size=1, max_size=8))
 def test_changes_of_sessions_of_their_own_are_undone_to_the_start(
     monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory, lines: list[str]

@@ -116,6 +116,7 @@ def test_a_node_id_is_set_stored_and_kept(tmp_path: Path) -> None:
         assert ": node 9 gen4, node 5 tmcm; attach" in server.said
 
 
+@pytest.mark.long
 def test_fast_scan_finds_the_nodes_without_a_node_id_and_configures_them(tmp_path: Path) -> None:
     with served(tmp_path, "gen4@255", "tmcm@255", "generic@3") as server:
         with master(server.attach()) as network:
@@ -132,6 +133,7 @@ def test_fast_scan_finds_the_nodes_without_a_node_id_and_configures_them(tmp_pat
         assert "gen4 without a node-ID, tmcm without a node-ID, node 3 generic" in server.said
 
 
+@pytest.mark.long
 def test_one_process_on_a_virtual_bus() -> None:
     device = StrictDevice(read_eds(family_eds("gen4")).dictionary, load_family("gen4"), 255)
     with (

@@ -324,6 +324,7 @@ def test_faults_happen_and_a_dead_bus_cuts_everybody_off(tmp_path: Path) -> None
         assert "the bus is dead (a simulated fault)" in server.complaints
 
 
+@pytest.mark.long
 def test_a_bit_rate_is_kept(tmp_path: Path) -> None:
     """40 SYNCs with four frames of 8, 7, 8 and 6 bytes at 20 kbit/s take 40 x some 430 bits: 0.86 s."""
     with served(tmp_path, "gen4@1", "-b", "20000") as server:

@@ -49,6 +49,7 @@ def changes(number: int) -> dict[tuple[str, ...], tuple[tuple[int, int], int] | 
     }
 
 
+@pytest.mark.long
 @pytest.mark.counted
 def test_every_change_that_was_reported_is_there(
     server: Served, node: canopen.RemoteNode, request: pytest.FixtureRequest
