@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 from hypothesis import strategies as st
 
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.mapping import DUMMY_BITS, PdoMappingEntry
 from dvtcli.domain.object_dictionary import Access, ObjectDictionary
-from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.pdo import Direction, Pdo, PdoConfig
 from dvtcli.domain.profile import BitPolicy, DeviceProfile
 from tests.laws.bench import dictionary, profile
 
@@ -19,14 +20,39 @@ _SOURCES = {Access.RO, Access.RWR, Access.CONST}
 _TARGETS = {Access.WO, Access.RWW, Access.RW}
 
 
-def mappable(described: ObjectDictionary, pdo: Pdo) -> list[PdoMappingEntry]:
-    """Whole objects that the file lets *pdo* carry."""
-    wanted = _SOURCES if pdo.is_tpdo else _TARGETS
+@cache
+def mappable(family: str, direction: Direction) -> list[PdoMappingEntry]:
+    """Whole objects that the file lets a PDO of *direction* carry."""
+    wanted = _SOURCES if direction is Direction.TPDO else _TARGETS
     return [
         PdoMappingEntry(entry.index, entry.sub_index, entry.bits)
-        for entry in described.entries()
+        for entry in dictionary(family).entries()
         if entry.pdo_mapping and entry.access in wanted and entry.bits is not None and entry.bits <= 64
     ]
+
+
+@cache
+def fitting(family: str, direction: Direction) -> st.SearchStrategy[PdoMappingEntry]:
+    """Those that the family takes as they are; one strategy for all draws, since making one costs more than drawing."""
+    behaviour = profile(family)
+    whole = [e for e in mappable(family, direction) if e.bits % (behaviour.granularity or 1) == 0]
+    return st.sampled_from([e for e in whole if e.bits <= behaviour.max_entry_bits])
+
+
+@cache
+def any_entry(family: str, direction: Direction) -> st.SearchStrategy[PdoMappingEntry]:
+    """Entries that may break any rule of a mapping."""
+    described = dictionary(family)
+    whole = st.sampled_from(mappable(family, direction))
+    some_object = st.sampled_from([*described.entries()])
+    return st.one_of(
+        whole,
+        some_object.map(lambda e: PdoMappingEntry(e.index, e.sub_index, min(e.bits or 8, 64))),
+        st.builds(lambda e, bits: replace(e, bits=bits), whole, st.integers(0, 72)),
+        st.builds(PdoMappingEntry, st.sampled_from([0, 1, 2, 5, 8, 0x5FFF]), st.integers(0, 2), st.integers(0, 64)),
+        st.sampled_from([PdoMappingEntry(index, 0, bits) for index, bits in DUMMY_BITS.items()]),
+        st.builds(PdoMappingEntry, st.sampled_from(list(described)), st.integers(0, 255), st.sampled_from([8, 16])),
+    )
 
 
 def room(described: ObjectDictionary, family: DeviceProfile, pdo: Pdo) -> int:
@@ -46,10 +72,9 @@ def legal(draw: st.DrawFn, family: str, pdo: Pdo, held: PdoConfig) -> PdoConfig:
     """A configuration that the family takes; it has the optional sub-indices that *held* has."""
     described, behaviour = dictionary(family), profile(family)
     count = draw(st.integers(0, room(described, behaviour, pdo)))
-    candidates = [e for e in mappable(described, pdo) if e.bits % (behaviour.granularity or 1) == 0]
-    candidates = [e for e in candidates if e.bits <= behaviour.max_entry_bits]
+    candidates = fitting(family, pdo.direction)
     mapping: list[PdoMappingEntry] = []
-    for entry in draw(st.lists(st.sampled_from(candidates), min_size=count, max_size=count, unique=True)):
+    for entry in draw(st.lists(candidates, min_size=count, max_size=count, unique=True)):
         if sum(e.bits for e in mapping) + entry.bits <= 64:
             mapping.append(entry)
     policy = behaviour.rtr_bit[pdo.direction]
@@ -83,18 +108,6 @@ def _with_times(draw: st.DrawFn, family: str, pdo: Pdo, held: PdoConfig, cob_id:
 @st.composite
 def wild(draw: st.DrawFn, family: str, pdo: Pdo, held: PdoConfig) -> PdoConfig:
     """A configuration that may break any rule, in one place or in many."""
-    described = dictionary(family)
-    everything = [*described.entries()]
-    whole = mappable(described, pdo)
-    some_object = st.sampled_from(everything).map(lambda e: PdoMappingEntry(e.index, e.sub_index, min(e.bits or 8, 64)))
-    entry = st.one_of(
-        st.sampled_from(whole),
-        some_object,
-        st.builds(lambda e, bits: replace(e, bits=bits), st.sampled_from(whole), st.integers(0, 72)),
-        st.builds(PdoMappingEntry, st.sampled_from([0, 1, 2, 5, 8, 0x5FFF]), st.integers(0, 2), st.integers(0, 64)),
-        st.sampled_from([PdoMappingEntry(index, 0, bits) for index, bits in DUMMY_BITS.items()]),
-        st.builds(PdoMappingEntry, st.sampled_from(list(described)), st.integers(0, 255), st.sampled_from([8, 16])),
-    )
     was = held.communication
 
     def or_kept(values: st.SearchStrategy[int], present: int | None) -> int | None:
@@ -114,5 +127,7 @@ def wild(draw: st.DrawFn, family: str, pdo: Pdo, held: PdoConfig) -> PdoConfig:
         event_timer=or_kept(st.integers(0, 0xFFFF), was.event_timer),
         sync_start_value=or_kept(st.integers(0, 255), was.sync_start_value),
     )
-    mapping = held.mapping if draw(st.booleans()) else tuple(draw(st.lists(entry, max_size=9)))
+    mapping = (
+        held.mapping if draw(st.booleans()) else tuple(draw(st.lists(any_entry(family, pdo.direction), max_size=9)))
+    )
     return replace(held, communication=communication, mapping=mapping)
