@@ -30,7 +30,9 @@ ROOT = Path(__file__).parents[2]
 _TIMES, _MORE_S = 4, 20.0
 _TOO_LONG = 4  # of a child that ended itself
 _IN_PLACE = "in place"
+_VALUES = 5  # of a child in which only values were wrong, and no test failed
 _NOT_SO = 3  # exit code of a child whose mutant cannot be made in place
+_WAYS = {0: _IN_PLACE, _VALUES: "in place, in its values", _NOT_SO: "cannot be made in place"}
 _COPIED = ("dvtcli", "tests", "scripts", "docs", "pyproject.toml", "README.md", "CHANGELOG.md", "CONTRIBUTING.md")
 _WORDS = ["-x", "-n", "0", "-q", "-p", "no:cacheprovider", "--tb=no", "-rfE", "-o", "tmp_path_retention_policy=none"]
 _WORDS += ["--hypothesis-profile", PROFILE]
@@ -175,19 +177,20 @@ class _Template:
         if code == 1 and self.limits.twice:
             failed = noted.read_text("utf-8")
             again = [item for item in items if item.nodeid == failed]
-            if _in_child(lambda: self._be_child(mutant, again, noted), _TIMES * seconds + _MORE_S) == 0:
+            if _in_child(lambda: self._be_child(mutant, again, noted), _TIMES * seconds + _MORE_S) in (0, _VALUES):
                 others = [item for item in items if item.nodeid != failed]
                 return self._tried(mutant, others, seconds) if others else Outcome(mutant, "survived", _IN_PLACE)
         if code in (None, _TOO_LONG):
             return Outcome(mutant, "time", "took too long")
-        if code not in (0, 1, _NOT_SO):
+        if code not in (0, 1, _NOT_SO, _VALUES):
             raise RuntimeError(f"the child that tried {mutant} ended with {code}")
-        said = noted.read_text("utf-8") or (_IN_PLACE if code == 0 else "cannot be made in place")
+        said = noted.read_text("utf-8") or _WAYS.get(code, "")
         return Outcome(mutant, "killed" if code == 1 else "survived", said)
 
     def _be_child(self, mutant: Mutant, items: list[Any], noted: Path) -> None:
         text = (self.folder / mutant.module).read_text("utf-8")
-        if not given_its_code(mutant.module, text, mutant.number, self.functions):
+        given = given_its_code(mutant.module, text, mutant.number, self.functions)
+        if not given:
             os._exit(_NOT_SO)
         os.environ[MUTANT] = f"{mutant.module}\n{mutant.number}"
         config = items[0].config
@@ -196,7 +199,7 @@ class _Template:
             _end_after(_TIMES * self.known.seconds[item.nodeid] + _MORE_S / 2)
             following = items[place + 1] if place + 1 < len(items) else None
             config.hook.pytest_runtest_protocol(item=item, nextitem=following)
-        os._exit(0)
+        os._exit(0 if given == "code" else _VALUES)
 
 
 class _FirstFailure:

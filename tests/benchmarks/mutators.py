@@ -9,11 +9,13 @@ import ast
 import contextlib
 import gc
 import importlib
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from types import CodeType, FunctionType
+from types import CodeType, FunctionType, NoneType
+from typing import Any
 
 _FUNCTION = 0x1  # CO_OPTIMIZED: the code of a function, not of a class
 _COMPARED: dict[type[ast.cmpop], tuple[type[ast.cmpop], ...]] = {
@@ -85,8 +87,10 @@ def functions_by_file() -> dict[str, list[FunctionType]]:
     return found
 
 
-def given_its_code(module: str, text: str, number: int, functions: dict[str, list[FunctionType]] | None = None) -> bool:
-    """Give what fault *number* of *module* changes its code, here and now; False where it changes more than functions.
+def given_its_code(module: str, text: str, number: int, functions: dict[str, list[FunctionType]] | None = None) -> str:
+    """Give what fault *number* of *module* changes its code, here and now, or its values; which of them, "" for none.
+
+    Who has made something else of a value on import keeps that.
 
     *text* is that of the module's file; *functions* are those of `functions_by_file`, once the module was imported.
     """
@@ -94,8 +98,8 @@ def given_its_code(module: str, text: str, number: int, functions: dict[str, lis
     path = importlib.import_module(name).__file__ or ""
     right, wrong = (compile(tree, path, "exec") for tree in (ast.parse(text), mutated_tree(text, number)))
     changes = _changes(right, wrong)
-    if not changes:
-        return False
+    if changes is None:
+        return "values" if _given_its_values(name, path, right, wrong) else ""
     done = 0
     for old, new in changes:
         for function in (functions or functions_by_file()).get(path, []):
@@ -103,7 +107,53 @@ def given_its_code(module: str, text: str, number: int, functions: dict[str, lis
                 with contextlib.suppress(ValueError):  # other free variables: only with the file itself
                     function.__code__ = new
                     done += 1
+    return "code" if done else ""
+
+
+def _given_its_values(name: str, path: str, right: CodeType, wrong: CodeType) -> bool:
+    """Give module *name* the constants and defaults that differ, and whoever imported them; False where others do."""
+    spaces: list[dict[str, Any]] = [{"__name__": name, "__file__": path} for _ in range(2)]
+    for code, space in zip((right, wrong), spaces, strict=True):
+        exec(code, space)  # noqa: S102 - our own module, with a fault in it
+    differing = [
+        key for key, value in spaces[0].items() if repr(value) != repr(spaces[1].get(key)) and _is_plain(value)
+    ]
+    modules = [one for key, one in sys.modules.items() if key.partition(".")[0] in ("dvtcli", "tests")]
+    for key in differing:
+        for module in modules:
+            if repr(vars(module).get(key)) == repr(spaces[0][key]):
+                setattr(module, key, spaces[1][key])
+    done = len(differing)
+    held = dict(_defaults(vars(sys.modules[name]), name))
+    others = dict(_defaults(spaces[1], name))
+    for place, before in _defaults(spaces[0], name):
+        after = others.get(place)
+        if after is not None and place in held and _told(before) != _told(after):
+            held[place].__defaults__, held[place].__kwdefaults__ = after.__defaults__, after.__kwdefaults__
+            done += 1
     return done > 0
+
+
+def _is_plain(value: object) -> bool:
+    """Whether *value* is made of numbers, words and bytes only: what a copy of it can stand for."""
+    if isinstance(value, dict):
+        return all(_is_plain(one) for pair in value.items() for one in pair)
+    if isinstance(value, tuple | list | set | frozenset):
+        return all(map(_is_plain, value))
+    return type(value) in (int, float, bool, str, bytes, range, NoneType)
+
+
+def _defaults(space: dict[str, Any], module: str) -> Iterator[tuple[str, FunctionType]]:
+    """The functions of a module's namespace, and those of its classes, by name."""
+    for name, value in list(space.items()):
+        for key, one in [("", value), *(vars(value).items() if isinstance(value, type) else ())]:
+            function = getattr(one, "__func__", one)
+            if isinstance(function, FunctionType) and getattr(value, "__module__", "") == module:
+                yield f"{name}.{key}", function
+
+
+def _told(function: FunctionType) -> str:
+    return repr((function.__defaults__, function.__kwdefaults__))
 
 
 def _changes(right: CodeType, wrong: CodeType) -> list[tuple[CodeType, CodeType]] | None:

@@ -17,6 +17,7 @@ def test_without_a_boot_up_nobody_knows_what_was_written_before() -> None:
     came_up = CameUp()
     came_up.read(0, BOTH)
     assert came_up.why_not(0, BOTH) == "no boot-up of the node was heard"
+    assert CameUp().why_not(1, BOTH) == "its PDOs were not read after its last boot-up"
 
 
 def test_what_was_read_after_the_boot_up_counts_until_the_next() -> None:
