@@ -5,8 +5,9 @@ from __future__ import annotations
 import pytest
 
 from dvtcli.device.nmt_gate import Access
-from dvtcli.device.seen_state import moving, operation_enabled, seen_state, seen_states
+from dvtcli.device.seen_state import CONTROLWORDS, moving, operation_enabled, seen_state, seen_states
 from dvtcli.domain.nmt import NmtCommand, NmtState
+from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import NoAnswer
 from dvtcli.files.eds.reader import parse_eds
@@ -61,7 +62,7 @@ def test_the_next_heartbeat_is_waited_for_and_no_longer(period_ms: int) -> None:
     assert bus.requests == []
 
 
-@pytest.mark.parametrize(("period_ms", "waited_s"), [(100, 1.5), (500, 1.5), (501, 1.502), (2000, 4.5), (20_000, 40.5)])
+@pytest.mark.parametrize(("period_ms", "waited_s"), [(100, 1.5), (500, 1.5), (900, 2.3), (2000, 4.5), (20_000, 40.5)])
 def test_a_node_that_stays_has_two_heartbeats_and_half_a_second(period_ms: int, waited_s: float) -> None:
     bus = Asked(with_heartbeat(period_ms, obeys=False))
     bus.sleep(period_ms / 1000 * 1.2)
@@ -79,7 +80,7 @@ def unheard(guard_ms: int = 0, factor: int = 0) -> StrictDevice:
     return device
 
 
-@pytest.mark.parametrize(("guard_ms", "factor"), [(0, 0), (100, 0), (0, 3)])
+@pytest.mark.parametrize(("guard_ms", "factor"), [(0, 0), (100, 0), (1000, 0), (0, 3)])
 def test_without_heartbeats_it_is_asked_once_where_that_starts_nothing(guard_ms: int, factor: int) -> None:
     bus = Asked(unheard(guard_ms, factor))
     state, took_s = seen(bus)
@@ -98,6 +99,16 @@ def test_a_bus_without_remote_frames_asks_nobody() -> None:
     bus = Asked(unheard())
     bus.remote_frames = False
     assert seen(bus)[0] is None
+    assert bus.requests == []
+
+
+def test_a_node_that_was_heard_is_not_asked() -> None:
+    device = unheard()
+    bus = Asked(device)
+    bus.send_nmt(NmtCommand.START, NODE)
+    device.restart()
+    device.boot_up()
+    assert seen_state(Access(bus, NODE, profile("generic")), OPERATIONAL) is PRE_OPERATIONAL
     assert bus.requests == []
 
 
@@ -167,6 +178,17 @@ def test_each_of_eight_axes_is_asked_whether_it_is_enabled(axis: int, told: bool
     bus.nodes[0].device.set_value(index, 0, b"\x37\x02")
     assert operation_enabled(bus, NODE) == ((index, 0x237) if told else None)
     assert moving(bus, [NODE]) == ({NODE: (index, 0x237)} if told else {})
+
+
+def test_a_device_that_is_no_drive_is_not_enabled() -> None:
+    described = {index: dictionary("generic")[index] for index in (0x1000, 0x1017)}
+    assert operation_enabled(VirtualTimeBus([booted(described=ObjectDictionary(described))]), NODE) is None
+
+
+@pytest.mark.parametrize(("index", "commands"), [(0x6040, True), (0x6840, True), (0x9840, True), (0xA040, False)])
+def test_the_controlword_of_each_of_eight_axes_moves_it(index: int, commands: bool) -> None:
+    assert ((index, 0) in CONTROLWORDS) == commands
+    assert len(CONTROLWORDS) == 8
 
 
 def test_a_drive_that_does_not_answer_is_asked_once() -> None:
