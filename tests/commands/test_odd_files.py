@@ -105,6 +105,16 @@ def test_a_mapping_with_its_count_only(direction: str) -> None:
 
 
 @both
+def test_an_entry_that_can_be_written_and_not_read(direction: str) -> None:
+    eds = changed(direction, cob_id=0x80000191)
+    eds.objects[MAPPING[direction]][1][2]["AccessType"] = "wo"
+    with bench(eds) as one:
+        objects = f"{BASE[direction]:X}:1 {BASE[direction]:X}:2"
+        refused_before_any_write(one, f"map {direction}1 {objects}", "mapping entry 2", "cannot be read back")
+        assert one.run(f"map {direction}1 {BASE[direction]:X}:3").code == 0
+
+
+@both
 def test_a_mapping_with_a_gap(direction: str) -> None:
     eds = changed(direction)
     del eds.objects[MAPPING[direction]][1][3]

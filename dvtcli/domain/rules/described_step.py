@@ -15,6 +15,8 @@ RULES = (
     Rule("parameter-static", ERROR, "the parameter is read-only", "the EDS, AccessType (CiA 306)", (Abort.READ_ONLY,)),
     Rule("parameter-length", ERROR, "a parameter has another length in the device's file than CiA 301 gives it",
          "CiA 301, 7.5.2.35 to 7.5.2.38; the EDS, DataType (CiA 306)", (Abort.TOO_LONG, Abort.TOO_SHORT)),
+    Rule("parameter-unreadable", ERROR, "a parameter can be written and not read: nothing would prove the change",
+         "ours; the EDS, AccessType (CiA 306)"),
 )  # fmt: skip
 
 COB_ID = 1
@@ -50,6 +52,10 @@ def _step_findings(proposal: Proposal, dictionary: ObjectDictionary, entry: OdEn
         if not is_mapping_index(step.index):  # of mappings the rules about them say it
             text = f"{name} of {proposal.pdo.label} is {entry.access} in {where}"
             yield error("parameter-static", place, text, Abort.READ_ONLY, _fixed_hint(step))
+        return
+    if not entry.access.readable:
+        text = f"{name} of {proposal.pdo.label} is {entry.access} in {where}: what it holds then cannot be read back"
+        yield error("parameter-unreadable", place, text, None, "choose another PDO (pdo --all)")
         return
     size = None if entry.data_type is None else entry.data_type.size
     if size is not None and size != len(step.after):
