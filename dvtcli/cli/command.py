@@ -6,7 +6,7 @@ Knows no command, and not where lines come from.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -31,7 +31,8 @@ class DvtCommand(click.Command):
     """A command that also takes the global options, and negative numbers as values.
 
     *effect* is what it does to nodes; where that depends on a line's parameters, *final* says of them what no undo
-    reverts. With *needs_settings* it does not run where a settings file is wrong.
+    reverts. With *needs_settings* it does not run where a settings file is wrong. *formats* are those of its answers
+    that not every command has (`sarif`).
     """
 
     def __init__(
@@ -40,10 +41,12 @@ class DvtCommand(click.Command):
         effect: Effect,
         final: Callable[[Mapping[str, Any]], Final | None] | None = None,
         needs_settings: bool = True,
+        formats: Sequence[str] = (),
         **kwargs: Any,
     ) -> None:
         super().__init__(*args, **kwargs)
         self.effect, self.needs_settings, self._final = effect, needs_settings, final
+        self.formats = formats
         self.params.extend(global_options(hidden=True))
 
     def final(self, params: Mapping[str, Any]) -> Final | None:
@@ -75,11 +78,21 @@ class DvtCommand(click.Command):
         session: Conversation = ctx.obj
         session.only_looked &= self.effect in _LOOKING
         with session.line(taken(ctx.params)):
+            self._require_format(session.output.format)
             if self.needs_settings:
                 session.require_settings()
             for text in _notation_notes(ctx.params.values()):
                 session.output.note(text)
             return _deliver(session, super().invoke(ctx))
+
+    def _require_format(self, name: str) -> None:
+        """Refuse a format that the answer does not have, before anything is done."""
+        from dvtcli.operations.options import FORMATS, SPECIAL_FORMATS
+
+        if name in SPECIAL_FORMATS and name not in self.formats:
+            from dvtcli.errors import UsageError
+
+            raise UsageError(f"{self.name} does not answer in {name}", hint=f"--format {' | '.join(FORMATS)}")
 
 
 def of_line(ctx: click.Context) -> DvtCommand:

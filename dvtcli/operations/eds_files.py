@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.pdo import Pdo
 from dvtcli.errors import UsageError
 from dvtcli.files.eds.reader import read_eds
-from dvtcli.operations.results import Facts, FileFinding, FileReport
+from dvtcli.operations.results import Facts, FileFinding, FileReport, FileRule
 
 if TYPE_CHECKING:
+    from dvtcli.domain.lint.lint_rule import LintRule
     from dvtcli.files.eds.reader import EdsFile
 
 
@@ -35,16 +38,39 @@ def add_eds(file: str) -> Facts:
     return Facts("eds-added", (("file", file), ("kept", str(target))), (said,))
 
 
-def check_eds(file: str) -> FileReport:
-    """Everything odd in the file, with its line; exit code 4 where there is an error. UsageError without a file."""
-    return report(file, _read(file))
+def check_eds(
+    file: str, only: Collection[str] = (), without: Collection[str] = (), *, strict: bool = False
+) -> FileReport:
+    """Everything odd in the file, with its line, by the rules named in *only* (none: all) but not in *without*.
+
+    With *strict* a warning makes the file invalid, too. UsageError without a file, and for a rule that there is not.
+    """
+    return report(file, _read(file), chosen_rules(only, without), strict=strict)
 
 
-def report(file: str, eds: EdsFile) -> FileReport:
-    """Everything odd in *eds*, with its line; *file* is what it is called."""
-    findings = tuple(FileFinding(f.line, str(f.severity), f.text) for f in sorted(eds.findings, key=lambda f: f.line))
-    worst = 4 if any(finding.severity == "error" for finding in findings) else 0
-    return FileReport(file, eds.sections, eds.understood, len(eds.dictionary), findings, worst)
+def report(file: str, eds: EdsFile, rules: tuple[LintRule, ...], *, strict: bool = False) -> FileReport:
+    """What *rules* find in *eds*; *file* is what it is called."""
+    from dvtcli.files.eds.lint.linter import lint
+
+    asked = tuple(FileRule(rule.name, str(rule.severity), rule.sense, rule.source) for rule in rules)
+    findings = tuple(
+        FileFinding(one.line, str(one.severity), one.rule, one.object, one.text)
+        for one in lint(eds, Path(file).name, {rule.name for rule in rules})
+    )
+    return FileReport(file, eds.sections, eds.understood, len(eds.dictionary), asked, findings, strict)
+
+
+def chosen_rules(only: Collection[str] = (), without: Collection[str] = ()) -> tuple[LintRule, ...]:
+    """The rules named in *only* (none: all) but not in *without*; UsageError for a name that there is not."""
+    from dvtcli.files.eds.lint.linter import RULES
+
+    names = [rule.name for rule in RULES]
+    for name in (*only, *without):
+        if name not in names:
+            near = get_close_matches(name, names, 1)
+            hint = f"did you mean {near[0]}?" if near else "docs/reference/eds-rules.md has them all"
+            raise UsageError(f"no rule of eds check is called {name!r}", hint=hint)
+    return tuple(rule for rule in RULES if rule.name not in without and (not only or rule.name in only))
 
 
 def show_eds(file: str) -> Facts:

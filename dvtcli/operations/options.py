@@ -33,8 +33,10 @@ START_ONLY = frozenset(
 )
 #: What a bus can run at (bit/s): CiA 301 names 10 kbit/s to 1 Mbit/s, adapters take less.
 BIT_RATES = range(1_000, 1_000_001)
+#: What every command can answer in, and what only some can.
+FORMATS, SPECIAL_FORMATS = ("text", "json", "jsonl"), ("github", "junit", "sarif")
 #: Options that are one word of a few.
-CHOICES = {"format": ("text", "json", "jsonl"), "color": ("auto", "always", "never")}
+CHOICES = {"format": FORMATS + SPECIAL_FORMATS, "color": ("auto", "always", "never")}
 
 
 class Options(NamedTuple):

@@ -8,7 +8,7 @@ import pytest
 
 from dvtcli.domain.object_dictionary import Access, ObjectType, OdEntry
 from dvtcli.errors import InputFileError
-from dvtcli.files.eds.reader import NOT_UNDERSTOOD, EdsFile, EdsFinding, parse_eds, read_eds
+from dvtcli.files.eds.reader import EdsFile, EdsFinding, parse_eds, read_eds
 
 VAR = "[{0}]\nParameterName=Name\nObjectType=7\nDataType={1}\nAccessType=rw\n{2}\n"
 
@@ -111,8 +111,8 @@ def test_unknown_sections_are_kept_and_reported_with_their_line() -> None:
         VAR.format("2000", 5, "") + "[ToolInfos]\nVersion = 1\n[9Name]\n[3000Value]\n1=2\n[2000sub100]\n[2000ſub1]\n"
     )
     assert (file.sections, file.understood) == (6, 1)
-    assert lines(file, NOT_UNDERSTOOD) == [7, 9, 10, 12, 13]
-    assert {finding.severity for finding in found(file, NOT_UNDERSTOOD)} == {"note"}
+    assert lines(file, "section-not-understood") == [7, 9, 10, 12, 13]
+    assert {finding.severity for finding in found(file, "section-not-understood")} == {"note"}
     assert file.values("toolinfos")["version"] == ("Version", "1", 8)
     assert file.values("absent") == {}
 
@@ -154,7 +154,7 @@ def test_lists_and_objects_that_do_not_agree() -> None:
     assert lines(file, "bad-number") == [5]
     assert lines(file, "listed-twice") == [6]
     assert lines(file, "not-listed") == [7]
-    assert lines(file, "sub-number") == [2]
+    assert lines(file, "list-count") == [2]
 
 
 def test_a_blank_in_supported_objects() -> None:
@@ -175,7 +175,8 @@ def test_commissioning_in_both_spellings(name: str) -> None:
 @pytest.mark.parametrize("node_id", ["0", "128", "255"])
 def test_senseless_node_ids(node_id: str) -> None:
     file = eds(f"[DeviceComissioning]\nNodeID={node_id}\n")
-    assert (file.node_id, lines(file, "node-id")) == (None, [2])
+    found_by = "no-node-id" if node_id == "255" else "node-id"
+    assert (file.node_id, lines(file, found_by)) == (None, [2])
 
 
 @pytest.mark.parametrize(
@@ -193,7 +194,7 @@ def test_identity_comes_from_1018_where_device_info_is_silent() -> None:
     )
     info = file.dictionary.info
     assert (info.vendor_id, info.product_code, info.revision_number) == (0x1E, 5, 2)
-    assert lines(file, "identity") == [3]
+    assert lines(file, "device-identity") == [3]
 
 
 def test_malformed_device_numbers_are_reported() -> None:
@@ -210,7 +211,7 @@ def test_missing_keys_are_reported_and_stay_unknown() -> None:
     file = eds("[2000]\n")
     only = entry(file)
     assert (only.name, only.data_type, only.access, only.pdo_mapping) == ("2000", None, Access.RW, None)
-    assert {finding.rule for finding in file.findings} == {"no-name", "data-type", "access"}
+    assert {finding.rule for finding in file.findings} == {"no-name", "no-data-type", "access-type"}
     assert {finding.line for finding in file.findings} == {1}
 
 
@@ -238,14 +239,14 @@ def test_what_cia_301_says_where_the_file_is_silent(place: str, name: str, acces
     only = entry(file, int(index, 16), int(sub_index or "0", 16))
     assert only.data_type is not None
     assert (only.data_type.name, only.access) == (name, access)
-    assert found(file, "data-type")
-    assert found(file, "access")
+    assert found(file, "implied-data-type")
+    assert found(file, "access-type")
 
 
 def test_sub_index_0_is_unsigned8_where_the_file_is_silent() -> None:
     file = eds("[2000]\nParameterName=A\nObjectType=8\n[2000sub0]\nParameterName=n\nAccessType=ro\nDefaultValue=2\n")
     assert entry(file).default == b"\2"
-    assert lines(file, "data-type") == [4]
+    assert lines(file, "implied-data-type") == [4]
 
 
 @pytest.mark.parametrize(("given", "access"), [("RO", "ro"), ("Const", "const"), ("rw ; both", "rw"), ("RWR", "rwr")])
@@ -258,7 +259,7 @@ def test_access_types(given: str, access: str) -> None:
 @pytest.mark.parametrize(("given", "access"), [("R", "ro"), ("W", "wo"), ("maybe", "rw"), ("", "rw")])
 def test_odd_access_types_are_reported(given: str, access: str) -> None:
     file = eds(f"[2000]\nParameterName=A\nDataType=5\nAccessType={given}\n")
-    assert (entry(file).access, lines(file, "access")) == (access, [4])
+    assert (entry(file).access, lines(file, "access-type")) == (access, [4])
 
 
 @pytest.mark.parametrize(
@@ -277,7 +278,7 @@ def test_malformed_pdo_mapping_is_unknown() -> None:
 def test_an_unknown_data_type_has_no_length() -> None:
     file = one(0x40, "DefaultValue=1")
     assert (entry(file).data_type, entry(file).bits, entry(file).default) == (None, None, None)
-    assert (lines(file, "data-type"), lines(file, "bad-value")) == ([4], [6])
+    assert (lines(file, "unknown-data-type"), lines(file, "bad-value")) == ([4], [6])
 
 
 def test_a_domain_needs_no_data_type() -> None:
@@ -290,10 +291,10 @@ def test_a_domain_needs_no_data_type() -> None:
 def test_object_type_is_inferred_from_sub_indices() -> None:
     sub = "[2000sub1]\nParameterName=S\nDataType=5\nAccessType=rw\n"
     silent, wrong = eds("[2000]\nParameterName=R\n" + sub), eds("[2000]\nParameterName=R\nObjectType=7\n" + sub)
-    for file in (silent, wrong):
+    for file, rule, line in ((silent, "no-object-type", 1), (wrong, "sub-indices-of-var", 3)):
         assert file.dictionary[0x2000].object_type == ObjectType.RECORD
         assert list(file.dictionary[0x2000].entries) == [1]
-        assert lines(file, "object-type") == [1]
+        assert lines(file, rule) == [line]
 
 
 def test_a_record_without_sub_indices() -> None:
@@ -335,7 +336,7 @@ def test_malformed_values_are_reported_one_by_one() -> None:
     file = one(5, "DefaultValue=256", "ParameterValue=many", "LowLimit=-1", "HighLimit=x")
     only = entry(file)
     assert (only.default, only.value, only.low, only.high) == (None, None, None, None)
-    assert (lines(file, "bad-value"), lines(file, "bad-limits")) == ([6, 7], [8, 9])
+    assert (lines(file, "bad-value"), lines(file, "limit-type")) == ([6, 7], [8, 9])
 
 
 def test_signed_values_written_as_unsigned() -> None:
@@ -345,12 +346,12 @@ def test_signed_values_written_as_unsigned() -> None:
 
 def test_limits_that_exclude_everything_are_ignored() -> None:
     file = one(3, "LowLimit=0", "HighLimit=0xFFFF")
-    assert (entry(file).low, entry(file).high, lines(file, "bad-limits")) == (None, None, [7])
+    assert (entry(file).low, entry(file).high, lines(file, "limits-crossed")) == (None, None, [7])
 
 
 def test_a_semicolon_belongs_to_a_text() -> None:
     file = one(9, "DefaultValue=a;b", "LowLimit=1")
-    assert (entry(file).default, lines(file, "bad-limits")) == (b"a;b", [7])
+    assert (entry(file).default, lines(file, "limit-without-sense")) == (b"a;b", [7])
     assert entry(one(5, "DefaultValue=3;b")).default == b"\3"
 
 

@@ -6,7 +6,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from dvtcli.errors import InputFileError
-from dvtcli.files.eds.reader import NOT_UNDERSTOOD, parse_eds
+from dvtcli.files.eds.reader import parse_eds
 
 SAMPLE = b"""[FileInfo]
 FileName=sample.eds
@@ -134,7 +134,7 @@ def look_at_everything(data: bytes) -> None:
         entry.initial(127)
         low, high = entry.limits(1)
         assert low is None or high is None or entry.low_relative or entry.high_relative or low <= high
-    not_understood = [finding for finding in file.findings if finding.rule == NOT_UNDERSTOOD]
+    not_understood = [finding for finding in file.findings if finding.rule == "section-not-understood"]
     assert file.sections == file.understood + len(not_understood)
     last_line = 1 + data.count(b"\n") + data.count(b"\r")
     assert all(1 <= finding.line <= last_line and finding.text for finding in file.findings)

@@ -43,7 +43,7 @@ def test_sparse_names_and_values() -> None:
 
 def test_tables_that_do_not_fit() -> None:
     file = eds(ARRAY + "[6C01Value]\nNrOfEntries=1\n4=1\nx=1\n1=70000\n")
-    assert rules(file) == [(10, "sub-number"), (11, "no-sub-index"), (12, "bad-line"), (13, "bad-value")]
+    assert rules(file) == [(10, "table-count"), (11, "no-sub-index"), (12, "bad-line"), (13, "bad-value")]
 
 
 def test_a_section_of_its_own_wins_over_the_compact_one() -> None:
@@ -54,7 +54,7 @@ def test_a_section_of_its_own_wins_over_the_compact_one() -> None:
 def test_compact_without_object_type_is_an_array() -> None:
     file = eds(ARRAY.replace("ObjectType=8\n", ""))
     assert file.dictionary[0x6C01].object_type == ObjectType.ARRAY
-    assert rules(file) == [(1, "object-type")]
+    assert rules(file) == [(1, "no-object-type")]
 
 
 def test_compact_mapping_is_not_static_and_counts_what_is_mapped() -> None:
@@ -87,7 +87,7 @@ def test_compact_pdos_fill_up_around_described_ones() -> None:
     file = eds("[DeviceInfo]\nNrOfTXPDO=2\nCompactPDO=0xC3\n" + described)
     assert list(file.dictionary) == [0x1800, 0x1801, 0x1A00, 0x1A01]
     assert list(file.dictionary[0x1801].entries) == [0]
-    assert rules(file)[:2] == [(3, "compact-pdo"), (3, "compact-pdo")]
+    assert rules(file)[:2] == [(3, "compact-pdo-bits"), (3, "compact-pdo")]
 
 
 def test_no_compact_pdo_makes_nothing() -> None:

@@ -108,7 +108,7 @@ def eds(data: bytes) -> None:
     described.find("Device type")
     file.values("DeviceInfo")
     eds_files.facts("fuzz.eds", file)
-    eds_files.report("fuzz.eds", file)
+    eds_files.report("fuzz.eds", file, eds_files.chosen_rules())
 
 
 def dcf(data: bytes) -> None:
@@ -405,7 +405,9 @@ def _shown(text: str) -> Iterator[Any]:
     node = results.NodeRow(1, text, 1, 1, 1, 1, 1, text, text)
     yield results.NodeListing(text, (node, node), 0.1)
     yield results.Facts(text, ((text, text),), (text,))
-    yield results.FileReport(text, 1, 1, 1, (results.FileFinding(1, "warning", text),), 0)
+    found = results.FileFinding(1, "warning", "bad-line", text, text)
+    rule = results.FileRule("bad-line", "warning", text, text)
+    yield results.FileReport(text, 1, 1, 1, (rule,), (found,), strict=True)
 
 
 def _harmless(output: Output, *, coloured: bool) -> None:

@@ -9,26 +9,44 @@ import click
 from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import FILE
+from dvtcli.errors import UsageError
+from dvtcli.operations.options import SPECIAL_FORMATS
 
 if TYPE_CHECKING:
+    from dvtcli.cli.conversation import Conversation
     from dvtcli.operations.results import Facts, FileReport
 
 TASK = ("Find nodes", 60)
 
 
-@click.command("eds", cls=DvtCommand, short_help=__doc__, effect=Effect.READS, needs_settings=False)
+@click.command(
+    "eds", cls=DvtCommand, short_help=__doc__, effect=Effect.READS, needs_settings=False, formats=SPECIAL_FORMATS
+)
 @click.argument("action", type=click.Choice(["check", "show", "add"]), metavar="check|show|add")
 @click.argument("file", type=FILE)
-def command(action: str, file: str) -> Facts | FileReport:
+@click.option("--rule", "only", multiple=True, metavar="NAME", help="check: this rule only; repeatable.")
+@click.option("--without", multiple=True, metavar="NAME", help="check: all rules but this one; repeatable.")
+@click.option("--strict", is_flag=True, help="check: exit code 4 for a warning, too.")
+@click.pass_obj
+def command(
+    session: Conversation, action: str, file: str, only: tuple[str, ...], without: tuple[str, ...], strict: bool
+) -> Facts | FileReport:
     """Read FILE and say what is in it; `check` names everything odd with its line.
+
+    `check` ends with exit code 4 where a rule found an error. --format github, junit or sarif is for CI.
 
     \b
     eds check drive.eds
+    eds check drive.eds --strict --without no-dummy-usage
+    eds check drive.eds --rule pdo-length --format github
     eds show drive.eds
     eds add drive.eds       found from now on by the node's identity
     """
     from dvtcli.operations import eds_files
 
     if action == "check":
-        return eds_files.check_eds(file)
+        return eds_files.check_eds(file, only, without, strict=strict)
+    if only or without or strict or session.output.format in SPECIAL_FORMATS:
+        hint = f"--rule, --without, --strict and --format {' | '.join(SPECIAL_FORMATS)} belong to eds check"
+        raise UsageError(f"eds {action} asks no rules", hint=hint)
     return eds_files.show_eds(file) if action == "show" else eds_files.add_eds(file)

@@ -60,6 +60,9 @@ class Output:
             return
         from dvtcli.cli.view.renderers import remarks, text
 
+        if self.format in result.formats:
+            self._machine_lines(text(result, 0, self.format))
+            return
         if not self.quiet:
             self.lines(remarks(result))
         lines = self._painted(self.stdout, text(result, self.width))
@@ -68,6 +71,15 @@ class Output:
                 for line in lines:
                     print(line, file=self.stdout)
                 self.stdout.flush()
+
+    def _machine_lines(self, lines: Iterable[Line]) -> None:
+        """Print what another program reads: no colours, no wrapping, no pager."""
+        from dvtcli.cli.view.paint import painted
+
+        with self._answering():
+            for line in lines:
+                print(painted(line, self.stdout, colored=False, plain=self.plain), file=self.stdout)
+            self.stdout.flush()
 
     @contextmanager
     def _answering(self) -> Iterator[None]:

@@ -13,9 +13,9 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import Result
 
 
-def text(result: Result, width: int) -> Iterable[Line]:
-    """The lines of *result* for a screen of *width* columns."""
-    module, _, function = result.renderer.partition("_lines:")
+def text(result: Result, width: int, format_name: str = "text") -> Iterable[Line]:
+    """The lines of *result* for a screen of *width* columns, or in a format that its class has besides text."""
+    module, _, function = result.formats.get(format_name, result.renderer).partition("_lines:")
     lines: Iterable[Line] = getattr(import_module(f"dvtcli.cli.view.{module}_lines"), function)(result, width)
     return lines
 

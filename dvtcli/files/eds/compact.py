@@ -9,10 +9,11 @@ from dataclasses import replace
 
 from dvtcli.domain.datatypes import U8
 from dvtcli.domain.object_dictionary import Access, ObjectType, OdEntry, OdObject
+from dvtcli.domain.standard_objects import PDO_COMMUNICATION, PDO_MAPPING, is_pdo_mapping, standard_entry
 from dvtcli.files.eds.entry import Place, read_entry
 from dvtcli.files.eds.findings import Findings
 from dvtcli.files.eds.ini import Values
-from dvtcli.files.eds.standard import PDO_COMMUNICATION, PDO_MAPPING, is_pdo_mapping, standard_entry
+from dvtcli.files.eds.read_rules import COMPACT_COUNT
 
 _PARAMETER_NAMES = (
     "Highest sub-index supported",
@@ -43,8 +44,8 @@ def _count_entry(member: OdEntry, count: int, findings: Findings) -> OdEntry:
     standard = standard_entry(member.index, 0)
     if standard is not None and standard.access is Access.RW and member.access.writable:
         access = Access.RW
-        text = f"{member.index:04X}:00 taken as rw (CiA 301), though CompactSubObj makes it ro"
-        findings.note(member.line or 1, "access", text)
+        text = "sub-index 00 taken as rw (CiA 301), though CompactSubObj makes it ro"
+        findings.add(COMPACT_COUNT, member.line or 1, text)
     return OdEntry(
         member.index,
         0,

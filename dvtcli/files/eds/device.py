@@ -13,6 +13,17 @@ from dvtcli.files.eds.ini import Values, section_values
 from dvtcli.files.eds.keys import number_key, quoted, text_key
 from dvtcli.files.eds.layout import OBJECT_LISTS, Layout
 from dvtcli.files.eds.numbers import read_number, without_comment
+from dvtcli.files.eds.read_rules import (
+    BAD_LINE,
+    BAD_NUMBER,
+    DEVICE_IDENTITY,
+    LIST_COUNT,
+    LISTED_TWICE,
+    NO_NODE_ID,
+    NO_SECTION,
+    NODE_ID,
+    NOT_LISTED,
+)
 
 _DUMMY = re.compile(r"dummy([0-9a-f]{4})")
 _U32 = 0xFFFF_FFFF
@@ -50,7 +61,7 @@ def _identity(values: Values, key: str, identity: OdObject | None, sub_index: in
         return in_object
     if in_object not in (None, given):
         text = f"{quoted(values[key])}, but 1018:{sub_index:02X} holds 0x{in_object:08X}"
-        findings.note(values[key].line, "identity", text)
+        findings.add(DEVICE_IDENTITY, values[key].line, text)
     return given
 
 
@@ -59,8 +70,11 @@ def _node_id(layout: Layout, findings: Findings) -> int | None:
     node_id = number_key(values, "nodeid", 0, 0xFF, findings)
     if node_id is None or 1 <= node_id <= _HIGHEST_NODE_ID:
         return node_id
-    meaning = "means not configured" if node_id == _UNCONFIGURED else "is not within 1..127; ignored"
-    findings.note(values["nodeid"].line, "node-id", f"{quoted(values['nodeid'])} {meaning}")
+    given = values["nodeid"]
+    if node_id == _UNCONFIGURED:
+        findings.add(NO_NODE_ID, given.line, f"{quoted(given)} means not configured")
+    else:
+        findings.add(NODE_ID, given.line, f"{quoted(given)} is not within 1..127; ignored")
     return None
 
 
@@ -73,7 +87,7 @@ def _dummies(layout: Layout, findings: Findings) -> frozenset[int] | None:
     for key, value in values.items():
         found = _DUMMY.fullmatch(key)
         if found is None:
-            findings.warning(value.line, "bad-line", f"{quoted(value)} in [DummyUsage] is not understood; ignored")
+            findings.add(BAD_LINE, value.line, f"{quoted(value)} in [DummyUsage] is not understood; ignored")
         elif number_key(values, key, 0, 1, findings):
             allowed.add(int(found[1], 16))
     return frozenset(allowed)
@@ -87,7 +101,7 @@ def check_lists(layout: Layout, findings: Findings) -> None:
     if listed:
         for index in sorted(layout.objects.keys() - listed):
             line = layout.object_sections(index).line
-            findings.note(line, "not-listed", f"no list of objects names {index:04X}; read all the same")
+            findings.add(NOT_LISTED, line, f"no list of objects names {index:04X}; read all the same")
 
 
 def _check_list(layout: Layout, name: str, listed: set[int], findings: Findings) -> set[int]:
@@ -100,17 +114,17 @@ def _check_list(layout: Layout, name: str, listed: set[int], findings: Findings)
         count = number_key(values, key, 0, 0xFFFF, findings)
         if count is not None and count != len(rows):
             text = f"{values[key].key}={count}, but [{parts[0].name}] lists {len(rows)}"
-            findings.note(values[key].line, "sub-number", text)
+            findings.add(LIST_COUNT, values[key].line, text)
     found = set()
     for row in rows:
         try:
             index = read_number(without_comment(row.value))
         except ValueError:
-            findings.warning(row.line, "bad-number", f"{quoted(row)} in [{parts[0].name}] is not an index; ignored")
+            findings.add(BAD_NUMBER, row.line, f"{quoted(row)} in [{parts[0].name}] is not an index; ignored")
             continue
         if index in listed or index in found:
-            findings.note(row.line, "listed-twice", f"{index:04X} is listed twice")
+            findings.add(LISTED_TWICE, row.line, f"{index:04X} is listed twice")
         elif index not in layout.objects:
-            findings.warning(row.line, "no-section", f"{index:04X} is listed but has no section: it is left out")
+            findings.add(NO_SECTION, row.line, f"{index:04X} is listed but has no section: it is left out")
         found.add(index)
     return found

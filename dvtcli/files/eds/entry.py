@@ -9,11 +9,24 @@ from dataclasses import dataclass
 
 from dvtcli.domain.datatypes import DATA_TYPES, U8, DataType, Kind
 from dvtcli.domain.object_dictionary import Access, OdEntry
+from dvtcli.domain.standard_objects import standard_entry
 from dvtcli.files.eds.findings import Findings
 from dvtcli.files.eds.ini import IniValue, Values
 from dvtcli.files.eds.keys import number_key, quoted, text_key
 from dvtcli.files.eds.numbers import EncodedValue, encode_value, read_limit, without_comment
-from dvtcli.files.eds.standard import standard_entry
+from dvtcli.files.eds.read_rules import (
+    ACCESS_TYPE,
+    BAD_VALUE,
+    EMPTY_VALUE,
+    IMPLIED_DATA_TYPE,
+    LIMIT_TYPE,
+    LIMIT_WITHOUT_SENSE,
+    LIMITS_CROSSED,
+    NO_DATA_TYPE,
+    NO_NAME,
+    ODD_VALUE,
+    UNKNOWN_DATA_TYPE,
+)
 
 _ACCESS = {access.value: access for access in Access}
 _ALMOST_ACCESS = {"r": Access.RO, "w": Access.WO, "wr": Access.RW}
@@ -77,27 +90,27 @@ def read_value(given: IniValue | None, data_type: DataType | None, findings: Fin
     if given is None:
         return None
     if not given.value:
-        findings.note(given.line, "empty-value", given.key)
+        findings.add(EMPTY_VALUE, given.line, given.key)
         return None
     if data_type is None:
-        findings.warning(given.line, "bad-value", f"{quoted(given)} cannot be read: its data type is not known")
+        findings.add(BAD_VALUE, given.line, f"{quoted(given)} cannot be read: its data type is not known")
         return None
     try:
         encoded = encode_value(data_type, given.value)
     except ValueError as error:
-        findings.warning(given.line, "bad-value", f"{quoted(given)} is no {data_type.name}: {error}; ignored")
+        findings.add(BAD_VALUE, given.line, f"{quoted(given)} is no {data_type.name}: {error}; ignored")
         return None
     if encoded.remark:
-        findings.note(given.line, "odd-value", f"{given.key}: {encoded.remark}")
+        findings.add(ODD_VALUE, given.line, f"{given.key}: {encoded.remark}")
     return encoded
 
 
 def _name(values: Values, place: Place, findings: Findings) -> str:
     given = values.get("parametername")
     if given is None:
-        findings.note(place.line, "no-name", f"{place.shown} has no ParameterName")
+        findings.add(NO_NAME, place.line, "no ParameterName")
     elif not given.value:
-        findings.note(given.line, "empty-value", given.key)
+        findings.add(EMPTY_VALUE, given.line, given.key)
     return given.value if given is not None and given.value else place.shown
 
 
@@ -107,7 +120,7 @@ def _data_type(values: Values, place: Place, findings: Findings) -> DataType | N
         return DATA_TYPES[code]
     if code is not None:
         line = values["datatype"].line
-        findings.warning(line, "data-type", f"{place.shown}: data type 0x{code:04X} is not known, nor its length")
+        findings.add(UNKNOWN_DATA_TYPE, line, f"data type 0x{code:04X} is not known, nor its length")
         return None
     return _implied_data_type(place, findings)
 
@@ -121,9 +134,9 @@ def _implied_data_type(place: Place, findings: Findings) -> DataType | None:
     if place.domain:
         implied, source = _DOMAIN, "ObjectType DOMAIN"
     if implied is None:
-        findings.warning(place.line, "data-type", f"{place.shown} has no DataType: its length is not known")
+        findings.add(NO_DATA_TYPE, place.line, "no DataType: its length is not known")
     else:
-        findings.note(place.line, "data-type", f"{place.shown} has no DataType: taken as {implied.name} ({source})")
+        findings.add(IMPLIED_DATA_TYPE, place.line, f"no DataType: taken as {implied.name} ({source})")
     return implied
 
 
@@ -135,13 +148,13 @@ def _access(values: Values, place: Place, findings: Findings) -> Access:
     line = place.line if given is None else given.line
     said = f"AccessType={text} is not known" if text else "no AccessType"
     if text in _ALMOST_ACCESS:
-        findings.warning(line, "access", f"{place.shown}: {said}: taken as {_ALMOST_ACCESS[text].value}")
+        findings.add(ACCESS_TYPE, line, f"{said}: taken as {_ALMOST_ACCESS[text].value}")
         return _ALMOST_ACCESS[text]
     standard = standard_entry(place.index, place.sub_index)
     access, source = Access.RW, ""
     if standard is not None and standard.access is not None:
         access, source = standard.access, " (CiA 301)"
-    findings.warning(line, "access", f"{place.shown}: {said}: taken as {access.value}{source}")
+    findings.add(ACCESS_TYPE, line, f"{said}: taken as {access.value}{source}")
     return access
 
 
@@ -155,7 +168,7 @@ def _limits(values: Values, data_type: DataType | None, findings: Findings) -> _
     high, high_relative = _limit(values.get("highlimit"), data_type, findings)
     if low is not None and high is not None and low > high and low_relative == high_relative:
         text = f"{quoted(values['lowlimit'])} and {quoted(values['highlimit'])} mean {low}..{high}: both ignored"
-        findings.warning(values["highlimit"].line, "bad-limits", text)
+        findings.add(LIMITS_CROSSED, values["highlimit"].line, text)
         return _Limits()
     return _Limits(low, low_relative, high, high_relative)
 
@@ -165,10 +178,10 @@ def _limit(given: IniValue | None, data_type: DataType | None, findings: Finding
     if given is None or not given.value or data_type is None or not without_comment(given.value):
         return None, False
     if data_type.kind not in (Kind.BOOLEAN, Kind.INTEGER, Kind.UNSIGNED, Kind.REAL):
-        findings.note(given.line, "bad-limits", f"{quoted(given)}: a {data_type.name} has no limits; ignored")
+        findings.add(LIMIT_WITHOUT_SENSE, given.line, f"{quoted(given)}: a {data_type.name} has no limits; ignored")
         return None, False
     try:
         return read_limit(data_type, given.value)
     except ValueError as error:
-        findings.warning(given.line, "bad-limits", f"{quoted(given)} is no {data_type.name}: {error}; ignored")
+        findings.add(LIMIT_TYPE, given.line, f"{quoted(given)} is no {data_type.name}: {error}; ignored")
         return None, False

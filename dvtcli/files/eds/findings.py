@@ -1,29 +1,30 @@
 """What the EDS/DCF reader has to say about a file.
 
-Knows severities and lines. Does not know the file format, nor what a finding means for a device.
+Knows lines. Does not know the file format, nor what a finding means for a device.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from dvtcli.domain.lint.lint_rule import LintRule
 from dvtcli.domain.profile import Severity
-
-#: The rule of every finding that says "this section was not understood"; such sections are kept as raw text.
-NOT_UNDERSTOOD = "section-not-understood"
+from dvtcli.files.eds.read_rules import EMPTY_VALUE
 
 
 @dataclass(frozen=True, slots=True)
 class EdsFinding:
     """One oddity of a file: its *line* (1 and up), how bad it is, its short name *rule*, and what was done about it.
 
-    *text* quotes the file as it is; a view must make control characters harmless.
+    *text* quotes the file as it is; a view must make control characters harmless. *object* is the one that it is
+    about, as it is printed (`6C01:01`), empty where it is about none or where nobody has looked it up.
     """
 
     line: int
     severity: Severity
     rule: str
     text: str
+    object: str = ""
 
 
 @dataclass(slots=True)
@@ -32,22 +33,14 @@ class Findings:
 
     found: list[EdsFinding] = field(default_factory=list)
 
-    def error(self, line: int, rule: str, text: str) -> None:
-        """The file says something that cannot be used."""
-        self.found.append(EdsFinding(line, Severity.ERROR, rule, text))
-
-    def warning(self, line: int, rule: str, text: str) -> None:
-        """The file is wrong or incomplete, and was read in the likeliest way."""
-        self.found.append(EdsFinding(line, Severity.WARNING, rule, text))
-
-    def note(self, line: int, rule: str, text: str) -> None:
-        """Worth knowing; nothing is wrong with what was read."""
-        self.found.append(EdsFinding(line, Severity.NOTE, rule, text))
+    def add(self, rule: LintRule, line: int, text: str) -> None:
+        """Keep that *rule* was met in *line*; *text* says how, and what was done about it."""
+        self.found.append(EdsFinding(line, rule.severity, rule.name, text))
 
     def in_order(self) -> tuple[EdsFinding, ...]:
         """All findings by line, those about empty values as one note per key name."""
-        empty = [finding for finding in self.found if finding.rule == "empty-value"]
-        rest = [finding for finding in self.found if finding.rule != "empty-value"]
+        empty = [finding for finding in self.found if finding.rule == EMPTY_VALUE.name]
+        rest = [finding for finding in self.found if finding.rule != EMPTY_VALUE.name]
         return tuple(sorted([*rest, *_summarised(empty)], key=lambda finding: finding.line))
 
 
@@ -57,6 +50,8 @@ def _summarised(empty: list[EdsFinding]) -> list[EdsFinding]:
     for finding in empty:
         lines.setdefault(finding.text, []).append(finding.line)
     return [
-        EdsFinding(min(at), Severity.NOTE, "empty-value", f"{len(at)} empty {key}, the first here: no value is known")
+        EdsFinding(
+            min(at), EMPTY_VALUE.severity, EMPTY_VALUE.name, f"{len(at)} empty {key}, the first here: no value is known"
+        )
         for key, at in lines.items()
     ]

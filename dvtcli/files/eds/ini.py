@@ -14,6 +14,7 @@ from itertools import accumulate
 from typing import NamedTuple
 
 from dvtcli.files.eds.findings import Findings
+from dvtcli.files.eds.read_rules import BAD_HEADER, BAD_LINE, DUPLICATE_KEY
 
 _BOMS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
 _INDENTED_HEADER = re.compile(r"\n[ \t]+\[")
@@ -42,12 +43,16 @@ Values = dict[str, IniValue]
 
 @dataclass(frozen=True, slots=True)
 class IniText:
-    """A whole file: *sections* in its order, *preamble* before the first one, and how its bytes were read."""
+    """A whole file: *sections* in its order, *preamble* before the first one, and how its bytes were read.
+
+    With *mixed_line_ends* some lines end with *newline* and others do not.
+    """
 
     preamble: IniSection
     sections: tuple[IniSection, ...]
     encoding: str
     newline: str
+    mixed_line_ends: bool = False
 
 
 def decode(data: bytes) -> tuple[str, str]:
@@ -68,6 +73,7 @@ def split_sections(data: bytes) -> IniText:
     """Cut a file into its sections; lines end with CRLF, CR or LF, headers may be indented."""
     text, encoding = decode(data)
     newline = "\r\n" if "\r\n" in text else "\r" if "\r" in text and "\n" not in text else "\n"
+    mixed = newline == "\r\n" and not text.count("\r\n") == text.count("\n") == text.count("\r")
     if "\r" in text:
         text = text.replace("\r\n", "\n").replace("\r", "\n")
     before, *chunks = _INDENTED_HEADER.sub("\n[", "\n" + text).split("\n[")
@@ -77,13 +83,13 @@ def split_sections(data: bytes) -> IniText:
     lines = accumulate((chunk.count("\n") + 1 for chunk in chunks), initial=before.count("\n") + 1)
     sections = tuple(map(IniSection._make, zip(names, lines, chunks, strict=False)))
     # The preamble starts with the line break put in front of the text, so that its first line counts as 1.
-    return IniText(IniSection("", 0, before), sections, encoding, newline)
+    return IniText(IniSection("", 0, before), sections, encoding, newline, mixed)
 
 
 def section_values(sections: Sequence[IniSection], findings: Findings) -> Values:
     """The values of a section, given every part of it that the file has; a key's last value wins.
 
-    Lines that are neither comment (`;`, `#`) nor `key=value`, and keys that occur twice, are reported.
+    Lines that are neither comment (`;`, `#`) nor `key=value`, and keys that occur twice in one part, are reported.
     """
     values: Values = {}
     for section in sections:
@@ -96,22 +102,24 @@ def _check_header(section: IniSection, findings: Findings) -> None:
     header, _, _ = section.text.partition("\n")
     name, bracket, rest = header.partition("]")
     if section.line and not bracket:
-        findings.warning(section.line, "bad-header", f"[{name[:_SHOWN]} has no closing bracket")
+        findings.add(BAD_HEADER, section.line, f"[{name[:_SHOWN]} has no closing bracket")
     elif rest.strip() and rest.strip()[0] not in ";#":
-        findings.warning(section.line, "bad-header", f"text after [{section.name}] is ignored: {rest.strip()[:_SHOWN]}")
+        findings.add(BAD_HEADER, section.line, f"text after [{section.name}] is ignored: {rest.strip()[:_SHOWN]}")
 
 
 def _read_lines(section: IniSection, values: Values, findings: Findings) -> None:
     line = section.line
+    own: dict[str, int] = {}
     for text in section.text.split("\n")[1:]:
         line += 1
         left, equals, value = text.partition("=")
         name = left.strip()
         if not equals or not name or name[0] in ";#":
             if text.strip() and text.strip()[0] not in ";#":
-                findings.warning(line, "bad-line", f"neither KEY=VALUE nor a ; comment: {text.strip()[:_SHOWN]}")
+                findings.add(BAD_LINE, line, f"neither KEY=VALUE nor a ; comment: {text.strip()[:_SHOWN]}")
             continue
         key = name.lower()
-        if key in values:
-            findings.warning(line, "duplicate-key", f"{name} was given in line {values[key].line} too; this one counts")
+        if key in own:
+            findings.add(DUPLICATE_KEY, line, f"{name} was given in line {own[key]} too; this one counts")
+        own[key] = line
         values[key] = IniValue(name, value.strip(), line)

@@ -8,6 +8,7 @@ from __future__ import annotations
 from dvtcli.files.eds.findings import Findings
 from dvtcli.files.eds.ini import IniValue, Values
 from dvtcli.files.eds.numbers import leading_zero_remark, read_number, without_comment
+from dvtcli.files.eds.read_rules import BAD_NUMBER, LEADING_ZERO
 
 _SHOWN = 60
 
@@ -35,11 +36,11 @@ def number_key(values: Values, key: str, low: int, high: int, findings: Findings
     try:
         number = read_number(text)
     except ValueError:
-        findings.warning(found.line, "bad-number", f"{quoted(found)} is not a number; ignored")
+        findings.add(BAD_NUMBER, found.line, f"{quoted(found)} is not a number; ignored")
         return None
     if not low <= number <= high:
-        findings.warning(found.line, "bad-number", f"{quoted(found)} is not within {low}..{high}; ignored")
+        findings.add(BAD_NUMBER, found.line, f"{quoted(found)} is not within {low}..{high}; ignored")
         return None
     if remark := leading_zero_remark(text):
-        findings.warning(found.line, "leading-zero", f"{found.key}: {remark}")
+        findings.add(LEADING_ZERO, found.line, f"{found.key}: {remark}")
     return number

@@ -9,8 +9,9 @@ import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
-from dvtcli.files.eds.findings import NOT_UNDERSTOOD, Findings
+from dvtcli.files.eds.findings import Findings
 from dvtcli.files.eds.ini import IniSection, IniText
+from dvtcli.files.eds.read_rules import DUPLICATE_SECTION, NOT_UNDERSTOOD
 
 #: The lists of objects, in the standard's order.
 OBJECT_LISTS = ("mandatoryobjects", "optionalobjects", "manufacturerobjects")
@@ -71,6 +72,14 @@ class Layout:
         return found
 
 
+def object_place(name: str) -> tuple[int, int | None] | None:
+    """The object that a section called *name* describes, with its sub-index if it is one's; None for other sections."""
+    if _OBJECT.fullmatch(name) is None:
+        return None
+    sub = name[7:] if name[4:7].lower() == "sub" else ""
+    return int(name[:4], 16), int(sub, 16) if sub else None
+
+
 def lay_out(text: IniText) -> Layout:
     """Sort a file's sections by meaning; names in any case."""
     layout = Layout()
@@ -108,15 +117,12 @@ def report_stray(layout: Layout, findings: Findings) -> None:
     """One note for each section that was not understood; its text is kept."""
     for section in layout.stray:
         kind = "belongs to no object in this file" if _OBJECT.fullmatch(section.name) else "is not known here"
-        findings.note(section.line, NOT_UNDERSTOOD, f"section [{section.name}] {kind}: not understood, kept as it is")
+        findings.add(NOT_UNDERSTOOD, section.line, f"section [{section.name}] {kind}: not understood, kept as it is")
 
 
 def report_repeated(every: Iterable[Parts], findings: Findings) -> None:
     """A warning for each section that occurs again."""
     for parts in every:
         for part in parts[1:]:
-            findings.warning(
-                part.line,
-                "duplicate-section",
-                f"[{part.name}] stands in line {parts[0].line} too; where both have a key, the later one counts",
-            )
+            text = f"[{part.name}] stands in line {parts[0].line} too; where both have a key, the later one counts"
+            findings.add(DUPLICATE_SECTION, part.line, text)

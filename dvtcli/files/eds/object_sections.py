@@ -7,13 +7,22 @@ makes of them. Every oddity goes to *findings*, and the reader goes on.
 from __future__ import annotations
 
 from dvtcli.domain.object_dictionary import ObjectType, OdEntry, OdObject
+from dvtcli.domain.standard_objects import is_pdo_mapping
 from dvtcli.files.eds.compact import compact_entries, mapping_count
 from dvtcli.files.eds.entry import Place, read_entry
 from dvtcli.files.eds.findings import Findings
 from dvtcli.files.eds.ini import Values, section_values
 from dvtcli.files.eds.keys import number_key, text_key
 from dvtcli.files.eds.layout import Layout, ObjectSections, report_repeated
-from dvtcli.files.eds.standard import is_pdo_mapping
+from dvtcli.files.eds.read_rules import (
+    NO_OBJECT_TYPE,
+    NO_PARENT,
+    NO_SUB_INDICES,
+    OBJECT_TYPE,
+    SUB_BEFORE_PARENT,
+    SUB_INDICES_OF_VAR,
+    SUB_NUMBER,
+)
 from dvtcli.files.eds.tables import apply_tables
 
 _KNOWN = frozenset(ObjectType)
@@ -51,13 +60,14 @@ def _object_type(values: Values, has_subs: bool, compact: int, line: int, findin
     likely = ObjectType.RECORD if has_subs else ObjectType.ARRAY if compact else ObjectType.VAR
     if given is None:
         if values and likely is not ObjectType.VAR:
-            findings.note(line, "object-type", f"no ObjectType, yet sub-indices: taken as {likely.name}")
+            findings.add(NO_OBJECT_TYPE, line, f"no ObjectType, yet sub-indices: taken as {likely.name}")
         return likely
+    line = values["objecttype"].line
     if likely is not ObjectType.VAR and given in _OF_ONE_ENTRY:
-        findings.warning(line, "object-type", f"ObjectType {given} has no sub-indices, yet the file lists some")
+        findings.add(SUB_INDICES_OF_VAR, line, f"ObjectType {given} has no sub-indices, yet the file lists some")
         return likely
     if given not in _KNOWN:
-        findings.warning(line, "object-type", f"ObjectType {given} is not known (CiA 301, table 42)")
+        findings.add(OBJECT_TYPE, line, f"ObjectType {given} is not known (CiA 301, table 42)")
     return given
 
 
@@ -67,16 +77,16 @@ def _check_parts(
     """What does not add up between an object's section and its sub-indices."""
     line = sections.line
     if not sections.own:
-        findings.warning(line, "no-parent", f"sub-indices of {index:04X}, but no section [{index:04X}]")
+        findings.add(NO_PARENT, line, f"sub-indices, but no section [{index:04X}]")
         return
     early = [parts[0] for parts in sections.sub_indices.values() if parts[0].line < line]
     if early:
-        findings.note(early[0].line, "sub-before-parent", f"[{early[0].name}] stands before [{index:04X}]")
+        findings.add(SUB_BEFORE_PARENT, early[0].line, f"[{early[0].name}] stands before [{index:04X}]")
     if not entries:
-        findings.warning(line, "no-sub-indices", f"[{index:04X}] has neither sub-indices nor CompactSubObj")
+        findings.add(NO_SUB_INDICES, line, f"[{index:04X}] has neither sub-indices nor CompactSubObj")
         return
     count = len(sections.sub_indices)
     given = number_key(values, "subnumber", 0, 0xFF, findings)
     if given is not None and count and given != count:
-        text = f"SubNumber={given}, but the file has {count} sub-indices of {index:04X}"
-        findings.note(values["subnumber"].line, "sub-number", text)
+        text = f"SubNumber={given}, but the file has {count} sub-indices"
+        findings.add(SUB_NUMBER, values["subnumber"].line, text)

@@ -17,13 +17,14 @@ from dvtcli.errors import InputFileError
 from dvtcli.files.eds.bounds import MOST_BYTES, too_much
 from dvtcli.files.eds.compact import compact_pdo_indices, compact_pdo_object
 from dvtcli.files.eds.device import check_lists, read_device_info
-from dvtcli.files.eds.findings import NOT_UNDERSTOOD, EdsFinding, Findings
+from dvtcli.files.eds.findings import EdsFinding, Findings
 from dvtcli.files.eds.ini import IniText, IniValue, Values, section_values, split_sections
 from dvtcli.files.eds.keys import number_key
 from dvtcli.files.eds.layout import Layout, lay_out, report_repeated, report_stray
 from dvtcli.files.eds.object_sections import build_object
+from dvtcli.files.eds.read_rules import COMPACT_PDO, COMPACT_PDO_BITS
 
-__all__ = ["NOT_UNDERSTOOD", "EdsFile", "EdsFinding", "parse_eds", "read_eds"]
+__all__ = ["EdsFile", "EdsFinding", "parse_eds", "read_eds"]
 
 _IDENTITY = 0x1018
 _PDO_SUB_INDICES = 0x3F
@@ -121,11 +122,11 @@ def _compact_pdos(
         return {}
     line = device["compactpdo"].line
     if mask & ~_PDO_SUB_INDICES:
-        findings.warning(line, "compact-pdo", f"CompactPDO=0x{mask:02X}: bits above 5 have no meaning; ignored")
+        findings.add(COMPACT_PDO_BITS, line, f"CompactPDO=0x{mask:02X}: bits above 5 have no meaning; ignored")
     missing = compact_pdo_indices(present, rpdo_count, tpdo_count)
     if missing:
         text = f"CompactPDO: {len(missing)} PDO parameters without a section exist as CiA 301 describes them"
-        findings.note(line, "compact-pdo", text)
+        findings.add(COMPACT_PDO, line, text)
     return {index: partial(compact_pdo_object, index, mask & _PDO_SUB_INDICES, line) for index in missing}
 
 

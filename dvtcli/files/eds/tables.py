@@ -15,6 +15,7 @@ from dvtcli.files.eds.ini import IniValue, section_values
 from dvtcli.files.eds.keys import number_key, quoted
 from dvtcli.files.eds.layout import ObjectSections, Parts
 from dvtcli.files.eds.numbers import read_number
+from dvtcli.files.eds.read_rules import BAD_LINE, NO_SUB_INDEX, TABLE_COUNT
 
 
 def apply_tables(sections: ObjectSections, entries: dict[int, OdEntry], findings: Findings) -> None:
@@ -37,14 +38,14 @@ def _rows(parts: Parts, entries: dict[int, OdEntry], findings: Findings) -> Iter
     rows = [value for key, value in values.items() if key != "nrofentries"]
     if count is not None and count != len(rows):
         text = f"NrOfEntries={count}, but [{parts[0].name}] has {len(rows)}"
-        findings.note(values["nrofentries"].line, "sub-number", text)
+        findings.add(TABLE_COUNT, values["nrofentries"].line, text)
     for row in rows:
         try:
             sub_index = read_number(row.key)
         except ValueError:
-            findings.warning(row.line, "bad-line", f"{quoted(row)}: {row.key} is not a sub-index; ignored")
+            findings.add(BAD_LINE, row.line, f"{quoted(row)}: {row.key} is not a sub-index; ignored")
             continue
         if sub_index in entries:
             yield sub_index, row
         else:
-            findings.warning(row.line, "no-sub-index", f"{quoted(row)}: the object has no such sub-index; ignored")
+            findings.add(NO_SUB_INDEX, row.line, f"{quoted(row)}: the object has no such sub-index; ignored")

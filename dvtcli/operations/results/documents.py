@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any, ClassVar, Protocol
 
 from dvtcli.domain.datatypes import CanopenTime, Value
@@ -17,6 +18,8 @@ class Answer:
     __slots__ = ()
     #: a module of `cli.view` and its function of (answer, width in columns): `pdo_lines:listing_lines`
     renderer: ClassVar[str]
+    #: format that only some answers have (`sarif`) -> what makes its lines, as for `renderer`
+    formats: ClassVar[Mapping[str, str]] = {}
     #: whether it is a list that is read at leisure, with a pager where it is more than a screen
     at_leisure: ClassVar[bool] = False
     #: whether its findings are said beside it, and not in its own text
@@ -32,6 +35,7 @@ class Result(Protocol):
     """What every command's answer can do: an `Answer` with an exit code and a document."""
 
     renderer: ClassVar[str]
+    formats: ClassVar[Mapping[str, str]]
     at_leisure: ClassVar[bool]
     remarked: ClassVar[bool]
 

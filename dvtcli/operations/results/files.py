@@ -1,4 +1,4 @@
-"""Files and plain facts as answers. Knows no terminal and no session."""
+"""Plain facts as answers. Knows no terminal and no session."""
 
 from __future__ import annotations
 
@@ -7,41 +7,6 @@ from typing import Any, ClassVar
 
 from dvtcli.domain.rules import Finding
 from dvtcli.operations.results.documents import Answer, Document, finding_document
-
-
-@dataclass(frozen=True, slots=True)
-class FileFinding:
-    """Something a file's reader noticed, with its line."""
-
-    line: int
-    severity: str
-    text: str
-
-
-@dataclass(frozen=True, slots=True)
-class FileReport(Answer):
-    """What `eds check` found: sections in the file, sections understood, and findings."""
-
-    renderer: ClassVar = "file_lines:file_lines"
-    at_leisure: ClassVar = True
-
-    path: str
-    sections: int
-    understood: int
-    objects: int
-    findings: tuple[FileFinding, ...]
-    exit_code: int = 0
-
-    def document(self) -> Document:
-        """`dvtcli.eds/1`."""
-        return {
-            "schema": "dvtcli.eds/1",
-            "file": self.path,
-            "sections": self.sections,
-            "understood": self.understood,
-            "objects": self.objects,
-            "findings": [{"line": f.line, "severity": f.severity, "text": f.text} for f in self.findings],
-        }
 
 
 @dataclass(frozen=True, slots=True)

@@ -32,6 +32,7 @@ PARTS = {
     "errors": "errors:table",
     "documents": "documents:every_document",
     "rules": "rules:table",
+    "eds-rules": "eds_rules:table",
     "profiles": "families:profiles",
     "profile-values": "families:profile_values",
     "simulated": "families:simulated",

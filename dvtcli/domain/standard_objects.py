@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from dvtcli.domain.datatypes import U8, U16, U32, VISIBLE_STRING, DataType
-from dvtcli.domain.object_dictionary import Access
+from dvtcli.domain.object_dictionary import Access, ObjectType
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,6 +19,7 @@ class StandardEntry:
     access: Access | None
 
 
+_IDENTITY = 0x1018
 _RO, _RW, _CONST = Access.RO, Access.RW, Access.CONST
 
 #: VAR objects (CiA 301, 7.5.2).
@@ -40,15 +41,18 @@ _VARIABLES = {
     0x1015: StandardEntry(U16, _RW),
     0x1017: StandardEntry(U16, _RW),
     0x1019: StandardEntry(U8, _RW),
+    0x102A: StandardEntry(U16, _RW),
 }
 
-#: ARRAY objects: sub-index 0, every other sub-index.
+#: ARRAY objects, and 0x1018, whose parts are of one type, too: sub-index 0, every other sub-index.
 _ARRAYS = {
     0x1003: (StandardEntry(U8, _RW), StandardEntry(U32, _RO)),
     0x1010: (StandardEntry(U8, _CONST), StandardEntry(U32, _RW)),
     0x1011: (StandardEntry(U8, _CONST), StandardEntry(U32, _RW)),
     0x1016: (StandardEntry(U8, _CONST), StandardEntry(U32, _RW)),
     0x1018: (StandardEntry(U8, _CONST), StandardEntry(U32, _RO)),
+    0x1020: (StandardEntry(U8, _CONST), StandardEntry(U32, _RW)),
+    0x1028: (StandardEntry(U8, _CONST), StandardEntry(U32, _RW)),
     0x1029: (StandardEntry(U8, _CONST), StandardEntry(U8, _RW)),
 }
 
@@ -98,3 +102,22 @@ def standard_entry(index: int, sub_index: int) -> StandardEntry | None:
     if is_pdo_mapping(index) and sub_index <= 64:
         return PDO_MAPPING[min(sub_index, 1)]
     return None
+
+
+def standard_object_type(index: int) -> ObjectType | None:
+    """The object type that CiA 301 gives *index*, or None where it says nothing."""
+    if index in _VARIABLES:
+        return ObjectType.VAR
+    if index in _ARRAYS and index != _IDENTITY:
+        return ObjectType.ARRAY
+    record = index == _IDENTITY or 0x1200 <= index <= 0x12FF or is_pdo_communication(index) or is_pdo_mapping(index)
+    return ObjectType.RECORD if record else None
+
+
+#: What CiA 301 does not give away: first and last index of each part (7.4.1, table of the object dictionary).
+_RESERVED = ((0x0000, 0x0000), (0x0260, 0x0FFF), (0x1004, 0x1004), (0x100B, 0x100B), (0x100E, 0x100F), (0xC000, 0xFFFF))
+
+
+def reserved(index: int) -> bool:
+    """Whether *index* is one that CiA 301 keeps for later."""
+    return any(first <= index <= last for first, last in _RESERVED)

@@ -1,0 +1,38 @@
+"""JUnit's XML, as CI servers read it: a test case for each rule that was asked."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from xml.etree import ElementTree as ET
+
+from dvtcli.cli.view.lines import Line
+from dvtcli.cli.view.safe import safe
+from dvtcli.domain.several import plural
+from dvtcli.operations.results.checked_files import FileFinding, FileReport
+
+
+def junit_lines(result: FileReport, _width: int) -> Iterator[Line]:
+    """A rule that found what makes the file invalid is a failure; what else was found stands in the case's output."""
+    found: dict[str, list[FileFinding]] = {}
+    for finding in result.findings:
+        found.setdefault(finding.rule, []).append(finding)
+    failed = sum(any(map(result.is_bad, findings)) for findings in found.values())
+    counts = {"tests": str(len(result.rules)), "failures": str(failed), "errors": "0"}
+    suite = ET.Element("testsuite", {"name": f"eds check {safe(result.path)}", **counts})
+    for rule in result.rules:
+        case = ET.SubElement(suite, "testcase", {"classname": safe(result.path), "name": rule.name})
+        findings = found.get(rule.name, [])
+        if any(map(result.is_bad, findings)):
+            said = {"type": rule.severity, "message": f"{rule.sense}: {plural(len(findings), 'finding')}"}
+            ET.SubElement(case, "failure", said).text = _text(result, findings)
+        elif findings:
+            ET.SubElement(case, "system-out").text = _text(result, findings)
+    suites = ET.Element("testsuites", counts)
+    suites.append(suite)
+    ET.indent(suites)
+    yield '<?xml version="1.0" encoding="utf-8"?>'
+    yield from ET.tostring(suites, "unicode").split("\n")
+
+
+def _text(result: FileReport, findings: list[FileFinding]) -> str:
+    return "\n".join(safe(f"{result.path}:{one.line}: {one.severity}: {one.text}") for one in findings)

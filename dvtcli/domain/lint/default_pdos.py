@@ -1,0 +1,74 @@
+"""The PDOs as a file says that they come up: what is described, what is held, and what is missing.
+
+Knows defaults only, and judges nothing. Reads no device (`device.read_pdos` does).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.mapping import MAX_ENTRIES, PdoMappingEntry
+from dvtcli.domain.object_dictionary import ObjectDictionary
+from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig, is_mpdo
+
+_DISABLED = CobId(0, valid=False)
+_WORD = 0xFFFF_FFFF
+
+
+@dataclass(frozen=True, slots=True)
+class DefaultPdo:
+    """One PDO at power-on: *config* is what is known of it, with an unknown COB-ID as disabled.
+
+    *cob_id* and *count* are the raw values, None where the file has none; *entries* the raw words by sub-index up to
+    the count, None where one is not described or has no value. The config's mapping ends before the first such.
+    """
+
+    pdo: Pdo
+    has_communication: bool
+    has_mapping: bool
+    cob_id: int | None
+    count: int | None
+    entries: dict[int, int | None]
+    config: PdoConfig
+
+
+def default_pdos(dictionary: ObjectDictionary, node_id: int) -> tuple[DefaultPdo, ...]:
+    """Every PDO of which *dictionary* has a parameter, as node *node_id* comes up; TPDOs first, each by number."""
+    pdos = {pdo for pdo in map(Pdo.at, dictionary) if pdo is not None}
+    ordered = sorted(pdos, key=lambda pdo: (not pdo.is_tpdo, pdo.number))
+    return tuple(_default_pdo(dictionary, pdo, node_id) for pdo in ordered)
+
+
+def _default_pdo(dictionary: ObjectDictionary, pdo: Pdo, node_id: int) -> DefaultPdo:
+    def held(index: int, sub_index: int) -> int | None:
+        entry = dictionary.entry(index, sub_index)
+        data = None if entry is None else entry.initial(node_id)
+        return None if data is None else int.from_bytes(data, "little") & _WORD
+
+    cob_id, count = held(pdo.communication_index, 1), held(pdo.mapping_index, 0)
+    communication = PdoCommunicationParameter(
+        _DISABLED if cob_id is None else CobId.from_raw(cob_id),
+        *(held(pdo.communication_index, sub_index) for sub_index in (2, 3, 5, 6)),
+    )
+    mpdo = count if count is not None and is_mpdo(count) else None
+    mapped = 0 if mpdo is not None or count is None else min(count, MAX_ENTRIES)
+    entries = {number: held(pdo.mapping_index, number) for number in range(1, mapped + 1)}
+    mapping = tuple(PdoMappingEntry.from_raw(word) for word in _up_to_the_first_gap(entries))
+    return DefaultPdo(
+        pdo,
+        pdo.communication_index in dictionary,
+        pdo.mapping_index in dictionary,
+        cob_id,
+        count,
+        entries,
+        PdoConfig(communication, mapping, mpdo),
+    )
+
+
+def _up_to_the_first_gap(entries: dict[int, int | None]) -> Iterator[int]:
+    for word in entries.values():
+        if not word:
+            return
+        yield word

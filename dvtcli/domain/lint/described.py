@@ -1,0 +1,92 @@
+"""What the rules about a described device look at, and where a finding is in it.
+
+Knows objects, not lines: whoever read the file finds a `Spot` in it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+from dvtcli.domain.lint.default_pdos import DefaultPdo, default_pdos
+from dvtcli.domain.lint.map_judgement import judged
+from dvtcli.domain.object_dictionary import ObjectDictionary, ObjectType, OdEntry, OdObject
+from dvtcli.domain.rules import Finding
+
+#: What a file describes as one object with several sub-indices.
+OF_MANY = (ObjectType.DEFSTRUCT, ObjectType.ARRAY, ObjectType.RECORD)
+
+
+@dataclass(frozen=True, slots=True)
+class Spot:
+    """Where something is: an object or a sub-index of it, or a *section* (lower case).
+
+    *key* (lower case) narrows it; of several, with `|` between them, the first that there is.
+
+    An empty one is the file as a whole.
+    """
+
+    index: int | None = None
+    sub_index: int | None = None
+    key: str = ""
+    section: str = ""
+
+    @property
+    def object(self) -> str:
+        """The object as it is printed, empty for none."""
+        return "" if self.index is None else object_text(self.index, self.sub_index)
+
+
+def object_text(index: int, sub_index: int | None) -> str:
+    """An object as it is printed, `6C01:01`, or without a sub-index as a whole, `6C01`."""
+    return f"{index:04X}" if sub_index is None else f"{index:04X}:{sub_index:02X}"
+
+
+#: The key of what an object holds at power-on: ParameterValue, else DefaultValue.
+HELD = "parametervalue|defaultvalue"
+#: What a rule finds: where, and what.
+Found = Iterator[tuple[Spot, str]]
+
+
+def at(entry: OdEntry, key: str = "") -> Spot:
+    """The spot of *entry*, narrowed to *key*."""
+    return Spot(entry.index, entry.sub_index, key)
+
+
+@dataclass(frozen=True)
+class Described:
+    """A device as a file describes it: the *dictionary*, and the *node_id* (1..127) its values are looked at for.
+
+    *configured*: the file is a DCF, so that what it sets counts, and not only what the device has by default.
+    """
+
+    dictionary: ObjectDictionary
+    node_id: int = 1
+    configured: bool = False
+
+    @cached_property
+    def entries(self) -> tuple[OdEntry, ...]:
+        """Every entry of every object."""
+        return tuple(self.dictionary.entries())
+
+    @cached_property
+    def objects(self) -> tuple[OdObject, ...]:
+        """Every object."""
+        return tuple(self.dictionary.values())
+
+    @cached_property
+    def pdos(self) -> tuple[DefaultPdo, ...]:
+        """Every PDO of which anything is described, TPDOs first."""
+        return default_pdos(self.dictionary, self.node_id)
+
+    @cached_property
+    def judged(self) -> tuple[Finding, ...]:
+        """What `map` says of its PDOs."""
+        return tuple(judged(self.dictionary, self.pdos, self.node_id))
+
+    def number(self, index: int, sub_index: int = 0) -> int | None:
+        """What an object holds at power-on, as an unsigned number; None where the file does not say."""
+        entry = self.dictionary.entry(index, sub_index)
+        data = None if entry is None else entry.initial(self.node_id)
+        return None if data is None else int.from_bytes(data, "little")

@@ -1,0 +1,194 @@
+"""Rules about the PDOs that a file describes: that both halves are there, counts, what they come up with.
+
+What `map` decides is asked there (`lint_pdo_defaults`): here stands what only a file can have wrong.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from dvtcli.domain.lint.default_pdos import DefaultPdo
+from dvtcli.domain.lint.described import HELD, Described, Found, Spot
+from dvtcli.domain.lint.lint_rule import ERROR, NOTE, WARNING, check
+from dvtcli.domain.mapping import MAX_ENTRIES
+from dvtcli.domain.pdo import is_mpdo
+
+_COMMUNICATION = "CiA 301, 7.5.2.35 and 7.5.2.37"
+_MAPPING = "CiA 301, 7.5.2.36 and 7.5.2.38"
+_SYNC = 0x1005
+_NO_RTR = 1 << 30
+
+
+@check("half-pdo", ERROR, "a PDO has a communication parameter and no mapping, or the reverse", _COMMUNICATION)
+def half_pdo(device: Described) -> Found:
+    """Nobody can use it: half of what makes a PDO is missing."""
+    for one in device.pdos:
+        if one.has_communication and not one.has_mapping:
+            yield Spot(one.pdo.communication_index), f"{one.pdo.label} has no mapping {one.pdo.mapping_index:04X}"
+        elif one.has_mapping and not one.has_communication:
+            missing = f"{one.pdo.communication_index:04X}"
+            yield Spot(one.pdo.mapping_index), f"{one.pdo.label} has no communication parameter {missing}"
+
+
+@check("no-cob-id", ERROR, "a communication parameter without sub-index 01, the COB-ID", _COMMUNICATION)
+def no_cob_id(device: Described) -> Found:
+    """It can be neither enabled nor disabled."""
+    yield from _without(device, 1, "COB-ID")
+
+
+@check("no-transmission-type", WARNING, "a communication parameter without sub-index 02, the transmission type",
+       _COMMUNICATION)  # fmt: skip
+def no_transmission_type(device: Described) -> Found:
+    """The standard has it mandatory; RPDOs of small devices are seen without."""
+    yield from _without(device, 2, "transmission type")
+
+
+@check("unknown-cob-id", NOTE, "a COB-ID without a default: nobody knows whether the PDO comes up enabled",
+       _COMMUNICATION)  # fmt: skip
+def unknown_cob_id(device: Described) -> Found:
+    """Tools take it for disabled, or for 0."""
+    for one in device.pdos:
+        index = one.pdo.communication_index
+        if one.cob_id is None and device.dictionary.entry(index, 1) is not None:
+            yield Spot(index, 1), f"{one.pdo.label} has a COB-ID without DefaultValue: enabled or not is not known"
+
+
+@check("count-over-entries", ERROR, "the count of a mapping is above the entries that are described, or above 64",
+       _MAPPING)  # fmt: skip
+def count_over_entries(device: Described) -> Found:
+    """The device would have to map what it has not."""
+    for one in device.pdos:
+        if not one.has_mapping or one.count is None or is_mpdo(one.count):
+            continue
+        entries = len(device.dictionary[one.pdo.mapping_index].entries.keys() - {0})
+        if one.count > min(entries, MAX_ENTRIES):
+            yield _count(one), f"{one.pdo.label} maps {one.count} objects; {entries} entries are described"
+
+
+@check("mpdo", NOTE, "a PDO comes up multiplexed (count 0xFE or 0xFF): it is shown and never written", _MAPPING)
+def mpdo(device: Described) -> Found:
+    """What it carries stands in its frames."""
+    for one in device.pdos:
+        if one.config.mpdo is not None:
+            yield _count(one), f"{one.pdo.label} is a multiplexed PDO (count 0x{one.config.mpdo:02X})"
+
+
+@check("empty-entry", ERROR, "the count of a mapping goes over an entry that is 0", _MAPPING)
+def empty_entry(device: Described) -> Found:
+    """A device that checks its mapping cannot come up with it."""
+    for one, number, word in _counted(device):
+        if word == 0:
+            spot = Spot(one.pdo.mapping_index, number, HELD)
+            yield spot, f"entry {number} of {one.count} is empty: {one.pdo.label} would map nothing there"
+
+
+@check("unknown-entry", WARNING, "the count of a mapping goes over an entry without a default", _MAPPING)
+def unknown_entry(device: Described) -> Found:
+    """What the PDO carries is not known from the file."""
+    for one, number, word in _counted(device):
+        entry = device.dictionary.entry(one.pdo.mapping_index, number)
+        if word is None and entry is not None:
+            yield (
+                Spot(one.pdo.mapping_index, number),
+                f"entry {number} of {one.count} of {one.pdo.label} has no default",
+            )
+
+
+@check("enabled-and-empty", NOTE, "a PDO comes up enabled and maps nothing", f"ours: {_MAPPING}")
+def enabled_and_empty(device: Described) -> Found:
+    """Frames without data, and it cannot be put back once it was changed."""
+    for one in device.pdos:
+        if one.cob_id is not None and one.config.enabled and one.count == 0:
+            spot = Spot(one.pdo.communication_index, 1, HELD)
+            yield spot, f"{one.pdo.label} comes up enabled and maps nothing"
+
+
+@check("fixed-pdo", NOTE, "a mapping of which only a part can be written", f"{_MAPPING}; CiA 306, AccessType")
+def partly_fixed(device: Described) -> Found:
+    """A count that is fixed and entries that are not, or the reverse: nothing can be mapped, or only by fillers."""
+    for one in device.pdos:
+        if not one.has_mapping:
+            continue
+        entries = device.dictionary[one.pdo.mapping_index].entries
+        writable = {sub: entry.access.writable for sub, entry in entries.items()}
+        if len(set(writable.values())) > 1:
+            fixed = ", ".join(f"{sub:02X}" for sub, free in list(writable.items())[:8] if not free)
+            yield Spot(one.pdo.mapping_index), f"{one.pdo.label}: sub-index {fixed} cannot be written, the others can"
+
+
+@check("cob-id-fixed", NOTE, "the COB-ID of a PDO cannot be written: it can never be mapped anew", _COMMUNICATION)
+def cob_id_fixed(device: Described) -> Found:
+    """The sequence begins with disabling it (bit 31)."""
+    for one in device.pdos:
+        entry = device.dictionary.entry(one.pdo.communication_index, 1)
+        if entry is not None and not entry.access.writable:
+            yield (
+                Spot(entry.index, 1, "accesstype"),
+                f"the COB-ID of {one.pdo.label} is {entry.access}: it stays as it is",
+            )
+
+
+@check("synchronous-without-sync", WARNING, "a PDO comes up synchronous on a device without 0x1005",
+       "CiA 301, 7.5.2.5 and 7.5.2.35")  # fmt: skip
+def synchronous_without_sync(device: Described) -> Found:
+    """It waits for a SYNC that the device does not know."""
+    if _SYNC in device.dictionary:
+        return
+    for one in device.pdos:
+        kind = one.config.communication.transmission_type
+        if one.config.enabled and kind is not None and kind <= 240:
+            spot = Spot(one.pdo.communication_index, 2, HELD)
+            yield spot, f"{one.pdo.label} has transmission type {kind}, and the device has no 1005 (SYNC)"
+
+
+@check("timer-below-inhibit", WARNING, "the event timer of a TPDO is shorter than its inhibit time", _COMMUNICATION)
+def timer_below_inhibit(device: Described) -> Found:
+    """The inhibit time (100 µs each) wins: frames come later than the event timer (ms) says."""
+    for one in device.pdos:
+        held = one.config.communication
+        if one.pdo.is_tpdo and held.event_timer and held.inhibit_time and held.event_timer * 10 < held.inhibit_time:
+            text = f"the event timer is {held.event_timer} ms, the inhibit time {held.inhibit_time / 10:g} ms"
+            yield Spot(one.pdo.communication_index, 5, HELD), f"{one.pdo.label}: {text}"
+
+
+@check("default-cob-id", NOTE, "PDO 1 to 4 comes up with another CAN-ID than the pre-defined connection set's",
+       "CiA 301, 7.3.5")  # fmt: skip
+def default_cob_id(device: Described) -> Found:
+    """Masters that count on the set do not hear it."""
+    for one in device.pdos:
+        expected = one.pdo.default_can_id(device.node_id)
+        held = one.config.communication.cob_id
+        if one.cob_id is None or expected is None or device.configured or not held.valid or held.can_id == expected:
+            continue
+        text = (
+            f"{one.pdo.label} comes up with {held}; the pre-defined set has 0x{expected:03X} for node {device.node_id}"
+        )
+        yield Spot(one.pdo.communication_index, 1, HELD), text
+
+
+@check("pdo-count", WARNING, "NrOfRXPDO or NrOfTXPDO is not the number of PDOs in the file", "CiA 306, DeviceInfo")
+def pdo_count(device: Described) -> Found:
+    """Masters size their tables by it."""
+    info = device.dictionary.info
+    for tpdo, key, stated in ((False, "NrOfRXPDO", info.rpdo_count), (True, "NrOfTXPDO", info.tpdo_count)):
+        described = sum(one.pdo.is_tpdo is tpdo for one in device.pdos)
+        if stated is not None and stated != described:
+            yield Spot(section="deviceinfo", key=key.lower()), f"{key}={stated}, but {described} are described"
+
+
+def _without(device: Described, sub_index: int, name: str) -> Found:
+    for one in device.pdos:
+        index = one.pdo.communication_index
+        if one.has_communication and sub_index not in device.dictionary[index].entries:
+            yield Spot(index), f"{one.pdo.label} has no sub-index {sub_index:02X}, its {name}"
+
+
+def _counted(device: Described) -> Iterator[tuple[DefaultPdo, int, int | None]]:
+    """Every entry up to the count, with its raw word."""
+    for one in device.pdos:
+        for number, word in one.entries.items():
+            yield one, number, word
+
+
+def _count(one: DefaultPdo) -> Spot:
+    return Spot(one.pdo.mapping_index, 0, HELD)

@@ -1,0 +1,53 @@
+"""What `map` would say if it were asked to make each PDO as a file has it.
+
+Asks `rules` and decides nothing itself. Does not know which of the answers count for a file (`lint_pdo_defaults`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+
+from dvtcli.domain.lint.default_pdos import DefaultPdo
+from dvtcli.domain.object_dictionary import ObjectDictionary
+from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.profile import GENERIC, Severity
+from dvtcli.domain.rules import Finding, Proposal, check_pdo
+
+#: Not a value that any parameter can have.
+_NOTHING = -1
+
+
+def judged(dictionary: ObjectDictionary, pdos: Iterable[DefaultPdo], node_id: int) -> Iterator[Finding]:
+    """The errors and warnings about each of *pdos* on node *node_id*, which are made one after the other."""
+    sync, emcy = (_can_id(dictionary, index, node_id) for index in (0x1005, 0x1014))
+    before: dict[Pdo, PdoConfig] = {}
+    for one in pdos:
+        if not (one.has_communication and one.has_mapping):
+            continue
+        proposal = Proposal(
+            node_id,
+            one.pdo,
+            _blank(one.config),
+            one.config,
+            before,
+            GENERIC,
+            dictionary,
+            sync_can_id=0x080 if sync is None else sync,
+            emcy_can_id=emcy,
+        )
+        yield from (finding for finding in check_pdo(proposal) if finding.severity is not Severity.NOTE)
+        before = {**before, one.pdo: one.config}
+
+
+def _can_id(dictionary: ObjectDictionary, index: int, node_id: int) -> int | None:
+    entry = dictionary.entry(index, 0)
+    data = None if entry is None else entry.initial(node_id)
+    return None if data is None else int.from_bytes(data, "little") & 0x7FF
+
+
+def _blank(config: PdoConfig) -> PdoConfig:
+    """The same PDO disabled and empty, its type not as wanted either: rules look at what changes only."""
+    held = config.communication
+    kind = None if held.transmission_type is None else _NOTHING
+    return PdoConfig(replace(held, cob_id=held.cob_id.disabled(), transmission_type=kind), ())

@@ -1,0 +1,81 @@
+"""Rules about keys: those that the standard does not have, and those that say nothing where they stand."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from difflib import get_close_matches
+
+from dvtcli.domain.lint.lint_rule import NOTE, WARNING, check
+from dvtcli.files.eds.ini import IniValue
+from dvtcli.files.eds.lint.linted_text import Found, LintedText
+
+_RATES = (10, 20, 50, 125, 250, 500, 800, 1000)
+_OBJECT = ("ParameterName", "ObjectType", "DataType", "AccessType", "DefaultValue", "PDOMapping", "LowLimit",
+           "HighLimit", "SubNumber", "CompactSubObj", "ObjFlags", "ParameterValue", "Denotation", "UploadFile",
+           "DownloadFile", "ParamRefd", "Unit", "Factor", "Description")  # fmt: skip
+#: Every key of a section, as it is spelled. Unit, Factor and Description are no standard's, but common.
+_KEYS = {
+    "fileinfo": ("FileName", "FileVersion", "FileRevision", "EDSVersion", "Description", "CreationTime",
+                 "CreationDate", "CreatedBy", "ModificationTime", "ModificationDate", "ModifiedBy", "LastEDS"),
+    "deviceinfo": ("VendorName", "VendorNumber", "ProductName", "ProductNumber", "RevisionNumber", "OrderCode",
+                   *(f"BaudRate_{rate}" for rate in _RATES), "SimpleBootUpMaster", "SimpleBootUpSlave",
+                   "Granularity", "DynamicChannelsSupported", "CompactPDO", "GroupMessaging", "NrOfRXPDO",
+                   "NrOfTXPDO", "LSS_Supported", "NG_Slave", "NG_Master", "NrOfNG_MonitoredNodes"),
+    "devicecomissioning": ("NodeID", "NodeName", "NodeRefd", "Baudrate", "NetNumber", "NetworkName", "NetRefd",
+                           "CANopenManager", "LSS_SerialNumber"),
+}  # fmt: skip
+#: The keys that only an entry has: an object with sub-indices has them in those.
+_OF_ENTRIES = ("datatype", "accesstype", "defaultvalue", "lowlimit", "highlimit", "pdomapping", "parametervalue")
+#: So many misspelt keys are looked up; in a file with more the others are only unknown.
+_MOST_LOOKED_UP = 200
+_LONGEST = 40
+
+
+@check("misspelt-key", WARNING, "a key that is nearly one of the standard's: it is not read", "CiA 306, 4.4 to 4.6")
+def misspelt_key(text: LintedText) -> Found:
+    """What it should say is missing."""
+    for value, near in _unknown(text):
+        if near:
+            yield value.line, f"{value.key} is not known; is {near} meant?"
+
+
+@check("unknown-key", NOTE, "a key that the standard does not have", "CiA 306, 4.4 to 4.6")
+def unknown_key(text: LintedText) -> Found:
+    """A tool's own, most likely; it is kept as it is."""
+    for value, near in _unknown(text):
+        if not near:
+            yield value.line, f"{value.key} is not known"
+
+
+@check("key-without-effect", NOTE, "an object with sub-indices has keys that only those have", "CiA 306, 4.6.3")
+def key_without_effect(text: LintedText) -> Found:
+    """What it says counts for none of them."""
+    for one in text.objects:
+        if one.sub_index is None and one.index in text.of_many and "compactsubobj" not in one.values:
+            for key in _OF_ENTRIES:
+                if key in one.values:
+                    value = one.values[key]
+                    yield value.line, f"{value.key} says nothing here: the sub-indices have their own"
+
+
+def _unknown(text: LintedText) -> Iterator[tuple[IniValue, str]]:
+    """Every value of a key that is not known, with the known one that is nearly the same, or nothing."""
+    seen: dict[tuple[str, str], str] = {}
+    sections = [(name, text.values(name).items()) for name in _KEYS]
+    for name, values in [*sections, *(("", one.values.items()) for one in text.objects)]:
+        known = _LOWER[name]
+        for key, value in values:
+            if key not in known:
+                if (name, key) not in seen:
+                    looked_up = len(seen) < _MOST_LOOKED_UP and len(key) <= _LONGEST
+                    seen[name, key] = _nearest(key, known) if looked_up else ""
+                yield value, seen[name, key]
+
+
+def _nearest(key: str, known: Collection[str]) -> str:
+    near = get_close_matches(key.replace(" ", ""), known, 1, 0.8)
+    return _SPELLED[near[0]] if near else ""
+
+
+_LOWER = {name: frozenset(key.lower() for key in keys) for name, keys in {**_KEYS, "": _OBJECT}.items()}
+_SPELLED = {key.lower(): key for keys in (*_KEYS.values(), _OBJECT) for key in keys}

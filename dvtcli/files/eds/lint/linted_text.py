@@ -1,0 +1,80 @@
+"""What the rules about a file's text look at: its sections with their values, each read once.
+
+Judges nothing. What the reader found odd is in `EdsFile.findings` already.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+from dvtcli.files.eds.findings import Findings
+from dvtcli.files.eds.ini import IniSection, IniValue, Values, section_values
+from dvtcli.files.eds.layout import object_place
+from dvtcli.files.eds.reader import EdsFile
+
+#: What a rule finds: a line (1 and up), and what.
+Found = Iterator[tuple[int, str]]
+
+
+@dataclass(frozen=True, slots=True)
+class ObjectText:
+    """One section of an object (*sub_index* None) or of a sub-index of it, with its *values* by key in lower case."""
+
+    index: int
+    sub_index: int | None
+    section: IniSection
+    values: Values
+
+
+@dataclass(frozen=True)
+class LintedText:
+    """A *file* that was read, and its *name* without a folder."""
+
+    file: EdsFile
+    name: str
+
+    @property
+    def is_dcf(self) -> bool:
+        """Whether it is called a DCF."""
+        return self.name.lower().endswith(".dcf")
+
+    @property
+    def is_eds(self) -> bool:
+        """Whether it is called an EDS."""
+        return self.name.lower().endswith(".eds")
+
+    def section(self, name: str) -> IniSection | None:
+        """The device section *name* (in lower case), the first where it stands twice; None where there is none."""
+        return next(iter(self.file.layout.device.get(name, ())), None)
+
+    def values(self, name: str) -> Values:
+        """What the device section *name* (in lower case) says, by key in lower case; empty where there is none."""
+        return section_values(self.file.layout.device.get(name, ()), Findings())
+
+    @cached_property
+    def objects(self) -> tuple[ObjectText, ...]:
+        """Every section of every object, tables aside, in the file's order."""
+        return tuple(self._objects())
+
+    def _objects(self) -> Iterator[ObjectText]:
+        for section in self.file.text.sections:
+            place = object_place(section.name)
+            if place is not None and place[0] in self.file.layout.objects and not _is_table(section):
+                yield ObjectText(*place, section, section_values([section], Findings()))
+
+    @cached_property
+    def of_many(self) -> frozenset[int]:
+        """The objects that have sections of sub-indices."""
+        return frozenset(one.index for one in self.objects if one.sub_index is not None)
+
+
+def given(values: Values, key: str) -> IniValue | None:
+    """The value of *key* (in lower case), None where it is absent or empty."""
+    found = values.get(key)
+    return found if found is not None and found.value else None
+
+
+def _is_table(section: IniSection) -> bool:
+    return section.name[4:].lower() in ("name", "value")

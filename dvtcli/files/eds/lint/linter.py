@@ -1,0 +1,125 @@
+"""All rules over one EDS or DCF file: what the reader met, what the text has, and what the described device has.
+
+Gives each finding its line, and the object with its data type in its text. Judges nothing itself.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Collection
+from dataclasses import replace
+from functools import cached_property
+
+from dvtcli.domain.lint import (
+    lint_mappability,
+    lint_objects,
+    lint_pdo_defaults,
+    lint_pdos,
+    lint_services,
+    lint_standard,
+    lint_values,
+)
+from dvtcli.domain.lint.described import Described, Spot, object_text
+from dvtcli.domain.lint.lint_rule import Check, LintRule, checks_of
+from dvtcli.files.eds.findings import EdsFinding
+from dvtcli.files.eds.ini import IniSection
+from dvtcli.files.eds.layout import Parts, object_place
+from dvtcli.files.eds.lint import (
+    lint_commissioning,
+    lint_device_info,
+    lint_file_info,
+    lint_keys,
+    lint_lines,
+    lint_lists,
+)
+from dvtcli.files.eds.lint.linted_text import LintedText
+from dvtcli.files.eds.read_rules import READ_RULES
+from dvtcli.files.eds.reader import EdsFile
+
+TEXT_CHECKS: list[Check[LintedText, int]] = checks_of(
+    lint_lines, lint_keys, lint_file_info, lint_device_info, lint_lists, lint_commissioning
+)
+DEVICE_CHECKS: list[Check[Described, Spot]] = [
+    *lint_pdo_defaults.CHECKS,
+    *checks_of(lint_pdos, lint_standard, lint_services, lint_objects, lint_mappability, lint_values),
+]
+#: Every rule there is.
+RULES: tuple[LintRule, ...] = (*READ_RULES, *(one.rule for one in TEXT_CHECKS), *(one.rule for one in DEVICE_CHECKS))
+
+
+def lint(file: EdsFile, name: str, wanted: Collection[str]) -> tuple[EdsFinding, ...]:
+    """Everything that the rules named in *wanted* say of *file*, which is called *name*, by line."""
+    places = _Places(file)
+    found = [finding for finding in file.findings if finding.rule in wanted]
+    text = LintedText(file, name)
+    for asked in TEXT_CHECKS:
+        if asked.rule.name in wanted:
+            found += (_finding(asked.rule, line, said) for line, said in asked.look(text))
+    device = Described(file.dictionary, file.node_id or 1, configured=text.is_dcf or file.node_id is not None)
+    for check in DEVICE_CHECKS:
+        if check.rule.name in wanted:
+            found += (_finding(check.rule, places.line(spot), said, spot.object) for spot, said in check.look(device))
+    named = dict.fromkeys(places.named(finding) for finding in found)
+    return tuple(sorted(named, key=lambda finding: finding.line))
+
+
+def _finding(rule: LintRule, line: int, text: str, about: str = "") -> EdsFinding:
+    return EdsFinding(line, rule.severity, rule.name, text, about)
+
+
+class _Places:
+    """Lines of a file → objects, and spots → lines."""
+
+    def __init__(self, file: EdsFile) -> None:
+        self._file = file
+
+    @cached_property
+    def _starts(self) -> list[int]:
+        return [section.line for section in self._file.text.sections]
+
+    def named(self, finding: EdsFinding) -> EdsFinding:
+        """*finding* with the object that it is about, else that its line belongs to, and its data type, in the text."""
+        shown = finding.object or self._at(finding.line)
+        if not shown:
+            return finding
+        index, _, sub_index = shown.partition(":")
+        held = self._file.dictionary.get(int(index, 16))
+        if not sub_index and held is not None and list(held.entries) == [0]:
+            shown, sub_index = f"{index}:00", "00"
+        entry = None if held is None or not sub_index else held.entries.get(int(sub_index, 16))
+        kind = "" if entry is None or entry.data_type is None else f" {entry.data_type.name}"
+        return replace(finding, object=shown, text=f"{shown}{kind}: {finding.text}")
+
+    def _at(self, line: int) -> str:
+        """The object whose section *line* is in, empty where it is in none."""
+        at = bisect_right(self._starts, line) - 1
+        place = object_place(self._file.text.sections[at].name) if at >= 0 else None
+        return "" if place is None else object_text(*place)
+
+    def line(self, spot: Spot) -> int:
+        """The line of *spot*: its key's, else its section's, else its object's, else 1."""
+        parts = self._parts(spot)
+        for key in spot.key.split("|") if spot.key else ():
+            for part in reversed(parts):
+                if (found := _line_of(part, key)) is not None:
+                    return found
+        return parts[0].line if parts else 1
+
+    def _parts(self, spot: Spot) -> Parts:
+        """Every part of the section of *spot*; of an object in short form, or without a section, the nearest one's."""
+        layout = self._file.layout
+        if spot.index is None:
+            return layout.device.get(spot.section, [])
+        if spot.index not in layout.objects:
+            return []
+        sections = layout.object_sections(spot.index)
+        own = [] if spot.sub_index is None else sections.sub_indices.get(spot.sub_index, [])
+        return own or sections.own or next(iter(sections.sub_indices.values()), [])
+
+
+def _line_of(section: IniSection, key: str) -> int | None:
+    for number, text in enumerate(section.text.split("\n")[1:], section.line + 1):
+        name, equals, _ = text.partition("=")
+        if equals and name.strip().lower() == key:
+            return number
+    return None

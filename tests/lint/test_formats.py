@@ -1,0 +1,174 @@
+"""`eds check` in every format, with the exit codes, as a process would run it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree as ET
+
+import pytest
+
+from tests.lint.sample import SOUND, line_of
+from tests.process import Ran, run
+
+FAULTY = (
+    SOUND.replace("HighLimit=500", "HighLimit=99")
+    .replace("LSS_Supported=0", "LSS_Supported=yes")
+    .replace("EDSVersion=4.0", "EDSVersion=404")
+)
+WARNED = SOUND.replace("LSS_Supported=0", "LSS_Supported=yes")
+NOTED = SOUND.replace("EDSVersion=4.0", "EDSVersion=404")
+LINE = line_of(FAULTY, "DefaultValue=100\n")
+ROW = "2000:00 INTEGER16: DefaultValue 100 (0x64) is above HighLimit 99 (0x63)"
+
+
+def check(folder: Path, text: str, *words: str) -> Ran:
+    (folder / "pump.eds").write_bytes(text.replace("\n", "\r\n").encode())
+    return run(["eds", "check", "pump.eds", *words], cwd=folder)
+
+
+@pytest.mark.parametrize(
+    ("text", "words", "code"),
+    [
+        (SOUND, ("--strict",), 0),
+        (NOTED, ("--strict",), 0),
+        (WARNED, (), 0),
+        (WARNED, ("--strict",), 4),
+        (WARNED, ("--strict", "--without", "flag-value"), 0),
+        (FAULTY, (), 4),
+        (FAULTY, ("--rule", "eds-version", "--rule", "flag-value"), 0),
+        (FAULTY, ("--rule", "flag-value", "--strict"), 4),
+        (FAULTY, ("--rule", "no-such"), 2),
+        (FAULTY, ("--without", "no-such"), 2),
+    ],
+)
+@pytest.mark.parametrize("format_name", ["text", "json", "github", "junit", "sarif"])
+def test_the_exit_code_says_whether_the_file_is_bad(
+    tmp_path: Path, text: str, words: tuple[str, ...], code: int, format_name: str
+) -> None:
+    assert check(tmp_path, text, *words, "--format", format_name).returncode == code
+
+
+def test_text_has_place_severity_rule_and_a_summary_of_rules(tmp_path: Path) -> None:
+    lines = check(tmp_path, FAULTY).stdout.splitlines()
+    assert f"pump.eds:{LINE}: error: {ROW} [default-outside-limits]" in lines
+    assert "  1  error    default-outside-limits  DefaultValue is below LowLimit or above HighLimit" in lines
+    assert lines[-1].endswith("rules: 1 error, 1 warning, 1 note")
+
+
+def test_a_rule_that_speaks_often_is_cut_short_unless_it_is_asked_alone(tmp_path: Path) -> None:
+    many = SOUND + "".join(f"[2002sub{number:X}]\nParameterName=P{number}\n" for number in range(0x10, 0x20))
+    short = check(tmp_path, many, "--without", "duplicate-key").stdout
+    assert short.count("[no-data-type]") == 10
+    assert "10 shown, --rule no-data-type shows all" in short
+    assert check(tmp_path, many, "--rule", "no-data-type").stdout.count("[no-data-type]") == 16
+
+
+def test_json_names_the_rule_and_the_object(tmp_path: Path) -> None:
+    document = json.loads(check(tmp_path, FAULTY, "--json").stdout)
+    assert document["count"] == {"error": 1, "warning": 1, "note": 1}
+    assert document["findings"][-1] == {
+        "line": LINE, "severity": "error", "rule": "default-outside-limits", "object": "2000:00", "text": ROW,
+    }  # fmt: skip
+    assert document["findings"][0]["object"] is None
+
+
+def test_github_gets_a_command_for_each_finding_errors_first(tmp_path: Path) -> None:
+    lines = check(tmp_path, FAULTY, "--format", "github").stdout.splitlines()
+    assert lines[0] == f"::error file=pump.eds,line={LINE},title=default-outside-limits::{ROW}"
+    assert [line.split()[0] for line in lines[:3]] == ["::error", "::warning", "::notice"]
+    assert lines[3:] == ["pump.eds: 1 error, 1 warning, 1 note"]
+
+
+def test_github_commands_are_escaped(tmp_path: Path) -> None:
+    odd = SOUND.replace("LSS_Supported=0", "LSS_Supported=50%,a:b")
+    (line, _) = check(tmp_path, odd, "--format", "github").stdout.splitlines()
+    assert line.endswith("::LSS_Supported=50%25,a:b is neither 0 nor 1")
+
+
+#: what the public schema requires of each part, and of which kind it is (SARIF 2.1.0, 3.13 to 3.58)
+REQUIRED: dict[str, dict[str, type]] = {
+    "log": {"version": str, "runs": list},
+    "run": {"tool": dict, "results": list},
+    "driver": {"name": str, "rules": list},
+    "rule": {"id": str},
+    "result": {"message": dict, "ruleId": str, "ruleIndex": int, "level": str, "locations": list},
+}
+
+
+def has(part: dict[str, Any], kind: str) -> None:
+    for key, wanted in REQUIRED[kind].items():
+        assert isinstance(part[key], wanted), (kind, key)
+
+
+def test_sarif_has_what_its_schema_requires(tmp_path: Path) -> None:
+    log = json.loads(check(tmp_path, FAULTY, "--format", "sarif").stdout)
+    has(log, "log")
+    (one,) = log["runs"]
+    has(one, "run")
+    driver = one["tool"]["driver"]
+    has(driver, "driver")
+    assert log["version"] == "2.1.0"
+    for rule in driver["rules"]:
+        has(rule, "rule")
+        assert rule["shortDescription"]["text"]
+        assert rule["defaultConfiguration"]["level"] in ("error", "warning", "note")
+    assert len({rule["id"] for rule in driver["rules"]}) == len(driver["rules"]) >= 100
+    for result in one["results"]:
+        has(result, "result")
+        assert driver["rules"][result["ruleIndex"]]["id"] == result["ruleId"]
+        assert result["level"] in ("none", "note", "warning", "error")
+        place = result["locations"][0]["physicalLocation"]
+        assert place["artifactLocation"]["uri"] == "pump.eds"
+        assert place["region"]["startLine"] >= 1
+    assert [(result["ruleId"], result["message"]["text"]) for result in one["results"]][-1] == (
+        "default-outside-limits", ROW,
+    )  # fmt: skip
+
+
+def test_sarif_of_a_path_with_blanks_is_a_reference(tmp_path: Path) -> None:
+    folder = tmp_path / "a b"
+    folder.mkdir()
+    (folder / "pump.eds").write_bytes(NOTED.encode())
+    done = run(["eds", "check", "a b/pump.eds", "--format", "sarif"], cwd=tmp_path)
+    assert json.loads(done.stdout)["runs"][0]["artifacts"] == [{"location": {"uri": "a%20b/pump.eds"}}]
+    whole = run(["eds", "check", str(folder / "pump.eds"), "--format", "sarif"], cwd=tmp_path)
+    assert json.loads(whole.stdout)["runs"][0]["artifacts"][0]["location"]["uri"].startswith("file:///")
+
+
+def test_junit_has_a_case_for_each_rule_and_fails_where_the_exit_code_does(tmp_path: Path) -> None:
+    for words, failing in (((), ["default-outside-limits"]), (("--strict",), ["flag-value", "default-outside-limits"])):
+        suites = ET.fromstring(check(tmp_path, FAULTY, *words, "--format", "junit").stdout.partition("?>")[2])  # noqa: S314
+        cases = suites.findall("testsuite/testcase")
+        assert int(suites.attrib["tests"]) == len(cases) >= 100
+        failed = {case.attrib["name"]: case.find("failure") for case in cases if case.find("failure") is not None}
+        assert set(failed) == set(failing)
+        assert int(suites.attrib["failures"]) == len(failing)
+        (noted,) = (case for case in cases if case.attrib["name"] == "eds-version")
+        assert "EDSVersion=404" in (noted.findtext("system-out") or "")
+
+
+@pytest.mark.parametrize("words", ["pdo --sim gen4", "eds show pump.eds", "map tpdo1 6041 --sim gen4"])
+@pytest.mark.parametrize("format_name", ["github", "junit", "sarif"])
+def test_other_commands_refuse_these_formats_before_they_do_anything(
+    tmp_path: Path, words: str, format_name: str
+) -> None:
+    (tmp_path / "pump.eds").write_bytes(SOUND.encode())
+    done = run([*words.split(), "--format", format_name], cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+
+
+def test_what_is_no_eds_is_an_error_on_stderr_in_every_format(tmp_path: Path) -> None:
+    for format_name in ("github", "junit", "sarif"):
+        done = check(tmp_path, "hello\n", "--format", format_name)
+        assert (done.returncode, done.stdout) == (4, "")
+        assert "not an EDS" in done.stderr
+
+
+def test_the_prompt_and_scripts_take_them_for_their_line(tmp_path: Path) -> None:
+    (tmp_path / "pump.eds").write_bytes(NOTED.replace("\n", "\r\n").encode())
+    done = run([], stdin="eds check pump.eds --format github\neds show pump.eds\n", cwd=tmp_path)
+    assert done.returncode == 0, done
+    assert done.stdout.startswith("::notice file=pump.eds,line=5,title=eds-version::")
+    assert "vendor        Example" in done.stdout

@@ -1,0 +1,68 @@
+"""Each rule finds the fault that it is for, in its line, and is silent where the same place is sound."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import pytest
+
+from dvtcli.files.eds.findings import EdsFinding
+from dvtcli.files.eds.lint.linter import RULES
+from tests.lint.planted import DCF, PLANTED, Planted
+from tests.lint.sample import NAME, SOUND, found
+
+#: what is no file of that name, or with other line ends, than the sound one
+ELSEWHERE = {"lf", "valve.eds"}
+
+
+def checked(text: str, name: str) -> tuple[EdsFinding, ...]:
+    """What all rules say of a file called *name*; `lf`: one whose lines end so."""
+    return found(text.encode()) if name == "lf" else found(text, name)
+
+
+def expected_line(case: Planted) -> int:
+    """Where `[section]|part`, or `part`, stands; 1 for nothing."""
+    name, _, part = case.at.rpartition("|")
+    assert name or case.text.count(part) == 1 or not part, (case.text.count(part), part)
+    start = case.text.index(f"{name}\n") if name else 0
+    return case.text[: case.text.index(part, start)].count("\n") + 1
+
+
+@pytest.mark.parametrize("case", PLANTED, ids=str)
+def test_a_planted_fault_is_found_in_its_line(case: Planted) -> None:
+    (rule,) = [rule for rule in RULES if rule.name == case.rule]
+    mine = [one for one in checked(case.text, case.name) if one.rule == case.rule]
+    assert mine, [(one.line, one.rule, one.text) for one in checked(case.text, case.name)]
+    assert {one.severity for one in mine} == {rule.severity}
+    assert expected_line(case) in [one.line for one in mine], mine
+    assert case.said in mine[0].text
+
+
+@pytest.mark.parametrize("case", PLANTED, ids=str)
+def test_where_it_is_sound_the_rule_is_silent(case: Planted) -> None:
+    name = NAME if case.name in ELSEWHERE or case.twin is SOUND else case.name
+    assert [one for one in checked(case.twin, name) if one.rule == case.rule] == []
+
+
+def test_a_sound_file_has_no_finding_at_all() -> None:
+    assert found(SOUND) == ()
+    assert found(DCF, "pump.dcf") == ()
+
+
+def test_every_rule_has_a_fault_that_it_finds() -> None:
+    assert Counter(case.rule for case in PLANTED) == Counter(rule.name for rule in RULES)
+
+
+def test_there_are_rules_enough_and_each_says_what_it_is() -> None:
+    assert len(RULES) >= 100
+    for rule in RULES:
+        assert rule.name == rule.name.lower().replace("_", "-").replace(" ", "-")
+        assert len(rule.sense) > 10, rule.name
+        assert rule.source, rule.name
+
+
+def test_a_finding_names_object_and_type() -> None:
+    (one,) = found(SOUND.replace("HighLimit=500", "HighLimit=99"))
+    assert (one.rule, one.object, one.text) == (
+        "default-outside-limits", "2000:00", "2000:00 INTEGER16: DefaultValue 100 (0x64) is above HighLimit 99 (0x63)",
+    )  # fmt: skip
