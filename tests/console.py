@@ -59,10 +59,11 @@ def commands(lines: list[str]) -> list[Command]:
 
 
 def workplace(folder: Path) -> Path:
-    """*folder* with the project's scripts and tests in it, and a stranger's EDS: where sessions are run."""
+    """*folder* with the project's scripts and tests in it, and a firmware's EDS: where sessions are run."""
     for name in ("scripts", "tests"):
         (folder / name).symlink_to(ROOT / name)
-    (folder / "stranger.eds").symlink_to(ROOT / "tests/transcripts/stranger.eds")
+    (folder / "fw").mkdir()
+    (folder / "fw/stranger.eds").symlink_to(ROOT / "tests/transcripts/stranger.eds")
     return folder
 
 

@@ -9,6 +9,7 @@ from dvtcli.domain.datatypes import Kind
 from dvtcli.domain.lint.described import Described, Found, at
 from dvtcli.domain.lint.lint_rule import ERROR, NOTE, WARNING, check
 from dvtcli.domain.object_dictionary import Access, OdEntry
+from dvtcli.domain.rules.described_step import leave_a_choice
 
 _LIMITS = "CiA 306, 4.6.3: LowLimit, HighLimit"
 _HIGHEST_NODE_ID = 127
@@ -76,11 +77,8 @@ def constant_without_value(device: Described) -> Found:
 
 
 def _outside(entry: OdEntry, data: bytes, *, relative: bool) -> str:
-    """What is wrong with *data* against the limits, empty where nothing is, or where they leave no choice.
-
-    Real files have both limits alike where there are none; rules of `map` ignore these, too.
-    """
-    if entry.low is not None and entry.high is not None and entry.low >= entry.high:
+    """What is wrong with *data* against the limits, empty where nothing is, or where they leave no choice."""
+    if not leave_a_choice(entry, entry.low, entry.high):
         return ""
     if entry.data_type is None or entry.data_type.kind not in (Kind.INTEGER, Kind.UNSIGNED, Kind.REAL, Kind.BOOLEAN):
         return ""

@@ -14,9 +14,6 @@ from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.profile import GENERIC, Severity
 from dvtcli.domain.rules import Finding, Proposal, check_pdo
 
-#: Not a value that any parameter can have.
-_NOTHING = -1
-
 
 def judged(dictionary: ObjectDictionary, pdos: Iterable[DefaultPdo], node_id: int) -> Iterator[Finding]:
     """The errors and warnings about each of *pdos* on node *node_id*, which are made one after the other."""
@@ -49,5 +46,5 @@ def _can_id(dictionary: ObjectDictionary, index: int, node_id: int) -> int | Non
 def _blank(config: PdoConfig) -> PdoConfig:
     """The same PDO disabled and empty, its type not as wanted either: rules look at what changes only."""
     held = config.communication
-    kind = None if held.transmission_type is None else _NOTHING
+    kind = None if held.transmission_type is None else held.transmission_type ^ 1
     return PdoConfig(replace(held, cob_id=held.cob_id.disabled(), transmission_type=kind), ())
