@@ -63,7 +63,7 @@ def workplace(folder: Path) -> Path:
     for name in ("scripts", "tests"):
         (folder / name).symlink_to(ROOT / name)
     (folder / "fw").mkdir()
-    (folder / "fw/stranger.eds").symlink_to(ROOT / "tests/transcripts/stranger.eds")
+    (folder / "fw/pump.eds").symlink_to(ROOT / "tests/transcripts/pump.eds")
     return folder
 
 
