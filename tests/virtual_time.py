@@ -154,6 +154,10 @@ class VirtualTimeBus(WatchedBus):
             self._to_us(frame)
             self._deliver(frame, sender=node)
 
+    def nodes_said(self, frame: Frame) -> None:
+        """Let *frame* come from some node."""
+        self._to_us(frame)
+
     def _to_us(self, frame: Frame) -> None:
         due_s = self._now_s + ANSWER_S
         self._sent_by_nodes += 1
@@ -187,6 +191,8 @@ class VirtualTimeBus(WatchedBus):
             self._channels.receive(node_id, frame.can_id, frame.data, extended=False)
         elif function == HEARTBEAT:
             self._watch.heartbeat(frame)
+            if frame.data == b"\0":
+                self._channels.restarted(node_id)
         elif function == EMERGENCY:
             self._watch.emergency(frame)
 

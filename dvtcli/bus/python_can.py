@@ -171,5 +171,7 @@ class CanBus(ReadBus[can.Message]):
             return
         elif function == HEARTBEAT:
             self._heartbeat(frame_of(message))
+            if message.data == b"\0":
+                self._channels.restarted(node_id)
         elif function == EMERGENCY:
             self._watch.emergency(frame_of(message))

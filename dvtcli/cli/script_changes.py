@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.put_back import PATIENCE_S, RETRY_S
+from dvtcli.device.change.safekeeping import JournalKept
 from dvtcli.device.change.way_back import unknown_before
 from dvtcli.device.restarts import held_plans
 from dvtcli.domain.several import several
@@ -94,9 +95,16 @@ class ScriptChanges:
         """Everything stays: no `recover` takes it back any more. JournalKept where a journal cannot be removed."""
         if not self.atomic:
             return
+        kept: list[JournalKept] = []
         for keeper in self._keepers():
-            keeper.complete_whole()
+            try:
+                keeper.complete_whole()
+            except JournalKept as failed:  # the journals of the other nodes are removed all the same
+                kept.append(failed)
         self._session.whole.end()
+        if kept:
+            kept[0].details += [("also", other.text) for other in kept[1:]]
+            raise kept[0]
 
     def end(self, *, complete: bool) -> None:
         """The script has ended, *complete* or with an error; what of it could not be taken back waits for `recover`."""

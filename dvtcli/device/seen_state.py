@@ -5,10 +5,11 @@ Knows the ways in which a state can be seen, and which of them may be asked for.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 
 from dvtcli.device.nmt_gate import Access
 from dvtcli.device.read_pdos import read_optional
+from dvtcli.domain.abort import Abort
 from dvtcli.domain.drive_state import drive_state
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.ports import CanopenBus, Frame
@@ -25,6 +26,8 @@ _ERROR_CONTROL = 0x700
 CONFIRM_S = 1.5
 #: How long a node may take to answer a node guarding request, in seconds.
 GUARD_S = 0.2
+#: Aborts of an object that is there: it cannot be read now, or in this state.
+_NOT_NOW = frozenset({Abort.TIME_OUT, Abort.CANNOT_STORE, Abort.LOCAL_CONTROL, Abort.DEVICE_STATE})
 #: What a heartbeat may be late, in seconds.
 _LATE_S = 0.5
 
@@ -89,29 +92,25 @@ def seen_states(accesses: Mapping[int, Access], wanted: NmtState) -> dict[int, N
     }
 
 
-def operation_enabled(bus: CanopenBus, node_id: int) -> tuple[int, int] | None:
-    """Index and value of the first statusword that says "operation enabled"; None where none does, or can be read.
+def why_it_may_move(bus: CanopenBus, node_id: int) -> str:
+    """Why a reset of *node_id* may let a motor go: an axis "operation enabled", or not known; empty where neither.
 
     A drive has up to eight axes, `AXIS` apart (CiA 402-2, 6.2). Each is asked as often as any upload is, since one lost
-    answer does not make a drive stand still; a node that is heard to be STOPPED is not asked.
+    answer does not make a drive stand still; a node that is heard to be STOPPED answers nothing, and is not asked.
     """
     if bus.nmt_state(node_id) is NmtState.STOPPED:
-        return None
+        return "is STOPPED, so that it cannot be asked whether its operation is enabled"
     for axis in range(_AXES):
         index = STATUSWORD[0] + axis * AXIS
         try:
             data = bus.sdo(node_id).upload(index, STATUSWORD[1])
-        except SdoAborted:
+        except SdoAborted as aborted:
+            if aborted.code in _NOT_NOW:
+                return f"does not tell whether its operation is enabled (0x{index:04X}: abort 0x{aborted.code:08X})"
             continue
         except (NoAnswer, SdoProtocolError):
-            return None
+            return f"does not answer whether its operation is enabled (0x{index:04X})"
         statusword = int.from_bytes(data, "little")
         if drive_state(statusword) == "operation enabled":
-            return index, statusword
-    return None
-
-
-def moving(bus: CanopenBus, node_ids: Collection[int]) -> dict[int, tuple[int, int]]:
-    """The statuswords, with their indices, of those of *node_ids* that have an axis that says "operation enabled"."""
-    said = {node_id: operation_enabled(bus, node_id) for node_id in node_ids}
-    return {node_id: found for node_id, found in said.items() if found is not None}
+            return f"says operation enabled (0x{index:04X} is 0x{statusword:04X})"
+    return ""

@@ -31,7 +31,8 @@ def look(session: Session, node: Node, pdos: list[Pdo]) -> tuple[Look, str]:
     started = found is not NmtState.OPERATIONAL
     with node.cancellation.guard():
         if started:
-            session.consent(f"node {node.node_id} will be started for a moment, its machine may move; start it?")
+            question = f"node {node.node_id} will be started for a moment, its machine may move; start it?"
+            session.consent(question, node.node_id)
             node.access.request(NmtState.OPERATIONAL)
         try:
             frames = tuple(_frames(session, node, pdos))

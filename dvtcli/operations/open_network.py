@@ -26,7 +26,8 @@ class Network:
     bus: CanopenBus
     files: DeviceFiles
     cancellation: Cancellation
-    consent: Callable[[str], None]
+    #: asks a question about the node with that ID
+    consent: Callable[[str, int], None]
     #: lock, backup and journal of each node; None where the nodes die with this process, and of twins
     keeping: Keeping | None = None
     nodes: dict[int, Node] = field(default_factory=dict)
@@ -51,7 +52,8 @@ class Network:
             profile, dictionary = self.files.profile(node_id), self.files.dictionary(node_id)
             keeper = None if self.keeping is None else self.keeping.keeper(node_id, dictionary)
             node = Node(
-                self.bus, node_id, dictionary, profile, self.cancellation, self.consent,
+                self.bus, node_id, dictionary, profile, self.cancellation,
+                lambda question: self.consent(question, node_id),
                 history=self.done_before(node_id), order=self.order, keeper=keeper,
                 neighbours=lambda: self._others(node_id), on_step=self.on_step,
                 reads_are_free=node_id in self.simulated_ids,

@@ -47,15 +47,22 @@ def _recovered(session: Session, file: str | None) -> Changed | ChangedNodes | F
     for journal in journals:
         _refuse_other_bus(session, journal)
     text = several(f"{_labels(journal)} of node {journal.plan.node_id}" for journal in journals)
-    session.consent(f"{text} will be put back as before the interrupted change; recover?")
+    session.consent(f"{text} will be put back as before the interrupted change; recover?", _only(journals))
     for said in dict.fromkeys(_whole_text(journal, journals) for journal in journals if journal.part.whole is not None):
         session.tell.note(said)
     done, failed = _put_back(session, journals)
     if failed is not None:
-        if done:
-            failed.details.append(("done", f"node {', '.join(str(one.node) for one in done)}: put back"))
+        ids = [str(one.node) for one in done if not _restarted_since(session.node(one.node))]
+        if ids:
+            failed.details.append(("done", f"node {', '.join(ids)}: put back"))
         raise failed
     return done[0] if len(done) == 1 else ChangedNodes(tuple(done))
+
+
+def _only(journals: list[Journal]) -> int | None:
+    """The one node that *journals* are about; None where there are several."""
+    ids = {journal.plan.node_id for journal in journals}
+    return ids.pop() if len(ids) == 1 else None
 
 
 def _nothing(session: Session) -> Facts:
@@ -92,7 +99,7 @@ def _put_back(session: Session, journals: list[Journal]) -> tuple[list[Changed],
 def _restarted(session: Session, done: list[Changed]) -> Restarted | None:
     """The error where a node restarted after it was put back, while another one was."""
     nodes = [session.node(one.node) for one in done]
-    again = [node.node_id for node in nodes if node.bus.boot_ups(node.node_id) != node.pending.boot_ups]
+    again = [node.node_id for node in nodes if _restarted_since(node)]
     if not again:
         return None
     return Restarted(
@@ -100,6 +107,11 @@ def _restarted(session: Session, done: list[Changed]) -> Restarted | None:
         hint="look at its supply, then at what it holds with `pdo`; `undo --backup` puts an automatic backup back",
         state="unknown",
     )
+
+
+def _restarted_since(node: Node) -> bool:
+    """Whether *node* sent a boot-up since it was put back."""
+    return node.bus.boot_ups(node.node_id) != node.pending.boot_ups
 
 
 def _put_one_back(session: Session, journal: Journal) -> Changed:

@@ -10,19 +10,20 @@ if TYPE_CHECKING:
 
 
 def consent_to_reset(session: Session, node_ids: Collection[int]) -> None:
-    """Ask before *node_ids* are reset where a drive among them says "operation enabled"; SafetyRefusal on no.
+    """Ask before *node_ids* are reset where one may be a drive whose operation is enabled; SafetyRefusal on no.
 
     A drive of this process comes up as its EDS says, which may be enabled: it counts once this session commanded it.
     """
-    from dvtcli.device.seen_state import moving
+    from dvtcli.device.seen_state import why_it_may_move
 
     if session.options.yes or session.dry_run:
         return
     if session.bus.simulated:
         node_ids = [node_id for node_id in node_ids if _commanded(session, node_id)]
-    for node_id, (index, statusword) in moving(session.bus, sorted(node_ids)).items():
-        said = f"0x{index:04X} is 0x{statusword:04X}"
-        session.consent(f"node {node_id} says operation enabled ({said}): its reset lets the motor go; reset?")
+    said = {node_id: why_it_may_move(session.bus, node_id) for node_id in sorted(node_ids)}
+    for node_id, why in said.items():
+        if why:
+            session.consent(f"node {node_id} {why}: its reset lets a motor go; reset?", node_id)
 
 
 def consent_to_reset_unheard(session: Session) -> None:

@@ -54,16 +54,19 @@ class Said:
         """What is being done, for another dvtcli that waits for a node: nothing that has a name."""
         return ""
 
-    def consent(self, question: str) -> None:
-        """Ask *question* where somebody can answer; returns on yes, raises SafetyRefusal otherwise."""
+    def consent(self, question: str, node_id: int | None = None) -> None:
+        """Ask *question*, about one node if *node_id* is given, where somebody can answer.
+
+        Returns on yes, raises SafetyRefusal otherwise.
+        """
         if self.options.yes or self.dry_run:
             return
         with self.cancellation.released():  # Ctrl-C here is a no to everything that the question was for
             answer = self.tell.ask(question)
         if answer is None:
-            raise SafetyRefusal(f"nobody can answer: {question}", hint="give --yes to answer yes")
+            raise SafetyRefusal(f"nobody can answer: {question}", node=node_id, hint="give --yes to answer yes")
         if not answer:
-            raise SafetyRefusal("not done: the answer was no")
+            raise SafetyRefusal("not done: the answer was no", node=node_id)
 
     @property
     def state_folder(self) -> Path:

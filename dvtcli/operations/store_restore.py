@@ -98,7 +98,9 @@ def _restart(session: Session, node: Node, way: str, wait_s: float) -> Restart |
     if session.dry_run:
         return None
     if way == "power":
-        session.consent(f"node {node.node_id} must be switched off and on once it has stored; will you do that?")
+        session.consent(
+            f"node {node.node_id} must be switched off and on once it has stored; will you do that?", node.node_id
+        )
         return Restart(POWER, lambda: _power_cycle(session, node, wait_s), certain=True)
     consent_to_reset(session, [node.node_id])
     return Restart(RESET_NODE, lambda: _reset(node, NmtCommand.RESET_NODE))
@@ -121,7 +123,9 @@ def _reset(node: Node, command: NmtCommand) -> None:
 
 def restore_defaults(session: Session, node: Node, sub_index: int | None, *, prove: bool) -> Stored:
     """Ask the node for its defaults; they come with the next reset, which *prove* does at once, and looks."""
-    session.consent(f"node {node.node_id} will lose what is set and stored, and take its defaults; restore?")
+    session.consent(
+        f"node {node.node_id} will lose what is set and stored, and take its defaults; restore?", node.node_id
+    )
     asked, prove = prove, prove and not session.dry_run  # a twin has no defaults but those of its file
     if prove:
         consent_to_reset(session, [node.node_id])

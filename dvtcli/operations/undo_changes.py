@@ -55,21 +55,23 @@ def _one_by_one(session: Session, things: Iterable[T], put_back: Callable[[T], C
     Restarted where one of them restarted while another was put back.
     """
     done: list[Changed] = []
+    again: list[int] = []
     boot_ups: dict[int, int] = {}
     try:
         for thing in things:
             done.append(one := put_back(thing))
             boot_ups[one.node] = session.bus.boot_ups(one.node)
-        again = [str(node_id) for node_id, seen in boot_ups.items() if session.bus.boot_ups(node_id) != seen]
+        again += [node_id for node_id, seen in boot_ups.items() if session.bus.boot_ups(node_id) != seen]
         if again:
             raise Restarted(
-                f"node {', '.join(again)} restarted after it was put back: what it had not stored is lost",
+                f"node {', '.join(map(str, again))} restarted after it was put back: what it had not stored is lost",
                 hint="look at its supply, then at what it holds with `pdo`",
                 state="unknown",
             )
     except DvtcliError as error:
-        if done:
-            error.details.append(("done", f"node {', '.join(str(one.node) for one in done)}: put back before this"))
+        ids = [str(one.node) for one in done if one.node not in again]
+        if ids:
+            error.details.append(("done", f"node {', '.join(ids)}: put back before this"))
         raise
     return done[0] if len(done) == 1 else ChangedNodes(tuple(done))
 

@@ -6,9 +6,11 @@ from pathlib import Path
 
 import pytest
 
+from dvtcli.domain.abort import Abort
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.errors import NoAnswer
-from dvtcli.files.eds.reader import parse_eds
+from dvtcli.files.eds.reader import parse_eds, read_eds
+from dvtcli.simulator.device.refusal import Refusal
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family
 from tests.commands.bench import Bench
@@ -199,6 +201,44 @@ def test_a_drive_that_is_not_enabled_is_reset(statusword: int, eds: str) -> None
     node.set_value(0x6041, 0, statusword.to_bytes(2, "little"))
     with Wire(node) as wire, Bench((), {**wire.options, "eds": eds}) as bench:
         assert bench.run("nmt reset-node").code == 0
+
+
+class Hanging(StrictDevice):
+    """A device whose application hangs: heartbeats and NMT go on, 0x6041 is answered as *code* says, or not at all."""
+
+    code: int | None = None
+
+    def upload(self, index: int, sub_index: int) -> bytes:
+        if index == 0x6041 and self.code is not None:
+            raise Refusal(Abort(self.code))
+        return super().upload(index, sub_index)
+
+
+@pytest.mark.parametrize("line", ["nmt reset-node", "nmt reset-node all", "store --prove"])
+@pytest.mark.parametrize(("code", "asked"), [(0x08000022, True), (0x06020000, False)])
+def test_where_it_is_not_told_whether_a_drive_moves_it_is_asked(line: str, code: int, asked: bool, eds: str) -> None:
+    node = Hanging(read_eds(family_eds("generic")).dictionary, load_family("generic"), 1)
+    node.code = code
+    with Wire(node) as wire, Bench((), {**wire.options, "eds": eds}) as bench:
+        ran = bench.run(line)
+        assert ran.code == (6 if asked else 0), ran.stderr
+        assert not asked or "does not tell whether its operation is enabled (0x6041: abort 0x08000022)" in ran.stderr
+        assert bench.run(f"{line} --yes").code == 0
+
+
+def test_a_node_that_is_heard_and_answers_nothing_is_asked_about(eds: str) -> None:
+    """As one whose application hangs, whose heartbeats and NMT go on."""
+    node = device("generic")
+    with Wire(node) as wire, Bench((), {**wire.options, "eds": eds, "timeout": 0.1}) as bench:
+        assert bench.run("nmt stop").code == 0
+        ran = bench.run("nmt reset-node --json")
+        assert (ran.code, ran.document["node"]) == (6, 1)
+        assert "STOPPED" in ran.document["text"]
+        assert bench.run("nmt reset-node --yes").code == 0
+        with Bench((), {**wire.options, "node": 9, "timeout": 0.1}) as other:
+            ran = other.run("nmt reset-node")
+            assert ran.code == 6
+            assert "node 9 does not answer whether its operation is enabled (0x6041)" in ran.stderr
 
 
 def test_all_are_reset_or_who_is_not_is_named() -> None:

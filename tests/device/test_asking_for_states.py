@@ -8,7 +8,7 @@ from dvtcli.device.change.cancellation import Cancellation
 from dvtcli.device.change.put_back import PATIENCE_S, RETRY_S
 from dvtcli.device.lazy_pdos import LazyMapping
 from dvtcli.device.nmt_gate import CONFIRM_TIMEOUT_S, Access, Gate
-from dvtcli.device.seen_state import operation_enabled
+from dvtcli.device.seen_state import why_it_may_move
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.pdo import PdoConfig
 from dvtcli.errors import DeviceRefused, NoAnswer, SafetyRefusal, SdoAborted
@@ -213,7 +213,7 @@ def enabled_drive() -> tuple[VirtualTimeBus, Lossy]:
 
 def test_one_lost_answer_does_not_make_a_drive_stand_still() -> None:
     bus, _ = enabled_drive()
-    assert operation_enabled(bus, NODE) == (0x6041, 0x1237)
+    assert why_it_may_move(bus, NODE) == "says operation enabled (0x6041 is 0x1237)"
 
 
 def test_a_node_that_is_heard_to_be_stopped_is_not_asked() -> None:
@@ -221,5 +221,5 @@ def test_a_node_that_is_heard_to_be_stopped_is_not_asked() -> None:
     bus.nodes[0].device.set_value(0x1017, 0, b"\x32\x00")
     bus.send_nmt(NmtCommand.STOP, NODE)
     bus.sleep(0.2)
-    assert operation_enabled(bus, NODE) is None
+    assert "STOPPED" in why_it_may_move(bus, NODE), "it is not known then"
     assert server.asked == 0

@@ -9,7 +9,7 @@ import threading
 
 from dvtcli.bus.sdo.channel import SdoChannel
 from dvtcli.bus.sdo.client import StrictSdoClient
-from dvtcli.bus.sdo.link import DroppedAnswers, SdoLink, SdoSettings
+from dvtcli.bus.sdo.link import RESTARTED, DroppedAnswers, SdoLink, SdoSettings
 
 
 class SdoChannels:
@@ -36,6 +36,12 @@ class SdoChannels:
         client = self._clients.get(node_id)
         if client is not None:
             client.receive(can_id, data, extended=extended)
+
+    def restarted(self, node_id: int) -> None:
+        """*node_id* sent a boot-up: what it was asked before that it has forgotten."""
+        client = self._clients.get(node_id)
+        if client is not None:
+            client.inbox.put(RESTARTED)
 
     def repeated(self, node_id: int) -> int:
         """How many uploads of *node_id* had to be asked again so far."""

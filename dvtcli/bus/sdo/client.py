@@ -15,7 +15,7 @@ from canopen.sdo.client import SdoClient
 from canopen.sdo.constants import SDO_STRUCT
 
 from dvtcli.bus.receiver import Wake
-from dvtcli.bus.sdo.link import ANSWER_ID, REQUEST_ID, DroppedAnswers, Inbox, SdoLink, SdoSettings
+from dvtcli.bus.sdo.link import ANSWER_ID, REQUEST_ID, RESTARTED, DroppedAnswers, Inbox, SdoLink, SdoSettings
 from dvtcli.bus.sdo.silence import no_answer
 from dvtcli.domain.abort import Abort
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
@@ -175,7 +175,7 @@ class StrictSdoClient(SdoClient):
         self._link.drain()
         while not self.inbox.empty():
             item = self.inbox.get_nowait()
-            if not isinstance(item, Wake):
+            if not isinstance(item, Wake) and item is not RESTARTED:
                 self._drop(item)
 
     def _settle(self, multiplexer: bytes) -> None:
@@ -213,7 +213,9 @@ class StrictSdoClient(SdoClient):
         try:
             self._link.send_sdo(self.rx_cobid, request)
             while (answer := take(inbox, deadline_s)) is not None:
-                if self._fits(request, answer):
+                if answer is RESTARTED:  # unless it had answered, it will not: a store need not be waited for any more
+                    deadline_s = min(deadline_s, self._link.now_s() + self.settings.timeout_s)
+                elif self._fits(request, answer):
                     answered = True
                     break
         finally:

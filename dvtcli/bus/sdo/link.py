@@ -16,6 +16,9 @@ ANSWER_ID = 0x580
 DEFAULT_TIMEOUT_S = 0.5
 DEFAULT_RETRIES = 1
 
+#: what stands in an inbox for "the node sent a boot-up": longer than what a CAN frame carries
+RESTARTED = b"restarted"
+
 Inbox = SimpleQueue[bytes | Wake]
 
 

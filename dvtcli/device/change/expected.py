@@ -63,8 +63,8 @@ class Expected:
                 node=node.node_id,
                 place=found[0][1],
                 why="; ".join(text for *_, text in found),
-                hint=f"{who_else}, or it corrects what is written: set it as it should be and store "
-                "again; store --force stores what it holds now",
+                hint=f"{who_else}, or it corrects what is written, or altered this beside a change of something else: "
+                "set it as it should be and store again; store --force stores what it holds now",
             )
 
     def _differences(self, node: KnownPdos) -> Iterator[tuple[str, str, str]]:

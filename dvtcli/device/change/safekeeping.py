@@ -233,13 +233,25 @@ class Keeper:
         self.past.add(plan, self._identity, self._entry)
 
     def forget(self, journal: Journal) -> None:
-        """After *journal* was recovered, wherever it was kept."""
+        """After *journal* was recovered, wherever it was kept; that of another change of the node stays."""
         with self._files("removed"):
             journal.path.unlink(missing_ok=True)
         self.past.drop(self.node_id, journal.identity, journal.part.entries)
         self._course = Course()
-        self._forget()
+        if self._is_gone_or(journal, self.journals.path(self.node_id)):
+            self._forget()
+        elif self.open_journal() is None:
+            self.lock.note(None)
         self._tidy(Journals(journal.path.parent, journal.bus), journal.part.whole)
+
+    def _is_gone_or(self, journal: Journal, path: Path) -> bool:
+        """Whether the file at *path* is no other journal than *journal*, of which it may be a copy."""
+        if not path.exists():
+            return True
+        try:
+            return replace(read_journal(path), path=journal.path) == journal
+        except (InputFileError, SafetyRefusal):  # whatever it is, it was not recovered
+            return False
 
     def set_aside(self, path: Path, word: str) -> Path:
         """Close the journal at *path*: it blocks nothing any more, and is kept under the name that is returned."""

@@ -1,0 +1,47 @@
+"""A store that ends in a restart is not waited for any longer than an answer of before it may take."""
+
+from __future__ import annotations
+
+import pytest
+
+from dvtcli.device.change.cancellation import Cancellation
+from dvtcli.device.nmt_gate import Access
+from dvtcli.device.store_parameters import STORE, sign
+from dvtcli.domain.ports import Frame
+from dvtcli.errors import NoAnswer
+from dvtcli.simulator.device.faults import Fault
+from dvtcli.simulator.device.strict_device import StrictDevice
+from dvtcli.simulator.network.family_file import load_family
+from tests.laws.bench import NODE, booted, dictionary, profile
+from tests.virtual_time import VirtualTimeBus
+
+
+@pytest.mark.parametrize(("fault", "longest_s"), [("reset@1=0.3", 2.0), ("lose-response@1", 21.0)])
+def test_a_boot_up_ends_the_waiting(fault: str, longest_s: float) -> None:
+    bus = VirtualTimeBus([booted()], faults=[Fault.parse(fault)])
+    policy = profile("generic").store
+    before_s = bus.now_s()
+    with pytest.raises(NoAnswer) as caught:
+        sign(Access(bus, NODE, profile("generic")), policy, STORE, None, Cancellation())
+    waited_s = bus.now_s() - before_s
+    assert waited_s < longest_s
+    assert (waited_s >= policy.timeout_s) is (fault != "reset@1=0.3"), "a slow store has its time"
+    assert ("restarted instead" in (caught.value.hint or "")) is (fault == "reset@1=0.3")
+
+
+class Starting(StrictDevice):
+    """A device whose boot-up of before goes out as it takes a store."""
+
+    bus: VirtualTimeBus
+
+    def download(self, index: int, sub_index: int, data: bytes) -> None:
+        super().download(index, sub_index, data)
+        self.bus.nodes_said(Frame(0x700 + NODE, b"\0"))
+
+
+def test_an_answer_that_comes_soon_after_a_boot_up_counts() -> None:
+    device = Starting(dictionary("generic"), load_family("generic"), NODE)
+    device.boot_up()
+    device.bus = VirtualTimeBus([device], faults=[Fault.parse("late@1=0.4")])
+    signed = sign(Access(device.bus, NODE, profile("generic")), profile("generic").store, STORE, None, Cancellation())
+    assert 0.4 <= signed.seconds < 1.0
