@@ -116,6 +116,8 @@ def _deliver(session: Conversation, result: Any) -> Any:
         return result
     session.output.result(result)
     failure: DvtcliError | None = getattr(result, "failure", None)
+    if failure is None and session.in_script:  # where lines follow one another it must be said which of them it was
+        failure = getattr(result, "failure_of_line", None)
     if failure is not None and not session.output.json:  # a document says it all
         raise failure
     return _code(result)

@@ -13,6 +13,7 @@ from dvtcli.device.change.put_back import PATIENCE_S, RETRY_S
 from dvtcli.device.change.safekeeping import JournalKept
 from dvtcli.device.change.way_back import unknown_before
 from dvtcli.device.restarts import held_plans
+from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.several import several
 from dvtcli.errors import DvtcliError, LeftChanged, NoAnswer, SdoProtocolError
 
@@ -43,6 +44,8 @@ class ScriptChanges:
         self._plans: dict[int, tuple[Plan, str]] = {}
         #: lines that did what no history holds: stores, resets, NMT commands, logins
         self._others: list[str] = []
+        #: the nodes whose gates found them OPERATIONAL before such a line was begun; None where none was
+        self._operational: set[int] | None = None
         #: the first line that did what cannot be taken back
         self.final: str | None = None
         #: whether it was tried to take everything back
@@ -88,8 +91,15 @@ class ScriptChanges:
 
     def begin_final(self, line: str) -> None:
         """*line* is run next, which no undo reverts: where this process ends in its middle, `recover` says so."""
+        self._note_gates()
         for keeper in self._keepers():
             keeper.final(line)
+
+    def _note_gates(self) -> None:
+        """Keep in mind which nodes go back to OPERATIONAL: an NMT line makes their gates forget that."""
+        nodes = self._session.met_nodes()
+        found = {id(node) for node in nodes if node.gate.found is NmtState.OPERATIONAL}
+        self._operational = found | (self._operational or set())
 
     def complete(self) -> None:
         """Everything stays: no `recover` takes it back any more. JournalKept where a journal cannot be removed."""
@@ -131,15 +141,24 @@ class ScriptChanges:
             raise self._committed(cause)
         for keeper in self._keepers():
             keeper.final("")
-        with self._session.cancellation.way_back():
+        with self._session.cancellation.way_back(), self._session.taking_back():
             tried = [self._take_back(node, cause) for node in reversed(list(self._session.met_nodes()))]
             failures = [failure for one in tried if (failure := one.settled(cause)) is not None]
         if failures:
             failures[0].details += [("also", failure.text) for failure in failures[1:]]
             raise failures[0]
+        self._leave_stopped()
         self._others.clear()
         del self._session.record.lines[self._executed :]
         self._session.selected = self._selected
+
+    def _leave_stopped(self) -> None:
+        """Nodes that a line of the script had started stay PRE-OPERATIONAL, which is said: they were not found so."""
+        if self._operational is None:
+            return
+        for node in self._session.met_nodes():
+            if id(node) not in self._operational and (said := node.gate.abandon()):
+                self._session.tell.warning(said)
 
     def _take_back(self, node: Node, cause: str) -> _TakenBack:
         """Undo what was done to *node*, or find out why that is not possible; its journal stays."""

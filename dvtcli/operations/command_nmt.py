@@ -26,6 +26,8 @@ def command_nmt(session: Session, command: NmtCommand, node_id: int | None = Non
     """
     target = session.node_id() if node_id is None else node_id
     reset = command.is_reset
+    if session.dry_run and not target:
+        _meet_all(session)
     if reset:
         concerned = {target} if target else _heard(session)
         consent_to_reset(session, concerned)
@@ -68,6 +70,17 @@ def _heard(session: Session) -> set[int]:
             with suppress(NoAnswer, SdoProtocolError):  # selected, and not there
                 session.node(selected)
     return _known(session)
+
+
+def _meet_all(session: Session) -> None:
+    """Make twins of all nodes that are there, as far as they are heard, or selected: a dry run says whom it reaches."""
+    bus = session.open_network().bus
+    if not bus.simulated:
+        bus.sleep(CONFIRM_S)
+    selected = session.selected_id()
+    for node_id in sorted({*bus.heard_nodes(), *([] if selected is None else [selected])}):
+        with suppress(NoAnswer, SdoProtocolError):  # heard, and answers nothing: there is no twin of it
+            session.node(node_id)
 
 
 def _interrupted(session: Session, node_ids: Iterable[int | None]) -> tuple[str, ...]:

@@ -86,7 +86,8 @@ def _chosen(session: Session, pdos: Sequence[NodePdo], wishes: dict[int, Wish], 
         said = "this session changed nothing" if against == SESSION else f"{against} sets nothing"
         raise UsageError(
             f"nothing to compare: {said}",
-            hint="verify FILE compares with a script, a DCF or an EDS; map or set something first",
+            hint="verify FILE compares with a script, a DCF or an EDS, with --frame, too; without FILE it compares "
+            "with what map or set did before it, at the prompt or in one script",
         )
     asked: dict[int, list[Pdo]] = {}
     for node_id, pdo in pdos:

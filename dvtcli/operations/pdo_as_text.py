@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
+from dvtcli.device.change.private_file import write_private
 from dvtcli.device.change.safekeeping import who_else
 from dvtcli.domain.request import PdoRequest
 from dvtcli.errors import SafetyRefusal, UsageError
 from dvtcli.files.pdo_yaml import Word, read_pdo_yaml, write_pdo_yaml, wrong_at
 from dvtcli.operations.change import configure_pdo
+from dvtcli.operations.keeping import state_folder
 from dvtcli.operations.named_objects import entry_at
 
 if TYPE_CHECKING:
@@ -52,6 +55,16 @@ def configure_from_text(
         objects=None if asked.mapping is None else tuple(_resolved(word, node) for word in asked.mapping),
     )  # fmt: skip
     return configure_pdo(session, node.node_id, pdo, want)
+
+
+def keep_text(pdo: Pdo, text: str) -> str:
+    """Keep an edited *text* that was not carried out, which nobody wants to type twice; says where, or why not."""
+    path = state_folder(None) / "edited" / f"{pdo}-{datetime.now(UTC).strftime('%Y%m%dT%H%M%S.%fZ')}.yaml"
+    try:
+        write_private(path, text)
+    except (OSError, SafetyRefusal) as failed:
+        return f"what you typed cannot be kept: {failed}"
+    return f"what you typed is kept as {path}"
 
 
 def _name(node: Node, entry: PdoMappingEntry) -> str:

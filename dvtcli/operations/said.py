@@ -5,6 +5,8 @@ Does not know whether a bus is open.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -29,6 +31,7 @@ class Said:
         self.cancellation = Cancellation()
         #: everything that was said at the program's start, in options, variables and files
         self.settings = Settings()
+        self._takes_back = False
 
     def require_settings(self) -> None:
         """Raise what is wrong with the settings; what a project's file says in vain is said once."""
@@ -59,7 +62,7 @@ class Said:
 
         Returns on yes, raises SafetyRefusal otherwise.
         """
-        if self.options.yes or self.dry_run:
+        if self.options.yes or self.dry_run or self._takes_back:
             return
         with self.cancellation.released():  # Ctrl-C here is a no to everything that the question was for
             answer = self.tell.ask(question)
@@ -67,6 +70,15 @@ class Said:
             raise SafetyRefusal(f"nobody can answer: {question}", node=node_id, hint="give --yes to answer yes")
         if not answer:
             raise SafetyRefusal("not done: the answer was no", node=node_id)
+
+    @contextmanager
+    def taking_back(self) -> Iterator[None]:
+        """A block that takes back what was consented to when it was done: nothing is asked in it."""
+        self._takes_back = True
+        try:
+            yield
+        finally:
+            self._takes_back = False
 
     @property
     def state_folder(self) -> Path:

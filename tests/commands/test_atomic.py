@@ -8,8 +8,12 @@ from typing import Any
 import pytest
 
 from dvtcli.device.change.progress import Progress
-from dvtcli.domain.nmt import NmtCommand
+from dvtcli.domain.nmt import NmtCommand, NmtState
+from dvtcli.files.eds.reader import read_eds
+from dvtcli.simulator.device.strict_device import StrictDevice
+from dvtcli.simulator.network.family_file import family_eds, load_family
 from tests.commands.bench import Bench, Ran
+from tests.commands.bus import Wire, device
 from tests.process import dvtcli
 
 LINES = ("map tpdo1 606C --cob-id 0x6A1", "write 1017 700", "map 2:tpdo2 6041 --cob-id 0x6A2", "set tpdo1 --timer 70")
@@ -202,3 +206,36 @@ def test_a_script_that_fails_behind_its_store_does_not_say_that_nothing_was_stor
     assert ran.code == 7
     assert "LEFT CHANGED: see above; what " in ran.stderr
     assert "nothing was stored" not in ran.stderr
+
+
+class Refusing(StrictDevice):
+    """A device that takes every NMT command but the one to start."""
+
+    def nmt(self, command: int) -> None:
+        if command != NmtCommand.START:
+            super().nmt(command)
+
+
+@pytest.mark.parametrize("family", ["gen4", "generic"])
+def test_a_start_of_all_that_one_node_does_not_obey_is_taken_back(family: str, tmp_path: Path) -> None:
+    """The way back stops the nodes that the line itself had started: that was consented to with it."""
+    refusing = Refusing(read_eds(family_eds(family)).dictionary, load_family(family), 2)
+    with Wire(device(family, 1), refusing) as wire, Bench((), wire.options) as bench:
+        before = [bench.session.node(node_id).pdos() for node_id in (1, 2)]
+        lines = ("set 1:tpdo1 --timer 70", "set 2:tpdo1 --timer 70", "nmt start all")
+        ran = atomic(bench, tmp_path, *lines)
+        assert ran.code == 1, ran.stderr
+        assert "node 2 is PRE-OPERATIONAL, not OPERATIONAL as was asked for" in ran.stderr
+        assert "rolled back" in ran.stderr
+        assert [bench.session.node(node_id).pdos() for node_id in (1, 2)] == before
+        if family == "gen4":
+            assert "node 1 was OPERATIONAL and is PRE-OPERATIONAL now" in ran.stderr
+
+
+def test_a_node_that_ran_before_the_script_runs_after_it_was_taken_back(tmp_path: Path) -> None:
+    running = device("gen4", 1)
+    with Wire(running) as wire, Bench((), {**wire.options, "yes": True}) as bench:
+        assert bench.run("nmt start").code == 0
+        ran = atomic(bench, tmp_path, "set tpdo1 --timer 70", "read 5FFF")
+        assert ran.code == 1
+        assert running.state is NmtState.OPERATIONAL

@@ -250,3 +250,24 @@ def test_all_are_reset_or_who_is_not_is_named() -> None:
     assert bus.boot_ups(3) == 2
     with pytest.raises(NoAnswer, match="from node 4"):
         reset_all_and_wait(bus, NmtCommand.RESET_NODE, {3, 4})
+
+
+@pytest.mark.parametrize("line", ["nmt reset-node all", "nmt start all"])
+def test_a_dry_run_listens_and_says_whom_it_would_reach(line: str, eds: str) -> None:
+    with (
+        Wire(device("generic", 1), device("generic", 9)) as wire,
+        Bench((), {**wire.options, "node": None, "eds": eds}) as bench,
+    ):
+        document = bench.run(f"{line} --dry-run --json").document
+        assert [one["node"] for one in document["nodes"]] == [1, 9]
+        assert document["dry_run"] is True
+        sent = [frame for frame in wire.frames() if frame.arbitration_id == 0]
+        assert sent == []
+
+
+def test_what_is_asked_of_one_node_names_it_in_json(eds: str) -> None:
+    with Bench(("gen4@3",)) as bench:
+        assert bench.run("nmt start").code == 0
+        ran = bench.run("set tpdo1 --timer 20 --json")
+        assert (ran.code, ran.document["node"]) == (6, 3)
+        assert bench.run("restore --json").document["node"] == 3

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -100,3 +101,18 @@ def test_without_a_terminal_it_is_refused() -> None:
     assert "no terminal" in done.stderr
     assert dvtcli("--sim", "gen4", "pdo", "edit").returncode == 2
     assert dvtcli("--sim", "gen4", "pdo", "tpdo1", "tpdo2").returncode == 2
+
+
+def test_what_was_typed_is_kept_where_the_device_does_not_take_it(open_terminal: Open, tmp_path: Path) -> None:
+    editor = tmp_path / "editor.sh"
+    editor.write_text("sed -i 's/^type: 255/type: 1/' \"$1\"\n")
+    environment = {"EDITOR": f"sh {editor}", "VISUAL": f"sh {editor}"}
+    words = ("--sim", "gen4", "--fault", "refuse@1=0x08000022")
+    terminal = open_terminal(*words, columns=300, rows=40, environment=environment)
+    terminal.wait_prompt()
+    terminal.run("pdo edit tpdo1")
+    terminal.wait("what you typed is kept as ")
+    terminal.wait_prompt()
+    kept = re.search(r"kept as (\S+\.yaml)", terminal.text)
+    assert kept is not None
+    assert "type: 1" in Path(kept[1]).read_text("utf-8")

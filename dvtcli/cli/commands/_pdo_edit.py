@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.errors import DvtcliError, InputFileError, RuleError, SafetyRefusal, UsageError
-from dvtcli.operations.pdo_as_text import configure_from_text, pdo_as_text
+from dvtcli.operations.pdo_as_text import configure_from_text, keep_text, pdo_as_text
 from dvtcli.operations.results import Facts
 
 if TYPE_CHECKING:
@@ -36,6 +36,7 @@ def edit(session: Conversation, pdo: Pdo, node_id: int | None) -> Changed | Fact
             return configure_from_text(session, pdo, text, node_id, seen=before)
         except DvtcliError as wrong:
             if wrong.exit_code not in (2, 4) and not isinstance(wrong, RuleError):
+                wrong.details.append(("edited", keep_text(pdo, text)))
                 raise  # the device was asked: another text changes nothing about it
             session.output.error(wrong)
             if not session.output.ask("Edit it again?"):

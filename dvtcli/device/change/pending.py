@@ -58,6 +58,13 @@ class Pending:
         """The last store kept nothing of what it took: what is stored is what was after *stored_at* changes."""
         self.stored_at = stored_at
 
+    def was_restored(self, changes: int) -> None:
+        """Its defaults were restored, or not, and it was reset, after *changes* of this session: none of them counts.
+
+        What it holds then is what was read, and no number of changes stands for that.
+        """
+        self.stored_at, self.lost_until, self.partly_stored = 0, changes, True
+
     def is_as_stored(self, changes: int) -> bool:
         """Whether a node on which *changes* of this session are left holds what is stored, or what was found."""
         return changes == self.stored_at and not self.partly_stored

@@ -227,6 +227,14 @@ class Compared(Answer):
         """3 where something differs, 1 where a frame was asked for and none came."""
         return 3 if self.differences else 1 if self.frame_missing else 0
 
+    @property
+    def failure_of_line(self) -> DvtcliError | None:
+        """What a script says where it ends here: the screen above shows what differs, not in which line."""
+        from dvtcli.operations.results.failures import not_as_wanted
+
+        differing = list(dict.fromkeys(label for label, _ in self.differences))
+        return not_as_wanted(self.node, self.exit_code, differing, self.against) if self.exit_code else None
+
     def document(self) -> Document:
         """`dvtcli.verify/1`."""
         return {
@@ -266,6 +274,16 @@ class ComparedNodes(Answer):
     def exit_code(self) -> int:
         """3 where a node differs, else 1 where a frame is missing."""
         return max(one.exit_code for one in self.nodes)
+
+    @property
+    def failure_of_line(self) -> DvtcliError | None:
+        """As of one node, with the node-ID before each PDO."""
+        from dvtcli.operations.results.failures import not_as_wanted
+
+        differing = list(
+            dict.fromkeys(f"{label} of node {one.node}" for one in self.nodes for label, _ in one.differences)
+        )
+        return not_as_wanted(None, self.exit_code, differing, self.nodes[0].against) if self.exit_code else None
 
     def document(self) -> Document:
         """`dvtcli.verify/1` without a node of its own, and with each node's document in `nodes`."""

@@ -51,6 +51,18 @@ def _state(word: str, proof: Proof) -> str:
     return f"{compared_text(proof)} read back equal after the {restart}, and could be lost with the power{put_back}"
 
 
+def not_as_wanted(node: int | None, exit_code: int, differing: Sequence[str], against: str) -> DvtcliError:
+    """What a line of a script says whose comparison ended with *exit_code*: *differing* PDOs and objects, or no frame.
+
+    *node* is None where there are several.
+    """
+    text = f"{several(differing)} {'differs' if len(differing) == 1 else 'differ'} from {against}"
+    failed = DvtcliError(text if differing else "no frame was seen of what should have sent one", node=node)
+    failed.exit_code = exit_code
+    failed.state_text = "read back, nothing was written"
+    return failed
+
+
 def compared_text(proof: Proof) -> str:
     """How many PDOs, and objects besides, were compared."""
     pdos = plural(proof.compared, "PDO")
