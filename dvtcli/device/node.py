@@ -53,7 +53,7 @@ class Node(Changeable):
         wanted = {pdo: resolve(self, pdo, now[pdo], want, lengths) for pdo, want in wants.items()}
         findings: list[Finding] = []
         for pdo, want in wanted.items():
-            if now[pdo] != want:
+            if now[pdo] != want or not want.has_cob_id:  # nobody knows whether that is so already
                 findings += check_pdo(proposal(self, pdo, now[pdo], want, wanted))
         labels = several(pdo.label for pdo in wanted)
         refuse(tuple(findings), f"{labels} not changed", self.node_id, force=force)
@@ -179,8 +179,7 @@ class Node(Changeable):
         """
         if len(plan):
             plan, warnings = with_way_back(self, plan)
-            findings += warnings if kept else ()
-            locked = level_findings(self.access, plan)
+            locked = (*level_findings(self.access, plan), *(warnings if kept else ()))
             refuse(locked, f"{several(change.label for change in plan.changes)} not changed", self.node_id, force=force)
             findings += locked
             carry_out(self, plan, findings, found=found, done=lambda boot_ups: self._done(plan, boot_ups, kept=kept))

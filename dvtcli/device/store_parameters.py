@@ -14,6 +14,7 @@ from dvtcli.device.nmt_gate import Access
 from dvtcli.device.read_pdos import ABSENT
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.nmt import NmtCommand, NmtState
+from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.ports import CanopenBus, SdoTransport
 from dvtcli.domain.profile import StorePolicy
 from dvtcli.errors import DeviceRefused, NoAnswer, SdoAborted
@@ -41,14 +42,22 @@ class Signed:
         return f"{self.index:04X}:{self.sub_index:02X}"
 
 
-def sign(access: Access, policy: StorePolicy, index: int, sub_index: int | None, cancellation: Cancellation) -> Signed:
+def sign(
+    access: Access,
+    policy: StorePolicy,
+    index: int,
+    sub_index: int | None,
+    cancellation: Cancellation,
+    dictionary: ObjectDictionary | None = None,
+) -> Signed:
     """Write the signature to *index*:*sub_index*; None takes the first sub-index of *policy* that exists.
 
     Waits up to the policy's own time-out, since EEPROMs are slow. Raises DeviceRefused where the device has no
-    such object, or refuses.
+    such object, refuses, or has one that its *dictionary* says to be read-only: then nothing is sent.
     """
     sdo = access.bus.sdo(access.node_id)
     where, capability = _choose(sdo, policy, index, sub_index, access.node_id)
+    _refuse_fixed(dictionary, index, where, access.node_id)
     started_s = access.bus.now_s()
     found, boot_ups = access.state(), access.bus.boot_ups(access.node_id)
     try:
@@ -111,6 +120,20 @@ def _choose(
         error.text = f"this device cannot {word_of(index)} that group alone"
         error.hint = f"`{word_of(index)}` alone takes what it has (0x{index:04X}:{policy.sub_indices[0]:02X})"
     raise error
+
+
+def _refuse_fixed(dictionary: ObjectDictionary | None, index: int, sub_index: int, node_id: int) -> None:
+    entry = dictionary.entry(index, sub_index) if dictionary else None
+    if dictionary is None or entry is None or entry.access.writable:
+        return
+    place = f"{index:04X}:{sub_index:02X}"
+    raise DeviceRefused(
+        f"this device cannot {'store' if index == STORE else 'restore its defaults'}",
+        node=node_id,
+        place=place,
+        why=f"0x{place} is {entry.access} in {dictionary.place(entry)}: it takes no signature",
+        hint="its manual says how it keeps settings; where the file is wrong, mend it or give another --eds",
+    )
 
 
 def _cannot(node_id: int, index: int, sub_index: int, capability: int | None) -> DeviceRefused:

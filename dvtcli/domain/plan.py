@@ -153,7 +153,7 @@ def _pdo_steps(pdo: Pdo, now: PdoConfig, want: PdoConfig) -> Iterator[Step]:
         yield _cob_id_step(index, held, wanted, f"COB-ID {wanted}, {what}")
 
 
-def _needs_disabling(now: PdoConfig, want: PdoConfig) -> bool:
+def needs_disabling(now: PdoConfig, want: PdoConfig) -> bool:
     """Whether the change touches what CiA 301 freezes while a PDO is valid."""
     a, b = now.communication, want.communication
     return (
@@ -177,7 +177,7 @@ def _needs_rtr_first(now: PdoConfig, want: PdoConfig) -> bool:
 
 def disables(now: PdoConfig, want: PdoConfig) -> bool:
     """Whether the way from *now* to *want* switches an enabled PDO off, so that it has to be enabled anew."""
-    return now.enabled and _needs_disabling(now, want)
+    return now.enabled and needs_disabling(now, want)
 
 
 def mapping_differs(now: PdoConfig, want: PdoConfig) -> bool:

@@ -48,7 +48,7 @@ def store_settings(
         before = Held.now(node)
         prepare_proof(node, before.pdos)
     stored_at = node.pending.stored_at
-    done = sign(node.access, node.profile.store, STORE, sub_index, node.cancellation)
+    done = sign(node.access, node.profile.store, STORE, sub_index, node.cancellation, node.dictionary)
     refuse_after_restart(node, boot_ups)
     changed = node.pending.was_stored(done.sub_index, len(node.history))
     proof = None if restart is None or before is None else prove_store(node, before, done, restart)
@@ -137,7 +137,7 @@ def restore_defaults(session: Session, node: Node, sub_index: int | None, *, pro
     )
     state = node.access.state() if prove else None
     before, lost = _before_restore(node, restart) if prove else (None, ())
-    done = sign(node.access, node.profile.store, RESTORE, sub_index, node.cancellation)
+    done = sign(node.access, node.profile.store, RESTORE, sub_index, node.cancellation, node.dictionary)
     proof = prove_restore(node, done, restart, before, lost) if prove else None
     return_to(node.access, state)
     node.wanted.clear()

@@ -251,3 +251,30 @@ def test_a_state_object_tells_the_state_whatever_the_file_has_for_it() -> None:
         assert one.run("map tpdo1 6000:2").code == 0
         assert one.run("nmt start").code == 0
         assert one.run("map tpdo1 6000:3").code == 0
+
+
+def test_what_could_be_enabled_and_never_disabled_again_is_not_enabled() -> None:
+    limited = var("COB-ID", U32, 0x80000191, HighLimit=0x7FFFFFFF)
+    with bench(changed("tpdo", sub1=limited)) as one:
+        for line in ("enable tpdo1", "map tpdo1 6000:2"):
+            refused_before_any_write(one, line, "could not be put back after this", "no-way-back")
+        assert one.run("map tpdo1 6000:2 --off").code == 0
+        assert one.run("undo").code == 0
+
+
+@both
+def test_a_pdo_whose_cob_id_cannot_be_read_may_be_enabled(direction: str) -> None:
+    with bench(changed(direction, sub1=var("COB-ID", U32, 0x191, "wo"))) as one:
+        for line in ("clear {}1", "disable {}1", "set {}1 --inhibit 5", "map {}1 {:X}:1 --off"):
+            refused_before_any_write(one, line.format(direction, BASE[direction]), "01 cannot be read")
+        assert one.run(f"set {direction}1 --timer 5").code == 0
+
+
+@pytest.mark.parametrize("access", ["ro", "const"])
+def test_a_store_that_takes_no_signature(access: str) -> None:
+    eds = changed("tpdo")
+    eds.record(0x1010, "Store", {1: var("Save all", U32, 1, access)})
+    eds.record(0x1011, "Restore", {1: var("Load all", U32, 1, access)})
+    with bench(eds) as one:
+        for word in ("store", "restore"):
+            refused_before_any_write(one, word, f"is {access} in", "it takes no signature")

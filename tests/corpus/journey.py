@@ -169,7 +169,7 @@ class _Trip:
         if ran.code:
             self._judge_refusal(line, ran, before, after)
             return
-        wrong = _unlike_asked(line, before, after)
+        wrong = _unlike_asked(line, before, after, moved=self.writes > 0)
         if not wrong and (verified := self.bench.run(f"verify {pdo}")).code and self.writes:
             wrong = f"verify: {verified.stderr}{verified.stdout}"
         self.journey.note(line, WRONG if wrong else RIGHT, wrong)
@@ -246,7 +246,7 @@ def _object(entry: int | None) -> str:
     return f"{(entry or 0) >> 16:04X}:{(entry or 0) >> 8 & 0xFF:02X}"
 
 
-def _unlike_asked(line: str, before: RawPdo, after: RawPdo) -> str:
+def _unlike_asked(line: str, before: RawPdo, after: RawPdo, *, moved: bool) -> str:
     """What the device does not hold of what *line* asked; empty where it holds all of it."""
     word, _, *rest = line.split()
     objects = [one for one in rest if re.fullmatch(r"[0-9A-F]{4}:[0-9A-F]{2}", one)] if word == "map" else []
@@ -267,7 +267,7 @@ def _unlike_asked(line: str, before: RawPdo, after: RawPdo) -> str:
     for option, place, scale in (("--type", 1, 1), ("--inhibit", 2, 10), ("--timer", 3, 1)):
         with suppress(ValueError):
             expected[option] = (scale * int(rest[rest.index(option) + 1]), after.parameters[place])
-    if not after.is_off and (word == "map" or "--cob-id" in rest):
+    if moved and not after.is_off and (word == "map" or "--cob-id" in rest):
         expected["CAN-ID"] = (True, _is_free((after.cob_id or 0) & 0x3FFFFFFF))
     return "; ".join(f"{name} should be {a}, is {b}" for name, (a, b) in expected.items() if a != b)
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Change, PdoChange, Plan, alters
 from dvtcli.domain.rules import Proposal
-from dvtcli.domain.rules.no_way_back import nearest, put_back_finding, way_back_finding
+from dvtcli.domain.rules.no_way_back import put_back_finding, way_back
 
 if TYPE_CHECKING:
     from dvtcli.device.known_pdos import KnownPdos
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def with_way_back(node: KnownPdos, plan: Plan) -> tuple[Plan, tuple[Finding, ...]]:
-    """*plan* with what is put back of each PDO where *node* refuses what it holds now, and a warning for each."""
+    """*plan* with what is put back of each PDO where *node* refuses what it holds now, and what to say of each."""
     found = [_foreseen(node, change) for change in plan.changes]
     findings = tuple(finding for _, finding in found if finding is not None)
     return replace(plan, changes=tuple(change for change, _ in found)), findings
@@ -30,11 +30,8 @@ def _foreseen(node: KnownPdos, change: Change) -> tuple[Change, Finding | None]:
     if not isinstance(change, PdoChange) or not change.steps or not alters(change):
         return change, None
     back = Proposal(node.node_id, change.pdo, change.after, change.before, {}, node.profile, node.dictionary)
-    found = nearest(back)
-    if found is None:
-        return change, None
-    config, reason = found
-    return replace(change, back=config), way_back_finding(change.pdo, change.before, config, reason)
+    found = way_back(back)
+    return (change, None) if found is None else (replace(change, back=found[0]), found[1])
 
 
 def put_back_findings(changes: Iterable[Change]) -> tuple[Finding, ...]:

@@ -9,13 +9,15 @@ from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import EVENT_TIMER, INHIBIT_TIME, SYNC_START, TRANSMISSION_TYPE
 from dvtcli.domain.request import cleared
 from dvtcli.domain.rules import check_pdo, errors_in
-from dvtcli.domain.rules.finding import Finding, Proposal, warning
-from dvtcli.domain.rules.rule import WARNING, Rule
+from dvtcli.domain.rules.finding import Finding, Proposal, error, warning
+from dvtcli.domain.rules.rule import ERROR, WARNING, Rule
 
 RULES = (
     Rule("way-back", WARNING,
          "a PDO holds what a device does not take: `undo` leaves it off, or off and empty, where that is refused",
          "CiA 301, 7.5.2.35 to 7.5.2.38; the EDS; the family"),
+    Rule("no-way-back", ERROR, "after the change a PDO could neither be put back nor be switched off and emptied",
+         "ours; the EDS; the family"),
 )  # fmt: skip
 
 _FIELDS = {
@@ -26,8 +28,8 @@ _NAMES = {"transmission_type": "transmission type", "inhibit_time": "inhibit tim
           "sync_start_value": "SYNC start value"}  # fmt: skip
 
 
-def nearest(back: Proposal) -> tuple[PdoConfig, Finding] | None:
-    """What a device takes instead where it does not take what *back* wants, and the first reason; None where it does.
+def way_back(back: Proposal) -> tuple[PdoConfig, Finding] | None:
+    """What a device takes instead where it does not take what *back* wants, and what to say of it; None where it does.
 
     *back* goes from what is to be set to what is held now. Parameters that are refused stay as they are to be set;
     then the PDO is off, and then empty.
@@ -35,12 +37,13 @@ def nearest(back: Proposal) -> tuple[PdoConfig, Finding] | None:
     refusals = _refusals(back)
     if not refusals:
         return None
-    wanted = back.want
-    for other in _weaker(back):
-        wanted = other
-        if not _refusals(replace(back, want=wanted)):
-            break
-    return wanted, refusals[0]
+    pdo, before, reason = back.pdo, back.want, refusals[0]
+    taken = next((one for one in _weaker(back) if not _refusals(replace(back, want=one))), None)
+    if taken is None:
+        text = f"{pdo.label} could not be put back after this, nor be switched off and emptied: {reason.text}"
+        return before, error("no-way-back", reason.place, text, None, "choose another PDO (pdo --all)")
+    text = f"{pdo.label} is {_state(before)}, which a device refuses ({reason.text}): `undo` then leaves it "
+    return taken, warning("way-back", reason.place, text + left_as(before, taken))
 
 
 def _refusals(back: Proposal) -> list[Finding]:
@@ -57,12 +60,6 @@ def _weaker(back: Proposal) -> Iterator[PdoConfig]:
     empty = cleared(off)
     yield from (as_set, off, empty)
     yield replace(empty, communication=replace(back.now.communication, cob_id=back.now.communication.cob_id.disabled()))
-
-
-def way_back_finding(pdo: Pdo, before: PdoConfig, back: PdoConfig, reason: Finding) -> Finding:
-    """The warning that *pdo*, which is *before*, can be put back as *back* only where a device judges as the rules."""
-    text = f"{pdo.label} is {_state(before)}, which a device refuses ({reason.text}): `undo` then leaves it "
-    return warning("way-back", reason.place, text + left_as(before, back))
 
 
 def put_back_finding(pdo: Pdo, before: PdoConfig, back: PdoConfig) -> Finding:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from dvtcli.domain.abort import Abort
-from dvtcli.domain.plan import disables, mapping_differs
+from dvtcli.domain.plan import disables, mapping_differs, needs_disabling
 from dvtcli.domain.rules.finding import Finding, Proposal, error
 from dvtcli.domain.rules.rule import ERROR, Rule
 
@@ -32,8 +32,19 @@ def whole_findings(proposal: Proposal) -> Iterator[Finding]:
         place, hint = proposal.mapping_place(0), "choose another PDO (pdo --all); disable switches this one off"
         yield error("half-pdo", place, f"{label} of this device has no mapping: {place} cannot be read",
                     Abort.NO_OBJECT, hint)  # fmt: skip
+    if not now.has_cob_id and _is_described(proposal) and (now == want or needs_disabling(now, want)):
+        place = proposal.communication_place(1)
+        yield error("half-pdo", place, f"nobody can tell whether {label} is off: {place} cannot be read",
+                    None, "choose another PDO (pdo --all)")  # fmt: skip
     enables = want.enabled and (not now.enabled or disables(now, want))
     if want.held_count is not None and (maps or enables):
         place, hint = proposal.mapping_place(0), f"map {proposal.pdo} OBJECT… or clear {proposal.pdo} repairs it"
         yield error("inconsistent-pdo", place, f"{label} is not enabled as it stands: {want.inconsistency}",
                     Abort.PDO_LENGTH, hint)  # fmt: skip
+
+
+def _is_described(proposal: Proposal) -> bool:
+    """Whether the device's file has the COB-ID, so that the PDO may well be enabled."""
+    return (
+        proposal.dictionary is not None and proposal.dictionary.entry(proposal.pdo.communication_index, 1) is not None
+    )
