@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from dvtcli.device.change.put_back import PATIENCE_S, RETRY_S
-from dvtcli.device.read_pdos import read_optional
+from dvtcli.device.read_pdos import ABSENT, read_optional
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import CanopenBus
@@ -35,7 +35,12 @@ class Access:
         heard = self.bus.nmt_state(self.node_id)
         if heard is NmtState.STOPPED:
             return heard
-        data = self.bus.sdo(self.node_id).upload(*self.profile.state_object)
+        try:
+            data = self.bus.sdo(self.node_id).upload(*self.profile.state_object)
+        except SdoAborted as aborted:
+            if aborted.code not in ABSENT:
+                raise
+            return heard if heard is not None else self.bus.nmt_state(self.node_id, timeout_s)
         value = int.from_bytes(data, "little")
         return NmtState(value) if value in list(NmtState) else None
 

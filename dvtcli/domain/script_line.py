@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
+from dataclasses import replace
 
+from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
 from dvtcli.domain.plan import PdoChange, Plan, Step, ValueChange
+from dvtcli.domain.rules.can_id import restricted_use
 
 
 def change_lines(plan: Plan) -> list[str]:
@@ -113,10 +116,18 @@ def identity_line(identity: Mapping[str, int | None]) -> str:
 
 
 def whole_lines(pdo: Pdo, config: PdoConfig) -> list[str]:
-    """The lines that set *pdo* to *config* whatever it was before."""
+    """The lines that set *pdo* to *config* whatever it was before; off, with a remark, where no PDO may be as it is."""
+    cob_id = config.communication.cob_id
+    if config.mapping and config.enabled and not (cob_id.extended or _is_free(cob_id)):
+        off = replace(config, communication=replace(config.communication, cob_id=cob_id.disabled()))
+        return [map_line(pdo, off), f"# {pdo} was enabled with CAN-ID {cob_id}, which no PDO may have: it stays off"]
     if config.mapping:
         return [map_line(pdo, config)]
     return _empty(pdo, [*_parameter_words(None, config.communication)])
+
+
+def _is_free(cob_id: CobId) -> bool:
+    return cob_id.fits_frame and restricted_use(cob_id.can_id) is None
 
 
 def _empty(pdo: Pdo, words: list[str]) -> list[str]:

@@ -278,3 +278,21 @@ def test_a_store_that_takes_no_signature(access: str) -> None:
     with bench(eds) as one:
         for word in ("store", "restore"):
             refused_before_any_write(one, word, f"is {access} in", "it takes no signature")
+
+
+def test_a_dummy_that_the_file_denies_is_refused_also_where_the_profile_has_it() -> None:
+    eds = changed("rpdo")
+    eds.info |= {"VendorNumber": 0x1E, "ProductNumber": 0x0705302D}
+    eds.dummies = (6,)
+    with bench(eds) as one:
+        ran = one.run("map rpdo1 dummy/8 6200:2")
+        assert ran.code == 2, ran.stderr
+        assert one.run("map rpdo1 dummy/16 6200:2").code == 0
+
+
+def test_a_family_s_device_without_the_object_that_tells_its_state_is_heard() -> None:
+    eds = changed("tpdo")
+    eds.info |= {"VendorNumber": 0x1E, "ProductNumber": 0x0705302D}
+    with bench(eds) as one:
+        assert one.run("nmt start").code == 0
+        assert one.run("map tpdo1 6000:2").code == 0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,8 @@ FULL = PdoConfig(
     PdoCommunicationParameter(CobId.from_raw(0xFFFF_FFFF), 0xFF, 0xFFFF, 0xFFFF, 0xFF),
     tuple(PdoMappingEntry.from_raw(0xFFFF_FFFF - number) for number in range(64)),
 )
+ODD = PdoConfig(FULL.communication, FULL.mapping[:3], held_count=0xFD, unread=((0x1A02, 4),))
+HALF = PdoConfig(FULL.communication, (), unread=((0x1802, 1), (0x1A02, 0)))
 BARE = PdoConfig(PdoCommunicationParameter(CobId.from_raw(0x181), None, None, None, None), ())
 PLAN = Plan(
     127,
@@ -30,6 +33,7 @@ PLAN = Plan(
         plan_pdo(Pdo.parse("rpdo512"), BARE, FULL),
         ValueChange(Step(0xFFFF, 0xFF, b"\1\2", b"\3\4", "write")),
         ValueChange(Step(0x2000, 0, None, b"", "write")),
+        replace(plan_pdo(Pdo.parse("tpdo3"), ODD, BARE), back=HALF),
     ),
 )
 
@@ -78,6 +82,11 @@ SPOILT: list[tuple[Spoil, str]] = [
     (lambda j: j["changes"][0]["before"].update(mpdo=0xFE), "a multiplexed PDO is never changed"),
     (lambda j: j["changes"][0]["after"].update(mpdo=0xFF), "a multiplexed PDO is never changed"),
     (lambda j: j["changes"][0]["before"].update(mpdo=0x100), "mpdo is 256, expected 0..255"),
+    (lambda j: j["changes"][0]["before"].update(held_count=0x100), "held_count is 256, expected 0..255"),
+    (lambda j: j["changes"][0]["before"].update(unread={}), "what could not be read is malformed"),
+    (lambda j: j["changes"][0]["before"].update(unread=[[1]]), "what could not be read is malformed"),
+    (lambda j: j["changes"][0]["before"].update(unread=[[1, 0x100]]), "a number is 256, expected 0..255"),
+    (lambda j: j["changes"][0].update(back=7), "a configuration is malformed"),
     (lambda j: j["changes"][0]["before"].update(cob_id=1 << 32), "cob_id is 4294967296, expected 0..4294967295"),
     (lambda j: j["changes"][0]["before"].update(transmission_type=256), "expected 0..255"),
     (lambda j: j["changes"][0]["before"].update(inhibit_time=0x1_0000), "expected 0..65535"),

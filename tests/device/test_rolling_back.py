@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
+from dvtcli.device.change.journal import Journals
+from dvtcli.device.change.put_back import restore_patiently
 from dvtcli.device.change.transaction import Transaction
 from dvtcli.device.read_pdos import read_pdo
-from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.mapping import PdoMappingEntry
+from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Plan, Step, ValueChange, plan_pdo
 from dvtcli.errors import DeviceRefused, LeftChanged
+from dvtcli.files.eds.reader import read_eds
 from tests.laws.bench import NODE, DirectSdo, FaultySdo, InstantClock, booted, ignore, refuse
+from tests.small_eds import INPUTS, OUTPUTS, communication, mapping, plain
 
 TPDO1, TPDO2 = Pdo.parse("tpdo1"), Pdo.parse("tpdo2")
 
@@ -65,3 +71,36 @@ def test_a_way_back_that_was_acknowledged_and_not_taken_is_left_changed(kind: st
     else:
         assert sdo.upload(0x1017, 0) == value.step.after != before
         assert "1017:00 does not read back as it was" in str(caught.value.why)
+
+
+def odd_device() -> DirectSdo:
+    """TPDO1 is enabled with a count above its entries; RPDO1 is enabled and empty."""
+    eds = plain()
+    eds.record(0x1800, "Communication", communication(0x181))
+    eds.record(0x1A00, "Mapping", mapping(9, [INPUTS << 16 | 0x0108, INPUTS << 16 | 0x0208]))
+    eds.record(0x1600, "Mapping", mapping(0, [0, 0]))
+    path = Path("odd.eds")
+    path.write_text(eds.text())
+    return DirectSdo(booted("generic", read_eds(path).dictionary))
+
+
+@pytest.mark.parametrize("pdo", ["tpdo1", "rpdo1"])
+@pytest.mark.parametrize("steps", range(7))
+def test_a_journal_puts_back_what_the_device_takes_wherever_the_change_was_killed(pdo: str, steps: int) -> None:
+    sdo, one = odd_device(), Pdo.parse(pdo)
+    before = read_pdo(sdo, one)
+    assert bool(before.inconsistency) is one.is_tpdo
+    entry = PdoMappingEntry((INPUTS if one.is_tpdo else OUTPUTS), 3, 8)
+    back = PdoConfig(replace(before.communication, cob_id=before.communication.cob_id.disabled()), ())
+    change = replace(plan_pdo(one, before, PdoConfig(before.communication, (entry,))), back=back)
+    journals = Journals(Path("journals").resolve(), "direct")
+    journals.write(Plan(NODE, (change,)), {}, None)
+    for step in change.steps[:steps]:
+        sdo.download(step.index, step.sub_index, step.after)
+    found = journals.find(NODE)
+    assert found is not None
+    otherwise = restore_patiently(sdo, found.plan.changes, InstantClock(), lambda: None)
+    held = read_pdo(sdo, one)
+    assert held in (before, back)
+    assert [change.pdo for change in otherwise] == ([] if held == before else [one])
+    assert steps > 0 or held == before

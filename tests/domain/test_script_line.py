@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
@@ -36,3 +38,17 @@ def test_a_backup_disables_what_can_be_disabled_before_it_sets_anything() -> Non
 def test_a_backup_names_each_dummy_itself() -> None:
     (line,) = [line for line in backup_lines({}, {Pdo.parse("rpdo1"): config(0x201, 0x00050008)}) if "map" in line]
     assert line.startswith("map rpdo1 0005:00/8 ")
+
+
+def test_a_backup_leaves_off_what_no_pdo_may_be_and_alone_what_is_inconsistent() -> None:
+    odd = replace(config(0x281, 0x60410010), held_count=9, unread=((0x1A01, 2),))
+    lines = backup_lines({}, {Pdo.parse("tpdo1"): config(0x180, 0x60410010), Pdo.parse("tpdo2"): odd})
+    assert lines[1:] == [
+        "disable tpdo1",
+        "map tpdo1 6041:00/16 --cob-id 0x180 --rtr --off",
+        "# tpdo1 was enabled with CAN-ID 0x180, which no PDO may have: it stays off",
+        "# tpdo2 is inconsistent (its count is 9, but 0x1A01:02 cannot be read): 6041:00/16 --cob-id 0x281 --rtr and is "
+        "left alone",
+    ]
+    (kept,) = backup_lines({}, {Pdo.parse("tpdo1"): config(0x2000_0180, 0x60410010)})[2:]
+    assert kept == "map tpdo1 6041:00/16 --cob-id 0x180 --extended --rtr"

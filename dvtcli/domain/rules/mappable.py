@@ -159,10 +159,10 @@ def _dummy(proposal: Proposal, place: str, entry: PdoMappingEntry) -> Iterator[F
 
 
 def usable_dummies(proposal: Proposal) -> frozenset[int] | None:
-    """The dummy indices the device takes: the profile's, else the EDS's; None where nothing says."""
-    if proposal.profile.dummies is not None:
-        return proposal.profile.dummies
-    return proposal.dictionary.info.dummies if proposal.dictionary else None
+    """The dummy indices the device takes: what neither its file nor its profile denies; None where nothing says."""
+    stated = proposal.dictionary.info.dummies if proposal.dictionary else None
+    known = proposal.profile.dummies
+    return stated & known if stated is not None and known is not None else known if stated is None else stated
 
 
 def _double_targets(proposal: Proposal) -> Iterator[Finding]:
