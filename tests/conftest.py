@@ -16,7 +16,7 @@ from tests import process
 from tests.surroundings import clean_environment, own_ground, own_place, set_environment
 
 #: a machine under load is slow, and no less right for it
-settings.register_profile("unhurried", max_examples=50, deadline=None)
+settings.register_profile("unhurried", max_examples=30, deadline=None)
 settings.load_profile("unhurried")
 #: `pytest --hypothesis-profile=thorough` looks at as many times more examples of every law.
 settings.register_profile("many", max_examples=200, deadline=None)
@@ -33,12 +33,12 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     )
     parser.addoption("--oddities", type=int, default=3, metavar="N", help="generated files on the whole way [3]")
     parser.addoption("--serve-frames", type=int, default=8000, metavar="N", help="frames to 4 clients of sim [8000]")
-    parser.addoption("--rounds", type=int, default=5, metavar="N", help="rounds of four dvtcli at once [5]")
-    parser.addoption("--fuzz", type=int, default=8000, metavar="N", help="hostile inputs in all [8000]")
-    parser.addoption("--cells", type=int, default=3, metavar="N", help="faults for each sequence of the matrix [3]")
+    parser.addoption("--rounds", type=int, default=3, metavar="N", help="rounds of four dvtcli at once [3]")
+    parser.addoption("--fuzz", type=int, default=5000, metavar="N", help="hostile inputs in all [5000]")
+    parser.addoption("--cells", type=int, default=2, metavar="N", help="faults for each sequence of the matrix [2]")
     parser.addoption("--every-size", action="store_true", help="golden screens in each size of terminal, not in one")
     parser.addoption("--kills", type=int, default=4, metavar="N", help="kills in the middle of an atomic script [4]")
-    parser.addoption("--signals", type=int, default=12, metavar="N", help="signals in the middle of a change [12]")
+    parser.addoption("--signals", type=int, default=8, metavar="N", help="signals in the middle of a change [8]")
 
 
 @pytest.hookimpl(optionalhook=True)

@@ -27,6 +27,7 @@ from functools import cache
 from multiprocessing import connection
 from multiprocessing.context import ForkServerContext
 from pathlib import Path
+from typing import IO
 
 #: what the process that the others are forked from reads; __main__ too, or each of them would read pytest's
 _PRELOADED = ["__main__", "tests.forked", "tests.forked_from"]
@@ -56,7 +57,11 @@ class Forked:
     """A running dvtcli, used as subprocess.Popen is.
 
     Its standard input comes from a text and its output goes into files, or it leads a session at *terminal*, a tty.
+    With *pipes* its output goes into pipes instead, `stdout` and `stderr`, whose reader may leave.
     """
+
+    stdout: IO[bytes]
+    stderr: IO[bytes]
 
     def __init__(
         self,
@@ -68,6 +73,7 @@ class Forked:
         merge: bool = False,
         umask: int = -1,
         terminal: Path | None = None,
+        pipes: bool = False,
     ) -> None:
         self.args = ["dvtcli", *words]
         folder = tempfile.mkdtemp(prefix="dvtcli-streams-")
@@ -76,14 +82,19 @@ class Forked:
         for path in self._paths:
             path.write_text(stdin if path == self._paths[0] else "", encoding="utf-8")
         start = Start(list(words), dict(env), cwd or Path.cwd(), [terminal] if terminal else self._paths, umask)
-        self._begin(start)
+        self._begin(start, pipes=pipes)
 
-    def _begin(self, start: Start) -> None:
+    def _begin(self, start: Start, *, pipes: bool) -> None:
+        for path in self._paths[1:] if pipes else ():
+            path.unlink()
+            os.mkfifo(path)
         self._process = _context().Process(target=_be_dvtcli, args=(start,), daemon=True)
         with _ONE_AT_A_TIME:
             self._process.start()
         assert self._process.pid is not None
         self.pid = self._process.pid
+        if pipes:  # each open waits for the other side's
+            self.stdout, self.stderr = (path.open("rb") for path in self._paths[1:])
 
     def poll(self) -> int | None:
         """Its exit code, a signal's number below 0, or None while it runs."""
@@ -125,13 +136,16 @@ class Forked:
 class Fresh(Forked):
     """The same in a Python of its own."""
 
-    def _begin(self, start: Start) -> None:
+    def _begin(self, start: Start, *, pipes: bool) -> None:
         with self._paths[0].open() as stdin, self._paths[1].open("a") as stdout, self._paths[2].open("a") as stderr:
             self._child = subprocess.Popen(
-                [sys.executable, "-m", "dvtcli", *start.words],
-                stdin=stdin, stdout=stdout, stderr=stderr, env=start.env, cwd=start.cwd, umask=start.umask,
+                [sys.executable, "-m", "dvtcli", *start.words], stdin=stdin,
+                stdout=subprocess.PIPE if pipes else stdout, stderr=subprocess.PIPE if pipes else stderr,
+                env=start.env, cwd=start.cwd, umask=start.umask,
             )  # fmt: skip
         self.pid = self._child.pid
+        if self._child.stdout is not None and self._child.stderr is not None:
+            self.stdout, self.stderr = self._child.stdout, self._child.stderr
 
     def poll(self) -> int | None:
         return self._child.poll()

@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 
 from dvtcli.device.change.journal import SCHEMA
+from tests.sample import part
 
 resource = pytest.importorskip("resource", reason="limits of a process are set this way on POSIX only")
 
@@ -130,8 +131,8 @@ CASES = [
     Case("5,000 times --sim", (*["--sim=gen4"] * 5_000, "pdo"), {}, (2,)),
 ]  # fmt: skip
 
-#: these take seconds each, and wait for a long run: `--fuzz 50000`
-LONG = 50_000
+#: of those that do not take seconds each, how many are taken unless the run is long: `--fuzz 50000`
+A_PART, LONG = 16, 50_000
 SLOW = {
     *("eds check: 100,000 sections", "script: 10 MB on one line", "script: 10 MB of continuations"),
     *("eds check: 450,000 bad lines", "eds check: 100,000 times the same section", "script: 10,000 lines"),
@@ -167,11 +168,16 @@ def run(case: Case, folder: Path) -> tuple[int, str, float, float]:
     return child.returncode, said, used.ru_utime + used.ru_stime, used.ru_maxrss / scale
 
 
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    """All cases in a long run, else another part of the quick ones in each run."""
+    chosen = CASES
+    if metafunc.config.getoption("--fuzz") < LONG:
+        chosen = part([case for case in CASES if case.name not in SLOW], A_PART, metafunc.config, "sizes")
+    metafunc.parametrize("case", chosen, ids=lambda case: case.name)
+
+
 @pytest.mark.counted
-@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
-def test_a_hostile_size_ends_in_time_and_in_memory(case: Case, tmp_path: Path, request: pytest.FixtureRequest) -> None:
-    if case.name in SLOW and request.config.getoption("--fuzz") < LONG:
-        pytest.skip(f"takes seconds: --fuzz {LONG} runs it")
+def test_a_hostile_size_ends_in_time_and_in_memory(case: Case, tmp_path: Path) -> None:
     code, said, seconds, megabytes = run(case, tmp_path)
     assert "Traceback" not in said
     assert code in case.codes, said[:2000]

@@ -11,16 +11,17 @@ import random
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import can
 import canopen
 import pytest
 
+from tests import process
 from tests.process import environment
 from tests.recovery.test_killed import MAP, STEPS, Bench
 from tests.serve.served import wait_for
@@ -77,35 +78,32 @@ def start(bench: Bench) -> dict[tuple[int, int], bytes]:
 
 
 def stopped(
-    bench: Bench, number: int, closed: tuple[str, ...], step: object, *words: str, times: int = 1, **streams: Any
+    bench: Bench, number: int, closed: tuple[str, ...], step: object, *words: str, times: int = 1
 ) -> tuple[int, str]:
     """Run dvtcli with *words*, whose SDO download *step* brings the signal *number*; its exit code and stderr.
 
     Instead of a number, `reset` is the NMT command that resets the node.
     """
-    child = subprocess.Popen(
-        [sys.executable, "-m", "dvtcli", *bench.words, "--yes", *words],
-        **{"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, **streams},
-        env=environment(),
-    )
+    before, begun = bench.wire.downloads, threading.Event()
 
     def strike(at: int) -> None:
+        begun.wait(60)
         first = step if isinstance(step, int) else at - before
         if at == bench.wire.downloads and at - before in range(first, first + times):
             for name in closed if at - before == first else ():
                 getattr(child, name).close()
             child.send_signal(number)
 
-    before = bench.wire.downloads
     if isinstance(step, int):
         bench.wire.at_download = strike
     else:
         bench.wire.at_nmt = lambda command: strike(bench.wire.downloads) if command == RESET_NODE else None
-    stderr = b"" if "stderr" in closed or child.stderr is None else child.stderr.read()
+    child = process.start([*bench.words, "--yes", *words], pipes=True)
+    begun.set()
+    stderr = b"" if "stderr" in closed else child.stderr.read()
     child.wait(60)
-    for stream in (child.stdout, child.stderr):
-        if stream is not None:
-            stream.close()
+    child.stdout.close()
+    child.stderr.close()
     bench.wire.at_download = bench.wire.at_nmt = lambda _number: None
     return child.returncode, stderr.decode()
 
