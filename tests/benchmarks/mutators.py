@@ -113,8 +113,11 @@ def given_its_code(module: str, text: str, number: int, functions: dict[str, lis
 def _given_its_values(name: str, path: str, right: CodeType, wrong: CodeType) -> bool:
     """Give module *name* the constants and defaults that differ, and whoever imported them; False where others do."""
     spaces: list[dict[str, Any]] = [{"__name__": name, "__file__": path} for _ in range(2)]
-    for code, space in zip((right, wrong), spaces, strict=True):
-        exec(code, space)  # noqa: S102 - our own module, with a fault in it
+    try:
+        for code, space in zip((right, wrong), spaces, strict=True):
+            exec(code, space)  # noqa: S102 - our own module, with a fault in it
+    except Exception:  # noqa: BLE001 - whoever imports the file will notice that
+        return False
     differing = [
         key for key, value in spaces[0].items() if repr(value) != repr(spaces[1].get(key)) and _is_plain(value)
     ]
