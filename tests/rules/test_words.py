@@ -124,3 +124,65 @@ def test_a_missing_object_and_a_missing_sub_index_have_hints_of_their_own() -> N
     assert finding.hint == "objects TEXT searches"
     (finding,) = write_findings(GENERIC_FILE, 0x1018, 0x7F, b"\0")
     assert finding.hint is None
+
+
+@pytest.mark.parametrize(
+    ("can_id", "use"),
+    [(0x000, "NMT"), (0x001, "reserved"), (0x07F, "reserved"), (0x77F, "heartbeats"), (0x780, "reserved")],
+)
+def test_a_restricted_can_id_says_what_it_is_for(can_id: int, use: str) -> None:
+    asked = proposal(cob_id=CobId(can_id, rtr_allowed=False))
+    assert found(asked, "can-id-restricted").text.endswith(f"is restricted by CiA 301: {use}")
+    assert [one.rule for one in check_pdo(asked)] == ["can-id-restricted"]
+
+
+@pytest.mark.parametrize(
+    ("parameter", "sub_index", "largest"),
+    [("transmission_type", 2, 0xFF), ("inhibit_time", 3, 0xFFFF), ("event_timer", 5, 0xFFFF),
+     ("sync_start_value", 6, 0xFF)],
+)  # fmt: skip
+def test_what_does_not_fit_its_object_says_what_would(parameter: str, sub_index: int, largest: int) -> None:
+    fits = [one.rule for one in check_pdo(proposal(**{parameter: largest}))]
+    assert "parameter-range" not in fits
+    finding = next(f for f in check_pdo(proposal(**{parameter: largest + 1})) if f.rule == "parameter-range")
+    assert f"{largest + 1} does not fit its object (0..{largest} counts)" in finding.text
+    assert finding.place == f"0x1800:{sub_index:02X}"
+
+
+def test_of_a_parameter_that_there_is_not_nothing_else_is_said() -> None:
+    asked = proposal(event_timer=0x1_0000)
+    now = replace(asked.now, communication=replace(asked.now.communication, event_timer=None))
+    assert [one.rule for one in check_pdo(replace(asked, now=now))] == ["parameter-exists"]
+
+
+def test_a_multiplexed_pdo_is_named_with_its_count() -> None:
+    asked = proposal(event_timer=9)
+    finding = found(replace(asked, now=replace(asked.now, mapping=(), mpdo=0xFE)), "mpdo")
+    assert finding.place == "0x1A00:00"
+    assert "(count 0xFE)" in finding.text
+
+
+def test_what_is_fixed_says_what_else_there_is() -> None:
+    held = GENERIC_FILE[0x1A00]
+    for sub_index, hint in ((0, "a profile's `filler` helps"), (1, "this device fixes what the PDO carries")):
+        entries = {**held.entries, sub_index: replace(held.entries[sub_index], access=Access.RO)}
+        described = ObjectDictionary({**GENERIC_FILE, 0x1A00: replace(held, entries=entries)}, GENERIC_FILE.info, "x")
+        assert hint in (found(mapping(TPDO1, 0x6061_0008, described=described), "static-mapping").hint or "")
+
+
+def test_dummies_that_a_device_has_are_listed_and_nobody_says_where_nobody_knows() -> None:
+    asked = mapping(RPDO1, 0x0005_0008)
+    for dummies, have in ((frozenset({6, 2}), "(it has 0002/8, 0006/16)"), (frozenset(), "(it has none)")):
+        assert have in found(replace(asked, profile=replace(GENERIC, dummies=dummies)), "dummy-supported").text
+    unknown = found(replace(asked, dictionary=None, profile=replace(GENERIC, dummies=None)), "dummy-unknown")
+    assert unknown.severity is Severity.WARNING
+    assert unknown.text == "no file says whether this device takes the dummy 0005:00/8"
+
+
+@pytest.mark.parametrize(("stated", "refused"), [(None, []), (0, []), (1, []), (8, [3, 1]), (64, [])])
+def test_a_granularity_counts_where_it_is_8(stated: int | None, refused: list[int]) -> None:
+    described = ObjectDictionary(dict(GENERIC_FILE), replace(GENERIC_FILE.info, granularity=stated), "file.eds")
+    asked = mapping(TPDO1, 0x6041_0003, 0x6041_0001, 0x6041_0008, described=described)
+    asked = replace(asked, profile=replace(GENERIC, granularity=None, partial_entries=True))
+    said = [one.text for one in check_pdo(asked) if one.rule == "granularity"]
+    assert said == [f"6041:00/{bits} has {bits} bits; this device maps multiples of 8" for bits in refused]

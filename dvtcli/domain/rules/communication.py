@@ -39,6 +39,7 @@ def communication_findings(proposal: Proposal) -> Iterator[Finding]:
                 f"{proposal.pdo.label} has no {_NAMES[sub_index]} on this device",
                 Abort.NO_SUB_INDEX,
             )
+            fits = fits and _fits(sub_index, after)
             continue
         if after is not None:
             found = list(_size_findings(proposal, sub_index, after))
@@ -63,10 +64,14 @@ def _changed(proposal: Proposal) -> Iterator[tuple[int, int | None, int | None]]
     return ((sub_index, before, after) for sub_index, before, after in rows if before != after)
 
 
+def _fits(sub_index: int, value: int) -> bool:
+    return value <= _LARGEST.get(sub_index, 0xFFFF_FFFF)
+
+
 def _size_findings(proposal: Proposal, sub_index: int, value: int) -> Iterator[Finding]:
     """What the object's size and the family say of this parameter."""
     place, name = proposal.communication_place(sub_index), _NAMES[sub_index]
-    if value > _LARGEST.get(sub_index, 0xFFFF_FFFF):
+    if not _fits(sub_index, value):
         yield error(
             "parameter-range",
             place,
