@@ -93,6 +93,11 @@ class Conversation(Session):
         """Whether a script runs: it never asks, and keeps a node pre-operational until its last line."""
         return bool(self.scripts)
 
+    @property
+    def ends_with_line(self) -> bool:
+        """Whether nothing follows the command that runs: it is the program's only one."""
+        return not self.started and not self.in_script
+
     @contextmanager
     def line(self, given: dict[str, Any]) -> Iterator[None]:
         """Let one line's own options count while it runs, also for the lines of a script that it runs.

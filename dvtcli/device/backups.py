@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -24,21 +24,24 @@ class Backup:
         """Whether it was made at *when*: a date, with or without a time, in any punctuation, as exact as it is."""
         return bool(re.search(r"\d", when)) and _digits(self.stamp).startswith(_digits(when))
 
+    def lines(self) -> list[str]:
+        """Its lines; none where it cannot be read."""
+        try:
+            return self.path.read_text("utf-8", "replace").splitlines()
+        except OSError:
+            return []
+
 
 def backups(folder: Path, bus: str, node_id: int, identity: Mapping[str, int | None]) -> list[Backup]:
     """The backups in *folder* of the node at *node_id* on *bus* that has this *identity*, oldest first."""
     head, needed = f"{file_name(bus)}-{node_id}-", identity_line(identity)
     found = [Backup(path, path.name.removeprefix(head).removesuffix(".dvt")) for path in folder.glob(f"{head}*.dvt")]
-    return sorted((one for one in found if _pins(one.path) == needed), key=lambda one: one.stamp)
+    return sorted((one for one in found if _pins(one.lines()) == needed), key=lambda one: one.stamp)
 
 
-def _pins(path: Path) -> str | None:
-    """The line of *path* that pins the identity, None where it pins none."""
-    try:
-        lines = path.read_text("utf-8", "replace").splitlines()[:5]
-    except OSError:
-        return None
-    return next((line for line in lines if line.startswith("require ")), "")
+def _pins(lines: Sequence[str]) -> str | None:
+    """The one of a backup's *lines* that pins the identity, empty where none does; None of a file without lines."""
+    return next((line for line in lines[:5] if line.startswith("require ")), "") if lines else None
 
 
 def _digits(text: str) -> str:

@@ -8,13 +8,17 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
+from typing import TypeVar
 
 from dvtcli.device.came_up import CameUp
 from dvtcli.device.missing import no_pdo
 from dvtcli.device.reached import Reached
-from dvtcli.device.read_pdos import WHATEVER, present_pdos, read_pdo
+from dvtcli.device.read_pdos import WHATEVER, present_pdos, read_cob_id, read_pdo
+from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.errors import BusUnavailable, SdoAborted
+
+T = TypeVar("T")
 
 
 @dataclass(slots=True)
@@ -31,12 +35,11 @@ class KnownPdos(Reached):
     neighbours: Callable[[], Iterable[KnownPdos]] = tuple
     _pdos: dict[Pdo, PdoConfig] = field(default_factory=dict, init=False)
     _present: list[Pdo] | None = field(default=None, init=False)
-    _boot_ups: int = field(default=0, init=False)
 
     def present(self) -> list[Pdo]:
         """The PDOs the node has, TPDOs first."""
         if self._present is None:
-            self._present = present_pdos(self.sdo, self.dictionary)
+            self._present = present_pdos(self.memory, self.dictionary)
         return self._present
 
     def pdos(self) -> dict[Pdo, PdoConfig]:
@@ -44,35 +47,45 @@ class KnownPdos(Reached):
 
         One of which something cannot be read is inconsistent, and among them.
         """
+        self.memory.forget()
+        return dict(self.known_pdos())
+
+    def known_pdos(self) -> Mapping[Pdo, PdoConfig]:
+        """The same, with what of it was read since the last thing that could have changed it."""
         boot_ups = self.bus.boot_ups(self.node_id)
         self._pdos = self.observed(self._read_pdos)
         if self.bus.boot_ups(self.node_id) == boot_ups:
             self.came_up.read(boot_ups, self._pdos)
-        return dict(self._pdos)
+        return self._pdos
 
     def _read_pdos(self) -> dict[Pdo, PdoConfig]:
-        found: dict[Pdo, PdoConfig] = {}
+        return self._of_present(lambda pdo: read_pdo(self.memory, pdo, WHATEVER))
+
+    def _of_present(self, read: Callable[[Pdo], T]) -> dict[Pdo, T]:
+        """What *read* reads of each PDO; one that the EDS lists and the node lacks is left out."""
+        found: dict[Pdo, T] = {}
         for pdo in self.present():
             with suppress(SdoAborted):  # it has neither COB-ID nor mapping: no such PDO
-                found[pdo] = read_pdo(self.sdo, pdo, WHATEVER)
+                found[pdo] = read(pdo)
         return found
 
     def pdo(self, pdo: Pdo) -> PdoConfig:
         """One PDO as the device holds it now; UsageError where the node has no such PDO."""
+        self.memory.forget_objects((pdo.communication_index, pdo.mapping_index))
+        return self.known_pdo(pdo)
+
+    def known_pdo(self, pdo: Pdo) -> PdoConfig:
+        """The same, as it was read since the last thing that could have changed it."""
         try:
-            config = self.observed(lambda: read_pdo(self.sdo, pdo))
+            config = self.observed(lambda: read_pdo(self.memory, pdo))
         except SdoAborted as aborted:
             raise no_pdo(self.node_id, pdo, self.present(), aborted) from aborted
         self._pdos[pdo] = config
         return config
 
-    def known_pdos(self) -> Mapping[Pdo, PdoConfig]:
-        """The node's PDOs as last read; read anew once a boot-up was seen, since a reset changes them."""
-        boot_ups = self.bus.boot_ups(self.node_id)
-        if boot_ups != self._boot_ups or not self._pdos.keys() >= set(self.present()):
-            self._boot_ups = boot_ups
-            self.pdos()
-        return self._pdos
+    def known_cob_ids(self) -> Mapping[Pdo, CobId]:
+        """The COB-ID of every PDO, as it was read since the last thing that could have changed it."""
+        return self.observed(lambda: self._of_present(lambda pdo: read_cob_id(self.memory, pdo)))
 
     @property
     def last_read(self) -> Mapping[Pdo, PdoConfig]:
@@ -95,6 +108,7 @@ class KnownPdos(Reached):
     def read_anew(self) -> None:
         """What was read may be old: the next question is asked of the node."""
         self._pdos.clear()
+        self.memory.forget()
 
     def forget(self) -> None:
         """Drop what was read: the device was written, or may hold something else now."""

@@ -1,30 +1,26 @@
-"""PDOs that are read when somebody looks at them. Does not know who reads them, or how."""
+"""What is read of PDOs when somebody looks at it. Does not know who reads it, or how."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Generic, TypeVar
 
-from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.pdo import Pdo
+
+T = TypeVar("T")
 
 
-class LazyMapping(Mapping[Pdo, PdoConfig]):
-    """The node's other PDOs, read when a rule first looks at them: an event timer needs none of that traffic."""
+class LazyMapping(Mapping[Pdo, T], Generic[T]):
+    """Something about each of the PDOs that *which* tells, by *load*: an event timer needs none of that traffic."""
 
-    def __init__(self, load: Callable[[], Mapping[Pdo, PdoConfig]]) -> None:
-        self._load = load
-        self._held: Mapping[Pdo, PdoConfig] | None = None
+    def __init__(self, which: Callable[[], Iterable[Pdo]], load: Callable[[Pdo], T]) -> None:
+        self._which, self._load = which, load
 
-    @property
-    def _mapping(self) -> Mapping[Pdo, PdoConfig]:
-        if self._held is None:
-            self._held = self._load()
-        return self._held
-
-    def __getitem__(self, pdo: Pdo) -> PdoConfig:
-        return self._mapping[pdo]
+    def __getitem__(self, pdo: Pdo) -> T:
+        return self._load(pdo)
 
     def __iter__(self) -> Iterator[Pdo]:
-        return iter(self._mapping)
+        return iter(self._which())
 
     def __len__(self) -> int:
-        return len(self._mapping)
+        return sum(1 for _ in self)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING
 
-from dvtcli.device.read_pdos import read_number
+from dvtcli.device.read_pdos import read_cob_id
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.rules.finding import Producer
@@ -39,6 +39,6 @@ def _cob_ids(node: KnownPdos) -> dict[Pdo, CobId]:
 def _cob_id(node: KnownPdos, pdo: Pdo, known: Mapping[Pdo, CobId]) -> CobId | None:
     """Sub-index 1 of a TPDO; where the node does not tell it, what is *known*, or None as of one that it lacks."""
     try:
-        return CobId.from_raw(read_number(node.sdo, pdo.communication_index, 1, 4))
+        return read_cob_id(node.sdo, pdo)
     except SdoAborted:
         return known.get(pdo)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from dvtcli.device.lazy_pdos import LazyMapping
 from dvtcli.device.neighbours import producers
 from dvtcli.device.read_pdos import learnt_lengths, service_can_ids
+from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.rules import Proposal
 
@@ -21,22 +22,36 @@ def proposal(
 ) -> Proposal:
     """What the rules look at before *pdo* of *node* may become *want*; *together* are PDOs changed in the same plan."""
     moves = now.communication.cob_id != want.communication.cob_id
-    sync, emcy = service_can_ids(node.sdo) if moves else (0x080, None)
+    sync, emcy = service_can_ids(node.memory) if moves else (0x080, None)
     learn = node.dictionary is None and now.mapping != want.mapping
+    others, cob_ids = _others(node, pdo, together or {})
     return Proposal(
         node.node_id,
         pdo,
         now,
         want,
-        LazyMapping(lambda: _others(node, pdo, together or {})),
+        others,
         node.profile,
         node.dictionary,
         learnt_lengths(want.mapping, node.length_of) if learn else {},
         sync,
         emcy,
         cache(lambda: producers(node.neighbours())),
+        cob_ids,
     )
 
 
-def _others(node: KnownPdos, pdo: Pdo, together: Mapping[Pdo, PdoConfig]) -> dict[Pdo, PdoConfig]:
-    return {other: config for other, config in {**node.known_pdos(), **together}.items() if other != pdo}
+def _others(
+    node: KnownPdos, pdo: Pdo, together: Mapping[Pdo, PdoConfig]
+) -> tuple[Mapping[Pdo, PdoConfig], Mapping[Pdo, CobId]]:
+    """The other PDOs of *node* as they will be, and their COB-IDs; each is read when a rule first looks at it."""
+
+    @cache
+    def cob_ids() -> Mapping[Pdo, CobId]:
+        held = {**node.known_cob_ids(), **{one: config.communication.cob_id for one, config in together.items()}}
+        return {other: cob_id for other, cob_id in held.items() if other != pdo}
+
+    def whole(other: Pdo) -> PdoConfig:
+        return together[other] if other in together else node.known_pdo(other)
+
+    return LazyMapping(cob_ids, whole), LazyMapping(cob_ids, lambda other: cob_ids()[other])

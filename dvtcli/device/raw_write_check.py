@@ -44,7 +44,7 @@ def raw_change(node: KnownPdos, step: Step) -> Change:
     pdo, value = Pdo.at(step.index), int.from_bytes(step.after, "little")
     if pdo is None or len(step.after) > 4:
         return ValueChange(step)
-    now = node.pdo(pdo)
+    now = node.known_pdo(pdo)
     if step.index == pdo.communication_index:
         after = replace(now, communication=with_raw(now.communication, step.sub_index, value))
     elif step.sub_index == 0:
@@ -68,7 +68,7 @@ def _entries(node: KnownPdos, pdo: Pdo, write: ParameterWrite) -> tuple[PdoMappi
     if write.index != pdo.mapping_index or write.sub_index:
         return ()
     numbers = range(1, min(write.value, MAX_ENTRIES) + 1)
-    words = (read_optional(node.sdo, pdo.mapping_index, number, 4) for number in numbers)
+    words = (read_optional(node.memory, pdo.mapping_index, number, 4) for number in numbers)
     return tuple(
         PdoMappingEntry.from_raw(word) for word in takewhile(lambda word: word is not None, words) if word is not None
     )

@@ -10,11 +10,12 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TypeVar
 
 from dvtcli.device.change.cancellation import Cancellation
+from dvtcli.device.memory import Memory
 from dvtcli.device.missing import hint_for_missing
 from dvtcli.device.nmt_gate import Access, Gate
 from dvtcli.device.observe import BusWitness, observed
 from dvtcli.device.quirks.standard_channel import in_standard_order
-from dvtcli.device.read_pdos import read_optional
+from dvtcli.device.read_pdos import IDENTITY, read_optional
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.ports import CanopenBus, SdoTransport
 from dvtcli.domain.profile import GENERIC, DeviceProfile
@@ -40,6 +41,11 @@ class Reached:
     cancellation: Cancellation = field(default_factory=Cancellation)
     consent: Callable[[str], None] = lambda _question: None
     _gate: Gate | None = field(default=None, init=False)
+    #: what was read of it since something could have changed it
+    memory: Memory = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.memory = Memory(self.bus, self.node_id, lambda: self.sdo)
 
     @property
     def sdo(self) -> SdoTransport:
@@ -77,14 +83,14 @@ class Reached:
         return (self.dictionary.info.product_name if self.dictionary else "") or self.profile.title
 
     def identity(self) -> Identity:
-        """The node's identity (0x1018) as it says now: at a prompt another device may have taken its place."""
+        """The node's identity (0x1018) as this line read it: at a prompt another device may have taken its place."""
         names = {"vendor": 1, "product": 2, "revision": 3, "serial": 4}
-        return {name: read_optional(self.sdo, 0x1018, sub_index, 4) for name, sub_index in names.items()}
+        return {name: read_optional(self.memory, IDENTITY, sub_index, 4) for name, sub_index in names.items()}
 
     def upload(self, index: int, sub_index: int) -> bytes:
         """Read one object; an abort for a missing sub-index gets the hint that sub-indices are hexadecimal."""
         try:
-            return self.sdo.upload(index, sub_index)
+            return self.memory.upload_anew(index, sub_index)
         except SdoAborted as aborted:
             self.access.explain(aborted)
             aborted.hint = hint_for_missing(aborted, self.dictionary) or aborted.hint
@@ -96,6 +102,6 @@ class Reached:
         if entry is not None and entry.bits is not None:
             return entry.bits
         try:
-            return 8 * len(self.sdo.upload(index, sub_index))
+            return 8 * len(self.memory.upload(index, sub_index))
         except SdoAborted:
             return None

@@ -73,6 +73,11 @@ def service_can_ids(sdo: SdoTransport) -> tuple[int, int | None]:
     return 0x080 if sync is None else sync & 0x7FF, None if emcy is None else emcy & 0x7FF
 
 
+def read_cob_id(sdo: SdoTransport, pdo: Pdo) -> CobId:
+    """Read the COB-ID of *pdo* (sub-index 1 of its communication parameter)."""
+    return CobId.from_raw(read_number(sdo, pdo.communication_index, 1, 4))
+
+
 def read_pdo(sdo: SdoTransport, pdo: Pdo, passing: Container[int] = UNREADABLE) -> PdoConfig:
     """Read what *pdo* is set to: communication parameter and active mapping, as far as the device tells it.
 

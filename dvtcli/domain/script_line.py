@@ -100,13 +100,22 @@ def backup_lines(
     COB-IDs cannot be written. What no script could set becomes a comment.
     """
     pin = identity_line(identity)
-    lines = ["# dvtcli script 1", *([pin] if pin else [])]
-    remarks = {pdo: _remark(pdo, config) for pdo, config in pdos.items()}
-    movable = [str(pdo) for pdo in pdos if not remarks[pdo] and pdo not in fixed]
+    lines = ["# dvtcli script 1", *([pin] if pin else []), serial_line(identity)]
+    movable = [str(pdo) for pdo, config in pdos.items() if not _remark(pdo, config) and pdo not in fixed]
     lines += [f"disable {' '.join(movable)}"] if movable else []
-    for pdo, config in pdos.items():
-        lines += [f"# {remarks[pdo]} and is left alone"] if remarks[pdo] else whole_lines(pdo, config)
-    return lines
+    return [*lines, *(line for pdo, config in pdos.items() for line in backup_of(pdo, config))]
+
+
+def backup_of(pdo: Pdo, config: PdoConfig) -> list[str]:
+    """What a backup says of *pdo*."""
+    remark = _remark(pdo, config)
+    return [f"# {remark} and is left alone"] if remark else whole_lines(pdo, config)
+
+
+def serial_line(identity: Mapping[str, int | None]) -> str:
+    """The comment that names the serial number of the device of this *identity*."""
+    serial = identity.get("serial")
+    return "# no serial number" if serial is None else f"# serial number 0x{serial:08X}"
 
 
 def identity_line(identity: Mapping[str, int | None]) -> str:

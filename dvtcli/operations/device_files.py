@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from dvtcli.device.memory import Memory
 from dvtcli.device.read_pdos import read_identity
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.ports import CanopenBus
@@ -27,6 +28,11 @@ class DeviceFiles:
     #: EDS and profile of single nodes, where somebody chose them
     own_eds: dict[int, Path] = field(default_factory=dict)
     own_profile: dict[int, str] = field(default_factory=dict)
+    _memories: dict[int, Memory] = field(default_factory=dict)
+
+    def memory(self, node_id: int) -> Memory:
+        """The way by which a node is asked who it is; it remembers the answers."""
+        return self._memories.setdefault(node_id, Memory(self.bus, node_id, lambda: self.bus.sdo(node_id)))
 
     def dictionary(self, node_id: int) -> ObjectDictionary | None:
         """The object dictionary of a node; None where no file is known."""
@@ -45,7 +51,7 @@ class DeviceFiles:
 
         if not folder().is_dir():
             return None
-        vendor, product, revision = (read_identity(self.bus.sdo(node_id), sub) for sub in (1, 2, 3))
+        vendor, product, revision = (read_identity(self.memory(node_id), sub) for sub in (1, 2, 3))
         path = None if vendor is None or product is None else find(vendor, product, revision)
         return None if path is None else read_dictionary(path)
 
@@ -58,8 +64,7 @@ class DeviceFiles:
         for one in self.simulated:
             if one.node_id == node_id and one.family in profile_names():
                 return self._simulated_profile(node_id, one.family)
-        sdo = self.bus.sdo(node_id)
-        vendor, product = read_identity(sdo, 1), read_identity(sdo, 2)
+        vendor, product = (read_identity(self.memory(node_id), sub) for sub in (1, 2))
         if not vendor:  # a device that does not say who it is (0 is nobody's number): its file does
             return profile_of(self.dictionary(node_id))
         return profile_for_identity(vendor, product or 0)

@@ -37,6 +37,8 @@ class Network:
     done_before: Callable[[int], list[Plan]] = lambda _node_id: []
     #: node-IDs that were met elsewhere: where these are twins, on the bus itself
     met: Callable[[], Iterable[int]] = tuple
+    #: whether this process makes one change and ends
+    only_one: Callable[[], bool] = lambda: False
     #: told of every step of a change that a node took
     on_step: Callable[[Progress], None] = lambda _progress: None
 
@@ -56,8 +58,9 @@ class Network:
                 lambda question: self.consent(question, node_id),
                 history=self.done_before(node_id), order=self.order, keeper=keeper,
                 neighbours=lambda: self._others(node_id), on_step=self.on_step,
-                reads_are_free=node_id in self.simulated_ids,
+                only_one=lambda: self.only_one() and node_id not in self.simulated_ids,
             )  # fmt: skip
+            node.memory.learn(self.files.memory(node_id))
             node.pending.boot_ups = boot_ups  # from first contact on a restart is noticed
             self.nodes[node_id] = node
         return self.nodes[node_id]

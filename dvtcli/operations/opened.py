@@ -117,7 +117,13 @@ class Opened(Said):
         if self.options.verbose:
             self.tell.note(f"{bus.name} is open, chosen by {self.chosen_by()}")
         files = DeviceFiles(bus, self.base, simulated)
-        return Network(bus, files, self.cancellation, self.consent, None if simulated else self._keeping(bus))
+        keeping = None if simulated else self._keeping(bus)
+        return Network(bus, files, self.cancellation, self.consent, keeping, only_one=lambda: self.ends_with_line)
+
+    @property
+    def ends_with_line(self) -> bool:
+        """Whether nothing follows what is being done now."""
+        return False
 
     def _keeping(self, bus: CanopenBus) -> Keeping:
         """Only of nodes that outlive this process."""

@@ -99,6 +99,7 @@ class Session(Opened):
                 except DvtcliError as failed:  # the other nodes go back all the same
                     failures.append(failed)
                 finally:
+                    node.memory.clear()
                     let_go(node.keeper)
         if failures:
             raise failures[0]

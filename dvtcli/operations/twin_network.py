@@ -32,6 +32,6 @@ def twin_of(network: Network) -> Network:
         return list(network.nodes[node_id].history) if node_id in network.nodes else []
 
     return replace(
-        network, bus=bus, files=replace(network.files, bus=bus), keeping=None, nodes={}, order=list(network.order),
-        done_before=done_before, met=lambda: list(network.nodes),
+        network, bus=bus, files=replace(network.files, bus=bus, _memories={}), keeping=None, nodes={},
+        order=list(network.order), done_before=done_before, met=lambda: list(network.nodes),
     )  # fmt: skip

@@ -6,11 +6,9 @@ import pytest
 
 from dvtcli.device.change.cancellation import Cancellation
 from dvtcli.device.change.put_back import PATIENCE_S, RETRY_S
-from dvtcli.device.lazy_pdos import LazyMapping
 from dvtcli.device.nmt_gate import CONFIRM_TIMEOUT_S, Access, Gate
 from dvtcli.device.seen_state import why_it_may_move
 from dvtcli.domain.nmt import NmtCommand, NmtState
-from dvtcli.domain.pdo import PdoConfig
 from dvtcli.errors import DeviceRefused, NoAnswer, SafetyRefusal, SdoAborted
 from dvtcli.simulator.device.sdo_server import SdoServer
 from tests.laws.bench import NODE, DirectBus, DirectSdo, booted, profile, silence
@@ -177,19 +175,6 @@ def test_a_cancellation_is_active_only_inside() -> None:
     cancellation.active = True
     cancellation.reset()
     assert (cancellation.requested, cancellation.active) == (False, False)
-
-
-def test_other_pdos_are_read_once_and_only_if_somebody_looks() -> None:
-    loads: list[int] = []
-
-    def load() -> dict[object, PdoConfig]:
-        loads.append(1)
-        return {}
-
-    held = LazyMapping(load)  # type: ignore[arg-type]
-    assert loads == []
-    assert (len(held), list(held)) == (0, [])
-    assert loads == [1]
 
 
 class Lossy(SdoServer):

@@ -11,7 +11,7 @@ import pytest
 from dvtcli.device.change.cancellation import Cancellation
 from dvtcli.device.change.put_back import PATIENCE_S, RETRY_S, first_difference
 from dvtcli.device.change.transaction import Interrupted, Transaction, step_text
-from dvtcli.device.read_pdos import read_pdo
+from dvtcli.device.read_pdos import read_cob_id, read_pdo
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, plan_pdo
@@ -265,20 +265,30 @@ def enabled(sdo: DirectSdo) -> PdoChange:
 
 def test_another_pdo_that_the_device_moves_along_is_told_and_put_back(sdo: DirectSdo) -> None:
     change, told = enabled(sdo), []
-    others = {TPDO2: read_pdo(sdo, TPDO2)}
+    wholes = {TPDO2: read_pdo(sdo, TPDO2)}
+    others = {TPDO2: wholes[TPDO2].communication.cob_id}
     note: Callable[[Sequence[Change]], None] = lambda changes: told.append([one.label for one in changes])  # noqa: E731
-    error = failed(altering(sdo, 1), change, others=others, on_altered=note)
+    error = failed(altering(sdo, 1), change, others=others, wholes=wholes, on_altered=note)
     assert str(error) == f"node {NODE} took TPDO1, but altered TPDO2 with it"
-    assert (error.place, error.state) == ("1801:01", "rolled_back")
-    assert error.why == f"0x1801:01 was 0x{others[TPDO2].communication.cob_id.raw:08X}, is 0x40000281"
+    assert (error.place, error.state, error.state_text) == ("1801:01", "rolled_back", None)
+    assert error.why == f"0x1801:01 was 0x{others[TPDO2].raw:08X}, is 0x40000281"
     assert told == [["TPDO1", "TPDO2"]]
-    assert {TPDO2: read_pdo(sdo, TPDO2), TPDO1: read_pdo(sdo, TPDO1)} == {**others, TPDO1: change.before}
-    sdo.reads.clear()
+    assert {TPDO2: read_pdo(sdo, TPDO2), TPDO1: read_pdo(sdo, TPDO1)} == {**wholes, TPDO1: change.before}
+
+
+def test_of_one_that_was_not_read_whole_the_cob_id_is_put_back_and_that_is_said(sdo: DirectSdo) -> None:
+    change, before = enabled(sdo), read_pdo(sdo, TPDO2)
+    error = failed(altering(sdo, 1), change, others={TPDO2: before.communication.cob_id})
+    assert (error.state, read_pdo(sdo, TPDO1), read_pdo(sdo, TPDO2)) == ("rolled_back", change.before, before)
+    assert error.state_text == (
+        "rolled back: TPDO1 is as it was, and TPDO2 has its COB-ID again, read back equal; what else it held was not "
+        "read before: look at it with `pdo`"
+    )
 
 
 def test_one_that_is_only_in_the_way_is_not_looked_at(sdo: DirectSdo) -> None:
     """A plan that writes no COB-ID moves none."""
-    others = {TPDO2: read_pdo(sdo, TPDO2)}
+    others = {TPDO2: read_cob_id(sdo, TPDO2)}
     sdo.reads.clear()
     run(sdo, value(sdo, 1000), others=others)
     assert (0x1801, 1) not in sdo.reads
@@ -290,11 +300,11 @@ def test_one_that_is_only_in_the_way_is_not_looked_at(sdo: DirectSdo) -> None:
 def test_after_a_restart_nobody_knows_whether_others_were_altered(sdo: DirectSdo) -> None:
     """Nothing is laid to the device then; and nothing is called done."""
     change = enabled(sdo)
-    error = failed(altering(sdo, 1), change, others={TPDO2: read_pdo(sdo, TPDO2)}, witness=Restarts(1))
+    error = failed(altering(sdo, 1), change, others={TPDO2: read_cob_id(sdo, TPDO2)}, witness=Restarts(1))
     assert str(error) == f"node {NODE} restarted while TPDO1 was changed"
     assert error.state == "rolled_back"
     assert read_pdo(sdo, TPDO1) == change.before
-    run(sdo, value(sdo, 1000), others={TPDO2: read_pdo(sdo, TPDO2)}, witness=Restarts(1))
+    run(sdo, value(sdo, 1000), others={TPDO2: read_cob_id(sdo, TPDO2)}, witness=Restarts(1))
     run(sdo, change, others={}, witness=Restarts(1))
     assert read_pdo(sdo, TPDO1) == change.after
 

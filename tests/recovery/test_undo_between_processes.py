@@ -166,7 +166,7 @@ def test_the_newest_backup_is_put_back(bench: Bench) -> None:
     assert code == 0, stderr
     assert bench.pdos() == before
     assert json.loads(stdout)["verified"] is True
-    (backup, _) = sorted((bench.folder / "backups").glob("*.dvt"))
+    (backup,) = sorted((bench.folder / "backups").glob("*.dvt"))
     assert bench.run("undo")[0] == 0, "putting a backup back is a change, too"
     assert bench.pdos() != before
     stamp = backup.stem[-len("20261122T041120.123456Z") :]

@@ -43,6 +43,8 @@ def run_prompt(session: Conversation) -> int:
     session.aliases = _aliases(session.settings.aliases)
     session.output.pager = lambda text: not session.in_script and paged(text)
     _banner(session)
+    for node in session.met_nodes():
+        node.memory.clear()  # a line comes when it comes
     life = Life(session.wire, Notices())
     session.frames = life.frames
     status = Status(session, life)

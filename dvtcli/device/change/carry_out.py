@@ -5,7 +5,7 @@ Decides nothing about what is legal, and shows nothing.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import count
 from typing import TYPE_CHECKING
 
@@ -13,6 +13,7 @@ from dvtcli.device.change.pending import CHANGE
 from dvtcli.device.change.progress import Progress
 from dvtcli.device.change.safekeeping import JournalKept
 from dvtcli.device.change.transaction import BRING_BACK, BUS_BACK, Transaction, left_changed
+from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Change, PdoChange, Plan, Step, writes_cob_id
@@ -62,13 +63,16 @@ def _carry_out(
     *findings* are what the rules had said; they explain a refusal of something that was forced. *done* is called once
     the plan was read back, before anything else can go wrong, with the number of boot-ups seen by then.
     """
-    others = _watched(node, plan)
+    is_watched = _is_watched(node, plan)
+    if is_watched:
+        node.known_pdos()
+    others = _cob_ids(node, plan)
     if node.keeper is not None:
-        node.keeper.begin(plan, node.identity(), found.state, node.known_pdos)
+        node.keeper.begin(plan, node.identity(), found.state, node.known_pdos, node.last_read)
     try:
         beside = _beside(node, plan, found)
         node.gate.enter()
-        boot_ups = run(node, plan, others)
+        boot_ups = run(node, plan, others, beside)
     except LeftChanged as left:
         left_open(node, left)
         raise
@@ -77,35 +81,46 @@ def _carry_out(
             _explain(node, error, findings)
         _settle_after(node, error, found)
         raise
-    node.expected.seen(beside)
+    node.expected.seen(beside, whole=is_watched)
     if node.keeper is not None:
         node.keeper.carried_out()
     done(boot_ups)
     _end(node, plan, lambda: _return(node, found), keep_journal=keep_journal)
 
 
-def _watched(node: Changeable, plan: Plan) -> dict[Pdo, PdoConfig]:
-    """The PDOs that *plan* leaves alone, to be compared right after it; none where it writes no COB-ID."""
-    return _others(plan, node.known_pdos()) if writes_cob_id(plan) else {}
+def _is_watched(node: Changeable, plan: Plan) -> bool:
+    """Whether what *node* holds beside *plan* is to be read whole, for a store of this process to compare.
+
+    After the only change of a program that makes one nothing is stored: no uploads are spent on that.
+    """
+    return _is_of_pdo(plan) and not node.only_one() and not node.expected.is_whole
+
+
+def _cob_ids(node: Changeable, plan: Plan) -> dict[Pdo, CobId]:
+    """The COB-IDs that *plan* leaves alone, to be compared right after it; none where it writes no COB-ID."""
+    if not writes_cob_id(plan):
+        return {}
+    multiplexed = {pdo for pdo, config in node.last_read.items() if config.mpdo is not None}
+    left_out = multiplexed | set(_own(plan))
+    return {pdo: cob_id for pdo, cob_id in node.known_cob_ids().items() if pdo not in left_out}
 
 
 def _beside(node: Changeable, plan: Plan, found: Found) -> dict[Pdo, PdoConfig]:
-    """The PDOs that *plan* leaves alone, to be compared before a store: those that were read since *found*.
-
-    A backup or a rule has read them, or nobody: a real bus has no uploads to spare for that.
-    """
-    if not any(Pdo.at(step.index) for step in plan.steps) or node.bus.boot_ups(node.node_id) != found.boot_ups:
+    """The PDOs that *plan* leaves alone, to be compared before a store: those that were read since *found*."""
+    if not _is_of_pdo(plan) or node.bus.boot_ups(node.node_id) != found.boot_ups:
         return {}
-    if node.reads_are_free and not node.expected.pdos.keys() >= set(node.present()):
-        return _others(plan, node.known_pdos())
-    return _others(plan, node.last_read)
-
-
-def _others(plan: Plan, held: Mapping[Pdo, PdoConfig]) -> dict[Pdo, PdoConfig]:
-    """Those of the PDOs *held* that *plan* leaves alone."""
-    own = {change.pdo for change in plan.changes if isinstance(change, PdoChange)}
-    movable = {pdo: config for pdo, config in held.items() if config.mpdo is None and config.has_cob_id}
+    own = set(_own(plan))
+    movable = {pdo: config for pdo, config in node.last_read.items() if config.mpdo is None and config.has_cob_id}
     return {pdo: config for pdo, config in movable.items() if pdo not in own}
+
+
+def _is_of_pdo(plan: Plan) -> bool:
+    return any(Pdo.at(step.index) for step in plan.steps)
+
+
+def _own(plan: Plan) -> Iterator[Pdo]:
+    """The PDOs that *plan* is about."""
+    return (change.pdo for change in plan.changes if isinstance(change, PdoChange))
 
 
 def left_open(node: Changeable, left: LeftChanged) -> None:
@@ -173,10 +188,11 @@ def _add(error: BaseException, text: str) -> None:
         error.details.append(("nmt", text))
 
 
-def run(node: Changeable, plan: Plan, others: Mapping[Pdo, PdoConfig]) -> int:
-    """Run *plan* as one transaction, with an eye on *others*; what was read of the node before counts no longer.
+def run(node: Changeable, plan: Plan, others: Mapping[Pdo, CobId], wholes: Mapping[Pdo, PdoConfig]) -> int:
+    """Run *plan* as one transaction, with an eye on the COB-IDs of *others*, of which *wholes* were read whole.
 
-    Returns the number of boot-ups that were seen when the read-back began.
+    What was read of the node before counts no longer. Returns the number of boot-ups that were seen when the read-back
+    began.
     """
 
     def note(changes: Sequence[Change]) -> None:
@@ -197,6 +213,7 @@ def run(node: Changeable, plan: Plan, others: Mapping[Pdo, PdoConfig]) -> int:
         clock=node.bus,
         witness=node.witness,
         others=others,
+        wholes=wholes,
         on_altered=note,
         on_step=took,
     )

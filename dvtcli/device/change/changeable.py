@@ -24,8 +24,8 @@ class Changeable(KnownPdos):
     pending: Pending = field(default_factory=Pending)
     #: lock, backup and journal; None for simulated nodes and twins, which nothing can interrupt half-way
     keeper: Keeper | None = None
-    #: whether an upload costs no bus anything: the node is simulated in this process
-    reads_are_free: bool = False
+    #: whether this process makes one change and ends, so that nothing is stored over what lies beside it
+    only_one: Callable[[], bool] = lambda: False
     #: what this session knows that the node's RAM must hold before it is stored: changed here, or seen beside a change
     expected: Expected = field(default_factory=Expected)
     #: told of every step of a change that the node took

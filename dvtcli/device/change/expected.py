@@ -25,11 +25,14 @@ class Expected:
 
     pdos: dict[Pdo, PdoConfig] = field(default_factory=dict)
     values: dict[tuple[int, int], bytes] = field(default_factory=dict)
+    #: whether every PDO that lay beside a change was read
+    is_whole: bool = False
 
-    def seen(self, others: Mapping[Pdo, PdoConfig]) -> None:
-        """*others* were read beside a change; what was known of them first is what counts."""
+    def seen(self, others: Mapping[Pdo, PdoConfig], *, whole: bool = False) -> None:
+        """*others* were read beside a change, with *whole* all of them; what was known of them first is what counts."""
         for pdo, config in others.items():
             self.pdos.setdefault(pdo, config)
+        self.is_whole = self.is_whole or (whole and bool(others))
 
     def changed(self, change: Change) -> None:
         """*change* was read back."""
@@ -51,6 +54,7 @@ class Expected:
         """The node was reset on purpose: what is not stored is lost, and that was said."""
         self.pdos.clear()
         self.values.clear()
+        self.is_whole = False
 
     def require(self, node: KnownPdos, who_else: str) -> None:
         """Read everything again; SafetyRefusal where something is not as expected, which *who_else* may have done."""

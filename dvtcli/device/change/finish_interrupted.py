@@ -87,6 +87,7 @@ def recover(node: Changeable, journal: Journal) -> tuple[Plan, tuple[Finding, ..
     refuse_other_device(node, journal)
     if node.keeper is not None:
         node.keeper.lock.take()
+    node.read_anew()
     plan = plan_back(node, [journal.plan])
     otherwise = _put_back_for_good(node, journal)
     if node.keeper is not None:

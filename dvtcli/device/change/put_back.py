@@ -11,9 +11,9 @@ from dataclasses import replace
 from typing import Protocol
 
 from dvtcli.device.observe import Undisturbed, Witness
-from dvtcli.device.read_pdos import read_number, read_pdo
+from dvtcli.device.read_pdos import read_cob_id, read_pdo
 from dvtcli.domain.cob_id import CobId
-from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Change, PdoChange, Step, ValueChange, plan_pdo
 from dvtcli.domain.ports import SdoTransport
 from dvtcli.errors import DeviceRefused, NoAnswer, SdoAborted, SdoProtocolError
@@ -137,10 +137,10 @@ def first_difference(sdo: SdoTransport, change: Change, *, wanted_before: bool =
     return f"0x{step.object} is {_hex(step.before)}, expected {_hex(step.after)}"
 
 
-def altered_cob_ids(sdo: SdoTransport, others: Mapping[Pdo, PdoConfig]) -> dict[Pdo, CobId]:
+def altered_cob_ids(sdo: SdoTransport, others: Mapping[Pdo, CobId]) -> dict[Pdo, CobId]:
     """Those of *others* whose COB-ID (sub-index 1) is not what it was, each with what it is now."""
-    held = {pdo: CobId.from_raw(read_number(sdo, pdo.communication_index, 1, 4)) for pdo in others}
-    return {pdo: cob_id for pdo, cob_id in held.items() if cob_id != others[pdo].communication.cob_id}
+    held = {pdo: read_cob_id(sdo, pdo) for pdo in others}
+    return {pdo: cob_id for pdo, cob_id in held.items() if cob_id != others[pdo]}
 
 
 def _hex(data: bytes | None) -> str:

@@ -8,19 +8,18 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from datetime import UTC, datetime
 from pathlib import Path
 
+from dvtcli.device.change.backing_up import BackingUp
 from dvtcli.device.change.course import Course
 from dvtcli.device.change.journal import Journal, Journals, read_journal
 from dvtcli.device.change.lock import NodeLock
 from dvtcli.device.change.plan_document import Identity
-from dvtcli.device.change.private_file import file_name, set_aside, write_private
+from dvtcli.device.change.private_file import set_aside
 from dvtcli.device.change.whole import Whole
 from dvtcli.device.past import Past
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Plan
-from dvtcli.domain.script_line import backup_lines
 from dvtcli.errors import DvtcliError, InputFileError, SafetyRefusal
 
 
@@ -54,7 +53,7 @@ class Keeper:
     journals: Journals = field(init=False)
     #: the changes that a later process can put back
     past: Past = field(init=False)
-    _backed_up: bool = False
+    _backing_up: BackingUp = field(init=False)
     _identity: Identity = field(default_factory=dict)
     #: what the journal that is ours has to put back
     _course: Course = field(default_factory=Course)
@@ -65,6 +64,7 @@ class Keeper:
         self.lock = NodeLock(self.locks, self.bus, self.node_id, self.command)
         self.journals = Journals(self.folder / "journals", self.bus)
         self.past = Past(self.locks.parent / "changes", self.bus, self.warn)
+        self._backing_up = BackingUp(self.folder / "backups", self.bus, self.node_id, self.past)
 
     def open_journal(self) -> Path | None:
         """Where the journal of an unfinished change is: in our own folder, or where another dvtcli noted it."""
@@ -120,19 +120,27 @@ class Keeper:
         return bool(ours) and path == self.journals.path(self.node_id)
 
     def begin(
-        self, plan: Plan, identity: Identity, nmt_state: int | None, pdos: Callable[[], Mapping[Pdo, PdoConfig]]
+        self,
+        plan: Plan,
+        identity: Identity,
+        nmt_state: int | None,
+        pdos: Callable[[], Mapping[Pdo, PdoConfig]],
+        held: Mapping[Pdo, PdoConfig] | None = None,
     ) -> None:
-        """Before the first write of *plan*: take the lock, back the PDOs up once, put the journal on disk.
+        """Before the first write of *plan*: take the lock, back the PDOs up where needed, put the journal on disk.
 
-        *pdos* reads the node's PDOs; it is called for the backup only.
+        *held* are PDOs as they were just read, by which it is seen whether a backup is needed; *pdos* reads all of
+        them, for a backup only.
         """
         self._identity = identity
-        held = {} if self._backed_up else pdos()
         with self._files("kept"):
             self.lock.take()
-            if not self._backed_up:
-                self._back_up(identity, held)
-                self._backed_up = True
+            needed = self._backing_up.needed(identity, held or {})
+        whole = pdos() if needed else {}
+        with self._files("kept"):
+            if needed:
+                path = self._backing_up.make(identity, whole, {pdo for pdo in whole if self.is_fixed(pdo)})
+                self.say(f"backup of node {self.node_id}: {path}")
             if self.whole.id is not None:
                 self.journals.open_whole(self.whole.id)
             self._entry = self._course.begin(self.whole, plan, nmt_state)
@@ -274,13 +282,6 @@ class Keeper:
                 place=str(failed.filename or self.folder),
                 hint="--journal DIR takes another folder; without a journal nothing is written to a real device",
             ) from failed
-
-    def _back_up(self, identity: Identity, pdos: Mapping[Pdo, PdoConfig]) -> None:
-        stamp = datetime.now(UTC).strftime("%Y%m%dT%H%M%S.%fZ")
-        path = self.folder / "backups" / f"{file_name(self.bus)}-{self.node_id}-{stamp}.dvt"
-        lines = backup_lines(identity, pdos, {pdo for pdo in pdos if self.is_fixed(pdo)})
-        write_private(path, "\n".join(lines) + "\n")
-        self.say(f"backup of node {self.node_id}: {path}")
 
 
 def let_go(keeper: Keeper | None) -> None:

@@ -5,13 +5,15 @@ The only place that writes a plan to a device. Does not decide what is legal and
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 from dvtcli.device.change.cancellation import Cancellation
 from dvtcli.device.change.put_back import Clock, altered_cob_ids, first_difference, restore_patiently
 from dvtcli.device.change.taken_back import put_back_findings
 from dvtcli.device.observe import Undisturbed, Witness, observed
+from dvtcli.device.read_pdos import read_pdo
+from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, writes_cob_id
 from dvtcli.domain.ports import SdoTransport
@@ -47,9 +49,10 @@ class Transaction:
     *cancellation* is looked at between two SDO downloads; *explain* may add the device's own reason to an abort;
     *on_step* is told of every step that the device took; *before_retry* makes the device writable again when a
     roll-back has to be tried anew, since the fault may have been a reboot; *clock* is the bus's. *witness* tells of
-    restarts: what was read in two lives of the device proves nothing. *others* are PDOs that the plan leaves alone, as
-    they were read before it: a device that alters one of their COB-IDs did not do what was planned; *on_altered* is
-    told what has to be put back besides the plan, before that is done.
+    restarts: what was read in two lives of the device proves nothing. *others* are the COB-IDs of the PDOs that the
+    plan leaves alone, as they were read before it, and *wholes* those of them that were read whole: a device that
+    alters one of these COB-IDs did not do what was planned; *on_altered* is told what has to be put back besides the
+    plan, before that is done.
     """
 
     sdo: SdoTransport
@@ -60,12 +63,15 @@ class Transaction:
     before_retry: Callable[[], None] = lambda: None
     clock: Clock = field(kw_only=True)
     witness: Witness = field(default_factory=Undisturbed)
-    others: Mapping[Pdo, PdoConfig] = field(default_factory=dict)
+    others: Mapping[Pdo, CobId] = field(default_factory=dict)
+    wholes: Mapping[Pdo, PdoConfig] = field(default_factory=dict)
     on_altered: Callable[[Sequence[Change]], None] = lambda _changes: None
     _started: list[Change] = field(default_factory=list)
     _touched: bool = False
     #: boot-ups seen when the read-back that proved the plan began
     boot_ups_verified: int = field(default=0, init=False)
+    #: PDOs that were altered, of which nothing but the COB-ID could be put back
+    _in_part: list[Pdo] = field(default_factory=list)
     _boot_ups: int = 0
 
     def run(self) -> None:
@@ -159,8 +165,7 @@ class Transaction:
         if not self._others_matter() or self._restarted():
             return {}
         return {
-            pdo: f"0x{pdo.communication_index:04X}:01 was 0x{self.others[pdo].communication.cob_id.raw:08X}, "
-            f"is 0x{held.raw:08X}"
+            pdo: f"0x{pdo.communication_index:04X}:01 was 0x{self.others[pdo].raw:08X}, is 0x{held.raw:08X}"
             for pdo, held in altered_cob_ids(self.sdo, self.others).items()
         }
 
@@ -193,6 +198,8 @@ class Transaction:
             if otherwise and fault.state == "rolled_back":
                 fault.state_text = "rolled back as far as the device takes it, read back equal; nothing was stored"
             fault.node = self.plan.node_id
+            if self._in_part:
+                fault.state_text = self._put_back_in_part()
             if isinstance(fault, NoAnswer):
                 self._explain_silence(fault)
             elif isinstance(fault, SdoProtocolError):
@@ -213,7 +220,7 @@ class Transaction:
         """
         changes: tuple[Change, ...] = self.plan.changes
         otherwise = restore_patiently(self.sdo, changes, self.clock, self.before_retry, self.witness)
-        altered = tuple(PdoChange(pdo, self.others[pdo], self.others[pdo], ()) for pdo in self._altered())
+        altered = tuple(PdoChange(pdo, before, before, ()) for pdo, before in self._before_of(self._altered()))
         if not altered:
             return otherwise
         self.on_altered((*changes, *altered))
@@ -222,6 +229,22 @@ class Transaction:
         if still:
             raise DeviceRefused("the device alters other PDOs again", why="; ".join(still.values()))
         return otherwise
+
+    def _before_of(self, pdos: Iterable[Pdo]) -> Iterator[tuple[Pdo, PdoConfig]]:
+        """What *pdos* held before the plan: of one that was not read whole the COB-ID, and the rest as it is now."""
+        for pdo in pdos:
+            held = self.wholes.get(pdo)
+            if held is None:
+                self._in_part.append(pdo)
+                held = read_pdo(self.sdo, pdo)
+            yield pdo, replace(held, communication=replace(held.communication, cob_id=self.others[pdo]))
+
+    def _put_back_in_part(self) -> str:
+        own, altered = (several(one.label for one in some) for some in (self.plan.changes, self._in_part))
+        return (
+            f"rolled back: {own} is as it was, and {altered} has its COB-ID again, read back equal; what else it held "
+            "was not read before: look at it with `pdo`"
+        )
 
 
 def step_text(step: Step) -> str:

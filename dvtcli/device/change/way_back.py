@@ -26,8 +26,8 @@ RULES = (Rule("write-only", WARNING, "what a write-only object held is not known
 def plan_back(node: KnownPdos, plans: Iterable[Plan], *, as_taken: bool = False) -> Plan:
     """The plan from what *node* holds now to what it held before the oldest of *plans* (oldest first).
 
-    The node is read anew, since nothing is known of what happened to it meanwhile. A write-only object stays as it
-    is (`unknown_before`). With *as_taken* a PDO of which a refusal was foreseen becomes what a device takes instead.
+    Whoever asks has dropped what was read before the node was its own to change. A write-only object stays as it is
+    (`unknown_before`). With *as_taken* a PDO of which a refusal was foreseen becomes what a device takes instead.
     """
     pdos: dict[Pdo, PdoConfig] = {}
     values: dict[tuple[int, int], Step] = {}
@@ -36,7 +36,7 @@ def plan_back(node: KnownPdos, plans: Iterable[Plan], *, as_taken: bool = False)
             pdos[change.pdo] = change.back if as_taken and change.back is not None else change.before
         else:
             values[change.step.index, change.step.sub_index] = change.step
-    changes = [plan_pdo(pdo, node.pdo(pdo), before) for pdo, before in pdos.items()]
+    changes = [plan_pdo(pdo, node.known_pdo(pdo), before) for pdo, before in pdos.items()]
     return Plan(node.node_id, (*changes, *_value_changes(node, pdos, values)))
 
 
@@ -46,9 +46,9 @@ def _value_changes(
     for (index, sub_index), step in values.items():
         before = step.before
         pdo = Pdo.at(index)
-        if pdo is not None and _is_filler(pdos.get(pdo) or node.pdo(pdo)):
+        if pdo is not None and _is_filler(pdos.get(pdo) or node.known_pdo(pdo)):
             continue
-        held = None if before is None else node.upload(index, sub_index)
+        held = None if before is None else node.memory.upload(index, sub_index)
         if before is not None and held != before:
             yield ValueChange(replace(step, before=held, after=before, reason="put the old value back"))
 

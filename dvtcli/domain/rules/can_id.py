@@ -116,11 +116,11 @@ def _service_clashes(proposal: Proposal, place: str) -> Iterator[Finding]:
 
 def _pdo_clashes(proposal: Proposal, place: str) -> Iterator[Finding]:
     want = proposal.want.communication.cob_id
-    for other, config in proposal.others.items():
-        held = config.communication.cob_id
+    others = proposal.other_cob_ids
+    for other, held in others.items():
         if (held.can_id, held.extended) != (want.can_id, want.extended) or other == proposal.pdo:
             continue
-        if config.enabled:
+        if held.valid:
             yield error(
                 "can-id-clash",
                 place,
@@ -133,8 +133,8 @@ def _pdo_clashes(proposal: Proposal, place: str) -> Iterator[Finding]:
     said = (
         owner is not None
         and owner[1] == proposal.node_id
-        and owner[0] in proposal.others
-        and (proposal.others[owner[0]].communication.cob_id.can_id == want.can_id)
+        and owner[0] in others
+        and others[owner[0]].can_id == want.can_id
     )
     said = said or (owner is not None and any((one.pdo, one.node_id) == owner for one in _same_producers(proposal)))
     if owner and owner != (proposal.pdo, proposal.node_id) and not want.extended and not said:
@@ -177,9 +177,7 @@ def automatic_can_id(proposal: Proposal) -> int | None:
 
     A pre-defined one that another PDO of the node uses is not free, nor, for a TPDO, one that another node sends.
     """
-    used: set[int | None] = {
-        config.communication.cob_id.can_id for config in proposal.others.values() if config.enabled
-    }
+    used: set[int | None] = {cob_id.can_id for cob_id in proposal.other_cob_ids.values() if cob_id.valid}
     used |= {one.cob_id.can_id for one in proposal.elsewhere()} if proposal.pdo.is_tpdo else set()
     used |= {proposal.sync_can_id, proposal.emcy_can_id}  # where EMCY is by default, no PDO's default is
     default = proposal.pdo.default_can_id(proposal.node_id)

@@ -40,7 +40,8 @@ class Producer:
 class Proposal:
     """One PDO as it is and as it is wanted, with everything the rules may look at.
 
-    *others* are the node's other PDOs as they will be; *dictionary* is None without an EDS; *lengths* are
+    *others* are the node's other PDOs as they will be, and *cob_ids* their COB-IDs where these are known without the
+    rest (None: *others* tell them); *dictionary* is None without an EDS; *lengths* are
     object lengths in bits that were learnt by reading the device; *sync_can_id* and *emcy_can_id* are what
     0x1005 and 0x1014 say, or the defaults; *elsewhere* tells what the other known nodes send.
     """
@@ -56,6 +57,14 @@ class Proposal:
     sync_can_id: int = 0x080
     emcy_can_id: int | None = None
     elsewhere: Callable[[], Collection[Producer]] = tuple
+    cob_ids: Mapping[Pdo, CobId] | None = None
+
+    @property
+    def other_cob_ids(self) -> Mapping[Pdo, CobId]:
+        """The COB-IDs of the node's other PDOs as they will be."""
+        if self.cob_ids is not None:
+            return self.cob_ids
+        return {pdo: config.communication.cob_id for pdo, config in self.others.items()}
 
     def name(self, index: int, sub_index: int) -> str:
         """The object with its name where one is known: `6041:00 "Statusword"`."""

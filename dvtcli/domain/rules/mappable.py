@@ -183,7 +183,8 @@ def _double_targets(proposal: Proposal) -> Iterator[Finding]:
                 hint="an RPDO target has one place in the frame",
             )
         seen[key] = number
-        for other, config in proposal.others.items():
-            mapped = {(held.index, held.sub_index) for held in config.mapping}
-            if not other.is_tpdo and other != proposal.pdo and config.enabled and key in mapped:
+        for other, cob_id in proposal.other_cob_ids.items():
+            if other.is_tpdo or other == proposal.pdo or not cob_id.valid:
+                continue
+            if key in {(held.index, held.sub_index) for held in proposal.others[other].mapping}:
                 yield warning("double-target", place, f"{name} is also written by {other.label}")

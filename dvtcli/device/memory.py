@@ -1,0 +1,77 @@
+"""What was read of a node since the last thing that could have changed it, so that nothing is read twice.
+
+It is a way to the node like its SDO channel: an object that was read is answered from memory, also where it was
+refused. It empties itself where the node restarted, an answer was lost, or another SDO client wrote; whoever writes, or
+lets others write, has to empty it. Never for reading back, which is done on the channel itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, field
+
+from dvtcli.device.read_pdos import IDENTITY
+from dvtcli.domain.ports import CanopenBus, SdoTransport
+from dvtcli.errors import SdoAborted
+
+
+@dataclass(slots=True)
+class Memory:
+    """The objects of *node_id* on *bus* that were read, by index and sub-index; *channel* reads those that were not."""
+
+    bus: CanopenBus
+    node_id: int
+    channel: Callable[[], SdoTransport]
+    _read: dict[tuple[int, int], bytes | SdoAborted] = field(default_factory=dict)
+    #: what had happened to the node when the first of them was read
+    _seen: tuple[int, int] = (0, 0)
+
+    def upload(
+        self, index: int, sub_index: int, *, timeout_s: float | None = None, retries: int | None = None
+    ) -> bytes:
+        """What the object held when it was read, now at the latest; raises as the channel does."""
+        self._drop_what_may_be_old()
+        if (index, sub_index) not in self._read:
+            self._read[index, sub_index] = self._asked(index, sub_index, timeout_s, retries)
+        held = self._read[index, sub_index]
+        if isinstance(held, SdoAborted):
+            raise SdoAborted(index, sub_index, held.code, node=self.node_id)
+        return held
+
+    def upload_anew(self, index: int, sub_index: int) -> bytes:
+        """What the object holds now, which is remembered; raises as the channel does."""
+        self._read.pop((index, sub_index), None)
+        return self.upload(index, sub_index)
+
+    def _asked(self, index: int, sub_index: int, timeout_s: float | None, retries: int | None) -> bytes | SdoAborted:
+        try:
+            return self.channel().upload(index, sub_index, timeout_s=timeout_s, retries=retries)
+        except SdoAborted as aborted:
+            return aborted
+
+    def download(self, index: int, sub_index: int, data: bytes, *, timeout_s: float | None = None) -> None:
+        """Write an object: nothing is certain after that."""
+        self.forget()
+        self.channel().download(index, sub_index, data, timeout_s=timeout_s)
+
+    def forget(self) -> None:
+        """Everything may be old, but who the node is: that changes with a restart at most."""
+        self._read = {place: held for place, held in self._read.items() if place[0] == IDENTITY}
+
+    def forget_objects(self, indices: Collection[int]) -> None:
+        """The objects at *indices* are to be read again."""
+        self._read = {place: held for place, held in self._read.items() if place[0] not in indices}
+
+    def learn(self, other: Memory) -> None:
+        """Know what *other* knows of the same node."""
+        self._read, self._seen = dict(other._read), other._seen
+
+    def clear(self) -> None:
+        """Everything may be old: nobody listened, or another device may have taken the node's place."""
+        self._read.clear()
+
+    def _drop_what_may_be_old(self) -> None:
+        happened = self.bus.upsets(self.node_id), self.bus.downloads_of_others(self.node_id)
+        if happened != self._seen:
+            self._seen = happened
+            self.clear()
