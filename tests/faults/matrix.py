@@ -19,10 +19,12 @@ from dvtcli.cli.script import run_script
 from dvtcli.cli.view.output import Output
 from dvtcli.cli.ways_in import install
 from dvtcli.device.change.finish_interrupted import recover
+from dvtcli.device.change.plan_document import Identity
 from dvtcli.device.change.safekeeping import Keeper
 from dvtcli.device.node import Node
+from dvtcli.device.read_pdos import present_pdos, read_identity, read_pdo
 from dvtcli.domain.nmt import NmtCommand, NmtState
-from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import DvtcliError
 from dvtcli.operations.device_files import DeviceFiles
@@ -31,7 +33,7 @@ from dvtcli.simulator.device.faults import Fault
 from dvtcli.simulator.device.refusal import Refusal
 from dvtcli.simulator.device.strict_device import StrictDevice
 from tests.faults.sequences import AT_READ, FAMILIES, FAULTS, LASTING, MASTERS, SEQUENCES, STARTS, UNHEARD, Start
-from tests.laws.bench import NODE, booted, dictionary, profile
+from tests.laws.bench import NODE, DirectSdo, booted, dictionary, profile
 from tests.virtual_time import VirtualTimeBus
 
 install()
@@ -144,7 +146,8 @@ class Run:
         """The node as a session that has just started sees it."""
         node = Node(self.bus, NODE, dictionary(self.family), profile(self.family))
         node.keeper = Keeper(self.folder, self.folder / "locks", "matrix", NODE)
-        node.keeper._backed_up = True  # reading every PDO first would take a third of the time
+        if not node.keeper._backing_up.folder.exists():  # reading every PDO first would take a third of the time
+            node.keeper._backing_up.make(*_identity_and_pdos(self.device), ())
         return node
 
     def session(self, lines: list[str]) -> tuple[int, Record]:
@@ -154,6 +157,7 @@ class Run:
         session.start({"yes": True, "node": NODE})
         network = Network(self.bus, DeviceFiles(self.bus, session.options), session.cancellation, session.consent)
         node = network.nodes[NODE] = self.node()
+        node.only_one = lambda: session.ends_with_line
         node.cancellation, node.consent, node.order = session.cancellation, session.consent, network.order
         session._network = network
         if len(lines) == 1:
@@ -164,6 +168,13 @@ class Run:
         assert node.keeper is not None
         node.keeper.lock.release()
         return code, record
+
+
+def _identity_and_pdos(device: StrictDevice) -> tuple[Identity, dict[Pdo, PdoConfig]]:
+    sdo = DirectSdo(device)
+    names = ("vendor", "product", "revision", "serial")
+    pdos = {pdo: read_pdo(sdo, pdo) for pdo in present_pdos(sdo, device.dictionary)}
+    return {name: read_identity(sdo, sub_index) for sub_index, name in enumerate(names, 1)}, pdos
 
 
 def _prepare(device: StrictDevice, start: Start, *, master: bool) -> None:

@@ -17,18 +17,22 @@ from dvtcli.simulator.network.family_file import family_eds, load_family
 from dvtcli.simulator.network.station import SimulatedNode
 
 _SEND = re.compile(rb"< send ([0-9A-Fa-f]+) [0-9A-Fa-f] ([0-9a-fA-F ]*)>")
-_SDO_DOWNLOAD = 1
+_SDO_DOWNLOAD, _SDO_UPLOAD = 1, 2
 
 
 class Wire:
-    """Serves one Gen4 as node *node_id* at `port`; *downloads* and *syncs* count what it was sent."""
+    """Serves one of *family* as node *node_id* at `port`; *downloads*, *uploads* and *syncs* say what it was sent."""
 
-    def __init__(self, node_id: int = 5) -> None:
-        self.eds: Path = family_eds("gen4")
-        self.device = StrictDevice(read_eds(self.eds).dictionary, load_family("gen4"), node_id)
+    def __init__(self, node_id: int = 5, family: str = "gen4") -> None:
+        self.eds: Path = family_eds(family)
+        self.device = StrictDevice(read_eds(self.eds).dictionary, load_family(family), node_id)
         self.device.boot_up()
         self.device.take_outbox()
         self.downloads = 0
+        #: the objects of which an upload was begun, in order
+        self.uploads: list[str] = []
+        #: how many of them came before the last download
+        self.uploads_before_write = 0
         self.syncs = 0
         #: called with the number of each SDO download before the node sees it
         self.at_download: Callable[[int], None] = lambda _number: None
@@ -97,8 +101,11 @@ class Wire:
         frame = Frame(int(match[1], 16), bytes(int(byte, 16) for byte in match[2].split()))
         if frame.can_id == 0x600 + self.device.node_id and frame.data[0] >> 5 == _SDO_DOWNLOAD:
             self.downloads += 1
+            self.uploads_before_write = len(self.uploads)
             self.at_download(self.downloads)
             time.sleep(self.slowness_s)
+        if frame.can_id == 0x600 + self.device.node_id and frame.data[0] >> 5 == _SDO_UPLOAD:
+            self.uploads.append(f"{int.from_bytes(frame.data[1:3], 'little'):04X}:{frame.data[3]:02X}")
         if frame.can_id == 0x000:
             self.at_nmt(frame.data[0])
         self.syncs += frame.can_id == 0x080

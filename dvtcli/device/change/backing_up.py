@@ -15,6 +15,7 @@ from dvtcli.device.backups import backups
 from dvtcli.device.change.plan_document import Identity
 from dvtcli.device.change.private_file import file_name, write_private
 from dvtcli.device.past import Past
+from dvtcli.device.trust import check_folder
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import PdoChange
 from dvtcli.domain.script_line import backup_lines, backup_of, serial_line
@@ -31,7 +32,11 @@ class BackingUp:
     past: Past
 
     def needed(self, identity: Identity, held: Mapping[Pdo, PdoConfig]) -> bool:
-        """Whether there is no backup of this very device, or one of the PDOs *held* is as nothing that is kept says."""
+        """Whether there is no backup of this very device, or one of the PDOs *held* is as nothing that is kept says.
+
+        SafetyRefusal where somebody else can write there.
+        """
+        check_folder(self.folder)
         made = [set(one.lines()) for one in backups(self.folder, self.bus, self.node_id, identity)]
         made = [lines for lines in made if serial_line(identity) in lines]
         unlike = [(pdo, config) for pdo, config in held.items() if not _is_in(made, pdo, config)]

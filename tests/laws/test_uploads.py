@@ -1,0 +1,145 @@
+"""How much is read of a device: nothing twice before it is written, and no more than a change is about.
+
+Real processes on a node behind a socketcand server that counts the objects it is asked for. The device has 8 PDOs.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from dvtcli.domain.pdo import Pdo
+from tests.prompt.wire import Wire
+from tests.recovery.test_killed import Bench
+
+CHANGES = {
+    "event timer": "set tpdo1 --timer 100",
+    "inhibit time": "set tpdo1 --inhibit 5",
+    "COB-ID": "set tpdo1 --cob-id 0x1A7",
+    "mapping": "map tpdo2 6041 606C",
+    "mapping and COB-ID": "map tpdo2 6041 606C --cob-id 0x2A7",
+    "RPDO": "map rpdo2 6040 60FF --cob-id 0x3A7",
+    "enable": "enable tpdo3",
+    "clear": "clear tpdo2",
+    "parameter of a PDO": "write 1800:5 100 --as u16",
+    "object": "write 1017 500 --as u16",
+}
+
+
+class Counted(Bench):
+    """Runs dvtcli with or without the EDS, and says what it read."""
+
+    def __init__(self, folder: Path, family: str = "generic", *, eds: bool = True) -> None:
+        super().__init__(folder)
+        self.wire.close()
+        self.wire = Wire(family=family)
+        at = self.words.index("--eds")
+        self.words[at : at + 2] = ["--eds", str(self.wire.eds)] if eds else []
+        self.words[self.words.index("--bus-kwargs") + 3] = f"port={self.wire.port}"
+
+    def reads(self, line: str) -> tuple[list[str], list[str]]:
+        """The objects that *line* reads before its last write, and after it."""
+        self.wire.uploads.clear()
+        self.wire.uploads_before_write = 0
+        code, _, stderr = self.run(*line.split(), "--yes")
+        assert code == 0, stderr
+        at = self.wire.uploads_before_write
+        return self.wire.uploads[:at], self.wire.uploads[at:]
+
+
+@pytest.fixture(params=[True, False], ids=["with its EDS", "without an EDS"])
+def bench(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Counted]:
+    made = Counted(tmp_path, eds=request.param)
+    made.eds = request.param  # type: ignore[attr-defined]
+    yield made
+    made.wire.close()
+
+
+def backed_up(bench: Counted) -> Counted:
+    """A device that was changed before: its backup is made."""
+    assert bench.run("set", "tpdo4", "--timer", "7")[0] == 0
+    return bench
+
+
+def twice(objects: list[str]) -> set[str]:
+    return {one for one, count in Counter(objects).items() if count > 1}
+
+
+@pytest.mark.parametrize("line", CHANGES.values(), ids=CHANGES)
+def test_nothing_is_read_twice_before_it_is_written_or_when_it_is_read_back(bench: Counted, line: str) -> None:
+    for device in (bench, backed_up(bench)):
+        before, after = device.reads(line)
+        assert not twice(before)
+        assert not twice(after)
+        assert device.run("undo")[0] == 0
+
+
+def test_an_event_timer_reads_its_own_pdo_and_who_the_device_is(bench: Counted) -> None:
+    before, after = backed_up(bench).reads(CHANGES["event timer"])
+    own = ["1800:01", "1800:02", "1800:03", "1800:05", "1800:06", "1A00:00", "1A00:01"]
+    assert sorted(before) == ["1018:01", "1018:02", "1018:03", "1018:04", *own]
+    assert sorted(after) == own
+    assert len(before + after) <= 20
+
+
+@pytest.mark.parametrize("what", ["COB-ID", "mapping and COB-ID", "RPDO", "enable", "clear"])
+def test_a_new_cob_id_reads_those_of_the_others_before_and_after(bench: Counted, what: str) -> None:
+    before, after = backed_up(bench).reads(CHANGES[what])
+    assert len(before + after) <= 60
+    cob_ids = {f"{base + number:04X}:01" for base in (0x1400, 0x1800) for number in range(4)}
+    assert cob_ids <= set(before)
+    assert cob_ids <= set(after), "what another PDO has become is looked at on the wire, after the last write"
+
+
+def test_the_first_change_of_a_device_reads_each_of_its_pdos_once_for_the_backup(bench: Counted) -> None:
+    before, after = bench.reads(CHANGES["COB-ID"])
+    mappings = {f"{base + number:04X}:00" for base in (0x1600, 0x1A00) for number in range(4)}
+    assert mappings <= set(before)
+    assert not twice(before)
+    assert len(after) == 7 + 7
+    assert len(list((bench.folder / "backups").iterdir())) == 1
+
+
+@pytest.mark.parametrize("what", ["event timer", "COB-ID", "mapping"])
+def test_in_a_session_the_others_are_read_whole_once_since_a_store_may_follow(bench: Counted, what: str) -> None:
+    script = bench.folder / "two.dvt"
+    script.write_text(f"{CHANGES[what]}\nset tpdo3 --timer 9\n", "utf-8")
+    backed_up(bench).reads(f"run {script}")
+    counts = Counter(bench.wire.uploads)
+    assert {counts[f"{0x1600 + number:04X}:00"] for number in range(4)} == {1}
+    (alone,) = [name for name in ("1803:05",) if counts[name]]
+    assert counts[alone] == 1
+
+
+def test_what_somebody_else_has_set_since_is_backed_up_before_it_is_overwritten(bench: Counted) -> None:
+    backed_up(bench).reads(CHANGES["event timer"])
+    assert len(list((bench.folder / "backups").iterdir())) == 1, "what it held is remembered: undo puts it back"
+    with bench.wire.at_work:
+        bench.wire.device.download(0x1800, 5, b"\x21\0")
+    before, _ = bench.reads("set tpdo1 --timer 55")
+    assert "1603:00" in before
+    _, newest = sorted((bench.folder / "backups").iterdir())
+    assert "--timer 33" in newest.read_text("utf-8")
+    assert bench.run("undo", "--backup")[0] == 0
+    assert bench.pdos()[Pdo.parse("tpdo1")].communication.event_timer == 33
+
+
+def test_another_device_of_the_same_kind_has_a_backup_of_its_own(bench: Counted) -> None:
+    backed_up(bench)
+    with bench.wire.at_work:
+        bench.wire.device.set_value(0x1018, 4, b"\x44\x33\x22\x11")
+    before, _ = bench.reads(CHANGES["event timer"])
+    assert "1603:00" in before
+    _, newest = sorted((bench.folder / "backups").iterdir())
+    assert "# serial number 0x11223344" in newest.read_text("utf-8").splitlines()
+
+
+@pytest.mark.parametrize("line", ["pdo", "pdo tpdo1", "read 6041 --as u16", "undo", "store"])
+def test_other_commands_read_nothing_twice_either(bench: Counted, line: str) -> None:
+    backed_up(bench)
+    before, after = bench.reads(line)
+    assert not twice(before)
+    assert not twice(after)
