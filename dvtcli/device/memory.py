@@ -38,11 +38,6 @@ class Memory:
             raise SdoAborted(index, sub_index, held.code, node=self.node_id)
         return held
 
-    def upload_anew(self, index: int, sub_index: int) -> bytes:
-        """What the object holds now, which is remembered; raises as the channel does."""
-        self._read.pop((index, sub_index), None)
-        return self.upload(index, sub_index)
-
     def _asked(self, index: int, sub_index: int, timeout_s: float | None, retries: int | None) -> bytes | SdoAborted:
         try:
             return self.channel().upload(index, sub_index, timeout_s=timeout_s, retries=retries)
@@ -57,6 +52,10 @@ class Memory:
     def forget(self) -> None:
         """Everything may be old, but who the node is: that changes with a restart at most."""
         self._read = {place: held for place, held in self._read.items() if place[0] == IDENTITY}
+
+    def forget_one(self, index: int, sub_index: int) -> None:
+        """The object is to be read again."""
+        self._read.pop((index, sub_index), None)
 
     def forget_objects(self, indices: Collection[int]) -> None:
         """The objects at *indices* are to be read again."""

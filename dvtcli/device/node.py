@@ -47,8 +47,8 @@ class Node(Changeable):
 
         Raises as `resolve` where a want comes to nothing on this node, RuleError where a rule forbids it.
         """
-        lengths = untyped_lengths(self, wants.values())
         found = self.claim()
+        lengths = untyped_lengths(self, wants.values())
         now = self.observed(lambda: {pdo: self.pdo(pdo) for pdo in wants})  # what is so already is not looked at again
         wanted = {pdo: resolve(self, pdo, now[pdo], want, lengths) for pdo, want in wants.items()}
         findings: list[Finding] = []

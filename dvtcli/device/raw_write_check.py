@@ -77,7 +77,7 @@ def _entries(node: KnownPdos, pdo: Pdo, write: ParameterWrite) -> tuple[PdoMappi
 def held_value(node: KnownPdos, index: int, sub_index: int) -> bytes | None:
     """What an object holds, so that it can be put back; None where it is write-only."""
     try:
-        return node.upload(index, sub_index)
+        return node.known_value(index, sub_index)
     except SdoAborted as aborted:
         if aborted.code == Abort.WRITE_ONLY:
             return None

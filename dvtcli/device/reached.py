@@ -89,8 +89,13 @@ class Reached:
 
     def upload(self, index: int, sub_index: int) -> bytes:
         """Read one object; an abort for a missing sub-index gets the hint that sub-indices are hexadecimal."""
+        self.memory.forget_one(index, sub_index)
+        return self.known_value(index, sub_index)
+
+    def known_value(self, index: int, sub_index: int) -> bytes:
+        """The same, as it was read since the last thing that could have changed it."""
         try:
-            return self.memory.upload_anew(index, sub_index)
+            return self.memory.upload(index, sub_index)
         except SdoAborted as aborted:
             self.access.explain(aborted)
             aborted.hint = hint_for_missing(aborted, self.dictionary) or aborted.hint

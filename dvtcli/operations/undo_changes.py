@@ -236,7 +236,7 @@ def undo_to_backup(session: Session, rehearse: Rehearse, when: str | None = None
     """
     keeper = _keeper(session)
     node = session.node(keeper.node_id)
-    node.claim()
+    found = node.claim()
     file = _backup_file(keeper, node, when)
     session.tell.note(f"this puts {file} back")
     started = time.monotonic()
@@ -249,7 +249,7 @@ def undo_to_backup(session: Session, rehearse: Rehearse, when: str | None = None
             hint="undo --backup WHEN takes an earlier one",
         )
     changes = way_to({pdo: node.pdo(pdo) for pdo in wish.pdos}, wish.pdos)
-    applied = node.apply(Plan(node.node_id, changes), force=session.options.force)
+    applied = node.apply(Plan(node.node_id, changes), force=session.options.force, found=found)
     return changed(session, node, applied, time.monotonic() - started, undone=True)
 
 

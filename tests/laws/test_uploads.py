@@ -14,6 +14,7 @@ import pytest
 from dvtcli.domain.pdo import Pdo
 from tests.prompt.wire import Wire
 from tests.recovery.test_killed import Bench
+from tests.serve.served import served
 
 CHANGES = {
     "event timer": "set tpdo1 --timer 100",
@@ -25,7 +26,7 @@ CHANGES = {
     "enable": "enable tpdo3",
     "clear": "clear tpdo2",
     "parameter of a PDO": "write 1800:5 100 --as u16",
-    "object": "write 1017 500 --as u16",
+    "object": "write 1017 750 --as u16",
 }
 
 
@@ -143,3 +144,15 @@ def test_other_commands_read_nothing_twice_either(bench: Counted, line: str) -> 
     before, after = bench.reads(line)
     assert not twice(before)
     assert not twice(after)
+
+
+def test_a_pdo_that_was_altered_beside_is_noticed_by_its_cob_id_and_no_more_is_claimed(tmp_path: Path) -> None:
+    with served(tmp_path, "generic@1", "--fault", "alters@3=1801:1:0xC00002B1") as server:
+        assert server.dvtcli("-n", "1", "set", "tpdo4", "--timer", "7").returncode == 0
+        before = server.dvtcli("-n", "1", "pdo", "--all").stdout
+        ran = server.dvtcli("-n", "1", "set", "tpdo1", "--cob-id", "0x1A7")
+        assert ran.returncode == 1
+        assert "took TPDO1, but altered TPDO2 with it" in ran.stderr
+        assert "TPDO2 has its COB-ID again" in ran.stderr
+        assert "what else it held was not read before" in " ".join(ran.stderr.split())
+        assert server.dvtcli("-n", "1", "pdo", "--all").stdout == before

@@ -48,7 +48,7 @@ def _value_changes(
         pdo = Pdo.at(index)
         if pdo is not None and _is_filler(pdos.get(pdo) or node.known_pdo(pdo)):
             continue
-        held = None if before is None else node.memory.upload(index, sub_index)
+        held = None if before is None else node.known_value(index, sub_index)
         if before is not None and held != before:
             yield ValueChange(replace(step, before=held, after=before, reason="put the old value back"))
 
