@@ -10,12 +10,12 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TypeVar
 
 from dvtcli.device.change.cancellation import Cancellation
-from dvtcli.device.memory import Memory
 from dvtcli.device.missing import hint_for_missing
 from dvtcli.device.nmt_gate import Access, Gate
 from dvtcli.device.observe import BusWitness, observed
 from dvtcli.device.quirks.standard_channel import in_standard_order
 from dvtcli.device.read_pdos import IDENTITY, read_optional
+from dvtcli.device.remembered import Memory
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.ports import CanopenBus, SdoTransport
 from dvtcli.domain.profile import GENERIC, DeviceProfile

@@ -14,7 +14,7 @@ from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.mapping import MAX_ENTRIES, PdoMappingEntry
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import MAX_PDO_NUMBER, Direction, Pdo, PdoCommunicationParameter, PdoConfig, is_mpdo
-from dvtcli.domain.ports import SdoTransport
+from dvtcli.domain.ports import SdoReader
 from dvtcli.errors import SdoAborted, SdoProtocolError
 
 #: Answers that mean "this device has no such object": devices choose freely among them.
@@ -30,7 +30,7 @@ IDENTITY = 0x1018
 ALWAYS_PROBED = 4
 
 
-def read_number(sdo: SdoTransport, index: int, sub_index: int, size: int) -> int:
+def read_number(sdo: SdoReader, index: int, sub_index: int, size: int) -> int:
     """Read an unsigned number of *size* bytes; SdoProtocolError where the device sends none or more."""
     data = sdo.upload(index, sub_index)
     if not data or any(data[size:]):
@@ -41,7 +41,7 @@ def read_number(sdo: SdoTransport, index: int, sub_index: int, size: int) -> int
     return int.from_bytes(data[:size], "little")
 
 
-def read_optional(sdo: SdoTransport, index: int, sub_index: int, size: int) -> int | None:
+def read_optional(sdo: SdoReader, index: int, sub_index: int, size: int) -> int | None:
     """Read a number that a device need not have; None where it has none."""
     try:
         return read_number(sdo, index, sub_index, size)
@@ -51,7 +51,7 @@ def read_optional(sdo: SdoTransport, index: int, sub_index: int, size: int) -> i
         raise
 
 
-def read_identity(sdo: SdoTransport, sub_index: int) -> int | None:
+def read_identity(sdo: SdoReader, sub_index: int) -> int | None:
     """Read a part of the identity (0x1018); None where the device refuses it, for whatever reason it gives."""
     try:
         return read_number(sdo, IDENTITY, sub_index, 4)
@@ -67,18 +67,18 @@ def learnt_lengths(
     return {place: bits for place in places if (bits := length_of(*place)) is not None}
 
 
-def service_can_ids(sdo: SdoTransport) -> tuple[int, int | None]:
+def service_can_ids(sdo: SdoReader) -> tuple[int, int | None]:
     """CAN-IDs of SYNC and of the node's EMCY as 0x1005 and 0x1014 say, else the defaults."""
     sync, emcy = read_optional(sdo, 0x1005, 0, 4), read_optional(sdo, 0x1014, 0, 4)
     return 0x080 if sync is None else sync & 0x7FF, None if emcy is None else emcy & 0x7FF
 
 
-def read_cob_id(sdo: SdoTransport, pdo: Pdo) -> CobId:
+def read_cob_id(sdo: SdoReader, pdo: Pdo) -> CobId:
     """Read the COB-ID of *pdo* (sub-index 1 of its communication parameter)."""
     return CobId.from_raw(read_number(sdo, pdo.communication_index, 1, 4))
 
 
-def read_pdo(sdo: SdoTransport, pdo: Pdo, passing: Container[int] = UNREADABLE) -> PdoConfig:
+def read_pdo(sdo: SdoReader, pdo: Pdo, passing: Container[int] = UNREADABLE) -> PdoConfig:
     """Read what *pdo* is set to: communication parameter and active mapping, as far as the device tells it.
 
     Sub-index 4 is never touched; sub-indices 2, 3, 5 and 6 are each optional (CiA 301, 7.5.2.35/37). Entries
@@ -120,7 +120,7 @@ def _entries(told: _Told, pdo: Pdo, count: int) -> Iterator[int | None]:
 class _Told:
     """What a device tells of one PDO: *unread* are the places that it did not, *first* its first refusal of them."""
 
-    sdo: SdoTransport
+    sdo: SdoReader
     passing: Container[int]
     unread: list[tuple[int, int]] = field(default_factory=list)
     first: SdoAborted | None = None
@@ -146,7 +146,7 @@ class _Told:
             return None
 
 
-def present_pdos(sdo: SdoTransport, dictionary: ObjectDictionary | None) -> list[Pdo]:
+def present_pdos(sdo: SdoReader, dictionary: ObjectDictionary | None) -> list[Pdo]:
     """The PDOs the node has, TPDOs first: the EDS's, also half ones, or what the node answers for without an EDS."""
     if dictionary is None:
         return [pdo for direction in (Direction.TPDO, Direction.RPDO) for pdo in _probe(sdo, direction)]
@@ -154,7 +154,7 @@ def present_pdos(sdo: SdoTransport, dictionary: ObjectDictionary | None) -> list
     return sorted(listed, key=lambda pdo: (not pdo.is_tpdo, pdo.number))
 
 
-def _probe(sdo: SdoTransport, direction: Direction) -> Iterator[Pdo]:
+def _probe(sdo: SdoReader, direction: Direction) -> Iterator[Pdo]:
     for number in range(1, MAX_PDO_NUMBER + 1):
         pdo = Pdo(direction, number)
         if exists(sdo, pdo):
@@ -163,6 +163,6 @@ def _probe(sdo: SdoTransport, direction: Direction) -> Iterator[Pdo]:
             return
 
 
-def exists(sdo: SdoTransport, pdo: Pdo) -> bool:
+def exists(sdo: SdoReader, pdo: Pdo) -> bool:
     """Whether the node has *pdo*, by asking for its COB-ID."""
     return read_optional(sdo, pdo.communication_index, 1, 4) is not None

@@ -25,8 +25,8 @@ class Frame:
     timestamp_s: float = 0.0
 
 
-class SdoTransport(Protocol):
-    """Access to one node's object dictionary."""
+class SdoReader(Protocol):
+    """Reading one node's object dictionary."""
 
     def upload(
         self, index: int, sub_index: int, *, timeout_s: float | None = None, retries: int | None = None
@@ -36,6 +36,10 @@ class SdoTransport(Protocol):
         *timeout_s* and *retries* (0..) override the usual ones.
         """
         ...
+
+
+class SdoTransport(SdoReader, Protocol):
+    """Access to one node's object dictionary."""
 
     def download(self, index: int, sub_index: int, data: bytes, *, timeout_s: float | None = None) -> None:
         """Write an object; *timeout_s* overrides the usual time-out (a store takes seconds)."""

@@ -8,8 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from dvtcli.device.memory import Memory
 from dvtcli.device.read_pdos import read_identity
+from dvtcli.device.remembered import Memory
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.ports import CanopenBus
 from dvtcli.domain.profile import DeviceProfile

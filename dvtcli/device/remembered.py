@@ -1,7 +1,7 @@
 """What was read of a node since the last thing that could have changed it, so that nothing is read twice.
 
-It is a way to the node like its SDO channel: an object that was read is answered from memory, also where it was
-refused. It empties itself where the node restarted, an answer was lost, or another SDO client wrote; whoever writes, or
+It is read like the node's SDO channel: an object that was read is answered from memory, also where it was refused. It
+empties itself where the node restarted, an answer was lost, or another SDO client wrote; whoever writes, or
 lets others write, has to empty it. Never for reading back, which is done on the channel itself.
 """
 
@@ -11,7 +11,7 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 
 from dvtcli.device.read_pdos import IDENTITY
-from dvtcli.domain.ports import CanopenBus, SdoTransport
+from dvtcli.domain.ports import CanopenBus, SdoReader
 from dvtcli.errors import SdoAborted
 
 
@@ -21,7 +21,7 @@ class Memory:
 
     bus: CanopenBus
     node_id: int
-    channel: Callable[[], SdoTransport]
+    channel: Callable[[], SdoReader]
     _read: dict[tuple[int, int], bytes | SdoAborted] = field(default_factory=dict)
     #: what had happened to the node when the first of them was read
     _seen: tuple[int, int] = (0, 0)
@@ -43,11 +43,6 @@ class Memory:
             return self.channel().upload(index, sub_index, timeout_s=timeout_s, retries=retries)
         except SdoAborted as aborted:
             return aborted
-
-    def download(self, index: int, sub_index: int, data: bytes, *, timeout_s: float | None = None) -> None:
-        """Write an object: nothing is certain after that."""
-        self.forget()
-        self.channel().download(index, sub_index, data, timeout_s=timeout_s)
 
     def forget(self) -> None:
         """Everything may be old, but who the node is: that changes with a restart at most."""
