@@ -278,7 +278,7 @@ def test_malformed_pdo_mapping_is_unknown() -> None:
 def test_an_unknown_data_type_has_no_length() -> None:
     file = one(0x40, "DefaultValue=1")
     assert (entry(file).data_type, entry(file).bits, entry(file).default) == (None, None, None)
-    assert (lines(file, "unknown-data-type"), lines(file, "bad-value")) == ([4], [6])
+    assert (lines(file, "unknown-data-type"), lines(file, "untyped-value")) == ([4], [6])
 
 
 def test_a_domain_needs_no_data_type() -> None:
@@ -345,8 +345,13 @@ def test_signed_values_written_as_unsigned() -> None:
 
 
 def test_limits_that_exclude_everything_are_ignored() -> None:
-    file = one(3, "LowLimit=0", "HighLimit=0xFFFF")
-    assert (entry(file).low, entry(file).high, lines(file, "limits-crossed")) == (None, None, [7])
+    for limits, rule in (
+        (("LowLimit=0", "HighLimit=0xFFFF"), "limits-wrapped"),
+        (("LowLimit=6", "HighLimit=5"), "limits-crossed"),
+        (("LowLimit=$NODEID+6", "HighLimit=$NODEID+5"), "limits-crossed"),
+    ):
+        file = one(3, *limits)
+        assert (entry(file).low, entry(file).high, lines(file, rule)) == (None, None, [7])
 
 
 def test_a_semicolon_belongs_to_a_text() -> None:

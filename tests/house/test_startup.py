@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
+from dvtcli.simulator.network.family_file import family_eds
 from tests.process import environment
 
 HEAVY = ["can", "canopen", "prompt_toolkit", "ruamel", "dvtcli.cli.commands.map", "dvtcli.simulator", "asyncio"]
@@ -46,6 +49,18 @@ def test_help_imports_nothing_about_nodes(words: str) -> None:
 @pytest.mark.parametrize("words", [["map", "--help"], ["help", "map"], ["nosuch"], ["map", "nonsense"]])
 def test_a_commands_help_and_usage_errors_open_no_bus(words: list[str]) -> None:
     assert not loaded(*words) & {"can", "canopen", "prompt_toolkit", "ruamel"}
+
+
+def test_the_linter_is_imported_by_eds_check_only(tmp_path: Path) -> None:
+    shutil.copy(family_eds("gen4"), tmp_path / "own.eds")
+    for words in (
+        ["--sim", "gen4", "pdo"],
+        ["--sim", str(tmp_path / "own.eds"), "pdo"],
+        ["eds", "show", str(tmp_path / "own.eds")],
+    ):
+        linter = {name for name in loaded(*words) if name.startswith(("dvtcli.domain.lint.", "dvtcli.files.eds.lint."))}
+        assert linter <= {"dvtcli.domain.lint.lint_rule"}
+    assert "dvtcli.files.eds.lint.linter" in loaded("eds", "check", str(tmp_path / "own.eds"))
 
 
 def test_a_command_imports_no_prompt_and_no_other_command() -> None:

@@ -65,6 +65,27 @@ def count_over_entries(device: Described) -> Found:
             yield _count(one), f"{one.pdo.label} maps {one.count} objects; {entries} entries are described"
 
 
+@check("unknown-count", NOTE, "the count of a mapping has no default: what the PDO carries is not known", _MAPPING)
+def unknown_count(device: Described) -> Found:
+    """A tool can only ask the device."""
+    for one in device.pdos:
+        index = one.pdo.mapping_index
+        if one.count is None and device.dictionary.entry(index, 0) is not None:
+            yield Spot(index, 0), f"{one.pdo.label} has a mapping without a count: what it carries is not known"
+
+
+@check("mapped-twice", NOTE, "a TPDO carries the same object twice", _MAPPING)
+def mapped_twice(device: Described) -> Found:
+    """It takes room in every frame. Of RPDOs `double-target` says it."""
+    for one in device.pdos:
+        seen: dict[tuple[int, int], int] = {}
+        for number, entry in enumerate(one.config.mapping if one.pdo.is_tpdo else (), 1):
+            first = seen.setdefault((entry.index, entry.sub_index), number)
+            if first != number:
+                spot = Spot(one.pdo.mapping_index, number, HELD)
+                yield spot, f"{one.pdo.label} carries {entry.object} as entry {first} and {number}"
+
+
 @check("mpdo", NOTE, "a PDO comes up multiplexed (count 0xFE or 0xFF): it is shown and never written", _MAPPING)
 def mpdo(device: Described) -> Found:
     """What it carries stands in its frames."""

@@ -11,6 +11,7 @@ from dvtcli.domain.rules.can_id import restricted_use
 
 #: COB-IDs of services, with what each is for.
 _SERVICES = {0x1005: "SYNC", 0x1012: "TIME", 0x1014: "EMCY"}
+_SYNC, _PERIOD, _COUNTER, _MOST_COUNTED = 0x1005, 0x1006, 0x1019, 240
 #: Sub-indices of 0x1200 with their pre-defined CAN-ID for node 0.
 _SDO = {1: 0x600, 2: 0x580}
 _DRIVE, _INPUTS_AND_OUTPUTS = 402, 401
@@ -30,6 +31,23 @@ def service_can_id(device: Described) -> Found:
         use = None if cob_id.extended or not cob_id.fits_frame else restricted_use(cob_id.can_id)
         if use and not (index == 0x1014 and number >> 31):
             yield Spot(index, 0, HELD), f"{service} has CAN-ID {cob_id}, which CiA 301 restricts: {use}"
+
+
+@check("sync-without-period", WARNING, "the device produces SYNC (0x1005, bit 30) and has no period (0x1006)",
+       "CiA 301, 7.5.2.5 and 7.5.2.6")  # fmt: skip
+def sync_without_period(device: Described) -> Found:
+    """It would never send one."""
+    number = device.number(_SYNC)
+    if number is not None and number >> 30 & 1 and not device.number(_PERIOD):
+        yield Spot(_SYNC, 0, HELD), "produces SYNC (bit 30), and 1006 (period) is missing or 0"
+
+
+@check("sync-counter", WARNING, "0x1019 comes up with 1 or more than 240", "CiA 301, 7.5.2.22")
+def sync_counter(device: Described) -> Found:
+    """Both are reserved."""
+    number = device.number(_COUNTER)
+    if number is not None and (number == 1 or number > _MOST_COUNTED):
+        yield Spot(_COUNTER, 0, HELD), f"is {number}; the SYNC counter overflows at 2..{_MOST_COUNTED}, or is 0"
 
 
 @check("sdo-can-id", WARNING, "the default SDO server has other CAN-IDs than 0x600 and 0x580 plus node-ID",

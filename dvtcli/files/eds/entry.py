@@ -13,7 +13,7 @@ from dvtcli.domain.standard_objects import standard_entry
 from dvtcli.files.eds.findings import Findings
 from dvtcli.files.eds.ini import IniValue, Values
 from dvtcli.files.eds.keys import number_key, quoted, text_key
-from dvtcli.files.eds.numbers import EncodedValue, encode_value, read_limit, without_comment
+from dvtcli.files.eds.numbers import EncodedValue, encode_value, read_limit, read_number, without_comment
 from dvtcli.files.eds.read_rules import (
     ACCESS_TYPE,
     BAD_VALUE,
@@ -22,10 +22,12 @@ from dvtcli.files.eds.read_rules import (
     LIMIT_TYPE,
     LIMIT_WITHOUT_SENSE,
     LIMITS_CROSSED,
+    LIMITS_WRAPPED,
     NO_DATA_TYPE,
     NO_NAME,
     ODD_VALUE,
     UNKNOWN_DATA_TYPE,
+    UNTYPED_VALUE,
 )
 
 _ACCESS = {access.value: access for access in Access}
@@ -93,7 +95,7 @@ def read_value(given: IniValue | None, data_type: DataType | None, findings: Fin
         findings.add(EMPTY_VALUE, given.line, given.key)
         return None
     if data_type is None:
-        findings.add(BAD_VALUE, given.line, f"{quoted(given)} cannot be read: its data type is not known")
+        findings.add(UNTYPED_VALUE, given.line, f"{quoted(given)} cannot be read: its data type is not known")
         return None
     try:
         encoded = encode_value(data_type, given.value)
@@ -168,9 +170,18 @@ def _limits(values: Values, data_type: DataType | None, findings: Findings) -> _
     high, high_relative = _limit(values.get("highlimit"), data_type, findings)
     if low is not None and high is not None and low > high and low_relative == high_relative:
         text = f"{quoted(values['lowlimit'])} and {quoted(values['highlimit'])} mean {low}..{high}: both ignored"
-        findings.add(LIMITS_CROSSED, values["highlimit"].line, text)
+        rule = LIMITS_CROSSED if _crossed_as_written(values["lowlimit"], values["highlimit"]) else LIMITS_WRAPPED
+        findings.add(rule, values["highlimit"].line, text)
         return _Limits()
     return _Limits(low, low_relative, high, high_relative)
+
+
+def _crossed_as_written(low: IniValue, high: IniValue) -> bool:
+    """Whether the limits are the wrong way round before the data type makes negative numbers of them."""
+    try:
+        return read_number(low.value) > read_number(high.value)
+    except ValueError:  # $NODEID or a REAL: no number of those is taken for a negative one
+        return True
 
 
 def _limit(given: IniValue | None, data_type: DataType | None, findings: Findings) -> tuple[int | float | None, bool]:

@@ -25,15 +25,21 @@ NOT_UNDERSTOOD = LintRule("section-not-understood", NOTE, "a section is not the 
 BAD_NUMBER = LintRule("bad-number", WARNING, "a key's value is no number, or outside what the key may have", _LINES)
 LEADING_ZERO = LintRule("leading-zero", WARNING, "a leading 0 makes a number octal: readers differ", _LINES)
 EMPTY_VALUE = LintRule("empty-value", NOTE, "a key is there without a value", _OBJECTS)
-BAD_VALUE = LintRule("bad-value", WARNING, "DefaultValue or ParameterValue is none of the object's data type", _OBJECTS)
+BAD_VALUE = LintRule("bad-value", ERROR, "DefaultValue or ParameterValue is none of the object's data type", _OBJECTS)
+UNTYPED_VALUE = LintRule("untyped-value", WARNING, "a value of an object whose data type is not known", _OBJECTS)
 ODD_VALUE = LintRule("odd-value", NOTE, "a value is written in a way that other readers may not take", _LINES)
 LIMIT_TYPE = LintRule("limit-type", WARNING, "LowLimit or HighLimit is none of the object's data type", _OBJECTS)
-LIMITS_CROSSED = LintRule("limits-crossed", WARNING, "LowLimit is above HighLimit in the object's data type: no value "
-                          "would be allowed", _OBJECTS)  # fmt: skip
+LIMITS_CROSSED = LintRule("limits-crossed", ERROR, "LowLimit is above HighLimit: no value would be allowed", _OBJECTS)
+LIMITS_WRAPPED = LintRule(
+    "limits-wrapped",
+    WARNING,
+    "HighLimit is beyond the object's data type, where it stands for a negative number: below LowLimit",
+    _OBJECTS,
+)
 LIMIT_WITHOUT_SENSE = LintRule("limit-without-sense", NOTE, "a limit of what is no number", _OBJECTS)
 
 # Objects.
-NO_NAME = LintRule("no-name", NOTE, "no ParameterName", _OBJECTS)
+NO_NAME = LintRule("no-name", WARNING, "no ParameterName", _OBJECTS)
 NO_DATA_TYPE = LintRule("no-data-type", WARNING, "no DataType: the length is not known", _OBJECTS)
 IMPLIED_DATA_TYPE = LintRule("implied-data-type", NOTE, "no DataType, but the standard says which", _OBJECTS)
 UNKNOWN_DATA_TYPE = LintRule("unknown-data-type", WARNING, "a data type that CiA 301 does not have",
@@ -61,9 +67,9 @@ DEVICE_IDENTITY = LintRule("device-identity", WARNING, "VendorNumber, ProductNum
                            "0x1018 holds: the device is not recognised by its file", "CiA 306, DeviceInfo")  # fmt: skip
 NODE_ID = LintRule("node-id", WARNING, "NodeID is not within 1..127", "CiA 306, DeviceComissioning")
 NO_NODE_ID = LintRule("no-node-id", NOTE, "NodeID=255: the node is not configured", "CiA 305")
-LIST_COUNT = LintRule("list-count", NOTE, "SupportedObjects is not the number of objects in the list",
+LIST_COUNT = LintRule("list-count", WARNING, "SupportedObjects is not the number of objects in the list",
                       "CiA 306, 4.6.2")  # fmt: skip
-NOT_LISTED = LintRule("not-listed", NOTE, "an object is in no list: tools that follow the lists drop it",
+NOT_LISTED = LintRule("not-listed", WARNING, "an object is in no list: tools that follow the lists drop it",
                       "CiA 306, 4.6.2")  # fmt: skip
 LISTED_TWICE = LintRule("listed-twice", NOTE, "an object is listed twice", "CiA 306, 4.6.2")
 NO_SECTION = LintRule("no-section", ERROR, "an object is listed and not described", "CiA 306, 4.6.2")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dvtcli.domain.datatypes import DATA_TYPES
+from dvtcli.domain.lint.default_pdos import default_pdos
 from dvtcli.domain.lint.lint_rule import NOTE, WARNING, check
 from dvtcli.domain.mapping import DUMMY_BITS, MAX_PDO_BITS
 from dvtcli.domain.pdo import Pdo
@@ -67,6 +68,26 @@ def flag_value(text: LintedText) -> Found:
 
 
 _ZERO_OR_ONE = ("0", "1", "0x0", "0x1", "0x00", "0x01")
+
+
+@check("lss-identity", NOTE, "LSS_Supported=1, and 0x1018 has not all four parts", "CiA 305, LSS address")
+def lss_identity(text: LintedText) -> Found:
+    """A node is chosen by vendor-ID, product code, revision and serial number."""
+    value, dictionary = given(text.values("deviceinfo"), "lss_supported"), text.file.dictionary
+    missing = [f"{sub:02X}" for sub in range(1, 5) if dictionary.entry(0x1018, sub) is None]
+    if value is not None and value.value == "1" and 0x1018 in dictionary and missing:
+        yield value.line, f"{quoted(value)}, but 1018 has no sub-index {', '.join(missing)}: LSS chooses a node by it"
+
+
+@check(
+    "group-messaging", NOTE, "GroupMessaging=0, and a PDO comes up multiplexed", "CiA 306, DeviceInfo: GroupMessaging"
+)
+def group_messaging(text: LintedText) -> Found:
+    """Multiplexed PDOs are what it is about."""
+    value, dictionary = given(text.values("deviceinfo"), "groupmessaging"), text.file.dictionary
+    if value is not None and value.value == "0":
+        multiplexed = [one for one in default_pdos(dictionary, 1) if one.config.mpdo is not None]
+        yield from ((value.line, f"{quoted(value)}, but {one.pdo.label} is multiplexed") for one in multiplexed[:1])
 
 
 @check("granularity-value", WARNING, "Granularity is above 64 bits", "CiA 306, DeviceInfo: Granularity")

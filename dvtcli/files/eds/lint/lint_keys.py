@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Iterator
 from difflib import get_close_matches
 
@@ -24,6 +25,12 @@ _KEYS = {
     "devicecomissioning": ("NodeID", "NodeName", "NodeRefd", "Baudrate", "NetNumber", "NetworkName", "NetRefd",
                            "CANopenManager", "LSS_SerialNumber"),
 }  # fmt: skip
+_SECTIONS = {
+    name.lower(): name
+    for name in ("FileInfo", "DeviceInfo", "DummyUsage", "Comments", "DeviceComissioning", "MandatoryObjects",
+                 "OptionalObjects", "ManufacturerObjects")
+}  # fmt: skip
+_NEARLY_OBJECT = re.compile(r"(0x)?[0-9a-f]{3,5}h?((sub|s)[0-9a-z]*|_[0-9a-z]+|:[0-9a-z]+)?")
 #: The keys that only an entry has: an object with sub-indices has them in those.
 _OF_ENTRIES = ("datatype", "accesstype", "defaultvalue", "lowlimit", "highlimit", "pdomapping", "parametervalue")
 #: So many misspelt keys are looked up; in a file with more the others are only unknown.
@@ -45,6 +52,32 @@ def unknown_key(text: LintedText) -> Found:
     for value, near in _unknown(text):
         if not near:
             yield value.line, f"{value.key} is not known"
+
+
+@check(
+    "misspelt-section", WARNING, "a section that is nearly one of the standard's: it is not read", "CiA 306, 4.4 to 4.8"
+)
+def misspelt_section(text: LintedText) -> Found:
+    """What it should say is missing."""
+    for section in text.file.layout.stray[:_MOST_LOOKED_UP]:
+        name = section.name.replace(" ", "").lower()
+        near = get_close_matches(name, _SECTIONS, 1, 0.8) if len(name) <= _LONGEST else []
+        if near:
+            yield section.line, f"[{section.name}] is not known; is [{_SECTIONS[near[0]]}] meant?"
+        elif _NEARLY_OBJECT.fullmatch(name):
+            yield section.line, f"[{section.name}] is no object; one is [XXXX] or [XXXXsubYY] in hexadecimal"
+
+
+@check("no-sub-number", NOTE, "an object with sub-indices has no SubNumber", "CiA 306, 4.6.3: SubNumber")
+def no_sub_number(text: LintedText) -> Found:
+    """Readers that count by it find none."""
+    for one in text.objects:
+        if (
+            one.sub_index is None
+            and one.index in text.of_many
+            and not one.values.keys() & {"subnumber", "compactsubobj"}
+        ):
+            yield one.section.line, "no SubNumber, but sub-indices"
 
 
 @check("key-without-effect", NOTE, "an object with sub-indices has keys that only those have", "CiA 306, 4.6.3")
