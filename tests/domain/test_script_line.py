@@ -47,8 +47,8 @@ def test_a_backup_leaves_off_what_no_pdo_may_be_and_alone_what_is_inconsistent()
         "disable tpdo1",
         "map tpdo1 6041:00/16 --cob-id 0x180 --rtr --off",
         "# tpdo1 was enabled with CAN-ID 0x180, which no PDO may have: it stays off",
-        "# tpdo2 is inconsistent (its count is 9, but 0x1A01:02 cannot be read): 6041:00/16 --cob-id 0x281 --rtr and is "
-        "left alone",
+        "# tpdo2 is inconsistent (its count is 9, but 0x1A01:02 cannot be read): 6041:00/16 --cob-id 0x281 --rtr and "
+        "is left alone",
     ]
     (kept,) = backup_lines({}, {Pdo.parse("tpdo1"): config(0x2000_0180, 0x60410010)})[2:]
     assert kept == "map tpdo1 6041:00/16 --cob-id 0x180 --extended --rtr"
