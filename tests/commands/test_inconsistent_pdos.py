@@ -131,3 +131,34 @@ def test_a_mapping_without_its_communication_parameter() -> None:
         assert one.run("clear tpdo2").code == 0
         assert row(one.run("pdo --all --json"), "tpdo2")["mapping"] == []
         assert one.run("map tpdo1 6000:3").code == 0, "the others are compared without it"
+
+
+def test_a_file_with_half_a_pdo_wishes_that_half_only() -> None:
+    whole, half = plain(), plain()
+    del half.objects[0x1800]
+    half.record(0x1A01, "Mapping 2", mapping(1, [FIRST, 0, 0, 0]))
+    del half.objects[0x1801]
+    path = Path("half.dcf").resolve()
+    path.write_text(half.text())
+    with bench(whole) as one:
+        ran = one.run(f"verify '{path}'")
+        assert ran.code == 3
+        assert ran.stdout.splitlines()[0].strip() == "TPDO2  0x1A01 maps nothing, expected 6000:01/8"
+        assert "1 of 4 PDOs differs" in ran.stdout
+        assert one.run("map tpdo2 6000:1 --off").code == 0
+        assert one.run(f"verify '{path}'").code == 0
+
+
+def test_what_was_set_and_is_no_longer_there_differs() -> None:
+    with bench(count_above(cob_id=0x80000181)) as one:
+        assert one.run("map tpdo1 6000:1 --off").code == 0
+        assert one.run("write 1A00:0 9 --force").code == 1, "the device refuses it"
+        assert one.run("verify tpdo1").code == 0
+
+
+@pytest.mark.parametrize("line", ["map tpdo1 6000:1", "clear tpdo1", "disable tpdo1", "enable tpdo1"])
+def test_a_dry_run_says_the_same(line: str) -> None:
+    with bench(count_above()) as one:
+        tried, done = one.run(f"{line} --dry-run"), one.run(line)
+        assert tried.code == done.code
+        assert ("way-back" in tried.stderr) is ("way-back" in done.stderr)
