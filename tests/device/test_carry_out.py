@@ -10,6 +10,7 @@ import pytest
 
 from dvtcli.device.change.carry_out import carry_out
 from dvtcli.device.change.pending import CHANGE
+from dvtcli.device.change.progress import Progress
 from dvtcli.device.change.safekeeping import JournalKept, Keeper
 from dvtcli.device.change.transaction import BRING_BACK
 from dvtcli.device.node import Node
@@ -17,6 +18,7 @@ from dvtcli.device.observe import Found
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Plan, Step, ValueChange
+from dvtcli.domain.profile import StepKind
 from dvtcli.domain.request import PdoRequest
 from dvtcli.domain.rules.finding import warning
 from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, NoAnswer, SafetyRefusal
@@ -278,4 +280,36 @@ def test_after_what_a_family_never_stores_is_a_suspicion(tmp_path: Path) -> None
     bench.fault("refuses")
     bench.failed()
     assert bench.node.pending.suspicions == {CHANGE: "the device answered 0x08000021 to a change"}
+    bench.keeper.lock.release()
+
+
+def test_each_step_that_was_taken_is_told_with_its_number(bench: Bench) -> None:
+    told: list[Progress] = []
+    bench.node.on_step = told.append
+    step = Step(0x1006, 0, bench.device.upload(0x1006, 0), bytes.fromhex("204E0000"), "SYNC every 20 ms")
+    carry_out(bench.node, Plan(NODE, (*bench.plan().changes, ValueChange(step))))
+    assert [(one.node, one.done, one.total) for one in told] == [(NODE, 1, 2), (NODE, 2, 2)]
+    assert told[1].step is step
+
+
+@pytest.mark.parametrize(("sub_index", "hint"), [(0, "of the count"), (1, "of an entry"), (0x10, "of an entry")])
+def test_a_refusal_is_told_with_what_the_family_knows_of_it(bench: Bench, sub_index: int, hint: str) -> None:
+    texts = {StepKind.COUNT: {0x0800_0021: "of the count"}, StepKind.ENTRY: {0x0800_0021: "of an entry"}}
+    bench.node.profile = replace(bench.node.profile, hints=texts)
+    bench.fault("refuses")
+    with pytest.raises(DeviceRefused) as caught:
+        carry_out(bench.node, Plan(NODE, (ValueChange(Step(0x1A00, sub_index, None, b"\0", "write")),)))
+    assert caught.value.hint == hint
+
+
+def test_a_failure_that_names_no_object_stays_as_it_is(tmp_path: Path) -> None:
+    bench = Bench(tmp_path, "gen4")
+
+    def nobody(_question: str) -> None:
+        raise SafetyRefusal("nobody to ask", hint="--yes")
+
+    bench.node.consent = nobody
+    error = bench.failed(bench.found())
+    assert (error.text, error.place, error.hint) == ("nobody to ask", None, "--yes")
+    assert bench.channel.writes == []
     bench.keeper.lock.release()

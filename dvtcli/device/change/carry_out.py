@@ -133,7 +133,7 @@ def left_open(node: Changeable, left: LeftChanged) -> None:
         left.hint = f"{first} finishes it, from {left.place}"
 
 
-def _end(node: Changeable, plan: Plan, back: Callable[[], bool], *, keep_journal: bool) -> None:
+def _end(node: Changeable, plan: Plan, back: Callable[[], None], *, keep_journal: bool) -> None:
     """The change is complete: bring the node *back* to its NMT state, and forget the journal."""
     try:
         back()
@@ -172,13 +172,14 @@ def _close(node: Changeable, error: BaseException | None = None) -> None:
 def _settle_after(node: Changeable, error: BaseException, found: Found) -> None:
     """The device is as it was: forget the journal; what cannot be put right of its NMT state is added to *error*."""
     try:
-        rebooted = _return(node, found)
+        _return(node, found)
+        unseen = found.state is None and _rebooted(node, found)
     except DvtcliError as failed:
         _add(error, f"{failed.text}: {failed.why or failed.hint}")
     except KeyboardInterrupt:
         _add(error, f"stopped once more: look at the NMT state of node {node.node_id}")
     else:
-        if rebooted and found.state is None:
+        if unseen:
             _add(error, f"node {node.node_id} restarted; its NMT state before is not known: look at it")
     _close(node, error)
 
@@ -240,16 +241,18 @@ def _hint(node: Changeable, error: DvtcliError) -> str | None:
     return node.profile.hint(int(index, 16), int(sub_index, 16), error.abort)
 
 
-def _return(node: Changeable, found: Found) -> bool:
-    """Undo what a reboot did to the NMT state, which inside an open gate is left to the gate's end; whether it did.
+def _rebooted(node: Changeable, found: Found) -> bool:
+    return node.bus.boot_ups(node.node_id) != found.boot_ups
+
+
+def _return(node: Changeable, found: Found) -> None:
+    """Undo what a reboot did to the NMT state, which inside an open gate is left to the gate's end.
 
     A node that restarts without a boot-up message leaves an upload without an answer, and tells another NMT state.
     """
-    rebooted = node.bus.boot_ups(node.node_id) != found.boot_ups
     if found.state is not NmtState.OPERATIONAL or node.gate.entered:
-        return rebooted
+        return
+    rebooted = _rebooted(node, found)
     unsure = not rebooted and node.bus.upsets(node.node_id) != found.upsets
     if rebooted or (unsure and node.access.state(HEARTBEAT_S) is NmtState.PRE_OPERATIONAL):
         node.access.insist(NmtState.OPERATIONAL)
-        return True
-    return False
