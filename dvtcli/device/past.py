@@ -169,7 +169,7 @@ class Past:
     def _write(self, path: Path, entries: list[Recorded]) -> None:
         documents = [_document(one) for one in entries]
         text = json.dumps({"schema": SCHEMA, "changes": documents})
-        while len(text) > MOST_BYTES and len(documents) > 1:  # what could not be read back is not written either
+        while len(text) > MOST_BYTES:  # what could not be read back is not written either
             documents = documents[(len(documents) + 1) // 2 :]
             text = json.dumps({"schema": SCHEMA, "changes": documents})
         write_private(path, text)

@@ -150,6 +150,7 @@ def test_a_file_of_the_largest_size_is_read_and_one_above_is_not(tmp_path: Path)
         ((200_000, 200_000, 200_000, 200_000, 200_000), [4, 5]),
         ((200_000, 200_000, 200_000, 450_000), [3, 4]),
         ((600_000, 600_000), [2]),
+        ((200_000, MOST_BYTES // 4), []),  # it alone is too large
     ],
 )
 def test_what_would_be_too_large_to_be_read_loses_its_older_half(

@@ -1,0 +1,256 @@
+"""The journals of changes that stand or fall together, on one node and on several: when they count and when they go."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from dvtcli.device.change.journal import Journal, read_journal
+from dvtcli.device.change.plan_document import Identity
+from dvtcli.device.change.safekeeping import JournalKept, Keeper, let_go
+from dvtcli.device.change.whole import Whole
+from dvtcli.device.past import Past
+from dvtcli.domain.plan import Plan, Step, ValueChange
+from dvtcli.errors import SafetyRefusal
+
+IDENTITY: Identity = {"vendor": 1, "product": 2, "revision": 3, "serial": 4}
+Keep = Callable[..., Keeper]
+
+
+def plan(node_id: int, index: int) -> Plan:
+    return Plan(node_id, (ValueChange(Step(index, 0, b"\0\0", b"\1\0", "write")),))
+
+
+@pytest.fixture
+def keep(tmp_path: Path) -> Iterator[Keep]:
+    """Keepers of nodes that share one whole, which has begun; what they hold is let go at the end."""
+    kept: list[Keeper] = []
+    whole = Whole()
+    whole.begin("set-up.dvt")
+
+    def make(node_id: int = 5, name: str = "state", whole: Whole = whole) -> Keeper:
+        keeper = Keeper(tmp_path / name, tmp_path / "locks", "can0", node_id, whole=whole)
+        kept.append(keeper)
+        return keeper
+
+    yield make
+    for keeper in kept:
+        let_go(keeper)
+
+
+def make(keeper: Keeper, index: int, nmt_state: int | None = 5) -> None:
+    """Begin a change, carry it out, and end it."""
+    one = plan(keeper.node_id, index)
+    keeper.begin(one, IDENTITY, nmt_state, dict)
+    keeper.carried_out()
+    keeper.remember(one)
+    keeper.end()
+
+
+def journal(keeper: Keeper) -> Journal:
+    return read_journal(keeper.journals.path(keeper.node_id))
+
+
+def indices(keeper: Keeper) -> list[int]:
+    """What the journal has to put back."""
+    return [step.index for step in journal(keeper).plan.steps]
+
+
+def markers(keeper: Keeper) -> int:
+    return len(list(keeper.journals.folder.glob("*.whole")))
+
+
+def test_the_journal_of_a_whole_grows_with_each_change_and_counts_to_its_end(keep: Keep) -> None:
+    one = keep()
+    assert one.refuse_while_open()
+    make(one, 0x2000)
+    make(one, 0x2001, 127)
+    held = journal(one)
+    assert indices(one) == [0x2000, 0x2001]
+    assert (held.nmt_state, held.part.whole, held.part.name) == (5, one.whole.id, "set-up.dvt")
+    assert len(set(held.part.entries)) == 2
+    assert markers(one) == 1
+    assert not one.refuse_while_open(), "its own journal does not stand in its way, and it has the lock"
+    one.complete_whole()
+    assert (one.open_journal(), one.lock.noted(), markers(one)) == (None, None, 0)
+    assert not one.journals.path(5).exists()
+
+
+def test_a_change_that_is_undone_leaves_what_was_made_before_it(keep: Keep) -> None:
+    one = keep()
+    make(one, 0x2000)
+    one.begin(plan(5, 0x2001), IDENTITY, 5, dict)
+    assert indices(one) == [0x2000, 0x2001]
+    with pytest.raises(SafetyRefusal, match="not finished yet") as caught:
+        one.refuse_while_open()  # while it is in hand, nobody knows what the device holds
+    assert caught.value.hint == f"recover puts the old configuration back, from {one.journals.path(5)}"
+    one.end()
+    assert not one.refuse_while_open()
+    one.note(plan(5, 0x2002))
+    assert indices(one) == [0x2000, 0x2002]
+    one.end()
+    make(one, 0x2003)
+    assert indices(one) == [0x2000, 0x2003]
+
+
+def test_a_whole_of_several_nodes_ends_on_all_of_them_at_one_stroke(keep: Keep) -> None:
+    one, other = keep(5), keep(7)
+    make(one, 0x2000)
+    make(other, 0x2000)
+    assert [found.plan.node_id for found in one.journals.all_of(str(one.whole.id))] == [5, 7]
+    one.complete_whole()
+    assert other.journals.path(7).exists()
+    assert other.open_journal() is None, "it is there, and counts no longer"
+    other.complete_whole()
+    assert not other.journals.path(7).exists()
+
+
+def test_the_last_node_that_is_put_back_takes_the_marker_along(keep: Keep) -> None:
+    one, other = keep(5), keep(7)
+    make(one, 0x2000)
+    make(other, 0x2000)
+    one.end_whole()
+    assert (markers(one), one.open_journal(), other.open_journal()) == (1, None, other.journals.path(7))
+    one.abandon_whole()
+    assert markers(one) == 1, "the other node waits for it"
+    other.end_whole()
+    assert (markers(one), other.open_journal()) == (0, None)
+
+
+def test_while_a_change_is_in_hand_the_whole_is_not_over(keep: Keep) -> None:
+    one = keep()
+    make(one, 0x2000)
+    one.begin(plan(5, 0x2001), IDENTITY, 5, dict)
+    one.end_whole()
+    assert indices(one) == [0x2000, 0x2001]
+
+
+def test_a_whole_that_changed_nothing_leaves_nothing(keep: Keep) -> None:
+    one = keep()
+    one.complete_whole()
+    assert one.open_journal() is None
+    one.begin(plan(5, 0x2000), IDENTITY, 5, dict)
+    assert markers(one) == 1
+    one.end()
+    assert not one.journals.path(5).exists()
+    one.abandon_whole()
+    assert markers(one) == 0
+
+
+def test_a_line_that_no_undo_reverts_is_on_disk_before_it_begins(keep: Keep) -> None:
+    one = keep()
+    one.final("store")
+    assert one.open_journal() is None, "nothing was changed: nothing to put back"
+    make(one, 0x2000)
+    one.final("store")
+    assert journal(one).part.final == "store"
+    one.final("")
+    make(one, 0x2001)
+    assert journal(one).part.final == ""
+
+
+def test_a_journal_of_another_whole_stands_in_the_way(keep: Keep) -> None:
+    one = keep()
+    make(one, 0x2000)
+    one.whole.begin("another.dvt")
+    with pytest.raises(SafetyRefusal, match="not finished yet"):
+        one.refuse_while_open()
+
+
+def test_a_damaged_journal_says_what_closes_it(keep: Keep) -> None:
+    one = keep()
+    make(one, 0x2000)
+    path = one.journals.path(5)
+    path.write_text("{", "utf-8")
+    one.whole.begin("another.dvt")
+    with pytest.raises(SafetyRefusal) as caught:
+        one.refuse_while_open()
+    assert (
+        caught.value.hint
+        == f"the journal is damaged: recover --discard sets {path} aside, then look at the node with `pdo`"
+    )
+
+
+def test_what_is_recovered_is_forgotten_and_so_is_what_undo_knew_of_it(keep: Keep, tmp_path: Path) -> None:
+    one = keep()
+    make(one, 0x2000)
+    make(one, 0x2001)
+    past = Past(tmp_path / "changes", "can0")
+    assert len(past.entries(5, IDENTITY)) == 2
+    one.forget(journal(one))
+    assert past.entries(5, IDENTITY) == []
+    assert (one.open_journal(), one.lock.noted(), markers(one)) == (None, None, 0)
+    make(one, 0x2002)
+    assert indices(one) == [0x2002], "what was put back is no part of what comes after it"
+
+
+def test_a_journal_that_was_kept_elsewhere_is_forgotten_there(keep: Keep) -> None:
+    one = keep()
+    make(one, 0x2000)
+    let_go(one)
+    second = keep(name="elsewhere")
+    found = second.interrupted()
+    assert found is not None
+    second.hold()
+    second.forget(found)
+    assert (one.open_journal(), second.open_journal(), markers(one)) == (None, None, 0)
+
+
+def test_what_is_set_aside_blocks_nothing_and_is_kept(keep: Keep) -> None:
+    one = keep()
+    make(one, 0x2000)
+    aside = one.set_aside(one.journals.path(5), "discarded")
+    assert json.loads(aside.read_text("utf-8"))["node"] == 5
+    assert (one.open_journal(), one.lock.noted(), one.lock.held) == (None, None, True)
+
+
+def test_the_lock_is_kept_only_where_there_is_a_journal(keep: Keep) -> None:
+    one = keep()
+    assert (one.held_journal(), one.lock.held) == (None, False)
+    one.hold()
+    assert (one.held_journal(), one.lock.held) == (None, True), "whoever held it before holds it still"
+    make(one, 0x2000)
+    let_go(one)
+    let_go(None)
+    assert not one.lock.held
+    assert (one.held_journal(), one.lock.held) == (one.journals.path(5), True)
+
+
+def test_a_change_alone_is_over_with_its_end(keep: Keep) -> None:
+    one = keep(whole=Whole())
+    make(one, 0x2000)
+    assert (one.open_journal(), one.lock.noted(), markers(one)) == (None, None, 0)
+    one.begin(plan(5, 0x2001), IDENTITY, 5, dict)
+    assert indices(one) == [0x2001]
+    one.end()
+    one.complete_whole()
+    assert one.open_journal() is None
+
+
+def test_a_folder_that_takes_nothing_is_the_users_to_mend(keep: Keep, tmp_path: Path) -> None:
+    one = keep()
+    (tmp_path / "state").write_text("in the way", "utf-8")
+    with pytest.raises(SafetyRefusal) as caught:
+        one.begin(plan(5, 0x2000), IDENTITY, 5, dict)
+    assert caught.value.text == "the journal of node 5 cannot be kept: File exists"
+    assert str(tmp_path / "state") in (caught.value.place or "")
+    (tmp_path / "state").unlink()
+    make(one, 0x2001)
+    assert indices(one) == [0x2001], "what was never begun is not put back"
+
+
+def test_a_journal_that_cannot_be_removed_is_said_with_what_holds(keep: Keep, tmp_path: Path) -> None:
+    one = keep()
+    make(one, 0x2000)
+    path = one.journals.path(5)
+    path.unlink()
+    path.mkdir()
+    with pytest.raises(JournalKept) as caught:
+        one.end_whole()
+    assert (caught.value.place, caught.value.state) == (str(path), "left_changed")
+    assert caught.value.why in ("Is a directory", "Operation not permitted")
+    assert "set and read back equal" in (caught.value.state_text or "")
+    path.rmdir()
