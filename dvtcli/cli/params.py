@@ -140,7 +140,7 @@ def _known_pdos(session: Conversation, node_id: int | None) -> list[tuple[str, s
     from dvtcli.domain.pdo import transmission_type_text
 
     def text(pdo: Pdo) -> str:
-        config = node.last_read.get(pdo)
+        config = node.last_seen.get(pdo)
         if config is None:
             return ""
         kind = config.communication.transmission_type

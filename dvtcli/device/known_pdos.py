@@ -34,6 +34,7 @@ class KnownPdos(Reached):
     #: the other nodes that this session knows
     neighbours: Callable[[], Iterable[KnownPdos]] = tuple
     _pdos: dict[Pdo, PdoConfig] = field(default_factory=dict, init=False)
+    _shown: dict[Pdo, PdoConfig] = field(default_factory=dict, init=False)
     _present: list[Pdo] | None = field(default=None, init=False)
 
     def present(self) -> list[Pdo]:
@@ -54,6 +55,7 @@ class KnownPdos(Reached):
         """The same, with what of it was read since the last thing that could have changed it."""
         boot_ups = self.bus.boot_ups(self.node_id)
         self._pdos = self.observed(self._read_pdos)
+        self._shown = dict(self._pdos)
         if self.bus.boot_ups(self.node_id) == boot_ups:
             self.came_up.read(boot_ups, self._pdos)
         return self._pdos
@@ -80,7 +82,7 @@ class KnownPdos(Reached):
             config = self.observed(lambda: read_pdo(self.memory, pdo))
         except SdoAborted as aborted:
             raise no_pdo(self.node_id, pdo, self.present(), aborted) from aborted
-        self._pdos[pdo] = config
+        self._pdos[pdo] = self._shown[pdo] = config
         return config
 
     def known_cob_ids(self) -> Mapping[Pdo, CobId]:
@@ -92,9 +94,14 @@ class KnownPdos(Reached):
         """What was last read of the PDOs; reads nothing."""
         return self._pdos
 
+    @property
+    def last_seen(self) -> Mapping[Pdo, PdoConfig]:
+        """What was last read or set of the PDOs, however long ago: to be shown, not to be built upon; reads nothing."""
+        return self._shown
+
     def present_known(self) -> list[Pdo]:
         """The PDOs that are known without asking the node: those of the EDS, or those that were read."""
-        return self._present or list(self._pdos)
+        return self._present or list(self._shown)
 
     def tpdos_known(self) -> list[PdoConfig]:
         """The TPDOs as this session set or last read them; reads nothing."""
@@ -109,6 +116,11 @@ class KnownPdos(Reached):
         """What was read may be old: the next question is asked of the node."""
         self._pdos.clear()
         self.memory.forget()
+
+    def is_unknown_now(self) -> None:
+        """It holds something else now, and nobody knows what: nothing is shown of it until it is read."""
+        self.read_anew()
+        self._shown.clear()
 
     def forget(self) -> None:
         """Drop what was read: the device was written, or may hold something else now."""

@@ -140,7 +140,7 @@ class Node(Changeable):
 
         Returns the labels of what is lost.
         """
-        self.read_anew()
+        self.is_unknown_now()
         self.expected.clear()
         self.pending.lost_until = len(self.history)
         return self.pending.was_reset(COMMUNICATION if communication else EVERYTHING, self.bus.boot_ups(self.node_id))
@@ -159,7 +159,7 @@ class Node(Changeable):
         """So many boot-ups were seen by now: what the last ones took is to be said."""
         lost = self.pending.rebooted(boot_ups)
         if lost:
-            self.read_anew()
+            self.is_unknown_now()
             self.pending.lost_until = len(self.history)
             self._unsaid += lost
 
@@ -218,7 +218,7 @@ class Node(Changeable):
         for change in changes:
             self.expected.changed(change)
             if isinstance(change, PdoChange):
-                self.wanted[change.pdo] = change.after
+                self.wanted[change.pdo] = self._shown[change.pdo] = change.after
             elif self._is_kept(change.step):
                 self.wanted_values[change.step.index, change.step.sub_index] = change.step.after
             if any(self.saves((step.index, step.sub_index)) for step in change.steps):

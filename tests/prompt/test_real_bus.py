@@ -56,6 +56,18 @@ def test_control_c_in_the_middle_of_a_change_rolls_it_back(wire: Wire, terminal:
     terminal.wait_prompt(prompt(wire, "PRE-OP*> "))
 
 
+def test_a_prompt_reads_no_pdo_and_the_menu_says_what_commands_have_read(wire: Wire, terminal: Terminal) -> None:
+    terminal.run("set tpdo1 --timer 70")
+    terminal.wait("TPDO1 set")
+    terminal.wait_prompt(prompt(wire, "PRE-OP*> "))
+    wire.uploads.clear()
+    terminal.run("help")
+    terminal.wait_prompt(prompt(wire, "PRE-OP*> "))
+    terminal.type("pdo tpdo")
+    terminal.wait("bits free")
+    assert set(wire.uploads) == {"5110:00"}, "the family's own NMT state, once before each prompt"
+
+
 def test_control_c_stops_a_command_and_not_the_prompt(wire: Wire, terminal: Terminal) -> None:
     terminal.run("sync --period 20 --count 100000")
     terminal.until(lambda: wire.syncs >= 2, "SYNC on the bus")

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from dvtcli.device.node import Node
 
 _STATE_STYLES = {NmtState.OPERATIONAL: "class:good", NmtState.PRE_OPERATIONAL: "class:careful"}
-#: PDOs that are read before a prompt is shown, so that the menu can say what they are set to.
+#: PDOs of a simulated node that are read before a prompt is shown, so that the menu can say what they are set to.
 MOST_PDOS_READ = 32
 #: A load (0..1) above which messages of low priority wait long.
 HIGH_LOAD = 0.7
@@ -40,13 +40,19 @@ class Status:
         self._told: NmtState | None = None
 
     def refresh(self, *, ask: bool) -> None:
-        """Look at the node before a prompt is shown; with *ask* it may be asked, since it answered just now."""
+        """Look at the node before a prompt is shown; with *ask* it may be asked, since it answered just now.
+
+        On a real bus that is the state object of a family that has one, no more: whoever typed a line waits for the
+        next prompt. There the menu says what commands have read.
+        """
         self._told = None
         node = self._node()
         if node is None or not ask:
             return
         try:
             self._told = node.access.state()
+            if not self._session.wire.simulated:
+                return
             present = node.present_known()
             if len(present) <= MOST_PDOS_READ and not node.last_read.keys() >= set(present):
                 node.known_pdos()

@@ -126,6 +126,7 @@ def _own(plan: Plan) -> Iterator[Pdo]:
 def left_open(node: Changeable, left: LeftChanged) -> None:
     """A roll-back failed: nothing may be stored, and *left* says how to finish."""
     node.pending.suspicions[CHANGE] = left.text
+    node.is_unknown_now()
     if node.keeper is not None:
         left.place = str(node.keeper.journals.path(node.node_id))
         found = next((first for first in (BRING_BACK, BUS_BACK) if (left.hint or "").startswith(first)), None)
