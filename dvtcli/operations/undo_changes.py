@@ -260,6 +260,6 @@ def _backup_file(keeper: Keeper, node: Node, when: str | None) -> str:
     if fitting:
         return str(fitting[-1].path)
     text = f"no backup of node {node.node_id} was made at {when}" if found else f"no backup of node {node.node_id}"
-    error = UsageError(text, node=node.node_id, hint="a backup is made before a process's first change of a node")
+    error = UsageError(text, node=node.node_id, hint="a backup is made before dvtcli's first change of a device")
     error.details += [("backup", f"{one.stamp}  {one.path}") for one in found]
     raise error
