@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from dvtcli.cli.view.streams import ReaderLeft, is_abandoned, silence
-from dvtcli.device.change.cancellation import INTERRUPTED
-from dvtcli.domain.several import several
+from dvtcli.device.cancellation import INTERRUPTED
 from dvtcli.errors import DvtcliError, State, UsageError
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
 
 BUG = 70
+#: What `exit` answers, so that whoever reads lines stops; never an exit code of the process.
+LEAVE = -1
 #: The variable by which a shell asks for completion.
 COMPLETING = "_DVTCLI_COMPLETE"
 #: What a signal ends with: SIGHUP, SIGINT, SIGTERM.
@@ -57,9 +57,11 @@ def guarded(session: Conversation, run: Callable[[], Any]) -> int:
 
 def _ended(session: Conversation, raised: BaseException) -> int:
     """The exit code of what was *raised*, which is shown."""
+    if isinstance(raised, click.exceptions.Exit):
+        return raised.exit_code
+    from dvtcli.cli.view.streams import ReaderLeft, silence
+
     match raised:
-        case click.exceptions.Exit():
-            return raised.exit_code
         case DvtcliError():
             return _shown(session, raised)
         case click.ClickException():
@@ -89,6 +91,8 @@ def _shown(session: Conversation, error: DvtcliError) -> int:
 
 def _stopped(session: Conversation) -> int:
     """Say that a signal ended it, and what a script leaves changed."""
+    from dvtcli.domain.several import several
+
     code, staying = session.cancellation.exit_code, session.staying()
     left = f": what {several(staying)} changed stays" if staying else ""
     session.output.lines([("interrupted" if code == INTERRUPTED else "terminated") + left])
@@ -99,6 +103,8 @@ def _only_the_reader_left(raised: BrokenPipeError | SystemExit) -> bool:
     """Whether nothing but a pipe on stdout ended it, or click, which ends completion so; else it was a driver."""
     if isinstance(raised, SystemExit):
         return COMPLETING in os.environ
+    from dvtcli.cli.view.streams import is_abandoned
+
     return is_abandoned(sys.stdout)
 
 
@@ -114,6 +120,8 @@ def usage_error(wrong: click.ClickException) -> UsageError:
 
 def _lost(session: Conversation, failed: OSError) -> int:
     """Say on stderr that results are lost, also where they are documents: stdout takes no more."""
+    from dvtcli.cli.view.streams import silence
+
     silence(sys.stdout)
     wrote = not session.only_looked or any(node.came_up.written for node in session.met_nodes())  # as `pdo edit` does
     state: State = "unknown" if wrote else "unchanged"

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import Result
 
 
-#: What `exit` answers, so that whoever reads lines stops; never an exit code of the process.
-LEAVE = -1
 #: effects that leave every node as it was; what runs other lines is judged by those
 _LOOKING = (Effect.READS, Effect.SELECTS, Effect.RUNS)
 _NEGATIVE = re.compile(r"-(?:\d|0x|\.\d).*", re.IGNORECASE)

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from dvtcli.device.restarts import losses, refuse_after_restarts
 from dvtcli.errors import UsageError
 from dvtcli.operations.options import START_ONLY, Options
 from dvtcli.operations.session import Session
@@ -119,6 +118,8 @@ class Conversation(Session):
             finally:
                 self.cancellation.hold()  # a signal waits until the line's end is reached in order
         if self.in_script or not self.started:
+            from dvtcli.device.restarts import refuse_after_restarts
+
             refuse_after_restarts(self._nodes())
         self.settle()
 
@@ -131,8 +132,11 @@ class Conversation(Session):
         """A line ended, well or not: say what was noticed meanwhile, and show things as before it."""
         if not self._is_stage:
             self.warn_of_disturbances()
-        for text in losses(self._nodes()):
-            self.output.warning(f"{text}; see `verify`")
+        if nodes := self._nodes():
+            from dvtcli.device.restarts import losses
+
+            for text in losses(nodes):
+                self.output.warning(f"{text}; see `verify`")
         self._apply()
 
     def _apply(self) -> None:

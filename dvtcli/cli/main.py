@@ -6,11 +6,9 @@ import os
 import sys
 from typing import Any
 
-from dvtcli.cli.boundary import COMPLETING
-from dvtcli.cli.command import LEAVE
+from dvtcli.cli.boundary import COMPLETING, LEAVE, guarded
 from dvtcli.cli.conversation import Conversation
 from dvtcli.cli.registry import REGISTRY
-from dvtcli.cli.run_line import boundary
 from dvtcli.cli.view.output import Output
 from dvtcli.cli.ways_in import install
 
@@ -32,10 +30,10 @@ def main(argv: list[str] | None = None) -> int:
         with REGISTRY.make_context("dvtcli", list(words), **given) as ctx:
             return REGISTRY.invoke(ctx)
 
-    code = boundary(session, run)
+    code = guarded(session, run)
     code = 0 if code == LEAVE else code
-    settling = boundary(session, lambda: session.end_line(code, alone=not session.started))
-    closing = boundary(session, lambda: _closed(session))
+    settling = guarded(session, lambda: session.end_line(code, alone=not session.started))
+    closing = guarded(session, lambda: _closed(session))
     session.cancellation.hold()  # what comes now comes too late to be answered
     if code == 0 and session.cancellation.requested:
         session.output.note("it was complete when the signal came; what it did stays")

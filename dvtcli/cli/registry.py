@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from dvtcli.cli.catalogue import command_names, unknown_command
-from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.catalogue import command_names, task_sections, unknown_command
 from dvtcli.cli.global_options import by_variable, global_options, one_pair_each, taken
 from dvtcli.cli.ways import Root, ways
 
@@ -23,8 +22,6 @@ if TYPE_CHECKING:
 
 class Registry(Root):
     """The one set of commands: every file in `commands/` whose name has no leading underscore."""
-
-    command_class = DvtCommand
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
@@ -55,8 +52,6 @@ class Registry(Root):
 
     def format_commands(self, _ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """List the commands by task, with the first sentence of their files, importing none."""
-        from dvtcli.cli.help.guide import task_sections
-
         for task, rows in task_sections():
             with formatter.section(task):
                 formatter.write_dl(rows)

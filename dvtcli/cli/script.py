@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.atomic import Reach, is_rehearsal
-from dvtcli.cli.boundary import BUG, SIGNALLED, usage_error
-from dvtcli.cli.command import LEAVE
+from dvtcli.cli.boundary import BUG, LEAVE, SIGNALLED, usage_error
 from dvtcli.cli.lexer import split
 from dvtcli.cli.run_line import boundary, parse
 from dvtcli.cli.script_changes import ScriptChanges

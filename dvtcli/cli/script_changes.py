@@ -9,9 +9,6 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from dvtcli.device.change.put_back import PATIENCE_S, RETRY_S
-from dvtcli.device.change.safekeeping import JournalKept
-from dvtcli.device.change.way_back import unknown_before
 from dvtcli.device.restarts import held_plans
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.several import several
@@ -105,6 +102,8 @@ class ScriptChanges:
         """Everything stays: no `recover` takes it back any more. JournalKept where a journal cannot be removed."""
         if not self.atomic:
             return
+        from dvtcli.device.change.safekeeping import JournalKept
+
         kept: list[JournalKept] = []
         for keeper in self._keepers():
             try:
@@ -200,6 +199,8 @@ class _TakenBack:
                 self.node.keeper.end_whole()
         except (DvtcliError, KeyboardInterrupt) as failed:
             return _left(self.node, self.made, cause, failed)
+        from dvtcli.device.change.way_back import unknown_before
+
         unknown = unknown_before(self.made)
         if not unknown:
             return None
@@ -210,6 +211,8 @@ class _TakenBack:
 
 def _undo_patiently(node: Node) -> None:
     """Undo one change; a node that is silent may be rebooting, so it is asked again for a while."""
+    from dvtcli.device.change.put_back import PATIENCE_S, RETRY_S
+
     deadline_s = node.bus.now_s() + PATIENCE_S
     while True:
         try:

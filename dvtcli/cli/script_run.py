@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from dvtcli.cli.atomic import does_other, final
-from dvtcli.cli.command import LEAVE
+from dvtcli.cli.boundary import LEAVE
 from dvtcli.cli.run_line import boundary
 from dvtcli.errors import DvtcliError
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from types import FrameType
 
-    from dvtcli.device.change.cancellation import Cancellation
+    from dvtcli.device.cancellation import Cancellation
 
 _WAITS = b"\nstopping at the next safe point (once more: at once)\n"
 

@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 from typing import TypeVar
 
 from dvtcli.device.came_up import CameUp
-from dvtcli.device.missing import no_pdo
 from dvtcli.device.reached import Reached
 from dvtcli.device.read_pdos import WHATEVER, present_pdos, read_cob_id, read_pdo
 from dvtcli.domain.cob_id import CobId
@@ -81,6 +80,8 @@ class KnownPdos(Reached):
         try:
             config = self.observed(lambda: read_pdo(self.memory, pdo))
         except SdoAborted as aborted:
+            from dvtcli.device.missing import no_pdo
+
             raise no_pdo(self.node_id, pdo, self.present(), aborted) from aborted
         self._pdos[pdo] = self._shown[pdo] = config
         return config

@@ -7,7 +7,6 @@ from collections.abc import Iterable
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import Pdo
-from dvtcli.domain.rules.mapped_object import decimal_hint
 from dvtcli.errors import SdoAborted, UsageError
 
 
@@ -27,6 +26,8 @@ def no_pdo(node_id: int, pdo: Pdo, present: Iterable[Pdo], aborted: SdoAborted) 
 def hint_for_missing(aborted: SdoAborted, dictionary: ObjectDictionary | None) -> str | None:
     """What to try where an upload was refused because there is no such object; None for other refusals."""
     if aborted.code == Abort.NO_SUB_INDEX and dictionary is not None:
+        from dvtcli.domain.rules.mapped_object import decimal_hint
+
         return decimal_hint(dictionary, aborted.index, aborted.sub_index)
     if aborted.code == Abort.NO_OBJECT:
         return "objects TEXT searches the dictionary" if dictionary else "--eds FILE names its objects"

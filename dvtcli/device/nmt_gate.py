@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from dvtcli.device.change.put_back import PATIENCE_S, RETRY_S
 from dvtcli.device.read_pdos import ABSENT, read_optional
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.nmt import NmtCommand, NmtState
@@ -90,6 +89,8 @@ class Access:
 
         Also where it does not obey because it restarted after it was asked.
         """
+        from dvtcli.device.change.put_back import PATIENCE_S, RETRY_S
+
         deadline_s = self.bus.now_s() + PATIENCE_S
         while True:
             upsets = self.bus.upsets(self.node_id)

@@ -1,32 +1,26 @@
 """One node as a command sees it: its PDOs, what was changed, and the way to change it.
 
-Joins reading, rules, plan and transaction. Does not print, ask, or know what a file or an option is.
+Joins reading, rules, plan and transaction; what only a change needs is imported by it. Does not print, ask, or know
+what a file or an option is.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
-from dvtcli.device.access_level import level_finding, level_findings, refuse_passcode
-from dvtcli.device.applied import Applied, refuse
-from dvtcli.device.change.carry_out import carry_out
 from dvtcli.device.change.changeable import Changeable
-from dvtcli.device.change.gap import unbroken
 from dvtcli.device.change.pending import CHANGE, COMMUNICATION, EVERYTHING
-from dvtcli.device.change.safekeeping import who_else
-from dvtcli.device.change.taken_back import foreseen, put_back_findings, with_way_back
-from dvtcli.device.change.way_back import plan_back, refuse_unless_left, unknown_before
-from dvtcli.device.observe import Found
-from dvtcli.device.proposal import proposal
-from dvtcli.device.raw_write_check import held_value, raw_change, raw_write_findings
-from dvtcli.device.resolve import resolve, untyped_lengths
 from dvtcli.domain.pdo import Pdo
-from dvtcli.domain.plan import Change, PdoChange, Plan, Step, alters, plan_pdo
-from dvtcli.domain.request import PdoWant
-from dvtcli.domain.rules import Finding, check_pdo
-from dvtcli.domain.several import several
 from dvtcli.errors import BusUnavailable, DeviceRefused, SafetyRefusal, UsageError
+
+if TYPE_CHECKING:
+    from dvtcli.device.applied import Applied
+    from dvtcli.device.observe import Found
+    from dvtcli.domain.plan import Change, Plan, Step
+    from dvtcli.domain.request import PdoWant
+    from dvtcli.domain.rules import Finding
 
 
 @dataclass(slots=True)
@@ -47,6 +41,13 @@ class Node(Changeable):
 
         Raises as `resolve` where a want comes to nothing on this node, RuleError where a rule forbids it.
         """
+        from dvtcli.device.applied import refuse
+        from dvtcli.device.proposal import proposal
+        from dvtcli.device.resolve import resolve, untyped_lengths
+        from dvtcli.domain.plan import Plan, plan_pdo
+        from dvtcli.domain.rules import check_pdo
+        from dvtcli.domain.several import several
+
         found = self.claim()
         lengths = untyped_lengths(self, wants.values())
         now = self.observed(lambda: {pdo: self.pdo(pdo) for pdo in wants})  # what is so already is not looked at again
@@ -62,6 +63,11 @@ class Node(Changeable):
 
     def write(self, index: int, sub_index: int, data: bytes, *, force: bool = False) -> Applied:
         """Write one object as a plan of one step, under the rules of the command that is meant for it."""
+        from dvtcli.device.access_level import refuse_passcode
+        from dvtcli.device.applied import refuse
+        from dvtcli.device.raw_write_check import held_value, raw_change, raw_write_findings
+        from dvtcli.domain.plan import Plan, Step
+
         refuse_passcode(self.access, index, sub_index)
         found = self.claim()
         if self.saves((index, sub_index)):
@@ -92,6 +98,10 @@ class Node(Changeable):
         are of this session's history. SafetyRefusal where the device holds something else by now, UsageError where
         nobody knows what it held before; with *force* neither.
         """
+        from dvtcli.device.change.gap import unbroken
+        from dvtcli.device.change.taken_back import foreseen, put_back_findings
+        from dvtcli.device.change.way_back import plan_back, refuse_unless_left, unknown_before
+
         found = self.claim()
         chain = plans if own else unbroken(plans)
         count = len(chain) if everything else 1
@@ -120,6 +130,10 @@ class Node(Changeable):
         *confirm* says whether: not where all of it is about to be given up, nor does it matter then that it is lost or
         altered already.
         """
+        from dvtcli.device.access_level import level_finding
+        from dvtcli.device.applied import refuse
+        from dvtcli.device.change.safekeeping import who_else
+
         self.claim()
         word, again = ("stored", "set it as it should be and `verify`, or ") if confirm else ("restored", "")
         for cause, reason in self.pending.suspicions.items():
@@ -177,6 +191,12 @@ class Node(Changeable):
         With *kept* it is remembered, so that `undo` can put it back. *found* is what `claim` answered before the reads
         that the plan was made from.
         """
+        from dvtcli.device.access_level import level_findings
+        from dvtcli.device.applied import Applied, refuse
+        from dvtcli.device.change.carry_out import carry_out
+        from dvtcli.device.change.taken_back import with_way_back
+        from dvtcli.domain.several import several
+
         if len(plan):
             plan, warnings = with_way_back(self, plan)
             locked = (*level_findings(self.access, plan), *(warnings if kept else ()))
@@ -192,6 +212,8 @@ class Node(Changeable):
 
         Those took what was set before it, and nothing of the plan.
         """
+        from dvtcli.domain.plan import alters
+
         self._heard(boot_ups)
         saves = any(self.saves((step.index, step.sub_index)) for step in plan.steps)
         if kept and not saves and any(map(alters, plan.changes)):
@@ -215,6 +237,8 @@ class Node(Changeable):
         return self.pending.unstored
 
     def _remember(self, changes: tuple[Change, ...]) -> None:
+        from dvtcli.domain.plan import PdoChange, alters
+
         for change in changes:
             self.expected.changed(change)
             if isinstance(change, PdoChange):

@@ -9,8 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TypeVar
 
-from dvtcli.device.change.cancellation import Cancellation
-from dvtcli.device.missing import hint_for_missing
+from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.nmt_gate import Access, Gate
 from dvtcli.device.observe import BusWitness, observed
 from dvtcli.device.quirks.standard_channel import in_standard_order
@@ -97,6 +96,8 @@ class Reached:
         try:
             return self.memory.upload(index, sub_index)
         except SdoAborted as aborted:
+            from dvtcli.device.missing import hint_for_missing
+
             self.access.explain(aborted)
             aborted.hint = hint_for_missing(aborted, self.dictionary) or aborted.hint
             raise

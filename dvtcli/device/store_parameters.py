@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
-from dvtcli.device.change.cancellation import Cancellation
+from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.change.transaction import Interrupted
 from dvtcli.device.nmt_gate import Access
 from dvtcli.device.read_pdos import ABSENT

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.domain.datatypes import BY_SHORT_NAME, DataType
 from dvtcli.errors import SdoProtocolError
-from dvtcli.operations.results import ValueRead
+from dvtcli.operations.results.values import ValueRead
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node

@@ -7,15 +7,15 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from dvtcli.device.change.cancellation import Cancellation
-from dvtcli.device.change.progress import Progress
+from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.node import Node
-from dvtcli.domain.plan import Plan
 from dvtcli.domain.ports import CanopenBus
 from dvtcli.errors import NoAnswer, SdoProtocolError
 from dvtcli.operations.device_files import DeviceFiles
 
 if TYPE_CHECKING:
+    from dvtcli.device.change.progress import Progress
+    from dvtcli.domain.plan import Plan
     from dvtcli.operations.keeping import Keeping
 
 
@@ -83,5 +83,4 @@ class Network:
         """Leave the bus and let others write to its nodes."""
         self.bus.close()
         for node in self.nodes.values():
-            if node.keeper is not None:
-                node.keeper.lock.release()
+            node.let_go()

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 
 from dvtcli.errors import DRY_RUN, BusUnavailable, DvtcliError, UsageError
 from dvtcli.operations.said import Said
-from dvtcli.operations.settings import NOBODY
 
 if TYPE_CHECKING:
     from dvtcli.device.change.whole import Whole
@@ -138,6 +137,8 @@ class Opened(Said):
         try:
             yield
         except BusUnavailable as failed:
+            from dvtcli.operations.settings import NOBODY
+
             if (by := self.chosen_by()) != NOBODY:
                 failed.details.append(("chosen by", by))
             elif described := self.settings.described_buses():

@@ -3,8 +3,7 @@
 Does not know how they are typed (`cli.global_options`) nor settings files (`settings`), and acts on none.
 """
 
-from __future__ import annotations
-
+# No `from __future__ import annotations` here: `NamedTuple` would compile each annotation, at every start.
 import os
 from collections.abc import Mapping
 from typing import Any, NamedTuple

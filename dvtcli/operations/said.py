@@ -10,28 +10,33 @@ from contextlib import contextmanager
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from dvtcli.device.change.cancellation import Cancellation
+from dvtcli.device.cancellation import Cancellation
 from dvtcli.errors import SafetyRefusal
 from dvtcli.operations.options import Options
-from dvtcli.operations.settings import Settings
-from dvtcli.operations.telling import Silent, Teller
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from dvtcli.operations.secret_objects import Secrets
+    from dvtcli.operations.settings import Settings
+    from dvtcli.operations.telling import Teller
 
 
 class Said:
     """A session as far as its user goes: *options* count from the beginning, *tell* hears what the user should know."""
 
     def __init__(self, options: Options | None = None, tell: Teller | None = None) -> None:
-        self.tell: Teller = tell or Silent()
+        self.tell = tell or _nobody()
         self.base = self.options = options or Options()
         self.cancellation = Cancellation()
-        #: everything that was said at the program's start, in options, variables and files
-        self.settings = Settings()
         self._takes_back = False
+
+    @cached_property
+    def settings(self) -> Settings:
+        """Everything that was said at the program's start, in options, variables and files."""
+        from dvtcli.operations.settings import Settings
+
+        return Settings()
 
     def require_settings(self) -> None:
         """Raise what is wrong with the settings; what a project's file says in vain is said once."""
@@ -93,3 +98,9 @@ class Said:
         from dvtcli.operations.secret_objects import Secrets
 
         return Secrets.known()
+
+
+def _nobody() -> Teller:
+    from dvtcli.operations.telling import Silent
+
+    return Silent()

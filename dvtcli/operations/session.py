@@ -5,11 +5,11 @@ Knows no lines, no scripts and no screen: what is to be said goes to a `Teller`.
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 from dvtcli.errors import DvtcliError, UsageError
 from dvtcli.operations.opened import Opened
-from dvtcli.operations.record import Record
 
 if TYPE_CHECKING:
     from dvtcli.device.nmt_gate import Gate
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.heard import LastFrames
     from dvtcli.operations.bus_of_options import OpenBus
     from dvtcli.operations.options import Options
+    from dvtcli.operations.record import Record
     from dvtcli.operations.telling import Teller
 
 #: Exit codes after which a device may be half configured, and must not go back to OPERATIONAL.
@@ -36,8 +37,6 @@ class Session(Opened):
     ) -> None:
         super().__init__(options, tell, open_bus=open_bus)
         self.selected: int | None = None
-        #: what succeeded and changed something, as script lines
-        self.record = Record()
         #: the last frames that were heard, where somebody listens all the time as the prompt does
         self.frames: LastFrames | None = None
 
@@ -50,6 +49,13 @@ class Session(Opened):
             self.end_line(code)
         finally:
             self.close()
+
+    @cached_property
+    def record(self) -> Record:
+        """What succeeded and changed something, as script lines."""
+        from dvtcli.operations.record import Record
+
+        return Record()
 
     def node_id(self) -> int:
         """The selected node-ID: `node ID`, else -n, else the first simulated node; UsageError where none is."""
@@ -92,15 +98,13 @@ class Session(Opened):
         failures: list[DvtcliError] = []
         with self.cancellation.guard():  # a signal waits until the nodes are where they belong
             for node in self.met_nodes():
-                from dvtcli.device.change.safekeeping import let_go
-
                 try:
                     self._end_gate(node.gate, code)
                 except DvtcliError as failed:  # the other nodes go back all the same
                     failures.append(failed)
                 finally:
                     node.memory.clear()
-                    let_go(node.keeper)
+                    node.let_go()
         if failures:
             raise failures[0]
         if alone and not code:

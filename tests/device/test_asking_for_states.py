@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from dvtcli.device.change.cancellation import Cancellation
+from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.change.put_back import PATIENCE_S, RETRY_S
 from dvtcli.device.nmt_gate import CONFIRM_TIMEOUT_S, Access, Gate
 from dvtcli.device.seen_state import why_it_may_move

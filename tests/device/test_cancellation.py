@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from dvtcli.device.change.cancellation import INTERRUPTED, Cancellation
+from dvtcli.device.cancellation import INTERRUPTED, Cancellation
 
 HANG_UP, TERMINATED = 129, 143
 

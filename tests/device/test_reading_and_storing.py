@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import pytest
 
-from dvtcli.device.change.cancellation import Cancellation
+from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.nmt_gate import Access, Gate
 from dvtcli.device.read_pdos import exists, read_pdo
 from dvtcli.device.store_parameters import RESTORE, STORE, reset_and_wait, sign

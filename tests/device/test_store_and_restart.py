@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from dvtcli.device.change.cancellation import Cancellation
+from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.nmt_gate import Access
 from dvtcli.device.store_parameters import STORE, sign
 from dvtcli.domain.ports import Frame

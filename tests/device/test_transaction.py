@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from dvtcli.device.change.cancellation import Cancellation
+from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.change.put_back import PATIENCE_S, RETRY_S, first_difference
 from dvtcli.device.change.transaction import Interrupted, Transaction, step_text
 from dvtcli.device.read_pdos import read_cob_id, read_pdo

@@ -19,7 +19,7 @@ from typing import Any, NoReturn
 
 import click
 
-from dvtcli.cli.command import LEAVE
+from dvtcli.cli.boundary import LEAVE
 from dvtcli.cli.conversation import Conversation
 from dvtcli.cli.global_options import taken
 from dvtcli.cli.lexer import split

@@ -7,8 +7,8 @@ import subprocess
 
 import pytest
 
-from dvtcli.cli.catalogue import command_names, task
-from dvtcli.cli.help.guide import TASKS, by_task, overview, topic, topic_names
+from dvtcli.cli.catalogue import TASKS, by_task, command_names, task
+from dvtcli.cli.help.guide import overview, topic, topic_names
 from tests.commands.bench import Bench
 from tests.process import dvtcli
 

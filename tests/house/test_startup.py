@@ -15,6 +15,16 @@ from tests.process import environment
 HEAVY = ["can", "canopen", "prompt_toolkit", "ruamel", "dvtcli.cli.commands.map", "dvtcli.simulator", "asyncio"]
 #: what only lines about nodes need
 NODES = ["dvtcli.domain.pdo", "dvtcli.device.change.journal"]
+#: what only a change needs
+CHANGES = {
+    "dvtcli.domain.plan",
+    "dvtcli.domain.rules",
+    "dvtcli.device.proposal",
+    "dvtcli.device.change.transaction",
+    "dvtcli.device.change.safekeeping",
+}
+#: how many modules of ours a line may import; each costs about half a percent of `--help`
+MOST = {"--help": 24, "": 39, "read": 149, "pdo": 151, "map": 182}
 PROBE = """
 import sys
 from dvtcli.cli.main import main
@@ -68,3 +78,17 @@ def test_a_command_imports_no_prompt_and_no_other_command() -> None:
     assert not modules & {"prompt_toolkit", "ruamel", "dvtcli.cli.prompt.loop", "dvtcli.cli.script"}
     commands = {name.rpartition(".")[2] for name in modules if name.startswith("dvtcli.cli.commands.")}
     assert {name for name in commands if not name.startswith("_")} == {"read"}
+
+
+@pytest.mark.parametrize("line", [["--help"], [], ["read", "6041"], ["pdo"], ["map", "tpdo3", "6041"]], ids=str)
+def test_a_line_imports_no_more_modules_than_it_needs(line: list[str]) -> None:
+    simulated = ["--sim", "gen4"] if line and line != ["--help"] else []
+    ours = {name for name in loaded(*simulated, *line) if name.split(".")[0] == "dvtcli"}
+    assert len(ours) <= MOST[line[0] if line else ""], sorted(ours)
+
+
+@pytest.mark.parametrize("line", [["read", "6041"], ["pdo"]], ids=str)
+def test_a_line_that_only_looks_imports_nothing_of_a_change(line: list[str]) -> None:
+    modules = loaded("--sim", "gen4", *line)
+    assert "dvtcli.device.node" in modules
+    assert not modules & CHANGES

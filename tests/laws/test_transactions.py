@@ -10,7 +10,7 @@ import pytest
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
-from dvtcli.device.change.cancellation import Cancellation
+from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.change.transaction import Interrupted, Transaction
 from dvtcli.device.read_pdos import present_pdos, read_pdo
 from dvtcli.domain.cob_id import CobId

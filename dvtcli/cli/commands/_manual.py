@@ -7,7 +7,8 @@ from collections.abc import Iterator
 
 import click
 
-from dvtcli.cli.help.guide import task_sections, topic, topic_names
+from dvtcli.cli.catalogue import task_sections
+from dvtcli.cli.help.guide import topic, topic_names
 
 
 def manual(program: click.Group, version: str) -> list[str]:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import click
 
-from dvtcli.cli.command import LEAVE, DvtCommand
+from dvtcli.cli.boundary import LEAVE
+from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.effect import Effect
 
 TASK = ("Begin", 40)

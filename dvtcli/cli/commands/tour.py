@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from dvtcli.cli.boundary import guarded
-from dvtcli.cli.command import LEAVE, DvtCommand
+from dvtcli.cli.boundary import LEAVE, guarded
+from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.effect import Effect
 from dvtcli.cli.lexer import split
 from dvtcli.cli.ways import Ways, ways

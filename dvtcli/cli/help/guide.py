@@ -1,28 +1,16 @@
 """What `help` says: the commands by task, and topics, which are text files in `topics/`.
 
-Knows commands by their names only. Does not know any command's options (click does).
+Does not know any command's options (click does).
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 
-from dvtcli.cli.catalogue import command_names, summary, task
+from dvtcli.cli.catalogue import TASKS, by_task, command_names
 
 _TOPICS = os.path.join(os.path.dirname(__file__), "topics")  # noqa: PTH118, PTH120 - pathlib costs 7 ms
-
-#: Tasks in the order in which they come up; which one a command belongs to, and where in it, its own file says.
-TASKS = ("Begin", "Find nodes", "See", "Change PDOs", "Check and keep", "Scripts and files", "Programs around")
-
-
-def by_task(names: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
-    """*names* in groups, each with its task, in the order of `TASKS` and in each of the places that their files say."""
-    declared = sorted((*task(name), name) for name in names)
-    for one in TASKS:
-        group = [name for named, _, name in declared if named == one]
-        if group:
-            yield one, group
 
 
 def topic_names() -> list[str]:
@@ -51,9 +39,3 @@ def overview(aliases: Mapping[str, str] | None = None) -> list[str]:
         "help --all    what each command does, and the global options",
     ]
     return lines
-
-
-def task_sections() -> Iterator[tuple[str, list[tuple[str, str]]]]:
-    """Every command with its one-line help, by task."""
-    for name_of_task, group in by_task(command_names()):
-        yield name_of_task, [(name, summary(name)) for name in group]

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.cli.view.lines import Cell, Line, Table
-from dvtcli.device.change.cancellation import INTERRUPTED
+from dvtcli.device.cancellation import INTERRUPTED
 from dvtcli.errors import InputFileError
 from dvtcli.operations.settings_search import NAME, why_unusable
 

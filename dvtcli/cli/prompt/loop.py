@@ -8,8 +8,8 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING
 
+from dvtcli.cli.boundary import LEAVE
 from dvtcli.cli.catalogue import command_names
-from dvtcli.cli.command import LEAVE
 from dvtcli.cli.lexer import split
 from dvtcli.cli.run_line import boundary, run_words
 from dvtcli.cli.view.lines import Cell, Line

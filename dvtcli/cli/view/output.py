@@ -13,8 +13,6 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, TextIO
 
-from dvtcli.cli.view.streams import ReaderLeft, nobody_reads, silence
-
 if TYPE_CHECKING:
     from dvtcli.cli.view.lines import Line
     from dvtcli.domain.ports import Frame
@@ -87,6 +85,8 @@ class Output:
         try:
             yield
         except OSError as failed:
+            from dvtcli.cli.view.streams import nobody_reads, silence
+
             gone = nobody_reads(self.stdout, failed)
             silence(self.stdout)
             if not gone:
@@ -98,6 +98,8 @@ class Output:
         try:
             yield
         except OSError:
+            from dvtcli.cli.view.streams import silence
+
             silence(self.stderr)
 
     def error(self, error: DvtcliError, at: str | None = None, *, readable: bool = False) -> None:
@@ -214,6 +216,8 @@ class Output:
         try:
             yield
         except OSError as failed:
+            from dvtcli.cli.view.streams import ReaderLeft, nobody_reads, silence
+
             if not nobody_reads(self.stdout, failed):
                 raise
             silence(self.stdout)

@@ -7,13 +7,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from dvtcli.device.change.expected import Expected
 from dvtcli.device.change.pending import Pending
-from dvtcli.device.change.progress import Progress
-from dvtcli.device.change.safekeeping import Keeper
 from dvtcli.device.known_pdos import KnownPdos
 from dvtcli.device.observe import Found
+
+if TYPE_CHECKING:
+    from dvtcli.device.change.progress import Progress
+    from dvtcli.device.change.safekeeping import Keeper
 
 
 @dataclass(slots=True)
@@ -41,3 +44,8 @@ class Changeable(KnownPdos):
             self.keeper.refuse_while_open()
         self.read_anew()
         return Found(self.access.state(), self.bus.boot_ups(self.node_id), self.bus.upsets(self.node_id))
+
+    def let_go(self) -> None:
+        """After a change and all that belongs to it: let others write; what they did is read before the next one."""
+        if self.keeper is not None:
+            self.keeper.lock.release()

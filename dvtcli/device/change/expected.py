@@ -10,13 +10,12 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from dvtcli.device.compare import differences
 from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.domain.plan import Change, PdoChange
 from dvtcli.errors import SafetyRefusal
 
 if TYPE_CHECKING:
     from dvtcli.device.known_pdos import KnownPdos
+    from dvtcli.domain.plan import Change
 
 
 @dataclass(slots=True)
@@ -36,6 +35,8 @@ class Expected:
 
     def changed(self, change: Change) -> None:
         """*change* was read back."""
+        from dvtcli.domain.plan import PdoChange
+
         if isinstance(change, PdoChange):
             self._drop_values(change.pdo)
             self.pdos[change.pdo] = change.after
@@ -73,6 +74,8 @@ class Expected:
 
     def _differences(self, node: KnownPdos) -> Iterator[tuple[str, str, str]]:
         """What differs: its label, its object, and how it differs."""
+        from dvtcli.device.compare import differences
+
         held = node.pdos() if self.pdos else {}
         for pdo, wanted in self.pdos.items():
             texts = ["it is gone"] if pdo not in held else differences(pdo, wanted, held[pdo])

@@ -284,12 +284,6 @@ class Keeper:
             ) from failed
 
 
-def let_go(keeper: Keeper | None) -> None:
-    """After a change and all that belongs to it: let others write; what they did is read before the next one."""
-    if keeper is not None:
-        keeper.lock.release()
-
-
 def who_else(keeper: Keeper | None) -> str:
     """Who may have changed what this process left, for people."""
     other = None if keeper is None else keeper.lock.meanwhile

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from dvtcli.device.change.cancellation import Cancellation
+from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.change.put_back import Clock, altered_cob_ids, first_difference, restore_patiently
 from dvtcli.device.change.taken_back import put_back_findings
 from dvtcli.device.observe import Undisturbed, Witness, observed

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from dvtcli.device.change.safekeeping import let_go
 from dvtcli.errors import UsageError
 
 if TYPE_CHECKING:
@@ -37,4 +36,4 @@ class TakingTurns:
                 session.wire.sdo(self._node_id).download(index, sub_index, data, timeout_s=timeout_s)
             finally:
                 node.forget()
-                let_go(node.keeper)
+                node.let_go()

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from types import FrameType
 
-    from dvtcli.device.change.cancellation import Cancellation
+    from dvtcli.device.cancellation import Cancellation
 
 
 @contextmanager

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any, ClassVar, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 from dvtcli.domain.datatypes import CanopenTime, Value
-from dvtcli.domain.rules import Finding
+
+if TYPE_CHECKING:
+    from dvtcli.domain.rules import Finding
 
 Document = dict[str, Any]
 

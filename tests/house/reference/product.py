@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from dvtcli.cli.catalogue import task_sections
 from dvtcli.cli.dvt.words import WORDS
 from dvtcli.cli.global_options import PREFIX
-from dvtcli.cli.help.guide import task_sections
 from dvtcli.cli.lexer import split
 from dvtcli.cli.registry import REGISTRY
 from dvtcli.domain.profile import DeviceProfile
