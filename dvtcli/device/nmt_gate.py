@@ -150,7 +150,15 @@ class Gate:
 
     def enter(self) -> None:
         """Make PDO writes possible; remembers the state that was found."""
-        if self.entered or self.access.profile.pre_operational_gate is not PreOperational.REQUIRED:
+        if self.access.profile.pre_operational_gate is PreOperational.REQUIRED:
+            self._enter(self.consent)
+
+    def enter_agreed(self) -> None:
+        """PRE-OPERATIONAL whatever the profile says, after a question that said so was answered with yes."""
+        self._enter(lambda _question: None)
+
+    def _enter(self, consent: Callable[[str], None]) -> None:
+        if self.entered:
             return
         node_id = self.access.node_id
         state = self.access.state()
@@ -159,7 +167,7 @@ class Gate:
                 f"node {node_id} is STOPPED: it answers no SDO", node=node_id, hint=f"nmt preop {node_id}"
             )
         if state is NmtState.OPERATIONAL:
-            self.consent(f"node {node_id} is OPERATIONAL and must be PRE-OPERATIONAL for this; go there and back?")
+            consent(f"node {node_id} is OPERATIONAL and must be PRE-OPERATIONAL for this; go there and back?")
             self.found = state  # before it is left: a fault on the way must not hide where it was
             self.access.request(NmtState.PRE_OPERATIONAL)
         self.entered = True

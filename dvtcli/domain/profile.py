@@ -153,7 +153,8 @@ class DeviceProfile:
     entries hold (u32) where the count of a mapping cannot be written (None: it is);
     *silent_rpdo* what the device does where an RPDO's producer is silent, if anything;
     *aliases* names a human types → objects; *type_texts* the maker's words for a transmission type and *type_notes*
-    what to know about one; *warn_mapped* what should not feed a TPDO; *vpdo* its virtual PDOs.
+    what to know about one; *warn_mapped* what should not feed a TPDO; *vpdo* its virtual PDOs; *learnt* whether `learn`
+    wrote it.
     """
 
     name: str = "generic"
@@ -194,6 +195,7 @@ class DeviceProfile:
     type_notes: dict[int, str] = field(default_factory=dict)
     warn_mapped: tuple[MappingAdvice, ...] = ()
     vpdo: dict[str, VpdoGroup] = field(default_factory=dict)
+    learnt: bool = False
 
     def matches(self, vendor_id: int, product_code: int) -> bool:
         """Whether a device of this identity (0x1018:1 and :2) belongs to the family.

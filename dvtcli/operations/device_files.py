@@ -13,7 +13,15 @@ from dvtcli.device.remembered import Memory
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.ports import CanopenBus
 from dvtcli.domain.profile import DeviceProfile
-from dvtcli.files.profile.library import load_profile, own_names, profile_for_identity, profile_names, profile_of
+from dvtcli.files.profile.library import (
+    has_profile,
+    load_folder_profile,
+    load_profile,
+    own_names,
+    profile_for_identity,
+    profile_names,
+    profile_of,
+)
 from dvtcli.operations.options import Options
 from dvtcli.operations.simulated_nodes import Simulated, read_dictionary, simulated_nodes
 
@@ -36,24 +44,28 @@ class DeviceFiles:
 
     def dictionary(self, node_id: int) -> ObjectDictionary | None:
         """The object dictionary of a node; None where no file is known."""
+        path = self.eds_path(node_id)
+        return None if path is None else read_dictionary(path)
+
+    def eds_path(self, node_id: int) -> Path | None:
+        """The file that describes a node; None where none is known."""
         if node_id in self.own_eds:
-            return read_dictionary(self.own_eds[node_id])
+            return self.own_eds[node_id]
         if self.options.eds:
-            return read_dictionary(Path(self.options.eds))
+            return Path(self.options.eds)
         for one in self.simulated:
             if one.node_id == node_id:
-                return read_dictionary(one.eds)
+                return one.eds
         return self._from_library(node_id)
 
-    def _from_library(self, node_id: int) -> ObjectDictionary | None:
-        """The dictionary that `eds add` keeps for the node's identity."""
+    def _from_library(self, node_id: int) -> Path | None:
+        """The file that `eds add` keeps for the node's identity."""
         from dvtcli.files.eds.own_files import find, folder
 
         if not folder().is_dir():
             return None
         vendor, product, revision = (read_identity(self.memory(node_id), sub) for sub in (1, 2, 3))
-        path = None if vendor is None or product is None else find(vendor, product, revision)
-        return None if path is None else read_dictionary(path)
+        return None if vendor is None or product is None else find(vendor, product, revision)
 
     def profile(self, node_id: int) -> DeviceProfile:
         """The profile of a node, the generic one where its family is not known."""
@@ -62,6 +74,8 @@ class DeviceFiles:
         if self.options.profile:
             return load_profile(self.options.profile)
         for one in self.simulated:
+            if one.node_id == node_id and one.folder is not None and has_profile(one.folder):
+                return load_folder_profile(one.folder)
             if one.node_id == node_id and one.family in profile_names():
                 return self._simulated_profile(node_id, one.family)
         vendor, product = (read_identity(self.memory(node_id), sub) for sub in (1, 2))

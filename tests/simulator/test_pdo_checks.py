@@ -91,8 +91,8 @@ def test_a_family_answers_in_its_own_way(check: str) -> None:
 
 
 def test_types_by_direction() -> None:
-    text = "pdo_types = { tpdo = [[1, 1], [241, 241]], rpdo = [[252, 252]] }"
-    assert [answered(text, [(OFF, 2, value, 1)]) for value in (1, 241, 255)] == [0, 0, 0x06090030]
+    text = "pdo_types = { tpdo = [[1, 1, 0], [241, 241, 0], [254, 255, 0x06090031]], rpdo = [[252, 252, 0]] }"
+    assert [answered(text, [(OFF, 2, value, 1)]) for value in (1, 241, 2, 255)] == [0, 0, 0x06090030, 0x06090031]
     assert [answered(text, [(0x1402, 2, value, 1)]) for value in (1, 252)] == [0x06090030, 0]
 
 

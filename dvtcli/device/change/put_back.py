@@ -13,7 +13,7 @@ from typing import Protocol
 from dvtcli.device.observe import Undisturbed, Witness
 from dvtcli.device.read_pdos import read_cob_id, read_pdo
 from dvtcli.domain.cob_id import CobId
-from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Change, PdoChange, Step, ValueChange, plan_pdo
 from dvtcli.domain.ports import SdoTransport
 from dvtcli.errors import DeviceRefused, NoAnswer, SdoAborted, SdoProtocolError
@@ -75,9 +75,13 @@ def restore(sdo: SdoTransport, changes: Sequence[Change]) -> tuple[PdoChange, ..
     last write only, since putting one PDO back may alter another. Returns what was put back to its *back* instead.
     """
     failures: list[Exception] = []
+    fillers = _fillers(changes)
+    behind = {id(filler) for group in fillers.values() for filler in group}
     for change in reversed(changes):
+        if id(change) in behind:
+            continue  # goes with its PDO, whose count is in its way
         try:
-            _put_one_back(sdo, change)
+            _put_one_back(sdo, change, fillers)
         except NoAnswer:
             raise  # a silent node answers nothing about the others either
         except Exception as failed:  # noqa: BLE001 - the others are put back all the same
@@ -95,10 +99,10 @@ def restore(sdo: SdoTransport, changes: Sequence[Change]) -> tuple[PdoChange, ..
     return tuple(otherwise)
 
 
-def _put_one_back(sdo: SdoTransport, change: Change) -> None:
+def _put_one_back(sdo: SdoTransport, change: Change, fillers: Mapping[Pdo, Sequence[ValueChange]]) -> None:
     """Put back what *change* replaced; where the device refuses that, and that was foreseen, what it takes."""
     try:
-        for step in _steps_back(sdo, change):
+        for step in _steps_back(sdo, change, fillers):
             sdo.download(step.index, step.sub_index, step.after)
     except SdoAborted:
         if not isinstance(change, PdoChange) or change.back is None:
@@ -107,13 +111,43 @@ def _put_one_back(sdo: SdoTransport, change: Change) -> None:
             sdo.download(step.index, step.sub_index, step.after)
 
 
-def _steps_back(sdo: SdoTransport, change: Change) -> Sequence[Step]:
+def _fillers(changes: Sequence[Change]) -> dict[Pdo, list[ValueChange]]:
+    """The entries behind the count of PDOs that are put back, too, by PDO."""
+    pdos = {change.pdo: change.before for change in changes if isinstance(change, PdoChange)}
+    found: dict[Pdo, list[ValueChange]] = {}
+    for change in changes:
+        if not isinstance(change, ValueChange) or change.step.before is None:
+            continue
+        pdo = Pdo.at(change.step.index)
+        behind = pdo in pdos and change.step.sub_index > pdos[pdo].count
+        if pdo is not None and behind and change.step.index == pdo.mapping_index:
+            found.setdefault(pdo, []).append(change)
+    return found
+
+
+def _steps_back(sdo: SdoTransport, change: Change, fillers: Mapping[Pdo, Sequence[ValueChange]]) -> Sequence[Step]:
     if isinstance(change, PdoChange):
-        return plan_pdo(change.pdo, read_pdo(sdo, change.pdo), change.before).steps
+        return _pdo_steps_back(sdo, change, fillers.get(change.pdo, ()))
     step = change.step
     if step.before is None or sdo.upload(step.index, step.sub_index) == step.before:
         return ()
     return change.reversed().steps
+
+
+def _pdo_steps_back(sdo: SdoTransport, change: PdoChange, fillers: Sequence[ValueChange]) -> Sequence[Step]:
+    """The PDO's own steps; where an entry behind its count differs, that is written while the mapping is open."""
+    now = read_pdo(sdo, change.pdo)
+    held = {one: sdo.upload(one.step.index, one.step.sub_index) for one in fillers}
+    differing = [one for one, data in held.items() if data != one.step.before]
+    if not differing:
+        return plan_pdo(change.pdo, now, change.before).steps
+    cob_id = now.communication.cob_id.disabled()
+    opened = PdoConfig(replace(now.communication, cob_id=cob_id), ())
+    return (
+        *plan_pdo(change.pdo, now, opened).steps,
+        *(step for one in differing for step in one.reversed().steps),
+        *plan_pdo(change.pdo, opened, change.before).steps,
+    )
 
 
 def first_difference(sdo: SdoTransport, change: Change, *, wanted_before: bool = False) -> str | None:

@@ -16,6 +16,8 @@ from dvtcli.files.toml_item import suggest
 
 #: A profile is a page of text; beyond this many bytes it is something else.
 _MOST_BYTES = 1_000_000
+#: The file of a profile that is in a folder of its own, with a simulated family.
+_FILE = "profile.toml"
 
 
 def folder() -> Path:
@@ -47,7 +49,10 @@ def profile_path(name: str) -> Path:
 
 def profile_text(name: str) -> str:
     """What the file of profile *name* says; InputFileError where it is no text of a sensible size."""
-    path = profile_path(name)
+    return _text(profile_path(name))
+
+
+def _text(path: Path) -> str:
     try:
         data = path.read_bytes()
         if len(data) > _MOST_BYTES:
@@ -58,6 +63,17 @@ def profile_text(name: str) -> str:
         raise InputFileError(f"{path}: not UTF-8 text", place=f"{path}:{number}") from wrong
     except OSError as failed:
         raise InputFileError(f"{path}: {failed.strerror or failed}", place=str(path)) from failed
+
+
+def has_profile(family: Path) -> bool:
+    """Whether the folder *family* of a simulated device has a profile, too."""
+    return (family / _FILE).is_file()
+
+
+def load_folder_profile(family: Path) -> DeviceProfile:
+    """The profile in the folder *family*; InputFileError with line and key where it is wrong."""
+    path = family / _FILE
+    return read_profile(_text(path), str(path))
 
 
 @cache

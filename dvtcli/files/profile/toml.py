@@ -209,4 +209,5 @@ _PROFILE: Schema = {
     "type_notes": by_number(255),
     "warn_mapped": _advice,
     "vpdo": _vpdo,
+    "learnt": boolean,
 }

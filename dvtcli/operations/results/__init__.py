@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.results.dvt import *  # noqa: F403
     from dvtcli.operations.results.files import *  # noqa: F403
     from dvtcli.operations.results.frames import *  # noqa: F403
+    from dvtcli.operations.results.learnt import *  # noqa: F403
     from dvtcli.operations.results.logged_in import *  # noqa: F403
     from dvtcli.operations.results.nodes import *  # noqa: F403
     from dvtcli.operations.results.pdos import *  # noqa: F403

@@ -82,7 +82,8 @@ class Family:
     - *empty_pdos_enabled*: whether a PDO without a mapping may be enabled; *restricted_ids_refused*: whether a PDO may
       not have a CAN-ID that CiA 301 keeps for others.
     - *answers*: by direction the abort code that a check of `pdo_checks` answers, 0 for accepted; it goes before what
-      the other keys say. *pdo_types*: by direction the accepted transmission types, in place of *transmission_types*.
+      the other keys say. *pdo_types*: by direction the abort code of each range of transmission types, 0 for
+      accepted, in place of *transmission_types*.
     - *max_inhibit_time* (100 µs), *max_event_timer* (ms): the highest accepted.
     - *filler*: what an entry may hold, besides 0, that is not used where the count of a mapping is read-only.
     - *pre_operational_writes*: ranges of indices that refuse downloads outside PRE-OPERATIONAL.
@@ -129,7 +130,7 @@ class Family:
     empty_pdos_enabled: bool = False
     restricted_ids_refused: bool = True
     answers: Mapping[Direction, Mapping[str, int]] = field(default_factory=lambda: _NO_ANSWERS)
-    pdo_types: Mapping[Direction, tuple[Range, ...]] | None = None
+    pdo_types: Mapping[Direction, tuple[tuple[int, int, int], ...]] | None = None
     max_inhibit_time: int = 0xFFFF
     max_event_timer: int = 0xFFFF
     filler: int = 0

@@ -131,13 +131,16 @@ class PdoGuard:
             self._refuse(pdo, "extended", Abort.VALUE_RANGE)
 
     def _check_transmission_type(self, pdo: Pdo, value: int) -> None:
-        own = self._family.pdo_types
         if value in _RTR_TYPES and pdo.is_tpdo and not self.cob_id(pdo).rtr_allowed:
             self._refuse(pdo, "type-without-rtr", Abort.VALUE_RANGE)
-        elif own is None and value in _RTR_TYPES and not pdo.is_tpdo:
-            self._refuse(pdo, "type", Abort.VALUE_RANGE)
-        if not within(value, self._family.transmission_types if own is None else own[pdo.direction]):
-            self._refuse(pdo, "type", Abort.VALUE_RANGE)
+        if self._family.pdo_types is not None:
+            own = self._family.pdo_types[pdo.direction]
+            code = next((code for first, last, code in own if first <= value <= last), Abort.VALUE_RANGE)
+        else:
+            known = within(value, self._family.transmission_types) and (pdo.is_tpdo or value not in _RTR_TYPES)
+            code = 0 if known else Abort.VALUE_RANGE
+        if code:
+            self._refuse(pdo, "type", code)
 
     def _check_count(self, pdo: Pdo, count: int) -> None:
         if self.cob_id(pdo).valid:

@@ -166,6 +166,17 @@ def _answers(item: Item) -> dict[str, int]:
     return item.table(dict.fromkeys(CHECKS, _ABORT))
 
 
+def _types(item: Item) -> tuple[tuple[int, int, int], ...]:
+    """Ranges of transmission types, each with its abort code."""
+    found = []
+    for member in members(item):
+        numbers = integers(0, 0xFFFF_FFFF)(member)
+        if len(numbers) != 3 or not numbers[0] <= numbers[1] <= 255:
+            item.fail(f"must be a first and a last type and an abort code, not {member.value!r}")
+        found.append((numbers[0], numbers[1], numbers[2]))
+    return tuple(found)
+
+
 def _boot_state(item: Item) -> NmtState:
     words = [state.name for state in NmtState]
     if item.value not in words:
@@ -221,7 +232,7 @@ _FAMILY: Schema = {
     "empty_pdos_enabled": boolean,
     "restricted_ids_refused": boolean,
     "answers": each_of(Direction, _answers),
-    "pdo_types": each_of(Direction, number_ranges(255)),
+    "pdo_types": each_of(Direction, _types),
     "max_inhibit_time": integer(0, 0xFFFF),
     "max_event_timer": integer(0, 0xFFFF),
     "filler": integer(0, 0xFFFF_FFFF),

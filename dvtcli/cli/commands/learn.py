@@ -1,0 +1,38 @@
+"""Find out what a device takes, put everything back, and write a profile and a simulated family."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.effect import Effect
+from dvtcli.cli.params import TEXT
+
+if TYPE_CHECKING:
+    from dvtcli.operations.results import LearnForecast, LearntDevice
+    from dvtcli.operations.session import Session
+
+TASK = ("Find nodes", 55)
+
+
+@click.command("learn", cls=DvtCommand, short_help=__doc__, effect=Effect.COMMANDS)
+@click.option(
+    "--save", type=TEXT, metavar="NAME", help="Write profile, simulated family and EDS into the folder ./NAME."
+)
+@click.option("--compare", type=TEXT, metavar="PROFILE", help="Say what differs from this profile; exit code 3 then.")
+@click.option("--isolated", is_flag=True, help="Nothing else is on the bus: ask for restricted CAN-IDs, too.")
+@click.pass_obj
+def command(session: Session, /, save: str | None, compare: str | None, isolated: bool) -> LearntDevice | LearnForecast:
+    """Ask a device, safely and reversibly, what its PDOs take. It asks before it writes; it starts no node.
+
+    \b
+    learn
+    learn --dry-run            what it would ask
+    learn --save pump          then --sim ./pump answers the same
+    learn --compare gen4       after a firmware update
+    """
+    from dvtcli.operations.learn_device import learn
+
+    return learn(session, save=save, compare=compare, isolated=isolated)

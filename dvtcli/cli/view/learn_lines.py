@@ -1,0 +1,99 @@
+"""The text of what `learn` found out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from dvtcli.cli.view.lines import Cell, Line, Table
+from dvtcli.domain.abort import abort_text
+from dvtcli.domain.learning.conclusions import Value
+from dvtcli.operations.results.learnt import LearnForecast, LearntDevice
+
+
+def learnt_lines(result: LearntDevice, width: int) -> Iterator[Line]:
+    """What the device takes, how it answers the rest, and what is written."""
+    yield [Cell(f"node {result.node}", "bold"), Cell(f"  {result.title}: what it takes")]
+    table = Table(("VALUE", "LEARNT", "EVIDENCE"), shrink=3)
+    for one in result.conclusions.profile:
+        table.add(one.key, value_text(one.value), Cell(one.evidence, "dim"))
+    yield from table.lines(width)
+    yield from _answer_lines(result, width)
+    yield from _not_learnt(result)
+    yield from _compared(result, width)
+    labels = " and ".join(pdo.upper() for pdo in result.pdos)
+    count = sum(answer.code is not None for answer in result.answers)
+    yield (
+        f"{count} questions, {result.writes} writes to {labels}, {result.seconds:.1f} s; everything is put back and "
+        "read back equal"
+    )
+    for path in result.saved:
+        yield f"written: {path}"
+
+
+def _answer_lines(result: LearntDevice, width: int) -> Iterator[Line]:
+    table = Table(("CHECK", "TPDO", "RPDO", "ABORT"), shrink=3)
+    codes: dict[str, dict[str, int]] = {}
+    for one in result.conclusions.family:
+        table_name, _, check = one.key.rpartition(".")
+        if table_name.startswith("answers.") and isinstance(one.value, int):
+            codes.setdefault(check, {})[table_name.removeprefix("answers.")] = one.value
+    if not codes:
+        return
+    yield ""
+    for check, by_way in codes.items():
+        cells = [_code(by_way.get(way)) for way in ("tpdo", "rpdo")]
+        said = next((abort_text(code) for code in by_way.values() if code), "")
+        table.add(check, *cells, Cell(said, "dim"))
+    yield from table.lines(width)
+
+
+def _code(code: int | None) -> str:
+    if code is None:
+        return "-"
+    return f"0x{code:08X}" if code else "accepted"
+
+
+def _not_learnt(result: LearntDevice) -> Iterator[Line]:
+    reasons: dict[str, dict[str, None]] = {}
+    for answer in result.not_learnt:
+        reasons.setdefault(answer.why, {})[answer.probe.name] = None
+    if reasons:
+        yield ""
+    for why, names in reasons.items():
+        yield [Cell("not learnt: ", "yellow"), Cell(f"{', '.join(names)}: {why}")]
+
+
+def _compared(result: LearntDevice, width: int) -> Iterator[Line]:
+    if result.compared is None:
+        return
+    name, differences = result.compared
+    yield ""
+    if not differences:
+        yield f"no difference from the profile {name}"
+        return
+    yield f"it differs from the profile {name}:"
+    table = Table(("VALUE", "PROFILE", "LEARNT", "EVIDENCE"), shrink=4)
+    for one in differences:
+        said = "-" if one.said is None else value_text(one.said)
+        table.add(one.key, said, value_text(one.learnt.value), Cell(one.learnt.evidence, "dim"))
+    yield from table.lines(width)
+
+
+def value_text(value: Value) -> str:
+    """A learnt value on a screen: ranges as `0..240`."""
+    if isinstance(value, list) and value and all(isinstance(one, list) and len(one) == 2 for one in value):
+        return ", ".join(f"{one[0]}..{one[1]}" for one in value if isinstance(one, list))
+    if isinstance(value, list):
+        return ", ".join(map(value_text, value)) or "none"
+    return {True: "yes", False: "no"}[value] if isinstance(value, bool) else str(value)
+
+
+def forecast_lines(result: LearnForecast, width: int) -> Iterator[Line]:
+    """Every probe that would be made."""
+    table = Table(("PDO", "QUESTION", "WRITE", "NEEDS"), shrink=1)
+    for probe in result.probes:
+        table.add(probe.pdo.label, probe.sense, str(probe.asked), str(probe.where))
+    yield from table.lines(width)
+    if result.stores:
+        yield [Cell("note: ", "yellow"), Cell(result.stores)]
+    yield f"dry run: up to {result.writes} writes to node {result.node}, and everything put back; nothing was sent"

@@ -1,0 +1,1 @@
+"""Asking a device what it takes, and putting it back."""

@@ -1,0 +1,173 @@
+"""Making probes on one PDO of a device: it is brought to where a probe starts, asked, and looked at again.
+
+The only place that sends what no plan has: it writes to PDOs whose way back is in a journal by then. Does not know why
+something is asked, nor what an answer means.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from itertools import takewhile
+from typing import TYPE_CHECKING
+
+from dvtcli.device.change.transaction import TRY_AGAIN, Interrupted
+from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.learning.probe import ACCEPTED, Answer, Probe, Stand, Subject, Write
+from dvtcli.domain.plan import EVENT_TIMER, INHIBIT_TIME, SYNC_START, TRANSMISSION_TYPE
+from dvtcli.errors import DeviceRefused, SafetyRefusal, SdoAborted
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+
+#: How often a refusal is asked for again where two answers differ.
+_PAIRS = 2
+#: Sub-indices of the communication parameter, in the order in which they are put back, besides the COB-ID.
+_PARAMETERS = (TRANSMISSION_TYPE, INHIBIT_TIME, EVENT_TIMER, SYNC_START)
+
+
+@dataclass(slots=True)
+class Asking:
+    """Asks *node* about *subject*; *limit* is how many downloads there may be at most, *on_write* is told of each.
+
+    *fit* is what it maps where a probe needs a mapping, None as long as nothing is known to be mapped.
+    """
+
+    node: Node
+    subject: Subject
+    limit: int
+    on_write: Callable[[], None] = lambda: None
+    fit: int | None = None
+    writes: int = 0
+    _now: dict[tuple[int, int], bytes] = field(default_factory=dict)
+    _boot_ups: int = 0
+
+    def __post_init__(self) -> None:
+        pdo, held = self.subject.pdo, self.subject
+        self._now = {(pdo.communication_index, sub): data for sub, data in held.parameters.items()}
+        self._now[pdo.communication_index, 1] = held.held.communication.cob_id.raw.to_bytes(4, "little")
+        self._now[pdo.mapping_index, 0] = bytes([held.held.count])
+        self._now |= {(pdo.mapping_index, n): word.to_bytes(4, "little") for n, word in enumerate(held.entries, 1)}
+        self._boot_ups = self.node.bus.boot_ups(self.node.node_id)
+
+    def keep_to_what_goes_back(self) -> None:
+        """Ask for nothing that could not be put back: a parameter or entry that refuses what it holds is left alone."""
+        self._stand(Stand.EMPTY)
+        pdo, subject = self.subject.pdo, self.subject
+        parameters = {
+            sub: data for sub, data in subject.parameters.items() if self._takes(pdo.communication_index, sub, data)
+        }
+        words = list(
+            takewhile(
+                lambda one: self._takes(pdo.mapping_index, one[0], one[1].to_bytes(4, "little")),
+                enumerate(subject.entries, 1),
+            )
+        )
+        entries = tuple(word for _, word in words)
+        self.subject = replace(
+            subject, parameters=parameters, entries=entries, more=len(entries) < len(subject.entries)
+        )
+
+    def _takes(self, index: int, sub_index: int, data: bytes) -> bool:
+        write = Write(index, sub_index, data)
+        return self._write(write) == ACCEPTED or self._write(write) == ACCEPTED
+
+    def ask(self, probe: Probe) -> Answer:
+        """What the device answers to *probe*. A refusal counts where it is given twice."""
+        code = ACCEPTED
+        for _ in range(_PAIRS):
+            why = self._stand(probe.stand) or self._write_all(probe.writes[:-1])
+            if why:
+                return Answer(probe, None, why=why)
+            code = self._once(probe.asked)
+            if code == ACCEPTED or self._once(probe.asked) == code:
+                return Answer(probe, code, self._now.get((probe.asked.index, probe.asked.sub_index)))
+        return Answer(probe, None, why=f"it was refused with 0x{code:08X}, and then not, or with another code")
+
+    def _once(self, write: Write) -> int:
+        code = self._write(write)
+        if self.node.bus.boot_ups(self.node.node_id) != self._boot_ups:
+            raise DeviceRefused(
+                f"node {self.node.node_id} restarted when {write} was written",
+                node=self.node.node_id,
+                place=f"{write.index:04X}:{write.sub_index:02X}",
+                hint=TRY_AGAIN,
+            )
+        return code
+
+    def _write_all(self, writes: Iterable[Write]) -> str:
+        """Make *writes*, without which there is no probe; why that failed, empty where it did not."""
+        return next((why for write in writes if (why := self._must(write))), "")
+
+    def _stand(self, stand: Stand) -> str:
+        """Bring the PDO to *stand*; why that failed, empty where it did not."""
+        if stand is Stand.FOUND:
+            return ""
+        if stand is not Stand.EMPTY and self.fit is None:
+            return "nothing is known that it maps"
+        wanted = self._wanted(stand)
+        if all(self._now.get(place) == data for place, data in wanted.items()):
+            return ""
+        pdo = self.subject.pdo
+        places = [*((pdo.communication_index, sub) for sub in _PARAMETERS), (pdo.mapping_index, 1)]
+        places += [(pdo.mapping_index, 0), (pdo.communication_index, 1)]
+        return self._open() or next((why for place in places if (why := self._bring(place, wanted))), "")
+
+    def _wanted(self, stand: Stand) -> dict[tuple[int, int], bytes]:
+        pdo, subject = self.subject.pdo, self.subject
+        wanted = {(pdo.communication_index, sub): data for sub, data in subject.parameters.items()}
+        wanted[pdo.communication_index, 1] = subject.off.raw.to_bytes(4, "little")
+        wanted[pdo.mapping_index, 0] = b"\0"
+        if stand is not Stand.EMPTY and self.fit is not None:
+            wanted[pdo.mapping_index, 0] = b"\1"
+            wanted[pdo.mapping_index, 1] = self.fit.to_bytes(4, "little")
+        if stand is Stand.ON:
+            off = subject.off
+            on = CobId(subject.spare[0], rtr_allowed=off.rtr_allowed)
+            wanted[pdo.communication_index, 1] = on.raw.to_bytes(4, "little")
+        return wanted
+
+    def _open(self) -> str:
+        """Off, with the COB-ID that it had, and count 0; why not, empty where it is so."""
+        pdo = self.subject.pdo
+        wanted = {
+            (pdo.communication_index, 1): self.subject.off.raw.to_bytes(4, "little"),
+            (pdo.mapping_index, 0): b"\0",
+        }
+        return next((why for place in wanted if (why := self._bring(place, wanted))), "")
+
+    def _bring(self, place: tuple[int, int], wanted: Mapping[tuple[int, int], bytes]) -> str:
+        if place not in wanted or self._now.get(place) == wanted[place]:
+            return ""
+        return self._must(Write(*place, wanted[place]))
+
+    def _must(self, write: Write) -> str:
+        """A write that is tried twice; why it failed, empty where it did not."""
+        code = self._write(write)
+        if code == ACCEPTED or self._write(write) == ACCEPTED:
+            return ""
+        return f"{write} before it was refused with 0x{code:08X}"
+
+    def _write(self, write: Write) -> int:
+        """The abort code that *write* is answered with, 0 for accepted; what the object holds then is read."""
+        if self.node.cancellation.requested:
+            stopped = Interrupted(f"stopped after {self.writes} writes", node=self.node.node_id)
+            stopped.exit_code = self.node.cancellation.exit_code
+            raise stopped
+        if self.writes >= self.limit:
+            raise SafetyRefusal(
+                f"node {self.node.node_id} was written {self.limit} times, as many as were announced",
+                node=self.node.node_id,
+            )
+        self.writes += 1
+        self.on_write()
+        code = ACCEPTED
+        try:
+            self.node.sdo.download(write.index, write.sub_index, write.data)
+        except SdoAborted as aborted:
+            code = aborted.code
+        try:
+            self._now[write.index, write.sub_index] = self.node.sdo.upload(write.index, write.sub_index)
+        except SdoAborted:
+            self._now.pop((write.index, write.sub_index), None)
+        return code

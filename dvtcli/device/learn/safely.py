@@ -1,0 +1,160 @@
+"""Asking a node under lock, journal and gate, and putting everything back, whatever happens.
+
+Decides nothing about what is asked; shows nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from dvtcli.device.change.carry_out import left_open
+from dvtcli.device.change.put_back import restore_patiently
+from dvtcli.device.learn.asking import Asking
+from dvtcli.domain.learning.probe import Answer, Subject, Where
+from dvtcli.domain.learning.probe_table import Known, next_probes, while_operational
+from dvtcli.domain.nmt import NmtState
+from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange
+from dvtcli.domain.several import several
+from dvtcli.errors import DvtcliError, LeftChanged
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+    from dvtcli.device.observe import Found
+
+
+@dataclass(frozen=True, slots=True)
+class Terms:
+    """What was agreed to: *limit* downloads for each subject; *isolated* asserts that nothing else is on the bus."""
+
+    limit: int
+    isolated: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """The answers about each subject, and how many downloads that took."""
+
+    known: tuple[Known, ...]
+    writes: int
+
+
+def way_back(node_id: int, subjects: Sequence[Subject]) -> Plan:
+    """What the journal has: each subject as it is, the entries behind its count, too."""
+    changes: list[Change] = []
+    for subject in subjects:
+        changes.append(PdoChange(subject.pdo, subject.held, subject.held, ()))
+        for number, word in list(enumerate(subject.entries, 1))[subject.held.count :]:
+            data = word.to_bytes(4, "little")
+            changes.append(ValueChange(Step(subject.pdo.mapping_index, number, data, data, "put the old value back")))
+    return Plan(node_id, tuple(changes))
+
+
+def ask_safely(
+    node: Node,
+    subjects: Sequence[Subject],
+    pdos: Mapping[Pdo, PdoConfig],
+    found: Found,
+    terms: Terms,
+    on_write: Callable[[], None] = lambda: None,
+) -> Asked:
+    """Ask *node* about *subjects*, put everything back, and read all of *pdos* again.
+
+    *found* is how the node was claimed. Whatever fails, the subjects are put back first: LeftChanged, with the journal
+    kept, where that fails too.
+    """
+    plan = way_back(node.node_id, subjects)
+    with node.cancellation.guard():
+        if node.keeper is not None:
+            node.keeper.begin(plan, node.identity(), found.state, node.known_pdos)
+        try:
+            asked = _ask(node, subjects, found, terms, on_write)
+        except BaseException as fault:
+            _put_back(node, plan, fault)
+            if isinstance(fault, DvtcliError):
+                fault.state, fault.node = "rolled_back", node.node_id
+            raise
+        _put_back(node, plan, None)
+        _others_too(node, plan, pdos)
+    if node.keeper is not None:
+        node.keeper.end()
+    node.cancellation.hold()
+    return asked
+
+
+def _ask(node: Node, subjects: Sequence[Subject], found: Found, terms: Terms, on_write: Callable[[], None]) -> Asked:
+    first: dict[Pdo, dict[str, Answer]] = {subject.pdo: {} for subject in subjects}
+    writes = 0
+    if terms.isolated and found.state is NmtState.OPERATIONAL:
+        for subject in subjects:
+            asking = Asking(node, subject, terms.limit, on_write)
+            first[subject.pdo] = {probe.name: asking.ask(probe) for probe in while_operational(subject)}
+            writes += asking.writes
+    node.gate.enter_agreed()
+    quiet = terms.isolated or node.access.state() is NmtState.PRE_OPERATIONAL
+    known = []
+    for subject in subjects:
+        asking = Asking(node, subject if quiet else replace(subject, spare=()), terms.limit, on_write)
+        known.append(_ask_one(asking, first[subject.pdo], terms))
+        writes += asking.writes
+    return Asked(tuple(known), writes)
+
+
+def _ask_one(asking: Asking, answers: dict[str, Answer], terms: Terms) -> Known:
+    """Everything that may be asked about one subject, and whatever its answers lead to."""
+    asking.keep_to_what_goes_back()
+    known = Known(asking.subject, answers)
+    while probes := next_probes(known):
+        for probe in probes:
+            if probe.where is Where.ISOLATED and not terms.isolated:
+                answers[probe.name] = Answer(probe, None, why="only with --isolated")
+                continue
+            answers[probe.name] = asking.ask(probe)
+            if asking.fit is None and known.fits:
+                asking.fit = known.fits[0].raw
+        if known.fits:
+            asking.fit = known.fits[0].raw
+    return known
+
+
+def _put_back(node: Node, plan: Plan, fault: BaseException | None) -> None:
+    """Put everything back and verify it; the journal is closed after a *fault* only, since else more is looked at."""
+    try:
+        restore_patiently(node.sdo, plan.changes, node.bus, node.gate.renew, node.witness)
+    except (DvtcliError, KeyboardInterrupt) as failed:
+        left = _left(node, plan, fault, failed)
+        left_open(node, left)
+        raise left from failed
+    finally:
+        node.forget()
+    if fault is not None and node.keeper is not None:
+        node.keeper.end()
+
+
+def _left(node: Node, plan: Plan, fault: BaseException | None, failed: BaseException) -> LeftChanged:
+    labels = several(change.label for change in plan.changes if isinstance(change, PdoChange))
+    why = f"{failed or 'interrupted'}"
+    return LeftChanged(
+        f"{labels} of node {node.node_id} could not be put back",
+        node=node.node_id,
+        why=why if fault is None else f"{fault}; then, while it was put back: {why}",
+        state="left_changed",
+    )
+
+
+def _others_too(node: Node, plan: Plan, pdos: Mapping[Pdo, PdoConfig]) -> None:
+    """Read every PDO again: what the device altered beside those that were asked is put back, too."""
+    own = {change.pdo for change in plan.changes if isinstance(change, PdoChange)}
+    held = node.pdos()
+    altered = [
+        PdoChange(pdo, before, before, ())
+        for pdo, before in pdos.items()
+        if pdo not in own and before.mpdo is None and held.get(pdo) != before
+    ]
+    if altered:
+        more = Plan(plan.node_id, (*plan.changes, *altered))
+        if node.keeper is not None:
+            node.keeper.note(more)
+        _put_back(node, more, None)

@@ -1,0 +1,159 @@
+"""Which PDOs of a node may be asked, and with what. Reads; writes nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from dvtcli.device.neighbours import producers
+from dvtcli.device.read_pdos import ABSENT, service_can_ids
+from dvtcli.domain.learning.probe import Subject
+from dvtcli.domain.mapping import DUMMY_BITS, MAX_ENTRIES, PdoMappingEntry
+from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
+from dvtcli.domain.pdo import Direction, Pdo, PdoConfig
+from dvtcli.domain.rules import Proposal
+from dvtcli.domain.rules.can_id import FREE_POOL
+from dvtcli.domain.rules.mapped_object import FEEDS_TPDO, TAKES_RPDO
+from dvtcli.domain.rules.no_way_back import way_back
+from dvtcli.errors import SdoAborted
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+
+#: How many objects of one length are tried until the device maps one.
+_TRIES = 3
+_LENGTHS = (1, 8, 16, 32, 64)
+#: Sub-indices of a communication parameter that are asked; 4 is reserved.
+_PARAMETERS = (2, 3, 5, 6)
+
+
+def subjects(node: Node, pdos: Mapping[Pdo, PdoConfig], heard: frozenset[int]) -> list[Subject]:
+    """The PDO of each direction that is asked: one that is off where there is one, of those the last.
+
+    *pdos* are what the node holds, *heard* the CAN-IDs that passed. A direction without a PDO that could be put back
+    for certain has none.
+    """
+    spare = _spare(node, pdos, heard)
+    found = (_subject(node, pdos, direction, spare) for direction in (Direction.TPDO, Direction.RPDO))
+    return [subject for subject in found if subject is not None]
+
+
+def _spare(node: Node, pdos: Mapping[Pdo, PdoConfig], heard: frozenset[int]) -> tuple[int, ...]:
+    """Two CAN-IDs that no PDO of a known node has, no service uses, and nobody was heard on."""
+    used = {config.communication.cob_id.can_id for config in pdos.values()}
+    used |= {one.cob_id.can_id for one in producers(node.neighbours())}
+    used |= {can_id for can_id in service_can_ids(node.sdo) if can_id is not None} | heard
+    free = [can_id for can_id in FREE_POOL if can_id not in used]
+    return tuple(free[-2:]) if len(free) > 1 else ()
+
+
+def _subject(node: Node, pdos: Mapping[Pdo, PdoConfig], direction: Direction, spare: tuple[int, ...]) -> Subject | None:
+    for pdo, held in _candidates(pdos, direction):
+        if held.mpdo is None and node.is_dynamic(pdo) and _goes_back(node, pdo, held):
+            subject = _read(node, pdos, pdo, held, spare)
+            if subject.entries:
+                return subject
+    return None
+
+
+def _candidates(pdos: Mapping[Pdo, PdoConfig], direction: Direction) -> list[tuple[Pdo, PdoConfig]]:
+    """Those that are off first, of these the empty ones; of equals the one with the highest number."""
+    own = [(pdo, config) for pdo, config in pdos.items() if pdo.direction is direction]
+    return sorted(own, key=lambda one: (one[1].enabled, one[1].count > 0, -one[0].number))
+
+
+def _goes_back(node: Node, pdo: Pdo, held: PdoConfig) -> bool:
+    """Whether the rules see nothing that the device could refuse when the PDO is put back."""
+    entry = node.dictionary.entry(pdo.communication_index, 1) if node.dictionary else None
+    if entry is not None and not entry.access.writable:
+        return False
+    if held.inconsistency or (held.enabled and not held.count):
+        return False
+    opened = PdoConfig(replace(held.communication, cob_id=held.communication.cob_id.disabled()), ())
+    return way_back(Proposal(node.node_id, pdo, opened, held, {}, node.profile, node.dictionary)) is None
+
+
+def _read(node: Node, pdos: Mapping[Pdo, PdoConfig], pdo: Pdo, held: PdoConfig, spare: tuple[int, ...]) -> Subject:
+    index = pdo.communication_index
+    parameters = {sub: data for sub in _PARAMETERS if (data := _held(node, index, sub)) is not None}
+    entries: list[int] = []
+    for number in range(1, MAX_ENTRIES + 1):
+        data = _held(node, pdo.mapping_index, number)
+        if data is None:
+            break
+        entries.append(int.from_bytes(data, "little"))
+    fits = tuple(_fits(node, pdos, pdo.direction))
+    described = node.dictionary
+    return Subject(
+        pdo, held, parameters, tuple(entries), fits,
+        {} if described is None else _by_access(described),
+        None if described is None else _unmappable(described, pdo),
+        _absent(node),
+        spare,
+    )  # fmt: skip
+
+
+def _held(node: Node, index: int, sub_index: int) -> bytes | None:
+    try:
+        return node.sdo.upload(index, sub_index)
+    except SdoAborted as aborted:
+        if aborted.code in ABSENT:
+            return None
+        raise
+
+
+def _fits(node: Node, pdos: Mapping[Pdo, PdoConfig], direction: Direction) -> Iterator[PdoMappingEntry]:
+    """Objects to map, the shortest first: those that are mapped in this direction, then those that its file names."""
+    mapped = [
+        entry
+        for pdo, config in pdos.items()
+        if pdo.direction is direction
+        for entry in config.mapping
+        if entry.index not in DUMMY_BITS and node.length_of(entry.index, entry.sub_index) == entry.bits
+    ]
+    named = [] if node.dictionary is None else list(_mappable(node.dictionary, direction))
+    for bits in _LENGTHS:
+        yield from list(dict.fromkeys(entry for entry in (*mapped, *named) if entry.bits == bits))[:_TRIES]
+
+
+def _mappable(dictionary: ObjectDictionary, direction: Direction) -> Iterator[PdoMappingEntry]:
+    """What may be mapped by its file; objects for this direction alone before those for both."""
+    wanted = FEEDS_TPDO if direction is Direction.TPDO else TAKES_RPDO
+    entries = [entry for entry in _marked(dictionary) if entry.access in wanted]
+    for entry in sorted(entries, key=lambda one: one.access in FEEDS_TPDO & TAKES_RPDO):
+        yield PdoMappingEntry(entry.index, entry.sub_index, entry.bits or 0)
+
+
+def _marked(dictionary: ObjectDictionary) -> Iterator[OdEntry]:
+    """Objects of a known length that the file marks as mappable, none of them a parameter of communication."""
+    for entry in dictionary.entries():
+        if entry.pdo_mapping and entry.bits in _LENGTHS and entry.index >= 0x2000:
+            yield entry
+
+
+def _by_access(dictionary: ObjectDictionary) -> dict[str, PdoMappingEntry]:
+    found: dict[str, PdoMappingEntry] = {}
+    for entry in _marked(dictionary):
+        found.setdefault(str(entry.access), PdoMappingEntry(entry.index, entry.sub_index, entry.bits or 0))
+    return found
+
+
+def _unmappable(dictionary: ObjectDictionary, pdo: Pdo) -> PdoMappingEntry | None:
+    """An object that could go this way by its access, and is marked as not mappable."""
+    wanted = FEEDS_TPDO if pdo.is_tpdo else TAKES_RPDO
+    entries = (
+        entry
+        for entry in dictionary.entries()
+        if entry.pdo_mapping is False and entry.access in wanted and entry.bits in _LENGTHS
+    )
+    found: Sequence[OdEntry] = list(entries)[:1]
+    return PdoMappingEntry(found[0].index, found[0].sub_index, found[0].bits or 0) if found else None
+
+
+def _absent(node: Node) -> int:
+    """An index that the device does not have."""
+    for index in range(0x5FFE, 0x5F00, -1):
+        if (node.dictionary is None or index not in node.dictionary) and _held(node, index, 0) is None:
+            return index
+    return 0x5FFE

@@ -1,0 +1,137 @@
+"""A probe: SDO downloads to one PDO that is off, and what the device answered. Does not know what an answer means."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+from dvtcli.domain.abort import abort_text
+from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.mapping import PdoMappingEntry
+from dvtcli.domain.pdo import Pdo, PdoConfig
+
+#: What `Answer.code` is where the device took the value.
+ACCEPTED = 0
+
+
+class Stand(StrEnum):
+    """How the PDO stands before a probe."""
+
+    FOUND = "as it was found, off"
+    EMPTY = "off, count 0"
+    FILLED = "off, one entry"
+    ON = "enabled, one entry, on a CAN-ID that nobody uses"
+
+
+class Where(StrEnum):
+    """What must hold around a probe."""
+
+    ANYWHERE = "anywhere"
+    #: an enabled PDO, so PRE-OPERATIONAL and a CAN-ID that is neither used nor heard
+    QUIET = "PRE-OPERATIONAL and a quiet CAN-ID"
+    #: a CAN-ID that means something to others
+    ISOLATED = "--isolated"
+    #: the node as it was found, in OPERATIONAL
+    OPERATIONAL = "--isolated, and a node that was found OPERATIONAL"
+
+
+@dataclass(frozen=True, slots=True)
+class Write:
+    """One SDO download."""
+
+    index: int
+    sub_index: int
+    data: bytes
+
+    def __str__(self) -> str:
+        value = f"0x{int.from_bytes(self.data, 'little'):0{2 * len(self.data)}X}"
+        return f"0x{self.index:04X}:{self.sub_index:02X} <- {value}"
+
+
+@dataclass(frozen=True, slots=True)
+class Probe:
+    """What is asked of *pdo*: the last of *writes*, after the others were accepted, from *stand*.
+
+    *name* is unique in a run, *sense* says for people what is found out. *check* is the name of the check that a
+    simulated device makes there, "" for none.
+    """
+
+    pdo: Pdo
+    name: str
+    sense: str
+    stand: Stand
+    writes: tuple[Write, ...]
+    check: str = ""
+    where: Where = Where.ANYWHERE
+
+    @property
+    def asked(self) -> Write:
+        """The download that the device's answer is about."""
+        return self.writes[-1]
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What the device answered to *probe*: an abort code, 0 for accepted, None where it has no answer (*why* says).
+
+    *held* is what the object held afterwards, None where it could not be read.
+    """
+
+    probe: Probe
+    code: int | None
+    held: bytes | None = None
+    why: str = ""
+
+    @property
+    def accepted(self) -> bool:
+        """Whether the device took the value."""
+        return self.code == ACCEPTED
+
+    @property
+    def kept(self) -> bool:
+        """Whether the device took the value, and holds it."""
+        return self.accepted and self.held == self.probe.asked.data
+
+    @property
+    def text(self) -> str:
+        """The evidence, for a person: `0x1A03:01 <- 0x60410004 answered 0x06040041 (…)`."""
+        asked = self.probe.asked
+        if self.code is None:
+            return f"{asked} was not asked: {self.why}"
+        if self.code:
+            return f"{asked} answered 0x{self.code:08X} ({abort_text(self.code)}), {self.probe.stand}"
+        held = "" if self.held in (None, asked.data) else f", and reads 0x{_number(self.held):X}"
+        return f"{asked} accepted{held}, {self.probe.stand}"
+
+
+def _number(data: bytes | None) -> int:
+    return int.from_bytes(data or b"", "little")
+
+
+@dataclass(frozen=True, slots=True)
+class Subject:
+    """The PDO that is asked, with what was read of it and what it may be asked with.
+
+    *parameters* are the bytes of each sub-index of its communication parameter that can be read, *entries* the raw
+    words of sub-indices 1… of its mapping that can be read. *spare* are two CAN-IDs that nobody uses, none where it
+    must not be enabled. *fits* are objects that its file says may be mapped in this direction, *by_access* one of each
+    access type that is marked mappable, *unmappable* one that is not; *absent* is an index that the device does not
+    have. *more*: there are further entries, which must not be written, since they do not take back what they hold.
+    """
+
+    pdo: Pdo
+    held: PdoConfig
+    parameters: Mapping[int, bytes]
+    entries: tuple[int, ...]
+    fits: tuple[PdoMappingEntry, ...]
+    by_access: Mapping[str, PdoMappingEntry] = field(default_factory=dict)
+    unmappable: PdoMappingEntry | None = None
+    absent: int = 0x5FFE
+    spare: tuple[int, ...] = ()
+    more: bool = False
+
+    @property
+    def off(self) -> CobId:
+        """Its COB-ID with bit 31 set: what it holds while it is asked."""
+        return self.held.communication.cob_id.disabled()

@@ -1,0 +1,391 @@
+"""The probes: which downloads tell what a device takes. Data, and how one answer leads to the next question.
+
+Knows nothing of how probes are made, nor what is concluded in the end (`conclusions`). Sources of the questions: CiA
+301, 7.5.2.35 to 7.5.2.38, and what public stacks answer differently.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+
+from dvtcli.domain.learning.probe import Answer, Probe, Stand, Subject, Where, Write
+from dvtcli.domain.mapping import DUMMY_BITS, MAX_PDO_BITS, PdoMappingEntry
+from dvtcli.domain.plan import EVENT_TIMER, INHIBIT_TIME, SYNC_START, TRANSMISSION_TYPE
+
+#: Transmission types that are asked: the ends of the standard's ranges, and what lies between.
+TYPES = (0, 1, 2, 120, 239, 240, 241, 246, 251, 252, 253, 254, 255)
+ON_REQUEST = (252, 253)
+#: CAN-IDs that CiA 301 keeps for others, one of each range (table 40).
+RESTRICTED = (0x000, 0x001, 0x101, 0x180, 0x581, 0x601, 0x6E0, 0x701)
+_NO_RTR, _EXTENDED, _INVALID = 1 << 30, 1 << 29, 1 << 31
+#: An event timer and an inhibit time that no device refuses for its size.
+_SHORT = 10
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """What was answered so far, by the names of the probes of one *subject*."""
+
+    subject: Subject
+    answers: Mapping[str, Answer]
+
+    def accepted(self, name: str) -> bool:
+        """Whether the probe *name* was made, and accepted."""
+        return name in self.answers and self.answers[name].accepted
+
+    def refused(self, name: str) -> bool:
+        """Whether the probe *name* was made, and answered with an abort."""
+        return name in self.answers and bool(self.answers[name].code)
+
+    @property
+    def fits(self) -> tuple[PdoMappingEntry, ...]:
+        """Objects that the device was seen to map in this direction, the shortest first."""
+        return tuple(fit for fit in self.subject.fits if self.accepted(fit_name(fit)))
+
+    @property
+    def max_entries(self) -> int:
+        """The highest entry that the device took, 0 for none."""
+        taken = [number for number in range(1, 65) if self.accepted(f"entry {number}")]
+        return max(taken, default=int(bool(self.fits)))
+
+
+def fit_name(fit: PdoMappingEntry) -> str:
+    """What the probe is called that maps *fit*."""
+    return f"map {fit}"
+
+
+def next_probes(known: Known) -> list[Probe]:
+    """What is to be asked now, by what was answered so far; empty where everything was."""
+    asked = known.answers.keys()
+    for stage in _STAGES:
+        found = [probe for probe in stage(known) if probe.name not in asked]
+        if found:
+            return found
+    return []
+
+
+def _entry(known: Known, number: int, word: int) -> Write:
+    return Write(known.subject.pdo.mapping_index, number, word.to_bytes(4, "little"))
+
+
+def _count(known: Known, number: int) -> Write:
+    return Write(known.subject.pdo.mapping_index, 0, bytes([number]))
+
+
+def _cob_id(known: Known, word: int) -> Write:
+    return Write(known.subject.pdo.communication_index, 1, word.to_bytes(4, "little"))
+
+
+def _parameter(known: Known, sub_index: int, value: int) -> Write:
+    size = len(known.subject.parameters[sub_index])
+    return Write(known.subject.pdo.communication_index, sub_index, value.to_bytes(size, "little"))
+
+
+def _probe(
+    known: Known,
+    name: str,
+    sense: str,
+    *writes: Write,
+    stand: Stand = Stand.EMPTY,
+    check: str = "",
+    where: Where = Where.ANYWHERE,
+) -> Probe:
+    return Probe(known.subject.pdo, name, sense, stand, writes, check, where)
+
+
+def _objects(known: Known) -> Iterator[Probe]:
+    """Which objects it maps; of each length, others only until one is taken."""
+    lengths = {fit.bits for fit in known.fits}
+    for fit in known.subject.fits:
+        if fit_name(fit) in known.answers or fit.bits not in lengths:
+            yield _probe(known, fit_name(fit), f"an object of {fit.bits} bits is mapped", _entry(known, 1, fit.raw))
+            lengths.add(fit.bits)
+    for access, entry in known.subject.by_access.items():
+        yield _probe(
+            known, f"access {access}", f"a mappable object that is {access} is mapped", _entry(known, 1, entry.raw),
+            check="wrong-direction",
+        )  # fmt: skip
+
+
+def _entries(known: Known) -> Iterator[Probe]:
+    """What an entry may be, one at a time."""
+    if not known.fits:
+        return
+    fit, subject = known.fits[0], known.subject
+
+    def entry(check: str, sense: str, word: int, name: str = "") -> Probe:
+        return _probe(known, name or check, sense, _entry(known, 1, word), check=check)
+
+    if subject.unmappable is not None:
+        yield entry("not-mappable", "an object that is not mappable is mapped", subject.unmappable.raw)
+    yield entry("missing-object", "an object that is not there is mapped", subject.absent << 16 | 16)
+    yield entry("missing-sub-index", "a sub-index that is not there is mapped", fit.index << 16 | 0xEE << 8 | fit.bits)
+    yield entry("entry-zero", "an entry of 0 is taken", 0)
+    yield entry("no-bits", "an entry of 0 bits is taken", fit.raw & ~0xFF, "entry of 0 bits")
+    yield entry("entry-too-long", "an entry may be longer than its object", (fit.raw & ~0xFF) | 2 * fit.bits)
+    yield entry("entry-bits", "an entry may be longer than 64 bits", (fit.raw & ~0xFF) | 72, "entry of 72 bits")
+    longest = max(known.fits, key=lambda one: one.bits)
+    if longest.bits > 8:
+        yield entry(
+            "entry-too-short", "an entry may be shorter than its object", (longest.raw & ~0xFF) | (longest.bits - 8)
+        )
+    for bits in (1, 2, 4):
+        if longest.bits > bits:
+            word = (longest.raw & ~0xFF) | bits
+            yield entry("granularity", f"an entry of {bits} bits is taken", word, f"entry of {bits} bits")
+    for index, bits in DUMMY_BITS.items():
+        word = index << 16 | bits
+        yield entry("dummy", f"the dummy 0x{index:04X} is mapped", word, f"dummy {index}")
+        if known.accepted(f"dummy {index}"):
+            yield entry("dummy-sub-index", "sub-index 01 of a dummy is mapped", word | 1 << 8)
+
+
+def _how_many(known: Known) -> Iterator[Probe]:
+    """How many entries there are: the last one that can be read, and where that is refused all before it."""
+    if not known.fits:
+        return
+    word, last = known.fits[0].raw, len(known.subject.entries)
+
+    def number(which: int) -> Probe:
+        return _probe(
+            known, f"entry {which}", f"there is an entry {which}", _entry(known, which, word),
+            check="no-entry" if which > 1 else "",
+        )  # fmt: skip
+
+    if last > 1:
+        yield number(last)
+    if last > 1 and known.refused(f"entry {last}"):
+        yield from map(number, range(2, last))
+    if last < 64 and not known.subject.more:
+        yield _probe(
+            known, f"entry {last + 1}", "an entry behind the last one is taken", _entry(known, last + 1, word)
+        )  # fmt: skip
+
+
+def _counts(known: Known) -> Iterator[Probe]:
+    """What a count may cover."""
+    if not known.fits:
+        return
+    fit, most = known.fits[0], known.max_entries
+
+    def filled(number: int, entry: PdoMappingEntry) -> list[Write]:
+        return [_entry(known, one, entry.raw) for one in range(1, number + 1)]
+
+    if most < 64 and not known.subject.more:
+        yield _probe(
+            known, "count-beyond", "a count above the entries is taken",
+            *filled(most, fit), _count(known, most + 1), check="count-beyond",
+        )  # fmt: skip
+    if known.accepted("entry-zero"):
+        yield _probe(
+            known, "count-over-zero", "a count may cover an entry of 0",
+            _entry(known, 1, 0), _count(known, 1), check="count-over-zero",
+        )  # fmt: skip
+    if known.accepted("entry of 0 bits"):
+        yield _probe(
+            known, "count-over-no-bits", "a count may cover an entry of 0 bits",
+            _entry(known, 1, fit.raw & ~0xFF), _count(known, 1), check="count-over-no-bits",
+        )  # fmt: skip
+    for one in known.fits:
+        full = MAX_PDO_BITS // one.bits
+        if full <= most:
+            yield _probe(
+                known, "64 bits", "a mapping may have 64 bits", *filled(full, one), _count(known, full)
+            )  # fmt: skip
+            break
+    for one in known.fits:
+        over = MAX_PDO_BITS // one.bits + 1
+        if over <= most:
+            yield _probe(
+                known, "too-many-bits", "a mapping may have more than 64 bits",
+                *filled(over, one), _count(known, over), check="too-many-bits",
+            )  # fmt: skip
+            break
+
+
+def _while_counted(known: Known) -> Iterator[Probe]:
+    """What is taken of a mapping whose count is not 0."""
+    if not known.fits:
+        return
+    fit = known.fits[0]
+    yield _probe(
+        known, "entry-again-counted", "the same entry is taken while the count is 1",
+        _entry(known, 1, fit.raw), stand=Stand.FILLED, check="entry-again-counted",
+    )  # fmt: skip
+    other = _other(known)
+    if other is not None:
+        yield _probe(
+            known, "entry-while-counted", "another entry is taken while the count is 1",
+            _entry(known, 1, other), stand=Stand.FILLED, check="entry-while-counted",
+        )  # fmt: skip
+
+
+def _other(known: Known) -> int | None:
+    """Another entry than the one that the PDO has when it is filled, one that the device takes."""
+    words = [fit.raw for fit in known.fits[1:]]
+    words += [index << 16 | bits for index, bits in DUMMY_BITS.items() if known.accepted(f"dummy {index}")]
+    return words[0] if words else None
+
+
+def _cob_ids(known: Known) -> Iterator[Probe]:
+    """What a COB-ID may be while the PDO is off: bits 30 and 29, another CAN-ID."""
+    off = known.subject.off.raw
+    for name, sense, word, check in (
+        ("bit 30 clear", "bit 30 (no RTR) may be clear", off & ~_NO_RTR, "rtr-bit"),
+        ("bit 30 set", "bit 30 (no RTR) may be set", off | _NO_RTR, "rtr-bit"),
+    ):
+        yield _probe(known, name, sense, _cob_id(known, word), check=check)
+    bits = off & _NO_RTR
+    if not (off & _EXTENDED):
+        word = _INVALID | bits | _EXTENDED | 0x18000
+        yield _probe(known, "bit 29", "a CAN-ID may have 29 bits", _cob_id(known, word), check="extended")
+
+
+def _rtr_allowed(known: Known) -> list[Write]:
+    """What lets a remote frame ask for the PDO, where the device has that and it is not so already."""
+    off = known.subject.off
+    if off.rtr_allowed or not known.accepted("bit 30 clear"):
+        return []
+    return [_cob_id(known, off.raw & ~_NO_RTR)]
+
+
+def _parameters(known: Known) -> Iterator[Probe]:
+    """What the communication parameters may be while the PDO is off."""
+    parameters = known.subject.parameters
+    if TRANSMISSION_TYPE in parameters:
+        for value in TYPES:
+            before = _rtr_allowed(known) if value in ON_REQUEST else []
+            write = _parameter(known, TRANSMISSION_TYPE, value)
+            yield _probe(known, f"type {value}", f"transmission type {value} is taken", *before, write, check="type")
+        if known.accepted("bit 30 set") and known.accepted("type 252"):
+            forbidden = _cob_id(known, known.subject.off.raw | _NO_RTR)
+            write = _parameter(known, TRANSMISSION_TYPE, 252)
+            yield _probe(
+                known, "type-without-rtr", "type 252 is taken while bit 30 is set", forbidden, write,
+                check="type-without-rtr",
+            )  # fmt: skip
+    for sub_index, name, check in (
+        (INHIBIT_TIME, "inhibit time", "inhibit-high"),
+        (EVENT_TIMER, "event timer", "event-high"),
+    ):
+        if sub_index in parameters:
+            yield from _highest(known, sub_index, name, check)
+    if SYNC_START in parameters:
+        write = _parameter(known, SYNC_START, 1)
+        yield _probe(known, "SYNC start value 1", "a SYNC start value is taken", write)
+
+
+def _highest(known: Known, sub_index: int, name: str, check: str) -> Iterator[Probe]:
+    """Search for the highest time that is taken."""
+    value = next_time(known, name)
+    if value is not None:
+        write = _parameter(known, sub_index, value)
+        yield _probe(known, f"{name} {value}", f"{name} {value} is taken", write, check=check)
+
+
+def next_time(known: Known, name: str) -> int | None:
+    """The time that is to be asked next; None where the highest is known, or cannot be found."""
+    values = {
+        int(one.rpartition(" ")[2]): answer
+        for one, answer in known.answers.items()
+        if one.startswith(f"{name} ") and one.rpartition(" ")[2].isdecimal()
+    }
+    if any(answer.code is None for answer in values.values()):
+        return None
+    taken = max((value for value, answer in values.items() if answer.kept), default=-1)
+    above = min((value for value, answer in values.items() if value > taken and not answer.kept), default=None)
+    if above is None:
+        return None if taken == 0xFFFF else 0xFFFF
+    if taken < 0:
+        return _SHORT if _SHORT not in values else None
+    if above - taken <= 1:
+        return None
+    return 0x7FFF if 0x7FFF not in values and taken < 0x7FFF < above else (taken + above) // 2
+
+
+def _while_on(known: Known) -> Iterator[Probe]:
+    """What is taken while the PDO is enabled, and whether an empty one may be."""
+    if not known.subject.spare or not known.fits:
+        return
+    first, second = known.subject.spare
+    fit, bits = known.fits[0], known.subject.off.raw & (_NO_RTR | _EXTENDED)
+
+    def on(check: str, sense: str, write: Write, stand: Stand = Stand.ON) -> Probe:
+        return _probe(known, check, sense, write, stand=stand, check=check, where=Where.QUIET)
+
+    yield on("empty-enabled", "a PDO without a mapping may be enabled", _cob_id(known, bits | first), Stand.EMPTY)
+    yield on("enable", "a PDO can be enabled", _cob_id(known, bits | first), Stand.FILLED)
+    if not known.accepted("enable"):
+        return
+    yield on("cob-id-again", "the same COB-ID is taken while enabled", _cob_id(known, bits | first))
+    yield on("cob-id-while-valid", "another CAN-ID is taken while enabled", _cob_id(known, bits | second))
+    yield on("count-again", "the same count is taken while enabled", _count(known, 1))
+    yield on("count-while-valid", "count 0 is taken while enabled", _count(known, 0))
+    yield on("entry-again", "the same entry is taken while enabled", _entry(known, 1, fit.raw))
+    other = _other(known)
+    if other is not None:
+        yield on("entry-while-valid", "another entry is taken while enabled", _entry(known, 1, other))
+    for sub_index, check, sense in (
+        (TRANSMISSION_TYPE, "type-while-valid", "a transmission type is taken while enabled"),
+        (INHIBIT_TIME, "inhibit-while-valid", "an inhibit time is taken while enabled"),
+        (EVENT_TIMER, "event-while-valid", "an event timer is taken while enabled"),
+        (SYNC_START, "sync-start-while-valid", "a SYNC start value is taken while enabled"),
+    ):
+        value = _another_value(known, sub_index)
+        if value is not None:
+            yield on(check, sense, _parameter(known, sub_index, value))
+
+
+def _another_value(known: Known, sub_index: int) -> int | None:
+    """A value of the parameter that the device took while the PDO was off, other than the one it has."""
+    if sub_index not in known.subject.parameters:
+        return None
+    held = int.from_bytes(known.subject.parameters[sub_index], "little")
+    names = {TRANSMISSION_TYPE: "type", INHIBIT_TIME: "inhibit time", EVENT_TIMER: "event timer"}
+    name = names.get(sub_index, "SYNC start value")
+    asked = (one.rpartition(" ") for one, answer in known.answers.items() if answer.kept)
+    values = sorted(int(value) for what, _, value in asked if what == name and value.isdecimal())
+    return next((value for value in values if value not in (held, *ON_REQUEST)), None)
+
+
+def _isolated(known: Known) -> Iterator[Probe]:
+    """CAN-IDs that mean something to others: nobody else may be there."""
+    if not known.accepted("enable"):
+        return
+    bits = known.subject.off.raw & _NO_RTR
+    for can_id in RESTRICTED:
+        yield _probe(
+            known, f"CAN-ID 0x{can_id:03X}", f"a PDO may be enabled on CAN-ID 0x{can_id:03X}",
+            _cob_id(known, bits | can_id), stand=Stand.FILLED, check="restricted", where=Where.ISOLATED,
+        )  # fmt: skip
+    yield _probe(
+        known, "CAN-ID 0x800", "a CAN-ID above 0x7FF is taken without bit 29",
+        _cob_id(known, bits | 0x800), stand=Stand.FILLED, check="beyond-frame", where=Where.ISOLATED,
+    )  # fmt: skip
+
+
+def while_operational(subject: Subject) -> list[Probe]:
+    """What is asked of a node that was found OPERATIONAL, before it is anything else: a PDO that is off stays so."""
+    if subject.held.enabled:
+        return []
+    known = Known(subject, {})
+    return [
+        _probe(
+            known, "in OPERATIONAL", "parameters of a PDO that is off are taken in OPERATIONAL",
+            _cob_id(known, subject.off.raw), stand=Stand.FOUND, where=Where.OPERATIONAL,
+        )
+    ]  # fmt: skip
+
+
+_STAGES: tuple[Callable[[Known], Iterator[Probe]], ...] = (
+    _objects,
+    _entries,
+    _how_many,
+    _counts,
+    _while_counted,
+    _cob_ids,
+    _parameters,
+    _while_on,
+    _isolated,
+)

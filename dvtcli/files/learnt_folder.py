@@ -1,0 +1,114 @@
+"""The folder that `learn --save` writes: a profile, a simulated family that answers the same, and the EDS.
+
+Knows names of files and what stands in them. Does not know how it was learnt.
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from dvtcli.domain.learning.conclusions import Conclusions
+from dvtcli.errors import UsageError
+from dvtcli.files.family_toml import quoted, toml_text
+from dvtcli.files.profile.library import folder as profile_folder
+
+PROFILE, SIMULATED = "profile.toml", "simulated.toml"
+#: The first line of every file that `learn` writes.
+_MARK = "# Learnt by dvtcli"
+
+
+@dataclass(frozen=True, slots=True)
+class Origin:
+    """Where a family was learnt: its *name* and *title*, what it is *like*, its *vendor* and *product* (0x1018).
+
+    *said* are lines of comment: when, from which node.
+    """
+
+    name: str
+    title: str
+    like_profile: str
+    like_family: str
+    vendor: int | None
+    product: int | None
+    said: Sequence[str]
+
+
+def refuse_foreign(name: str) -> None:
+    """Raise UsageError where the folder or the profile *name* is there already, and `learn` did not write it."""
+    folder, own_profile = Path(name), own_path(name)
+    if own_profile.exists() and not is_learnt(own_profile):
+        raise UsageError(f"{own_profile} exists, and `learn` did not write it", hint="--save takes another name")
+    if not folder.exists():
+        return
+    own = folder.is_dir() and all(is_learnt(folder / name) for name in (PROFILE, SIMULATED))
+    if not own:
+        raise UsageError(f"{folder} exists, and `learn` did not write it", hint="--save takes another name")
+
+
+def is_learnt(path: Path) -> bool:
+    """Whether `learn` wrote the file at *path*."""
+    try:
+        with path.open(encoding="utf-8") as file:
+            return file.readline().startswith(_MARK)
+    except (OSError, UnicodeDecodeError):
+        return False
+
+
+def profile_text(origin: Origin, learnt: Conclusions) -> str:
+    """The profile as TOML, each value with its evidence."""
+    known = bool(origin.vendor)
+    head = [
+        *_mark(origin),
+        "",
+        f"like = {quoted(origin.like_profile)}  # what was not asked is as there",
+        "learnt = true  # by `learn`: it shares its evidence with the simulated family beside it",
+        f"name = {quoted(origin.name)}  # as it was saved",
+        f"title = {quoted(origin.title)}  # the device's name in its EDS, or its family's",
+        f"vendor_ids = [{f'0x{origin.vendor:X}' if known else ''}]  # learnt: 0x1018:01",
+        f"product_codes = [{f'0x{origin.product or 0:X}' if known else ''}]  # learnt: 0x1018:02",
+    ]
+    return toml_text(head, learnt.profile)
+
+
+def simulated_text(origin: Origin, learnt: Conclusions) -> str:
+    """The simulated family as TOML, each value with its evidence."""
+    head = [
+        *_mark(origin),
+        "# It shares its evidence with the profile beside it: neither is a second opinion on the other.",
+        "",
+        f"like = {quoted(origin.like_family)}  # what was not asked is as there",
+        "learnt = true",
+        f"title = {quoted(origin.title)}",
+        f"about = {quoted(f'learnt by `learn --save {origin.name}`')}",
+    ]
+    return toml_text(head, learnt.family)
+
+
+def _mark(origin: Origin) -> list[str]:
+    return [f"{_MARK}: {origin.said[0]}", *(f"# {line}" for line in origin.said[1:])]
+
+
+def write_folder(folder: Path, origin: Origin, learnt: Conclusions, eds: Path) -> list[Path]:
+    """Write the family into *folder*, with a copy of *eds*, and its profile to the user's own; the files, in order."""
+    folder.mkdir(exist_ok=True)
+    files = {PROFILE: profile_text(origin, learnt), SIMULATED: simulated_text(origin, learnt)}
+    for name, text in files.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    target = folder / f"{origin.name}{eds.suffix.lower()}"
+    for old in folder.iterdir():
+        if old.suffix.lower() in (".eds", ".dcf") and old != target and old.resolve() != eds.resolve():
+            old.unlink()
+    if eds.resolve() != target.resolve():
+        shutil.copyfile(eds, target)
+    own = own_path(origin.name)
+    own.parent.mkdir(parents=True, exist_ok=True)
+    own.write_text(files[PROFILE], encoding="utf-8")
+    return [*(folder / name for name in files), target, own]
+
+
+def own_path(name: str) -> Path:
+    """Where the user's own profile *name* is kept, by which nodes of its identity are known from then on."""
+    return profile_folder() / f"{name}.toml"

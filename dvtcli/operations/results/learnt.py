@@ -1,0 +1,135 @@
+"""What `learn` found out, as an answer. Knows no terminal and no session."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+from dvtcli.domain.learning.conclusions import Conclusions, Learnt, Value
+from dvtcli.domain.learning.probe import Answer, Probe
+from dvtcli.operations.results.documents import Answer as Answered
+from dvtcli.operations.results.documents import Document
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """A value of the profile that *name* says otherwise than the device: *key*, what it says, what was learnt."""
+
+    key: str
+    said: Value | None
+    learnt: Learnt
+
+    def document(self) -> Document:
+        """One difference of `dvtcli.learnt/1`."""
+        return {
+            "key": self.key, "profile": self.said, "learnt": self.learnt.value, "evidence": self.learnt.evidence
+        }  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class LearntDevice(Answered):
+    """What a device takes: *pdos* were asked, with *answers*; *writes* downloads, all put back and read back equal.
+
+    *saved* are the files, *compared* the profile's name and what differs from it.
+    """
+
+    renderer: ClassVar = "learn_lines:learnt_lines"
+
+    node: int
+    title: str
+    pdos: Sequence[str]
+    answers: Sequence[Answer]
+    conclusions: Conclusions
+    writes: int
+    seconds: float
+    saved: Sequence[str] = ()
+    compared: tuple[str, Sequence[Difference]] | None = None
+
+    @property
+    def exit_code(self) -> int:
+        """3 where the device differs from the profile that it was compared with."""
+        return 3 if self.compared is not None and self.compared[1] else 0
+
+    @property
+    def not_learnt(self) -> list[Answer]:
+        """The probes that have no answer."""
+        return [answer for answer in self.answers if answer.code is None]
+
+    def document(self) -> Document:
+        """`dvtcli.learnt/1`."""
+        return {
+            "schema": "dvtcli.learnt/1",
+            "node": self.node,
+            "dry_run": False,
+            "pdos": list(self.pdos),
+            "writes": self.writes,
+            "put_back": True,
+            "seconds": round(self.seconds, 3),
+            "profile": [_learnt(one) for one in self.conclusions.profile],
+            "family": [_learnt(one) for one in self.conclusions.family],
+            "probes": [_answer(answer) for answer in self.answers],
+            "saved": list(self.saved),
+            "compared": None if self.compared is None else self.compared[0],
+            "differences": None if self.compared is None else [one.document() for one in self.compared[1]],
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class LearnForecast(Answered):
+    """What `learn` would ask, from a dry run: *probes* of *pdos*, at most *writes* downloads; nothing was sent."""
+
+    renderer: ClassVar = "learn_lines:forecast_lines"
+
+    node: int
+    pdos: Sequence[str]
+    probes: Sequence[Probe]
+    writes: int
+    stores: str
+    exit_code: int = 0
+
+    def document(self) -> Document:
+        """`dvtcli.learnt/1`."""
+        return {
+            "schema": "dvtcli.learnt/1",
+            "node": self.node,
+            "dry_run": True,
+            "pdos": list(self.pdos),
+            "writes": self.writes,
+            "put_back": False,
+            "seconds": 0.0,
+            "profile": [],
+            "family": [],
+            "probes": [_probe(probe) for probe in self.probes],
+            "saved": [],
+            "compared": None,
+            "differences": None,
+        }
+
+
+def _learnt(one: Learnt) -> Document:
+    return {"key": one.key, "value": one.value, "evidence": one.evidence}
+
+
+def _probe(probe: Probe) -> Document:
+    rows: Mapping[str, object] = {
+        "pdo": str(probe.pdo),
+        "name": probe.name,
+        "asks": probe.sense,
+        "stand": str(probe.stand),
+        "needs": str(probe.where),
+        "object": f"{probe.asked.index:04X}:{probe.asked.sub_index:02X}",
+        "raw": probe.asked.data.hex(" ").upper(),
+    }
+    return {**rows, "abort": None, "accepted": None, "held": None, "why": ""}
+
+
+def _answer(answer: Answer) -> Document:
+    code = answer.code
+    return {
+        **_probe(answer.probe),
+        "abort": f"0x{code:08X}" if code else None,
+        "accepted": None if code is None else answer.accepted,
+        "held": None if answer.held is None else answer.held.hex(" ").upper(),
+        "why": answer.why,
+    }

@@ -1,0 +1,1 @@
+"""Learning a device: what is learnt answers as the original does, and nothing is left behind."""

@@ -1,0 +1,140 @@
+"""`learn` asks first, starts no node, and sends nothing on a dry run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import can
+import pytest
+
+from dvtcli.domain.nmt import NmtCommand, NmtState
+from tests.commands.bench import Bench
+from tests.commands.bus import Wire, device
+
+DOWNLOAD, NMT = range(0x20, 0x30), 0x000
+
+
+def sent(frames: list[can.Message]) -> list[can.Message]:
+    """NMT commands, SYNC and SDO downloads among *frames*."""
+    return [
+        frame
+        for frame in frames
+        if frame.arbitration_id in (NMT, 0x080) or (frame.arbitration_id == 0x601 and frame.data[0] in DOWNLOAD)
+    ]
+
+
+@pytest.mark.parametrize("state", [NmtState.PRE_OPERATIONAL, NmtState.OPERATIONAL])
+def test_without_a_terminal_and_without_yes_it_is_exit_6(state: NmtState) -> None:
+    node = device("generic")
+    with Wire(node) as wire, Bench((), wire.options) as bench:
+        bench.run("node")
+        if state is NmtState.OPERATIONAL:
+            bench.run("nmt start")
+        wire.frames()
+        ran = bench.run("learn")
+        assert (ran.code, "--yes" in ran.stderr) == (6, True), ran
+        assert not sent(wire.frames())
+        assert node.state is state
+
+
+def test_a_dry_run_sends_nothing_and_shows_every_question() -> None:
+    with Wire(device("generic")) as wire, Bench((), wire.options) as bench:
+        bench.run("node")
+        wire.frames()
+        ran = bench.run("learn --dry-run --json")
+        assert (ran.code, ran.document["dry_run"]) == (0, True), ran
+        assert len(ran.document["probes"]) > 60
+        assert not sent(wire.frames())
+
+
+def test_no_node_is_started_and_no_pdo_is_sent() -> None:
+    with Wire(device("generic")) as wire, Bench((), wire.options) as bench:
+        bench.run("node")
+        wire.frames()
+        ran = bench.run("learn --yes --json")
+        assert ran.code == 0, ran
+        frames = wire.frames()
+        assert not [frame for frame in frames if frame.arbitration_id == NMT]
+        talked = {frame.arbitration_id for frame in frames}
+        assert talked <= {0x601, 0x581, 0x701}, [f"0x{can_id:03X}" for can_id in talked]
+        assert 100 < ran.document["writes"] <= len(sent(frames)) <= ran.document["writes"] + 50
+
+
+def test_a_node_that_is_operational_is_so_again_afterwards() -> None:
+    node = device("generic")
+    with Wire(node) as wire, Bench((), wire.options) as bench:
+        bench.run("nmt start")
+        wire.frames()
+        ran = bench.run("learn --yes --json")
+        assert ran.code == 0, ran
+        bench.session.end_line(0)
+        assert node.state is NmtState.OPERATIONAL
+        commands = [bytes(frame.data) for frame in wire.frames() if frame.arbitration_id == NMT]
+        assert commands == [
+            bytes([NmtCommand.ENTER_PRE_OPERATIONAL, 1]),
+            bytes([NmtCommand.START, 1]),
+        ]
+
+
+def test_an_enabled_pdo_is_asked_in_pre_operational_only() -> None:
+    """Where the node's state is not known, no PDO is enabled."""
+    node = device("generic")
+    with Bench(("generic",)) as bench:
+        document = bench.run("learn --yes --json").document
+        asked = {probe["needs"] for probe in document["probes"] if probe["accepted"] is not None}
+    assert asked == {"anywhere", "PRE-OPERATIONAL and a quiet CAN-ID"}
+    assert node.state is NmtState.INITIALISING
+
+
+def test_a_restricted_can_id_takes_isolated() -> None:
+    with Bench(("lely",)) as bench:
+        rows = bench.run("learn --yes --json").document["probes"]
+        named = [row for row in rows if row["name"].startswith("CAN-ID")]
+        assert named
+        assert all(row["accepted"] is None and "--isolated" in row["why"] for row in named)
+
+
+class TestSaving:
+    def test_what_is_saved_is_used_and_marked(self) -> None:
+        with Bench(("tmcm",)) as bench:
+            ran = bench.run("learn --yes --save pump --json")
+            assert ran.code == 0, ran
+            assert [Path(path).name for path in ran.document["saved"]] == [
+                "profile.toml", "simulated.toml", "pump.eds", "pump.toml"
+            ]  # fmt: skip
+            shown = bench.run("profiles show pump --json").document
+        values = {row["key"]: row for row in shown["values"]}
+        assert values["learnt"]["value"] == "true"
+        assert values["rtr_bit.tpdo"]["value"] == '"set"'
+        assert "answered 0x06090030" in values["rtr_bit.tpdo"]["reason"]
+        with Bench(("./pump",)) as bench:
+            assert bench.run("node --json").document["nodes"][0]["profile"] == "pump"
+            assert bench.run("map tpdo1 6041 6061").code == 0
+
+    def test_again_into_its_own_folder(self) -> None:
+        with Bench(("tmcm",)) as bench:
+            assert [bench.run("learn --yes --save pump").code for _ in range(2)] == [0, 0]
+            assert bench.run("learn --yes --compare pump").code == 0
+
+    @pytest.mark.parametrize(("name", "code"), [("gen4", 2), ("Pump!", 2), ("mine", 2), ("../pump", 2)])
+    def test_no_other_folder(self, name: str, code: int) -> None:
+        Path("mine").mkdir()
+        Path("mine/notes.txt").write_text("mine")
+        with Bench(("tmcm",)) as bench:
+            ran = bench.run(f"learn --yes --save {name}")
+            assert ran.code == code, ran
+        assert [path.name for path in Path("mine").iterdir()] == ["notes.txt"]
+
+    def test_what_differs_from_a_profile_is_exit_3(self) -> None:
+        with Bench(("tmcm",)) as bench:
+            ran = bench.run("learn --yes --compare generic --json")
+            assert ran.code == 3
+            differing = {row["key"]: (row["profile"], row["learnt"]) for row in ran.document["differences"]}
+            assert differing["rtr_bit.tpdo"] == ("keep", "set")
+
+
+def test_a_device_that_is_locked_is_not_asked() -> None:
+    with Bench(("gen4-locked",)) as bench:
+        ran = bench.run("learn --yes --json")
+        assert (ran.code, ran.document["state"]) == (1, "unchanged"), ran
+        assert "login" in str(ran.document)
