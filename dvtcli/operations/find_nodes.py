@@ -29,6 +29,7 @@ _LISTEN_S = 1.0
 def find_nodes(session: Session, answer_s: float = _ANSWER_S) -> NodeListing:
     """List the nodes 1…127 that are heard or answer; each node-ID has *answer_s* seconds for its first answer.
 
+    A node that was heard is there, and gets the bus's time-out as well before it is said not to answer.
     Only reads. BusUnavailable where there is no bus; what goes wrong with one node is its row's note.
     """
     started = time.monotonic()
@@ -62,13 +63,11 @@ def _ask(bus: CanopenBus, node_id: int, limit_s: float) -> NodeRow | None:
     state = bus.nmt_state(node_id)
     label = state.label if state is not None else _UNKNOWN
     try:
-        device_type: int | None = int.from_bytes(sdo.upload(0x1000, 0, timeout_s=limit_s, retries=0)[:4], "little")
+        device_type = _device_type(sdo, limit_s, heard=state is not None)
     except NoAnswer as error:
         return None if state is None else silent(node_id, error, label)
     except SdoProtocolError as error:
         return silent(node_id, error, label)
-    except SdoAborted:
-        device_type = None
     label = _unheard(sdo) if state is None else label
     row = NodeRow(node_id, label, device_type)
     try:
@@ -78,6 +77,20 @@ def _ask(bus: CanopenBus, node_id: int, limit_s: float) -> NodeRow | None:
         return replace(row, name=device_name(sdo))
     except (NoAnswer, SdoProtocolError) as error:
         return replace(row, note=error.text)
+
+
+def _device_type(sdo: SdoTransport, limit_s: float, *, heard: bool) -> int | None:
+    """What 0x1000 says, None where the node refuses that; NoAnswer, SdoProtocolError where it cannot be read."""
+    try:
+        try:
+            data = sdo.upload(0x1000, 0, timeout_s=limit_s, retries=0)
+        except NoAnswer:
+            if not heard:
+                raise
+            data = sdo.upload(0x1000, 0)
+    except SdoAborted:
+        return None
+    return int.from_bytes(data[:4], "little")
 
 
 def _unheard(sdo: SdoTransport) -> str:
