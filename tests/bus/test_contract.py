@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Iterator
 
 import can
@@ -196,6 +197,14 @@ class TestCanBus(CarriesFrames):
         assert not bus.simulated
 
 
+class Late(StrictDevice):
+    """Keeps the thread that serves it busy, as a machine does that has other work."""
+
+    def upload(self, index: int, sub_index: int) -> bytes:
+        time.sleep(0.3)
+        return super().upload(index, sub_index)
+
+
 class TestSimulation(CarriesFrames):
     @pytest.fixture
     def bus(self) -> Iterator[CanopenBus]:
@@ -211,6 +220,15 @@ class TestSimulation(CarriesFrames):
         other = simulate([device(3)])
         assert bus.boot_ups(3) == 0
         other.close()
+
+    def test_nodes_whose_thread_comes_late_are_not_silent(self) -> None:
+        bus = simulate([Late(device(1).dictionary, device(1).family, 1)], timeout_s=0.05)
+        try:
+            assert bus.sdo(1).upload(0x1000, 0, retries=0) == device(1).upload(0x1000, 0)
+            with pytest.raises(NoAnswer):
+                bus.sdo(9).upload(0x1000, 0, retries=0)
+        finally:
+            bus.close()
 
     def test_closing_leaves_no_thread(self) -> None:
         before = set(threading.enumerate())

@@ -36,6 +36,7 @@ class SimulatedNetwork:
     Nodes hear each other as well as the bus. *faults* go wrong with them, *signals* move them; where a fault kills the
     bus, *on_bus_error* is called once, from the serving thread. *lock* is held while a frame is dealt with; take it to
     look at a device or to change it from another thread. *error* is what ended the thread early, None otherwise.
+    *handled* counts the frames that came over the bus and were answered, where they were to be.
     """
 
     def __init__(
@@ -52,6 +53,8 @@ class SimulatedNetwork:
         self._bus_failed = False
         self.lock = threading.Lock()
         self.error: can.CanError | None = None
+        #: frames of the bus that the nodes have dealt with
+        self.handled = 0
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
         #: what was said on the bus, with the node that said it, and not heard by the nodes yet
@@ -80,6 +83,11 @@ class SimulatedNetwork:
             self._thread.join()
             self._thread = None
 
+    @property
+    def serving(self) -> bool:
+        """Whether frames are still dealt with."""
+        return self._thread is not None and self._thread.is_alive()
+
     def _serve(self) -> None:
         try:
             while not self._stopping.is_set():
@@ -88,6 +96,7 @@ class SimulatedNetwork:
                     if message is not None and not message.is_error_frame:
                         self._said.append((frame_of(message), None))
                     self._settle()
+                    self.handled += message is not None
                     self._poll()
                     self._fail_once()
         except can.CanError as error:
