@@ -19,7 +19,7 @@ from dvtcli.simulator.network.in_process_bus import simulate
 from dvtcli.simulator.network.simulated_network import SimulatedNetwork
 from dvtcli.simulator.network.twin_bus import TwinBus
 from tests.bus.devices import device, dictionary
-from tests.house.draw import House
+from tests.house.laws.source_tree import SourceTree
 from tests.virtual_time import VirtualTimeBus
 
 SYNC = Frame(0x080, b"")
@@ -264,5 +264,6 @@ class TestTwin(CarriesFrames):
 @pytest.mark.long
 def test_who_uses_a_bus_does_not_know_of_which_kind_it_is() -> None:
     """Only who opens one does; everybody else has the contract."""
-    knowing = {arrow.source for arrow in House().arrows if arrow.target == "bus/python_can.py"}
+    arrows = SourceTree.of_the_package().house.arrows
+    knowing = {arrow.source for arrow in arrows if arrow.target == "bus/python_can.py"}
     assert knowing == {"bus/opening.py", "simulator/network/in_process_bus.py"}

@@ -138,7 +138,7 @@ STEPS = [
 
 
 @settings(
-    max_examples=max(20, settings().max_examples // 2),
+    max_examples=max(10, settings().max_examples // 3),
     deadline=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )

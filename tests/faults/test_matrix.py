@@ -8,6 +8,9 @@ from tests.faults.matrix import NEW, OLD, RECOVERED, TOLD, UNNOTICED, Cell, cell
 from tests.faults.sequences import AT_READ, FAMILIES, FAULTS, LASTING, Start
 from tests.sample import part
 
+#: faults for each sequence in a long run
+MANY = 12
+
 
 @pytest.mark.counted
 @pytest.mark.parametrize("group", groups(), ids=lambda group: "-".join(map(str, group)))
@@ -20,7 +23,10 @@ def test_every_fault_ends_old_or_new_or_can_be_finished(
         assert fine or (result in (TOLD, UNNOTICED) and cell.fault in AT_READ), f"{cell}: {result}"
 
 
-def test_the_whole_matrix_has_at_least_5000_cells() -> None:
+@pytest.mark.counted
+def test_the_whole_matrix_has_at_least_5000_cells(request: pytest.FixtureRequest) -> None:
+    if request.config.getoption("--cells") < MANY:
+        pytest.skip(f"runs every sequence in every length: --cells {MANY} does")
     assert sum(len(list(cells_of(*group))) for group in groups()) >= 5000
 
 

@@ -14,7 +14,7 @@ import sys
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 
 #: The rooms from the ground up, each with what lives there; a file may import its own room and those above its own
@@ -61,6 +61,12 @@ class Arrow:
 
     def __str__(self) -> str:
         return f"{self.source}:{self.line} -> {self.target} ({self.how})"
+
+
+@cache
+def parsed(text: str) -> ast.Module:
+    """The tree of *text*, which nobody changes: each text is parsed once."""
+    return ast.parse(text)
 
 
 def room_of(file: str) -> str:
@@ -116,7 +122,7 @@ class House:
         return sorted((sorted(each) for each in _strongly_connected(edges) if len(each) > 1), key=len, reverse=True)
 
     def _of_file(self, file: str, text: str) -> Iterator[Arrow]:
-        tree = ast.parse(text)
+        tree = parsed(text)
         for node, how in _with_kind(tree):
             for target in self._targets(node, file, tree):
                 if target != file:

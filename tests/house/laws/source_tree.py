@@ -6,12 +6,7 @@ import ast
 from collections.abc import Iterator, Mapping
 from functools import cache, cached_property
 
-from tests.house.draw import House
-
-
-@cache
-def parsed(text: str) -> ast.Module:
-    return ast.parse(text)
+from tests.house.draw import House, parsed
 
 
 class SourceTree:
@@ -22,7 +17,9 @@ class SourceTree:
         self.house = house
 
     @classmethod
+    @cache
     def of_the_package(cls) -> SourceTree:
+        """That of the disk; the same one for all who ask, since looking at it takes seconds."""
         house = House()
         return cls(house.files, house)
 
