@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from tests.lint.sample import COMMISSIONED, HEAD, NAME, SOUND, listed, record, var
+from tests.lint.sample import COMMISSIONED, HEAD, NAME, SOUND, listed, pdo, record, var
 
 
 @dataclass(frozen=True)
@@ -79,9 +79,10 @@ def dcf(rule: str, old: str, new: str, at: str = "", name: str = "pump.dcf") -> 
 
 DCF = changed(f"FileName={NAME}", "FileName=pump.dcf", HEAD + COMMISSIONED + SOUND[len(HEAD) :])
 _TYPED = "DataType=0x0003\nAccessType=rw\nDefaultValue=100"
-_LIMITED = "DefaultValue=100\nPDOMapping=0\nLowLimit=-500\nHighLimit=500"
 _COMPACT = "CompactSubObj=3\n"
-_RPDO_WORD, _TPDO_WORD = "DefaultValue=0x62000008", "DefaultValue=0x60000008"
+TWO_RPDOS = SOUND.replace("NrOfRXPDO=1", "NrOfRXPDO=2")
+SECOND_RPDO = TWO_RPDOS + pdo(2, "RPDO", "$NODEID+0x300", ("0x62000008",))
+UNMAPPED_RPDO = TWO_RPDOS + pdo(2, "RPDO", "$NODEID+0x80000300", ())
 
 LINES = (
     p("bad-header", "[2000]\n", "[2000\n", "[2000\n"),
@@ -181,8 +182,6 @@ COMPACT = (
             "AccessType=rw\nCompactSubObj=2\nPDOMapping=0\n", "[1A00]"),
 )  # fmt: skip
 _R = record("2003", "Valve", ("Highest sub-index", 5, "ro", "2"), ("Open", 1, "rw", "1"), ("Opened", 7, "ro", "2"))
-_C = record("2002", "Curve", ("Highest sub-index", 5, "ro", "2"), ("Point 1", 3, "rw", "1"), ("Point 2", 3, "rw", "2"),
-            kind=8)  # fmt: skip
 OBJECTS = (
     p("no-name", "ParameterName=Target\n", "", "[2000]\n"),
     p("long-name", "ParameterName=Target", f"ParameterName={'T' * 242}", twin=f"ParameterName={'T' * 241}"),
@@ -303,6 +302,9 @@ MAPPED = (
     s("can-id-length", "1800sub1", "DefaultValue=$NODEID+0x180", "DefaultValue=0x800"),
     s("can-id-restricted", "1800sub1", "DefaultValue=$NODEID+0x180", "DefaultValue=$NODEID+0x580"),
     s("can-id-in-use", "1800sub1", "DefaultValue=$NODEID+0x180", "DefaultValue=0x80"),
+    s("can-id-elsewhere", "1800sub1", "DefaultValue=$NODEID+0x180", "DefaultValue=0x100"),
+    Planted("several-writers", SECOND_RPDO, "[1601sub1]|DefaultValue=",
+            UNMAPPED_RPDO, said="RPDO1"),
     s("can-id-clash", "1400sub1", "DefaultValue=$NODEID+0x200", "DefaultValue=$NODEID+0x180"),
 )  # fmt: skip
 _VALUE = "HighLimit=500\nParameterValue="

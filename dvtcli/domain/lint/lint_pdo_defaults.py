@@ -10,43 +10,49 @@ from functools import partial
 
 from dvtcli.domain.lint.described import HELD, Described, Found, Spot
 from dvtcli.domain.lint.lint_rule import ERROR, NOTE, WARNING, Check, LintRule
+from dvtcli.domain.profile import Severity
 from dvtcli.domain.rules import can_id, communication, entry_length, mappable, mapped_object
 from dvtcli.domain.rules.rule import Rule
 
-#: A rule of `map` -> how bad it is where a PDO of the file breaks it. The others are about what a change asks for.
-_SEVERITIES = {
-    "object-exists": ERROR,
-    "direction": ERROR,
-    "mappable": ERROR,
-    "read-write-object": WARNING,
-    "entry-length": ERROR,
-    "granularity": WARNING,
-    "pdo-length": ERROR,
-    "dummy-direction": ERROR,
-    "dummy-supported": ERROR,
-    "dummy-length": ERROR,
-    "double-target": NOTE,
-    "transmission-type": ERROR,
-    "can-id-length": ERROR,
-    "can-id-restricted": ERROR,
-    "can-id-in-use": WARNING,
-    "can-id-clash": ERROR,
-}
 _PLACE = re.compile(r"0x([0-9A-F]{4}):([0-9A-F]{2})")
 _DECLARED: dict[str, Rule] = {
     rule.name: rule for file in (can_id, communication, entry_length, mappable, mapped_object) for rule in file.RULES
 }
 
 
-def _look(name: str, device: Described) -> Found:
+def _judged(name: str, severity: Severity, sense: str, of: str = "", meant: Severity = ERROR) -> Check[Described, Spot]:
+    """What the rule *of* `map` (by default of the same name) says, where it means it as strongly as *meant*."""
+    rule = LintRule(name, severity, f"a PDO of the file {sense}", _DECLARED[of or name].source)
+    return Check(rule, partial(_look, of or name, meant))
+
+
+def _look(name: str, meant: Severity, device: Described) -> Found:
     for finding in device.judged:
         place = _PLACE.fullmatch(finding.place)
-        if finding.rule == name and place is not None:
+        if finding.rule == name and finding.severity is meant and place is not None:
             yield Spot(int(place[1], 16), int(place[2], 16), HELD), finding.text
 
 
-CHECKS = tuple(
-    Check(LintRule(name, severity, f"a PDO of the file: {_DECLARED[name].sense}", _DECLARED[name].source),
-          partial(_look, name))
-    for name, severity in _SEVERITIES.items()
+#: The others of `map` are about what a change asks for.
+CHECKS = (
+    _judged("object-exists", ERROR, "maps an object that is not in it"),
+    _judged("direction", ERROR, "sends what cannot be read, or receives what cannot be written"),
+    _judged("mappable", ERROR, "maps what has PDOMapping=0"),
+    _judged("read-write-object", WARNING, "sends what is for RPDOs (rww)"),
+    _judged("entry-length", ERROR, "maps another length than the object's, or none, or more than 64 bits"),
+    _judged("granularity", ERROR, "maps a length that is no multiple of Granularity"),
+    _judged("pdo-length", ERROR, "maps more than 64 bits"),
+    _judged("dummy-direction", ERROR, "is a TPDO and skips bits"),
+    _judged("dummy-supported", ERROR, "skips bits by a dummy that DummyUsage does not allow"),
+    _judged("dummy-length", ERROR, "maps a dummy of another length than its type"),
+    _judged("double-target", ERROR, "is an RPDO and maps an object twice"),
+    _judged("several-writers", NOTE, "receives an object that another enabled RPDO receives, too", "double-target",
+            WARNING),
+    _judged("transmission-type", ERROR, "has a reserved transmission type, or one on RTR that its COB-ID forbids"),
+    _judged("can-id-length", ERROR, "has a CAN-ID of more than 11 bits without bit 29 (frame)"),
+    _judged("can-id-restricted", ERROR, "is enabled on a CAN-ID that CiA 301 restricts"),
+    _judged("can-id-in-use", ERROR, "is enabled on the CAN-ID of SYNC or of the node's EMCY"),
+    _judged("can-id-elsewhere", WARNING, "is enabled on the CAN-ID of TIME or of another node's EMCY", "can-id-in-use",
+            WARNING),
+    _judged("can-id-clash", ERROR, "is enabled on the CAN-ID of another enabled one"),
 )  # fmt: skip
