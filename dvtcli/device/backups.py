@@ -10,7 +10,7 @@ from pathlib import Path
 from dvtcli.device.change.private_file import file_name
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import PdoChange, plan_pdo
-from dvtcli.domain.script_line import identity_line
+from dvtcli.domain.script_line import REMARKS, identity_line
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +42,12 @@ def backups(folder: Path, bus: str, node_id: int, identity: Mapping[str, int | N
 def _pins(lines: Sequence[str]) -> str | None:
     """The one of a backup's *lines* that pins the identity, empty where none does; None of a file without lines."""
     return next((line for line in lines[:5] if line.startswith("require ")), "") if lines else None
+
+
+def remarks(path: Path) -> list[str]:
+    """What the backup at *path* says that it does not put back as it was: multiplexed PDOs, for one."""
+    lines = path.read_text("utf-8", "replace").splitlines()
+    return [line.removeprefix("# ") for line in lines if line.startswith("# ") and line.endswith(REMARKS)]
 
 
 def _digits(text: str) -> str:

@@ -10,6 +10,10 @@ from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
 from dvtcli.domain.plan import PdoChange, Plan, Step, ValueChange
 from dvtcli.domain.rules.can_id import restricted_use
 
+#: How a line ends that says what a backup does not put back as it was.
+LEFT_ALONE, STAYS_OFF = "and is left alone", "it stays off"
+REMARKS = (LEFT_ALONE, STAYS_OFF)
+
 
 def change_lines(plan: Plan) -> list[str]:
     """One line for each change of *plan*, with every value written out."""
@@ -109,7 +113,7 @@ def backup_lines(
 def backup_of(pdo: Pdo, config: PdoConfig) -> list[str]:
     """What a backup says of *pdo*."""
     remark = _remark(pdo, config)
-    return [f"# {remark} and is left alone"] if remark else whole_lines(pdo, config)
+    return [f"# {remark} {LEFT_ALONE}"] if remark else whole_lines(pdo, config)
 
 
 def serial_line(identity: Mapping[str, int | None]) -> str:
@@ -129,7 +133,7 @@ def whole_lines(pdo: Pdo, config: PdoConfig) -> list[str]:
     cob_id = config.communication.cob_id
     if config.mapping and config.enabled and not (cob_id.extended or _is_free(cob_id)):
         off = replace(config, communication=replace(config.communication, cob_id=cob_id.disabled()))
-        return [map_line(pdo, off), f"# {pdo} was enabled with CAN-ID {cob_id}, which no PDO may have: it stays off"]
+        return [map_line(pdo, off), f"# {pdo} was enabled with CAN-ID {cob_id}, which no PDO may have: {STAYS_OFF}"]
     if config.mapping:
         return [map_line(pdo, config)]
     return _empty(pdo, [*_parameter_words(None, config.communication)])

@@ -8,9 +8,10 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from dvtcli.device.backups import backups, way_to
+from dvtcli.device.backups import backups, remarks, way_to
 from dvtcli.device.wish import Wish
 from dvtcli.domain.plan import Plan
 from dvtcli.domain.rules.finding import Finding, warning
@@ -239,6 +240,8 @@ def undo_to_backup(session: Session, rehearse: Rehearse, when: str | None = None
     found = node.claim()
     file = _backup_file(keeper, node, when)
     session.tell.note(f"this puts {file} back")
+    for remark in remarks(Path(file)):
+        session.tell.warning(f"not put back as it was: {remark}")
     started = time.monotonic()
     wish = rehearse(file, node.node_id).get(node.node_id, Wish())
     if not wish.pdos:

@@ -191,7 +191,7 @@ class _Trip:
             return
         ran = self.bench.run("undo")
         after = self._one(pdo)
-        said = "`undo` then leaves it" in changed.stderr
+        said = "`undo` leaves it" in changed.stderr
         if ran.code:
             self.journey.note(f"undo of {line}", WRONG, f"exit {ran.code}: {ran.stderr}")
         elif after == before:
@@ -199,7 +199,7 @@ class _Trip:
         elif not said:
             self.journey.note(f"undo of {line}", WRONG, f"{before} became {after}: {ran.stderr}")
         else:
-            named = "which the device refuses" in ran.stderr
+            named = "does not take that back" in ran.stderr
             self.journey.note(f"undo of {line}", RIGHT if named else WRONG, f"{before} became {after}: {ran.stderr}")
 
     def _store(self) -> None:

@@ -26,6 +26,7 @@ def test_a_backup_disables_what_can_be_disabled_before_it_sets_anything() -> Non
     assert [line.split(" --")[0] for line in lines] == [
         "# dvtcli script 1",
         "require identity vendor=0x0000001E",
+        "# no serial number",
         "disable tpdo1 rpdo2",
         "map tpdo1 6041:00/16",
         "map tpdo2 6041:00/16",
@@ -43,12 +44,12 @@ def test_a_backup_names_each_dummy_itself() -> None:
 def test_a_backup_leaves_off_what_no_pdo_may_be_and_alone_what_is_inconsistent() -> None:
     odd = replace(config(0x281, 0x60410010), held_count=9, unread=((0x1A01, 2),))
     lines = backup_lines({}, {Pdo.parse("tpdo1"): config(0x180, 0x60410010), Pdo.parse("tpdo2"): odd})
-    assert lines[1:] == [
+    assert lines[2:] == [
         "disable tpdo1",
         "map tpdo1 6041:00/16 --cob-id 0x180 --rtr --off",
         "# tpdo1 was enabled with CAN-ID 0x180, which no PDO may have: it stays off",
         "# tpdo2 is inconsistent (its count is 9, but 0x1A01:02 cannot be read): 6041:00/16 --cob-id 0x281 --rtr and "
         "is left alone",
     ]
-    (kept,) = backup_lines({}, {Pdo.parse("tpdo1"): config(0x2000_0180, 0x60410010)})[2:]
+    (kept,) = backup_lines({}, {Pdo.parse("tpdo1"): config(0x2000_0180, 0x60410010)})[3:]
     assert kept == "map tpdo1 6041:00/16 --cob-id 0x180 --extended --rtr"

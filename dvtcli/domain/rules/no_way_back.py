@@ -42,8 +42,8 @@ def way_back(back: Proposal) -> tuple[PdoConfig, Finding] | None:
     if taken is None:
         text = f"{pdo.label} could not be put back after this, nor be switched off and emptied: {reason.text}"
         return before, error("no-way-back", reason.place, text, None, "choose another PDO (pdo --all)")
-    text = f"{pdo.label} is {_state(before)}, which a device refuses ({reason.text}): `undo` then leaves it "
-    return taken, warning("way-back", reason.place, text + left_as(before, taken))
+    text = f"{pdo.label} is {_state(before)} now, and a device may not take that back ({reason.text})"
+    return taken, warning("way-back", reason.place, f"{text}: `undo` leaves it {left_as(before, taken)}")
 
 
 def _refusals(back: Proposal) -> list[Finding]:
@@ -70,7 +70,8 @@ def put_back_finding(pdo: Pdo, before: PdoConfig, back: PdoConfig) -> Finding:
 
 def put_back_text(pdo: Pdo, before: PdoConfig, back: PdoConfig) -> str:
     """The same in words."""
-    return f"{pdo.label} was {_state(before)}, which the device refuses: it is {left_as(before, back)} now"
+    was, state = _state(before), left_as(before, back)
+    return f"{pdo.label} was {was}, and the device does not take that back: it is {state} now"
 
 
 def _state(config: PdoConfig) -> str:

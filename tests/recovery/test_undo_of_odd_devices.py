@@ -1,0 +1,52 @@
+"""A device that would not take its own PDOs: later processes put back what it does take, and say what not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from tests.serve.served import served
+from tests.small_eds import INPUTS, communication, mapping, plain
+
+FIRST = INPUTS << 16 | 0x0108
+
+
+def odd_eds(folder: Path) -> Path:
+    """TPDO1 enabled at 0x180, TPDO2 with a count above its entries, RPDO1 enabled and empty."""
+    eds = plain()
+    eds.record(0x1800, "Communication 1", communication(0x180))
+    eds.record(0x1801, "Communication 2", communication("$NODEID+0x280"))
+    eds.record(0x1A01, "Mapping 2", mapping(9, [FIRST, FIRST + 0x100]))
+    eds.record(0x1600, "Mapping 1", mapping(0, [0, 0]))
+    path = folder / "odd.eds"
+    path.write_text(eds.text())
+    return path
+
+
+def test_each_process_puts_back_what_the_device_takes(tmp_path: Path) -> None:
+    path = odd_eds(tmp_path)
+    with served(tmp_path, str(path)) as server:
+        words = ("-n", "1", "--eds", str(path))
+        for line in ("map tpdo1 6000:2", "map tpdo2 6000:3", "map rpdo1 6200:1"):
+            done = server.dvtcli(*words, *line.split())
+            assert (done.returncode, "`undo` leaves it off" in done.stderr) == (0, True), done
+        for said in ("RPDO1 was enabled and empty", "TPDO2 was inconsistent", "TPDO1 was enabled"):
+            done = server.dvtcli(*words, "undo")
+            assert (done.returncode, said in done.stderr, "does not take that back" in done.stderr) == (
+                0,
+                True,
+                True,
+            ), done
+        assert server.dvtcli(*words, "undo").returncode == 2
+
+
+def test_a_backup_says_what_it_does_not_put_back(tmp_path: Path) -> None:
+    path = odd_eds(tmp_path)
+    with served(tmp_path, str(path)) as server:
+        words = ("-n", "1", "--eds", str(path))
+        for line in ("map tpdo1 6000:2", "map tpdo2 6000:3"):
+            assert server.dvtcli(*words, *line.split()).returncode == 0
+        stamp = sorted((tmp_path / "state-home").rglob("*.dvt"))[0].stem.rpartition("-")[2]
+        done = server.dvtcli(*words, "undo", "--backup", stamp)
+        assert done.returncode == 0, done.stderr
+        assert "not put back as it was: tpdo1 was enabled with CAN-ID 0x180" in done.stderr
+        assert "not put back as it was: tpdo2 is inconsistent (its count is 9" in done.stderr
