@@ -49,6 +49,10 @@ class OnScreen:
             return None
         return self._output.ask(question)
 
+    def progress(self, text: str, done: int, total: int) -> None:
+        """Show how far long work has come."""
+        self._output.progress(text, done, total)
+
     def traffic(self, frame: Frame, *, sent: bool, secret: bool) -> None:
         """Show a frame."""
         self._output.traffic(frame, sent=sent, secret=secret)

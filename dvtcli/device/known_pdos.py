@@ -65,9 +65,14 @@ class KnownPdos(Reached):
     def _of_present(self, read: Callable[[Pdo], T]) -> dict[Pdo, T]:
         """What *read* reads of each PDO; one that the EDS lists and the node lacks is left out."""
         found: dict[Pdo, T] = {}
-        for pdo in self.present():
-            with suppress(SdoAborted):  # it has neither COB-ID nor mapping: no such PDO
-                found[pdo] = read(pdo)
+        present = self.present()
+        try:
+            for number, pdo in enumerate(present):
+                self._looked = number, len(present)
+                with suppress(SdoAborted):  # it has neither COB-ID nor mapping: no such PDO
+                    found[pdo] = read(pdo)
+        finally:
+            self._looked = 0, 0
         return found
 
     def pdo(self, pdo: Pdo) -> PdoConfig:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TypeVar
 
 from dvtcli.device.cancellation import Cancellation
+from dvtcli.device.looking import Looking
 from dvtcli.device.nmt_gate import Access, Gate
 from dvtcli.device.observe import BusWitness, observed
 from dvtcli.device.quirks.standard_channel import in_standard_order
@@ -39,12 +40,19 @@ class Reached:
     profile: DeviceProfile = GENERIC
     cancellation: Cancellation = field(default_factory=Cancellation)
     consent: Callable[[str], None] = lambda _question: None
+    #: told of every object that is read ahead of a change or for a list
+    on_look: Callable[[Looking], None] = lambda _looking: None
     _gate: Gate | None = field(default=None, init=False)
+    #: how many PDOs of how many were read, where they all are
+    _looked: tuple[int, int] = field(default=(0, 0), init=False)
     #: what was read of it since something could have changed it
     memory: Memory = field(init=False)
 
     def __post_init__(self) -> None:
-        self.memory = Memory(self.bus, self.node_id, lambda: self.sdo)
+        self.memory = Memory(self.bus, self.node_id, lambda: self.sdo, self._looks)
+
+    def _looks(self, index: int, sub_index: int) -> None:
+        self.on_look(Looking(self.node_id, index, sub_index, *self._looked))
 
     @property
     def sdo(self) -> SdoTransport:

@@ -22,6 +22,8 @@ class Memory:
     bus: CanopenBus
     node_id: int
     channel: Callable[[], SdoReader]
+    #: told of each object (index, sub-index) before it is asked for
+    on_read: Callable[[int, int], None] = lambda _index, _sub_index: None
     _read: dict[tuple[int, int], bytes | SdoAborted] = field(default_factory=dict)
     #: what had happened to the node when the first of them was read
     _seen: tuple[int, int] = (0, 0)
@@ -39,6 +41,7 @@ class Memory:
         return held
 
     def _asked(self, index: int, sub_index: int, timeout_s: float | None, retries: int | None) -> bytes | SdoAborted:
+        self.on_read(index, sub_index)
         try:
             return self.channel().upload(index, sub_index, timeout_s=timeout_s, retries=retries)
         except SdoAborted as aborted:

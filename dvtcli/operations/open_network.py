@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from dvtcli.device.cancellation import Cancellation
+from dvtcli.device.looking import Looking
 from dvtcli.device.node import Node
 from dvtcli.domain.ports import CanopenBus
 from dvtcli.errors import NoAnswer, SdoProtocolError
@@ -39,6 +40,8 @@ class Network:
     met: Callable[[], Iterable[int]] = tuple
     #: whether this process makes one change and ends
     only_one: Callable[[], bool] = lambda: False
+    #: told of every object that is read of a node ahead of a change or for a list
+    on_look: Callable[[Looking], None] = lambda _looking: None
     #: told of every step of a change that a node took
     on_step: Callable[[Progress], None] = lambda _progress: None
 
@@ -57,7 +60,7 @@ class Network:
                 self.bus, node_id, dictionary, profile, self.cancellation,
                 lambda question: self.consent(question, node_id),
                 history=self.done_before(node_id), order=self.order, keeper=keeper,
-                neighbours=lambda: self._others(node_id), on_step=self.on_step,
+                neighbours=lambda: self._others(node_id), on_step=self.on_step, on_look=self.on_look,
                 only_one=lambda: self.only_one() and node_id not in self.simulated_ids,
             )  # fmt: skip
             node.memory.learn(self.files.memory(node_id))

@@ -110,6 +110,7 @@ class Opened(Said):
         from dvtcli.operations.bus_of_options import bus_of
         from dvtcli.operations.device_files import DeviceFiles
         from dvtcli.operations.open_network import Network
+        from dvtcli.operations.progress_text import look_progress, step_progress
 
         with self._chooser_said():
             bus, simulated = bus_of(self.base, self._open_bus)
@@ -117,7 +118,11 @@ class Opened(Said):
             self.tell.note(f"{bus.name} is open, chosen by {self.chosen_by()}")
         files = DeviceFiles(bus, self.base, simulated)
         keeping = None if simulated else self._keeping(bus)
-        return Network(bus, files, self.cancellation, self.consent, keeping, only_one=lambda: self.ends_with_line)
+        return Network(
+            bus, files, self.cancellation, self.consent, keeping, only_one=lambda: self.ends_with_line,
+            on_look=lambda looking: self.tell.progress(*look_progress(looking)),
+            on_step=lambda progress: self.tell.progress(*step_progress(progress)),
+        )  # fmt: skip
 
     @property
     def ends_with_line(self) -> bool:

@@ -26,6 +26,9 @@ class Teller(Protocol):
     def ask(self, question: str) -> bool | None:
         """Whether the answer is yes; None where nobody can answer. KeyboardInterrupt where it is broken off."""
 
+    def progress(self, text: str, done: int, total: int) -> None:
+        """How far work has come, in words, as parts *done* of *total* (0: nobody knows): it may take long, or not."""
+
     def traffic(self, frame: Frame, *, sent: bool, secret: bool) -> None:
         """A frame that passed, where the options ask for traffic; a *secret* one carries a passcode."""
 
@@ -45,6 +48,9 @@ class Silent:
     def ask(self, question: str) -> bool | None:  # noqa: ARG002
         """Nobody can answer."""
         return None
+
+    def progress(self, text: str, done: int, total: int) -> None:
+        """Show nothing."""
 
     def traffic(self, frame: Frame, *, sent: bool, secret: bool) -> None:
         """Show nothing."""

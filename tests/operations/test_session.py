@@ -35,6 +35,7 @@ class Heard:
     warnings: list[str] = field(default_factory=list)
     asked: list[str] = field(default_factory=list)
     frames: list[tuple[int, bool]] = field(default_factory=list)
+    progressed: list[tuple[str, int, int]] = field(default_factory=list)
 
     def note(self, text: str) -> None:
         self.notes.append(text)
@@ -48,6 +49,9 @@ class Heard:
     def ask(self, question: str) -> bool | None:
         self.asked.append(question)
         return self.answer
+
+    def progress(self, text: str, done: int, total: int) -> None:
+        self.progressed.append((text, done, total))
 
     def traffic(self, frame: Frame, *, sent: bool, secret: bool) -> None:
         if frame.can_id != 0x701:  # its boot-up comes when it comes

@@ -13,6 +13,8 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, TextIO
 
+from dvtcli.cli.view.progress_line import ProgressLine
+
 if TYPE_CHECKING:
     from dvtcli.cli.view.lines import Line
     from dvtcli.domain.ports import Frame
@@ -33,11 +35,13 @@ class Output:
         self.plain = False
         #: shows a text that is more than a screen, and says whether it did
         self.pager: Callable[[str], bool] | None = None
+        self.progress_line = ProgressLine(self.stderr)
 
     def configure(self, format_name: str, color: str, verbose: int, *, quiet: bool, plain: bool) -> None:
         """Take the options that count from now on."""
         self.format, self.color, self.verbose = format_name, color, verbose
         self.quiet, self.plain = quiet, plain
+        self.progress_line.end()
 
     @property
     def json(self) -> bool:
@@ -82,6 +86,7 @@ class Output:
     @contextmanager
     def _answering(self) -> Iterator[None]:
         """A block that writes to stdout; it ends early where nobody reads that any more."""
+        self.progress_line.erase()
         try:
             yield
         except OSError as failed:
@@ -95,6 +100,7 @@ class Output:
     @contextmanager
     def _saying(self) -> Iterator[None]:
         """A block that writes to stderr; it ends early where that takes nothing: the exit code says the outcome."""
+        self.progress_line.erase()
         try:
             yield
         except OSError:
@@ -143,6 +149,13 @@ class Output:
         if line is not None:
             with self._saying():
                 self._write(self.stderr, line)
+
+    def progress(self, text: str, done: int, total: int) -> None:
+        """Show how far long work has come, unless only errors are wanted, or traffic tells it already."""
+        if not self.quiet and not self.json and not self.verbose:
+            from dvtcli.cli.view.safe import safe
+
+            self.progress_line.show(safe(text), done, total)
 
     def note(self, text: str) -> None:
         """Print one message to stderr, unless only errors are wanted."""

@@ -1,4 +1,4 @@
-"""How far a change of a node has come. Knows no plan and shows nothing."""
+"""How far the work on a node has come. Knows no plan and shows nothing."""
 
 from __future__ import annotations
 

@@ -52,5 +52,8 @@ class Told:
         """Whether the answer is yes; None where nobody is there to ask."""
         return None if self._ask_user is None else bool(self._ask_user(question))
 
+    def progress(self, text: str, done: int, total: int) -> None:
+        """Nothing: a program that wants it has *on_progress*."""
+
     def traffic(self, frame: Frame, *, sent: bool, secret: bool) -> None:
         """Nothing: no call asks for traffic."""

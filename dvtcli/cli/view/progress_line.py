@@ -1,0 +1,64 @@
+"""How far long work has come, on stderr: one line that is written over at a terminal, else a line each 10 %.
+
+Nothing of work that is done at once. Does not know what is done.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from typing import TextIO
+
+#: How long work must have taken before it is said how far it is, in seconds: at a terminal, and elsewhere.
+TERMINAL_S, PIPE_S = 0.3, 5.0
+_ERASE = "\r\x1b[K"
+
+
+class ProgressLine:
+    """What is said on *stream* of the work that runs, once it took *terminal_s* or, elsewhere, *pipe_s* seconds."""
+
+    def __init__(self, stream: TextIO, *, terminal_s: float = TERMINAL_S, pipe_s: float = PIPE_S) -> None:
+        self._stream = stream
+        self._terminal_s, self._pipe_s = terminal_s, pipe_s
+        self._since_s: float | None = None
+        self._tenth = 0
+        self._is_shown = False
+
+    def show(self, text: str, done: int, total: int) -> None:
+        """Say *text*, and that *done* of *total* (0: nobody knows) parts are done."""
+        now_s = time.monotonic()
+        self._since_s = now_s if self._since_s is None else self._since_s
+        is_terminal = self._stream.isatty() and os.environ.get("TERM") != "dumb"
+        if now_s - self._since_s < (self._terminal_s if is_terminal else self._pipe_s):
+            return
+        try:
+            if is_terminal:
+                columns = os.get_terminal_size(self._stream.fileno()).columns or 80
+                self._stream.write(f"{_ERASE}{text[: columns - 1]}")
+                self._is_shown = True
+            elif total and 10 * done // total != self._tenth:
+                self._stream.write(f"{text}\n")
+            self._tenth = 10 * done // total if total else self._tenth
+            self._stream.flush()
+        except OSError:
+            self._nobody_reads()
+
+    def erase(self) -> None:
+        """Make room for something else; the work goes on."""
+        if self._is_shown:
+            self._is_shown = False
+            try:
+                self._stream.write(_ERASE)
+                self._stream.flush()
+            except OSError:
+                self._nobody_reads()
+
+    def _nobody_reads(self) -> None:
+        from dvtcli.cli.view.streams import silence
+
+        silence(self._stream)
+
+    def end(self) -> None:
+        """The work is done."""
+        self.erase()
+        self._since_s, self._tenth = None, 0

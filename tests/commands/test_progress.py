@@ -1,0 +1,98 @@
+"""How far long work has come: one line that is written over at a terminal, a line each 10 % elsewhere, on stderr."""
+
+from __future__ import annotations
+
+import io
+import os
+import pty
+import re
+import sys
+from typing import TextIO
+
+import pytest
+
+from dvtcli.cli.view.output import Output
+from dvtcli.cli.view.progress_line import ProgressLine
+from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.request import PdoRequest
+from dvtcli.operations.change import configure
+from dvtcli.operations.options import Options
+from dvtcli.operations.session import Session
+from dvtcli.operations.telling import Silent
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals")
+
+
+def said_at_once(stderr: TextIO) -> Output:
+    """An output that says how far work is from its beginning on."""
+    output = Output(io.StringIO(), stderr)
+    output.progress_line = ProgressLine(stderr, terminal_s=0.0, pipe_s=0.0)
+    return output
+
+
+class Follower(Silent):
+    """Keeps what it is told of progress."""
+
+    def __init__(self) -> None:
+        self.said: list[tuple[str, int, int]] = []
+
+    def progress(self, text: str, done: int, total: int) -> None:
+        self.said.append((text, done, total))
+
+
+def test_each_object_that_is_read_and_each_step_is_told_as_it_happens() -> None:
+    follower = Follower()
+    with Session(Options(sim=("generic",)), follower) as session:
+        configure(session, session.node(), {Pdo.parse("tpdo1"): PdoRequest(cob_id=0x1A7)})
+    texts = [text for text, *_ in follower.said]
+    assert "node 1: reading 0x1600:00 of RPDO1, PDO 5 of 8" in texts
+    steps = [(done, total) for text, done, total in follower.said if ": step " in text]
+    assert steps == [(1, 2), (2, 2)]
+    assert texts[-1].startswith("node 1: step 2 of 2  0x1800:01 <- 0x")
+    assert texts[-1].endswith("; reading back")
+
+
+def test_a_pipe_gets_a_line_each_tenth_of_what_takes_long() -> None:
+    stderr = io.StringIO()
+    output = said_at_once(stderr)
+    for done in range(41):
+        output.progress(f"part {done}", done, 40)
+    output.progress("nobody knows", 0, 0)
+    assert stderr.getvalue().splitlines() == [f"part {done}" for done in range(4, 41, 4)]
+
+
+def test_what_is_done_at_once_is_no_progress() -> None:
+    stderr = io.StringIO()
+    output = Output(io.StringIO(), stderr)
+    for done in range(11):
+        output.progress("part", done, 10)
+    assert stderr.getvalue() == ""
+
+
+def test_a_terminal_shows_one_line_which_is_gone_before_anything_else(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TERM", "xterm")
+    master, slave = pty.openpty()
+    with os.fdopen(slave, "w") as stderr:
+        output = said_at_once(stderr)
+        output.color = "never"
+        output.progress("node 5: reading 0x1800:01 of TPDO1", 0, 0)
+        output.progress("node 5: step 1 of 1", 1, 1)
+        output.note("done")
+        shown = ""
+        while "done\r\n" not in shown:
+            shown += os.read(master, 4096).decode()
+    os.close(master)
+    lines = re.split(r"\r\x1b\[K", shown)
+    assert lines[:3] == ["", "node 5: reading 0x1800:01 of TPDO1", "node 5: step 1 of 1"]
+    assert lines[3].startswith("note: done")
+    assert len(lines) == 4
+
+
+@pytest.mark.parametrize("given", [{"quiet": True}, {"format_name": "json"}, {"verbose": 1}])
+def test_where_only_errors_documents_or_traffic_are_wanted_it_is_not_shown(given: dict[str, object]) -> None:
+    stderr = io.StringIO()
+    output = said_at_once(stderr)
+    options = {"format_name": "text", "color": "never", "verbose": 0, "quiet": False, "plain": False, **given}
+    output.configure(**options)  # type: ignore[arg-type]
+    output.progress("part", 5, 10)
+    assert stderr.getvalue() == ""
