@@ -9,6 +9,7 @@ from dvtcli.domain.proof import Proof
 from dvtcli.domain.rules import Finding
 from dvtcli.operations.api.told import Message
 from dvtcli.operations.results.changes import Changed, Compared, Stored
+from dvtcli.operations.results.logged_in import LoggedIn
 from dvtcli.operations.results.nodes import Commanded, NodeListing, NodeRow
 from dvtcli.operations.results.pdos import MappedName, PdoListing, PdoRow
 from dvtcli.operations.results.values import ValueRead
@@ -19,6 +20,7 @@ __all__ = [
     "Commanded",
     "Compared",
     "Finding",
+    "LoggedIn",
     "MappedName",
     "Message",
     "NodeListing",

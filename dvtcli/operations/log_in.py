@@ -14,14 +14,18 @@ if TYPE_CHECKING:
 
 
 def log_in(
-    session: Session, passcode: Callable[[int, int], int], level: int | None = None, user: int | None = None
+    session: Session,
+    passcode: Callable[[int, int], int],
+    level: int | None = None,
+    user: int | None = None,
+    node_id: int | None = None,
 ) -> LoggedIn:
-    """Log in to the selected node at *level* (0 logs out), None for the one that PDO work needs, as *user*.
+    """Log in to a node (None: the selected one) at *level* (0 logs out), None for the one that PDO work needs.
 
-    *passcode* is asked with node-ID and level when the device wants one. UsageError where the device knows no login,
-    DeviceRefused where it does not take the passcode.
+    *user* is the user ID, None for the family's. *passcode* is asked with node-ID and level when the device wants one.
+    DvtcliError where the device knows no login, DeviceRefused where it does not take the passcode.
     """
-    node = session.node()
+    node = session.node(node_id)
     policy = access_level.policy_of(node.access)
     wanted = policy.needed if level is None else level
     before = access_level.access_level(node.access)

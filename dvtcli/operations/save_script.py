@@ -38,14 +38,18 @@ class Saved(Enum):
 ENDS, STEPS, EVERYTHING = Saved
 
 
+def script_text(session: Session, what: Saved = ENDS) -> str:
+    """*what* this session knows, as the text of a script that runs; UsageError where there is nothing to save."""
+    return _script(session, _SECTIONS[what](session))[0]
+
+
 def save_script(session: Session, file: str, what: Saved = ENDS, spelled: Callable[[str], str] | None = None) -> Facts:
     """Write *what* this session knows into *file*, whole or not at all; *spelled* turns its text into another language.
 
     Asks before it overwrites. UsageError where there is nothing to save, or where the file cannot be written.
     """
     path = _place(file)
-    found = {ENDS: _ends, STEPS: _steps, EVERYTHING: _everything}
-    sections = found[what](session)
+    sections = _SECTIONS[what](session)
     if os.path.exists(path):  # noqa: PTH110 - Path.exists raises OSError for a name that is too long
         session.consent(f"{file} exists; overwrite it?")
     text, identity = _script(session, sections)
@@ -169,3 +173,6 @@ def _write(path: Path, text: str) -> None:
     except OSError:
         os.unlink(file.name)  # noqa: PTH108 - beside the line above
         raise
+
+
+_SECTIONS: dict[Saved, Callable[[Session], list[Section]]] = {ENDS: _ends, STEPS: _steps, EVERYTHING: _everything}

@@ -15,7 +15,7 @@ import pytest
 
 import dvtcli
 from dvtcli import errors
-from dvtcli.results import Changed, Message, Progress
+from dvtcli.results import Changed, Message, Pdo, Progress
 from dvtcli.simulator.network.family_file import family_eds
 from dvtcli.testing import ServedBus
 from tests.commands.bench import Bench
@@ -413,3 +413,45 @@ os.kill(os.getpid(), signal.SIGKILL)
         with pytest.raises(errors.Restarted, match="node 1 restarted after it was put back"):
             bus.node(3).recover(yes=True)
         thread.join()
+
+
+def test_a_program_logs_in_and_out() -> None:
+    with dvtcli.simulate("gen4-locked") as bus:
+        node = bus.node()
+        with pytest.raises(errors.RuleError, match="access level"):
+            node.map("tpdo1", "606C")
+        with pytest.raises(errors.DeviceRefused):
+            node.login(0xBEEF)
+        done = node.login(0x4444)
+        assert (done.level, done.wanted) == (4, 4)
+        assert node.map("tpdo1", "606C")
+        assert node.login(level=0).level == 0
+        with pytest.raises(errors.UsageError, match="passcode"):
+            node.login(-1)
+        for wrong in ("0x4444", 70_000, True):
+            with pytest.raises(errors.UsageError) as refused:
+                node.login(wrong)  # type: ignore[arg-type]
+            assert str(wrong) not in str(refused.value), "what may be nearly right is not repeated"
+        assert "4444" not in bus.script(history=True)
+
+
+def test_a_program_without_login_says_so() -> None:
+    with dvtcli.simulate("generic") as bus, pytest.raises(errors.DvtcliError, match="no login"):
+        bus.node().login(1)
+
+
+def test_the_changes_of_a_program_are_a_script_that_does_them_again(tmp_path: Path) -> None:
+    with dvtcli.simulate("gen4", "generic@5") as bus:
+        with pytest.raises(errors.UsageError, match="nothing"):
+            bus.script()
+        bus.node(1).map("tpdo1", "6041", cob_id=0x201)
+        bus.node(5).set("tpdo2", timer_ms=40)
+        bus.node(5).set("tpdo2", timer_ms=50)
+        text, held = bus.script(), bus.node(1).pdo("tpdo1").config
+        assert (text.count("tpdo2"), bus.script(history=True).count("tpdo2")) == (1, 2)
+    (tmp_path / "done.dvt").write_text(text, encoding="utf-8")
+    with Bench(("gen4", "generic@5")) as bench:
+        assert bench.run(f"run {tmp_path / 'done.dvt'}").code == 0
+        again = bench.session.node(1).pdo(held.pdo)
+        assert again == held
+        assert bench.session.node(5).pdo(Pdo.parse("tpdo2")).communication.event_timer == 50

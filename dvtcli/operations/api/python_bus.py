@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from dvtcli.errors import UsageError
 from dvtcli.operations.api.calls import Calls
-from dvtcli.operations.api.checks import call_back, path, seconds, whole, word, words, wrong
+from dvtcli.operations.api.checks import call_back, flags, path, seconds, whole, word, words, wrong
 from dvtcli.operations.api.hints import python_words
 from dvtcli.operations.api.python_node import Node
 from dvtcli.operations.api.told import Message, Told
@@ -113,6 +113,17 @@ class Bus:
 
         seconds("answer_s", answer_s)
         return self._calls.run(lambda: find_nodes(self._session, answer_s))
+
+    def script(self, *, history: bool = False) -> str:
+        """What this program's changes come to, as the text of a script that `dvtcli run` takes.
+
+        With *history* it is every step as it was taken, stores and NMT commands included. Lines that require a node's
+        identity stand before those about it. UsageError where nothing was changed.
+        """
+        from dvtcli.operations.save_script import ENDS, STEPS, script_text
+
+        flags(history=history)
+        return self._calls.run(lambda: script_text(self._session, STEPS if history else ENDS))
 
     @contextmanager
     def dry_run(self) -> Iterator[Bus]:

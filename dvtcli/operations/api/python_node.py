@@ -24,7 +24,7 @@ from dvtcli.operations.api.arguments import (
     request,
 )
 from dvtcli.operations.api.arguments import type_of as type_named
-from dvtcli.operations.api.checks import flags, number, path
+from dvtcli.operations.api.checks import flags, number, path, whole
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -36,7 +36,17 @@ if TYPE_CHECKING:
     from dvtcli.domain.pdo import Pdo
     from dvtcli.domain.request import PdoWant
     from dvtcli.operations.api.calls import Calls
-    from dvtcli.operations.results import Changed, Commanded, Compared, NodeRow, PdoListing, PdoRow, Stored, ValueRead
+    from dvtcli.operations.results import (
+        Changed,
+        Commanded,
+        Compared,
+        LoggedIn,
+        NodeRow,
+        PdoListing,
+        PdoRow,
+        Stored,
+        ValueRead,
+    )
 
 T = TypeVar("T")
 
@@ -254,6 +264,23 @@ class Node:
         specifier = nmt_command_of(command)
         session = self._calls.session
         return self._calls.run(lambda: command_nmt(session, specifier, self._node_id), yes=yes)
+
+    def login(self, passcode: int = 0, level: int | None = None, *, user: int | None = None) -> LoggedIn:
+        """Log in at *level* (0…255; None: the one that PDO work needs; 0 logs out) with *passcode* (0…0xFFFF).
+
+        *user* is the user ID (1…65535), None for the family's. The passcode is kept nowhere, nor repeated in an error.
+        DvtcliError where the device knows no login, DeviceRefused where it does not take the passcode.
+        """
+        from dvtcli.operations.log_in import log_in
+
+        if isinstance(passcode, bool) or not isinstance(passcode, int) or not 0 <= passcode <= 0xFFFF:
+            raise UsageError("passcode: a passcode is 0…65535 (0x0…0xFFFF)")
+        if level is not None:
+            whole("level", level, "an access level", 0xFF)
+        if user is not None:
+            whole("user", user, "a user ID", 0xFFFF, low=1)
+        session = self._calls.session
+        return self._calls.run(lambda: log_in(session, lambda *_: passcode, level, user, self._node_id))
 
     def recover(self, *, yes: bool = False, force: bool = False) -> Changed | None:
         """Finish a change of the node that was interrupted, by putting the old configuration back; needs *yes*.
