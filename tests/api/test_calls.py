@@ -452,6 +452,6 @@ def test_the_changes_of_a_program_are_a_script_that_does_them_again(tmp_path: Pa
     (tmp_path / "done.dvt").write_text(text, encoding="utf-8")
     with Bench(("gen4", "generic@5")) as bench:
         assert bench.run(f"run {tmp_path / 'done.dvt'}").code == 0
-        again = bench.session.node(1).pdo(held.pdo)
+        again = bench.session.node(1).pdo(Pdo.parse("tpdo1"))
         assert again == held
         assert bench.session.node(5).pdo(Pdo.parse("tpdo2")).communication.event_timer == 50
