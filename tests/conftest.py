@@ -10,17 +10,18 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
 
 from tests import process
 from tests.surroundings import clean_environment, own_ground, own_place, set_environment
 
 #: a machine under load is slow, and no less right for it
-settings.register_profile("unhurried", max_examples=30, deadline=None)
+_UNHURRIED = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
+settings.register_profile("unhurried", max_examples=30, **_UNHURRIED)
 settings.load_profile("unhurried")
 #: `pytest --hypothesis-profile=thorough` looks at as many times more examples of every law.
-settings.register_profile("many", max_examples=200, deadline=None)
-settings.register_profile("thorough", max_examples=3000, deadline=None)
+settings.register_profile("many", max_examples=200, **_UNHURRIED)
+settings.register_profile("thorough", max_examples=3000, **_UNHURRIED)
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

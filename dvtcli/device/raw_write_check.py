@@ -40,9 +40,12 @@ def raw_write_findings(node: KnownPdos, index: int, sub_index: int, data: bytes)
 
 
 def raw_change(node: KnownPdos, step: Step) -> Change:
-    """What a write does: a change of a PDO where it is one, so that it is undone and verified like any other."""
+    """What a write does: a change of a PDO where it is one, so that it is undone and verified like any other.
+
+    A parameter of another length is none: nobody knows what a device that takes it makes of it.
+    """
     pdo, value = Pdo.at(step.index), int.from_bytes(step.after, "little")
-    if pdo is None or len(step.after) > 4:
+    if pdo is None or len(step.after) > 4 or length_findings(step.index, step.sub_index, step.after):
         return ValueChange(step)
     now = node.known_pdo(pdo)
     if step.index == pdo.communication_index:

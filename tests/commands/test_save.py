@@ -140,7 +140,7 @@ STEPS = [
 @settings(
     max_examples=max(10, settings().max_examples // 3),
     deadline=None,
-    suppress_health_check=[HealthCheck.function_scoped_fixture],
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
 @pytest.mark.long
 @given(st.lists(st.sampled_from(STEPS), min_size=1, max_size=12))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from dvtcli.device.nmt_gate import Access
-from dvtcli.device.seen_state import CONTROLWORDS, moving, operation_enabled, seen_state, seen_states
+from dvtcli.device.seen_state import CONTROLWORDS, seen_state, seen_states, why_it_may_move
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.ports import Frame
@@ -174,15 +174,14 @@ def test_each_of_eight_axes_is_asked_whether_it_is_enabled(axis: int, told: bool
         text += f"\n[{index:X}]\nParameterName=Statusword\nObjectType=0x7\nDataType=0x0006\nAccessType=ro\n"
     bus = VirtualTimeBus([booted(described=parse_eds(text.encode(), "axes.eds").dictionary)])
     bus.nodes[0].device.set_value(0x6041, 0, b"\x40\x02")  # switch on disabled
-    assert operation_enabled(bus, NODE) is None
+    assert why_it_may_move(bus, NODE) == ""
     bus.nodes[0].device.set_value(index, 0, b"\x37\x02")
-    assert operation_enabled(bus, NODE) == ((index, 0x237) if told else None)
-    assert moving(bus, [NODE]) == ({NODE: (index, 0x237)} if told else {})
+    assert why_it_may_move(bus, NODE) == (f"says operation enabled (0x{index:04X} is 0x0237)" if told else "")
 
 
 def test_a_device_that_is_no_drive_is_not_enabled() -> None:
     described = {index: dictionary("generic")[index] for index in (0x1000, 0x1017)}
-    assert operation_enabled(VirtualTimeBus([booted(described=ObjectDictionary(described))]), NODE) is None
+    assert why_it_may_move(VirtualTimeBus([booted(described=ObjectDictionary(described))]), NODE) == ""
 
 
 @pytest.mark.parametrize(("index", "commands"), [(0x6040, True), (0x6840, True), (0x9840, True), (0xA040, False)])
@@ -194,7 +193,7 @@ def test_the_controlword_of_each_of_eight_axes_moves_it(index: int, commands: bo
 def test_a_drive_that_does_not_answer_is_asked_once() -> None:
     bus = VirtualTimeBus([booted()])
     started_s = bus.now_s()
-    assert moving(bus, [9]) == {}
+    assert why_it_may_move(bus, 9) == "does not answer whether its operation is enabled (0x6041)"
     asked_s = bus.now_s() - started_s
     with pytest.raises(NoAnswer):
         bus.sdo(9).upload(0x6041, 0)
