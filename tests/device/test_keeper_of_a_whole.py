@@ -10,7 +10,7 @@ import pytest
 
 from dvtcli.device.change.journal import Journal, read_journal
 from dvtcli.device.change.plan_document import Identity
-from dvtcli.device.change.safekeeping import JournalKept, Keeper, let_go
+from dvtcli.device.change.safekeeping import JournalKept, Keeper
 from dvtcli.device.change.whole import Whole
 from dvtcli.device.past import Past
 from dvtcli.domain.plan import Plan, Step, ValueChange
@@ -38,7 +38,7 @@ def keep(tmp_path: Path) -> Iterator[Keep]:
 
     yield make
     for keeper in kept:
-        let_go(keeper)
+        keeper.lock.release()
 
 
 def make(keeper: Keeper, index: int, nmt_state: int | None = 5) -> None:
@@ -190,7 +190,7 @@ def test_what_is_recovered_is_forgotten_and_so_is_what_undo_knew_of_it(keep: Kee
 def test_a_journal_that_was_kept_elsewhere_is_forgotten_there(keep: Keep) -> None:
     one = keep()
     make(one, 0x2000)
-    let_go(one)
+    one.lock.release()
     second = keep(name="elsewhere")
     found = second.interrupted()
     assert found is not None
@@ -213,8 +213,7 @@ def test_the_lock_is_kept_only_where_there_is_a_journal(keep: Keep) -> None:
     one.hold()
     assert (one.held_journal(), one.lock.held) == (None, True), "whoever held it before holds it still"
     make(one, 0x2000)
-    let_go(one)
-    let_go(None)
+    one.lock.release()
     assert not one.lock.held
     assert (one.held_journal(), one.lock.held) == (one.journals.path(5), True)
 
