@@ -60,7 +60,8 @@ def _family(one: Simulated) -> Family:
 def _family_of_file(dictionary: ObjectDictionary) -> Family:
     """A plain CiA 301 device; the object in which the device's own family tells its NMT state is alive in it, too.
 
-    The family's profile asks that object, and a value that a DCF has for it would be the state for ever.
+    The family's profile asks that object, and a value that a DCF has for it would be the state for ever. Which accesses
+    may be mapped is the family's, too, where the profile allows more than the standard.
     """
     known = family_named(profile_of(dictionary).name)
     return replace(
@@ -68,6 +69,8 @@ def _family_of_file(dictionary: ObjectDictionary) -> Family:
         state_object=known.state_object,
         state_request=known.state_request,
         master_object=known.master_object,
+        tpdo_access=known.tpdo_access,
+        rpdo_access=known.rpdo_access,
     )
 
 

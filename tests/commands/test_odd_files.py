@@ -299,3 +299,14 @@ def test_a_family_s_device_without_the_object_that_tells_its_state_is_heard() ->
     with bench(eds) as one:
         assert one.run("nmt start").code == 0
         assert one.run("map tpdo1 6000:2").code == 0
+
+
+def test_a_device_of_a_family_maps_what_the_family_maps() -> None:
+    """Gen4 takes objects in a TPDO that the host may write (`rww`); a device of its identity does, too."""
+    eds = changed("tpdo", entries=[OUTPUTS << 16 | 0x0108, 0])
+    eds.info |= {"VendorNumber": 0x1E, "ProductNumber": 0x0705302D}
+    with bench(eds) as one:
+        assert one.run("map tpdo1 6000:1").code == 0
+        back = one.run("undo")
+        assert back.code == 0, back.stderr
+        assert one.run("map tpdo1 6200:3").code == 0
