@@ -31,6 +31,8 @@ class Node(Changeable):
     history: list[Plan] = field(default_factory=list)
     #: node-IDs of this session's changes on all its nodes, oldest first
     order: list[int] = field(default_factory=list)
+    #: how the device differs from the one that its file is about; empty where it does not
+    unlike_file: str = ""
     #: how many changes were put back that were none of this session's
     unkept: int = 0
     #: labels of what a restart was seen to take while a change was made, which is yet to be said
@@ -42,12 +44,14 @@ class Node(Changeable):
         Raises as `resolve` where a want comes to nothing on this node, RuleError where a rule forbids it.
         """
         from dvtcli.device.applied import refuse
+        from dvtcli.device.file_fits import refuse_unlike_file
         from dvtcli.device.proposal import proposal
         from dvtcli.device.resolve import resolve, untyped_lengths
         from dvtcli.domain.plan import Plan, plan_pdo
         from dvtcli.domain.rules import check_pdo
         from dvtcli.domain.several import several
 
+        refuse_unlike_file(self.node_id, self.unlike_file, force=force)
         found = self.claim()
         lengths = untyped_lengths(self, wants.values())
         now = self.observed(lambda: {pdo: self.pdo(pdo) for pdo in wants})  # what is so already is not looked at again
@@ -65,10 +69,12 @@ class Node(Changeable):
         """Write one object as a plan of one step, under the rules of the command that is meant for it."""
         from dvtcli.device.access_level import refuse_passcode
         from dvtcli.device.applied import refuse
+        from dvtcli.device.file_fits import refuse_unlike_file
         from dvtcli.device.raw_write_check import held_value, raw_change, raw_write_findings
         from dvtcli.domain.plan import Plan, Step
 
         refuse_passcode(self.access, index, sub_index)
+        refuse_unlike_file(self.node_id, self.unlike_file, force=force)
         found = self.claim()
         if self.saves((index, sub_index)):
             self.prepare_store(force=force)

@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from dvtcli.device.file_fits import unlike_file
 from dvtcli.device.read_pdos import read_identity
 from dvtcli.device.remembered import Memory
 from dvtcli.domain.object_dictionary import ObjectDictionary
@@ -41,6 +42,13 @@ class DeviceFiles:
     def memory(self, node_id: int) -> Memory:
         """The way by which a node is asked who it is; it remembers the answers."""
         return self._memories.setdefault(node_id, Memory(self.bus, node_id, lambda: self.bus.sdo(node_id)))
+
+    def unlike(self, node_id: int, dictionary: ObjectDictionary | None) -> str:
+        """How the node differs from the device that *dictionary* is about, where somebody chose that file for it."""
+        if dictionary is None or not (self.options.eds or node_id in self.own_eds):
+            return ""
+        vendor, product = (read_identity(self.memory(node_id), sub) for sub in (1, 2))
+        return unlike_file(node_id, dictionary, (vendor, product))
 
     def dictionary(self, node_id: int) -> ObjectDictionary | None:
         """The object dictionary of a node; None where no file is known."""

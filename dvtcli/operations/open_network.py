@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.looking import Looking
+from dvtcli.device.file_fits import as_file_says
 from dvtcli.device.node import Node
 from dvtcli.domain.ports import CanopenBus
 from dvtcli.errors import NoAnswer, SdoProtocolError
@@ -42,6 +43,8 @@ class Network:
     only_one: Callable[[], bool] = lambda: False
     #: told of every object that is read of a node ahead of a change or for a list
     on_look: Callable[[Looking], None] = lambda _looking: None
+    #: shows what nobody may miss
+    warn: Callable[[str], None] = lambda _text: None
     #: told of every step of a change that a node took
     on_step: Callable[[Progress], None] = lambda _progress: None
 
@@ -57,13 +60,16 @@ class Network:
             profile, dictionary = self.files.profile(node_id), self.files.dictionary(node_id)
             keeper = None if self.keeping is None else self.keeping.keeper(node_id, dictionary)
             node = Node(
-                self.bus, node_id, dictionary, profile, self.cancellation,
+                self.bus, node_id, dictionary, as_file_says(profile, dictionary), self.cancellation,
                 lambda question: self.consent(question, node_id),
                 history=self.done_before(node_id), order=self.order, keeper=keeper,
                 neighbours=lambda: self._others(node_id), on_step=self.on_step, on_look=self.on_look,
                 only_one=lambda: self.only_one() and node_id not in self.simulated_ids,
+                unlike_file=self.files.unlike(node_id, dictionary),
             )  # fmt: skip
             node.memory.learn(self.files.memory(node_id))
+            if node.unlike_file:
+                self.warn(f"{node.unlike_file}: what it says may not be so; changes need --force")
             node.pending.boot_ups = boot_ups  # from first contact on a restart is noticed
             self.nodes[node_id] = node
         return self.nodes[node_id]

@@ -122,6 +122,7 @@ class Opened(Said):
             bus, files, self.cancellation, self.consent, keeping, only_one=lambda: self.ends_with_line,
             on_look=lambda looking: self.tell.progress(*look_progress(looking)),
             on_step=lambda progress: self.tell.progress(*step_progress(progress)),
+            warn=self.tell.warning,
         )  # fmt: skip
 
     @property

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.object_dictionary import normalised
-from dvtcli.domain.rules.mapped_object import FEEDS_TPDO, TAKES_RPDO
+from dvtcli.domain.rules.mapped_object import is_taken
 from dvtcli.errors import UsageError
 from dvtcli.operations.results import ObjectListing, ObjectRow
 
 if TYPE_CHECKING:
     from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
+    from dvtcli.domain.profile import DeviceProfile
     from dvtcli.operations.session import Session
 
 
@@ -24,8 +26,12 @@ def search_objects(session: Session, text: str | None = None, mappable: str | No
     if dictionary is None:
         raise UsageError(f"node {node.node_id} has no EDS here: nothing names its objects", hint="--eds FILE gives one")
     entries = list(dictionary.entries())
-    chosen = [entry for entry in entries if _matches(dictionary, entry, text) and _fits(dictionary, entry, mappable)]
-    rows = tuple(object_row(dictionary, entry, node.node_id) for entry in chosen)
+    matching = (entry for entry in entries if _matches(dictionary, entry, text))
+    found = ((entry, directions(dictionary, node.profile, entry)) for entry in matching)
+    chosen = ((entry, ways) for entry, ways in found if mappable is None or mappable in ways)
+    rows = tuple(  # what a file does not say, no row does
+        object_row(dictionary, entry, node.node_id, ways if entry.pdo_mapping else ()) for entry, ways in chosen
+    )
     return ObjectListing(node.node_id, dictionary.source, rows, len(entries))
 
 
@@ -38,26 +44,14 @@ def _matches(dictionary: ObjectDictionary, entry: OdEntry, text: str | None) -> 
     )
 
 
-def _fits(dictionary: ObjectDictionary, entry: OdEntry, mappable: str | None) -> bool:
-    """Where the file says of no object whether it can be mapped, access alone decides."""
-    if mappable is None:
-        return True
-    unknown = entry.pdo_mapping is None and not dictionary.tells_mappability
-    return mappable in (_accepting(entry) if unknown else _directions(entry).split())
+def directions(dictionary: ObjectDictionary, profile: DeviceProfile, entry: OdEntry) -> list[str]:
+    """The kinds of PDO, `tpdo` and `rpdo`, that `map` lets *entry* into."""
+    ways = (("tpdo", True), ("rpdo", False))
+    return [way for way, tpdo in ways if is_taken(profile, dictionary, entry, tpdo=tpdo)]
 
 
-def _directions(entry: OdEntry) -> str:
-    return " ".join(_accepting(entry)) if entry.pdo_mapping else ""
-
-
-def _accepting(entry: OdEntry) -> list[str]:
-    """The ways that the entry's access type allows."""
-    ways = (("tpdo", FEEDS_TPDO), ("rpdo", TAKES_RPDO))
-    return [way for way, accesses in ways if entry.access in accesses]
-
-
-def object_row(dictionary: ObjectDictionary, entry: OdEntry, node_id: int) -> ObjectRow:
-    """One object as a row; its default value as on node *node_id*."""
+def object_row(dictionary: ObjectDictionary, entry: OdEntry, node_id: int, ways: Sequence[str] = ()) -> ObjectRow:
+    """One object as a row, with the *ways* it can be mapped; its default value as on node *node_id*."""
     kind = entry.data_type
     initial = entry.initial(node_id)
     default = ""
@@ -69,5 +63,5 @@ def object_row(dictionary: ObjectDictionary, entry: OdEntry, node_id: int) -> Ob
             default = initial.hex(" ")
     return ObjectRow(
         entry.object, dictionary.display_name(entry.index, entry.sub_index), kind.short if kind else "?",
-        str(entry.access), _directions(entry), default,
+        str(entry.access), " ".join(ways), default,
     )  # fmt: skip

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.mapping import DUMMY_BITS, PdoMappingEntry
 from dvtcli.domain.object_dictionary import Access, ObjectDictionary, OdEntry
-from dvtcli.domain.profile import Severity
+from dvtcli.domain.profile import DeviceProfile, Severity
 from dvtcli.domain.rules.finding import Finding, Proposal, error, warning
 from dvtcli.domain.rules.rule import ERROR, WARNING, Rule
 
@@ -27,6 +27,31 @@ RULES = (
 #: Access types whose objects may feed a TPDO, and be an RPDO's target (CiA 306, 4.6.3).
 FEEDS_TPDO = frozenset({Access.RO, Access.RWR, Access.CONST, Access.RW})
 TAKES_RPDO = frozenset({Access.WO, Access.RWW, Access.RW})
+
+
+def is_taken(profile: DeviceProfile, dictionary: ObjectDictionary, entry: OdEntry, *, tpdo: bool) -> bool:
+    """Whether the rules below let *entry* be mapped into a TPDO, or an RPDO; what they warn of is let be."""
+    refused = _of_read_write(profile, entry.access, tpdo=tpdo) is Severity.ERROR
+    return _has_access(entry.access, tpdo=tpdo) and not _is_said_unmappable(dictionary, entry) and not refused
+
+
+def _has_access(access: Access, *, tpdo: bool) -> bool:
+    """Whether a TPDO can read it, or an RPDO write it; about rww in a TPDO families differ."""
+    return access in (FEEDS_TPDO if tpdo else TAKES_RPDO) or (tpdo and access is Access.RWW)
+
+
+def _is_said_unmappable(dictionary: ObjectDictionary, entry: OdEntry) -> bool:
+    """Where the file says of no object whether it can be mapped, it says nothing of this one either."""
+    return not entry.pdo_mapping and (entry.pdo_mapping is not None or dictionary.tells_mappability)
+
+
+def _of_read_write(profile: DeviceProfile, access: Access, *, tpdo: bool) -> Severity | None:
+    """How the family judges an object that the host may write, too."""
+    return {
+        (True, Access.RW): profile.rw_in_tpdo,
+        (True, Access.RWW): profile.rww_in_tpdo,
+        (False, Access.RW): profile.rw_in_rpdo,
+    }.get((tpdo, access))
 
 
 def object_findings(proposal: Proposal, place: str, entry: PdoMappingEntry) -> Iterator[Finding]:
@@ -67,7 +92,7 @@ def decimal_hint(dictionary: ObjectDictionary, index: int, sub_index: int) -> st
 def _direction(proposal: Proposal, dictionary: ObjectDictionary, place: str, found: OdEntry) -> Iterator[Finding]:
     name = proposal.name(found.index, found.sub_index)
     tpdo = proposal.pdo.is_tpdo
-    if found.access not in (FEEDS_TPDO if tpdo else TAKES_RPDO) and not (tpdo and found.access is Access.RWW):
+    if not _has_access(found.access, tpdo=tpdo):
         role = "feed a TPDO" if tpdo else "be an RPDO's target"
         yield error(
             "direction",
@@ -78,7 +103,7 @@ def _direction(proposal: Proposal, dictionary: ObjectDictionary, place: str, fou
         )
     elif found.pdo_mapping is None and not dictionary.tells_mappability:
         yield warning("mappable-unknown", place, f"{dictionary.source} does not say whether {name} can be mapped")
-    elif not found.pdo_mapping:
+    elif _is_said_unmappable(dictionary, found):
         yield error(
             "mappable",
             place,
@@ -95,11 +120,7 @@ def _access_advice(proposal: Proposal, dictionary: ObjectDictionary, place: str,
     if tpdo and (advice := profile.why_not_in_tpdo(found.index)):
         yield warning("advised-against", place, f"{name}: {advice}")
         return
-    severity = {
-        (True, Access.RW): profile.rw_in_tpdo,
-        (True, Access.RWW): profile.rww_in_tpdo,
-        (False, Access.RW): profile.rw_in_rpdo,
-    }.get((tpdo, found.access))
+    severity = _of_read_write(profile, found.access, tpdo=tpdo)
     if severity is Severity.ERROR:
         where = "an RPDO" if tpdo else "a TPDO"
         text = f"{name} is {found.access} in {dictionary.place(found)}: a {profile.title} takes it in {where} only"

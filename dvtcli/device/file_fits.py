@@ -1,0 +1,55 @@
+"""Whether a file describes the device that is there, and a family's rules what the file says. Reads nothing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from dvtcli.domain.object_dictionary import ObjectDictionary
+from dvtcli.domain.profile import DeviceProfile
+from dvtcli.errors import SafetyRefusal
+
+_IDENTITY, _STORE = 0x1018, 0x1010
+_PARTS = (("vendor", 1), ("product", 2))
+
+
+def unlike_file(node_id: int, dictionary: ObjectDictionary, identity: tuple[int | None, int | None]) -> str:
+    """How *identity* (vendor and product of 0x1018) differs from what *dictionary* is about; empty where it may fit.
+
+    0 is nobody's number: a file or a device that says it tells nothing. A file may tell its product twice, as
+    ProductNumber and as default of 0x1018:02, and need be right once.
+    """
+    info = dictionary.info
+    told = {1: info.vendor_id, 2: info.product_code}
+    for (name, sub_index), held in zip(_PARTS, identity, strict=True):
+        described = {told[sub_index], _default(dictionary, sub_index, node_id)} - {None, 0}
+        if held and described and held not in described:
+            said = " or ".join(f"0x{number:08X}" for number in sorted(filter(None, described)))
+            return f"{dictionary.source or 'the EDS'} is about {name} {said}, node {node_id} is {name} 0x{held:08X}"
+    return ""
+
+
+def _default(dictionary: ObjectDictionary, sub_index: int, node_id: int) -> int | None:
+    entry = dictionary.entry(_IDENTITY, sub_index)
+    data = None if entry is None else entry.initial(node_id)
+    return None if data is None else int.from_bytes(data, "little")
+
+
+def refuse_unlike_file(node_id: int, unlike: str, *, force: bool) -> None:
+    """Raise SafetyRefusal where the file is *unlike* the device, as `unlike_file` says, unless with *force*."""
+    if unlike and not force:
+        raise SafetyRefusal(
+            f"the EDS is another device's: {unlike}",
+            node=node_id,
+            place="1018:01" if "vendor" in unlike else "1018:02",
+            hint="--eds FILE of this device; without --eds it is checked less and changed all the same; --force takes "
+            "this one",
+        )
+
+
+def as_file_says(profile: DeviceProfile, dictionary: ObjectDictionary | None) -> DeviceProfile:
+    """*profile* where it does not say that the device lacks what its own file has: a way to store."""
+    if dictionary is None or profile.store.sub_indices or _STORE not in dictionary:
+        return profile
+    entries = dictionary[_STORE].entries
+    subs = tuple(sub for sub, entry in entries.items() if sub and entry.access.writable)
+    return replace(profile, store=replace(profile.store, sub_indices=subs, instead="")) if subs else profile
