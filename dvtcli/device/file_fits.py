@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
-from dvtcli.domain.object_dictionary import ObjectDictionary
-from dvtcli.domain.profile import DeviceProfile
 from dvtcli.errors import SafetyRefusal
+
+if TYPE_CHECKING:
+    from dvtcli.domain.object_dictionary import ObjectDictionary
+    from dvtcli.domain.profile import DeviceProfile
 
 _IDENTITY, _STORE = 0x1018, 0x1010
 _PARTS = (("vendor", 1), ("product", 2))

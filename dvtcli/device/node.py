@@ -199,8 +199,8 @@ class Node(Changeable):
         """
         from dvtcli.device.access_level import level_findings
         from dvtcli.device.applied import Applied, refuse
-        from dvtcli.device.change.carry_out import carry_out
         from dvtcli.device.change.taken_back import with_way_back
+        from dvtcli.device.second_try import carry_out_as_taken
         from dvtcli.domain.several import several
 
         if len(plan):
@@ -208,7 +208,9 @@ class Node(Changeable):
             locked = (*level_findings(self.access, plan), *(warnings if kept else ()))
             refuse(locked, f"{several(change.label for change in plan.changes)} not changed", self.node_id, force=force)
             findings += locked
-            carry_out(self, plan, findings, found=found, done=lambda boot_ups: self._done(plan, boot_ups, kept=kept))
+            plan, findings = carry_out_as_taken(
+                self, plan, findings, found, lambda one, boot_ups: self._done(one, boot_ups, kept=kept)
+            )
         else:
             self._remember(plan.changes)
         return Applied(plan, findings)

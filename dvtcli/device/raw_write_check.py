@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.proposal import proposal
 from dvtcli.device.read_pdos import read_optional
+from dvtcli.device.store_parameters import RESTORE, STORE
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.mapping import MAX_ENTRIES, PdoMappingEntry
 from dvtcli.domain.pdo import Pdo, PdoConfig
@@ -78,7 +79,12 @@ def _entries(node: KnownPdos, pdo: Pdo, write: ParameterWrite) -> tuple[PdoMappi
 
 
 def held_value(node: KnownPdos, index: int, sub_index: int) -> bytes | None:
-    """What an object holds, so that it can be put back; None where it is write-only."""
+    """What an object holds, so that it can be put back; None where it is write-only.
+
+    0x1010 and 0x1011 read what they can do, which is not what was written to them (CiA 301, 7.5.2.13, 7.5.2.14).
+    """
+    if index in (STORE, RESTORE):
+        return None
     try:
         return node.known_value(index, sub_index)
     except SdoAborted as aborted:

@@ -124,24 +124,24 @@ def _communication_index(index: int) -> int | None:
     return None if pdo is None else pdo.communication_index
 
 
-def plan_pdo(pdo: Pdo, now: PdoConfig, want: PdoConfig) -> PdoChange:
+def plan_pdo(pdo: Pdo, now: PdoConfig, want: PdoConfig, *, off: bool = False) -> PdoChange:
     """The fewest writes that take *pdo* from *now* to *want* in the order CiA 301 demands (7.5.2.36, 7.5.2.38).
 
     Disable (bit 31 of the word that was read, bits 30 and 29 kept), communication parameters that differ,
     mapping count 0, all entries, count, enable. Only what needs a disabled PDO disables it; a PDO that is
-    disabled already gets no disabling write.
+    disabled already gets no disabling write. With *off* it is disabled whatever differs, for devices that want that.
     """
-    return PdoChange(pdo, now, want, tuple(_pdo_steps(pdo, now, want)))
+    return PdoChange(pdo, now, want, tuple(_pdo_steps(pdo, now, want, off=off)))
 
 
-def _pdo_steps(pdo: Pdo, now: PdoConfig, want: PdoConfig) -> Iterator[Step]:
+def _pdo_steps(pdo: Pdo, now: PdoConfig, want: PdoConfig, *, off: bool) -> Iterator[Step]:
     index = pdo.communication_index
     held = now.communication.cob_id
     wanted = want.communication.cob_id
-    if disables(now, want):
-        off = wanted if wanted == held.disabled() else held.disabled()
-        yield _cob_id_step(index, held, off, "disable the PDO (bit 31)")
-        held = off
+    if disables(now, want) or (off and now.enabled and now != want):
+        disabled = wanted if wanted == held.disabled() else held.disabled()
+        yield _cob_id_step(index, held, disabled, "disable the PDO (bit 31)")
+        held = disabled
     if _needs_rtr_first(now, want):
         yield _cob_id_step(index, held, wanted.disabled(), "allow RTR, which the transmission type answers")
         held = wanted.disabled()

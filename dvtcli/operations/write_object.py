@@ -32,7 +32,7 @@ def write_text(
     session: Session, node: Node, index: int, sub_index: int, value: str, asked: DataType | None = None
 ) -> Changed | Stored:
     """Write *value* as a person types it, as type *asked* or the object's own; UsageError where it does not fit."""
-    if index in SIGNATURES:
+    if index in SIGNATURES and (not session.options.force or _is_signature(index, value)):
         return signature(session, node, index, sub_index, value)
     return write_bytes(session, node, index, sub_index, _encoded(node, index, sub_index, value, asked))
 
@@ -79,12 +79,17 @@ def _size(node: Node, index: int, sub_index: int) -> int:
         raise
 
 
+def _is_signature(index: int, value: str) -> bool:
+    """Whether *value*, as a person types it, is what the object at *index* takes."""
+    word = SIGNATURES[index]
+    number = int.from_bytes(word, "little")
+    return value.lower() in {word.decode(), f"0x{number:x}", str(number)}
+
+
 def signature(session: Session, node: Node, index: int, sub_index: int, value: str) -> Stored:
     """0x1010 and 0x1011 take one signature each: the same as `store` and `restore`."""
-    word = SIGNATURES[index]
-    accepted = {word.decode(), f"0x{int.from_bytes(word, 'little'):x}", str(int.from_bytes(word, "little"))}
-    if value.lower() not in accepted:
-        place = f"0x{index:04X}:{sub_index:02X}"
+    if not _is_signature(index, value):
+        word, place = SIGNATURES[index], f"0x{index:04X}:{sub_index:02X}"
         finding = error(
             "signature", place, f"{place} takes {word.decode()!r} only, not {value!r}", Abort.CANNOT_STORE,
             "store" if index == STORE else "restore",

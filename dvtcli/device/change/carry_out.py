@@ -13,6 +13,7 @@ from dvtcli.device.change.pending import CHANGE
 from dvtcli.device.change.progress import Progress
 from dvtcli.device.change.safekeeping import JournalKept
 from dvtcli.device.change.transaction import BRING_BACK, BUS_BACK, Transaction, left_changed
+from dvtcli.domain.abort import Abort
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.pdo import Pdo, PdoConfig
@@ -229,7 +230,7 @@ def run(node: Changeable, plan: Plan, others: Mapping[Pdo, CobId], wholes: Mappi
 def _explain(node: Changeable, error: DvtcliError, findings: tuple[Finding, ...]) -> None:
     foreseen = (finding.text for finding in findings if finding.place == f"0x{error.place}")
     error.why = error.why or next(foreseen, None)
-    error.hint = error.hint or _hint(node, error)
+    error.hint = error.hint or _hint(node, error) or _hint_of_state(node, error)
     if error.abort in node.profile.store.never_after:
         node.pending.suspicions[CHANGE] = f"the device answered 0x{error.abort:08X} to a change"
 
@@ -240,6 +241,14 @@ def _hint(node: Changeable, error: DvtcliError) -> str | None:
         return None
     index, _, sub_index = error.place.partition(":")
     return node.profile.hint(int(index, 16), int(sub_index, 16), error.abort)
+
+
+def _hint_of_state(node: Changeable, error: DvtcliError) -> str | None:
+    """What to try where the device refuses for a reason of its own, or its state, and runs."""
+    if error.abort not in (Abort.GENERAL, Abort.DEVICE_STATE):
+        return None
+    running = node.bus.nmt_state(node.node_id) is NmtState.OPERATIONAL
+    return f"it is OPERATIONAL: `nmt preop {node.node_id}`, then again" if running else None
 
 
 def _rebooted(node: Changeable, found: Found) -> bool:

@@ -17,6 +17,7 @@ from dvtcli.device.observe import Found
 if TYPE_CHECKING:
     from dvtcli.device.change.progress import Progress
     from dvtcli.device.change.safekeeping import Keeper
+    from dvtcli.device.habits import Habits
 
 
 @dataclass(slots=True)
@@ -33,6 +34,17 @@ class Changeable(KnownPdos):
     expected: Expected = field(default_factory=Expected)
     #: told of every step of a change that the node took
     on_step: Callable[[Progress], None] = lambda _progress: None
+    _habits: Habits | None = None
+
+    @property
+    def habits(self) -> Habits:
+        """What devices like this one were found to want: on a real bus by earlier processes, too."""
+        if self._habits is None:
+            from dvtcli.device.habits import Habits
+
+            keeper = self.keeper
+            self._habits = Habits() if keeper is None else Habits(keeper.locks.parent / "habits", keeper.warn)
+        return self._habits
 
     def claim(self) -> Found:
         """Before the first read of a change: let no other dvtcli write to the node until the line ends.

@@ -104,11 +104,27 @@ def _put_one_back(sdo: SdoTransport, change: Change, fillers: Mapping[Pdo, Seque
     try:
         for step in _steps_back(sdo, change, fillers):
             sdo.download(step.index, step.sub_index, step.after)
-    except SdoAborted:
-        if not isinstance(change, PdoChange) or change.back is None:
+    except SdoAborted as refused:
+        if not isinstance(change, PdoChange) or not _otherwise_put_back(sdo, change, refused):
             raise
-        for step in plan_pdo(change.pdo, read_pdo(sdo, change.pdo), change.back).steps:
-            sdo.download(step.index, step.sub_index, step.after)
+
+
+def _otherwise_put_back(sdo: SdoTransport, change: PdoChange, refused: SdoAborted) -> bool:
+    """Put back with the PDO off, where a parameter was refused while it was on, else to what the device takes.
+
+    Whether there was another way.
+    """
+    held = read_pdo(sdo, change.pdo)
+    parameter = refused.index == change.pdo.communication_index and refused.sub_index != 1
+    if held.enabled and parameter:
+        steps = plan_pdo(change.pdo, held, change.before, off=True).steps
+    elif change.back is not None:
+        steps = plan_pdo(change.pdo, held, change.back).steps
+    else:
+        return False
+    for step in steps:
+        sdo.download(step.index, step.sub_index, step.after)
+    return True
 
 
 def _fillers(changes: Sequence[Change]) -> dict[Pdo, list[ValueChange]]:

@@ -1,0 +1,121 @@
+"""A change of which the device takes a parameter only while the PDO is off: put back, and made again that way.
+
+CiA 301 lets the transmission type and the event timer be written while a PDO is valid; stricter families do not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from dvtcli.device.change.carry_out import carry_out
+from dvtcli.device.proposal import proposal
+from dvtcli.domain.abort import Abort
+from dvtcli.domain.pdo import PdoConfig
+from dvtcli.domain.plan import Change, PdoChange, Plan, Step, plan_pdo
+from dvtcli.domain.rules import Finding, check_pdo, errors_in
+from dvtcli.domain.rules.finding import note
+from dvtcli.domain.rules.rule import NOTE, Rule
+from dvtcli.errors import DeviceRefused, DvtcliError
+
+if TYPE_CHECKING:
+    from dvtcli.device.change.changeable import Changeable
+    from dvtcli.device.observe import Found
+
+#: What stricter families answer to a parameter of a PDO that is on.
+_WHILE_ON = (Abort.VALUE_RANGE, Abort.DEVICE_STATE, Abort.READ_ONLY)
+
+RULES = (
+    Rule("off-first", NOTE, "the device takes this parameter only while the PDO is off", "the device's own answer",
+         _WHILE_ON),
+)  # fmt: skip
+
+
+def carry_out_as_taken(
+    node: Changeable, plan: Plan, findings: tuple[Finding, ...], found: Found | None, done: Callable[[Plan, int], None]
+) -> tuple[Plan, tuple[Finding, ...]]:
+    """Carry *plan* out; what was carried out in the end, and *findings* with what the device wanted otherwise.
+
+    Where the device refuses a parameter of a PDO that is on, and everything was put back, it is done again with that
+    PDO disabled, once. It is remembered of the device, and its PDOs are disabled right away the next time.
+    """
+    plan = _as_known(node, plan)
+
+    def run(one: Plan, found: Found | None) -> None:
+        carry_out(node, one, findings, found=found, done=lambda boot_ups: done(one, boot_ups))
+
+    try:
+        run(plan, found)
+    except DeviceRefused as refused:
+        change, step = _refused_while_on(plan, refused)
+        if change is None or step is None or not _may_be_off(node, change):
+            raise
+        again = _with_off(plan, change)
+        try:
+            run(again, None)
+        except DvtcliError as second:
+            second.details.append(("first try", f"0x{step.object} was refused while {change.label} was on, too"))
+            raise
+        node.habits.add(node.identity(), (change.pdo.direction, step.sub_index))
+        return again, (*findings, _said(change, step, refused))
+    return plan, findings
+
+
+def _said(change: PdoChange, step: Step, refused: DeviceRefused) -> Finding:
+    """What happened, for people."""
+    text = (
+        f"0x{step.object} was refused while {change.label} was on (abort 0x{refused.abort or 0:08X}): all was put "
+        f"back, and done again with {change.label} off; this is remembered of this device"
+    )
+    return note("off-first", f"0x{step.object}", text)
+
+
+def _refused_while_on(plan: Plan, refused: DeviceRefused) -> tuple[PdoChange, Step] | tuple[None, None]:
+    """The change, and the step of it, that the device *refused* where a PDO was on; None where it was another thing."""
+    if refused.state == "rolled_back" and refused.abort in _WHILE_ON:
+        for change in plan.changes:
+            for step in _while_on(change):
+                if step.object == refused.place and isinstance(change, PdoChange):
+                    return change, step
+    return None, None
+
+
+def _while_on(change: Change) -> Iterator[Step]:
+    """The steps of *change* that write a parameter of a PDO that is on."""
+    if not isinstance(change, PdoChange) or not change.before.enabled:
+        return
+    for step in change.steps:
+        if step.index != change.pdo.communication_index or step.sub_index == 1:
+            return
+        yield step
+
+
+def _as_known(node: Changeable, plan: Plan) -> Plan:
+    """*plan* as this device takes it, as far as that was found out before."""
+    candidates = [change for change in plan.changes if any(True for _ in _while_on(change))]
+    if not candidates or not node.habits.are_there:
+        return plan
+    off_first = node.habits.off_first(node.identity())
+    for change in candidates:
+        wants = any((change.pdo.direction, step.sub_index) in off_first for step in _while_on(change))  # type: ignore[union-attr]
+        if wants and isinstance(change, PdoChange) and _may_be_off(node, change):
+            plan = _with_off(plan, change)
+    return plan
+
+
+def _may_be_off(node: Changeable, change: PdoChange) -> bool:
+    """Whether the rules let the PDO be enabled again as it is to be, and as it was."""
+    off = replace(change.before.communication, cob_id=change.before.communication.cob_id.disabled())
+    now = replace(change.before, communication=off)
+    return not any(_errors(node, change, now, want) for want in (change.after, change.before))
+
+
+def _errors(node: Changeable, change: PdoChange, now: PdoConfig, want: PdoConfig) -> tuple[Finding, ...]:
+    return errors_in(check_pdo(proposal(node, change.pdo, now, want)))
+
+
+def _with_off(plan: Plan, change: PdoChange) -> Plan:
+    """*plan* with the PDO of *change* disabled before anything of it is written."""
+    off = replace(plan_pdo(change.pdo, change.before, change.after, off=True), back=change.back)
+    return Plan(plan.node_id, tuple(off if one is change else one for one in plan.changes))

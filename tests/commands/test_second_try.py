@@ -1,0 +1,217 @@
+"""A device that takes a parameter only while the PDO is off: put back, done again that way, and remembered."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from dvtcli.domain.nmt import NmtCommand, NmtState
+from dvtcli.domain.pdo import Direction
+from dvtcli.files.eds.reader import read_eds
+from dvtcli.simulator.device.refusal import Refusal
+from dvtcli.simulator.device.strict_device import StrictDevice
+from dvtcli.simulator.network.family_file import family_eds, load_family
+from tests.commands.bench import Bench
+from tests.commands.bus import Wire
+
+EDS = str(family_eds("generic"))
+
+
+@pytest.fixture(autouse=True)
+def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+
+
+def stricter(kind: type[StrictDevice] = StrictDevice, node_id: int = 1, **codes: int) -> StrictDevice:
+    """A device that refuses parameters of a PDO that is on: `type_while_valid=0x06090030`."""
+    answers = {name.replace("_", "-"): code for name, code in codes.items()}
+    family = replace(load_family("generic"), answers=dict.fromkeys(Direction, answers))
+    return kind(read_eds(family_eds("generic")).dictionary, family, node_id)
+
+
+def on(wire: Wire) -> Bench:
+    return Bench((), {**wire.options, "yes": True, "eds": EDS})
+
+
+def written(wire: Wire) -> list[str]:
+    """The objects that were written since the last look."""
+    sent = [bytes(m.data) for m in wire.frames() if m.arbitration_id == 0x601]
+    return [f"{int.from_bytes(data[1:3], 'little'):04X}:{data[3]:02X}" for data in sent if data[0] >> 5 == 1]
+
+
+@pytest.mark.parametrize("abort", [0x06090030, 0x08000022, 0x06010002])
+@pytest.mark.parametrize(
+    ("check", "line", "place"),
+    [
+        ("type_while_valid", "set tpdo1 --sync 3", "1800:02"),
+        ("event_while_valid", "set tpdo1 --timer 30", "1800:05"),
+        ("type_while_valid", "set rpdo1 --sync 3", "1400:02"),
+    ],
+)
+def test_it_is_done_again_with_the_pdo_off_and_remembered(abort: int, check: str, line: str, place: str) -> None:
+    with Wire(stricter(**{check: abort})) as wire:
+        with on(wire) as bench:
+            before = bench.run("pdo --all --json").document["pdos"]
+            wire.frames()
+            ran = bench.run(line)
+            assert ran.code == 0, ran.stderr
+            cob_id = f"{place[:4]}:01"
+            assert written(wire) == [place, cob_id, place, cob_id], "refused, so nothing is to be put back"
+            said = " ".join(ran.stdout.split() + ran.stderr.split())
+            assert f"0x{place} was refused while" in said
+            assert f"(abort 0x{abort:08X})" in said
+            wire.frames()
+            assert bench.run("undo").code == 0
+            assert written(wire) == [cob_id, place, cob_id], "by now it is known"
+            assert bench.run("pdo --all --json").document["pdos"] == before
+        with on(wire) as another:
+            wire.frames()
+            ran = another.run(line)
+            assert (ran.code, "was refused" in ran.stdout) == (0, False)
+            assert written(wire) == [cob_id, place, cob_id], "a later process knows it, too"
+
+
+def test_what_else_was_in_the_plan_is_put_back_before_it_is_done_again() -> None:
+    with Wire(stricter(event_while_valid=0x06090030)) as wire, on(wire) as bench:
+        wire.frames()
+        ran = bench.run("set tpdo1 --sync 3 --timer 30")
+        assert ran.code == 0, ran.stderr
+        parameters = [place for place in written(wire) if place.startswith("18")]
+        assert parameters == [
+            *("1800:02", "1800:05"),
+            "1800:02",
+            *("1800:01", "1800:02", "1800:05", "1800:01"),
+        ]
+
+
+def test_a_value_that_is_wrong_anyway_is_refused_with_everything_as_it_was() -> None:
+    class Choosy(StrictDevice):
+        """A device that takes one transmission type only, and says so with the same abort code."""
+
+        def download(self, index: int, sub_index: int, data: bytes) -> None:
+            if (index, sub_index) == (0x1800, 2) and data != b"\xff":
+                raise Refusal(0x06090030)
+            super().download(index, sub_index, data)
+
+    with Wire(stricter(Choosy)) as wire, on(wire) as bench:
+        before = bench.run("pdo --all --json").document["pdos"]
+        ran = bench.run("set tpdo1 --sync 3")
+        assert ran.code == 1
+        assert "first try" in ran.stderr
+        assert "rolled back" in ran.stderr
+        assert bench.run("pdo --all --json").document["pdos"] == before
+    with Wire(stricter()) as wire, on(wire) as another:
+        wire.frames()
+        assert another.run("set tpdo1 --sync 5").code == 0
+        assert written(wire) == ["1800:02"], "nothing was learnt from it"
+
+
+def test_a_pdo_that_could_not_be_enabled_again_is_not_switched_off() -> None:
+    """Its COB-ID is one that the rules refuse: 0x180, as some drives have it from the factory."""
+    device = stricter(type_while_valid=0x06090030)
+    device.set_value(0x1800, 1, (0x40000180).to_bytes(4, "little"))
+    with Wire(device) as wire, on(wire) as bench:
+        wire.frames()
+        ran = bench.run("set tpdo1 --sync 3")
+        assert ran.code == 1
+        assert written(wire) == ["1800:02"]
+        assert "0x06090030" in ran.stderr
+
+
+def test_a_roll_back_and_a_recovery_find_the_way_too(tmp_path: Path) -> None:
+    class ForgetfulOnce(StrictDevice):
+        """A device that shows another event timer than the one that was written, as long as it is asked to."""
+
+        lies = 0
+
+        def upload(self, index: int, sub_index: int) -> bytes:
+            data = super().upload(index, sub_index)
+            if (index, sub_index) == (0x1800, 5) and self.lies and data != b"\0\0":
+                self.lies -= 1
+                return b"\x01\0"
+            return data
+
+    device = stricter(ForgetfulOnce, type_while_valid=0x06090030)
+    assert isinstance(device, ForgetfulOnce)
+    with Wire(device) as wire, on(wire) as bench:
+        assert bench.run("set tpdo1 --sync 3").code == 0
+        assert bench.run("undo").code == 0
+        before = bench.run("pdo --all --json").document["pdos"]
+        device.lies = 1
+        ran = bench.run("set tpdo1 --sync 3 --timer 30")
+        assert ran.code == 1, ran.stderr
+        assert "rolled back" in ran.stderr
+        assert bench.run("pdo --all --json").document["pdos"] == before
+
+
+def test_an_invalid_memory_is_said_and_found_out_anew(tmp_path: Path) -> None:
+    with Wire(stricter(type_while_valid=0x06090030)) as wire:
+        with on(wire) as bench:
+            assert bench.run("set tpdo1 --sync 3").code == 0
+        (path,) = (tmp_path / "state" / "dvtcli" / "habits").glob("*.json")
+        assert oct(path.stat().st_mode & 0o777) == "0o600"
+        path.write_text('{"schema": "dvtcli.habits/1", "off_first": [["tpdo", 1]]}')
+        with on(wire) as bench:
+            ran = bench.run("set tpdo1 --sync 4")
+            assert ran.code == 0
+            assert f"{path} does not tell what this device wants" in ran.stderr
+
+
+def test_simulated_nodes_are_remembered_as_long_as_they_live() -> None:
+    with Bench(("generic",)) as bench:
+        assert not bench.session.node().habits.are_there
+
+
+# --- what was asked
+
+
+def test_a_signature_that_is_forced_is_sent_as_it_was_typed() -> None:
+    with Bench(("generic",)) as bench:
+        assert bench.run("write 1010:1 0x12345678").code == 1
+        ran = bench.run("write 1010:1 0x12345678 --force")
+        assert ran.code == 1
+        assert "0x08000020" in ran.stderr, "the device itself refused it"
+    with Bench(("generic",)) as bench:
+        ran = bench.run("write 1010:1 save --force --json")
+        assert ran.document["schema"] == "dvtcli.store/1", "that is a store like any other"
+
+
+def test_one_that_the_device_takes_is_not_read_back_as_if_it_were_a_value() -> None:
+    class Lax(StrictDevice):
+        taken = b""
+
+        def download(self, index: int, sub_index: int, data: bytes) -> None:
+            if index == 0x1010:
+                self.taken = data
+                return
+            super().download(index, sub_index, data)
+
+    device = stricter(Lax)
+    assert isinstance(device, Lax)
+    with Wire(device) as wire, on(wire) as bench:
+        ran = bench.run("write 1010:1 0x12345678 --force")
+        assert ran.code == 0, ran.stderr
+        assert device.taken == bytes.fromhex("78563412")
+
+
+@pytest.mark.parametrize("abort", [0x08000000, 0x08000022])
+@pytest.mark.parametrize("line", ["set tpdo1 --inhibit 10", "write 1017 70"])
+def test_a_refusal_of_a_node_that_runs_hints_to_stop_it(abort: int, line: str) -> None:
+    class Busy(StrictDevice):
+        def download(self, index: int, sub_index: int, data: bytes) -> None:
+            if self.state is NmtState.OPERATIONAL:
+                raise Refusal(abort)
+            super().download(index, sub_index, data)
+
+    device = stricter(Busy)
+    with Wire(device) as wire, on(wire) as bench:
+        assert bench.run("nmt start").code == 0
+        ran = bench.run(line)
+        assert ran.code == 1
+        assert "nmt preop 1" in ran.stderr
+        with wire.lock:
+            device.nmt(NmtCommand.ENTER_PRE_OPERATIONAL)
+        assert bench.run("nmt preop").code == 0
+        assert bench.run(line).code == 0
