@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from dvtcli.device.cancellation import Cancellation
-from dvtcli.device.looking import Looking
 from dvtcli.device.file_fits import as_file_says
+from dvtcli.device.looking import Looking
 from dvtcli.device.node import Node
 from dvtcli.domain.ports import CanopenBus
 from dvtcli.errors import NoAnswer, SdoProtocolError
