@@ -225,13 +225,11 @@ def _family(known: Mapping[Direction, Known]) -> Iterator[Learnt]:
 
 
 def _family_types(known: Mapping[Direction, Known]) -> Iterator[Learnt]:
-    ranges = {way: _types(one) for way, one in known.items()}
-    if not all(ranges.get(way) for way in Direction):
-        return
-    for way in Direction:
-        one = known[way]
-        evidence = "; ".join(one.answers[f"type {value}"].text for value in TYPES)
-        yield Learnt(f"pdo_types.{way}", [list(each) for each in ranges[way]], evidence)
+    for way, one in known.items():
+        ranges = _types(one)
+        if ranges:
+            evidence = "; ".join(one.answers[f"type {value}"].text for value in TYPES)
+            yield Learnt(f"pdo_types.{way}", [list(each) for each in ranges], evidence)
 
 
 def _accesses(known: Mapping[Direction, Known]) -> Iterator[Learnt]:

@@ -19,7 +19,7 @@ from dvtcli.domain.profile import BitPolicy
 Object = tuple[int, int]
 Range = tuple[int, int]
 
-_NO_ANSWERS: Mapping[Direction, Mapping[str, int]] = MappingProxyType({Direction.TPDO: {}, Direction.RPDO: {}})
+_NO_ANSWERS: Mapping[Direction, Mapping[str, int]] = MappingProxyType({})
 _KEEP = MappingProxyType({Direction.TPDO: BitPolicy.KEEP, Direction.RPDO: BitPolicy.KEEP})
 
 
@@ -130,7 +130,7 @@ class Family:
     empty_pdos_enabled: bool = False
     restricted_ids_refused: bool = True
     answers: Mapping[Direction, Mapping[str, int]] = field(default_factory=lambda: _NO_ANSWERS)
-    pdo_types: Mapping[Direction, tuple[tuple[int, int, int], ...]] | None = None
+    pdo_types: Mapping[Direction, tuple[tuple[int, int, int], ...]] = field(default_factory=dict)
     max_inhibit_time: int = 0xFFFF
     max_event_timer: int = 0xFFFF
     filler: int = 0

@@ -73,7 +73,7 @@ class PdoGuard:
 
     def _refuse(self, pdo: Pdo, check: str, code: int) -> None:
         """Raise Refusal with the family's answer to *check*, *code* where it has none of its own; 0 is no refusal."""
-        code = self._family.answers[pdo.direction].get(check, code)
+        code = self._family.answers.get(pdo.direction, {}).get(check, code)
         if code:
             raise Refusal(code)
 
@@ -133,8 +133,8 @@ class PdoGuard:
     def _check_transmission_type(self, pdo: Pdo, value: int) -> None:
         if value in _RTR_TYPES and pdo.is_tpdo and not self.cob_id(pdo).rtr_allowed:
             self._refuse(pdo, "type-without-rtr", Abort.VALUE_RANGE)
-        if self._family.pdo_types is not None:
-            own = self._family.pdo_types[pdo.direction]
+        own = self._family.pdo_types.get(pdo.direction)
+        if own is not None:
             code = next((code for first, last, code in own if first <= value <= last), Abort.VALUE_RANGE)
         else:
             known = within(value, self._family.transmission_types) and (pdo.is_tpdo or value not in _RTR_TYPES)

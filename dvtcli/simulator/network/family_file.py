@@ -161,6 +161,12 @@ def _plant(item: Item) -> str:
     return _PLANT
 
 
+def _of_some(read: Callable[[Item], _T]) -> Callable[[Item], dict[Direction, _T]]:
+    """A reader of tables by direction, of which one may be missing."""
+    names = [way.value for way in Direction]
+    return lambda item: {Direction(key): given for key, given in item.table(dict.fromkeys(names, read)).items()}
+
+
 def _answers(item: Item) -> dict[str, int]:
     """Abort codes by the names of checks."""
     return item.table(dict.fromkeys(CHECKS, _ABORT))
@@ -231,8 +237,8 @@ _FAMILY: Schema = {
     "zero_bits_counted": boolean,
     "empty_pdos_enabled": boolean,
     "restricted_ids_refused": boolean,
-    "answers": each_of(Direction, _answers),
-    "pdo_types": each_of(Direction, _types),
+    "answers": _of_some(_answers),
+    "pdo_types": _of_some(_types),
     "max_inhibit_time": integer(0, 0xFFFF),
     "max_event_timer": integer(0, 0xFFFF),
     "filler": integer(0, 0xFFFF_FFFF),
