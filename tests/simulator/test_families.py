@@ -9,6 +9,8 @@ import pytest
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import InputFileError
+from dvtcli.files.profile.library import load_profile
+from dvtcli.files.profile.toml import builtin_names
 from dvtcli.simulator.device.family import GENERIC, Family
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import _FAMILY, family_eds, family_names, load_family, read_family
@@ -301,3 +303,9 @@ def test_any_eds_works_with_the_generic_family() -> None:
     device = StrictDevice(booted("tmcm").dictionary, GENERIC, 3)
     device.boot_up()
     assert Client.on(device).number(0x1800, 1) == 0x40000183
+
+
+def test_no_family_that_comes_with_dvtcli_is_learnt() -> None:
+    """A learnt family shares its evidence with its profile: it is no second opinion on the rules."""
+    assert not [name for name in family_names() if load_family(name).learnt]
+    assert not [name for name in builtin_names() if load_profile(name).learnt]

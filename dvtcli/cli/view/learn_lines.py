@@ -9,13 +9,16 @@ from dvtcli.domain.abort import abort_text
 from dvtcli.domain.learning.conclusions import Value
 from dvtcli.operations.results.learnt import LearnForecast, LearntDevice
 
+#: How many questions of one reason are named.
+_NAMED = 4
+
 
 def learnt_lines(result: LearntDevice, width: int) -> Iterator[Line]:
     """What the device takes, how it answers the rest, and what is written."""
     yield [Cell(f"node {result.node}", "bold"), Cell(f"  {result.title}: what it takes")]
     table = Table(("VALUE", "LEARNT", "EVIDENCE"), shrink=3)
     for one in result.conclusions.profile:
-        table.add(one.key, value_text(one.value), Cell(one.evidence, "dim"))
+        table.add(one.key, value_text(one.value), Cell(_short(one.evidence), "dim"))
     yield from table.lines(width)
     yield from _answer_lines(result, width)
     yield from _not_learnt(result)
@@ -60,7 +63,9 @@ def _not_learnt(result: LearntDevice) -> Iterator[Line]:
     if reasons:
         yield ""
     for why, names in reasons.items():
-        yield [Cell("not learnt: ", "yellow"), Cell(f"{', '.join(names)}: {why}")]
+        first, more = list(names)[:_NAMED], len(names) - _NAMED
+        said = ", ".join(first) + (f" and {more} more" if more > 0 else "")
+        yield [Cell("not learnt: ", "yellow"), Cell(f"{said}: {why}")]
 
 
 def _compared(result: LearntDevice, width: int) -> Iterator[Line]:
@@ -75,8 +80,14 @@ def _compared(result: LearntDevice, width: int) -> Iterator[Line]:
     table = Table(("VALUE", "PROFILE", "LEARNT", "EVIDENCE"), shrink=4)
     for one in differences:
         said = "-" if one.said is None else value_text(one.said)
-        table.add(one.key, said, value_text(one.learnt.value), Cell(one.learnt.evidence, "dim"))
+        table.add(one.key, said, value_text(one.learnt.value), Cell(_short(one.learnt.evidence), "dim"))
     yield from table.lines(width)
+
+
+def _short(evidence: str) -> str:
+    """The first answer, and how many more there are: the profile and the document have them all."""
+    first, *more = evidence.split("; ")
+    return f"{first} (+{len(more)})" if more else first
 
 
 def value_text(value: Value) -> str:
