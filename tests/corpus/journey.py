@@ -84,6 +84,8 @@ class _Trip:
         self.turn = crc32(journey.path.name.encode())
         self.listed = sorted({pdo for index in dictionary if (pdo := Pdo.at(index)) is not None})
         self.writes = 0
+        #: PDOs of which it was said that they are not put back as they were
+        self.named: set[Pdo] = set()
 
     def go(self) -> None:
         self.bench.session.node()
@@ -130,7 +132,7 @@ class _Trip:
                 self.turn += 1
         after = self._raw()
         for pdo, raw in factory.items():
-            if raw != after[pdo] and not after[pdo].is_off:
+            if raw != after[pdo] and pdo not in self.named:
                 self.journey.note(f"{pdo} in the end", WRONG, f"{raw} became {after[pdo]}")
 
     def _lines(self, pdo: Pdo) -> Iterator[str]:
@@ -199,6 +201,7 @@ class _Trip:
         elif not said:
             self.journey.note(f"undo of {line}", WRONG, f"{before} became {after}: {ran.stderr}")
         else:
+            self.named.add(pdo)
             named = "does not take that back" in ran.stderr
             self.journey.note(f"undo of {line}", RIGHT if named else WRONG, f"{before} became {after}: {ran.stderr}")
 

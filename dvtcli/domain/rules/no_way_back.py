@@ -42,7 +42,7 @@ def way_back(back: Proposal) -> tuple[PdoConfig, Finding] | None:
     if taken is None:
         text = f"{pdo.label} could not be put back after this, nor be switched off and emptied: {reason.text}"
         return before, error("no-way-back", reason.place, text, None, "choose another PDO (pdo --all)")
-    text = f"{pdo.label} is {_state(before)} now, and a device may not take that back ({reason.text})"
+    text = f"{pdo.label} is {_state(before, taken)} now, and a device may not take that back ({reason.text})"
     return taken, warning("way-back", reason.place, f"{text}: `undo` leaves it {left_as(before, taken)}")
 
 
@@ -70,23 +70,28 @@ def put_back_finding(pdo: Pdo, before: PdoConfig, back: PdoConfig) -> Finding:
 
 def put_back_text(pdo: Pdo, before: PdoConfig, back: PdoConfig) -> str:
     """The same in words."""
-    was, state = _state(before), left_as(before, back)
+    was, state = _state(before, back), left_as(before, back)
     return f"{pdo.label} was {was}, and the device does not take that back: it is {state} now"
 
 
-def _state(config: PdoConfig) -> str:
-    if config.inconsistency:
+def _state(before: PdoConfig, back: PdoConfig) -> str:
+    """What a PDO is *before*, as far as that matters beside what it is put *back* to."""
+    if before.inconsistency:
         return "inconsistent"
-    word = "enabled" if config.enabled else "off"
-    return word if config.count else f"{word} and empty"
+    words = ["enabled" if before.enabled else "off", *([] if before.count else ["empty"])]
+    return " and ".join([*words, *_parameters(before, back)])
+
+
+def _parameters(of: PdoConfig, beside: PdoConfig) -> Iterator[str]:
+    """The parameters *of* one in which it is not what it is *beside*."""
+    for field, name in _NAMES.items():
+        value = getattr(of.communication, field)
+        if value != getattr(beside.communication, field):
+            yield f"at {name} {value}"
 
 
 def left_as(before: PdoConfig, back: PdoConfig) -> str:
     """What becomes of a PDO that was *before* and is put *back*, in words."""
     words = [] if back.enabled else ["off"]
     words += ["empty"] if not back.count and (words or before.count) else []
-    for field, name in _NAMES.items():
-        value = getattr(back.communication, field)
-        if value != getattr(before.communication, field):
-            words.append(f"at {name} {value}")
-    return " and ".join(words) or "as it is set now"
+    return " and ".join([*words, *_parameters(back, before)]) or "as it is set now"
