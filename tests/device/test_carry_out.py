@@ -292,7 +292,7 @@ def test_each_step_that_was_taken_is_told_with_its_number(bench: Bench) -> None:
     assert told[1].step is step
 
 
-@pytest.mark.parametrize(("sub_index", "hint"), [(0, "of the count"), (1, "of an entry"), (0x10, "of an entry")])
+@pytest.mark.parametrize(("sub_index", "hint"), [(0, "of the count"), (1, "of an entry"), (0x1F, "of an entry")])
 def test_a_refusal_is_told_with_what_the_family_knows_of_it(bench: Bench, sub_index: int, hint: str) -> None:
     texts = {StepKind.COUNT: {0x0800_0021: "of the count"}, StepKind.ENTRY: {0x0800_0021: "of an entry"}}
     bench.node.profile = replace(bench.node.profile, hints=texts)
@@ -306,10 +306,10 @@ def test_a_failure_that_names_no_object_stays_as_it_is(tmp_path: Path) -> None:
     bench = Bench(tmp_path, "gen4")
 
     def nobody(_question: str) -> None:
-        raise SafetyRefusal("nobody to ask", hint="--yes")
+        raise SafetyRefusal("nobody to ask")
 
     bench.node.consent = nobody
     error = bench.failed(bench.found())
-    assert (error.text, error.place, error.hint) == ("nobody to ask", None, "--yes")
+    assert (error.text, error.place, error.hint) == ("nobody to ask", None, None)
     assert bench.channel.writes == []
     bench.keeper.lock.release()

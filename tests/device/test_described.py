@@ -85,6 +85,41 @@ def test_every_parameter_of_a_pdo_that_is_not_its_default_is_named() -> None:
     ]
 
 
+def test_a_mapping_of_another_length_is_named_by_its_count() -> None:
+    one, _ = node()
+    assert one.dictionary is not None
+    held = replace(one.pdo(RPDO1), mapping=())
+    assert differing_from_defaults(one.dictionary, GENERIC, 1, {RPDO1: held}) == (
+        1, [f"RPDO1: 0x1600:00 is 0x00, its default is 0x{one.pdo(RPDO1).count:02X}"]
+    )  # fmt: skip
+
+
+def cob_id(index: int, sub_index: int, default: bytes | None) -> ObjectDictionary:
+    return entries(OdEntry(index, sub_index, "", default=default))
+
+
+@pytest.mark.parametrize(
+    ("index", "sub_index", "default", "held", "told"),
+    [
+        (0x1800, 1, bytes(4), b"\0\0\0\x80", None),  # CAN-ID 0x000 is NMT: no file means that
+        (0x1800, 1, b"\x81\1\0\0", b"\x81\1\0\0", b"\x81\1\0\0"),
+        (0x1800, 2, bytes(4), bytes(4), bytes(4)),
+        (0x1A00, 1, bytes(4), bytes(4), bytes(4)),
+        (0x1800, 1, bytes(2), bytes(2), bytes(2)),
+        (0x2000, 1, bytes(4), bytes(4), bytes(4)),
+    ],
+)
+def test_a_pdo_of_which_a_file_tells_no_cob_id_is_off(
+    index: int, sub_index: int, default: bytes, held: bytes, told: bytes | None
+) -> None:
+    described = cob_id(index, sub_index, default)
+    assert FileValues(described, 5).upload(index, sub_index) == held
+    if told is None:
+        assert abort_of(Defaults(described, 5), index, sub_index) == Abort.NO_SUB_INDEX
+    else:
+        assert Defaults(described, 5).upload(index, sub_index) == told
+
+
 def test_where_the_file_tells_no_default_nothing_was_compared() -> None:
     one, _ = node()
     assert differing_from_defaults(DESCRIBED, GENERIC, 1, {TPDO1: one.pdo(TPDO1)}) == (0, [])

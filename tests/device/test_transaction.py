@@ -16,7 +16,15 @@ from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, plan_pdo
 from dvtcli.domain.ports import SdoTransport
-from dvtcli.errors import BusUnavailable, DeviceRefused, DvtcliError, LeftChanged, NoAnswer, SdoAborted
+from dvtcli.errors import (
+    BusUnavailable,
+    DeviceRefused,
+    DvtcliError,
+    LeftChanged,
+    NoAnswer,
+    SdoAborted,
+    SdoProtocolError,
+)
 from tests.laws.bench import (
     NODE,
     DirectSdo,
@@ -26,6 +34,7 @@ from tests.laws.bench import (
     booted,
     correct,
     ignore,
+    interrupt_after,
     lose_answer,
     lose_request,
     refuse,
@@ -337,3 +346,61 @@ def test_a_difference_is_told_by_what_says_most(sdo: DirectSdo) -> None:
 def test_a_corrected_write_is_a_refusal(sdo: DirectSdo) -> None:
     error = failed(FaultySdo(sdo, correct, 1), value(sdo, 1000))
     assert (type(error), error.state) == (DeviceRefused, "rolled_back")
+
+
+class Life:
+    """A witness of a node whose boot-ups are counted by whoever causes them."""
+
+    heard = 0
+
+    def boot_ups(self) -> int:
+        return self.heard
+
+    def upsets(self) -> int:
+        return self.heard
+
+
+@pytest.mark.parametrize(
+    ("why", "restarts", "told", "hint"),
+    [
+        (None, False, "it answers again: an answer, or its request, was lost or late", "try again; where that repeats"),
+        ("no acknowledgement", False, "no acknowledgement", "try again; where that repeats"),
+        (None, True, "it restarted meanwhile: its boot-up message was heard", "look at its supply, then try again"),
+    ],
+)
+def test_a_node_that_answers_again_is_not_said_to_be_off(
+    sdo: DirectSdo, why: str | None, restarts: bool, told: str, hint: str
+) -> None:
+    life = Life()
+
+    def lose(_inner: SdoTransport, index: int, sub_index: int, _data: bytes) -> None:
+        life.heard += restarts
+        raise NoAnswer(
+            "silent", node=NODE, place=f"{index:04X}:{sub_index:02X}", why=why, hint="is it on?", state="unknown"
+        )
+
+    error = failed(FaultySdo(sdo, lose, 1), value(sdo, 1000), witness=life)
+    assert (error.state, error.why) == ("rolled_back", told)
+    assert (error.hint or "").startswith(hint)
+
+
+@pytest.mark.parametrize(("hint", "told"), [(None, "two nodes with one node-ID"), ("look there", "look there")])
+def test_an_answer_that_is_none_names_what_may_have_sent_it(sdo: DirectSdo, hint: str | None, told: str) -> None:
+    def garble(_inner: SdoTransport, index: int, sub_index: int, _data: bytes) -> None:
+        raise SdoProtocolError(
+            "toggle bit", node=NODE, place=f"{index:04X}:{sub_index:02X}", hint=hint, state="unknown"
+        )
+
+    error = failed(FaultySdo(sdo, garble, 1), value(sdo, 1000))
+    assert error.state == "rolled_back"
+    assert (error.hint or "").startswith(told)
+
+
+def test_who_insists_ends_it_at_once_with_the_signal_s_exit_code_and_the_device_as_it_was(sdo: DirectSdo) -> None:
+    cancellation, change = Cancellation(), value(sdo, 1000)
+    cancellation.exit_code = 143
+    error = failed(FaultySdo(sdo, interrupt_after, 2), change, moved(sdo, TPDO1, 0x1A1), cancellation=cancellation)
+    assert isinstance(error, Interrupted)
+    assert str(error) == "stopped at once, in step 2 of 3"
+    assert (error.exit_code, error.state, error.node) == (143, "rolled_back", NODE)
+    assert sdo.upload(*HEARTBEAT) == change.step.before
