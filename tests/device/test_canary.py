@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
 from dvtcli.device.canary import Canary, Place, harmless_places
+from dvtcli.device.change.pending import CHANGE
 from dvtcli.device.node import Node
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.profile import GENERIC, DeviceProfile, StorePolicy
+from dvtcli.errors import DvtcliError, LeftChanged, NoAnswer, SafetyRefusal
+from tests.device.test_carry_out import Bench as KeptBench
 from tests.laws.bench import NODE, DirectBus, DirectSdo, booted, dictionary, refuse
 
 TPDO1, TPDO2, RPDO1 = Pdo.parse("tpdo1"), Pdo.parse("tpdo2"), Pdo.parse("rpdo1")
@@ -133,3 +138,94 @@ def test_three_places_are_tried(refused: int, planted: str | None) -> None:
     assert canary.survived(one.pdos())
     canary.put_back()
     assert one.pdos() == before
+
+
+@pytest.fixture
+def kept(tmp_path: Path) -> Iterator[KeptBench]:
+    """A node with journals, whose TPDO1 is off."""
+    made = KeptBench(tmp_path)
+    made.device.download(0x1800, 1, (0x8000_0181).to_bytes(4, "little"))
+    yield made
+    made.keeper.lock.release()
+
+
+def plant(kept: KeptBench) -> tuple[Canary, dict[Pdo, PdoConfig]]:
+    before = kept.node.pdos()
+    canary = Canary.planted(kept.node, before)
+    assert canary is not None
+    assert canary.place.pdo == TPDO1
+    return canary, before
+
+
+def test_its_journal_stays_until_it_is_gone(kept: KeptBench) -> None:
+    canary, _ = plant(kept)
+    assert kept.journal.exists()
+    canary.gone()
+    assert not kept.journal.exists()
+
+
+def test_it_is_put_back_and_what_was_read_before_counts_no_longer(kept: KeptBench) -> None:
+    canary, before = plant(kept)
+    kept.node.pdos()
+    canary.put_back()
+    assert kept.node.last_read == {}
+    assert (kept.node.pdos(), kept.journal.exists()) == (before, False)
+
+
+def silent_for_good(kept: KeptBench) -> None:
+    kept.bus.slept_s = 0
+    kept.fault("silent", 0)
+
+
+def test_what_cannot_be_put_back_is_left_to_recover_and_nothing_may_be_stored(kept: KeptBench) -> None:
+    canary, _ = plant(kept)
+    silent_for_good(kept)
+    with pytest.raises(LeftChanged) as caught:
+        canary.put_back()
+    assert caught.value.text == f"node {NODE} was changed to prove the store, and that could not be put back"
+    assert (caught.value.why or "").startswith(canary.place.text)
+    assert (caught.value.place, kept.journal.exists()) == (str(kept.journal), True)
+    assert "recover" in (caught.value.hint or "")
+    assert kept.node.pending.suspicions == {CHANGE: caught.value.text}
+    kept.fault("")
+    with pytest.raises(SafetyRefusal):
+        kept.node.prepare_store()
+
+
+def test_a_fault_meanwhile_is_told_with_what_became_of_it(kept: KeptBench) -> None:
+    canary, before = plant(kept)
+    fault = NoAnswer("no boot-up", state="unknown")
+    canary.put_back_after(fault)
+    assert fault.details == [("changed", f"{canary.place.text}: put back, read back equal")]
+    assert (fault.state, kept.node.pdos()) == ("unknown", before)
+    again, _ = plant(kept)
+    again.put_back_after(KeyboardInterrupt())
+    assert kept.node.pdos() == before
+
+
+def test_a_fault_meanwhile_after_which_it_is_still_there_says_so(kept: KeptBench) -> None:
+    canary, _ = plant(kept)
+    silent_for_good(kept)
+    fault = NoAnswer("no boot-up", state="unknown")
+    canary.put_back_after(fault)
+    ((label, text),) = fault.details
+    assert (label, fault.state) == ("changed", "left_changed")
+    assert text.startswith(canary.place.text)
+    assert "recover" in text
+    with pytest.raises(LeftChanged) as caught:
+        canary.put_back_after(KeyboardInterrupt())
+    assert isinstance(caught.value.__cause__, KeyboardInterrupt)
+
+
+def test_one_that_was_changed_before_something_failed_is_put_back_at_once(kept: KeptBench) -> None:
+    before = kept.node.pdos()
+    kept.bus.when_started = NoAnswer("no answer", node=NODE)
+
+    def restart(_progress: object) -> None:
+        kept.bus.heard_boot_ups += 1
+
+    kept.node.on_step = restart
+    with pytest.raises(DvtcliError) as caught:
+        Canary.planted(kept.node, before)
+    assert kept.node.pdos() == before
+    assert any(text.endswith("put back, read back equal") for _, text in caught.value.details)
