@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -12,11 +13,12 @@ import pytest
 
 from dvtcli.device.change.journal import MOST_BYTES, Journals, read_journal
 from dvtcli.device.change.private_file import file_name
+from dvtcli.device.change.whole import Part
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
 from dvtcli.domain.plan import Plan, Step, ValueChange, plan_pdo
-from dvtcli.errors import InputFileError
+from dvtcli.errors import InputFileError, SafetyRefusal
 
 IDENTITY = {"vendor": 1, "product": None, "revision": 0xFFFF_FFFF, "serial": 4}
 FULL = PdoConfig(
@@ -137,3 +139,47 @@ def test_no_file_stays_open(tmp_path: Path) -> None:
         journals.find(127)
         journals.remove(127)
     assert len(list(Path("/proc/self/fd").iterdir())) == before
+
+
+@pytest.mark.parametrize(
+    "part", [{"entries": 7}, {"entries": [1]}, {"entries": None}, {"name": 5}, {"final": 5}, {"whole": 5}]
+)
+def test_what_a_journal_belongs_to_is_words(tmp_path: Path, part: dict[str, Any]) -> None:
+    path = Journals(tmp_path, "can0").write(PLAN, IDENTITY, 5)
+    path.write_text(json.dumps(json.loads(path.read_text()) | part))
+    with pytest.raises(InputFileError) as caught:
+        read_journal(path)
+    assert caught.value.why == "what it belongs to is malformed"
+
+
+def test_what_a_journal_belongs_to_reads_back_and_need_not_be_said(tmp_path: Path) -> None:
+    part = Part("5f", "set-up.dvt", ("one", "two"), "store")
+    path = Journals(tmp_path, "can0").write(PLAN, IDENTITY, 5, part)
+    assert read_journal(path).part == part
+    document = json.loads(path.read_text())
+    path.write_text(
+        json.dumps({key: document[key] for key in document if key not in ("whole", "name", "entries", "final")})
+    )
+    assert read_journal(path).part == Part()
+
+
+def test_what_could_not_be_read_again_is_not_written(tmp_path: Path) -> None:
+    journals = Journals(tmp_path, "can0")
+    step = PLAN.changes[2:3]
+    assert len(journals.write(Plan(5, step * 2048), IDENTITY, 5).read_text()) < MOST_BYTES
+    large = ValueChange(Step(0x2000, 0, None, bytes(MOST_BYTES // 2), "write"))
+    for changes in (step * 2049, (large,)):
+        with pytest.raises(OSError, match="too large") as caught:
+            journals.write(Plan(7, changes), IDENTITY, 5)
+        assert caught.value.filename == str(journals.path(7))
+        assert not journals.path(7).exists()
+
+
+@pytest.mark.skipif(os.name != "posix", reason="Windows has no modes of this kind")
+def test_a_journal_that_others_could_have_written_is_not_believed(tmp_path: Path) -> None:
+    path = Journals(tmp_path, "can0").write(PLAN, IDENTITY, 5)
+    path.chmod(0o666)
+    with pytest.raises(SafetyRefusal) as caught:
+        read_journal(path)
+    assert caught.value.text == f"{path} is not used: everybody can write it"
+    assert (caught.value.place, caught.value.hint) == (str(path), f"chmod o-w {path}")

@@ -20,6 +20,10 @@ IDENTITY: Identity = {"vendor": 1, "product": 2, "revision": 3, "serial": 4}
 Keep = Callable[..., Keeper]
 
 
+def let_go(keeper: Keeper) -> None:
+    keeper.lock.release()
+
+
 def plan(node_id: int, index: int) -> Plan:
     return Plan(node_id, (ValueChange(Step(index, 0, b"\0\0", b"\1\0", "write")),))
 
@@ -213,7 +217,7 @@ def test_the_lock_is_kept_only_where_there_is_a_journal(keep: Keep) -> None:
     one.hold()
     assert (one.held_journal(), one.lock.held) == (None, True), "whoever held it before holds it still"
     make(one, 0x2000)
-    one.lock.release()
+    let_go(one)
     assert not one.lock.held
     assert (one.held_journal(), one.lock.held) == (one.journals.path(5), True)
 
@@ -253,3 +257,19 @@ def test_a_journal_that_cannot_be_removed_is_said_with_what_holds(keep: Keep, tm
     assert caught.value.why in ("Is a directory", "Operation not permitted")
     assert "set and read back equal" in (caught.value.state_text or "")
     path.rmdir()
+
+
+def test_a_journal_of_ours_stays_where_another_one_was_recovered(keep: Keep) -> None:
+    one = keep()
+    make(one, 0x2000)
+    old = journal(one)
+    let_go(one)
+    second = keep(name="elsewhere", whole=Whole())
+    second.hold()
+    own = second.journals.write(plan(5, 0x2007), IDENTITY, 5)
+    second.forget(old)
+    assert (one.journals.path(5).exists(), own.exists()) == (False, True)
+    assert second.open_journal() == own
+    own.write_text("{", "utf-8")
+    second.forget(old)
+    assert own.exists(), "whatever it is, it was not recovered"
