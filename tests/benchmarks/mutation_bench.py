@@ -1,8 +1,8 @@
 """Tests against one mutant at a time, each in a forked child: first in place, then with the file itself wrong.
 
-In place: the tests are imported once, and the child gives the function that is meant the mutant's code. What no test
-notices so, or cannot be changed so (constants, defaults, what runs on import), is tried once more with the wrong file
-in a copy of the tree, where everything is imported anew, other processes too. Knows no mutants of its own.
+In place: the tests are imported once, and the child gives the function that is meant the mutant's code, or the module
+its constant. What no test notices so, or cannot be changed so (what is made on import), is tried once more with the
+wrong file in a copy of the tree, where everything is imported anew, other processes too. Knows no mutants of its own.
 """
 
 from __future__ import annotations
