@@ -61,6 +61,10 @@ def _declared(name: str) -> tuple[str, str]:
 _TCL_WORDS = frozenset(("proc", "puts", "foreach", "for", "while", "if", "expr", "incr", "catch", "after"))
 
 
+#: How much of a word must be a command's (0…1) for that to be offered: `trace` and `history` are no `store`.
+_NEAR = 0.7
+
+
 def unknown_command(name: str, others: Sequence[str] = ()) -> str:
     """What to say of a word that is no command, nor one of *others*."""
     from difflib import get_close_matches
@@ -71,5 +75,5 @@ def unknown_command(name: str, others: Sequence[str] = ()) -> str:
 
     if name in _TCL_WORDS:
         return f"no command is called {name!r}: it is Tcl's, and a Tcl script is a file whose name ends in .tcl"
-    close = get_close_matches(name.lower(), [*command_names(), *others, *WORDS], n=1)
+    close = get_close_matches(name.lower(), [*command_names(), *others, *WORDS], n=1, cutoff=_NEAR)
     return f"no command is called {name!r}" + (f"; did you mean {close[0]!r}?" if close else "; help lists them")

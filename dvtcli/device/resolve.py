@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
 from dvtcli.device.proposal import proposal
-from dvtcli.domain.request import PdoRequest, resolved
+from dvtcli.domain.request import PdoRequest, entry_number, resolved
 from dvtcli.domain.rules.mapped_object import missing_object
 from dvtcli.errors import RuleError, UsageError
 
@@ -36,18 +36,19 @@ def resolve(node: KnownPdos, pdo: Pdo, now: PdoConfig, want: PdoWant, lengths: L
     """
     held = proposal(node, pdo, now, now)
     if isinstance(want, PdoRequest):
-        _refuse_missing(held, [place for place in want.untyped_lengths if lengths[place] is None])
+        _refuse_missing(held, want, [place for place in want.untyped_lengths if lengths[place] is None])
     try:
         return resolved(want, held, lengths)
     except ValueError as wrong:
         raise UsageError(f"{pdo.label}: {wrong}", node=node.node_id) from wrong
 
 
-def _refuse_missing(held: Proposal, unknown: Iterable[ObjectAddress]) -> None:
+def _refuse_missing(held: Proposal, want: PdoRequest, unknown: Iterable[ObjectAddress]) -> None:
     """Raise RuleError for an object of *unknown* length that the EDS does not have at all."""
     dictionary = held.dictionary
     for index, sub_index in unknown:
         if dictionary is not None and dictionary.entry(index, sub_index) is None:
-            finding = missing_object(dictionary, held.mapping_place(1), index, sub_index)
+            number = entry_number(want.objects or (), (index, sub_index), held)
+            finding = missing_object(dictionary, held.mapping_place(number), index, sub_index)
             text = f"{held.pdo.label} not changed: {finding.text}"
             raise RuleError(text, [finding], node=held.node_id)

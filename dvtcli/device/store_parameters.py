@@ -176,12 +176,16 @@ def reset_and_wait(access: Access, command: NmtCommand, timeout_s: float = BOOT_
     seen, started_s = bus.boot_ups(node_id), bus.now_s()
     bus.send_nmt(command, node_id)
     if not bus.wait_boot_up(node_id, seen, timeout_s):
-        raise NoAnswer(
+        silent = NoAnswer(
             f"node {node_id} sent no boot-up message within {timeout_s:.0f} s after its reset",
             node=node_id,
             hint="look at the node, then scan",
             state="unknown",
         )
+        if (state := bus.nmt_state(node_id)) is not None:  # heard since the reset was sent
+            silent.hint = "it restarts without that message, or ignores resets: `pdo` shows what it holds"
+            silent.state_text = f"{state.label}, as its heartbeat says; whether it was reset is not known"
+        raise silent
     return bus.now_s() - started_s
 
 

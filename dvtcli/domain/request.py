@@ -156,6 +156,18 @@ def _entries(
     return tuple(entries)
 
 
+def entry_number(
+    words: Iterable[MappedObject | Skipped | PdoMappingEntry], place: ObjectAddress, proposal: Proposal
+) -> int:
+    """Which entry of the mapping (1…) the object at *place* of *words* would be; 1 where it is none of them."""
+    number = 1
+    for word in words:
+        if not isinstance(word, Skipped) and (word.index, word.sub_index) == place:
+            return number
+        number += len(_dummies(word.bits, proposal)) if isinstance(word, Skipped) else 1
+    return 1
+
+
 def _entry(word: MappedObject, lengths: Mapping[ObjectAddress, int | None]) -> PdoMappingEntry:
     bits = word.bits if word.bits is not None else lengths.get((word.index, word.sub_index))
     if bits is None:

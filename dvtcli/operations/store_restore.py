@@ -17,6 +17,7 @@ from dvtcli.operations.results import Stored
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
+    from dvtcli.device.store_parameters import Signed
     from dvtcli.operations.session import Session
 
 #: How long a power cycle is waited for, in seconds.
@@ -49,7 +50,7 @@ def store_settings(
         prepare_proof(node, before.pdos)
     stored_at = node.pending.stored_at
     done = sign(node.access, node.profile.store, STORE, sub_index, node.cancellation, node.dictionary)
-    refuse_after_restart(node, boot_ups)
+    refuse_after_restart(node, boot_ups, done)
     changed = node.pending.was_stored(done.sub_index, len(node.history))
     proof = None if restart is None or before is None else prove_store(node, before, done, restart)
     if proof is not None and proof.differences and set(changed) <= set(proof.differing):
@@ -62,12 +63,13 @@ def store_settings(
     )  # fmt: skip
 
 
-def refuse_after_restart(node: Node, boot_ups: int) -> None:
-    """Raise DeviceRefused where *node* restarted after it was read for the last time before it stored."""
+def refuse_after_restart(node: Node, boot_ups: int, signed: Signed) -> None:
+    """Raise DeviceRefused where *node* restarted after it was read for the last time before it *signed* a store."""
     if node.bus.boot_ups(node.node_id) != boot_ups:
         raise DeviceRefused(
             f"node {node.node_id} restarted just before or while it stored: what it stored was not looked at",
             node=node.node_id,
+            why=f"0x{signed.place} acknowledged the store",
             hint="`verify`, set again what differs, then store again",
             state="unknown",
         )

@@ -197,7 +197,8 @@ def test_an_abort_for_another_object_is_not_ours(serve: Serve) -> None:
     bus, _ = serve(Steps([frame("80 00 20 07 00 00 02 06"), frame("60 00 18 01")]))
     bus.sdo(NODE).download(0x1800, 1, bytes(4))
     assert bus.sdo(NODE).dropped.foreign == 1
-    assert bus.sdo(NODE).dropped.other_client == 1
+    assert bus.sdo(NODE).dropped.other_client == 0, "it may be a late one, to a process before this"
+    assert bus.disturbances() == []
 
 
 @pytest.mark.parametrize(

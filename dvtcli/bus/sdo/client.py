@@ -53,6 +53,7 @@ class StrictSdoClient(SdoClient):
         self._unsettled = False
         self._late_answers = 0
         self._toggle_errors = 0
+        self._has_answered = False
         #: how many requests had to be sent again because no answer came, or segments went wrong
         self.repeated = 0
         #: the present transfer's first request was sent
@@ -223,7 +224,7 @@ class StrictSdoClient(SdoClient):
                 self._late_answers += 1
         if answer is None:
             return None
-        self._unsettled = unsettled_before
+        self._unsettled, self._has_answered = unsettled_before, True
         if answer[0] >> 5 == _ABORT:
             raise SdoAborted(*_object_of(answer[1:4]), int.from_bytes(answer[4:], "little"), node=self.node_id)
         return answer
@@ -247,8 +248,7 @@ class StrictSdoClient(SdoClient):
         if specifier > _ABORT:
             self.dropped.malformed += 1
         elif specifier in _WITH_MULTIPLEXER and answer[1:4] not in self._asked:
-            self.dropped.foreign += 1
-            self.dropped.other_client += 1
+            self.dropped.foreign += 1  # a client of somebody else's is known by its requests, which are heard, too
         else:
             self.dropped.stale += 1
             if self._late_answers:
@@ -265,7 +265,7 @@ class StrictSdoClient(SdoClient):
         """End a transfer whose answer did not come."""
         self.abort(Abort.TIME_OUT)
         why = f"its answers that did not count: {self.dropped}" if self.dropped.total else None
-        return no_answer(self.node_id, self.place, self.timeout_s, why)
+        return no_answer(self.node_id, self.place, self.timeout_s, why, answered=self._has_answered)
 
 
 def _object_of(multiplexer: bytes) -> tuple[int, int]:

@@ -48,8 +48,7 @@ class DroppedAnswers:
 
     *stale*: late, or a second one to the same request; *foreign*: for an object that was not asked for, or with a
     29-bit CAN-ID; *malformed*: not 8 bytes, or no such command specifier; *doubled*: those of *stale* that are not
-    late; *other_client*: signs that somebody else uses the node's SDO channel (requests that are not ours, and answers
-    for objects that were not asked for).
+    late; *other_client*: requests on the node's SDO channel that are not ours.
     """
 
     stale: int = 0

@@ -4,13 +4,24 @@ from __future__ import annotations
 
 from dvtcli.errors import NoAnswer
 
+_NEVER = "power, node-ID, bit rate? A node in STOPPED answers no SDO; `scan` shows who does"
+_BEFORE = (
+    "it answered before, and one lost frame is enough for this: try again; where that repeats, a longer --timeout, "
+    "or look at its supply, the wiring and the bus load"
+)
 
-def no_answer(node_id: int, place: str, timeout_s: float, why: str | None = None) -> NoAnswer:
-    """Node *node_id* did not answer for the object at *place* (`1018:01`) within *timeout_s* (s)."""
+
+def no_answer(
+    node_id: int, place: str, timeout_s: float, why: str | None = None, *, answered: bool = False
+) -> NoAnswer:
+    """Node *node_id* did not answer for the object at *place* (`1018:01`) within *timeout_s* (s).
+
+    *answered* says whether it ever did before.
+    """
     return NoAnswer(
         f"node {node_id} did not answer for 0x{place} within {timeout_s:g} s",
         node=node_id,
         place=place,
         why=why,
-        hint="power, node-ID, bit rate? A node in STOPPED answers no SDO; `scan` shows who does",
+        hint=_BEFORE if answered else _NEVER,
     )

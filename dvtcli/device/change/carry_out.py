@@ -228,8 +228,9 @@ def run(node: Changeable, plan: Plan, others: Mapping[Pdo, CobId], wholes: Mappi
 
 
 def _explain(node: Changeable, error: DvtcliError, findings: tuple[Finding, ...]) -> None:
-    foreseen = (finding.text for finding in findings if finding.place == f"0x{error.place}")
-    error.why = error.why or next(foreseen, None)
+    if error.abort is not None:  # what the rules said explains a refusal, not a silence
+        foreseen = (finding.text for finding in findings if finding.place == f"0x{error.place}")
+        error.why = error.why or next(foreseen, None)
     error.hint = error.hint or _hint(node, error) or _hint_of_state(node, error)
     if error.abort in node.profile.store.never_after:
         node.pending.suspicions[CHANGE] = f"the device answered 0x{error.abort:08X} to a change"
