@@ -79,6 +79,7 @@ class Prompt:
             self._session.cancellation.reset()
             try:
                 self._status.refresh(ask=self._answers)
+                self._session.output.progress_line.end()  # where a slow node was asked: the prompt begins its line
                 code = self._turn()
             except EOFError:
                 code = LEAVE
