@@ -18,7 +18,7 @@ from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange
 from dvtcli.domain.several import several
-from dvtcli.errors import DvtcliError, LeftChanged
+from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
@@ -41,9 +41,17 @@ class Asked:
     writes: int
 
 
-def way_back(node_id: int, subjects: Sequence[Subject]) -> Plan:
-    """What the journal has: each subject as it is, the entries behind its count, too."""
-    changes: list[Change] = []
+def way_back(node_id: int, subjects: Sequence[Subject], pdos: Mapping[Pdo, PdoConfig]) -> Plan:
+    """What the journal has: each subject as it is, the entries behind its count, too; and every other PDO of *pdos*.
+
+    The others are not written, but a device may alter them beside what is. One that is not whole cannot be put back.
+    """
+    own = {subject.pdo for subject in subjects}
+    changes: list[Change] = [
+        PdoChange(pdo, held, held, ())
+        for pdo, held in pdos.items()
+        if pdo not in own and held.mpdo is None and not held.inconsistency
+    ]
     for subject in subjects:
         changes.append(PdoChange(subject.pdo, subject.held, subject.held, ()))
         for number, word in list(enumerate(subject.entries, 1))[subject.held.count :]:
@@ -60,26 +68,23 @@ def ask_safely(
     terms: Terms,
     on_write: Callable[[], None] = lambda: None,
 ) -> Asked:
-    """Ask *node* about *subjects*, put everything back, and read all of *pdos* again.
+    """Ask *node* about *subjects*, put everything back, and see that all of *pdos* are as they were.
 
-    *found* is how the node was claimed. Whatever fails, the subjects are put back first: LeftChanged, with the journal
-    kept, where that fails too.
+    *found* is how the node was claimed. Whatever fails, all of *pdos* are put back first: LeftChanged, with the
+    journal kept, where that fails too.
     """
-    plan = way_back(node.node_id, subjects)
+    plan = way_back(node.node_id, subjects, pdos)
     with node.cancellation.guard():
         if node.keeper is not None:
-            node.keeper.begin(plan, node.identity(), found.state, node.known_pdos)
+            node.keeper.begin(plan, node.identity(), found.state, node.known_pdos, pdos)
         try:
             asked = _ask(node, subjects, found, terms, on_write)
         except BaseException as fault:
-            _put_back(node, plan, fault)
+            _put_back(node, plan, pdos, fault)
             if isinstance(fault, DvtcliError):
                 fault.state, fault.node = "rolled_back", node.node_id
             raise
-        _put_back(node, plan, None)
-        _others_too(node, plan, pdos)
-    if node.keeper is not None:
-        node.keeper.end()
+        _put_back(node, plan, pdos, None)
     node.cancellation.hold()
     return asked
 
@@ -119,42 +124,36 @@ def _ask_one(asking: Asking, answers: dict[str, Answer], terms: Terms) -> Known:
     return known
 
 
-def _put_back(node: Node, plan: Plan, fault: BaseException | None) -> None:
-    """Put everything back and verify it; the journal is closed after a *fault* only, since else more is looked at."""
+def _put_back(node: Node, plan: Plan, pdos: Mapping[Pdo, PdoConfig], fault: BaseException | None) -> None:
+    """Put everything back, verify that all of *pdos* are as they were, and close the journal."""
+    own = [change.pdo for change in plan.changes if isinstance(change, PdoChange)]
     try:
         restore_patiently(node.sdo, plan.changes, node.bus, node.gate.renew, node.witness)
+        altered = _altered(node, {pdo: before for pdo, before in pdos.items() if pdo not in own})
+        if altered:
+            own, labels = altered, several(pdo.label for pdo in altered)
+            raise DeviceRefused(f"the device altered {labels} beside what it was asked")
     except (DvtcliError, KeyboardInterrupt) as failed:
-        left = _left(node, plan, fault, failed)
+        left = _left(node, own, fault, failed)
         left_open(node, left)
         raise left from failed
     finally:
         node.forget()
-    if fault is not None and node.keeper is not None:
+    if node.keeper is not None:
         node.keeper.end()
 
 
-def _left(node: Node, plan: Plan, fault: BaseException | None, failed: BaseException) -> LeftChanged:
-    labels = several(change.label for change in plan.changes if isinstance(change, PdoChange))
+def _altered(node: Node, pdos: Mapping[Pdo, PdoConfig]) -> list[Pdo]:
+    """Those of *pdos*, which the plan cannot put back, that are not as they were."""
+    held = node.pdos() if pdos else {}
+    return [pdo for pdo, before in pdos.items() if held.get(pdo) != before]
+
+
+def _left(node: Node, pdos: Sequence[Pdo], fault: BaseException | None, failed: BaseException) -> LeftChanged:
     why = f"{failed or 'interrupted'}"
     return LeftChanged(
-        f"{labels} of node {node.node_id} could not be put back",
+        f"{several(pdo.label for pdo in pdos)} of node {node.node_id} could not be put back",
         node=node.node_id,
         why=why if fault is None else f"{fault}; then, while it was put back: {why}",
         state="left_changed",
     )
-
-
-def _others_too(node: Node, plan: Plan, pdos: Mapping[Pdo, PdoConfig]) -> None:
-    """Read every PDO again: what the device altered beside those that were asked is put back, too."""
-    own = {change.pdo for change in plan.changes if isinstance(change, PdoChange)}
-    held = node.pdos()
-    altered = [
-        PdoChange(pdo, before, before, ())
-        for pdo, before in pdos.items()
-        if pdo not in own and before.mpdo is None and held.get(pdo) != before
-    ]
-    if altered:
-        more = Plan(plan.node_id, (*plan.changes, *altered))
-        if node.keeper is not None:
-            node.keeper.note(more)
-        _put_back(node, more, None)

@@ -24,8 +24,9 @@ if TYPE_CHECKING:
 #: How many objects of one length are tried until the device maps one.
 _TRIES = 3
 _LENGTHS = (1, 8, 16, 32, 64)
-#: Sub-indices of a communication parameter that are asked; 4 is reserved.
-_PARAMETERS = (2, 3, 5, 6)
+#: Sub-indices of a communication parameter that are asked; 4 is reserved, and 6 of a TPDO only (CiA 301, 7.5.2.37).
+_PARAMETERS = (2, 3, 5)
+_SYNC_START = 6
 
 
 def subjects(node: Node, pdos: Mapping[Pdo, PdoConfig], heard: frozenset[int]) -> list[Subject]:
@@ -76,7 +77,8 @@ def _goes_back(node: Node, pdo: Pdo, held: PdoConfig) -> bool:
 
 def _read(node: Node, pdos: Mapping[Pdo, PdoConfig], pdo: Pdo, held: PdoConfig, spare: tuple[int, ...]) -> Subject:
     index = pdo.communication_index
-    parameters = {sub: data for sub in _PARAMETERS if (data := _held(node, index, sub)) is not None}
+    asked = (*_PARAMETERS, _SYNC_START) if pdo.is_tpdo else _PARAMETERS
+    parameters = {sub: data for sub in asked if (data := _held(node, index, sub)) is not None}
     entries: list[int] = []
     for number in range(1, MAX_ENTRIES + 1):
         data = _held(node, pdo.mapping_index, number)

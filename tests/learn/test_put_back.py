@@ -1,0 +1,43 @@
+"""What `learn` wrote is put back, and what the device altered beside it, whatever ends it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import pytest
+
+from dvtcli.device.read_pdos import present_pdos, read_pdo
+from dvtcli.domain.pdo import Pdo, PdoConfig
+from tests.commands.bench import Bench
+from tests.commands.bus import Wire, device
+
+#: With its 5th download the node alters TPDO1, which is not asked.
+ALTERS = "alters@5=1800:05:0x0777"
+
+
+def held(bench: Bench) -> Mapping[Pdo, PdoConfig]:
+    node = bench.session.node(1)
+    return {pdo: read_pdo(node.sdo, pdo) for pdo in present_pdos(node.sdo, node.dictionary)}
+
+
+@pytest.mark.parametrize("fault", ["", "lose-response@30", "reset@30", "refuse@40=0x08000021"])
+def test_what_is_altered_beside_is_put_back_however_it_ends(fault: str) -> None:
+    faults = (ALTERS, fault) if fault else (ALTERS,)
+    with Wire(device("generic"), faults=faults) as wire, Bench((), wire.options) as bench:
+        before = held(bench)
+        ran = bench.run("learn --yes --json")
+        assert (ran.code == 0) is (not fault or fault.startswith("refuse")), ran
+        assert held(bench) == before, ran
+
+
+def test_the_journal_has_every_pdo_before_the_first_write() -> None:
+    """Whoever is killed while the device alters a PDO that is not asked has it put back by `recover`, too."""
+    with Wire(device("generic"), faults=(ALTERS, "silent@30")) as wire, Bench((), wire.options) as bench:
+        labels = {pdo.label for pdo in held(bench)}
+        ran = bench.run("learn --yes --json")
+        assert ran.document["state"] == "left_changed", ran
+        keeper = bench.session.node(1).keeper
+        assert keeper is not None
+        journal = keeper.interrupted()
+        assert journal is not None
+        assert labels <= {change.label for change in journal.plan.changes}
