@@ -63,6 +63,8 @@ _TCL_WORDS = frozenset(("proc", "puts", "foreach", "for", "while", "if", "expr",
 
 #: How much of a word must be a command's (0…1) for that to be offered: `trace` and `history` are no `store`.
 _NEAR = 0.7
+#: In words up to so many letters a single one is much: `mpa` is `map`.
+_SHORT = 3
 
 
 def unknown_command(name: str, others: Sequence[str] = ()) -> str:
@@ -75,5 +77,7 @@ def unknown_command(name: str, others: Sequence[str] = ()) -> str:
 
     if name in _TCL_WORDS:
         return f"no command is called {name!r}: it is Tcl's, and a Tcl script is a file whose name ends in .tcl"
-    close = get_close_matches(name.lower(), [*command_names(), *others, *WORDS], n=1, cutoff=_NEAR)
+    close = get_close_matches(
+        name.lower(), [*command_names(), *others, *WORDS], n=1, cutoff=_NEAR if len(name) > _SHORT else 0.6
+    )
     return f"no command is called {name!r}" + (f"; did you mean {close[0]!r}?" if close else "; help lists them")
