@@ -168,8 +168,21 @@ def _differences(before: Pdos, after: Pdos) -> list[str]:
         if pdo not in after:
             differences.append(f"{pdo.label} is gone")
         else:
+            differences += [f"{pdo.label}: {text}" for text in _unread_before(config, after[pdo])]
             differences += [f"{pdo.label}: {text}" for text in pdo_differences(pdo, config, after[pdo])]
     return differences
+
+
+def _unread_before(before: PdoConfig, after: PdoConfig) -> Iterator[str]:
+    """What the device tells now and did not tell *before*: nobody can say that it is the same."""
+    for index, sub_index in before.lacking:
+        if (index, sub_index) not in after.lacking:
+            yield f"0x{index:04X}:{sub_index:02X} could not be read before"
+
+
+def _is_otherwise(before: PdoConfig, after: PdoConfig | None) -> bool:
+    """Whether a PDO of which as much is told as *before* holds something else."""
+    return after is not None and after.lacking == before.lacking and after != before
 
 
 def restart_and_read(node: Node, restart: Restart) -> tuple[Held, tuple[str, ...]]:
@@ -194,7 +207,7 @@ def prove_restore(
     if node.dictionary is not None:
         return _against_defaults(node, node.dictionary, signed, restart, before, after, lost)
     uncovered = _uncovered(signed.sub_index)
-    changed = sum(after.pdos.get(pdo) != config for pdo, config in (before.pdos if before else {}).items())
+    changed = sum(_is_otherwise(config, after.pdos.get(pdo)) for pdo, config in (before.pdos if before else {}).items())
     unproved = "no EDS tells the defaults, and nothing differs from what was stored before"
     return Proof(
         restart.by, changed, "what was stored before", (), uncovered or ("" if changed else unproved), lost=lost,

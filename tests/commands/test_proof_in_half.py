@@ -1,0 +1,53 @@
+"""A PDO that could not be read whole on one side of a restart is no proof: what was not read was not compared."""
+
+from __future__ import annotations
+
+from dvtcli.files.eds.reader import read_eds
+from dvtcli.simulator.device.refusal import Refusal
+from dvtcli.simulator.device.strict_device import StrictDevice
+from dvtcli.simulator.network.family_file import family_eds, load_family
+from tests.commands.bench import Bench
+from tests.commands.bus import Wire
+
+NOT_NOW, COUNT = 0x08000022, (0x1A00, 0)
+
+
+class BusyDevice(StrictDevice):
+    """Does not tell how many objects TPDO1 maps while it is busy, as it is after some of its *boots*."""
+
+    def __init__(self, *boots: int) -> None:
+        super().__init__(read_eds(family_eds("generic")).dictionary, load_family("generic"), 1)
+        self.boots, self.booted, self.is_busy = boots, 0, False
+
+    def upload(self, index: int, sub_index: int) -> bytes:
+        if self.is_busy and (index, sub_index) == COUNT:
+            raise Refusal(NOT_NOW)
+        return super().upload(index, sub_index)
+
+    def boot_up(self) -> None:
+        self.booted += 1
+        self.is_busy = self.booted in self.boots
+        super().boot_up()
+
+
+def test_a_store_is_not_proved_by_a_mapping_that_was_not_read_before() -> None:
+    device = BusyDevice()
+    with Wire(device, faults=("stores-nothing",)) as wire:
+        with Bench((), wire.options) as bench:
+            assert bench.run("map tpdo1 6061").code == 0
+            bench.session.end_line(0)
+        with wire.lock:
+            device.is_busy = True
+        with Bench((), wire.options) as bench:
+            ran = bench.run("store --prove --yes --json")
+    assert ran.code == 1, ran
+    assert "TPDO1: 0x1A00:00 could not be read before" in ran.stdout
+
+
+def test_a_restore_is_not_proved_by_a_mapping_that_is_not_read_after_it() -> None:
+    """Without an EDS a PDO has to be otherwise than before: one that is not told now is not."""
+    device = BusyDevice(3)
+    with Wire(device, faults=("restores-nothing",)) as wire, Bench((), wire.options) as bench:
+        ran = bench.run("restore --prove --yes --json")
+    assert ran.code == 1, ran
+    assert "nothing differs from what was stored before" in ran.stdout
