@@ -7,11 +7,16 @@
     ├── SdoAborted                 1   the device refused one SDO
     ├── DeviceRefused              1   a change was refused by the device, or read back differently; undone
     ├── Restarted                  1   a node lost what was set, before it was stored
+    ├── JournalKept                1   all is as planned, but the journal cannot be removed
+    ├── TakenBack                  1   an atomic script found what it should not; undone
+    ├── ResultsLost                1   all is done, but the results cannot be written
     ├── NoAnswer                   5   a node is silent
     ├── SdoProtocolError           5   a node answers nonsense
     ├── BusUnavailable             5   the bus cannot be opened, or died
     ├── SafetyRefusal              6   identity differs, stale plan, unanswered question
-    └── LeftChanged                7   roll-back failed too
+    ├── LeftChanged                7   roll-back failed too
+    ├── Bug                       70   a fault in dvtcli itself
+    └── Interrupted              130   the user stopped a command; undone
 
 The number is the exit code. Does not know how errors look on a screen.
 """
@@ -120,6 +125,24 @@ class Restarted(DvtcliError):
     slug = "restarted"
 
 
+class JournalKept(DvtcliError):
+    """A change was made as planned, or undone, and verified, but its journal cannot be removed."""
+
+    slug = "journal_kept"
+
+
+class TakenBack(DvtcliError):
+    """A line of an atomic script found what it should not; what the lines before it changed was put back."""
+
+    slug = "taken_back"
+
+
+class ResultsLost(DvtcliError):
+    """What a command answered cannot be written where it should go; what it did before is done."""
+
+    slug = "results_lost"
+
+
 class NoAnswer(DvtcliError):
     """A node did not answer within the time-out."""
 
@@ -153,3 +176,20 @@ class LeftChanged(DvtcliError):
 
     exit_code = 7
     slug = "left_changed"
+
+
+class Bug(DvtcliError):
+    """A fault in dvtcli itself."""
+
+    exit_code = 70
+    slug = "bug"
+
+
+class Interrupted(DvtcliError):
+    """The user stopped a command; what it had changed was put back.
+
+    The Python API raises KeyboardInterrupt in its place.
+    """
+
+    exit_code = 130
+    slug = "interrupted"

@@ -11,33 +11,17 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from dvtcli.device.cancellation import INTERRUPTED
-from dvtcli.errors import DvtcliError, State, UsageError
+from dvtcli.errors import Bug, DvtcliError, ResultsLost, State, UsageError
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
 
-BUG = 70
 #: What `exit` answers, so that whoever reads lines stops; never an exit code of the process.
 LEAVE = -1
 #: The variable by which a shell asks for completion.
 COMPLETING = "_DVTCLI_COMPLETE"
 #: What a signal ends with: SIGHUP, SIGINT, SIGTERM.
 SIGNALLED = frozenset({129, 130, 143})
-
-
-class Bug(DvtcliError):
-    """A fault in dvtcli itself."""
-
-    exit_code = BUG
-    slug = "bug"
-
-
-class ResultsLost(DvtcliError):
-    """What a command answered cannot be written where it should go; what it did before is done."""
-
-    slug = "results_lost"
-
-
 #: What only writing ends with: a full disk, a file that may not grow, a terminal that went away.
 _NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO})
 

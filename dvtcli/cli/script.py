@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.atomic import Reach, is_rehearsal
-from dvtcli.cli.boundary import BUG, LEAVE, SIGNALLED, usage_error
+from dvtcli.cli.boundary import LEAVE, SIGNALLED, usage_error
 from dvtcli.cli.lexer import split
 from dvtcli.cli.run_line import boundary, parse
 from dvtcli.cli.script_changes import ScriptChanges
 from dvtcli.cli.script_run import run_line
-from dvtcli.errors import DvtcliError, InputFileError, UsageError
+from dvtcli.errors import Bug, DvtcliError, InputFileError, LeftChanged, UsageError
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
@@ -103,7 +103,7 @@ def _settled(session: Conversation, code: int, *, stays: bool) -> int:
     """Bring the nodes to the NMT state they were found in, at the end of the outermost script; the exit code."""
     # after a failure (a difference is none) of which some stays, the set-up is neither old nor new: its nodes stay
     # PRE-OPERATIONAL
-    half = code in (7, BUG) or (stays and code not in (0, 3))
+    half = code in (LeftChanged.exit_code, Bug.exit_code) or (stays and code not in (0, 3))
     return boundary(session, lambda: session.end_line(7 if half else 0, alone=not code))
 
 

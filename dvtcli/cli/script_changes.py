@@ -102,7 +102,7 @@ class ScriptChanges:
         """Everything stays: no `recover` takes it back any more. JournalKept where a journal cannot be removed."""
         if not self.atomic:
             return
-        from dvtcli.device.change.safekeeping import JournalKept
+        from dvtcli.errors import JournalKept
 
         kept: list[JournalKept] = []
         for keeper in self._keepers():

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from dvtcli.cli.atomic import does_other, final
 from dvtcli.cli.boundary import LEAVE
 from dvtcli.cli.run_line import boundary
-from dvtcli.errors import DvtcliError
+from dvtcli.errors import DvtcliError, TakenBack
 
 if TYPE_CHECKING:
     import click
@@ -19,12 +19,6 @@ if TYPE_CHECKING:
     from dvtcli.cli.script_changes import ScriptChanges
 
 _ALL_BACK = "rolled back: what the script changed is as it was, read back equal; nothing was stored"
-
-
-class TakenBack(DvtcliError):
-    """A line of an atomic script found what it should not; what the lines before it changed was put back."""
-
-    slug = "taken_back"
 
 
 def run_line(session: Conversation, ctx: click.Context) -> int:

@@ -9,7 +9,6 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
 from dvtcli.device.cancellation import Cancellation
-from dvtcli.device.change.transaction import Interrupted
 from dvtcli.device.nmt_gate import Access
 from dvtcli.device.read_pdos import ABSENT
 from dvtcli.domain.abort import Abort
@@ -17,7 +16,7 @@ from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.ports import CanopenBus, SdoTransport
 from dvtcli.domain.profile import StorePolicy
-from dvtcli.errors import DeviceRefused, NoAnswer, SdoAborted
+from dvtcli.errors import DeviceRefused, Interrupted, NoAnswer, SdoAborted
 
 STORE, RESTORE = 0x1010, 0x1011
 SIGNATURES = {STORE: b"save", RESTORE: b"load"}

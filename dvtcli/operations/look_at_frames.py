@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from dvtcli.device.change.transaction import Interrupted
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import Frame
+from dvtcli.errors import Interrupted
 from dvtcli.operations.sync_frame import sync_frame
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ import pytest
 from dvtcli.device.change.carry_out import carry_out
 from dvtcli.device.change.pending import CHANGE
 from dvtcli.device.change.progress import Progress
-from dvtcli.device.change.safekeeping import JournalKept, Keeper
+from dvtcli.device.change.safekeeping import Keeper
 from dvtcli.device.change.transaction import BRING_BACK
 from dvtcli.device.node import Node
 from dvtcli.device.observe import Found
@@ -21,7 +21,7 @@ from dvtcli.domain.plan import Plan, Step, ValueChange
 from dvtcli.domain.profile import StepKind
 from dvtcli.domain.request import PdoRequest
 from dvtcli.domain.rules.finding import warning
-from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, NoAnswer, SafetyRefusal
+from dvtcli.errors import DeviceRefused, DvtcliError, JournalKept, LeftChanged, NoAnswer, SafetyRefusal
 from tests.laws.bench import NODE, DirectBus, DirectSdo, booted, dictionary, profile, refuse, silence
 
 TPDO1, TPDO2 = Pdo.parse("tpdo1"), Pdo.parse("tpdo2")

@@ -10,11 +10,11 @@ import pytest
 
 from dvtcli.device.change.journal import Journal, read_journal
 from dvtcli.device.change.plan_document import Identity
-from dvtcli.device.change.safekeeping import JournalKept, Keeper
+from dvtcli.device.change.safekeeping import Keeper
 from dvtcli.device.change.whole import Whole
 from dvtcli.device.past import Past
 from dvtcli.domain.plan import Plan, Step, ValueChange
-from dvtcli.errors import SafetyRefusal
+from dvtcli.errors import JournalKept, SafetyRefusal
 
 IDENTITY: Identity = {"vendor": 1, "product": 2, "revision": 3, "serial": 4}
 Keep = Callable[..., Keeper]

@@ -10,7 +10,7 @@ import pytest
 
 from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.change.put_back import PATIENCE_S, RETRY_S, first_difference
-from dvtcli.device.change.transaction import Interrupted, Transaction, step_text
+from dvtcli.device.change.transaction import Transaction, step_text
 from dvtcli.device.read_pdos import read_cob_id, read_pdo
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.pdo import Pdo
@@ -20,6 +20,7 @@ from dvtcli.errors import (
     BusUnavailable,
     DeviceRefused,
     DvtcliError,
+    Interrupted,
     LeftChanged,
     NoAnswer,
     SdoAborted,

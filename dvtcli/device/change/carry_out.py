@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.change.pending import CHANGE
 from dvtcli.device.change.progress import Progress
-from dvtcli.device.change.safekeeping import JournalKept
 from dvtcli.device.change.transaction import BRING_BACK, BUS_BACK, Transaction, left_changed
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.cob_id import CobId
@@ -19,7 +18,7 @@ from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Change, PdoChange, Plan, Step, writes_cob_id
 from dvtcli.domain.several import several
-from dvtcli.errors import DvtcliError, LeftChanged
+from dvtcli.errors import DvtcliError, JournalKept, LeftChanged
 
 if TYPE_CHECKING:
     from dvtcli.device.change.changeable import Changeable

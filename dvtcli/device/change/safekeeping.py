@@ -20,13 +20,7 @@ from dvtcli.device.change.whole import Whole
 from dvtcli.device.past import Past
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Plan
-from dvtcli.errors import DvtcliError, InputFileError, SafetyRefusal
-
-
-class JournalKept(DvtcliError):
-    """A change was made as planned, or undone, and verified, but its journal cannot be removed."""
-
-    slug = "journal_kept"
+from dvtcli.errors import InputFileError, JournalKept, SafetyRefusal
 
 
 @dataclass(slots=True)

@@ -22,6 +22,7 @@ from dvtcli.errors import (
     BusUnavailable,
     DeviceRefused,
     DvtcliError,
+    Interrupted,
     LeftChanged,
     NoAnswer,
     SdoAborted,
@@ -33,13 +34,6 @@ TRY_AGAIN = "look at its supply, then try again"
 #: What to do first about one that does not answer, and about a bus that failed.
 BRING_BACK = "bring the node back first (power, wiring, `scan`)"
 BUS_BACK = "bring the bus back first (`doctor` looks at it)"
-
-
-class Interrupted(DvtcliError):
-    """The user stopped a command; what it had changed was put back."""
-
-    exit_code = 130
-    slug = "interrupted"
 
 
 @dataclass(slots=True)

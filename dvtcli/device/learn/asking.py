@@ -11,11 +11,11 @@ from dataclasses import dataclass, field, replace
 from itertools import takewhile
 from typing import TYPE_CHECKING
 
-from dvtcli.device.change.transaction import TRY_AGAIN, Interrupted
+from dvtcli.device.change.transaction import TRY_AGAIN
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.learning.probe import ACCEPTED, Answer, Probe, Stand, Subject, Write
 from dvtcli.domain.plan import EVENT_TIMER, INHIBIT_TIME, SYNC_START, TRANSMISSION_TYPE
-from dvtcli.errors import DeviceRefused, SafetyRefusal, SdoAborted
+from dvtcli.errors import DeviceRefused, Interrupted, SafetyRefusal, SdoAborted
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node

@@ -11,9 +11,8 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, TypeVar
 from weakref import WeakSet
 
-from dvtcli.device.change.transaction import Interrupted
 from dvtcli.device.restarts import losses, refuse_after_restarts
-from dvtcli.errors import BusUnavailable, DvtcliError, UsageError
+from dvtcli.errors import Bug, BusUnavailable, DvtcliError, Interrupted, UsageError
 from dvtcli.operations.api.checks import flags
 from dvtcli.operations.api.ctrl_c import ctrl_c_at_safe_points
 from dvtcli.operations.api.hints import python_words
@@ -22,8 +21,6 @@ if TYPE_CHECKING:
     from dvtcli.operations.session import Session
 
 T = TypeVar("T")
-#: Exit code of what nobody foresaw: nodes stay PRE-OPERATIONAL after it.
-_BUG = 70
 #: the buses of this program that are in use
 _OPEN: WeakSet[Calls] = WeakSet()
 
@@ -117,4 +114,4 @@ def _code_of(raised: BaseException) -> int:
     """The exit code that a command would end with."""
     if isinstance(raised, DvtcliError):
         return raised.exit_code
-    return 130 if isinstance(raised, KeyboardInterrupt) else _BUG
+    return (Interrupted if isinstance(raised, KeyboardInterrupt) else Bug).exit_code

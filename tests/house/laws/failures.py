@@ -19,11 +19,6 @@ _MAY_CATCH_ALL = {
 }
 #: where results and messages become text
 _MAY_PRINT = {"cli/view/output.py": "the one place", "bus/drivers.py": "a child's answer to its parent"}
-#: failures that stand beside the tree, since nothing below or above their file knows them
-BESIDE_THE_TREE = {
-    "cli/boundary.py:Bug", "cli/boundary.py:ResultsLost", "cli/script_run.py:TakenBack",
-    "device/change/safekeeping.py:JournalKept", "device/change/transaction.py:Interrupted",
-}  # fmt: skip
 #: exceptions that end within their room and reach no user
 INNER = {
     "simulator/network/socketcand.py:RubbishError", "simulator/device/signal_shapes.py:RowsError",
@@ -65,7 +60,7 @@ def errors_stand_in_one_tree(tree: SourceTree) -> Iterator[str]:
             break
         failures |= found
     for file, node in classes:
-        if node.name in failures and file != "errors.py" and f"{file}:{node.name}" not in BESIDE_THE_TREE | INNER:
+        if node.name in failures and file != "errors.py" and f"{file}:{node.name}" not in INNER:
             yield f"{file}:{node.lineno} class {node.name}"
 
 

@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from importlib import import_module
 
 from tests.house.reference.markdown import code, plain
 from tests.house.reference.markdown import table as markdown_table
 from tests.house.reference.product import DvtcliError
-from tests.house.source import PACKAGE, modules
 
 
 def kinds() -> list[type[DvtcliError]]:
     """Every failure that the product has, by exit code and name."""
-    for module in modules():
-        if "DvtcliError)" in module.text or module.name == "errors.py":
-            import_module(".".join([PACKAGE.name, *module.path.relative_to(PACKAGE).with_suffix("").parts]))
     return sorted(DvtcliError.__subclasses__(), key=lambda kind: (kind.exit_code, kind.slug))
 
 
