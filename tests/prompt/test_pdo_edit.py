@@ -107,7 +107,7 @@ def test_what_was_typed_is_kept_where_the_device_does_not_take_it(open_terminal:
     editor = tmp_path / "editor.sh"
     editor.write_text("sed -i 's/^type: 255/type: 1/' \"$1\"\n")
     environment = {"EDITOR": f"sh {editor}", "VISUAL": f"sh {editor}"}
-    words = ("--sim", "gen4", "--fault", "refuse@1=0x08000022")
+    words = ("--sim", "gen4", "--fault", "refuse@1=0x08000020")
     terminal = open_terminal(*words, columns=300, rows=40, environment=environment)
     terminal.wait_prompt()
     terminal.run("pdo edit tpdo1")
