@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 
 import pytest
 
 from dvtcli.device.read_pdos import present_pdos, read_pdo
 from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.files.eds.reader import read_eds
+from dvtcli.simulator.device.strict_device import StrictDevice
+from dvtcli.simulator.network.family_file import load_family
 from tests.commands.bench import Bench
 from tests.commands.bus import Wire, device
+from tests.small_eds import U8, communication, plain, var
 
 #: With its 5th download the node alters TPDO1, which is not asked.
 ALTERS = "alters@5=1800:05:0x0777"
@@ -41,3 +46,26 @@ def test_the_journal_has_every_pdo_before_the_first_write() -> None:
         journal = keeper.interrupted()
         assert journal is not None
         assert labels <= {change.label for change in journal.plan.changes}
+
+
+def test_what_no_pdo_is_compared_by_is_not_written(tmp_path: Path) -> None:
+    """Sub-index 06 of an RPDO, which CiA 301 reserves and files of real devices have."""
+    eds = plain()
+    for index in (0x1400, 0x1401):
+        sub6 = var("SYNC start value", U8, 0)
+        off = f"$NODEID+0x{0x80000200 + 0x100 * (index - 0x1400):X}"
+        eds.record(index, "Communication", communication(off, sub6=sub6))
+    path = tmp_path / "reserved.eds"
+    path.write_text(eds.text())
+    node = StrictDevice(read_eds(path).dictionary, load_family("generic"), 1)
+    with Wire(node) as wire, Bench((), wire.options | {"eds": str(path)}) as bench:
+        before = values(node)
+        ran = bench.run("learn --yes --json")
+        assert ran.code == 0, ran
+        assert [values(node)[place] for place in before] == list(before.values())
+
+
+def values(node: StrictDevice) -> Mapping[tuple[int, int], bytes]:
+    """All that its PDOs' objects hold, also behind the counts."""
+    indices = (index for index in node.dictionary if 0x1400 <= index < 0x1C00)
+    return {(index, sub): node.value(index, sub) for index in indices for sub in node.dictionary[index].entries}
