@@ -11,7 +11,6 @@ import select
 import socket
 from collections.abc import Callable, Mapping
 from difflib import get_close_matches
-from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +19,7 @@ from can import util
 
 from dvtcli.bus.python_can import CanBus
 from dvtcli.bus.sdo.link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S
+from dvtcli.bus.transports import transports
 from dvtcli.domain.ports import CanopenBus
 from dvtcli.errors import BusUnavailable
 
@@ -38,9 +38,6 @@ OPEN_FAILURES = (
 )
 #: how long a socketcand server may take to accept (s); python-can itself would try for 10 s, in a busy loop
 PROBE_S = 1.0
-
-#: the group of entry points that other packages' ways to a bus have
-TRANSPORTS = "dvtcli.bus"
 
 _DRIVER_PACKAGES = {
     "slcan": "python-can[serial]",
@@ -128,7 +125,7 @@ def open_transport(
     It is found by an entry point of the group `dvtcli.bus` with the name *interface*: a function with the parameters
     of this one but the first.
     """
-    found = None if interface is None or interface in can.VALID_INTERFACES else _transports().get(interface)
+    found = None if interface is None or interface in can.VALID_INTERFACES else transports().get(interface)
     if found is None:
         return open_bus(interface, channel, bitrate, extra, timeout_s=timeout_s, retries=retries)
     try:
@@ -136,10 +133,6 @@ def open_transport(
     except OPEN_FAILURES as error:
         raise _unavailable({"interface": interface, "channel": channel}, error) from error
     return opened
-
-
-def _transports() -> Mapping[str, EntryPoint]:
-    return {one.name: one for one in entry_points(group=TRANSPORTS)}
 
 
 def _given(
@@ -220,7 +213,7 @@ def _unavailable(config: Mapping[str, object], error: Exception) -> BusUnavailab
 
 def _hint(config: Mapping[str, object], error: Exception) -> str:
     interface, channel = str(config["interface"]), config.get("channel")
-    others = _transports()
+    others = transports()
     if interface not in can.VALID_INTERFACES and interface not in others:
         known = [*can.VALID_INTERFACES, *others]
         near = get_close_matches(interface, known, n=3) or sorted(known)

@@ -106,14 +106,24 @@ def _library_settings(options: dict[str, object]) -> Iterator[tuple[str, object,
 def _interfaces(session: Session) -> Iterator[Check]:
     from dvtcli.bus.discover import find_interfaces
 
+    others = list(_transports())
     found = find_interfaces()
     for one in found:
         verdict = "warn" if one.problem else "ok"
         yield Check("interface", verdict, f"{one.interface} {one.channel}  {one.about}".rstrip(), one.problem)  # type: ignore[arg-type]
     if not found:
-        simulated = bool(session.options.sim)
-        hint = None if simulated else "is the adapter plugged in, and its driver (or python-can's extra) installed?"
-        yield Check("interface", "ok" if simulated else "warn", "none was found on this machine", hint)
+        needless = bool(session.options.sim or others)
+        hint = None if needless else "is the adapter plugged in, and its driver (or python-can's extra) installed?"
+        yield Check("interface", "ok" if needless else "warn", "none was found on this machine", hint)
+    yield from others
+
+
+def _transports() -> Iterator[Check]:
+    """Ways to a bus that other packages bring, for `-i`."""
+    from dvtcli.bus.transports import brought
+
+    for one in brought():
+        yield Check("transport", "warn" if one.problem else "ok", f"{one.name}  {one.about}", one.problem)
 
 
 def _bus(session: Session) -> Iterator[Check]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ import can
 
 from tests.commands.bench import Bench
 from tests.commands.bus import Wire, device
-from tests.process import documents, environment, run
+from tests.process import ROOT, documents, environment, run
 
 _NUMBERS = count(1)
 
@@ -59,6 +60,52 @@ def test_nothing_configured_is_a_warning_with_the_next_step(tmp_path: Path) -> N
     assert code == 0
     assert found["bus"]["verdict"] == "warn"
     assert "--sim" in found["bus"]["hint"]
+
+
+def bringing(folder: Path, **functions: str) -> str:
+    """A PYTHONPATH with a package that brings ways to a bus: *functions* by name, `_` for `-`."""
+    info = folder / "line_gateway-1.2.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Name: line-gateway\nVersion: 1.2\n")
+    rows = [f"{name.replace('_', '-')} = {function}\n" for name, function in functions.items()]
+    (info / "entry_points.txt").write_text("[dvtcli.bus]\n" + "".join(rows))
+    return os.pathsep.join([str(folder), str(ROOT)])
+
+
+def transports(folder: Path, **functions: str) -> dict[str, dict[str, Any]]:
+    """The checks of such a package, by its names."""
+    done = run(
+        ["doctor", "--json"], cwd=folder,
+        env=environment() | {"HOME": str(folder), "PYTHONPATH": bringing(folder, **functions)},
+    )  # fmt: skip
+    (document,) = documents(done.stdout)
+    assert done.returncode == 0
+    assert not [one for one in document["checks"] if one["check"] == "interface" and one["text"].startswith("none")
+                and one["verdict"] != "ok"]  # fmt: skip
+    return {one["text"].split()[0]: one for one in document["checks"] if one["check"] == "transport"}
+
+
+def test_ways_to_a_bus_of_other_packages_are_listed(tmp_path: Path) -> None:
+    (tmp_path / "broken_way.py").write_text("import no_such_package\n")
+    (tmp_path / "leaving_way.py").write_text("import os\nos._exit(9)\n")
+    found = transports(
+        tmp_path, line_gateway="tests.bus.line_gateway:open_bus", broken="broken_way:open_bus",
+        leaving="leaving_way:open_bus", number="tests.bus.line_gateway:NET", virtual="tests.bus.line_gateway:open_bus",
+    )  # fmt: skip
+    well = found.pop("line-gateway")
+    assert well["verdict"] == "ok"
+    assert well["text"] == "line-gateway  of line-gateway 1.2: tests.bus.line_gateway:open_bus"
+    assert {one["verdict"] for one in found.values()} == {"warn"}
+    assert "cannot be loaded: ModuleNotFoundError: No module named 'no_such_package'" in found["broken"]["text"]
+    assert "pip check" in found["broken"]["hint"]
+    assert "its process ended with 9" in found["leaving"]["text"]
+    assert "TypeError: it is no function" in found["number"]["text"]
+    assert "python-can's interface" in found["virtual"]["hint"]
+
+
+def test_no_package_brings_a_way_to_a_bus(tmp_path: Path) -> None:
+    _, found = doctor(tmp_path)
+    assert "transport" not in found
 
 
 def test_a_bus_that_does_not_open_and_a_silent_node_fail(tmp_path: Path) -> None:

@@ -1,0 +1,69 @@
+"""Ways to a bus that other packages bring, by entry points of the group `dvtcli.bus`.
+
+Imports none of those packages: whether one can be loaded is tried in a process of its own, so that
+one that hangs, crashes or prints cannot hurt. Opens nothing. Does not know who wants to know.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from importlib.metadata import EntryPoint, entry_points
+
+#: the group of their entry points
+GROUP = "dvtcli.bus"
+#: How long loading one may take, in seconds.
+PATIENCE_S = 8.0
+_LOAD = """
+import sys
+from importlib.metadata import EntryPoint
+if not callable(EntryPoint("", sys.argv[1], "").load()):
+    raise TypeError("it is no function")
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Brought:
+    """A way to a bus with its name for `-i`; *about* says whose it is and what is wrong, *problem* what to do then."""
+
+    name: str
+    about: str
+    problem: str | None = None
+
+
+def transports() -> Mapping[str, EntryPoint]:
+    """What is chosen by each name; of two with the same name the last one that is found."""
+    return {one.name: one for one in entry_points(group=GROUP)}
+
+
+def brought(patience_s: float = PATIENCE_S) -> Iterator[Brought]:
+    """Each way to a bus of other packages; one that takes longer than *patience_s* seconds to load is a problem."""
+    from can import VALID_INTERFACES
+
+    for name, one in sorted(transports().items()):
+        package = "a package" if one.dist is None else f"{one.dist.name} {one.dist.version}"
+        about = f"of {package}: {one.value}"
+        if name in VALID_INTERFACES:
+            yield Brought(name, about, f"never opened: -i {name} is python-can's interface")
+        elif (why := _problem(one, patience_s)) is not None:
+            yield Brought(name, f"{about}; {why}", "`pip check` says what its package lacks")
+        else:
+            yield Brought(name, about)
+
+
+def _problem(one: EntryPoint, patience_s: float) -> str | None:
+    """Why *one* cannot be loaded; None where it can."""
+    command = [sys.executable, "-P", "-c", _LOAD, one.value]
+    try:
+        done = subprocess.run(  # noqa: S603 - our own words
+            command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, stdin=subprocess.DEVNULL,
+            timeout=patience_s, encoding="utf-8", errors="replace", check=False,
+        )  # fmt: skip
+    except subprocess.TimeoutExpired:
+        return f"it cannot be loaded within {patience_s:g} s"
+    if done.returncode == 0:
+        return None
+    said = done.stderr.strip().splitlines()
+    return f"it cannot be loaded: {said[-1] if said else f'its process ended with {done.returncode}'}"
