@@ -88,7 +88,7 @@ def test_verify_of_pdos_works_as_ever(tmp_path: Path) -> None:
 
 
 def test_every_command_that_works_on_nodes_is_there_but_what_needs_a_person() -> None:
-    """A new one is put into `ON_NODES`, or named here: `recover` is for who looks at the device, `learn` asks a person."""
+    """A new one is put into `ON_NODES`, or here: `recover` is for who looks at the device, `learn` asks."""
     commands = {name: REGISTRY.get_command(click.Context(REGISTRY), name) for name in command_names()}
     working = {
         name
