@@ -61,7 +61,7 @@ def report(file: str, eds: EdsFile, rules: tuple[LintRule, ...], *, strict: bool
 
 
 def chosen_rules(only: Collection[str] = (), without: Collection[str] = ()) -> tuple[LintRule, ...]:
-    """The rules named in *only* (none: all) but not in *without*; UsageError for a name that there is not."""
+    """The rules named in *only* (none: all) but not in *without*; UsageError for a name that there is not, or where none is left."""
     from dvtcli.files.eds.lint.linter import RULES
 
     names = [rule.name for rule in RULES]
@@ -70,7 +70,10 @@ def chosen_rules(only: Collection[str] = (), without: Collection[str] = ()) -> t
             near = get_close_matches(name, names, 1)
             hint = f"did you mean {near[0]}?" if near else "docs/reference/eds-rules.md has them all"
             raise UsageError(f"no rule of eds check is called {name!r}", hint=hint)
-    return tuple(rule for rule in RULES if rule.name not in without and (not only or rule.name in only))
+    chosen = tuple(rule for rule in RULES if rule.name not in without and (not only or rule.name in only))
+    if not chosen:
+        raise UsageError("--without leaves no rule to check", hint="a file that no rule looks at is not checked")
+    return chosen
 
 
 def show_eds(file: str) -> Facts:

@@ -362,7 +362,17 @@ def test_a_semicolon_belongs_to_a_text() -> None:
 
 def test_octal() -> None:
     file = one(5, "DefaultValue=010")
-    assert (entry(file).default, lines(file, "odd-value")) == (b"\x08", [6])
+    assert (entry(file).default, lines(file, "leading-zero"), lines(file, "odd-value")) == (b"\x08", [6], [])
+
+
+def test_octal_beside_the_node_id() -> None:
+    file = one(7, "DefaultValue=$NODEID+0200")
+    assert (entry(file).initial(5), lines(file, "leading-zero")) == (b"\x85\0\0\0", [6])
+
+
+def test_a_leading_zero_that_makes_no_octal_number_is_only_odd() -> None:
+    file = one(5, "DefaultValue=09", "ObjFlags=08")
+    assert (entry(file).default, lines(file, "leading-zero"), lines(file, "odd-value")) == (b"\x09", [], [6, 7])
 
 
 def test_a_text_that_its_type_cannot_hold_is_reported() -> None:

@@ -108,7 +108,7 @@ LINES = (
         "DefaultValue=1\nObjectType",
     ),
     p("bad-number", "Granularity=8", "Granularity=eight"),
-    p("leading-zero", "Granularity=8", "Granularity=010", twin="Granularity=0x8"),
+    p("leading-zero", "Granularity=8", "Granularity=010", twin="Granularity=08"),
     s("empty-value", "2001", "DefaultValue=pump", "DefaultValue="),
     p("bad-value", "DefaultValue=pump", "DefaultValue=Pümpe€", said="VISIBLE_STRING"),
     p("odd-value", "DefaultValue=$NODEID+0x80\n", "DefaultValue=$MY_NODEID+0x80\n"),

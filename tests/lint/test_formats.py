@@ -41,6 +41,7 @@ def check(folder: Path, text: str, *words: str) -> Ran:
         (FAULTY, ("--rule", "flag-value", "--strict"), 4),
         (FAULTY, ("--rule", "no-such"), 2),
         (FAULTY, ("--without", "no-such"), 2),
+        (FAULTY, ("--rule", "half-pdo", "--without", "half-pdo"), 2),
     ],
 )
 @pytest.mark.parametrize("format_name", ["text", "json", "github", "junit", "sarif"])

@@ -8,8 +8,8 @@ import pytest
 
 from dvtcli.files.eds.findings import EdsFinding
 from dvtcli.files.eds.lint.linter import RULES
-from tests.lint.planted import DCF, PLANTED, Planted
-from tests.lint.sample import NAME, SOUND, found
+from tests.lint.planted import DCF, PLANTED, Planted, in_section
+from tests.lint.sample import NAME, SOUND, found, record
 
 #: what is no file of that name, or with other line ends, than the sound one
 ELSEWHERE = {"lf", "valve.eds"}
@@ -47,6 +47,20 @@ def test_where_it_is_sound_the_rule_is_silent(case: Planted) -> None:
 def test_a_sound_file_has_no_finding_at_all() -> None:
     assert found(SOUND) == ()
     assert found(DCF, "pump.dcf") == ()
+
+
+@pytest.mark.parametrize(("default", "notes"), [("$NODEID+0x80", 0), ("0x85", 0), ("0x86", 1)])
+def test_a_set_value_with_the_node_id_is_compared_as_the_node_has_it(default: str, notes: int) -> None:
+    values = f"DefaultValue={default}\nParameterValue=$NODEID+0x80"
+    text = in_section("6000", "DefaultValue=0", values, DCF)
+    assert "NodeID=5\n" in text
+    assert sum(one.rule == "value-of-read-only" for one in found(text, "pump.dcf")) == notes
+
+
+@pytest.mark.parametrize("access", ["ro", "const"])
+def test_the_number_of_errors_is_no_highest_sub_index(access: str) -> None:
+    errors = record("1003", "Errors", ("Number of errors", 5, access, "0"), ("Error", 7, "ro", "0"), kind=8)
+    assert [one for one in found(SOUND + errors) if one.rule == "highest-sub-index"] == []
 
 
 def test_every_rule_has_a_fault_that_it_finds() -> None:

@@ -13,6 +13,8 @@ from dvtcli.domain.standard_objects import is_pdo_mapping
 _SHAPE = "CiA 301, 7.4.3"
 _NAMES = "CiA 306, 4.6.3: ParameterName"
 _STRUCTURE = 0xFF
+#: The pre-defined error field: its sub-index 0 counts the errors that are in it (CiA 301, 1003h).
+_ERRORS = 0x1003
 _LONGEST_NAME = 241
 _FLAGS = 0b11
 
@@ -23,7 +25,8 @@ def highest_sub_index(device: Described) -> Found:
     for found in _of_many(device):
         first, stated = found.entries.get(0), device.number(found.index, 0)
         # One that can be written counts what the object holds, not what it could: errors, mapped objects.
-        if first is None or stated is None or first.access.writable or is_pdo_mapping(found.index):
+        counts = found.index == _ERRORS or is_pdo_mapping(found.index)
+        if first is None or stated is None or first.access.writable or counts:
             continue
         highest = max(found.entries.keys() - {_STRUCTURE})
         if highest and stated != highest:

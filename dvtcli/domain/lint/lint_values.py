@@ -5,6 +5,8 @@ Does not know what an object is for.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from dvtcli.domain.datatypes import Kind
 from dvtcli.domain.lint.described import Described, Found, at
 from dvtcli.domain.lint.lint_rule import ERROR, NOTE, WARNING, check
@@ -42,7 +44,7 @@ def value_of_read_only(device: Described) -> Found:
     for entry in device.entries:
         if entry.value is None or entry.default is None or entry.access.writable:
             continue
-        if (entry.value, entry.value_relative) != (entry.default, entry.default_relative):
+        if entry.initial(device.node_id) != replace(entry, value=None).initial(device.node_id):
             yield at(entry, "parametervalue"), f"ParameterValue is not DefaultValue, and the object is {entry.access}"
 
 

@@ -13,12 +13,13 @@ from dvtcli.domain.standard_objects import standard_entry
 from dvtcli.files.eds.findings import Findings
 from dvtcli.files.eds.ini import IniValue, Values
 from dvtcli.files.eds.keys import number_key, quoted, text_key
-from dvtcli.files.eds.numbers import EncodedValue, encode_value, read_limit, read_number, without_comment
+from dvtcli.files.eds.numbers import EncodedValue, encode_value, octal_in, read_limit, read_number, without_comment
 from dvtcli.files.eds.read_rules import (
     ACCESS_TYPE,
     BAD_VALUE,
     EMPTY_VALUE,
     IMPLIED_DATA_TYPE,
+    LEADING_ZERO,
     LIMIT_TYPE,
     LIMIT_WITHOUT_SENSE,
     LIMITS_CROSSED,
@@ -103,7 +104,8 @@ def read_value(given: IniValue | None, data_type: DataType | None, findings: Fin
         findings.add(BAD_VALUE, given.line, f"{quoted(given)} is no {data_type.name}: {error}; ignored")
         return None
     if encoded.remark:
-        findings.add(ODD_VALUE, given.line, f"{given.key}: {encoded.remark}")
+        rule = LEADING_ZERO if octal_in(given.value) else ODD_VALUE
+        findings.add(rule, given.line, f"{given.key}: {encoded.remark}")
     return encoded
 
 

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from dvtcli.files.eds.findings import Findings
 from dvtcli.files.eds.ini import IniValue, Values
-from dvtcli.files.eds.numbers import leading_zero_remark, read_number, without_comment
-from dvtcli.files.eds.read_rules import BAD_NUMBER, LEADING_ZERO
+from dvtcli.files.eds.numbers import leading_zero_remark, octal_in, read_number, without_comment
+from dvtcli.files.eds.read_rules import BAD_NUMBER, LEADING_ZERO, ODD_VALUE
 
 _SHOWN = 60
 
@@ -42,5 +42,5 @@ def number_key(values: Values, key: str, low: int, high: int, findings: Findings
         findings.add(BAD_NUMBER, found.line, f"{quoted(found)} is not within {low}..{high}; ignored")
         return None
     if remark := leading_zero_remark(text):
-        findings.add(LEADING_ZERO, found.line, f"{found.key}: {remark}")
+        findings.add(LEADING_ZERO if octal_in(text) else ODD_VALUE, found.line, f"{found.key}: {remark}")
     return number

@@ -50,14 +50,20 @@ def read_number(text: str) -> int:
 
 @lru_cache(maxsize=_REMEMBERED)
 def leading_zero_remark(text: str) -> str:
-    """What to say about *text* where a reader of decimals would have understood another number."""
+    """What to say about a leading 0 of *text*; empty where every reader understands the same number."""
     digits = without_comment(text).lstrip("+-")
     if len(digits) < 2 or digits[0] != "0" or not digits.isdecimal() or len(digits) > _LONGEST_NUMBER:
         return ""
     if not _is_octal(digits):
         return f"{digits} has a leading 0 but is not octal; taken as {int(digits)}"
     octal = int(digits, 8)
-    return f"{digits} is octal (leading 0): {octal}" if octal != int(digits) else ""
+    return f"{digits} is octal (leading 0): {octal}, not {int(digits)}" if octal != int(digits) else ""
+
+
+def octal_in(text: str) -> bool:
+    """Whether a leading 0 makes *text*, or one of its terms (`$NODEID+0200`), another number than its digits say."""
+    terms = (term.strip() for term in without_comment(text).split("+"))
+    return any(leading_zero_remark(term) and _is_octal(term.lstrip("-")) for term in terms)
 
 
 def _is_octal(digits: str) -> bool:
@@ -159,11 +165,12 @@ def _sum_of_terms(text: str) -> tuple[int, bool, str]:
         node_id = _NODE_ID.fullmatch(term)
         if node_id is None:
             number += read_number(term)
+            remark = remark or leading_zero_remark(term)
         elif relative:
             raise ValueError("names the node-ID twice")
         else:
             relative = True
-            remark = f"{term} is not the standard's $NODEID; taken for it" if node_id[1] else ""
+            remark = remark or (f"{term} is not the standard's $NODEID; taken for it" if node_id[1] else "")
     if not relative:
         raise ValueError("not understood")
     return number, True, remark
