@@ -61,7 +61,7 @@ def report(file: str, eds: EdsFile, rules: tuple[LintRule, ...], *, strict: bool
 
 
 def chosen_rules(only: Collection[str] = (), without: Collection[str] = ()) -> tuple[LintRule, ...]:
-    """The rules named in *only* (none: all) but not in *without*; UsageError for a name that there is not, or where none is left."""
+    """The rules named in *only* but not in *without*; UsageError for a name that there is not, or for none left."""
     from dvtcli.files.eds.lint.linter import RULES
 
     names = [rule.name for rule in RULES]
