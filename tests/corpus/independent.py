@@ -33,7 +33,9 @@ class RawPdo:
 
 
 class _Client(SdoClient):
-    """canopen's client, which reads its bus itself instead of in a thread."""
+    """canopen's client, which reads its bus itself instead of in a thread; patient on a busy machine."""
+
+    RESPONSE_TIMEOUT = 30
 
     def read_response(self) -> bytes:
         while (message := self.network.bus.recv(self.RESPONSE_TIMEOUT)) is not None:
