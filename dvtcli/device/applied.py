@@ -11,10 +11,14 @@ from dvtcli.errors import RuleError
 
 @dataclass(frozen=True, slots=True)
 class Applied:
-    """A plan that the device took, with what the rules said beforehand."""
+    """A plan that the device took, with what the rules said beforehand.
+
+    *not_put_back* says of each PDO that was to be what it was before, and that the device did not take, what it is now.
+    """
 
     plan: Plan
     findings: tuple[Finding, ...] = ()
+    not_put_back: tuple[Finding, ...] = ()
 
 
 def refuse(findings: tuple[Finding, ...], text: str, node_id: int, *, force: bool) -> None:

@@ -91,7 +91,7 @@ class Node(Changeable):
             del self.order[max(number for number, node_id in enumerate(self.order) if node_id == self.node_id)]
         if self.keeper is not None:
             self.keeper.past.forget_own(count)
-        if self.pending.is_as_stored(len(self.history)) and not applied.findings:
+        if self.pending.is_as_stored(len(self.history)) and not (applied.findings or applied.not_put_back):
             self.pending.unstored.clear()  # the device holds what was stored, or found, again
         return applied
 
@@ -104,6 +104,8 @@ class Node(Changeable):
         are of this session's history. SafetyRefusal where the device holds something else by now, UsageError where
         nobody knows what it held before; with *force* neither.
         """
+        from dataclasses import replace
+
         from dvtcli.device.change.gap import unbroken
         from dvtcli.device.change.taken_back import foreseen, put_back_findings
         from dvtcli.device.change.way_back import plan_back, refuse_unless_left, unknown_before
@@ -125,7 +127,8 @@ class Node(Changeable):
             if not foreseen(undone):
                 raise
             plan = self.observed(lambda: plan_back(self, undone, as_taken=True))
-            applied = self.apply(plan, (*unknown, *put_back_findings(foreseen(undone))), kept=False)
+            applied = self.apply(plan, unknown, kept=False)
+            applied = replace(applied, not_put_back=put_back_findings(foreseen(undone)))
         self.unkept += not own
         return applied, count
 

@@ -71,6 +71,7 @@ def changed(
         names(node, applied.plan.changes),
         saved=saved and not session.dry_run,
         named=len(session.known_ids()) > 1,
+        not_put_back=applied.not_put_back,
     )
 
 

@@ -121,13 +121,13 @@ def _put_one_back(session: Session, journal: Journal) -> Changed:
 
     started = time.monotonic()
     node = session.node(journal.plan.node_id)
-    plan, findings = put_back(node, journal)
+    plan, not_put_back = put_back(node, journal)
     if journal.part.final:
         session.tell.warning(
             f"{journal.part.final} had begun: node {node.node_id} may have stored what was taken back; see what it "
             "comes up with, or `store`"
         )
-    applied = Applied(plan, (*unknown_before([journal.plan]), *findings))
+    applied = Applied(plan, unknown_before([journal.plan]), not_put_back)
     return changed(session, node, applied, time.monotonic() - started, undone=True)
 
 

@@ -6,17 +6,18 @@ Parses no words. What a device must hold so that a change may be put back is dec
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from dvtcli.device.backups import backups, remarks, way_to
 from dvtcli.device.wish import Wish
+from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Plan
 from dvtcli.domain.rules.finding import Finding, warning
 from dvtcli.domain.rules.rule import WARNING, Rule
-from dvtcli.domain.script_line import change_lines
+from dvtcli.domain.script_line import backup_of, change_lines
 from dvtcli.errors import DvtcliError, NoAnswer, Restarted, SdoAborted, SdoProtocolError, UsageError
 from dvtcli.operations.change import changed
 from dvtcli.operations.results import Changed, ChangedNodes
@@ -82,7 +83,8 @@ def _own_put_back(session: Session, node_id: int, *, everything: bool) -> Change
     before = node.history[:]
     applied = node.undo(everything=everything, force=session.options.force)
     undone = before[len(node.history) :]
-    forgotten = not session.dry_run and not applied.findings and _forgotten(session, node.node_id, undone)
+    as_before = not (applied.findings or applied.not_put_back)
+    forgotten = not session.dry_run and as_before and _forgotten(session, node.node_id, undone)
     seconds = time.monotonic() - started
     return changed(session, node, applied, seconds, undone=True, lines=[] if forgotten else None)
 
@@ -240,7 +242,8 @@ def undo_to_backup(session: Session, rehearse: Rehearse, when: str | None = None
     found = node.claim()
     file = _backup_file(keeper, node, when)
     session.tell.note(f"this puts {file} back")
-    for remark in remarks(Path(file)):
+    said = remarks(Path(file))
+    for remark in said:
         session.tell.warning(f"not put back as it was: {remark}")
     started = time.monotonic()
     wish = rehearse(file, node.node_id).get(node.node_id, Wish())
@@ -253,7 +256,17 @@ def undo_to_backup(session: Session, rehearse: Rehearse, when: str | None = None
         )
     changes = way_to({pdo: node.pdo(pdo) for pdo in wish.pdos}, wish.pdos)
     applied = node.apply(Plan(node.node_id, changes), force=session.options.force, found=found)
+    applied = replace(applied, not_put_back=tuple(_unlike_backup(node, said)))
     return changed(session, node, applied, time.monotonic() - started, undone=True)
+
+
+def _unlike_backup(node: Node, said: Iterable[str]) -> Iterator[Finding]:
+    """What of those PDOs that a backup cannot put back (*said* are its remarks) is not so already."""
+    for remark in said:
+        pdo = Pdo.parse(remark.split()[0])
+        if f"# {remark}" not in backup_of(pdo, node.pdo(pdo)):
+            text = f"{pdo.label} is not put back as it was: {remark}"
+            yield warning("way-back", f"0x{pdo.communication_index:04X}:01", text)
 
 
 def _backup_file(keeper: Keeper, node: Node, when: str | None) -> str:

@@ -57,7 +57,7 @@ def test_a_kept_can_id_that_is_restricted_gives_way_to_an_automatic_one(directio
         (row,) = one.run(f"pdo {direction}1 --json").document["pdos"]
         assert (row["cob_id"], row["enabled"]) == ({"tpdo": 0x181, "rpdo": 0x201}[direction], True)
         back = one.run("undo")
-        assert (back.code, "it is off now" in back.stderr) == (0, True), back.stderr
+        assert (back.code, "it is off now" in back.stderr) == (1, True), back.stderr
         (row,) = one.run(f"pdo {direction}1 --json").document["pdos"]
         assert row["enabled"] is False
 
@@ -136,7 +136,8 @@ def test_more_than_8_entries_where_the_file_has_them(direction: str, entries: in
         objects = " ".join(f"{BASE[direction]:X}:{n:X}" for n in range(1, entries + 1))
         assert one.run(f"map {direction}1 {objects}").code == 0
         assert one.run("verify").code == 0
-        assert one.run("undo").code == 0
+        back = one.run("undo")
+        assert (back.code, "it is off and empty now" in back.stderr) == (1, True), "it was enabled and empty"
         if entries < 64:
             more = f"{objects} {BASE[direction]:X}:{entries + 1:X}"
             refused_before_any_write(one, f"map {direction}1 {more}", f"takes {entries}")
@@ -152,7 +153,7 @@ def test_a_pdo_that_is_enabled_and_empty(direction: str) -> None:
         assert f"{name}1 is enabled and empty now, and a device may not take that back" in ran.stderr
         assert "`undo` leaves it off and empty" in ran.stderr
         back = one.run("undo")
-        assert back.code == 0
+        assert back.code == 1
         assert (
             f"{name}1 was enabled and empty, and the device does not take that back: it is off and empty now"
             in back.stderr
@@ -177,7 +178,7 @@ def test_a_mapping_that_the_file_itself_forbids() -> None:
     with bench(eds) as one:
         ran = one.run("map tpdo1 6000:2")
         assert (ran.code, "`undo` leaves it off and empty" in ran.stderr) == (0, True)
-        assert one.run("undo").code == 0
+        assert one.run("undo").code == 1
         assert one.run("pdo tpdo1 --json").document["pdos"][0]["mapping"] == []
 
 
@@ -188,7 +189,7 @@ def test_a_default_outside_its_limits() -> None:
         ran = one.run("set tpdo1 --inhibit 5")
         assert (ran.code, "at inhibit time 50" in ran.stderr) == (0, True), ran.stderr
         back = one.run("undo")
-        assert (back.code, "it is at inhibit time 50 now" in back.stderr) == (0, True), back.stderr
+        assert (back.code, "it is at inhibit time 50 now" in back.stderr) == (1, True), back.stderr
 
 
 def test_limits_of_every_write_count_also_of_those_between() -> None:

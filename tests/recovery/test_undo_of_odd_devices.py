@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
+import dvtcli
 from tests.serve.served import served
 from tests.small_eds import INPUTS, communication, mapping, plain
 
@@ -32,10 +34,12 @@ def test_each_process_puts_back_what_the_device_takes(tmp_path: Path) -> None:
         for said in ("RPDO1 was enabled and empty", "TPDO2 was inconsistent", "TPDO1 was enabled"):
             done = server.dvtcli(*words, "undo")
             assert (done.returncode, said in done.stderr, "does not take that back" in done.stderr) == (
-                0,
+                1,
                 True,
                 True,
             ), done
+            assert "not as it was; what it is now was read back" in done.stderr
+            assert "NOT put back as it was" in done.stdout
         assert server.dvtcli(*words, "undo").returncode == 2
 
 
@@ -47,6 +51,45 @@ def test_a_backup_says_what_it_does_not_put_back(tmp_path: Path) -> None:
             assert server.dvtcli(*words, *line.split()).returncode == 0
         stamp = sorted((tmp_path / "state-home").rglob("*.dvt"))[0].stem.rpartition("-")[2]
         done = server.dvtcli(*words, "undo", "--backup", stamp)
-        assert done.returncode == 0, done.stderr
+        assert done.returncode == 1, done.stderr
+        assert "TPDO1 is not put back as it was: tpdo1 was enabled" in done.stderr
+        assert "TPDO2 is not put back as it was: tpdo2 is inconsistent" in done.stderr
+        assert "NOT put back as it was" in done.stdout
         assert "not put back as it was: tpdo1 was enabled with CAN-ID 0x180" in done.stderr
         assert "not put back as it was: tpdo2 is inconsistent (its count is 9" in done.stderr
+
+
+def test_a_backup_of_an_odd_pdo_that_is_as_it_was_is_put_back_whole(tmp_path: Path) -> None:
+    eds = plain()
+    eds.record(0x1A01, "Mapping 2", mapping(9, [FIRST, FIRST + 0x100]))
+    path = tmp_path / "odd.eds"
+    path.write_text(eds.text())
+    with served(tmp_path, str(path)) as server:
+        words = ("-n", "1", "--eds", str(path))
+        assert server.dvtcli(*words, "map", "tpdo1", "6000:2").returncode == 0
+        done = server.dvtcli(*words, "undo", "--backup")
+        assert (done.returncode, "tpdo2 is inconsistent" in done.stderr) == (0, True), done
+        assert "TPDO1 put back" in done.stdout
+
+
+def test_a_document_says_what_is_not_put_back(tmp_path: Path) -> None:
+    path = odd_eds(tmp_path)
+    with served(tmp_path, str(path)) as server:
+        words = ("-n", "1", "--eds", str(path))
+        assert server.dvtcli(*words, "map", "tpdo2", "6000:3").returncode == 0
+        done = server.dvtcli(*words, "--json", "undo")
+        (document,) = map(json.loads, done.stdout.splitlines())
+        assert (done.returncode, document["verified"], document["state"]) == (1, False, "left_changed"), done
+        (text,) = document["not_put_back"]
+        assert "TPDO2 was inconsistent, and the device does not take that back: it is off and empty now" in text
+        assert text in [finding["text"] for finding in document["findings"]]
+
+
+def test_undo_of_everything_says_it_and_a_program_sees_false(tmp_path: Path) -> None:
+    with dvtcli.simulate(str(odd_eds(tmp_path))) as bus:
+        node = bus.node(1)
+        node.map("tpdo2", "6000:3")
+        node.map("rpdo1", "6200:1")
+        undone = node.undo(everything=True)
+        assert not undone
+        assert len(undone.not_put_back) == 2

@@ -28,6 +28,9 @@ def change_lines(result: Changed, width: int) -> Iterator[Line]:
     count = len(result.plan)
     labels = several(change.label for change in result.plan.changes)
     labels += f" of node {result.node}" if result.named else ""
+    if not count and result.not_put_back:
+        yield f"{labels} NOT put back as it was; nothing was written."
+        return
     if not count:
         yield f"{labels or 'everything'} is as wanted already; nothing was written."
         return
@@ -48,6 +51,9 @@ def change_lines(result: Changed, width: int) -> Iterator[Line]:
         ]
         return
     verb = "put back" if result.undone else "set"
+    equal = "read back equal"
+    if result.not_put_back:
+        verb, equal = "NOT put back as it was", "which alone were read back equal"
     keeps = f"In RAM only: {result.keep}" if result.volatile else "The device keeps it by itself"
     next_step = "" if result.undone or result.unknown_before else ", `undo` reverts it"
     if not result.altered:
@@ -55,7 +61,7 @@ def change_lines(result: Changed, width: int) -> Iterator[Line]:
     if result.saved:
         keeps, next_step = "By this the device keeps what is set (assumed: nobody published it)", ""
     yield [
-        Cell(f"{_counted(result, labels, verb)}: {writes}, read back equal, {result.seconds:.2f} s. "),
+        Cell(f"{_counted(result, labels, verb)}: {writes}, {equal}, {result.seconds:.2f} s. "),
         Cell(f"{keeps}{next_step}.", "dim"),
     ]
 

@@ -88,12 +88,12 @@ def recover(node: Changeable, journal: Journal) -> tuple[Plan, tuple[Finding, ..
     if node.keeper is not None:
         node.keeper.lock.take()
     node.read_anew()
-    plan = plan_back(node, [journal.plan])
+    plan, as_taken = plan_back(node, [journal.plan]), plan_back(node, [journal.plan], as_taken=True)
     otherwise = _put_back_for_good(node, journal)
     if node.keeper is not None:
         node.keeper.forget(journal)
     node.pending.suspicions.pop(CHANGE, None)
-    return plan, put_back_findings(otherwise)
+    return as_taken if otherwise else plan, put_back_findings(otherwise)
 
 
 def _put_back_for_good(node: Changeable, journal: Journal) -> tuple[PdoChange, ...]:

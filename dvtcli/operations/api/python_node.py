@@ -193,7 +193,8 @@ class Node:
     def undo(self, *, everything: bool = False, yes: bool = False, force: bool = False) -> Changed:
         """Put back what this program's last change of the node replaced, or with *everything* all of them.
 
-        SafetyRefusal where the node holds something else by now, UsageError where nothing was changed.
+        False, with `not_put_back`, where the node does not take back what it held. SafetyRefusal where it holds
+        something else by now, UsageError where nothing was changed.
         """
         from dvtcli.operations.change import changed
 
@@ -285,7 +286,8 @@ class Node:
     def recover(self, *, yes: bool = False, force: bool = False) -> Changed | None:
         """Finish a change of the node that was interrupted, by putting the old configuration back; needs *yes*.
 
-        Other nodes that an atomic script changed with it are put back, too. None where no change was interrupted.
+        Other nodes that an atomic script changed with it are put back, too. None where no change was interrupted;
+        false, with `not_put_back`, where the node does not take back what it held.
         """
         from dvtcli.operations.recover_change import recover
         from dvtcli.operations.results import Changed, ChangedNodes

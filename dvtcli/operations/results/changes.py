@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, ClassVar
 
 from dvtcli.domain.plan import PdoChange, Plan, ValueChange, alters
@@ -33,11 +33,28 @@ class Changed(Answer):
     #: what makes it last, in words
     keep: str = "`store` keeps it"
     names: dict[str, str] = field(default_factory=dict)
-    exit_code: int = 0
     #: whether it was the family's way to keep its settings
     saved: bool = False
     #: whether more nodes than this one are known
     named: bool = False
+    #: what each PDO is now that was to be put back as it was, and that the device did not take
+    not_put_back: tuple[Finding, ...] = ()
+
+    def __bool__(self) -> bool:
+        """Whether everything is as it was asked for: false where something was not put back as it was."""
+        return self.exit_code == 0
+
+    @property
+    def exit_code(self) -> int:
+        """1 where something was not put back as it was."""
+        return 1 if self.not_put_back else 0
+
+    @property
+    def failure(self) -> DvtcliError | None:
+        """What is to be said where the exit code is 1."""
+        from dvtcli.operations.results.failures import not_as_before
+
+        return not_as_before(self.node, self.not_put_back, dry_run=self.dry_run) if self.not_put_back else None
 
     @property
     def altered(self) -> bool:
@@ -68,11 +85,20 @@ class Changed(Answer):
             "pdos": pdos,
             "steps": steps,
             "writes": len(steps),
-            "verified": True,
+            "verified": not self.not_put_back,
             "stored": self.saved,
             "dry_run": self.dry_run,
-            "findings": [finding_document(finding) for finding in self.findings],
+            "findings": [finding_document(finding) for finding in (*self.findings, *self.not_put_back)],
+            **_left(self.not_put_back, dry_run=self.dry_run),
         }
+
+
+def _left(not_put_back: tuple[Finding, ...], *, dry_run: bool) -> Document:
+    """What a document says besides where something is not as it was, with the state as an error has it."""
+    if not not_put_back:
+        return {}
+    state = "unchanged" if dry_run else "left_changed"
+    return {"state": state, "not_put_back": [finding.text for finding in not_put_back]}
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +109,32 @@ class ChangedNodes(Answer):
     remarked: ClassVar = True
 
     nodes: tuple[Changed, ...]
-    exit_code: int = 0
+
+    def __bool__(self) -> bool:
+        """Whether everything is as it was asked for, on every node."""
+        return self.exit_code == 0
+
+    @property
+    def exit_code(self) -> int:
+        """1 where something of a node was not put back as it was."""
+        return max(one.exit_code for one in self.nodes)
+
+    @property
+    def not_put_back(self) -> tuple[Finding, ...]:
+        """What was not put back as it was, of every node."""
+        return tuple(
+            replace(finding, text=f"node {one.node}: {finding.text}")
+            for one in self.nodes
+            for finding in one.not_put_back
+        )
+
+    @property
+    def failure(self) -> DvtcliError | None:
+        """What is to be said where the exit code is 1."""
+        from dvtcli.operations.results.failures import not_as_before
+
+        left = self.not_put_back
+        return not_as_before(None, left, dry_run=self.nodes[0].dry_run) if left else None
 
     @property
     def findings(self) -> tuple[Finding, ...]:
@@ -102,6 +153,7 @@ class ChangedNodes(Answer):
             "writes": sum(one["writes"] for one in documents),
             **{key: all(one[key] for one in documents) for key in ("verified", "stored", "dry_run")},
             "findings": [row for one in documents for row in one["findings"]],
+            **_left(self.not_put_back, dry_run=self.nodes[0].dry_run),
             "nodes": documents,
         }
 

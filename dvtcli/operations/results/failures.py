@@ -6,10 +6,14 @@ Knows no screen; whoever shows an answer raises its failure where it was not sho
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from dvtcli.domain.proof import RESTART_NAMES, Proof
 from dvtcli.domain.several import plural, several
 from dvtcli.errors import DvtcliError
+
+if TYPE_CHECKING:
+    from dvtcli.domain.rules import Finding
 
 
 def not_proved(node: int, word: str, proof: Proof) -> DvtcliError:
@@ -49,6 +53,19 @@ def _state(word: str, proof: Proof) -> str:
     if word == "restore":
         return f"the node holds what it came up with after the {restart}"
     return f"{compared_text(proof)} read back equal after the {restart}, and could be lost with the power{put_back}"
+
+
+def not_as_before(node: int | None, not_put_back: Sequence[Finding], *, dry_run: bool) -> DvtcliError:
+    """What was to be put back, and is something else since the device does not take what it was.
+
+    *node* is None where there are several.
+    """
+    failed = DvtcliError("; ".join(finding.text for finding in not_put_back), node=node)
+    failed.hint = "`pdo` shows what it holds; where it was stored, `nmt reset-node` brings it back"
+    if not dry_run:
+        failed.state = "left_changed"
+        failed.state_text = "not as it was; what it is now was read back"
+    return failed
 
 
 def not_as_wanted(node: int | None, exit_code: int, differing: Sequence[str], against: str) -> DvtcliError:
