@@ -5,12 +5,13 @@ from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
 from dvtcli.domain.plan import Plan, Step
+from dvtcli.domain.ports import Frame
 from dvtcli.domain.proof import Proof
 from dvtcli.domain.rules import Finding
 from dvtcli.operations.api.told import Message
 from dvtcli.operations.results.changes import Changed, Compared, Stored
 from dvtcli.operations.results.logged_in import LoggedIn
-from dvtcli.operations.results.nodes import Commanded, NodeListing, NodeRow
+from dvtcli.operations.results.nodes import Commanded, NodeListing, NodeRow, Synced
 from dvtcli.operations.results.pdos import MappedName, PdoListing, PdoRow
 from dvtcli.operations.results.values import ValueRead
 
@@ -20,6 +21,7 @@ __all__ = [
     "Commanded",
     "Compared",
     "Finding",
+    "Frame",
     "LoggedIn",
     "MappedName",
     "Message",
@@ -36,5 +38,6 @@ __all__ = [
     "Proof",
     "Step",
     "Stored",
+    "Synced",
     "ValueRead",
 ]

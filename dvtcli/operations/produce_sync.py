@@ -17,14 +17,14 @@ if TYPE_CHECKING:
 _LISTEN_S = 0.05
 
 
-def produce_sync(session: Session, count: int = 1, period_s: float = 0.02) -> Synced:
+def produce_sync(session: Session, count: int = 1, period_s: float = 0.02, node_id: int | None = None) -> Synced:
     """Send *count* SYNC messages, one each *period_s* seconds, and list what synchronous PDOs send.
 
-    The CAN-ID is what the selected node's 0x1005 says, 0x080 where no node is selected.
+    The CAN-ID is what 0x1005 of the node *node_id* (None: the selected one) says, 0x080 where there is none.
     """
     seen: dict[int, tuple[Frame, int]] = {}
     bus = session.bus
-    selected = session.selected_id()
+    selected = session.selected_id() if node_id is None else node_id
     sync = DEFAULT if selected is None else sync_frame(bus.sdo(selected))
     began = time.monotonic()
     for number in range(count):

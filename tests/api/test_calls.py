@@ -9,13 +9,14 @@ import threading
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import can
 import pytest
 
 import dvtcli
 from dvtcli import errors
-from dvtcli.results import Changed, Message, Pdo, Progress
+from dvtcli.results import Changed, Message, Pdo, Progress, Synced
 from dvtcli.simulator.network.family_file import family_eds
 from dvtcli.testing import ServedBus
 from tests.commands.bench import Bench
@@ -455,3 +456,34 @@ def test_the_changes_of_a_program_are_a_script_that_does_them_again(tmp_path: Pa
         again = bench.session.node(1).pdo(Pdo.parse("tpdo1"))
         assert again == held
         assert bench.session.node(5).pdo(Pdo.parse("tpdo2")).communication.event_timer == 50
+
+
+def test_sync_answers_what_the_command_answers() -> None:
+    with Bench() as bench:
+        bench.run("map tpdo1 606C --cob-id 0x201 --sync 1")
+        bench.run("nmt start")
+        ran = bench.run("sync --count 3 --period 5 --json")
+    with dvtcli.simulate("gen4") as bus:
+        bus.node().map("tpdo1", "606C", cob_id=0x201, sync=1)
+        assert bus.node().nmt("start")
+        synced = bus.sync(3, period_ms=5)
+    assert isinstance(synced, Synced)
+    whole, rows = synced.document(), [frame for frame in ran.document["frames"] if frame["cob_id"] == 0x201]
+    assert [(row["pdo"], row["count"]) for row in rows] == [("TPDO1 node 1", 3)]
+    assert [frame["cob_id"] for frame in whole["frames"] if frame in rows] == [0x201]
+    assert {**whole, "frames": rows} == {**ran.document, "frames": rows}
+
+
+def test_the_can_id_of_sync_is_what_its_node_says() -> None:
+    with dvtcli.simulate("generic", "generic@5") as bus:
+        bus.node(5).write("1005", 0x81)
+        assert bus.sync().can_id == 0x080
+        assert bus.sync(node_id=5).can_id == 0x081
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"count": 0}, {"count": True}, {"period_ms": -1}, {"period_ms": "20"}, {"node_id": 128}]
+)
+def test_a_wrong_sync_is_told(wrong: dict[str, Any]) -> None:
+    with dvtcli.simulate("generic") as bus, pytest.raises(errors.UsageError, match=next(iter(wrong))):
+        bus.sync(**wrong)

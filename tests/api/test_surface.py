@@ -16,15 +16,15 @@ from tests.process import ROOT, environment
 
 PUBLIC = {
     "dvtcli": ["Bus", "Node", "__version__", "connect", "errors", "results", "simulate"],
-    "Bus": ["close", "dry_run", "is_dry_run", "name", "node", "scan", "script"],
+    "Bus": ["close", "dry_run", "is_dry_run", "name", "node", "scan", "script", "sync"],
     "Node": [
         "canopen", "clear", "disable", "enable", "identity", "login", "map", "nmt", "node_id", "pdo", "pdos", "read",
         "recover", "restore", "set", "store", "undo", "verify", "write",
     ],
     "results": [
-        "Changed", "CobId", "Commanded", "Compared", "Finding", "LoggedIn", "MappedName", "Message", "NodeListing",
-        "NodeRow", "Pdo", "PdoCommunicationParameter", "PdoConfig", "PdoListing", "PdoMappingEntry", "PdoRow", "Plan",
-        "Progress", "Proof", "Step", "Stored", "ValueRead",
+        "Changed", "CobId", "Commanded", "Compared", "Finding", "Frame", "LoggedIn", "MappedName", "Message",
+        "NodeListing", "NodeRow", "Pdo", "PdoCommunicationParameter", "PdoConfig", "PdoListing", "PdoMappingEntry",
+        "PdoRow", "Plan", "Progress", "Proof", "Step", "Stored", "Synced", "ValueRead",
     ],
     "testing": [
         "ServedBus", "dvtcli_bus", "dvtcli_node", "dvtcli_nodes", "dvtcli_serve", "dvtcli_simulate", "dvtcli_state",

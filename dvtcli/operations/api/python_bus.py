@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from dvtcli.errors import UsageError
 from dvtcli.operations.api.calls import Calls
-from dvtcli.operations.api.checks import call_back, flags, path, seconds, whole, word, words, wrong
+from dvtcli.operations.api.checks import call_back, flags, number, path, seconds, whole, word, words, wrong
 from dvtcli.operations.api.hints import python_words
 from dvtcli.operations.api.python_node import Node
 from dvtcli.operations.api.told import Message, Told
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from dvtcli.bus.canopen_node import CanopenNetwork
     from dvtcli.device.change.progress import Progress
-    from dvtcli.operations.results import NodeListing
+    from dvtcli.operations.results import NodeListing, Synced
 
 
 class Bus:
@@ -113,6 +113,21 @@ class Bus:
 
         seconds("answer_s", answer_s)
         return self._calls.run(lambda: find_nodes(self._session, answer_s))
+
+    def sync(self, count: int = 1, *, period_ms: float = 20.0, node_id: int | None = None) -> Synced:
+        """Send *count* SYNC messages (1…100000), one each *period_ms* (0…1000), and list what synchronous PDOs send.
+
+        The CAN-ID is what 0x1005 of the node *node_id* says (None: of the first simulated node); 0x080 where there is
+        none, or no answer. Frames are listed by CAN-ID: the last one of each, how many came, and whose TPDO it is where
+        its node was read. BusUnavailable where the bus fails.
+        """
+        from dvtcli.operations.produce_sync import produce_sync
+
+        whole("count", count, "a count", 100_000, low=1)
+        number("period_ms", period_ms, "a number of milliseconds, 0…1000", high=1000)
+        if node_id is not None:
+            whole("node_id", node_id, "a node-ID", 127, low=1)
+        return self._calls.run(lambda: produce_sync(self._session, count, period_ms / 1000, node_id))
 
     def script(self, *, history: bool = False) -> str:
         """What this program's changes come to, as the text of a script that `dvtcli run` takes.
