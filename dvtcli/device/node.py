@@ -6,7 +6,7 @@ what a file or an option is.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -17,6 +17,7 @@ from dvtcli.errors import BusUnavailable, DeviceRefused, SafetyRefusal, UsageErr
 
 if TYPE_CHECKING:
     from dvtcli.device.applied import Applied
+    from dvtcli.device.change.plan_document import Identity
     from dvtcli.device.observe import Found
     from dvtcli.domain.plan import Change, Plan, Step
     from dvtcli.domain.request import PdoWant
@@ -35,6 +36,8 @@ class Node(Changeable):
     unlike_file: str = ""
     #: how many changes were put back that were none of this session's
     unkept: int = 0
+    #: the identity (0x1018) of what is about to store
+    _storing: Identity = field(default_factory=dict)
     #: labels of what a restart was seen to take while a change was made, which is yet to be said
     _unsaid: tuple[str, ...] = ()
 
@@ -142,6 +145,7 @@ class Node(Changeable):
         from dvtcli.device.access_level import level_finding
         from dvtcli.device.applied import refuse
         from dvtcli.device.change.safekeeping import who_else
+        from dvtcli.device.unstored import held_unstored
 
         self.claim()
         word, again = ("stored", "set it as it should be and `verify`, or ") if confirm else ("restored", "")
@@ -155,8 +159,16 @@ class Node(Changeable):
         refuse(level_finding(self.access), "nothing was stored or restored", self.node_id, force=force)
         if confirm and not force:
             self.expected.require(self, who_else(self.keeper))
+        if confirm and self.keeper is not None:
+            self._storing = self.identity()  # once it has stored nothing more is asked for that
+            self.pending.of_others(held_unstored(self, self.keeper.past, self._storing))
         if self.profile.store.only_pre_operational:
             self.gate.enter()
+
+    def is_stored(self, labels: Iterable[str]) -> None:
+        """A store took what the node held of *labels*: no later process names them again."""
+        if self.keeper is not None:
+            self.keeper.past.was_stored(self.node_id, self._storing, set(labels))
 
     def was_reset(self, *, communication: bool) -> tuple[str, ...]:
         """A reset that was asked for has happened (*communication*: of the communication objects only).
@@ -257,7 +269,7 @@ class Node(Changeable):
             elif self._is_kept(change.step):
                 self.wanted_values[change.step.index, change.step.sub_index] = change.step.after
             if any(self.saves((step.index, step.sub_index)) for step in change.steps):
-                self.pending.was_stored(EVERYTHING, len(self.history))
+                self.is_stored(self.pending.was_stored(EVERYTHING, len(self.history)))
             elif alters(change) and self.profile.store.needed_for(change.steps[0].index):
                 self.pending.changed(change.label, change.steps[0].index)
 

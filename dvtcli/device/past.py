@@ -10,7 +10,7 @@ import json
 import uuid
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from itertools import takewhile
 from pathlib import Path
@@ -33,7 +33,8 @@ _NO_SERIAL = (None, 0, 0xFFFF_FFFF)
 class Recorded:
     """A change that was verified: its *plan*, when it was made (ISO 8601, UTC), on which bus and which device.
 
-    *selected* is the node-ID that dvtcli was started with, whichever node was changed; None for none.
+    *selected* is the node-ID that dvtcli was started with, whichever node was changed; None for none. *stored* are the
+    labels of what a store took of it.
     """
 
     id: str
@@ -42,6 +43,7 @@ class Recorded:
     identity: Identity
     plan: Plan
     selected: int | None = None
+    stored: frozenset[str] = frozenset()
 
     def is_of(self, bus: str, identity: Identity) -> bool:
         """Whether it was made on a device of this *identity* on *bus*."""
@@ -153,6 +155,16 @@ class Past:
         if names and path.exists():
             self._drop(path, names)
 
+    def was_stored(self, node_id: int, identity: Identity, labels: Collection[str]) -> None:
+        """A store took what the device held of *labels*, and with that all that was changed of them before."""
+        path, taken = self.path(node_id, identity), frozenset(labels)
+        if not taken or not path.exists():
+            return
+        try:
+            self._write(path, [replace(one, stored=one.stored | taken & _labels(one)) for one in self._sound(path)])
+        except (OSError, SafetyRefusal) as failed:
+            self.say(f"it is stored, but that cannot be remembered for a later `store`: {_why(failed)}")
+
     def forget_own(self, count: int) -> None:
         """Drop the last *count* changes that this process made: they were put back."""
         last, self._own = self._own[-count:], self._own[:-count]
@@ -194,6 +206,10 @@ def _words(identity: Identity) -> str:
     return "-".join("none" if word is None else f"{word:08X}" for word in words)
 
 
+def _labels(one: Recorded) -> frozenset[str]:
+    return frozenset(change.label for change in one.plan.changes)
+
+
 def _document(one: Recorded) -> dict[str, Any]:
     return {
         "id": one.id,
@@ -202,6 +218,7 @@ def _document(one: Recorded) -> dict[str, Any]:
         "node": one.plan.node_id,
         "identity": one.identity,
         "selected": one.selected,
+        "stored": sorted(one.stored),
         "changes": [change_document(change) for change in one.plan.changes],
     }
 
@@ -215,7 +232,13 @@ def _entries(document: Any) -> Iterator[Recorded]:
     for one in changes:
         identity, plan = read_plan(one)
         selected = None if one.get("selected") is None else read_number(one, "selected", 127, least=1)
-        yield Recorded(str(one.get("id")), str(one.get("when")), str(one.get("bus")), identity, plan, selected)
+        stored = one.get("stored", [])
+        if not isinstance(stored, list):
+            raise ValueError("stored is no list")
+        yield Recorded(
+            str(one.get("id")), str(one.get("when")), str(one.get("bus")), identity, plan, selected,
+            frozenset(map(str, stored)),
+        )  # fmt: skip
 
 
 def _damaged(path: Path, why: Exception) -> InputFileError:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from dvtcli.device.change.pending import COMMUNICATION, EVERYTHING
+from dvtcli.device.change.pending import COMMUNICATION, EVERYTHING, GROUPS
 from dvtcli.device.change.proven import Restart, prepare_proof, prove_restore, prove_store, restart_and_read
 from dvtcli.device.held import Held
 from dvtcli.device.store_parameters import RESTORE, STORE, await_power_cycle, reset_and_wait, return_to, sign
@@ -55,11 +55,12 @@ def store_settings(
     proof = None if restart is None or before is None else prove_store(node, before, done, restart)
     if proof is not None and proof.differences and set(changed) <= set(proof.differing):
         node.pending.was_not_kept(stored_at)
+    node.is_stored(set(changed) - set(() if proof is None else proof.differing))
     if not session.dry_run:
         session.record.add(node.node_id, ["store" if sub_index is None else f"store {sub_index}"])
     return Stored(
         node.node_id, done.place, "store", done.seconds, node.profile.store.timeout_s, changed, session.dry_run, proof,
-        because=because, prove_asked=prove is not None,
+        because=because, prove_asked=prove is not None, all_known=node.keeper is None and done.sub_index in GROUPS,
     )  # fmt: skip
 
 

@@ -105,7 +105,7 @@ def stored_lines(result: Stored, _width: int) -> Iterator[Line]:
     if result.because:
         yield [Cell(f"stored all the same: {result.because}", "dim")]
     if result.word == "store":
-        changed = ", ".join(result.changed) or "nothing by dvtcli"
+        changed = ", ".join(result.changed) or ("nothing by dvtcli" if result.all_known else "not known")
         yield f'0x{result.object} <- "{word}"     changed since the last store: {changed}'
     else:
         yield f'0x{result.object} <- "{word}"'

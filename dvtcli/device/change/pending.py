@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from dvtcli.domain.several import several
@@ -28,6 +29,11 @@ class Pending:
     lost_until: int = 0
     #: boot-up messages seen when the node was last known to hold what this session set; None before that
     boot_ups: int | None = None
+
+    def of_others(self, unstored: Mapping[str, int]) -> None:
+        """Other processes changed *unstored*, labels with their indices, and the node still holds it."""
+        own = {label: index for label, index in self.unstored.items() if label not in unstored}
+        self.unstored = {**unstored, **own}
 
     def changed(self, label: str, index: int) -> None:
         """The object at *index*, called *label*, was changed in RAM."""

@@ -179,6 +179,8 @@ class Stored(Answer):
     skipped: str = ""
     because: str = ""
     prove_asked: bool = False
+    #: whether nobody but this dvtcli can have changed the node, so that *changed* is all of it
+    all_known: bool = False
 
     def __bool__(self) -> bool:
         """Whether it is as it should be, and proved if that was asked for: a dry run proves nothing."""
@@ -204,10 +206,11 @@ class Stored(Answer):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What a proof that holds does not show, and what it left out."""
+        """What is not known, what a proof that holds does not show, and what it left out."""
         proof = self.proof
         if proof is None:
-            return ()
+            unknown = self.word == "store" and not (self.changed or self.all_known or self.skipped)
+            return ("what changed since the last store is not known",) if unknown else ()
         known, did = "", "the load did it"
         if self.word == "store" and not self.changed:
             known, did = "no change since the last store", "the save wrote it"

@@ -1,0 +1,55 @@
+"""Which remembered changes, of whichever process, a node holds that no store of dvtcli took. Writes nothing to it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
+from dvtcli.device.compare import differences
+from dvtcli.device.wish import unlike_values
+from dvtcli.domain.plan import PdoChange, alters
+from dvtcli.errors import InputFileError, SdoAborted, UsageError
+
+if TYPE_CHECKING:
+    from dvtcli.device.change.plan_document import Identity
+    from dvtcli.device.node import Node
+    from dvtcli.device.past import Past
+    from dvtcli.domain.plan import Change
+
+
+def held_unstored(node: Node, past: Past, identity: Identity) -> Mapping[str, int]:
+    """Labels of changes that *node* holds and no store is known to have taken, each with its index.
+
+    *past* remembers them of the device of this *identity* (0x1018). It is read for that: what a restart took, or
+    somebody else replaced, is none of them. Nothing where the file is damaged, which the next change says.
+    """
+    return {
+        label: change.steps[0].index
+        for label, change in _unstored(node, past, identity).items()
+        if _is_held(node, change)
+    }
+
+
+def _unstored(node: Node, past: Past, identity: Identity) -> dict[str, Change]:
+    """The last remembered change of each PDO and object, where it was not stored; oldest first."""
+    try:
+        entries = past.entries(node.node_id, identity)
+    except InputFileError:
+        return {}
+    last: dict[str, Change | None] = {}
+    for entry in entries:
+        for change in entry.plan.changes:
+            if alters(change) and node.profile.store.needed_for(change.steps[0].index):
+                last.pop(change.label, None)
+                last[change.label] = None if change.label in entry.stored else change
+    return {label: change for label, change in last.items() if change is not None}
+
+
+def _is_held(node: Node, change: Change) -> bool:
+    with suppress(SdoAborted, UsageError):  # what cannot be read is not claimed
+        if isinstance(change, PdoChange):
+            return not list(differences(change.pdo, change.after, node.pdo(change.pdo)))
+        place = change.step.index, change.step.sub_index
+        return change.step.before is not None and not list(unlike_values(node, {place: change.step.after}))
+    return False
