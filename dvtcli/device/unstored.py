@@ -13,12 +13,12 @@ from dvtcli.errors import InputFileError, SdoAborted, UsageError
 
 if TYPE_CHECKING:
     from dvtcli.device.change.plan_document import Identity
-    from dvtcli.device.node import Node
+    from dvtcli.device.known_pdos import KnownPdos
     from dvtcli.device.past import Past
     from dvtcli.domain.plan import Change
 
 
-def held_unstored(node: Node, past: Past, identity: Identity) -> Mapping[str, int]:
+def held_unstored(node: KnownPdos, past: Past, identity: Identity) -> Mapping[str, int]:
     """Labels of changes that *node* holds and no store is known to have taken, each with its index.
 
     *past* remembers them of the device of this *identity* (0x1018). It is read for that: what a restart took, or
@@ -31,7 +31,7 @@ def held_unstored(node: Node, past: Past, identity: Identity) -> Mapping[str, in
     }
 
 
-def _unstored(node: Node, past: Past, identity: Identity) -> dict[str, Change]:
+def _unstored(node: KnownPdos, past: Past, identity: Identity) -> dict[str, Change]:
     """The last remembered change of each PDO and object, where it was not stored; oldest first."""
     try:
         entries = past.entries(node.node_id, identity)
@@ -46,7 +46,7 @@ def _unstored(node: Node, past: Past, identity: Identity) -> dict[str, Change]:
     return {label: change for label, change in last.items() if change is not None}
 
 
-def _is_held(node: Node, change: Change) -> bool:
+def _is_held(node: KnownPdos, change: Change) -> bool:
     with suppress(SdoAborted, UsageError):  # what cannot be read is not claimed
         if isinstance(change, PdoChange):
             return not list(differences(change.pdo, change.after, node.pdo(change.pdo)))
