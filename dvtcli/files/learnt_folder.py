@@ -6,14 +6,16 @@ Knows names of files and what stands in them. Does not know how it was learnt.
 from __future__ import annotations
 
 import shutil
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from dvtcli.domain.learning.conclusions import Conclusions
+from dvtcli.domain.profile import DeviceProfile
 from dvtcli.errors import UsageError
 from dvtcli.files.family_toml import quoted, toml_text
 from dvtcli.files.profile.library import folder as profile_folder
+from dvtcli.files.profile.toml import read_profile
 
 PROFILE, SIMULATED = "profile.toml", "simulated.toml"
 #: The first line of every file that `learn` writes.
@@ -46,6 +48,16 @@ def refuse_foreign(name: str) -> None:
     own = folder.is_dir() and all(is_learnt(folder / name) for name in (PROFILE, SIMULATED))
     if not own:
         raise UsageError(f"{folder} exists, and `learn` did not write it", hint="--save takes another name")
+
+
+def kept_profiles(name: str) -> Iterator[tuple[Path, DeviceProfile]]:
+    """The profiles that were saved as *name*, each with its place: the folder's, and the user's own.
+
+    InputFileError where one cannot be read.
+    """
+    for path in (Path(name) / PROFILE, own_path(name)):
+        if path.exists():
+            yield path, read_profile(path.read_text(encoding="utf-8"), str(path))
 
 
 def is_learnt(path: Path) -> bool:

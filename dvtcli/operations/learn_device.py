@@ -54,9 +54,10 @@ def learn(
 ) -> LearntDevice | LearnForecast:
     """Find out what the selected node takes, and put everything back.
 
-    *save* is the name of the profile and of the folder that are written, *compare* that of a profile to compare with;
-    *isolated* asserts that nothing else is on the bus. Errors: SafetyRefusal without consent, DeviceRefused where no
-    PDO can be asked, UsageError where *save* names somebody else's folder.
+    *save* is the name of the profile and of the folder that are written, *compare* that of a profile, or the path of
+    such a folder, to compare with; *isolated* asserts that nothing else is on the bus. Errors: SafetyRefusal without
+    consent, and without force where *save* was learnt of another device; DeviceRefused where no PDO can be asked,
+    UsageError where *save* names somebody else's folder.
     """
     started = time.monotonic()
     node = session.node()
@@ -64,6 +65,8 @@ def learn(
         _refuse_name(save)
         _eds_of(session, node)
     known = None if compare is None else _profile_values(compare)
+    if save is not None and not session.options.force:
+        _refuse_other(save, node)
     found = node.claim()
     if found.state is NmtState.STOPPED:
         raise SafetyRefusal(
@@ -122,10 +125,11 @@ def _stores(node: Node) -> str:
 def _consent(session: Session, prepared: _Prepared, state: NmtState | None, *, isolated: bool) -> None:
     node = prepared.node
     labels = several(subject.pdo.label for subject in prepared.subjects)
-    on = several(subject.pdo.label for subject in prepared.subjects if subject.held.enabled)
+    enabled = [subject.pdo.label for subject in prepared.subjects if subject.held.enabled]
+    verb = "is" if len(enabled) == 1 else "are"
     parts = [
         f"{labels} of node {node.node_id} will be written up to {prepared.limit} times and put back",
-        f"{on} is enabled, and off meanwhile" if on else "",
+        f"{several(enabled)} {verb} enabled, and off meanwhile" if enabled else "",
         prepared.stores,
         "the node is OPERATIONAL, will be PRE-OPERATIONAL meanwhile, and OPERATIONAL again after that"
         if state is NmtState.OPERATIONAL
@@ -159,6 +163,27 @@ def _refuse_name(name: str) -> None:
     if name in builtin_names():
         raise UsageError(f"{name} is a profile that comes with dvtcli", hint=f"--save my-{name}")
     refuse_foreign(name)
+
+
+def _refuse_other(name: str, node: Node) -> None:
+    """Raise SafetyRefusal where what is kept as *name* was learnt of a device with another identity than *node*."""
+    from dvtcli.files.learnt_folder import kept_profiles
+
+    held = node.identity()
+    own = (held.get("vendor") or 0, (held.get("product") or 0) if held.get("vendor") else 0)
+    for path, kept in kept_profiles(name):
+        theirs = (next(iter(kept.vendor_ids), 0), next(iter(kept.product_codes), 0))
+        if theirs != own:
+            raise SafetyRefusal(
+                f"{path} was learnt of another device: {kept.title}, {_identity_text(*theirs)}; "
+                f"node {node.node_id} is {node.title}, {_identity_text(*own)}",
+                node=node.node_id,
+                hint="--save with another name, or --force to write over it",
+            )
+
+
+def _identity_text(vendor: int, product: int) -> str:
+    return f"vendor 0x{vendor:X} product 0x{product:X}" if vendor else "without an identity"
 
 
 def _saved(session: Session, node: Node, name: str, learnt: Conclusions) -> tuple[str, ...]:
@@ -206,8 +231,14 @@ def _origin(session: Session, node: Node, name: str) -> Origin:
 
 
 def _profile_values(name: str) -> object:
-    from dvtcli.files.profile.library import load_profile
+    """The profile *name*; with a path, as in `./pump`, that in the folder."""
+    from dvtcli.files.profile.library import has_profile, load_folder_profile, load_profile
 
+    path = Path(name)
+    if path.name != name:
+        if not has_profile(path):
+            raise UsageError(f"{name} is no folder with a profile.toml", place=name, hint="--compare takes a name, too")
+        return load_folder_profile(path)
     return load_profile(name)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import can
@@ -35,6 +36,21 @@ def test_without_a_terminal_and_without_yes_it_is_exit_6(state: NmtState) -> Non
         assert (ran.code, "--yes" in ran.stderr) == (6, True), ran
         assert not sent(wire.frames())
         assert node.state is state
+
+
+def test_two_enabled_pdos_are_asked_about_in_the_plural() -> None:
+    with Bench(("tmcm",)) as bench:
+        for pdo in range(1, 5):
+            assert bench.run(f"map tpdo{pdo} 6041").code == bench.run(f"map rpdo{pdo} 6040").code == 0
+        assert "TPDO4, RPDO4 are enabled, and off meanwhile" in " ".join(bench.run("learn").stderr.split())
+
+
+def test_no_line_is_wider_than_the_screen() -> None:
+    with Bench(("tmcm",)) as bench:
+        shown = bench.run("learn --yes --compare generic").stdout.splitlines()
+    tables = [line for line in shown if line.startswith("  ")]
+    assert len(tables) > 30
+    assert max(map(len, tables)) <= 100
 
 
 def test_a_dry_run_sends_nothing_and_shows_every_question() -> None:
@@ -115,6 +131,37 @@ class TestSaving:
         with Bench(("tmcm",)) as bench:
             assert [bench.run("learn --yes --save pump").code for _ in range(2)] == [0, 0]
             assert bench.run("learn --yes --compare pump").code == 0
+
+    def test_what_was_learnt_of_another_device_is_not_written_over(self) -> None:
+        with Bench(("tmcm",)) as bench:
+            assert bench.run("learn --yes --save pump").code == 0
+        own, folder = Path.home() / ".config/dvtcli/profiles/pump.toml", Path("pump/profile.toml")
+        before = own.read_text("utf-8")
+        with Bench(("gen4",)) as bench:
+            for kept in ("pump/profile.toml was", "pump.toml was"):
+                ran = bench.run("learn --yes --save pump")
+                assert ran.code == 6, ran
+                said = " ".join(ran.stderr.split())
+                assert f"{kept} learnt of another device: TMCM, vendor 0x286 product 0x1844; node 1 is" in said
+                assert "--force" in said
+                shutil.rmtree("pump", ignore_errors=True)
+            assert own.read_text("utf-8") == before
+            assert bench.run("learn --yes --save pump --force").code == 0
+        assert own.read_text("utf-8") == folder.read_text("utf-8") != before
+
+    def test_a_folder_can_be_compared_with(self) -> None:
+        with Bench(("tmcm",)) as bench:
+            assert bench.run("learn --yes --save pump").code == 0
+            (Path.home() / ".config/dvtcli/profiles/pump.toml").unlink()
+            assert bench.run("learn --yes --compare ./pump").code == 0
+            ran = bench.run("learn --yes --compare ./pimp")
+        assert (ran.code, "./pimp is no folder with a profile.toml" in ran.stderr) == (2, True), ran
+
+    def test_what_is_written_says_who_uses_it_from_now_on(self) -> None:
+        with Bench(("tmcm",)) as bench:
+            lines = bench.run("learn --yes --save pump").stdout.splitlines()
+        assert lines[-2].endswith("profiles/pump.toml")
+        assert "delete that file" in lines[-1]
 
     @pytest.mark.parametrize(("name", "code"), [("gen4", 2), ("Pump!", 2), ("mine", 2), ("../pump", 2)])
     def test_no_other_folder(self, name: str, code: int) -> None:

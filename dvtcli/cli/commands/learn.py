@@ -19,9 +19,17 @@ TASK = ("Find nodes", 55)
 
 @click.command("learn", cls=DvtCommand, short_help=__doc__, effect=Effect.COMMANDS)
 @click.option(
-    "--save", type=TEXT, metavar="NAME", help="Write profile, simulated family and EDS into the folder ./NAME."
+    "--save",
+    type=TEXT,
+    metavar="NAME",
+    help="Write profile, simulated family and EDS into the folder ./NAME, and the profile among your own, too.",
 )
-@click.option("--compare", type=TEXT, metavar="PROFILE", help="Say what differs from this profile; exit code 3 then.")
+@click.option(
+    "--compare",
+    type=TEXT,
+    metavar="PROFILE",
+    help="Say what differs from this profile, or that in the folder ./NAME; exit code 3 then.",
+)
 @click.option("--isolated", is_flag=True, help="Nothing else is on the bus: ask for restricted CAN-IDs, too.")
 @click.pass_obj
 def command(session: Session, /, save: str | None, compare: str | None, isolated: bool) -> LearntDevice | LearnForecast:

@@ -16,7 +16,7 @@ _NAMED = 4
 def learnt_lines(result: LearntDevice, width: int) -> Iterator[Line]:
     """What the device takes, how it answers the rest, and what is written."""
     yield [Cell(f"node {result.node}", "bold"), Cell(f"  {result.title}: what it takes")]
-    table = Table(("VALUE", "LEARNT", "EVIDENCE"), shrink=3)
+    table = Table(("VALUE", "LEARNT", "EVIDENCE"), shrink=2)
     for one in result.conclusions.profile:
         table.add(one.key, value_text(one.value), Cell(_short(one.evidence), "dim"))
     yield from table.lines(width)
@@ -31,6 +31,8 @@ def learnt_lines(result: LearntDevice, width: int) -> Iterator[Line]:
     )
     for path in result.saved:
         yield f"written: {path}"
+    if result.saved:
+        yield "nodes of its identity use the last one from now on; delete that file to take it back"
 
 
 def _answer_lines(result: LearntDevice, width: int) -> Iterator[Line]:
@@ -77,7 +79,7 @@ def _compared(result: LearntDevice, width: int) -> Iterator[Line]:
         yield f"no difference from the profile {name}"
         return
     yield f"it differs from the profile {name}:"
-    table = Table(("VALUE", "PROFILE", "LEARNT", "EVIDENCE"), shrink=4)
+    table = Table(("VALUE", "PROFILE", "LEARNT", "EVIDENCE"), shrink=3)
     for one in differences:
         said = "-" if one.said is None else value_text(one.said)
         table.add(one.key, said, value_text(one.learnt.value), Cell(_short(one.learnt.evidence), "dim"))
