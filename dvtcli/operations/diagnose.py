@@ -196,6 +196,10 @@ def _node(session: Session) -> Iterator[Check]:
         hint = "objects have no names: --eds FILE, or eds add FILE once and for all"
         yield Check("node", "warn", f'node {node_id} "{node.title}" answers; no EDS is known for it', hint)
         return
+    if node.unlike_file:
+        hint = "changes need --force: give the --eds FILE of this device, or none"
+        yield Check("node", "warn", f"node {node_id} answers; {node.unlike_file}", hint)
+        return
     yield Check("node", "ok", f'node {node_id} "{node.title}" answers; {node.dictionary.source}')
 
 

@@ -159,8 +159,8 @@ def restore_defaults(session: Session, node: Node, sub_index: int | None, *, pro
 
 
 def _before_restore(node: Node, restart: Restart) -> tuple[Held | None, tuple[str, ...]]:
-    """What *node* holds ahead of a restore, and what was lost to find out: without an EDS, what it comes up with."""
-    if node.dictionary is None:
+    """What *node* holds ahead of a restore, and what was lost to find out: without its EDS, what it comes up with."""
+    if node.dictionary is None or node.unlike_file:
         return restart_and_read(node, restart)
     try:
         return Held.now(node), ()

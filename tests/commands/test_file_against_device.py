@@ -53,6 +53,25 @@ def test_it_is_noted_once_for_reading() -> None:
         assert "gen4.eds is about" not in one.run("read 1000 --dry-run").stderr
 
 
+def test_doctor_warns_of_it() -> None:
+    with Wire(device("tmcm")) as wire, bench(wire, family_eds("gen4")) as one:
+        (document,) = one.run("doctor --json").documents
+    (node,) = (check for check in document["checks"] if check["check"] == "node")
+    assert node["verdict"] == "warn"
+    assert "gen4.eds is about vendor 0x0000001E, node 1 is vendor 0x00000286" in node["text"]
+
+
+def test_its_defaults_are_not_what_a_restore_is_measured_by() -> None:
+    with Wire(device("tmcm")) as wire, bench(wire, family_eds("gen4")) as one:
+        (document,) = one.run("restore --prove --json").documents
+        assert document["against"] == "what was stored before"
+        assert document["differences"] == []
+        ran = one.run("restore --prove")
+    assert "the EDS is another device's, and nothing differs from what was stored before" in " ".join(
+        ran.stdout.split()
+    )
+
+
 def test_undo_needs_no_file() -> None:
     with Wire(device("tmcm")) as wire:
         with bench(wire, family_eds("tmcm")) as one:

@@ -199,16 +199,18 @@ def prove_restore(
     """Restart *node*, whose restore was acknowledged, and compare what it holds with the defaults of the EDS.
 
     That are its PDOs, and the single objects that dvtcli wrote. *before* is what it held ahead of the restore.
-    Without an EDS a PDO must differ from *before*, read after a restart that took *lost_before*.
+    Without an EDS, or with that of another device, a PDO must differ from *before*, read after a restart that took
+    *lost_before*.
     """
     with _acknowledged(node, signed):
         after, lost = restart_and_read(node, restart)
     lost = (*lost_before, *lost)
-    if node.dictionary is not None:
+    if node.dictionary is not None and not node.unlike_file:
         return _against_defaults(node, node.dictionary, signed, restart, before, after, lost)
     uncovered = _uncovered(signed.sub_index)
     changed = sum(_is_otherwise(config, after.pdos.get(pdo)) for pdo, config in (before.pdos if before else {}).items())
-    unproved = "no EDS tells the defaults, and nothing differs from what was stored before"
+    who = "the EDS is another device's" if node.unlike_file else "no EDS tells the defaults"
+    unproved = f"{who}, and nothing differs from what was stored before"
     return Proof(
         restart.by, changed, "what was stored before", (), uncovered or ("" if changed else unproved), lost=lost,
         hint=_RESTORE_ALL if uncovered else "--eds FILE tells its defaults", notes=after.notes,
