@@ -69,11 +69,16 @@ def _value(config: PdoConfig, field: str) -> int | None:
 
 def harmless_places(node: Node, pdos: Mapping[Pdo, PdoConfig]) -> Iterator[Place]:
     """Parameters of PDOs that are disabled and not kept by the device itself, with a value that the rules allow."""
-    off = [(pdo, config) for pdo, config in pdos.items() if not config.enabled and config.mpdo is None]
+    off = [(pdo, config) for pdo, config in pdos.items() if _is_off(config)]
     for field, sub_index, values in _FIELDS:
         for pdo, config in off:
             if node.profile.store.needed_for(pdo.communication_index):
                 yield from islice(_allowed(node, pdo, config, field, sub_index, values), 1)
+
+
+def _is_off(config: PdoConfig) -> bool:
+    """Whether it was read that it sends nothing; one whose COB-ID cannot be read may be sending."""
+    return config.has_cob_id and not config.enabled and config.mpdo is None
 
 
 def _allowed(

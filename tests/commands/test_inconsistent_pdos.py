@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -123,8 +124,11 @@ def test_a_communication_parameter_without_its_mapping() -> None:
 def test_a_mapping_without_its_communication_parameter() -> None:
     with bench(without(0x1801)) as one:
         shown = row(one.run("pdo --all --json"), "tpdo2")
-        assert (shown["enabled"], shown["cob_id"], len(shown["mapping"])) == (False, None, 1)
+        assert (shown["enabled"], shown["cob_id"], len(shown["mapping"])) == (None, None, 1)
         assert shown["inconsistent"] == "its COB-ID 0x1801:01 cannot be read"
+        assert re.search(r"TPDO2 +- +\? ", one.run("pdo --all").stdout)
+        ran = one.run("disable tpdo2")
+        assert (ran.code, "nobody can tell whether TPDO2 is off" in ran.stderr) == (1, True), ran
         ran = one.run("map tpdo2 6000:2")
         assert (ran.code, "TPDO2 of this device has no COB-ID" in ran.stderr) == (1, True)
         assert one.run("map tpdo2 6000:2 --off").code == 0
@@ -132,6 +136,17 @@ def test_a_mapping_without_its_communication_parameter() -> None:
         assert one.run("clear tpdo2").code == 0
         assert row(one.run("pdo --all --json"), "tpdo2")["mapping"] == []
         assert one.run("map tpdo1 6000:3").code == 0, "the others are compared without it"
+
+
+def test_a_pdo_whose_cob_id_cannot_be_read_is_not_the_one_that_a_proof_changes() -> None:
+    eds = plain()
+    half = communication(0x281)
+    del half[1]
+    eds.record(0x1801, "Communication 2", half)
+    eds.record(0x1A01, "Mapping 2", mapping(1, [FIRST, 0, 0, 0]))
+    with bench(eds) as one:
+        assert one.run("map tpdo1 6000:2").code == 0
+        assert "of TPDO2" not in one.run("store --prove").stdout
 
 
 def test_a_file_with_half_a_pdo_wishes_that_half_only() -> None:

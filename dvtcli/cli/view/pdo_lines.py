@@ -57,7 +57,7 @@ def _inconsistency(row: PdoRow) -> Iterator[Line]:
 
 def _cells(row: PdoRow) -> list[str | Cell]:
     parameter = row.config.communication
-    state = Cell("enabled", "green") if row.config.enabled else Cell("off", "dim")
+    state = _state(row, "dim")
     inhibit = "" if parameter.inhibit_time is None else _milliseconds(parameter.inhibit_time / 10)
     timer = "" if parameter.event_timer is None else _milliseconds(parameter.event_timer)
     mapped = ", ".join(_names(row)) or "-"
@@ -65,6 +65,13 @@ def _cells(row: PdoRow) -> list[str | Cell]:
         Cell(row.pdo.label, "bold"), _cob_id(row), state, _type(row.config, row), inhibit, timer,
         _length(row.config), mapped + (" *" if row.unstored else ""),
     ]  # fmt: skip
+
+
+def _state(row: PdoRow, off: str) -> Cell:
+    """Whether it is on the bus; *off* is the style of one that is not."""
+    if not row.config.has_cob_id:
+        return Cell("?", "yellow")
+    return Cell("enabled", "green") if row.config.enabled else Cell("off", off)
 
 
 def _cob_id(row: PdoRow) -> str:
@@ -99,7 +106,7 @@ def _detail(result: PdoListing, row: PdoRow, width: int) -> Iterator[Line]:
         Cell(f"{pdo.label} of node {result.node}", "bold"), Cell(f' "{result.title}"    {where}'),
         Cell(", not stored", "yellow") if row.unstored else Cell(""),
     ]  # fmt: skip
-    state = Cell("enabled", "green") if row.config.enabled else Cell("off", "yellow")
+    state = _state(row, "yellow")
     rtr = "RTR allowed" if parameter.cob_id.rtr_allowed else "no RTR"
     wide = ", 29-bit" if parameter.cob_id.extended else ""
     default = "" if row.default_can_id is None else f" (default 0x{row.default_can_id:03X})"

@@ -32,7 +32,7 @@ def whole_findings(proposal: Proposal) -> Iterator[Finding]:
         place, hint = proposal.mapping_place(0), "choose another PDO (pdo --all); disable switches this one off"
         yield error("half-pdo", place, f"{label} of this device has no mapping: {place} cannot be read",
                     Abort.NO_OBJECT, hint)  # fmt: skip
-    if not now.has_cob_id and _is_described(proposal) and (now == want or needs_disabling(now, want)):
+    if not now.has_cob_id and (now == want or (_is_described(proposal) and needs_disabling(now, want))):
         place = proposal.communication_place(1)
         yield error("half-pdo", place, f"nobody can tell whether {label} is off: {place} cannot be read",
                     None, "choose another PDO (pdo --all)")  # fmt: skip

@@ -60,7 +60,7 @@ class PdoRow:
         parameter = self.config.communication
         return {
             "pdo": str(self.pdo),
-            "enabled": self.config.enabled,
+            "enabled": self.config.enabled if self.config.has_cob_id else None,
             "cob_id": parameter.cob_id.can_id if self.config.has_cob_id else None,
             "extended": parameter.cob_id.extended,
             "rtr_allowed": parameter.cob_id.rtr_allowed,
