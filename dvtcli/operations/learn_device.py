@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -79,7 +81,8 @@ def learn(
     if session.dry_run:
         return LearnForecast(node.node_id, prepared.pdos, prepared.probes, prepared.limit, prepared.stores)
     _consent(session, prepared, found.state, isolated=isolated)
-    asked = ask_safely(node, prepared.subjects, pdos, found, Terms(prepared.limit, isolated))
+    terms = Terms(prepared.limit, isolated)
+    asked = ask_safely(node, prepared.subjects, pdos, found, terms, _told(session, prepared))
     learnt = _concluded(node, asked)
     answers = [answer for one in asked.known for answer in one.answers.values()]
     return LearntDevice(
@@ -89,10 +92,21 @@ def learn(
     )  # fmt: skip
 
 
+def _told(session: Session, prepared: _Prepared) -> Callable[[], None]:
+    """What tells the user of each write; how many there will be depends on the answers."""
+    count, node_id = itertools.count(1), prepared.node.node_id
+
+    def wrote() -> None:
+        session.tell.progress(f"node {node_id}: learning, write {next(count)} of {prepared.limit} at most", 0, 0)
+
+    return wrote
+
+
 def _heard(session: Session) -> frozenset[int]:
     """CAN-IDs that pass; none may be known where the bus carries no frames, so then no PDO is enabled."""
     if not session.bus.carries_frames:
         return frozenset(range(0x800))
+    session.tell.progress(f"listening for {LISTEN_S} s to which CAN-IDs are in use", 0, 0)
     return frozenset(frame.can_id for frame in session.bus.receive(LISTEN_S))
 
 

@@ -16,7 +16,9 @@ from dvtcli.cli.view.progress_line import ProgressLine
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.request import PdoRequest
 from dvtcli.operations.change import configure
+from dvtcli.operations.learn_device import learn
 from dvtcli.operations.options import Options
+from dvtcli.operations.results import LearntDevice
 from dvtcli.operations.session import Session
 from dvtcli.operations.telling import Silent
 
@@ -50,6 +52,18 @@ def test_each_object_that_is_read_and_each_step_is_told_as_it_happens() -> None:
     assert steps == [(1, 2), (2, 2)]
     assert texts[-1].startswith("node 1: step 2 of 2  0x1800:01 <- 0x")
     assert texts[-1].endswith("; reading back")
+
+
+def test_each_write_of_learn_is_told_as_it_happens() -> None:
+    follower = Follower()
+    with Session(Options(sim=("tmcm",), yes=True), follower) as session:
+        learnt = learn(session)
+    assert isinstance(learnt, LearntDevice)
+    texts = [text for text, *_ in follower.said]
+    assert "listening for 1.5 s to which CAN-IDs are in use" in texts
+    writes = [text for text in texts if text.startswith("node 1: learning, write ")]
+    assert len(writes) == learnt.writes
+    assert [int(text.split()[4]) for text in writes] == [*range(1, learnt.writes + 1)]
 
 
 def test_a_pipe_gets_a_line_each_tenth_of_what_takes_long() -> None:
