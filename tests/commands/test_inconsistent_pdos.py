@@ -178,3 +178,19 @@ def test_a_dry_run_says_the_same(line: str) -> None:
         tried, done = one.run(f"{line} --dry-run"), one.run(line)
         assert tried.code == done.code
         assert ("way-back" in tried.stderr) is ("way-back" in done.stderr)
+
+
+@pytest.mark.parametrize(
+    ("entries", "said"),
+    [
+        ([INPUTS << 16 | 0x0120, INPUTS << 16 | 0x0220, FIRST], "TPDO1 is enabled with 72 bits: a PDO holds 64"),
+        ([FIRST, 0, FIRST], "TPDO1 is enabled with mapping entry 2 empty"),
+    ],
+)
+def test_an_enabled_pdo_that_no_frame_can_hold_is_remarked_on(entries: list[int], said: str) -> None:
+    eds = plain()
+    eds.record(0x1A00, "Mapping 1", mapping(3, [*entries, 0]))
+    with bench(eds) as one:
+        assert said in one.run("pdo --all").stdout
+        assert one.run("clear tpdo1").code == 0
+        assert "TPDO1 is enabled" not in one.run("pdo --all").stdout

@@ -44,6 +44,7 @@ def _is_of_interest(row: PdoRow) -> bool:
 
 def _inconsistency(row: PdoRow) -> Iterator[Line]:
     """What is wrong with a PDO as it stands, and what mends it."""
+    yield from _impossible(row)
     if not row.config.inconsistency:
         return
     way = "map or clear repairs it" if row.config.has_cob_id and row.config.has_mapping else ""
@@ -53,6 +54,17 @@ def _inconsistency(row: PdoRow) -> Iterator[Line]:
         Cell(f"{row.pdo.label} is inconsistent: ", "red"),
         Cell("; ".join(filter(None, [row.config.inconsistency, way]))),
     ]
+
+
+def _impossible(row: PdoRow) -> Iterator[Line]:
+    """What an enabled PDO maps that no frame can hold."""
+    if not row.config.enabled or row.config.mpdo is not None:
+        return
+    if row.config.bits > 64:
+        yield [Cell(f"{row.pdo.label} is enabled with {row.config.bits} bits", "red"), Cell(": a PDO holds 64")]
+    for number, entry in enumerate(row.config.mapping, 1):
+        if not entry.bits:
+            yield [Cell(f"{row.pdo.label} is enabled with mapping entry {number} empty", "red")]
 
 
 def _cells(row: PdoRow) -> list[str | Cell]:
