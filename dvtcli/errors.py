@@ -90,14 +90,17 @@ class InputFileError(DvtcliError):
 
 
 class RuleError(DvtcliError):
-    """Our rules refused a change before anything was written; *findings* say which."""
+    """Our rules refused a change before anything was written; *findings* say which, *can_force* whether force helps."""
 
     slug = "rules"
 
-    def __init__(self, text: str, findings: Sequence[Finding], *, node: int | None = None) -> None:
+    def __init__(
+        self, text: str, findings: Sequence[Finding], *, node: int | None = None, can_force: bool = True
+    ) -> None:
         first = findings[0]
         super().__init__(text, node=node, place=first.place, abort=first.abort, hint=first.hint)
         self.findings = tuple(findings)
+        self.can_force = can_force
 
 
 class SdoAborted(DvtcliError):

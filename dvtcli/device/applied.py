@@ -21,8 +21,8 @@ class Applied:
     not_put_back: tuple[Finding, ...] = ()
 
 
-def refuse(findings: tuple[Finding, ...], text: str, node_id: int, *, force: bool) -> None:
-    """Raise RuleError where *findings* hold an error and *force* is not given."""
+def refuse(findings: tuple[Finding, ...], text: str, node_id: int, *, force: bool, can_force: bool = True) -> None:
+    """Raise RuleError where *findings* hold an error, and *force* is not given or can change nothing of it."""
     stopping = errors_in(findings)
-    if stopping and not force:
-        raise RuleError(f"{text}: {stopping[0].text}", stopping, node=node_id)
+    if stopping and not (force and can_force):
+        raise RuleError(f"{text}: {stopping[0].text}", stopping, node=node_id, can_force=can_force)

@@ -64,7 +64,9 @@ class Node(Changeable):
             if now[pdo] != want or not want.has_cob_id:  # nobody knows whether that is so already
                 findings += check_pdo(proposal(self, pdo, now[pdo], want, wanted))
         labels = several(pdo.label for pdo in wanted)
-        refuse(tuple(findings), f"{labels} not changed", self.node_id, force=force)
+        # with nothing to write, force would only make of "nobody knows" that it is so
+        can_force = all(now[pdo] != want or want.has_cob_id for pdo, want in wanted.items())
+        refuse(tuple(findings), f"{labels} not changed", self.node_id, force=force, can_force=can_force)
         changes = tuple(plan_pdo(pdo, now[pdo], want) for pdo, want in wanted.items())
         return self.apply(Plan(self.node_id, changes), tuple(findings), force=force, found=found)
 

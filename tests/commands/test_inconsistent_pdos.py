@@ -129,6 +129,9 @@ def test_a_mapping_without_its_communication_parameter() -> None:
         assert re.search(r"TPDO2 +- +\? ", one.run("pdo --all").stdout)
         ran = one.run("disable tpdo2")
         assert (ran.code, "nobody can tell whether TPDO2 is off" in ran.stderr) == (1, True), ran
+        assert "--force" not in ran.stderr, "there is nothing that could be sent"
+        forced = one.run("disable tpdo2 --force")
+        assert (forced.code, "nobody can tell whether TPDO2 is off" in forced.stderr) == (1, True), forced
         ran = one.run("map tpdo2 6000:2")
         assert (ran.code, "TPDO2 of this device has no COB-ID" in ran.stderr) == (1, True)
         assert one.run("map tpdo2 6000:2 --off").code == 0

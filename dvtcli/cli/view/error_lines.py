@@ -94,7 +94,7 @@ def _rule_lines(error: RuleError, at: str | None) -> Iterator[Line]:
         yield [Cell("  rule    ", "dim"), Cell(_rule_text(finding))]
         if finding.hint:
             yield [Cell("  hint    ", "dim"), Cell(finding.hint)]
-    forced = "" if error.rehearsed else "; --force sends it anyway"
+    forced = "" if error.rehearsed or not error.can_force else "; --force sends it anyway"
     yield [Cell("  state   ", "dim"), Cell(_state(error, at) + forced)]
 
 
