@@ -6,7 +6,7 @@ Does not know how lines are parsed or run, and shows nothing.
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from dvtcli.device.restarts import held_plans
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from dvtcli.device.change.safekeeping import Keeper
     from dvtcli.device.node import Node
     from dvtcli.domain.plan import Plan
+    from dvtcli.domain.rules import Finding
     from dvtcli.operations.session import Session
 
 #: What stands for a line that is not known, as one of a Tcl script.
@@ -166,7 +167,7 @@ class ScriptChanges:
         try:
             tried.boot_ups = node.bus.boot_ups(node.node_id)
             while self._made(node):
-                _undo_patiently(node)
+                tried.not_put_back += _undo_patiently(node)
         except (DvtcliError, KeyboardInterrupt) as failed:
             tried.failure = _left(node, made, cause, failed)
         return tried
@@ -187,6 +188,8 @@ class _TakenBack:
     made: list[Plan]
     boot_ups: int = 0
     failure: LeftChanged | None = None
+    #: of each PDO that the device did not take back what it is now
+    not_put_back: list[Finding] = field(default_factory=list)
 
     def settled(self, cause: str) -> LeftChanged | None:
         """Once all nodes had their turn: forget the journal; why something of it stays, where it does."""
@@ -202,29 +205,32 @@ class _TakenBack:
         from dvtcli.device.change.way_back import unknown_before
 
         unknown = unknown_before(self.made)
-        if not unknown:
+        if not unknown and not self.not_put_back:
             return None
-        left = _left_changed(self.node, self.made, cause, "; ".join(finding.text for finding in unknown))
-        left.hint = "set it by hand: its value before is not known"
+        why = "; ".join(finding.text for finding in (*unknown, *self.not_put_back))
+        left = _left_changed(self.node, self.made, cause, why)
+        if unknown:
+            left.hint = "set it by hand: its value before is not known"
         return left
 
 
-def _undo_patiently(node: Node) -> None:
-    """Undo one change; a node that is silent may be rebooting, so it is asked again for a while."""
+def _undo_patiently(node: Node) -> tuple[Finding, ...]:
+    """Undo one change; a node that is silent may be rebooting, so it is asked again for a while.
+
+    Returns what the device did not take back.
+    """
     from dvtcli.device.change.put_back import PATIENCE_S, RETRY_S
 
     deadline_s = node.bus.now_s() + PATIENCE_S
     while True:
         try:
-            node.undo()
+            return node.undo().not_put_back
         except (NoAnswer, SdoProtocolError):
             if node.bus.now_s() >= deadline_s:
                 raise
             node.bus.sleep(RETRY_S)
             with suppress(NoAnswer, SdoProtocolError):
                 node.gate.renew()  # where that fails too, the next try finds out
-        else:
-            return
 
 
 def _left(node: Node, plans: list[Plan], cause: str, failed: BaseException) -> LeftChanged:

@@ -127,15 +127,30 @@ class Node(Changeable):
                 unknown[0].text, node=self.node_id, hint="undo --force leaves it so and forgets that change"
             )
         try:
-            applied = self.apply(plan, unknown, kept=False, found=found)
+            applied = self._apply_back(plan, unknown, found, is_patient=bool(foreseen(undone)))
         except DeviceRefused:
-            if not foreseen(undone):
+            if not foreseen(undone) or self.bus.boot_ups(self.node_id) != found.boot_ups:
                 raise
             plan = self.observed(lambda: plan_back(self, undone, as_taken=True))
             applied = self.apply(plan, unknown, kept=False)
             applied = replace(applied, not_put_back=put_back_findings(foreseen(undone)))
         self.unkept += not own
         return applied, count
+
+    def _apply_back(self, plan: Plan, unknown: tuple[Finding, ...], found: Found, *, is_patient: bool) -> Applied:
+        """Apply *plan*, the way back; with *is_patient* a refusal that may pass is waited for, as a roll-back does."""
+        from dvtcli.device.change.put_back import PATIENCE_S, RETRY_S
+        from dvtcli.domain.abort import may_pass
+
+        deadline_s = self.bus.now_s() + (PATIENCE_S if is_patient else 0)
+        while True:
+            try:
+                return self.apply(plan, unknown, kept=False, found=found)
+            except DeviceRefused as refused:
+                passing = refused.abort is not None and may_pass(refused.abort)
+                if not passing or self.bus.now_s() >= deadline_s:
+                    raise
+                self.bus.sleep(RETRY_S)
 
     def prepare_store(self, *, force: bool = False, confirm: bool = True) -> None:
         """Before a store or restore: let nothing be stored that is not as it should be; enter the gate where needed.

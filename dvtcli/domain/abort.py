@@ -34,6 +34,9 @@ class Abort(IntEnum):
     DEVICE_STATE = 0x0800_0022
 
 
+#: the first byte of codes that are about an object, its access or its value
+_ABOUT_THE_REQUEST = 0x06
+
 _TEXTS = {
     0x0503_0000: "toggle bit not alternated",
     0x0504_0000: "SDO protocol timed out",
@@ -72,3 +75,11 @@ _TEXTS = {
 def abort_text(code: int) -> str:
     """What an abort *code* means, in words; unknown codes are said to be unknown."""
     return _TEXTS.get(code, "unknown abort code")
+
+
+def may_pass(code: int) -> bool:
+    """Whether a refusal with *code* may be over a moment later: of the protocol, the memory or the device's state.
+
+    The others are about what was asked for (CiA 301, table 22): the same again is refused again.
+    """
+    return code >> 24 != _ABOUT_THE_REQUEST or code == Abort.HARDWARE

@@ -10,13 +10,26 @@ import pytest
 from dvtcli.device.change.journal import Journals
 from dvtcli.device.change.put_back import restore_patiently
 from dvtcli.device.change.transaction import Transaction
+from dvtcli.device.node import Node
 from dvtcli.device.read_pdos import read_pdo
+from dvtcli.domain.abort import Abort
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.domain.plan import Plan, Step, ValueChange, plan_pdo
-from dvtcli.errors import DeviceRefused, LeftChanged
+from dvtcli.domain.plan import PdoChange, Plan, Step, ValueChange, plan_pdo
+from dvtcli.domain.ports import SdoReader, SdoTransport
+from dvtcli.errors import DeviceRefused, LeftChanged, SdoAborted
 from dvtcli.files.eds.reader import read_eds
-from tests.laws.bench import NODE, DirectSdo, FaultySdo, InstantClock, booted, ignore, refuse
+from tests.laws.bench import (
+    NODE,
+    DirectBus,
+    DirectSdo,
+    FaultySdo,
+    InstantClock,
+    booted,
+    dictionary,
+    ignore,
+    refuse,
+)
 from tests.small_eds import INPUTS, OUTPUTS, communication, mapping, plain
 
 TPDO1, TPDO2 = Pdo.parse("tpdo1"), Pdo.parse("tpdo2")
@@ -104,3 +117,65 @@ def test_a_journal_puts_back_what_the_device_takes_wherever_the_change_was_kille
     assert held in (before, back)
     assert [change.pdo for change in otherwise] == ([] if held == before else [one])
     assert steps > 0 or held == before
+
+
+def refuse_for_its_state(_inner: SdoTransport, index: int, sub_index: int, _data: bytes) -> None:
+    """The device says that it cannot at the moment."""
+    raise SdoAborted(index, sub_index, Abort.DEVICE_STATE, node=NODE)
+
+
+def with_weaker_way_back(sdo: SdoReader) -> PdoChange:
+    """TPDO1 gets another mapping; it was foreseen that its present one is not taken back."""
+    before = read_pdo(sdo, TPDO1)
+    want = replace(before, mapping=(PdoMappingEntry(0x606C, 0, 32),))
+    off = replace(before.communication, cob_id=before.communication.cob_id.disabled())
+    return replace(plan_pdo(TPDO1, before, want), back=PdoConfig(off, ()))
+
+
+@pytest.mark.parametrize("at", range(1, 6))
+def test_a_refusal_that_passes_leads_to_no_weaker_way_back(at: int) -> None:
+    sdo = DirectSdo(booted())
+    change = with_weaker_way_back(sdo)
+    for step in change.steps:
+        sdo.download(step.index, step.sub_index, step.after)
+    faulty = FaultySdo(sdo, refuse_for_its_state, at)
+    assert restore_patiently(faulty, [change], InstantClock(), lambda: None) == ()
+    assert faulty.count > at
+    assert read_pdo(sdo, TPDO1) == change.before
+
+
+@pytest.mark.parametrize("at", range(1, 6))
+def test_nor_does_undo_take_one_for_the_device_s_answer(at: int) -> None:
+    sdo = DirectSdo(booted())
+    faulty = FaultySdo(sdo, refuse_for_its_state, 0)
+    node = Node(DirectBus(sdo.device, faulty), NODE, dictionary("generic"))
+    change = with_weaker_way_back(sdo)
+    node.apply(Plan(NODE, (change,)))
+    node.history = [replace(plan, changes=(change,)) for plan in node.history]
+    faulty.count, faulty.at = 0, at
+    applied = node.undo()
+    assert faulty.count > at
+    assert applied.not_put_back == ()
+    assert read_pdo(sdo, TPDO1) == change.before
+
+
+class AlwaysBusy(DirectSdo):
+    """A device that gives its state as the reason of every refusal."""
+
+    def download(self, index: int, sub_index: int, data: bytes, *, timeout_s: float | None = None) -> None:
+        try:
+            super().download(index, sub_index, data, timeout_s=timeout_s)
+        except SdoAborted:
+            refuse_for_its_state(self, index, sub_index, data)
+
+
+def test_a_refusal_that_lasts_leads_there_whatever_reason_it_gives() -> None:
+    sdo = AlwaysBusy(odd_device().device)
+    before = read_pdo(sdo, TPDO1)
+    back = PdoConfig(replace(before.communication, cob_id=before.communication.cob_id.disabled()), ())
+    entry = PdoMappingEntry(INPUTS, 3, 8)
+    change = replace(plan_pdo(TPDO1, before, PdoConfig(before.communication, (entry,))), back=back)
+    for step in change.steps:
+        sdo.download(step.index, step.sub_index, step.after)
+    assert restore_patiently(sdo, [change], InstantClock(), lambda: None) == (change,)
+    assert read_pdo(sdo, TPDO1) == back

@@ -93,3 +93,16 @@ def test_undo_of_everything_says_it_and_a_program_sees_false(tmp_path: Path) -> 
         undone = node.undo(everything=True)
         assert not undone
         assert len(undone.not_put_back) == 2
+
+
+def test_an_atomic_script_that_is_taken_back_says_what_the_device_did_not_take(tmp_path: Path) -> None:
+    path = odd_eds(tmp_path)
+    script = tmp_path / "x.dvt"
+    script.write_text("map tpdo2 6000:3\nset tpdo1 --timer 7\nmap tpdo2 1018:1\n")
+    with served(tmp_path, str(path)) as server:
+        words = ("-n", "1", "--eds", str(path))
+        done = server.dvtcli(*words, "run", "--atomic", str(script))
+        assert done.returncode == 7, done.stderr
+        assert "TPDO2 was inconsistent, and the device does not take that back: it is off and empty now" in done.stderr
+        assert "everything is as it was" not in done.stderr
+        assert "nothing to recover" in server.dvtcli(*words, "recover", "--yes").stdout

@@ -12,6 +12,7 @@ from typing import Protocol
 
 from dvtcli.device.observe import Undisturbed, Witness
 from dvtcli.device.read_pdos import read_cob_id, read_pdo
+from dvtcli.domain.abort import may_pass
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Change, PdoChange, Step, ValueChange, plan_pdo
@@ -47,32 +48,34 @@ def restore_patiently(
     Also what was not begun: a reboot takes that, too, back to what is stored. Each try reads the device anew, so
     nothing is taken for granted of what an earlier one wrote; what was put back stays put back. A try during which
     the *witness* saw the node restart, or an upload repeated, proves nothing: it is followed by another. *before_retry*
-    makes the device writable again. Raises the last try's error after `PATIENCE_S`. Returns the changes of which the
-    device refused *before* and took *back*.
+    makes the device writable again. After `PATIENCE_S` follows a last try, whose error is raised. Returns the changes
+    of which the device refused *before* and took *back*; a refusal that may pass counts in the last try only.
     """
     witness = witness or Undisturbed()
     deadline = clock.now_s() + PATIENCE_S
     while True:
+        is_last = clock.now_s() >= deadline
         try:
             upsets = witness.upsets()
-            otherwise = restore(sdo, changes)
+            otherwise = restore(sdo, changes, settles=is_last)
             if witness.upsets() == upsets:
                 return otherwise
-            if clock.now_s() >= deadline:
+            if is_last:
                 raise DeviceRefused("the node restarted, or lost an answer, each time that it was put back")
         except _PASSING:
-            if clock.now_s() >= deadline:
+            if is_last:
                 raise
             clock.sleep(RETRY_S)
             with suppress(*_PASSING):
                 before_retry()  # where that fails too, the next try finds out
 
 
-def restore(sdo: SdoTransport, changes: Sequence[Change]) -> tuple[PdoChange, ...]:
+def restore(sdo: SdoTransport, changes: Sequence[Change], *, settles: bool) -> tuple[PdoChange, ...]:
     """Put every change's *before* back, last change first, then verify all; the first failure is raised at the end.
 
     The device is read anew first: after a time-out nobody knows whether the last write arrived. Verified is after the
-    last write only, since putting one PDO back may alter another. Returns what was put back to its *back* instead.
+    last write only, since putting one PDO back may alter another. Returns what was put back to its *back* instead;
+    *settles* says whether that may follow a refusal that may pass.
     """
     failures: list[Exception] = []
     fillers = _fillers(changes)
@@ -81,7 +84,7 @@ def restore(sdo: SdoTransport, changes: Sequence[Change]) -> tuple[PdoChange, ..
         if id(change) in behind:
             continue  # goes with its PDO, whose count is in its way
         try:
-            _put_one_back(sdo, change, fillers)
+            _put_one_back(sdo, change, fillers, settles=settles)
         except NoAnswer:
             raise  # a silent node answers nothing about the others either
         except Exception as failed:  # noqa: BLE001 - the others are put back all the same
@@ -99,26 +102,28 @@ def restore(sdo: SdoTransport, changes: Sequence[Change]) -> tuple[PdoChange, ..
     return tuple(otherwise)
 
 
-def _put_one_back(sdo: SdoTransport, change: Change, fillers: Mapping[Pdo, Sequence[ValueChange]]) -> None:
+def _put_one_back(
+    sdo: SdoTransport, change: Change, fillers: Mapping[Pdo, Sequence[ValueChange]], *, settles: bool
+) -> None:
     """Put back what *change* replaced; where the device refuses that, and that was foreseen, what it takes."""
     try:
         for step in _steps_back(sdo, change, fillers):
             sdo.download(step.index, step.sub_index, step.after)
     except SdoAborted as refused:
-        if not isinstance(change, PdoChange) or not _otherwise_put_back(sdo, change, refused):
+        if not isinstance(change, PdoChange) or not _otherwise_put_back(sdo, change, refused, settles=settles):
             raise
 
 
-def _otherwise_put_back(sdo: SdoTransport, change: PdoChange, refused: SdoAborted) -> bool:
+def _otherwise_put_back(sdo: SdoTransport, change: PdoChange, refused: SdoAborted, *, settles: bool) -> bool:
     """Put back with the PDO off, where a parameter was refused while it was on, else to what the device takes.
 
-    Whether there was another way.
+    Whether there was another way. Less than it was is none as long as the refusal may pass and nothing *settles* it.
     """
     held = read_pdo(sdo, change.pdo)
     parameter = refused.index == change.pdo.communication_index and refused.sub_index != 1
     if held.enabled and parameter:
         steps = plan_pdo(change.pdo, held, change.before, off=True).steps
-    elif change.back is not None:
+    elif change.back is not None and (settles or not may_pass(refused.code)):
         steps = plan_pdo(change.pdo, held, change.back).steps
     else:
         return False
