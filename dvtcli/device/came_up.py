@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.several import several
 
 
 @dataclass(slots=True)
@@ -43,6 +44,9 @@ class CameUp:
             return "its PDOs were not read after its last boot-up"
         if self.written:
             return "it was written since its last boot-up"
-        if not self.pdos.keys() >= now.keys():
+        if now.keys() - self.pdos.keys():
             return "not all its PDOs were read after its last boot-up"
-        return "" if all(self.pdos[pdo] == config for pdo, config in now.items()) else "it is not what came up"
+        gone = [pdo.label for pdo in self.pdos if pdo not in now]
+        if gone:
+            return f"{several(gone)} came up with it and cannot be read any more"
+        return "" if self.pdos == now else "it is not what came up"

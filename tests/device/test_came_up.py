@@ -34,7 +34,13 @@ def test_parts_of_it_may_be_read_one_after_the_other() -> None:
     assert came_up.why_not(1, {TPDO1: FIRST}) == ""
     came_up.read(1, BOTH)
     assert came_up.why_not(1, BOTH) == ""
-    assert came_up.why_not(1, {TPDO1: FIRST}) == "", "a PDO that it no longer answers for is nothing to store"
+
+
+def test_a_pdo_that_is_gone_is_not_as_it_came_up() -> None:
+    came_up = CameUp()
+    came_up.read(1, BOTH)
+    assert came_up.why_not(1, {TPDO1: FIRST}) == "TPDO2 came up with it and cannot be read any more"
+    assert came_up.why_not(1, {}) == "TPDO1, TPDO2 came up with it and cannot be read any more"
 
 
 def test_the_first_reading_counts_and_not_what_somebody_else_made_of_it() -> None:
