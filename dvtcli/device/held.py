@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.pending import GROUPS
+from dvtcli.device.read_pdos import UNREADABLE
 from dvtcli.device.wish import Place
 from dvtcli.domain.command_object import is_command
 from dvtcli.domain.pdo import Pdo, PdoConfig
@@ -23,30 +23,46 @@ if TYPE_CHECKING:
 class Held:
     """What a node holds: its PDOs, and the single objects that this session, or an earlier one, wrote.
 
-    *notes* say what of that was left out.
+    *unread* are those of the objects that could not be read, though they may be at another time, each with why; *notes*
+    say what else of that was left out.
     """
 
     pdos: Mapping[Pdo, PdoConfig]
     values: Mapping[Place, bytes]
     notes: tuple[str, ...] = ()
+    unread: Mapping[Place, str] = field(default_factory=dict)
 
     @classmethod
     def now(cls, node: Node) -> Held:
         """Read it; an object that only takes values is no part of it, nor is one that moves the machine."""
         written, notes = _written(node)
         values: dict[Place, bytes] = {}
+        unread: dict[Place, str] = {}
         for place in (place for place in written if not _is_command(node, place)):
-            with suppress(SdoAborted):
+            try:
                 values[place] = node.sdo.upload(*place)
+            except SdoAborted as aborted:
+                if aborted.code in UNREADABLE:
+                    notes += (f"not compared: {aborted.text}",)
+                else:
+                    unread[place] = aborted.text
         commands = [f"0x{index:04X}:{sub:02X}" for index, sub in written if _is_command(node, (index, sub))]
         if commands:
             notes += (f"not compared: {several(commands)}, since a command or a target is no setting",)
-        return cls(node.pdos(), values, notes)
+        return cls(node.pdos(), values, notes, unread)
 
     def of_group(self, sub_index: int) -> dict[Place, bytes]:
         """The objects that group *sub_index* of 0x1010 or 0x1011 takes; none of a maker's own."""
-        low, high = GROUPS.get(sub_index, (1, 0))
-        return {place: value for place, value in self.values.items() if low <= place[0] <= high}
+        return {place: value for place, value in self.values.items() if _is_in(place, sub_index)}
+
+    def unread_of_group(self, sub_index: int) -> str:
+        """Which objects of that group could not be read, with why; empty where none."""
+        return several(text for place, text in self.unread.items() if _is_in(place, sub_index))
+
+
+def _is_in(place: Place, sub_index: int) -> bool:
+    low, high = GROUPS.get(sub_index, (1, 0))
+    return low <= place[0] <= high
 
 
 def _written(node: Node) -> tuple[list[Place], tuple[str, ...]]:

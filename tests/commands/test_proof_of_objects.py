@@ -6,7 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from dvtcli.simulator.network.family_file import family_eds
+from dvtcli.domain.abort import Abort
+from dvtcli.files.eds.reader import read_eds
+from dvtcli.simulator.device.refusal import Refusal
+from dvtcli.simulator.device.strict_device import StrictDevice
+from dvtcli.simulator.network.family_file import family_eds, load_family
 from tests.commands.bench import Bench
 from tests.commands.bus import Wire, device
 
@@ -96,3 +100,33 @@ def test_a_proof_of_what_may_have_been_so_before_says_that_in_json_too() -> None
         assert bench.run("set tpdo1 --timer 70").code == 0
         assert bench.run("store --prove --json").document["notes"] == []
         assert bench.run("restore --prove --json").document["notes"] == []
+
+
+class Shy(StrictDevice):
+    """A device that refuses to have 0x1017 read, with the abort code *refuses* once it is set."""
+
+    refuses: Abort | None = None
+
+    def upload(self, index: int, sub_index: int) -> bytes:
+        if index == 0x1017 and self.refuses is not None:
+            raise Refusal(self.refuses)
+        return super().upload(index, sub_index)
+
+
+@pytest.mark.parametrize("code", [Abort.DEVICE_STATE, Abort.NO_OBJECT])
+@pytest.mark.parametrize("line", ["store --prove --json", "restore --prove --json"])
+def test_an_object_that_cannot_be_read_is_not_called_equal(line: str, code: Abort) -> None:
+    """An answer that may be another one a moment later is no proof; one that lasts is said."""
+    node = Shy(read_eds(family_eds("generic")).dictionary, load_family("generic"), 1)
+    with Wire(node) as wire:
+        with on_bus(wire) as first:
+            assert first.script("write 1017 1000", "store").code == 0
+        with wire.lock:
+            node.refuses = code
+        with on_bus(wire) as second:
+            ran = second.run(line)
+    document, passes = ran.document, code == Abort.DEVICE_STATE
+    assert (ran.code, document["proved"], document["objects"]) == (int(passes), not passes, 0), document
+    said = document["unproved"] if passes else "; ".join(document["notes"])
+    assert "not compared: 0x1017:00 refused" in said
+    assert f"0x{code:08X}" in said

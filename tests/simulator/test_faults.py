@@ -59,12 +59,20 @@ def some_fault(draw: st.DrawFn) -> Fault:
     return Fault(
         kind,
         draw(st.integers(1, 10**6)) if kind.counted else None,
-        draw(st.integers(0, 0xFFFF_FFFF)) if kind is FaultKind.REFUSE else None,
+        draw(st.integers(0, 0xFFFF_FFFF)) if kind in (FaultKind.REFUSE, FaultKind.REFUSE_READ) else None,
         draw(seconds) if kind in TIMED else None,
         draw(st.none() | st.integers(1, 127)),
         draw(place) if altering else None,
         draw(st.integers(0, 0xFFFF_FFFF)) if altering else None,
     )
+
+
+def test_an_upload_is_refused_when_it_is_its_turn() -> None:
+    bench = Bench("refuse-read@2=0x08000022")
+    read, refused = bytes.fromhex("4000180200000000"), bytes.fromhex("8000180222000008")
+    assert refused not in bench.ask(read) + bench.ask(read), "nothing was downloaded yet"
+    bench.ask(bytes.fromhex("2F00180201000000"))
+    assert [bench.ask(read) == [refused] for _ in range(3)] == [False, True, False]
 
 
 @given(some_fault())
@@ -122,7 +130,7 @@ def test_forms(text: str, written: str | None) -> None:
 
 
 def test_an_unknown_word_lists_the_known_ones() -> None:
-    with pytest.raises(ValueError, match=r"refuse@K=CODE, lose-request@K, .*, store-fails"):
+    with pytest.raises(ValueError, match=r"refuse@K=CODE, refuse-read@K=CODE, .*, store-fails"):
         Fault.parse("what")
 
 

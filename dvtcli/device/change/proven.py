@@ -32,6 +32,7 @@ _BY_ITSELF = 2
 #: What finds out what a reset cannot, and what to do where a power cycle was none.
 _POWER = "store --prove power finds out"
 _RESTORE_ALL = "restore all --prove takes and compares them"
+_AGAIN = "once more with --prove: what refuses to be read for a moment is read then"
 _OFF_FOR_LONGER = "switch it off until nothing of it is lit, and `store --prove power` again"
 
 
@@ -76,17 +77,17 @@ def prove_store(node: Node, before: Held, signed: Signed, restart: Restart) -> P
             blind, hint = "RAM was kept, so this was no power cycle, or it was saved by itself", _OFF_FOR_LONGER
     elif restart.certain:
         blind = ""
-    uncovered = _uncovered(signed.sub_index)
+    uncovered, unread = _uncovered(signed.sub_index), _unread(before, signed)
     return Proof(
         restart.by,
         len(before.pdos),
         "what was stored",
         (*_differences(before.pdos, after), *unlike),
-        uncovered or blind,
+        uncovered or unread or blind,
         "" if canary is None else canary.place.text,
         lost,
         len(values),
-        "store all --prove takes and compares them" if uncovered else hint if blind else "",
+        "store all --prove takes and compares them" if uncovered else _AGAIN if unread else hint if blind else "",
         "" if survived is None else survived.put_back_text,
         notes=before.notes,
     )
@@ -159,6 +160,12 @@ def _uncovered(sub_index: int) -> str:
     if sub_index in (EVERYTHING, COMMUNICATION):
         return ""
     return f"PDOs are what is compared, and nobody says that group {sub_index} has them"
+
+
+def _unread(held: Held, signed: Signed) -> str:
+    """What of *held* could not be compared, since it could not be read at that moment; empty where all could."""
+    unread = held.unread_of_group(signed.sub_index)
+    return unread and f"not compared: {unread}"
 
 
 def _differences(before: Pdos, after: Pdos) -> list[str]:
@@ -235,13 +242,13 @@ def _against_defaults(
         return Proof(restart.by, pdos, against, differences, objects=objects)
 
     found = look(after)
-    told = found.compared or found.objects
+    told, unread = found.compared or found.objects, _unread(after, signed)
     differed = set() if before is None else set(look(before).differing) - set(lost)  # a reset takes those anyway
     return replace(
         found,
-        unproved=uncovered or ("" if told else "the EDS tells no defaults of its PDOs"),
+        unproved=uncovered or unread or ("" if told else "the EDS tells no defaults of its PDOs"),
         lost=lost,
-        hint=_RESTORE_ALL if uncovered else "`pdo` shows what it holds; its manual may tell the defaults",
+        hint=_RESTORE_ALL if uncovered else _AGAIN if unread else "`pdo` shows what it holds; its manual may tell the defaults",
         already=not differed,
         notes=after.notes,
     )

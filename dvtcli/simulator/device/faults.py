@@ -20,6 +20,7 @@ class FaultKind(StrEnum):
     """What goes wrong, by the word that `--fault` takes."""
 
     REFUSE = "refuse"
+    REFUSE_READ = "refuse-read"
     LOSE_REQUEST = "lose-request"
     LOSE_RESPONSE = "lose-response"
     LATE = "late"
@@ -52,7 +53,7 @@ class FaultKind(StrEnum):
     @property
     def at_read(self) -> bool:
         """Whether K counts the uploads since the node's last download, instead of downloads."""
-        return self in (FaultKind.RESET_AFTER_READ, FaultKind.RESET_AT_READ)
+        return self in (FaultKind.REFUSE_READ, FaultKind.RESET_AFTER_READ, FaultKind.RESET_AT_READ)
 
 
 #: what is wrong all the time
@@ -69,6 +70,7 @@ _LASTING = frozenset(
         FaultKind.ENABLE_ALTERS,
     }
 )
+_REFUSALS = (FaultKind.REFUSE, FaultKind.REFUSE_READ)
 _RESETS = (FaultKind.RESET, FaultKind.RESET_AFTER_READ, FaultKind.RESET_AT_READ)
 _TIMED = (FaultKind.LATE, *_RESETS, FaultKind.SLOW_STORE, FaultKind.CORRECTS)
 _ALTERING = (FaultKind.ALTERS, FaultKind.ENABLE_ALTERS)
@@ -83,6 +85,7 @@ class _Form(NamedTuple):
 
 _FORMS = {
     FaultKind.REFUSE: _Form("refuse@K=CODE", "download K is answered with abort CODE (0x06040041)"),
+    FaultKind.REFUSE_READ: _Form("refuse-read@K=CODE", "the K-th upload after a download is answered with abort CODE"),
     FaultKind.LOSE_REQUEST: _Form("lose-request@K", "the request never arrives"),
     FaultKind.LOSE_RESPONSE: _Form("lose-response@K", "it is carried out, the answer is lost"),
     FaultKind.LATE: _Form("late@K=S", "it is carried out, the answer comes S seconds late"),
@@ -123,7 +126,7 @@ class Fault:
     - *at*: the SDO download at which it happens, from 1; None for the kinds that last. What counts are the
       requests of the node's SDO server that begin a download, refused ones too. So K is the step's number that
       `map` prints, as long as nothing (a login, a forced state, an earlier command) wrote to the node before.
-    - *code*: the abort code of `refuse`. *seconds*: of the kinds that take a time, 0..3600.
+    - *code*: the abort code of `refuse` and `refuse-read`. *seconds*: of the kinds that take a time, 0..3600.
     - *place*: index and sub-index of the object that the node changes by itself, and its *value* then.
     - *node_id*: 1..127, None for the first simulated node.
     """
@@ -140,7 +143,7 @@ class Fault:
         """Raise ValueError where a number is missing, has no meaning for the kind, or is out of its range."""
         if (self.at is not None) != self.kind.counted or (self.at is not None and self.at < 1):
             raise _wrong(self.kind, "K counts SDO downloads from 1")
-        if (self.code is not None) != (self.kind is FaultKind.REFUSE) or not 0 <= (self.code or 0) <= 0xFFFF_FFFF:
+        if (self.code is not None) != (self.kind in _REFUSALS) or not 0 <= (self.code or 0) <= 0xFFFF_FFFF:
             raise _wrong(self.kind, "CODE is an abort code, 0…0xFFFFFFFF")
         if (self.seconds is not None) != (self.kind in _TIMED) or not 0 <= (self.seconds or 0) <= _LONGEST_S:
             raise _wrong(self.kind, f"S is a time, 0…{_LONGEST_S:.0f} seconds")
@@ -158,7 +161,7 @@ class Fault:
         kind, value = FaultKind(found["kind"]), found["value"]
         node_id = None if found["node"] is None else _whole(found["node"], kind)
         at = None if found["at"] is None else _whole(found["at"], kind)
-        if kind is FaultKind.REFUSE:
+        if kind in _REFUSALS:
             return cls(kind, at, code=None if value is None else _whole(value, kind), node_id=node_id)
         if kind in _ALTERING:
             place, number = _alteration(value or "", kind)

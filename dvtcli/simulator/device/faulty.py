@@ -92,8 +92,8 @@ class FaultyServer:
         """The answer to *request* at *now_s*, faults included."""
         if len(request) == 8 and request[0] >> 5 == INITIATE_UPLOAD and self._reads is not None:
             self._reads += 1
-            reset = self._due_at_read.pop(self._reads, None)
-            return self._plain(request) if reset is None else self._reset_at_read(reset, request, now_s)
+            fault = self._due_at_read.pop(self._reads, None)
+            return self._plain(request) if fault is None else self._acted_at_read(fault, request, now_s)
         if len(request) == 8 and request[0] >> 5 == INITIATE_DOWNLOAD:
             self.downloads += 1
             self._reads = 0
@@ -104,7 +104,9 @@ class FaultyServer:
             return answer
         return self._plain(request)
 
-    def _reset_at_read(self, fault: Fault, request: bytes, now_s: float) -> Answer:
+    def _acted_at_read(self, fault: Fault, request: bytes, now_s: float) -> Answer:
+        if fault.kind is FaultKind.REFUSE_READ:
+            return _refusal(fault, request)
         answer = self._plain(request) if fault.kind is FaultKind.RESET_AFTER_READ else Answer()
         self._reset(now_s + (fault.seconds or 0.0))
         return answer
@@ -140,7 +142,7 @@ class FaultyServer:
 
     def _acted(self, fault: Fault, request: bytes, now_s: float) -> Answer:
         if fault.kind is FaultKind.REFUSE:
-            return Answer((b"\x80" + request[1:4] + (fault.code or 0).to_bytes(4, "little"),))
+            return _refusal(fault, request)
         if fault.kind in _NEVER_TAKEN:
             self._lose(fault, now_s)
             return Answer()
@@ -219,6 +221,10 @@ def altered(device: StrictDevice, fault: Fault) -> bytes:
     if value >= 1 << 8 * size:
         raise ValueError(f"{fault}: {index:04X}:{sub_index:02X} has {size} byte{'s' if size > 1 else ''} only")
     return value.to_bytes(size, "little")
+
+
+def _refusal(fault: Fault, request: bytes) -> Answer:
+    return Answer((b"\x80" + request[1:4] + (fault.code or 0).to_bytes(4, "little"),))
 
 
 def _moment(fault: Fault) -> str:
