@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from dvtcli.files.eds.reader import read_eds
 from dvtcli.simulator.device.refusal import Refusal
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family
 from tests.commands.bench import Bench
 from tests.commands.bus import Wire
+from tests.small_eds import U32, communication, plain, var
 
 NOT_NOW, COUNT = 0x08000022, (0x1A00, 0)
 
@@ -51,3 +54,29 @@ def test_a_restore_is_not_proved_by_a_mapping_that_is_not_read_after_it() -> Non
         ran = bench.run("restore --prove --yes --json")
     assert ran.code == 1, ran
     assert "nothing differs from what was stored before" in ran.stdout
+
+
+def test_a_restore_beside_an_eds_is_not_proved_either_where_the_mapping_is_not_read_after_it() -> None:
+    device = BusyDevice(2)
+    options = {"eds": str(family_eds("generic"))}
+    with Wire(device, faults=("restores-nothing",)) as wire, Bench((), {**wire.options, **options}) as bench:
+        ran = bench.run("restore --prove --yes --json")
+    assert ran.code == 1, ran
+    assert "TPDO1: 0x1A00:00 cannot be read, its default is 0x01" in ran.stdout
+
+
+def test_what_an_eds_tells_no_default_of_is_said_and_the_rest_compared(tmp_path: Path) -> None:
+    """CAN-ID 0x000 is NMT's: a file that says so of a PDO tells no COB-ID."""
+    eds = plain()
+    eds.record(0x1800, "Communication 1", communication(0))
+    eds.record(0x1011, "Restore", {1: var("Restore all", U32, 1)})
+    path = tmp_path / "untold.eds"
+    path.write_text(eds.text())
+    for fault, code in (((), 0), (("restores-nothing",), 1)):
+        with Bench((str(path),), {"fault": fault, "yes": True}) as bench:
+            assert bench.script("set tpdo1 --timer 70", "store").code == 0
+            document = bench.run("restore --prove --json").document
+            assert document["proved"] is not bool(code)
+            assert document["compared"] == 4
+            assert "not compared: 0x1800:01, of which the EDS tells no default" in "; ".join(document["notes"])
+            assert [text for text in document["differences"] if "0x1800:05" not in text] == []

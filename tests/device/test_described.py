@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from dvtcli.device.described_node import Defaults, FileValues
-from dvtcli.device.eds_defaults import differing_from_defaults, values_unlike_defaults
+from dvtcli.device.eds_defaults import AgainstDefaults, differing_from_defaults, values_unlike_defaults
 from dvtcli.device.missing import hint_for_missing, no_pdo
 from dvtcli.device.wish import Wish, unlike, value_text
 from dvtcli.domain.abort import Abort
@@ -61,7 +61,9 @@ def test_defaults_are_what_the_file_tells_and_nothing_else() -> None:
 
 def test_single_objects_that_are_not_their_default_are_named() -> None:
     held = {(0x1000, 0): b"\2\0", (0x1017, 0): b"\5\0", (0x2000, 0): b"\1\0", (0x2005, 1): b""}
-    assert values_unlike_defaults(DESCRIBED, 5, held) == (2, ["1000:00: is 0x0002, its default is 0x0001"])
+    found = values_unlike_defaults(DESCRIBED, 5, held)
+    assert (found.compared, found.differences) == (2, ("1000:00: is 0x0002, its default is 0x0001",))
+    assert found.untold == ("0x2000:00", "0x2005:01")
 
 
 def altered(config: PdoConfig, **parameters: int) -> PdoConfig:
@@ -72,25 +74,25 @@ def test_every_parameter_of_a_pdo_that_is_not_its_default_is_named() -> None:
     one, _ = node()
     assert one.dictionary is not None
     held = {pdo: one.pdo(pdo) for pdo in (TPDO1, TPDO2, RPDO1)}
-    assert differing_from_defaults(one.dictionary, GENERIC, 1, held) == (3, [])
+    assert differing_from_defaults(one.dictionary, GENERIC, 1, held) == AgainstDefaults(3, (), ())
     held[TPDO1] = altered(held[TPDO1], transmission_type=1, inhibit_time=0x123, event_timer=7)
     held[RPDO1] = replace(held[RPDO1], mapping=(held[TPDO2].mapping[0],))
-    compared, unlike_default = differing_from_defaults(one.dictionary, GENERIC, 1, held)
-    assert compared == 3
-    assert unlike_default == [
+    found = differing_from_defaults(one.dictionary, GENERIC, 1, held)
+    assert (found.compared, found.untold) == (3, ())
+    assert found.differences == (
         "TPDO1: 0x1800:02 is 0x01, its default is 0xFF",
         "TPDO1: 0x1800:03 is 0x0123, its default is 0x0000",
         "TPDO1: 0x1800:05 is 0x0007, its default is 0x0000",
         f"RPDO1: 0x1600:01 is 0x{held[TPDO2].mapping[0].raw:08X}, its default is 0x60400010",
-    ]
+    )
 
 
 def test_a_mapping_of_another_length_is_named_by_its_count() -> None:
     one, _ = node()
     assert one.dictionary is not None
     held = replace(one.pdo(RPDO1), mapping=())
-    assert differing_from_defaults(one.dictionary, GENERIC, 1, {RPDO1: held}) == (
-        1, [f"RPDO1: 0x1600:00 is 0x00, its default is 0x{one.pdo(RPDO1).count:02X}"]
+    assert differing_from_defaults(one.dictionary, GENERIC, 1, {RPDO1: held}) == AgainstDefaults(
+        1, (f"RPDO1: 0x1600:00 is 0x00, its default is 0x{one.pdo(RPDO1).count:02X}",), ()
     )  # fmt: skip
 
 
@@ -122,7 +124,19 @@ def test_a_pdo_of_which_a_file_tells_no_cob_id_is_off(
 
 def test_where_the_file_tells_no_default_nothing_was_compared() -> None:
     one, _ = node()
-    assert differing_from_defaults(DESCRIBED, GENERIC, 1, {TPDO1: one.pdo(TPDO1)}) == (0, [])
+    assert differing_from_defaults(DESCRIBED, GENERIC, 1, {TPDO1: one.pdo(TPDO1)}) == AgainstDefaults(0, (), ("TPDO1",))
+
+
+def test_a_parameter_of_which_the_file_or_the_node_tells_nothing_is_named() -> None:
+    one, _ = node()
+    described = entries(
+        *(OdEntry(0x1800, sub, "", default=data) for sub, data in ((1, bytes(4)), (2, b"\xff"), (5, bytes(2))))
+    )
+    held = replace(one.pdo(TPDO1), mapping=())
+    held = replace(held, communication=replace(held.communication, event_timer=None, inhibit_time=None))
+    found = differing_from_defaults(described, GENERIC, 1, {TPDO1: held})
+    assert (found.compared, found.differences) == (1, ())
+    assert found.untold == ("0x1800:01", "0x1800:05", "0x1800:06", "0x1A00:00"), "0x000 is no CAN-ID of a PDO"
 
 
 @pytest.mark.parametrize(

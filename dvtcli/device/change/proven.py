@@ -20,6 +20,7 @@ from dvtcli.device.store_parameters import Signed, return_to, word_of
 from dvtcli.device.wish import unlike_values
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.proof import Proof
+from dvtcli.domain.several import several
 from dvtcli.errors import DvtcliError
 
 if TYPE_CHECKING:
@@ -32,6 +33,7 @@ _BY_ITSELF = 2
 #: What finds out what a reset cannot, and what to do where a power cycle was none.
 _POWER = "store --prove power finds out"
 _RESTORE_ALL = "restore all --prove takes and compares them"
+_MANUAL = "`pdo` shows what it holds; its manual may tell the defaults"
 _AGAIN = "once more with --prove: what refuses to be read for a moment is read then"
 _OFF_FOR_LONGER = "switch it off until nothing of it is lit, and `store --prove power` again"
 
@@ -236,10 +238,14 @@ def _against_defaults(
     uncovered, against = _uncovered(signed.sub_index), f"the defaults of {dictionary.source or 'the EDS'}"
 
     def look(held: Held) -> Proof:
-        pdos, unlike = differing_from_defaults(dictionary, node.profile, node.node_id, held.pdos)
-        objects, others = values_unlike_defaults(dictionary, node.node_id, held.of_group(signed.sub_index))
-        differences = (*(() if uncovered else unlike), *others)
-        return Proof(restart.by, pdos, against, differences, objects=objects)
+        pdos = differing_from_defaults(dictionary, node.profile, node.node_id, {} if uncovered else held.pdos)
+        objects = values_unlike_defaults(dictionary, node.node_id, held.of_group(signed.sub_index))
+        untold = several((*pdos.untold, *objects.untold))
+        said = (f"not compared: {untold}, of which the EDS tells no default or the node no value",) if untold else ()
+        return Proof(
+            restart.by, pdos.compared, against, (*pdos.differences, *objects.differences), objects=objects.compared,
+            notes=(*held.notes, *said),
+        )  # fmt: skip
 
     found = look(after)
     told, unread = found.compared or found.objects, _unread(after, signed)
@@ -248,7 +254,10 @@ def _against_defaults(
         found,
         unproved=uncovered or unread or ("" if told else "the EDS tells no defaults of its PDOs"),
         lost=lost,
-        hint=_RESTORE_ALL if uncovered else _AGAIN if unread else "`pdo` shows what it holds; its manual may tell the defaults",
+        hint=_RESTORE_ALL
+        if uncovered
+        else _AGAIN
+        if unread
+        else "`pdo` shows what it holds; its manual may tell the defaults",
         already=not differed,
-        notes=after.notes,
     )
