@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 def step_progress(progress: Progress) -> tuple[str, int, int]:
     """What to say of a step that was taken: words, and how many of how many were."""
-    from dvtcli.device.change.transaction import step_text
+    from dvtcli.device.change.failed_change import step_text
 
     text = f"node {progress.node}: step {progress.done} of {progress.total}  {step_text(progress.step)}"
     is_last = progress.done == progress.total

@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 
 from dvtcli.device.change.carry_out import carry_out
+from dvtcli.device.change.failed_change import BRING_BACK
 from dvtcli.device.change.pending import CHANGE
 from dvtcli.device.change.progress import Progress
 from dvtcli.device.change.safekeeping import Keeper
-from dvtcli.device.change.transaction import BRING_BACK
 from dvtcli.device.node import Node
 from dvtcli.device.observe import Found
 from dvtcli.domain.nmt import NmtCommand, NmtState

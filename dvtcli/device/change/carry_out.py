@@ -5,18 +5,18 @@ Decides nothing about what is legal, and shows nothing.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from itertools import count
 from typing import TYPE_CHECKING
 
+from dvtcli.device.change.failed_change import BRING_BACK, BUS_BACK, left_changed
+from dvtcli.device.change.other_pdos import OtherPdos, cob_ids_beside, is_of_pdo, wholes_beside
 from dvtcli.device.change.pending import CHANGE
 from dvtcli.device.change.progress import Progress
-from dvtcli.device.change.transaction import BRING_BACK, BUS_BACK, Transaction, left_changed
+from dvtcli.device.change.transaction import Transaction
 from dvtcli.domain.abort import Abort
-from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.nmt import NmtState
-from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.domain.plan import Change, PdoChange, Plan, Step, writes_cob_id
+from dvtcli.domain.plan import Change, Plan, Step
 from dvtcli.domain.several import several
 from dvtcli.errors import DvtcliError, JournalKept, LeftChanged
 
@@ -66,13 +66,13 @@ def _carry_out(
     is_watched = _is_watched(node, plan)
     if is_watched:
         node.known_pdos()
-    others = _cob_ids(node, plan)
+    cob_ids = cob_ids_beside(node, plan)
     if node.keeper is not None:
         node.keeper.begin(plan, node.identity(), found.state, node.known_pdos, node.last_read)
     try:
-        beside = _beside(node, plan, found)
+        beside = wholes_beside(node, plan, found)
         node.gate.enter()
-        boot_ups = run(node, plan, others, beside)
+        boot_ups = run(node, plan, OtherPdos(cob_ids, beside))
     except LeftChanged as left:
         left_open(node, left)
         raise
@@ -93,34 +93,7 @@ def _is_watched(node: Changeable, plan: Plan) -> bool:
 
     After the only change of a program that makes one nothing is stored: no uploads are spent on that.
     """
-    return _is_of_pdo(plan) and not node.only_one() and not node.expected.is_whole
-
-
-def _cob_ids(node: Changeable, plan: Plan) -> dict[Pdo, CobId]:
-    """The COB-IDs that *plan* leaves alone, to be compared right after it; none where it writes no COB-ID."""
-    if not writes_cob_id(plan):
-        return {}
-    multiplexed = {pdo for pdo, config in node.last_read.items() if config.mpdo is not None}
-    left_out = multiplexed | set(_own(plan))
-    return {pdo: cob_id for pdo, cob_id in node.known_cob_ids().items() if pdo not in left_out}
-
-
-def _beside(node: Changeable, plan: Plan, found: Found) -> dict[Pdo, PdoConfig]:
-    """The PDOs that *plan* leaves alone, to be compared before a store: those that were read since *found*."""
-    if not _is_of_pdo(plan) or node.bus.boot_ups(node.node_id) != found.boot_ups:
-        return {}
-    own = set(_own(plan))
-    movable = {pdo: config for pdo, config in node.last_read.items() if config.mpdo is None and config.has_cob_id}
-    return {pdo: config for pdo, config in movable.items() if pdo not in own}
-
-
-def _is_of_pdo(plan: Plan) -> bool:
-    return any(Pdo.at(step.index) for step in plan.steps)
-
-
-def _own(plan: Plan) -> Iterator[Pdo]:
-    """The PDOs that *plan* is about."""
-    return (change.pdo for change in plan.changes if isinstance(change, PdoChange))
+    return is_of_pdo(plan) and not node.only_one() and not node.expected.is_whole
 
 
 def left_open(node: Changeable, left: LeftChanged) -> None:
@@ -190,8 +163,8 @@ def _add(error: BaseException, text: str) -> None:
         error.details.append(("nmt", text))
 
 
-def run(node: Changeable, plan: Plan, others: Mapping[Pdo, CobId], wholes: Mapping[Pdo, PdoConfig]) -> int:
-    """Run *plan* as one transaction, with an eye on the COB-IDs of *others*, of which *wholes* were read whole.
+def run(node: Changeable, plan: Plan, others: OtherPdos) -> int:
+    """Run *plan* as one transaction, with an eye on the COB-IDs of *others*.
 
     What was read of the node before counts no longer. Returns the number of boot-ups that were seen when the read-back
     began.
@@ -215,7 +188,6 @@ def run(node: Changeable, plan: Plan, others: Mapping[Pdo, CobId], wholes: Mappi
         clock=node.bus,
         witness=node.witness,
         others=others,
-        wholes=wholes,
         on_altered=note,
         on_step=took,
     )

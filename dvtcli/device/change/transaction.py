@@ -5,35 +5,20 @@ The only place that writes a plan to a device. Does not decide what is legal and
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 
 from dvtcli.device.cancellation import Cancellation
-from dvtcli.device.change.put_back import Clock, altered_cob_ids, first_difference, restore_patiently
+from dvtcli.device.change.failed_change import TRY_AGAIN, left_changed, refused, step_text
+from dvtcli.device.change.other_pdos import OtherPdos, altered_too
+from dvtcli.device.change.put_back import Clock, first_difference, restore_patiently
 from dvtcli.device.change.taken_back import put_back_findings
 from dvtcli.device.observe import Undisturbed, Witness, observed
-from dvtcli.device.read_pdos import read_pdo
-from dvtcli.domain.cob_id import CobId
-from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, writes_cob_id
 from dvtcli.domain.ports import SdoTransport
 from dvtcli.domain.several import several
-from dvtcli.errors import (
-    BusUnavailable,
-    DeviceRefused,
-    DvtcliError,
-    Interrupted,
-    LeftChanged,
-    NoAnswer,
-    SdoAborted,
-    SdoProtocolError,
-)
-
-#: What to do about a node that restarts.
-TRY_AGAIN = "look at its supply, then try again"
-#: What to do first about one that does not answer, and about a bus that failed.
-BRING_BACK = "bring the node back first (power, wiring, `scan`)"
-BUS_BACK = "bring the bus back first (`doctor` looks at it)"
+from dvtcli.errors import DeviceRefused, DvtcliError, Interrupted, NoAnswer, SdoAborted, SdoProtocolError
 
 
 @dataclass(slots=True)
@@ -43,10 +28,9 @@ class Transaction:
     *cancellation* is looked at between two SDO downloads; *explain* may add the device's own reason to an abort;
     *on_step* is told of every step that the device took; *before_retry* makes the device writable again when a
     roll-back has to be tried anew, since the fault may have been a reboot; *clock* is the bus's. *witness* tells of
-    restarts: what was read in two lives of the device proves nothing. *others* are the COB-IDs of the PDOs that the
-    plan leaves alone, as they were read before it, and *wholes* those of them that were read whole: a device that
-    alters one of these COB-IDs did not do what was planned; *on_altered* is told what has to be put back besides the
-    plan, before that is done.
+    restarts: what was read in two lives of the device proves nothing. *others* are the PDOs that the plan leaves
+    alone: a device that alters the COB-ID of one did not do what was planned; *on_altered* is told what has to be put
+    back besides the plan, before that is done.
     """
 
     sdo: SdoTransport
@@ -57,15 +41,12 @@ class Transaction:
     before_retry: Callable[[], None] = lambda: None
     clock: Clock = field(kw_only=True)
     witness: Witness = field(default_factory=Undisturbed)
-    others: Mapping[Pdo, CobId] = field(default_factory=dict)
-    wholes: Mapping[Pdo, PdoConfig] = field(default_factory=dict)
+    others: OtherPdos = field(default_factory=OtherPdos)
     on_altered: Callable[[Sequence[Change]], None] = lambda _changes: None
     _started: list[Change] = field(default_factory=list)
     _touched: bool = False
     #: boot-ups seen when the read-back that proved the plan began
     boot_ups_verified: int = field(default=0, init=False)
-    #: PDOs that were altered, of which nothing but the COB-ID could be put back
-    _in_part: list[Pdo] = field(default_factory=list)
     _boot_ups: int = 0
 
     def run(self) -> None:
@@ -132,10 +113,10 @@ class Transaction:
             raise self._unsure_of_others()
         altered = self._altered()
         if altered:
-            raise self._altered_too(altered)
+            raise altered_too(self.plan, altered)
 
     def _others_matter(self) -> bool:
-        return bool(self.others) and writes_cob_id(self.plan)
+        return bool(self.others.cob_ids) and writes_cob_id(self.plan)
 
     def _unsure_of_others(self) -> DeviceRefused:
         """Its own PDOs are as planned; nobody knows what the others held when their COB-IDs may have been altered."""
@@ -156,23 +137,7 @@ class Transaction:
 
     def _altered(self) -> dict[Pdo, str]:
         """Other PDOs whose COB-ID the device changed along with ours, in words; none where it restarted meanwhile."""
-        if not self._others_matter() or self._restarted():
-            return {}
-        return {
-            pdo: f"0x{pdo.communication_index:04X}:01 was 0x{self.others[pdo].raw:08X}, is 0x{held.raw:08X}"
-            for pdo, held in altered_cob_ids(self.sdo, self.others).items()
-        }
-
-    def _altered_too(self, altered: Mapping[Pdo, str]) -> DeviceRefused:
-        node_id, own = self.plan.node_id, several(change.label for change in self.plan.changes)
-        first = next(iter(altered))
-        return DeviceRefused(
-            f"node {node_id} took {own}, but altered {several(pdo.label for pdo in altered)} with it",
-            node=node_id,
-            place=f"{first.communication_index:04X}:01",
-            why="; ".join(altered.values()),
-            hint="these PDOs depend on each other in this device: its manual says how",
-        )
+        return {} if not self._others_matter() or self._restarted() else self.others.altered(self.sdo)
 
     def _restarted(self) -> bool:
         return self.witness.boot_ups() != self._boot_ups
@@ -192,8 +157,7 @@ class Transaction:
             if otherwise and fault.state == "rolled_back":
                 fault.state_text = "rolled back as far as the device takes it, read back equal; nothing was stored"
             fault.node = self.plan.node_id
-            if self._in_part:
-                fault.state_text = self._put_back_in_part()
+            fault.state_text = self.others.put_back_in_part(self.plan) or fault.state_text
             if isinstance(fault, NoAnswer):
                 self._explain_silence(fault)
             elif isinstance(fault, SdoProtocolError):
@@ -214,7 +178,7 @@ class Transaction:
         """
         changes: tuple[Change, ...] = self.plan.changes
         otherwise = restore_patiently(self.sdo, changes, self.clock, self.before_retry, self.witness)
-        altered = tuple(PdoChange(pdo, before, before, ()) for pdo, before in self._before_of(self._altered()))
+        altered = self.others.changes(self.sdo, self._altered())
         if not altered:
             return otherwise
         self.on_altered((*changes, *altered))
@@ -223,62 +187,3 @@ class Transaction:
         if still:
             raise DeviceRefused("the device alters other PDOs again", why="; ".join(still.values()))
         return otherwise
-
-    def _before_of(self, pdos: Iterable[Pdo]) -> Iterator[tuple[Pdo, PdoConfig]]:
-        """What *pdos* held before the plan: of one that was not read whole the COB-ID, and the rest as it is now."""
-        for pdo in pdos:
-            held = self.wholes.get(pdo)
-            if held is None:
-                self._in_part.append(pdo)
-                held = read_pdo(self.sdo, pdo)
-            yield pdo, replace(held, communication=replace(held.communication, cob_id=self.others[pdo]))
-
-    def _put_back_in_part(self) -> str:
-        own, altered = (several(one.label for one in some) for some in (self.plan.changes, self._in_part))
-        return (
-            f"rolled back: {own} is as it was, and {altered} has its COB-ID again, read back equal; what else it held "
-            "was not read before: look at it with `pdo`"
-        )
-
-
-def step_text(step: Step) -> str:
-    """A step for a person: `0x1A00:03 <- 0x27030120  map 2703:01/32`."""
-    value = (
-        f"0x{int.from_bytes(step.after, 'little'):0{2 * len(step.after)}X}"
-        if len(step.after) <= 4
-        else step.after.hex(" ")
-    )
-    return f"0x{step.object} <- {value}    {step.reason}"
-
-
-def refused(aborted: SdoAborted, step: Step, node_id: int, what: str) -> DeviceRefused:
-    """The device's refusal of one *step*, with everything the abort said."""
-    error = DeviceRefused(
-        f"node {node_id} refused {what}",
-        node=node_id,
-        place=step.object,
-        abort=aborted.code,
-        why=aborted.why,
-        hint=aborted.hint,
-    )
-    error.details.append(("step", step_text(step)))
-    return error
-
-
-def _reason(error: BaseException) -> str:
-    return f" ({error.why})" if isinstance(error, DvtcliError) and error.why else ""
-
-
-def left_changed(plan: Plan, fault: BaseException, second: BaseException) -> LeftChanged:
-    """The worst case: say what failed twice and what the device may be left with."""
-    labels = several(change.label for change in plan.changes)
-    first = ""
-    if isinstance(second, NoAnswer | BusUnavailable):
-        first = f"{BRING_BACK if isinstance(second, NoAnswer) else BUS_BACK}; then "
-    return LeftChanged(
-        f"{labels} of node {plan.node_id} could not be put back",
-        node=plan.node_id,
-        why=f"{fault}; then, while rolling back: {second}{_reason(second)}",
-        hint=f"{first}look at it with `pdo --all`; a power cycle brings the stored settings back",
-        state="left_changed",
-    )

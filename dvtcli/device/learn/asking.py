@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from itertools import takewhile
 from typing import TYPE_CHECKING
 
-from dvtcli.device.change.transaction import TRY_AGAIN
+from dvtcli.device.change.failed_change import TRY_AGAIN
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.learning.probe import ACCEPTED, Answer, Probe, Stand, Subject, Write
 from dvtcli.domain.plan import EVENT_TIMER, INHIBIT_TIME, SYNC_START, TRANSMISSION_TYPE

@@ -1,0 +1,59 @@
+"""What is said of a change that failed: the step, the device's refusal, and what the device is left with.
+
+Knows plans and errors. Neither reads nor writes devices, and does not know what happened: it is told.
+"""
+
+from __future__ import annotations
+
+from dvtcli.domain.plan import Plan, Step
+from dvtcli.domain.several import several
+from dvtcli.errors import BusUnavailable, DeviceRefused, DvtcliError, LeftChanged, NoAnswer, SdoAborted
+
+#: What to do about a node that restarts.
+TRY_AGAIN = "look at its supply, then try again"
+#: What to do first about one that does not answer, and about a bus that failed.
+BRING_BACK = "bring the node back first (power, wiring, `scan`)"
+BUS_BACK = "bring the bus back first (`doctor` looks at it)"
+
+
+def step_text(step: Step) -> str:
+    """A step for a person: `0x1A00:03 <- 0x27030120  map 2703:01/32`."""
+    value = (
+        f"0x{int.from_bytes(step.after, 'little'):0{2 * len(step.after)}X}"
+        if len(step.after) <= 4
+        else step.after.hex(" ")
+    )
+    return f"0x{step.object} <- {value}    {step.reason}"
+
+
+def refused(aborted: SdoAborted, step: Step, node_id: int, what: str) -> DeviceRefused:
+    """The device's refusal of one *step*, with everything the abort said."""
+    error = DeviceRefused(
+        f"node {node_id} refused {what}",
+        node=node_id,
+        place=step.object,
+        abort=aborted.code,
+        why=aborted.why,
+        hint=aborted.hint,
+    )
+    error.details.append(("step", step_text(step)))
+    return error
+
+
+def _reason(error: BaseException) -> str:
+    return f" ({error.why})" if isinstance(error, DvtcliError) and error.why else ""
+
+
+def left_changed(plan: Plan, fault: BaseException, second: BaseException) -> LeftChanged:
+    """The worst case: say what failed twice and what the device may be left with."""
+    labels = several(change.label for change in plan.changes)
+    first = ""
+    if isinstance(second, NoAnswer | BusUnavailable):
+        first = f"{BRING_BACK if isinstance(second, NoAnswer) else BUS_BACK}; then "
+    return LeftChanged(
+        f"{labels} of node {plan.node_id} could not be put back",
+        node=plan.node_id,
+        why=f"{fault}; then, while rolling back: {second}{_reason(second)}",
+        hint=f"{first}look at it with `pdo --all`; a power cycle brings the stored settings back",
+        state="left_changed",
+    )
