@@ -38,11 +38,13 @@ def command(ctx: click.Context, /, everything: bool, backup: str | None) -> Chan
     undo --all
     undo --backup 2026-11-22T04:11
     """
-    from dvtcli.operations.undo_changes import undo, undo_to_backup
-
     if backup is None:
+        from dvtcli.operations.undo_changes import undo
+
         return undo(ctx.obj, everything=everything)
     if everything:
         raise UsageError("--all and --backup exclude each other: a backup is everything")
+    from dvtcli.operations.undo_to_backup import undo_to_backup
+
     rehearse = partial(ways(ctx).rehearsed, ctx.obj)
     return undo_to_backup(ctx.obj, rehearse, None if backup == _NEWEST else backup)
