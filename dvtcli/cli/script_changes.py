@@ -15,7 +15,7 @@ from dvtcli.domain.several import several
 from dvtcli.errors import DvtcliError, LeftChanged, NoAnswer, SdoProtocolError
 
 if TYPE_CHECKING:
-    from dvtcli.device.change.safekeeping import Keeper
+    from dvtcli.device.change.own_journal import OwnJournal
     from dvtcli.device.node import Node
     from dvtcli.domain.plan import Plan
     from dvtcli.domain.rules import Finding
@@ -90,8 +90,8 @@ class ScriptChanges:
     def begin_final(self, line: str) -> None:
         """*line* is run next, which no undo reverts: where this process ends in its middle, `recover` says so."""
         self._note_gates()
-        for keeper in self._keepers():
-            keeper.final(line)
+        for journal in self._journals():
+            journal.final(line)
 
     def _note_gates(self) -> None:
         """Keep in mind which nodes go back to OPERATIONAL: an NMT line makes their gates forget that."""
@@ -106,9 +106,9 @@ class ScriptChanges:
         from dvtcli.errors import JournalKept
 
         kept: list[JournalKept] = []
-        for keeper in self._keepers():
+        for journal in self._journals():
             try:
-                keeper.complete_whole()
+                journal.complete_whole()
             except JournalKept as failed:  # the journals of the other nodes are removed all the same
                 kept.append(failed)
         self._session.whole.end()
@@ -121,15 +121,15 @@ class ScriptChanges:
         if complete:
             self.complete()
         elif self.atomic:
-            for keeper in self._keepers():
-                keeper.abandon_whole()
+            for journal in self._journals():
+                journal.abandon_whole()
             self._session.whole.end()
 
-    def _keepers(self) -> list[Keeper]:
+    def _journals(self) -> list[OwnJournal]:
         """Those of the nodes that were looked at so far, while the script stands or falls as a whole."""
         if not self.atomic or self._session.whole.id is None:
             return []
-        return [node.keeper for node in self._session.met_nodes() if node.keeper is not None]
+        return [node.keeper.own_journal for node in self._session.met_nodes() if node.keeper is not None]
 
     def take_back(self, cause: str) -> None:
         """Undo everything, on all nodes, newest first, each verified; LeftChanged where some of it stays.
@@ -139,8 +139,8 @@ class ScriptChanges:
         self.ended = True
         if self.final is not None:
             raise self._committed(cause)
-        for keeper in self._keepers():
-            keeper.final("")
+        for journal in self._journals():
+            journal.final("")
         with self._session.cancellation.way_back(), self._session.taking_back():
             tried = [self._take_back(node, cause) for node in reversed(list(self._session.met_nodes()))]
             failures = [failure for one in tried if (failure := one.settled(cause)) is not None]
@@ -199,7 +199,7 @@ class _TakenBack:
             if self.made and self.node.bus.boot_ups(self.node.node_id) != self.boot_ups:
                 raise NoAnswer("it restarted meanwhile")  # what was put back before that may be lost again
             if self.node.keeper is not None:
-                self.node.keeper.end_whole()
+                self.node.keeper.own_journal.end_whole()
         except (DvtcliError, KeyboardInterrupt) as failed:
             return _left(self.node, self.made, cause, failed)
         from dvtcli.device.change.way_back import unknown_before

@@ -133,7 +133,7 @@ class Canary:
     def gone(self) -> None:
         """The reset took the changed value: there is nothing to put back."""
         if self.node.keeper is not None:
-            self.node.keeper.end()
+            self.node.keeper.own_journal.end()
 
     def put_back(self) -> None:
         """Put the value back and verify that; LeftChanged, with the journal kept, where that fails."""

@@ -70,7 +70,7 @@ def test_a_journal_in_another_folder_is_found_through_the_lock(keep: Keep, tmp_p
 def test_a_change_that_ended_leaves_nothing_open(keep: Keep, tmp_path: Path) -> None:
     one = keep()
     one.begin(PLAN, IDENTITY, None, dict)
-    one.end()
+    one.own_journal.end()
     assert one.lock.noted() is None
     assert one.open_journal() is None
     assert one.lock.path.read_text().splitlines()[:2] == [str(os.getpid()), ""]
@@ -127,10 +127,10 @@ def test_who_wrote_meanwhile_is_known_and_who_only_looked_is_not(keep: Keep) -> 
         keeper.lock.release()
     assert one.lock.meanwhile is None
     one.begin(PLAN, IDENTITY, None, dict)
-    one.end()
+    one.own_journal.end()
     one.lock.release()
     other.begin(PLAN, IDENTITY, None, dict)
-    other.end()
+    other.own_journal.end()
     other.lock.release()
     one.lock.take()
     assert one.lock.meanwhile is not None
@@ -146,7 +146,7 @@ def test_who_wrote_meanwhile_is_known_and_who_only_looked_is_not(keep: Keep) -> 
 def test_who_recovers_writes_and_who_finds_a_journal_does_not(keep: Keep) -> None:
     one, other, third = keep(), keep(), keep("elsewhere")
     one.begin(PLAN, IDENTITY, None, dict)
-    one.end()
+    one.own_journal.end()
     one.lock.release()
     other.begin(PLAN, IDENTITY, None, dict)
     other.lock.release()  # killed
@@ -190,7 +190,7 @@ def test_the_backup_is_made_once_and_read_by_its_owner_only(keep: Keep, tmp_path
     reads: list[int] = []
     for _ in range(2):
         one.begin(PLAN, IDENTITY, None, lambda: reads.append(1) or {})
-        one.end()
+        one.own_journal.end()
     (backup,) = (tmp_path / "state" / "backups").iterdir()
     assert reads == [1]
     assert said == [f"backup of node 5: {backup}"]
@@ -206,7 +206,7 @@ def test_a_backup_holds_every_pdo_and_disables_those_it_can(keep: Keep, tmp_path
         if fixed:
             one.is_fixed = fixed.__contains__
         one.begin(PLAN, IDENTITY, None, lambda: pdos)
-        one.end()
+        one.own_journal.end()
         one.lock.release()
         (backup,) = (tmp_path / name / "backups").iterdir()
         lines = backup.read_text().splitlines()

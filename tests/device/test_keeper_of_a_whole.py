@@ -49,9 +49,9 @@ def make(keeper: Keeper, index: int, nmt_state: int | None = 5) -> None:
     """Begin a change, carry it out, and end it."""
     one = plan(keeper.node_id, index)
     keeper.begin(one, IDENTITY, nmt_state, dict)
-    keeper.carried_out()
+    keeper.own_journal.carried_out()
     keeper.remember(one)
-    keeper.end()
+    keeper.own_journal.end()
 
 
 def journal(keeper: Keeper) -> Journal:
@@ -78,7 +78,7 @@ def test_the_journal_of_a_whole_grows_with_each_change_and_counts_to_its_end(kee
     assert len(set(held.part.entries)) == 2
     assert markers(one) == 1
     assert not one.refuse_while_open(), "its own journal does not stand in its way, and it has the lock"
-    one.complete_whole()
+    one.own_journal.complete_whole()
     assert (one.open_journal(), one.lock.noted(), markers(one)) == (None, None, 0)
     assert not one.journals.path(5).exists()
 
@@ -91,11 +91,11 @@ def test_a_change_that_is_undone_leaves_what_was_made_before_it(keep: Keep) -> N
     with pytest.raises(SafetyRefusal, match="not finished yet") as caught:
         one.refuse_while_open()  # while it is in hand, nobody knows what the device holds
     assert caught.value.hint == f"recover puts the old configuration back, from {one.journals.path(5)}"
-    one.end()
+    one.own_journal.end()
     assert not one.refuse_while_open()
-    one.note(plan(5, 0x2002))
+    one.own_journal.note(plan(5, 0x2002))
     assert indices(one) == [0x2000, 0x2002]
-    one.end()
+    one.own_journal.end()
     make(one, 0x2003)
     assert indices(one) == [0x2000, 0x2003]
 
@@ -105,10 +105,10 @@ def test_a_whole_of_several_nodes_ends_on_all_of_them_at_one_stroke(keep: Keep) 
     make(one, 0x2000)
     make(other, 0x2000)
     assert [found.plan.node_id for found in one.journals.all_of(str(one.whole.id))] == [5, 7]
-    one.complete_whole()
+    one.own_journal.complete_whole()
     assert other.journals.path(7).exists()
     assert other.open_journal() is None, "it is there, and counts no longer"
-    other.complete_whole()
+    other.own_journal.complete_whole()
     assert not other.journals.path(7).exists()
 
 
@@ -116,11 +116,11 @@ def test_the_last_node_that_is_put_back_takes_the_marker_along(keep: Keep) -> No
     one, other = keep(5), keep(7)
     make(one, 0x2000)
     make(other, 0x2000)
-    one.end_whole()
+    one.own_journal.end_whole()
     assert (markers(one), one.open_journal(), other.open_journal()) == (1, None, other.journals.path(7))
-    one.abandon_whole()
+    one.own_journal.abandon_whole()
     assert markers(one) == 1, "the other node waits for it"
-    other.end_whole()
+    other.own_journal.end_whole()
     assert (markers(one), other.open_journal()) == (0, None)
 
 
@@ -128,30 +128,30 @@ def test_while_a_change_is_in_hand_the_whole_is_not_over(keep: Keep) -> None:
     one = keep()
     make(one, 0x2000)
     one.begin(plan(5, 0x2001), IDENTITY, 5, dict)
-    one.end_whole()
+    one.own_journal.end_whole()
     assert indices(one) == [0x2000, 0x2001]
 
 
 def test_a_whole_that_changed_nothing_leaves_nothing(keep: Keep) -> None:
     one = keep()
-    one.complete_whole()
+    one.own_journal.complete_whole()
     assert one.open_journal() is None
     one.begin(plan(5, 0x2000), IDENTITY, 5, dict)
     assert markers(one) == 1
-    one.end()
+    one.own_journal.end()
     assert not one.journals.path(5).exists()
-    one.abandon_whole()
+    one.own_journal.abandon_whole()
     assert markers(one) == 0
 
 
 def test_a_line_that_no_undo_reverts_is_on_disk_before_it_begins(keep: Keep) -> None:
     one = keep()
-    one.final("store")
+    one.own_journal.final("store")
     assert one.open_journal() is None, "nothing was changed: nothing to put back"
     make(one, 0x2000)
-    one.final("store")
+    one.own_journal.final("store")
     assert journal(one).part.final == "store"
-    one.final("")
+    one.own_journal.final("")
     make(one, 0x2001)
     assert journal(one).part.final == ""
 
@@ -228,8 +228,8 @@ def test_a_change_alone_is_over_with_its_end(keep: Keep) -> None:
     assert (one.open_journal(), one.lock.noted(), markers(one)) == (None, None, 0)
     one.begin(plan(5, 0x2001), IDENTITY, 5, dict)
     assert indices(one) == [0x2001]
-    one.end()
-    one.complete_whole()
+    one.own_journal.end()
+    one.own_journal.complete_whole()
     assert one.open_journal() is None
 
 
@@ -252,7 +252,7 @@ def test_a_journal_that_cannot_be_removed_is_said_with_what_holds(keep: Keep, tm
     path.unlink()
     path.mkdir()
     with pytest.raises(JournalKept) as caught:
-        one.end_whole()
+        one.own_journal.end_whole()
     assert (caught.value.place, caught.value.state) == (str(path), "left_changed")
     assert caught.value.why in ("Is a directory", "Operation not permitted")
     assert "set and read back equal" in (caught.value.state_text or "")

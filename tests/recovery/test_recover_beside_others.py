@@ -58,7 +58,7 @@ def test_once_that_change_is_done_there_is_nothing_to_recover_and_nobody_is_kept
             under_way(node)
             assert bench.run("recover").code == 6
             assert node.keeper is not None
-            node.keeper.end()
+            node.keeper.own_journal.end()
         ran = bench.run("recover --json")
         assert (ran.code, ran.document["recovered"]) == (0, False)
         with Bench((), {**wire.options, **options}) as another:

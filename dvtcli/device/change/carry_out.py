@@ -83,7 +83,7 @@ def _carry_out(
         raise
     node.expected.seen(beside, whole=is_watched)
     if node.keeper is not None:
-        node.keeper.carried_out()
+        node.keeper.own_journal.carried_out()
     done(boot_ups)
     _end(node, plan, lambda: _return(node, found), keep_journal=keep_journal)
 
@@ -101,7 +101,7 @@ def left_open(node: Changeable, left: LeftChanged) -> None:
     node.pending.suspicions[CHANGE] = left.text
     node.is_unknown_now()
     if node.keeper is not None:
-        left.place = str(node.keeper.journals.path(node.node_id))
+        left.place = str(node.keeper.own_journal.path)
         found = next((first for first in (BRING_BACK, BUS_BACK) if (left.hint or "").startswith(first)), None)
         first = f"{found}; then `recover`" if found else "recover"
         left.hint = f"{first} finishes it, from {left.place}"
@@ -135,7 +135,7 @@ def _close(node: Changeable, error: BaseException | None = None) -> None:
     if node.keeper is None:
         return
     try:
-        node.keeper.end()
+        node.keeper.own_journal.end()
     except JournalKept as kept:
         if error is None:
             raise
@@ -172,7 +172,7 @@ def run(node: Changeable, plan: Plan, others: OtherPdos) -> int:
 
     def note(changes: Sequence[Change]) -> None:
         if node.keeper is not None:
-            node.keeper.note(Plan(plan.node_id, tuple(changes)))
+            node.keeper.own_journal.note(Plan(plan.node_id, tuple(changes)))
 
     steps, total = count(1), len(plan)
 

@@ -74,6 +74,11 @@ class Journals:
             self._marker(whole).unlink()
             sync_folder(self.folder)
 
+    def tidy(self, whole: str | None) -> None:
+        """After a journal of the *whole* of this id is gone: so is what the last one needed."""
+        if whole is not None and not self.all_of(whole):
+            self.close_whole(whole)
+
     def counts(self, path: Path) -> bool:
         """Whether there is a journal at *path* (a damaged one is one, too), and it is of no whole that is complete."""
         if not path.exists():

@@ -140,7 +140,7 @@ def _put_back(node: Node, plan: Plan, pdos: Mapping[Pdo, PdoConfig], fault: Base
     finally:
         node.forget()
     if node.keeper is not None:
-        node.keeper.end()
+        node.keeper.own_journal.end()
 
 
 def _altered(node: Node, pdos: Mapping[Pdo, PdoConfig]) -> list[Pdo]:

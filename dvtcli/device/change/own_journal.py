@@ -1,0 +1,169 @@
+"""The journal of what this process changes on one node: there before the first write, until nothing is to be put back.
+
+That of a whole grows with each of its changes. Does not know journals that others left, backups, or devices.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from dvtcli.device.change.course import Course
+from dvtcli.device.change.journal import Journals
+from dvtcli.device.change.lock import NodeLock
+from dvtcli.device.change.plan_document import Identity
+from dvtcli.device.change.whole import Whole
+from dvtcli.domain.plan import Plan
+from dvtcli.errors import JournalKept, SafetyRefusal
+
+
+@dataclass(slots=True)
+class OwnJournal:
+    """Our journal of the node whose *lock* is ours to take, among *journals*; *whole* is what our changes belong to.
+
+    *warn* shows what nobody may miss.
+    """
+
+    journals: Journals
+    lock: NodeLock
+    whole: Whole
+    warn: Callable[[str], None]
+    #: of the device that is changed
+    identity: Identity = field(default_factory=dict)
+    #: the id under which `undo` is to remember the change in hand
+    entry: str = ""
+    #: what has to be put back
+    _course: Course = field(default_factory=Course)
+
+    @property
+    def path(self) -> Path:
+        """Where it is, whether there is one or not."""
+        return self.journals.path(self.lock.node_id)
+
+    def is_open(self, path: Path) -> bool:
+        """Whether the journal at *path* is that of a whole of ours which is not complete yet."""
+        course = self._course
+        ours = course.made and course.in_hand is None and course.part.whole == self.whole.id
+        return bool(ours) and path == self.path
+
+    def begin(self, plan: Plan, identity: Identity, nmt_state: int | None) -> None:
+        """Before the first write of *plan*, of the device of this *identity*: put the journal on disk."""
+        self.identity = identity
+        with self._files("kept"):
+            if self.whole.id is not None:
+                self.journals.open_whole(self.whole.id)
+            self.entry = self._course.begin(self.whole, plan, nmt_state)
+            try:
+                self.lock.note(self._write())
+            except OSError:  # nothing of this is written to the device: there is nothing to recover
+                self._course.in_hand = None
+                if not self._course.made:
+                    self.path.unlink(missing_ok=True)
+                raise
+
+    def _write(self) -> Path:
+        course = self._course
+        return self.journals.write(course.plan, self.identity, course.nmt_state, course.part)
+
+    def note(self, plan: Plan) -> None:
+        """Put *plan* on disk in place of the one in hand: more than that has to be put back."""
+        with self._files("kept"):
+            self._course.in_hand = plan
+            self._write()
+
+    def carried_out(self) -> None:
+        """The change in hand was verified."""
+        self._course.carried_out()
+
+    def end(self) -> None:
+        """After the change was verified, or undone and verified: forget the journal, unless it is that of a whole."""
+        self._course.in_hand = None
+        if self._course.made:  # what it says of the change in hand is so, also where that was undone
+            return
+        self.forget()
+
+    def final(self, line: str) -> None:
+        """Before *line* of the whole, which no undo reverts; empty: it was not done after all."""
+        if self._course.made:
+            self._course.part = replace(self._course.part, final=line)
+            if line:
+                with self._files("kept"):
+                    self._write()
+
+    def complete_whole(self) -> None:
+        """The whole is complete, on every node from now on: forget the journal. JournalKept where that fails."""
+        if self.whole.id is not None:
+            try:
+                self.journals.close_whole(self.whole.id)
+            except OSError as failed:
+                raise self._kept(failed) from failed
+        self.end_whole()
+
+    def abandon_whole(self) -> None:
+        """The whole is not complete; what of it could not be put back waits for `recover`."""
+        self._tidy(self.whole.id)
+
+    def _tidy(self, whole: str | None) -> None:
+        with self._files("removed"):
+            self.journals.tidy(whole)
+
+    def end_whole(self) -> None:
+        """This node's part of the whole was put back and verified: forget the journal."""
+        if self._course.made and self._course.in_hand is None:
+            whole = self._course.part.whole
+            self.forget()
+            self._tidy(whole)
+
+    def is_over(self) -> None:
+        """Nothing of what this process changed has to be put back any more; whatever is on disk stays there."""
+        self._course = Course()
+
+    def forget(self) -> None:
+        """Remove the journal: nothing has to be put back any more.
+
+        JournalKept where it is still there. That it is gone for good (it might come back after a power failure), or
+        that the lock still names it, is a message only: `recover` asks before it does anything.
+        """
+        self.is_over()
+        path = self.path
+        try:
+            path.unlink(missing_ok=True)
+        except OSError as failed:
+            raise self._kept(failed) from failed
+        try:
+            self.journals.remove(self.lock.node_id)
+            self.lock.note(None)
+        except OSError as failed:
+            self.warn(f"the state folder takes nothing more ({failed.strerror or failed}): {failed.filename or path}")
+
+    def _kept(self, failed: OSError) -> JournalKept:
+        node_id = self.lock.node_id
+        error = JournalKept(
+            f"the journal of node {node_id} cannot be removed",
+            node=node_id,
+            place=str(self.path),
+            why=failed.strerror or str(failed),
+            hint=f"delete {self.path}: nothing is to be recovered, and until then nothing can be written to the node",
+            state="left_changed",
+        )
+        error.state_text = "as planned: set and read back equal; `recover` would put the old configuration back"
+        return error
+
+    def _files(self, what: str) -> AbstractContextManager[None]:
+        return journal_files(self.journals, self.lock.node_id, what)
+
+
+@contextmanager
+def journal_files(journals: Journals, node_id: int, what: str) -> Iterator[None]:
+    """A disk that is full or a folder that may not be written is the user's to mend, not a bug of ours."""
+    try:
+        yield
+    except OSError as failed:
+        raise SafetyRefusal(
+            f"the journal of node {node_id} cannot be {what}: {failed.strerror or failed}",
+            node=node_id,
+            place=str(failed.filename or journals.folder.parent),
+            hint="--journal DIR takes another folder; without a journal nothing is written to a real device",
+        ) from failed
