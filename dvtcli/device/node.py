@@ -6,18 +6,17 @@ what a file or an option is.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.changeable import Changeable
-from dvtcli.device.change.pending import CHANGE, COMMUNICATION, EVERYTHING
+from dvtcli.device.change.pending import COMMUNICATION, EVERYTHING
 from dvtcli.domain.pdo import Pdo
-from dvtcli.errors import BusUnavailable, DeviceRefused, SafetyRefusal, UsageError
+from dvtcli.errors import BusUnavailable, DeviceRefused, UsageError
 
 if TYPE_CHECKING:
     from dvtcli.device.applied import Applied
-    from dvtcli.device.change.plan_document import Identity
     from dvtcli.device.observe import Found
     from dvtcli.domain.plan import Change, Plan, Step
     from dvtcli.domain.request import PdoWant
@@ -36,8 +35,6 @@ class Node(Changeable):
     unlike_file: str = ""
     #: how many changes were put back that were none of this session's
     unkept: int = 0
-    #: the identity (0x1018) of what is about to store
-    _storing: Identity = field(default_factory=dict)
     #: labels of what a restart was seen to take while a change was made, which is yet to be said
     _unsaid: tuple[str, ...] = ()
 
@@ -76,13 +73,14 @@ class Node(Changeable):
         from dvtcli.device.applied import refuse
         from dvtcli.device.file_fits import refuse_unlike_file
         from dvtcli.device.raw_write_check import held_value, raw_change, raw_write_findings
+        from dvtcli.device.storing import prepare_store
         from dvtcli.domain.plan import Plan, Step
 
         refuse_passcode(self.access, index, sub_index)
         refuse_unlike_file(self.node_id, self.unlike_file, force=force)
         found = self.claim()
         if self.saves((index, sub_index)):
-            self.prepare_store(force=force)
+            prepare_store(self, force=force)
         findings = raw_write_findings(self, index, sub_index, data)
         refuse(findings, f"0x{index:04X}:{sub_index:02X} not written", self.node_id, force=force)
         change = raw_change(self, Step(index, sub_index, held_value(self, index, sub_index), data, "write"))
@@ -151,41 +149,6 @@ class Node(Changeable):
                 if not passing or self.bus.now_s() >= deadline_s:
                     raise
                 self.bus.sleep(RETRY_S)
-
-    def prepare_store(self, *, force: bool = False, confirm: bool = True) -> None:
-        """Before a store or restore: let nothing be stored that is not as it should be; enter the gate where needed.
-
-        What this session changed is read again, and the PDOs whole, since a device may have lost or altered them;
-        *confirm* says whether: not where all of it is about to be given up, nor does it matter then that it is lost or
-        altered already.
-        """
-        from dvtcli.device.access_level import level_finding
-        from dvtcli.device.applied import refuse
-        from dvtcli.device.change.safekeeping import who_else
-        from dvtcli.device.unstored import held_unstored
-
-        self.claim()
-        word, again = ("stored", "set it as it should be and `verify`, or ") if confirm else ("restored", "")
-        for cause, reason in self.pending.suspicions.items():
-            if confirm or cause == CHANGE:
-                raise SafetyRefusal(
-                    f"node {self.node_id} is not {word}: {reason}",
-                    node=self.node_id,
-                    hint=f"{again}`nmt reset-node` brings back what is stored; then {word.removesuffix('d')}",
-                )
-        refuse(level_finding(self.access), "nothing was stored or restored", self.node_id, force=force)
-        if confirm and not force:
-            self.expected.require(self, who_else(self.keeper))
-        if confirm and self.keeper is not None:
-            self._storing = self.identity()  # once it has stored nothing more is asked for that
-            self.pending.of_others(held_unstored(self, self.keeper.past, self._storing))
-        if self.profile.store.only_pre_operational:
-            self.gate.enter()
-
-    def is_stored(self, labels: Iterable[str]) -> None:
-        """A store took what the node held of *labels*: no later process names them again."""
-        if self.keeper is not None:
-            self.keeper.past.was_stored(self.node_id, self._storing, set(labels))
 
     def was_reset(self, *, communication: bool) -> tuple[str, ...]:
         """A reset that was asked for has happened (*communication*: of the communication objects only).
@@ -286,7 +249,9 @@ class Node(Changeable):
             elif self._is_kept(change.step):
                 self.wanted_values[change.step.index, change.step.sub_index] = change.step.after
             if any(self.saves((step.index, step.sub_index)) for step in change.steps):
-                self.is_stored(self.pending.was_stored(EVERYTHING, len(self.history)))
+                from dvtcli.device.storing import is_stored
+
+                is_stored(self, self.pending.was_stored(EVERYTHING, len(self.history)))
             elif alters(change) and self.profile.store.needed_for(change.steps[0].index):
                 self.pending.changed(change.label, change.steps[0].index)
 

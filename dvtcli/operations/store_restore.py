@@ -9,6 +9,7 @@ from dvtcli.device.change.pending import COMMUNICATION, EVERYTHING, GROUPS
 from dvtcli.device.change.proven import Restart, prepare_proof, prove_restore, prove_store, restart_and_read
 from dvtcli.device.held import Held
 from dvtcli.device.store_parameters import RESTORE, STORE, await_power_cycle, reset_and_wait, return_to, sign
+from dvtcli.device.storing import is_stored, prepare_store
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.proof import POWER, RESET_COMM, RESET_NODE
 from dvtcli.errors import DeviceRefused, SdoAborted
@@ -43,7 +44,7 @@ def store_settings(
         return _skipped(session, node, sub_index)
     restart = _restart(session, node, prove, wait_s) if prove else None
     boot_ups = node.bus.boot_ups(node.node_id)
-    node.prepare_store(force=session.options.force)
+    prepare_store(node, force=session.options.force)
     before = None
     if restart is not None:
         before = Held.now(node)
@@ -55,7 +56,7 @@ def store_settings(
     proof = None if restart is None or before is None else prove_store(node, before, done, restart)
     if proof is not None and proof.differences and set(changed) <= set(proof.differing):
         node.pending.was_not_kept(stored_at)
-    node.is_stored(set(changed) - set(() if proof is None else proof.differing))
+    is_stored(node, set(changed) - set(() if proof is None else proof.differing))
     if not session.dry_run:
         session.record.add(node.node_id, ["store" if sub_index is None else f"store {sub_index}"])
     return Stored(
@@ -132,7 +133,7 @@ def restore_defaults(session: Session, node: Node, sub_index: int | None, *, pro
     asked, prove = prove, prove and not session.dry_run  # a twin has no defaults but those of its file
     if prove:
         consent_to_reset(session, [node.node_id])
-    node.prepare_store(force=session.options.force, confirm=False)
+    prepare_store(node, force=session.options.force, confirm=False)
     communication = sub_index == COMMUNICATION
     command = NmtCommand.RESET_COMMUNICATION if communication else NmtCommand.RESET_NODE
     restart = Restart(

@@ -11,6 +11,7 @@ import pytest
 from dvtcli.device.canary import Canary, Place, harmless_places
 from dvtcli.device.change.pending import CHANGE
 from dvtcli.device.node import Node
+from dvtcli.device.storing import prepare_store
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.profile import GENERIC, DeviceProfile, StorePolicy
 from dvtcli.errors import DvtcliError, LeftChanged, NoAnswer, SafetyRefusal
@@ -189,7 +190,7 @@ def test_what_cannot_be_put_back_is_left_to_recover_and_nothing_may_be_stored(ke
     assert kept.node.pending.suspicions == {CHANGE: caught.value.text}
     kept.fault("")
     with pytest.raises(SafetyRefusal):
-        kept.node.prepare_store()
+        prepare_store(kept.node)
 
 
 def test_a_fault_meanwhile_is_told_with_what_became_of_it(kept: KeptBench) -> None:

@@ -15,6 +15,7 @@ from dvtcli.device.known_pdos import KnownPdos
 from dvtcli.device.observe import Found
 
 if TYPE_CHECKING:
+    from dvtcli.device.change.plan_document import Identity
     from dvtcli.device.change.progress import Progress
     from dvtcli.device.change.safekeeping import Keeper
     from dvtcli.device.habits import Habits
@@ -34,6 +35,8 @@ class Changeable(KnownPdos):
     expected: Expected = field(default_factory=Expected)
     #: told of every step of a change that the node took
     on_step: Callable[[Progress], None] = lambda _progress: None
+    #: the identity (0x1018) of what is about to store
+    storing: Identity = field(default_factory=dict)
     _habits: Habits | None = None
 
     @property
