@@ -9,10 +9,12 @@ from dvtcli.domain.ports import Frame
 from dvtcli.domain.proof import Proof
 from dvtcli.domain.rules import Finding
 from dvtcli.operations.api.told import Message
-from dvtcli.operations.results.changes import Changed, Compared, Stored
+from dvtcli.operations.results.changes import Changed
+from dvtcli.operations.results.comparisons import Compared
 from dvtcli.operations.results.logged_in import LoggedIn
 from dvtcli.operations.results.nodes import Commanded, NodeListing, NodeRow, Synced
 from dvtcli.operations.results.pdos import MappedName, PdoListing, PdoRow
+from dvtcli.operations.results.stores import Stored
 from dvtcli.operations.results.values import ValueRead
 
 __all__ = [

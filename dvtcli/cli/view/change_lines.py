@@ -1,20 +1,17 @@
-"""The text of changes, stores and comparisons."""
+"""The text of changes."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 from dvtcli.cli.view.lines import Cell, Line, Table
-from dvtcli.cli.view.wrap import wrapped
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.plan import PdoChange, Step
-from dvtcli.domain.proof import RESTART_NAMES, Proof
 from dvtcli.domain.several import plural, several
-from dvtcli.operations.results.changes import Changed, ChangedNodes, Compared, ComparedNodes, Stored
-from dvtcli.operations.results.failures import compared_text
 
-#: characters that a sentence takes of a line, also where no terminal says how wide it is
-_WIDTH = 98
+if TYPE_CHECKING:
+    from dvtcli.operations.results import Changed, ChangedNodes
 
 
 def changed_nodes_lines(result: ChangedNodes, width: int) -> Iterator[Line]:
@@ -94,103 +91,3 @@ def _reason(step: Step, result: Changed) -> str:
     entry = PdoMappingEntry.from_raw(int.from_bytes(step.after, "little"))
     name = result.names.get(entry.object, "")
     return f"{entry.object}/{entry.bits} {name}".rstrip()
-
-
-def stored_lines(result: Stored, _width: int) -> Iterator[Line]:
-    """Where the signature went, what it keeps, and what the proof showed."""
-    word = "save" if result.word == "store" else "load"
-    if result.skipped:
-        yield f"not stored, since {result.skipped}"
-        return
-    if result.because:
-        yield [Cell(f"stored all the same: {result.because}", "dim")]
-    if result.word == "store":
-        changed = ", ".join(result.changed) or ("nothing by dvtcli" if result.all_known else "not known")
-        yield f'0x{result.object} <- "{word}"     changed since the last store: {changed}'
-    else:
-        yield f'0x{result.object} <- "{word}"'
-    if result.dry_run:
-        yield [Cell("dry run: ", "cyan"), Cell("on the twin only, nothing was sent")]
-        return
-    yield from _outcome(result)
-
-
-def _outcome(result: Stored) -> Iterator[Line]:
-    took = f"acknowledged after {result.seconds:.2f} s (limit {result.limit_s:.0f} s)"
-    proof = result.proof
-    if proof is None:
-        check = (
-            "To check: store --prove" if result.word == "store" else "Defaults come with the next reset: nmt reset-node"
-        )
-        yield f"{result.word}d, {took}. {check}"
-        return
-    yield took
-    if proof.canary:
-        yield [Cell(f"changed in RAM after that, to see what a {RESTART_NAMES[proof.by]} takes: {proof.canary}", "dim")]
-    if proof.lost and result.word == "store":
-        yield [Cell(f"not stored, and lost by the {RESTART_NAMES[proof.by]}: {several(proof.lost)}", "yellow")]
-    yield from _shown_by(result, proof)
-
-
-def _shown_by(result: Stored, proof: Proof) -> Iterator[Line]:
-    """What the restart showed; what to do where that is nothing is said by the answer's failure."""
-    what, after = compared_text(proof), f"after the {RESTART_NAMES[proof.by]}"
-    stored = result.word == "store"
-    if proof.differences:
-        yield [
-            Cell("NOT KEPT: " if stored else "NOT RESTORED: ", "red"),
-            Cell(f"{after} the node differs from {proof.against}:"),
-        ]
-        yield from (f"  {text}" for text in proof.differences)
-    elif proof.unproved:
-        yield [Cell("NOT PROVED: ", "red"), Cell(f"{proof.unproved}.")]
-    elif stored:
-        gone = ", and what was changed for the test was gone" if proof.canary else ""
-        yield [Cell("proved: ", "green"), Cell(f"{after} {what} read back equal{gone}")]
-    elif proof.against == "what was stored before":
-        yield [Cell("proved: ", "green"), Cell(f"{after} {what} no longer hold {proof.against}")]
-    else:
-        yield [Cell("proved: ", "green"), Cell(f"{after} {what} hold {proof.against}")]
-    for note in result.notes:
-        yield from wrapped([Cell(f"  {note}")], _WIDTH)
-
-
-def compared_nodes_lines(result: ComparedNodes, width: int) -> Iterator[Line]:
-    """Each node's lines, one node after the other."""
-    for one in result.nodes:
-        yield from compared_lines(one, width)
-
-
-def compared_lines(result: Compared, _width: int) -> Iterator[Line]:
-    """What reads back equal, and every difference."""
-    where = f" of node {result.node}" if result.named else ""
-    for label, difference in result.differences:
-        yield [Cell(f"  {label}{where}  ", "red"), Cell(difference)]
-    what = _compared_text(result)
-    if result.differences:
-        differing = len({label for label, _ in result.differences})
-        yield f"{differing} of {what}{where} differ{'s' if differing == 1 else ''} from {result.against}"
-    else:
-        yield f"read back   {plural(result.parameters, 'parameter')} of {what}{where} equal to {result.against}"
-    yield from _frame_lines(result, where)
-    if result.state_note:
-        yield f"            {result.state_note}"
-
-
-def _compared_text(result: Compared) -> str:
-    objects = plural(result.objects, "object")
-    if not result.objects:
-        return plural(result.pdos, "PDO")
-    return f"{plural(result.pdos, 'PDO')} and {objects}" if result.pdos else objects
-
-
-def _frame_lines(result: Compared, where: str) -> Iterator[Line]:
-    if result.frame_asked and not result.frames:
-        yield [Cell("on the bus  "), Cell(f"no enabled TPDO{where} that could send a frame", "yellow")]
-    for pdo, frame, milliseconds in result.frames:
-        if frame is None:
-            yield [Cell(f"on the bus  {pdo}{where}: "), Cell(f"no frame within {milliseconds:.0f} ms", "yellow")]
-        else:
-            data = frame.data.hex(" ").upper()
-            after = f"after {milliseconds:.1f} ms"
-            yield f"on the bus  {pdo}{where}: 0x{frame.can_id:03X} [{len(frame.data)}] {data} {after}"

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from dvtcli.operations.results.changes import *  # noqa: F403
     from dvtcli.operations.results.checked_files import *  # noqa: F403
+    from dvtcli.operations.results.comparisons import *  # noqa: F403
     from dvtcli.operations.results.device_profiles import *  # noqa: F403
     from dvtcli.operations.results.diagnosis import *  # noqa: F403
     from dvtcli.operations.results.documents import *  # noqa: F403
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.results.logged_in import *  # noqa: F403
     from dvtcli.operations.results.nodes import *  # noqa: F403
     from dvtcli.operations.results.pdos import *  # noqa: F403
+    from dvtcli.operations.results.stores import *  # noqa: F403
     from dvtcli.operations.results.values import *  # noqa: F403
     from dvtcli.operations.results.vpdos import *  # noqa: F403
 

@@ -1,0 +1,53 @@
+"""The text of a read-back against what was wanted."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from dvtcli.cli.view.lines import Cell, Line
+from dvtcli.domain.several import plural
+
+if TYPE_CHECKING:
+    from dvtcli.operations.results import Compared, ComparedNodes
+
+
+def compared_nodes_lines(result: ComparedNodes, width: int) -> Iterator[Line]:
+    """Each node's lines, one node after the other."""
+    for one in result.nodes:
+        yield from compared_lines(one, width)
+
+
+def compared_lines(result: Compared, _width: int) -> Iterator[Line]:
+    """What reads back equal, and every difference."""
+    where = f" of node {result.node}" if result.named else ""
+    for label, difference in result.differences:
+        yield [Cell(f"  {label}{where}  ", "red"), Cell(difference)]
+    what = _compared_text(result)
+    if result.differences:
+        differing = len({label for label, _ in result.differences})
+        yield f"{differing} of {what}{where} differ{'s' if differing == 1 else ''} from {result.against}"
+    else:
+        yield f"read back   {plural(result.parameters, 'parameter')} of {what}{where} equal to {result.against}"
+    yield from _frame_lines(result, where)
+    if result.state_note:
+        yield f"            {result.state_note}"
+
+
+def _compared_text(result: Compared) -> str:
+    objects = plural(result.objects, "object")
+    if not result.objects:
+        return plural(result.pdos, "PDO")
+    return f"{plural(result.pdos, 'PDO')} and {objects}" if result.pdos else objects
+
+
+def _frame_lines(result: Compared, where: str) -> Iterator[Line]:
+    if result.frame_asked and not result.frames:
+        yield [Cell("on the bus  "), Cell(f"no enabled TPDO{where} that could send a frame", "yellow")]
+    for pdo, frame, milliseconds in result.frames:
+        if frame is None:
+            yield [Cell(f"on the bus  {pdo}{where}: "), Cell(f"no frame within {milliseconds:.0f} ms", "yellow")]
+        else:
+            data = frame.data.hex(" ").upper()
+            after = f"after {milliseconds:.1f} ms"
+            yield f"on the bus  {pdo}{where}: 0x{frame.can_id:03X} [{len(frame.data)}] {data} {after}"

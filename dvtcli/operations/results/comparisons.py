@@ -1,0 +1,117 @@
+"""A read-back against what was wanted, as an answer. Knows no terminal and no session."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+from dvtcli.domain.ports import Frame
+from dvtcli.operations.results.documents import Answer, Document, hex_bytes
+
+if TYPE_CHECKING:
+    from dvtcli.errors import DvtcliError
+
+
+@dataclass(frozen=True, slots=True)
+class Compared(Answer):
+    """A read-back against what was wanted: one row a PDO that differs."""
+
+    renderer: ClassVar = "comparison_lines:compared_lines"
+
+    node: int
+    pdos: int
+    parameters: int
+    differences: tuple[tuple[str, str], ...] = ()
+    against: str = "this session's changes"
+    frames: tuple[tuple[str, Frame | None, float], ...] = ()
+    state_note: str = ""
+    #: single objects that were compared besides
+    objects: int = 0
+    #: whether a frame of every enabled TPDO should have come
+    frame_asked: bool = False
+    #: whether more nodes than this one are known
+    named: bool = False
+
+    @property
+    def frame_missing(self) -> bool:
+        """Whether a frame was asked for and not seen."""
+        return self.frame_asked and (not self.frames or any(frame is None for _, frame, _ in self.frames))
+
+    def __bool__(self) -> bool:
+        """Whether it is as it should be: `assert` in a test says the rest."""
+        return self.exit_code == 0
+
+    @property
+    def exit_code(self) -> int:
+        """3 where something differs, 1 where a frame was asked for and none came."""
+        return 3 if self.differences else 1 if self.frame_missing else 0
+
+    @property
+    def failure_of_line(self) -> DvtcliError | None:
+        """What a script says where it ends here: the screen above shows what differs, not in which line."""
+        from dvtcli.operations.results.failures import not_as_wanted
+
+        differing = list(dict.fromkeys(label for label, _ in self.differences))
+        return not_as_wanted(self.node, self.exit_code, differing, self.against) if self.exit_code else None
+
+    def document(self) -> Document:
+        """`dvtcli.verify/1`."""
+        return {
+            "schema": "dvtcli.verify/1",
+            "node": self.node,
+            "pdos": self.pdos,
+            "objects": self.objects,
+            "parameters": self.parameters,
+            "equal": not self.differences,
+            "differences": [{"node": self.node, **_what(label), "text": text} for label, text in self.differences],
+            "frames": [
+                {
+                    "node": self.node,
+                    "pdo": pdo.lower(),
+                    "data": None if frame is None else hex_bytes(frame.data),
+                    "ms": round(ms, 1),
+                }
+                for pdo, frame, ms in self.frames
+            ],
+        }
+
+
+def _what(label: str) -> Document:
+    """What differs: a PDO by its label, or an object."""
+    return {"pdo": None, "object": label} if ":" in label else {"pdo": label.lower(), "object": None}
+
+
+@dataclass(frozen=True, slots=True)
+class ComparedNodes(Answer):
+    """The same of several nodes; its document has the fields of one node's, with what all of them have in common."""
+
+    renderer: ClassVar = "comparison_lines:compared_nodes_lines"
+
+    nodes: tuple[Compared, ...]
+
+    @property
+    def exit_code(self) -> int:
+        """3 where a node differs, else 1 where a frame is missing."""
+        return max(one.exit_code for one in self.nodes)
+
+    @property
+    def failure_of_line(self) -> DvtcliError | None:
+        """As of one node, with the node-ID before each PDO."""
+        from dvtcli.operations.results.failures import not_as_wanted
+
+        differing = list(
+            dict.fromkeys(f"{label} of node {one.node}" for one in self.nodes for label, _ in one.differences)
+        )
+        return not_as_wanted(None, self.exit_code, differing, self.nodes[0].against) if self.exit_code else None
+
+    def document(self) -> Document:
+        """`dvtcli.verify/1` without a node of its own, and with each node's document in `nodes`."""
+        documents = [one.document() for one in self.nodes]
+        return {
+            "schema": "dvtcli.verify/1",
+            "node": None,
+            **{key: sum(one[key] for one in documents) for key in ("pdos", "objects", "parameters")},
+            "equal": all(one["equal"] for one in documents),
+            **{key: [row for one in documents for row in one[key]] for key in ("differences", "frames")},
+            "nodes": documents,
+        }
