@@ -43,14 +43,23 @@ def brought(patience_s: float = PATIENCE_S) -> Iterator[Brought]:
     from can import VALID_INTERFACES
 
     for name, one in sorted(transports().items()):
-        package = "a package" if one.dist is None else f"{one.dist.name} {one.dist.version}"
-        about = f"of {package}: {one.value}"
+        about = f"of {_package(one)}: {one.value}"
         if name in VALID_INTERFACES:
             yield Brought(name, about, f"never opened: -i {name} is python-can's interface")
-        elif (why := _problem(one, patience_s)) is not None:
-            yield Brought(name, f"{about}; {why}", "`pip check` says what its package lacks")
-        else:
-            yield Brought(name, about)
+            continue
+        hint = None
+        if (why := _problem(one, patience_s)) is not None:
+            about, hint = f"{about}; {why}", "`pip check` says what its package lacks"
+        others = [f"that of {_package(other)}: {other.value}" for other in entry_points(group=GROUP, name=name)]
+        others.remove(f"that of {_package(one)}: {one.value}")
+        if others:
+            about = f"{about}; never opened: {', '.join(others)}"
+            hint = f"-i {name} opens that of {_package(one)}: uninstall the package that is not meant"
+        yield Brought(name, about, hint)
+
+
+def _package(one: EntryPoint) -> str:
+    return "a package" if one.dist is None else f"{one.dist.name} {one.dist.version}"
 
 
 def _problem(one: EntryPoint, patience_s: float) -> str | None:

@@ -62,11 +62,11 @@ def test_nothing_configured_is_a_warning_with_the_next_step(tmp_path: Path) -> N
     assert "--sim" in found["bus"]["hint"]
 
 
-def bringing(folder: Path, **functions: str) -> str:
-    """A PYTHONPATH with a package that brings ways to a bus: *functions* by name, `_` for `-`."""
-    info = folder / "line_gateway-1.2.dist-info"
+def bringing(folder: Path, package: str = "line-gateway", **functions: str) -> str:
+    """A PYTHONPATH with a *package* that brings ways to a bus: *functions* by name, `_` for `-`."""
+    info = folder / f"{package.replace('-', '_')}-1.2.dist-info"
     info.mkdir()
-    (info / "METADATA").write_text("Name: line-gateway\nVersion: 1.2\n")
+    (info / "METADATA").write_text(f"Name: {package}\nVersion: 1.2\n")
     rows = [f"{name.replace('_', '-')} = {function}\n" for name, function in functions.items()]
     (info / "entry_points.txt").write_text("[dvtcli.bus]\n" + "".join(rows))
     return os.pathsep.join([str(folder), str(ROOT)])
@@ -101,6 +101,26 @@ def test_ways_to_a_bus_of_other_packages_are_listed(tmp_path: Path) -> None:
     assert "its process ended with 9" in found["leaving"]["text"]
     assert "TypeError: it is no function" in found["number"]["text"]
     assert "python-can's interface" in found["virtual"]["hint"]
+
+
+def test_of_two_packages_with_one_name_it_is_said_which_is_opened(tmp_path: Path) -> None:
+    (tmp_path / "broken_way.py").write_text("import no_such_package\n")
+    bringing(tmp_path, "other-gateway", line_gateway="broken_way:open_bus", alone="tests.bus.line_gateway:open_bus")
+    found = transports(tmp_path, line_gateway="tests.bus.line_gateway:open_bus")
+    assert found["alone"]["verdict"] == "ok"
+    twice = found["line-gateway"]
+    opened, never = twice["text"].split("; never opened: ")
+    assert twice["verdict"] == "warn"
+    both = {"line-gateway 1.2: tests.bus.line_gateway:open_bus", "other-gateway 1.2: broken_way:open_bus"}
+    first = opened.removeprefix("line-gateway  of ").partition(";")[0]
+    assert {first, never.removeprefix("that of ")} == both
+    package = first.partition(":")[0]
+    assert twice["hint"] == f"-i line-gateway opens that of {package}: uninstall the package that is not meant"
+    chosen = run(
+        ["--json", "-i", "line-gateway", "-c", "nowhere", "read", "1000"], cwd=tmp_path,
+        env=environment() | {"HOME": str(tmp_path), "PYTHONPATH": os.pathsep.join([str(tmp_path), str(ROOT)])},
+    )  # fmt: skip
+    assert ("no_such_package" in chosen.stdout) == ("broken_way" in first)
 
 
 def test_no_package_brings_a_way_to_a_bus(tmp_path: Path) -> None:
