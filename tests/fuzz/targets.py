@@ -23,7 +23,9 @@ from dvtcli.cli.boundary import LEAVE
 from dvtcli.cli.conversation import Conversation
 from dvtcli.cli.global_options import taken
 from dvtcli.cli.lexer import split
-from dvtcli.cli.params import COB_ID, ENTRY, NODE_ID, OBJECT, PDO, CanopenType, DataTypeParam, MillisecondsType
+from dvtcli.cli.object_params import ENTRY, OBJECT, DataTypeParam
+from dvtcli.cli.params import NODE_ID, CanopenType, MillisecondsType
+from dvtcli.cli.pdo_params import COB_ID, PDO
 from dvtcli.cli.registry import REGISTRY
 from dvtcli.cli.run_line import boundary, parse, run_words
 from dvtcli.cli.script import script_lines

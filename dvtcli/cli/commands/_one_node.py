@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
-    from dvtcli.cli.params import NodePdo
+    from dvtcli.cli.pdo_params import NodePdo
     from dvtcli.domain.pdo import Pdo
 
 

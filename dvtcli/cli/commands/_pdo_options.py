@@ -7,7 +7,8 @@ from typing import Any, TypeVar
 
 import click
 
-from dvtcli.cli.params import COB_ID, MillisecondsType, NumberType, TransmissionType
+from dvtcli.cli.params import MillisecondsType, NumberType
+from dvtcli.cli.pdo_params import COB_ID, TransmissionType
 from dvtcli.domain.request import PdoRequest
 
 F = TypeVar("F", bound=Callable[..., Any])

@@ -9,7 +9,8 @@ import click
 from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.commands._one_node import one_node
 from dvtcli.cli.effect import Effect
-from dvtcli.cli.params import PDO, CanopenType, NodePdo
+from dvtcli.cli.params import CanopenType
+from dvtcli.cli.pdo_params import PDO, NodePdo
 from dvtcli.domain.request import Cleared
 from dvtcli.operations.switch import clear_all, switch
 

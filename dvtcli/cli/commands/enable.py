@@ -9,7 +9,7 @@ import click
 from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.commands._one_node import one_node
 from dvtcli.cli.effect import Effect
-from dvtcli.cli.params import PDO, NodePdo
+from dvtcli.cli.pdo_params import PDO, NodePdo
 from dvtcli.domain.request import Switched
 from dvtcli.operations.switch import switch
 

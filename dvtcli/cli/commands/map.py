@@ -10,7 +10,8 @@ import click
 from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.commands._pdo_options import pdo_options, request
 from dvtcli.cli.effect import Effect
-from dvtcli.cli.params import ENTRY, PDO, EntryWord, NodePdo
+from dvtcli.cli.object_params import ENTRY, EntryWord
+from dvtcli.cli.pdo_params import PDO, NodePdo
 from dvtcli.operations.change import configure_pdo
 
 if TYPE_CHECKING:

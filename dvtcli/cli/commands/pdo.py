@@ -8,7 +8,7 @@ import click
 
 from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.effect import Effect
-from dvtcli.cli.params import EDIT, EditOrPdo, NodePdo
+from dvtcli.cli.pdo_params import EDIT, EditOrPdo, NodePdo
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation

@@ -8,7 +8,7 @@ import click
 
 from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.effect import Effect
-from dvtcli.cli.params import OBJECT, DataTypeParam, ObjectWord
+from dvtcli.cli.object_params import OBJECT, DataTypeParam, ObjectWord
 
 if TYPE_CHECKING:
     from dvtcli.domain.datatypes import DataType

@@ -9,7 +9,7 @@ import click
 from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.commands._pdo_options import pdo_options, request
 from dvtcli.cli.effect import Effect
-from dvtcli.cli.params import PDO, NodePdo
+from dvtcli.cli.pdo_params import PDO, NodePdo
 from dvtcli.domain.request import PdoRequest
 from dvtcli.operations.change import configure_pdo
 

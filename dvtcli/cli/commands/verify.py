@@ -9,7 +9,8 @@ import click
 
 from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.effect import Effect
-from dvtcli.cli.params import PDO, TEXT, NodePdo
+from dvtcli.cli.params import TEXT
+from dvtcli.cli.pdo_params import PDO, NodePdo
 from dvtcli.cli.ways import ways
 from dvtcli.errors import UsageError
 from dvtcli.operations.options import is_file

@@ -8,7 +8,8 @@ import click
 
 from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.effect import Effect
-from dvtcli.cli.params import CanopenType, NumberType, ObjectType, ObjectWord
+from dvtcli.cli.object_params import ObjectType, ObjectWord
+from dvtcli.cli.params import CanopenType, NumberType
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import Changed, VpdoListing

@@ -10,7 +10,8 @@ import click
 
 from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.effect import Effect, Final, final_write
-from dvtcli.cli.params import OBJECT, TEXT, DataTypeParam, ObjectWord
+from dvtcli.cli.object_params import OBJECT, DataTypeParam, ObjectWord
+from dvtcli.cli.params import TEXT
 from dvtcli.operations.write_object import write_text
 
 if TYPE_CHECKING:

@@ -30,7 +30,7 @@ _ANSWER = """class Odd(Answer):
 BREAKS = [
     # 1: direction
     Break("direction", "domain/plan.py", "from dvtcli.device.node import Node"),
-    Break("direction", "operations/change.py", _function("from dvtcli.cli.params import NodePdo")),
+    Break("direction", "operations/change.py", _function("from dvtcli.cli.pdo_params import NodePdo")),
     Break("direction", "operations/change.py", 'if TYPE_CHECKING:\n    from dvtcli.cli.view.output import Output'),
     Break("direction", "device/node.py", _function('return importlib.import_module("dvtcli.operations.session")')),
     Break("direction", "files/dbc.py", _function('importlib.import_module(f"dvtcli.cli.commands.{node}")')),

@@ -1,0 +1,125 @@
+"""Click types of an object, a mapping entry and a data type.
+
+Knows the grammar (`domain.object_syntax`). Looks names up only in dictionaries that are known without a bus.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import click
+from click.shell_completion import CompletionItem
+
+from dvtcli.cli.params import CanopenType
+from dvtcli.domain.datatypes import BY_SHORT_NAME
+from dvtcli.domain.object_syntax import (
+    MappedObject,
+    Skipped,
+    UnknownName,
+    notation_note,
+    parse_object,
+    resolve_entry,
+    resolve_object,
+)
+from dvtcli.operations.named_objects import entry_at, name_hint, object_at
+
+if TYPE_CHECKING:
+    from dvtcli.cli.conversation import Conversation
+    from dvtcli.device.node import Node
+
+
+@dataclass(frozen=True, slots=True)
+class ObjectWord:
+    """An object as it was typed; `resolve` finds it in the node's dictionary."""
+
+    text: str
+
+    @property
+    def notation_note(self) -> str | None:
+        """What to say of the way it was written, or None."""
+        return notation_note(self.text)
+
+    def resolve(self, node: Node) -> tuple[int, int]:
+        """Index and sub-index; UsageError where the node's dictionary does not know the name."""
+        return object_at(node, self.text)
+
+
+@dataclass(frozen=True, slots=True)
+class EntryWord:
+    """A mapping entry as it was typed."""
+
+    text: str
+
+    @property
+    def notation_note(self) -> str | None:
+        """What to say of the way it was written, or None."""
+        return notation_note(self.text)
+
+    def resolve(self, node: Node) -> MappedObject | Skipped:
+        """The object and its length, or the bits to skip; UsageError where the name is unknown."""
+        return entry_at(node, self.text)
+
+
+class ObjectType(CanopenType):
+    """An object: `0x6C01:1`, `6041`, `statusword`, `"Analogue input.Channel 1"`."""
+
+    name = "object"
+    entry = False
+
+    def parse(self, text: str, ctx: click.Context | None) -> ObjectWord | EntryWord:
+        """The word; a name that no known dictionary has is refused here, before anything is sent."""
+        if not self.entry:
+            parse_object(text)
+        session = ctx.find_root().obj if ctx is not None else None
+        if session is not None and ctx is not None and not ctx.resilient_parsing:
+            self._check_name(text, session)
+        return EntryWord(text) if self.entry else ObjectWord(text)
+
+    def _check_name(self, text: str, session: Conversation) -> None:
+        dictionaries = session.offline_dictionaries()
+        failure: ValueError | None = None
+        for dictionary, aliases in dictionaries:
+            try:
+                (resolve_entry if self.entry else resolve_object)(text, dictionary, aliases)
+            except ValueError as wrong:
+                failure = failure or wrong
+            else:
+                return
+        if isinstance(failure, UnknownName):
+            raise ValueError(f"{failure}; {name_hint(failure)}")
+        if failure is not None:
+            raise failure
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        """Objects of the known dictionaries, with type, access and name."""
+        from dvtcli.cli.name_completion import object_items
+
+        return object_items(ctx, incomplete, mapped=self.entry)
+
+
+class EntryType(ObjectType):
+    """A mapping entry: an object, optionally `/BITS`, or `dummy/BITS`."""
+
+    name = "entry"
+    entry = True
+
+
+class DataTypeParam(CanopenType):
+    """A data type by its short name: `u16`, `i32`, `r32`, `vs`, `bool`, …."""
+
+    name = "type"
+
+    def parse(self, text: str, ctx: click.Context | None) -> Any:
+        """The data type; ValueError lists the names."""
+        found = BY_SHORT_NAME.get(text.lower())
+        if found is None:
+            raise ValueError(f"{text!r} is not a type; types are {' '.join(BY_SHORT_NAME)}")
+        return found
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        """The short names with CiA 301's own."""
+        return [CompletionItem(k, help=t.name) for k, t in BY_SHORT_NAME.items() if k.startswith(incomplete.lower())]
+
+
+OBJECT, ENTRY = ObjectType(), EntryType()

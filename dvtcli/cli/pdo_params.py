@@ -1,0 +1,133 @@
+"""Click types of a PDO and its communication parameters. Knows of a node's PDOs what was read already: asks no bus."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import click
+from click.shell_completion import CompletionItem
+
+from dvtcli.cli.params import CanopenType, NumberType
+from dvtcli.domain.datatypes import parse_number
+from dvtcli.domain.object_syntax import parse_cob_id
+from dvtcli.domain.pdo import Pdo
+
+if TYPE_CHECKING:
+    from dvtcli.cli.conversation import Conversation
+
+#: The word of `pdo edit tpdo1`.
+EDIT = "edit"
+
+
+@dataclass(frozen=True, slots=True)
+class NodePdo:
+    """A PDO, with the node where `5:tpdo1` names one."""
+
+    pdo: Pdo
+    node_id: int | None = None
+
+
+class PdoType(CanopenType):
+    """`tpdo1`, `RPDO3`, `5:tpdo1`."""
+
+    name = "pdo"
+
+    def parse(self, text: str, ctx: click.Context | None) -> NodePdo:
+        """The PDO and, with `NODE:`, its node."""
+        head, colon, tail = text.rpartition(":")
+        if not colon:
+            return NodePdo(Pdo.parse(text))
+        number = parse_number(head)
+        if not 1 <= number <= 127:
+            raise ValueError(f"{text!r}: node-IDs are 1…127")
+        return NodePdo(Pdo.parse(tail), number)
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        """The node's PDOs with what each is set to, where a session is open; else the first four each way."""
+        session = ctx.find_root().obj
+        head, colon, wanted = incomplete.lower().rpartition(":")
+        rows = _known_pdos(session, _node_id(head)) if session is not None else []
+        words = rows or [(f"{way}{number}", "") for way in ("tpdo", "rpdo") for number in range(1, 5)]
+        return [CompletionItem(head + colon + word, help=text) for word, text in words if word.startswith(wanted)]
+
+
+def _node_id(text: str) -> int | None:
+    """The node-ID before the colon of `5:tpdo1`, None where there is none yet."""
+    try:
+        return parse_number(text)
+    except ValueError:
+        return None
+
+
+def _known_pdos(session: Conversation, node_id: int | None) -> list[tuple[str, str]]:
+    """PDOs that the open node (None: the selected one) is known to have; never touches the bus: a key was pressed."""
+    if not session.is_open:
+        return []
+    node = session.network.nodes.get((session.selected_id() if node_id is None else node_id) or 0)
+    if node is None:
+        return []
+    from dvtcli.domain.pdo import transmission_type_text
+
+    def text(pdo: Pdo) -> str:
+        config = node.last_seen.get(pdo)
+        if config is None:
+            return ""
+        kind = config.communication.transmission_type
+        words = "" if kind is None else transmission_type_text(kind, pdo.direction)
+        state = str(config.communication.cob_id) if config.enabled else "off"
+        return f"{state}, {words}, {64 - config.bits} bits free"
+
+    return [(str(pdo), text(pdo)) for pdo in node.present_known()]
+
+
+class EditOrPdo(PdoType):
+    """A PDO, or the word `edit` before it."""
+
+    def parse(self, text: str, ctx: click.Context | None) -> Any:
+        """`edit`, or the PDO."""
+        return EDIT if text.lower() == EDIT else super().parse(text, ctx)
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        """The PDOs, and before them what can be done with one."""
+        before = ctx.params.get(param.name or "") or ()
+        words = [] if before or not EDIT.startswith(incomplete.lower()) else [EDIT]
+        items = [CompletionItem(word, help="one PDO as text, in your editor") for word in words]
+        known = any(word != EDIT for word in before)
+        return [] if known else items + super().shell_complete(ctx, param, incomplete)
+
+
+class CobIdType(CanopenType):
+    """`0x201`, `auto` or `keep`."""
+
+    name = "cob-id"
+
+    def parse(self, text: str, ctx: click.Context | None) -> int | str:
+        """A CAN-ID, or one of the two words."""
+        return text.lower() if text.lower() in ("auto", "keep") else parse_cob_id(text)
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        """The two words."""
+        items = {"auto": "pre-defined set for PDO 1-4, else the next free one", "keep": "as it is now"}
+        return [CompletionItem(word, help=text) for word, text in items.items() if word.startswith(incomplete)]
+
+
+class TransmissionType(NumberType):
+    """A transmission type 0…255; the menu offers those that are used most."""
+
+    def __init__(self) -> None:
+        super().__init__(0, 255, "a transmission type")
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        """The common types with what they mean for a TPDO and for an RPDO."""
+        from dvtcli.domain.pdo import Direction, transmission_type_text
+
+        def text(kind: int) -> str:
+            sent, taken = (transmission_type_text(kind, way) for way in (Direction.TPDO, Direction.RPDO))
+            return sent if sent == taken else f"{sent}; RPDO: {taken}"
+
+        kinds = [kind for kind in (1, 2, 4, 10, 0, 254, 255) if str(kind).startswith(incomplete)]
+        return [CompletionItem(str(kind), help=text(kind)) for kind in kinds]
+
+
+PDO, COB_ID = PdoType(), CobIdType()
