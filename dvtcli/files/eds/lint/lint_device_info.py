@@ -7,9 +7,9 @@ from dvtcli.domain.lint.default_pdos import default_pdos
 from dvtcli.domain.lint.lint_rule import NOTE, WARNING, check
 from dvtcli.domain.mapping import DUMMY_BITS, MAX_PDO_BITS
 from dvtcli.domain.pdo import Pdo
-from dvtcli.domain.several import several
 from dvtcli.files.eds.keys import quoted
-from dvtcli.files.eds.lint.linted_text import Found, LintedText, given
+from dvtcli.files.eds.lint.linted_text import Found, LintedText, all_given, given
+from dvtcli.files.eds.lint.needed_section import missing_keys, no_section
 from dvtcli.files.eds.numbers import without_comment
 
 _SOURCE = "CiA 306, DeviceInfo"
@@ -26,17 +26,13 @@ _COUNTS = ("DynamicChannelsSupported",)
 @check("no-device-info", WARNING, "there is no DeviceInfo", _SOURCE)
 def no_device_info(text: LintedText) -> Found:
     """Bit rates, counts of PDOs and identity are missing."""
-    if text.section("deviceinfo") is None:
-        yield 1, "there is no [DeviceInfo]: identity, bit rates and counts of PDOs are missing"
+    return no_section(text, "DeviceInfo", "identity, bit rates and counts of PDOs are missing")
 
 
 @check("missing-device-info", NOTE, "DeviceInfo lacks keys that it must have", _SOURCE)
 def missing_device_info(text: LintedText) -> Found:
     """Said once, with all of them."""
-    section, values = text.section("deviceinfo"), text.values("deviceinfo")
-    missing = [key for key in _NEEDED if key.lower() not in values]
-    if section is not None and missing:
-        yield section.line, f"[DeviceInfo] lacks {several(missing)}"
+    return missing_keys(text, "DeviceInfo", _NEEDED)
 
 
 @check("vendor-id", WARNING, "the vendor-ID is 0 or missing: no node can be recognised by the file",
@@ -60,10 +56,9 @@ def no_bit_rate(text: LintedText) -> Found:
 @check("flag-value", WARNING, "a key of DeviceInfo that is 0 or 1 has another value", _SOURCE)
 def flag_value(text: LintedText) -> Found:
     """Tools differ in what it means then."""
-    values = text.values("deviceinfo")
-    for key in _FLAGS:
-        value = given(values, key.lower())
-        if value is not None and key not in _COUNTS and without_comment(value.value).lower() not in _ZERO_OR_ONE:
+    flags = (key.lower() for key in _FLAGS if key not in _COUNTS)
+    for value in all_given(text.values("deviceinfo"), flags):
+        if without_comment(value.value).lower() not in _ZERO_OR_ONE:
             yield value.line, f"{quoted(value)} is neither 0 nor 1"
 
 
@@ -118,17 +113,14 @@ def granularity_zero(text: LintedText) -> Found:
 def no_dummy_usage(text: LintedText) -> Found:
     """Only a file with RPDOs needs it."""
     pdos = [pdo for pdo in map(Pdo.at, text.file.dictionary) if pdo is not None]
-    if text.section("dummyusage") is None and any(not pdo.is_tpdo for pdo in pdos):
-        yield 1, "there is no [DummyUsage]: by what an RPDO may skip bits is not known"
+    if any(not pdo.is_tpdo for pdo in pdos):
+        yield from no_section(text, "DummyUsage", "by what an RPDO may skip bits is not known")
 
 
 @check("missing-dummy", NOTE, "DummyUsage does not name all of Dummy0001 to Dummy0007", _DUMMIES)
 def missing_dummy(text: LintedText) -> Found:
     """Some libraries refuse the file."""
-    section, values = text.section("dummyusage"), text.values("dummyusage")
-    missing = [f"Dummy{index:04X}" for index in DUMMY_BITS if f"dummy{index:04x}" not in values]
-    if section is not None and missing:
-        yield section.line, f"[DummyUsage] lacks {several(missing)}"
+    return missing_keys(text, "DummyUsage", [f"Dummy{index:04X}" for index in DUMMY_BITS])
 
 
 @check("dummy-type", WARNING, "DummyUsage allows what is no data type of a fixed length", _DUMMIES)

@@ -6,10 +6,10 @@ import re
 from datetime import date
 
 from dvtcli.domain.lint.lint_rule import NOTE, WARNING, check
-from dvtcli.domain.several import several
-from dvtcli.files.eds.ini import Values
+from dvtcli.files.eds.ini import IniValue
 from dvtcli.files.eds.keys import quoted
-from dvtcli.files.eds.lint.linted_text import Found, LintedText, given
+from dvtcli.files.eds.lint.linted_text import Found, LintedText, all_given, given
+from dvtcli.files.eds.lint.needed_section import missing_keys, no_section
 from dvtcli.files.eds.numbers import read_number
 
 _SOURCE = "CiA 306, FileInfo"
@@ -22,17 +22,13 @@ _TIME = re.compile(r"(0[1-9]|1[0-2]):[0-5][0-9](AM|PM)")
 @check("no-file-info", WARNING, "there is no FileInfo", _SOURCE)
 def no_file_info(text: LintedText) -> Found:
     """Nobody can tell two versions of the file."""
-    if text.section("fileinfo") is None:
-        yield 1, "there is no [FileInfo]: nobody can tell two versions of the file"
+    return no_section(text, "FileInfo", "nobody can tell two versions of the file")
 
 
 @check("missing-file-info", NOTE, "FileInfo lacks keys that it must have", _SOURCE)
 def missing_file_info(text: LintedText) -> Found:
     """Said once, with all of them."""
-    section, values = text.section("fileinfo"), text.values("fileinfo")
-    missing = [key for key in _NEEDED if key.lower() not in values]
-    if section is not None and missing:
-        yield section.line, f"[FileInfo] lacks {several(missing)}"
+    return missing_keys(text, "FileInfo", _NEEDED)
 
 
 @check("file-name", NOTE, "FileName is not the file's name", _SOURCE)
@@ -46,10 +42,8 @@ def file_name(text: LintedText) -> Found:
 @check("file-version", WARNING, "FileVersion or FileRevision is not within 0..255", _SOURCE)
 def file_version(text: LintedText) -> Found:
     """Tools compare them as numbers."""
-    values = text.values("fileinfo")
-    for key in ("fileversion", "filerevision"):
-        value = given(values, key)
-        if value is not None and not _is_byte(value.value):
+    for value in all_given(text.values("fileinfo"), ("fileversion", "filerevision")):
+        if not _is_byte(value.value):
             yield value.line, f"{quoted(value)} is not within 0..255"
 
 
@@ -64,20 +58,16 @@ def eds_version(text: LintedText) -> Found:
 @check("file-date", NOTE, "a date is not written MM-DD-YYYY, or is none", _SOURCE)
 def file_date(text: LintedText) -> Found:
     """The day stands in the middle."""
-    values = text.values("fileinfo")
-    for key in ("creationdate", "modificationdate"):
-        value = given(values, key)
-        if value is not None and _day(values, key) is None:
+    for value in all_given(text.values("fileinfo"), ("creationdate", "modificationdate")):
+        if _day(value) is None:
             yield value.line, f"{quoted(value)} is no date; one is written MM-DD-YYYY"
 
 
 @check("file-time", NOTE, "a time is not written HH:MMAM or HH:MMPM", _SOURCE)
 def file_time(text: LintedText) -> Found:
     """Of twelve hours."""
-    values = text.values("fileinfo")
-    for key in ("creationtime", "modificationtime"):
-        value = given(values, key)
-        if value is not None and not _TIME.fullmatch(value.value.upper()):
+    for value in all_given(text.values("fileinfo"), ("creationtime", "modificationtime")):
+        if not _TIME.fullmatch(value.value.upper()):
             yield value.line, f"{quoted(value)} is no time; one is written HH:MMAM or HH:MMPM"
 
 
@@ -85,14 +75,16 @@ def file_time(text: LintedText) -> Found:
 def modified_before_created(text: LintedText) -> Found:
     """One of the dates is another file's."""
     values = text.values("fileinfo")
-    created, modified = _day(values, "creationdate"), _day(values, "modificationdate")
-    if created is not None and modified is not None and modified < created:
-        yield values["modificationdate"].line, f"modified on {modified}, created on {created}"
+    created, modified = (given(values, key) for key in ("creationdate", "modificationdate"))
+    if created is None or modified is None:
+        return
+    first, last = _day(created), _day(modified)
+    if first is not None and last is not None and last < first:
+        yield modified.line, f"modified on {last}, created on {first}"
 
 
-def _day(values: Values, key: str) -> date | None:
-    value = given(values, key)
-    parts = _DATE.fullmatch(value.value) if value is not None else None
+def _day(value: IniValue) -> date | None:
+    parts = _DATE.fullmatch(value.value)
     try:
         return date(int(parts[3]), int(parts[1]), int(parts[2])) if parts else None
     except ValueError:

@@ -5,7 +5,7 @@ Judges nothing. What the reader found odd is in `EdsFile.findings` already.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -74,6 +74,11 @@ def given(values: Values, key: str) -> IniValue | None:
     """The value of *key* (in lower case), None where it is absent or empty."""
     found = values.get(key)
     return found if found is not None and found.value else None
+
+
+def all_given(values: Values, keys: Iterable[str]) -> Iterator[IniValue]:
+    """The values of those of *keys* (in lower case) that are there and not empty."""
+    return (value for key in keys if (value := given(values, key)) is not None)
 
 
 def _is_table(section: IniSection) -> bool:
