@@ -17,7 +17,6 @@ from dvtcli.cli.view.output import Output
 if TYPE_CHECKING:
     from prompt_toolkit import PromptSession
     from prompt_toolkit.formatted_text import StyleAndTextTuples
-    from prompt_toolkit.key_binding import KeyBindings, KeyPressEvent
     from prompt_toolkit.output import ColorDepth
 
     from dvtcli.cli.conversation import Conversation
@@ -60,10 +59,6 @@ def reader(session: Conversation, status: Status, notices: Notices, show_help: C
     if not sys.stdout.isatty() or os.environ.get("TERM", "").lower() in ("dumb", "unknown"):
         return PlainReader(status, notices, session.output)
     return FullReader(session, status, notices, show_help)
-
-
-class ThrownAway(Exception):
-    """The line was given up; no KeyboardInterrupt, since that would break out of prompt_toolkit's event loop."""
 
 
 class PlainReader:
@@ -141,6 +136,8 @@ class FullReader:
 
     def _typed(self) -> str | None:
         """What was typed, None where it was thrown away."""
+        from dvtcli.cli.prompt.keys import ThrownAway
+
         try:
             return self._prompt.prompt()
         except ThrownAway:
@@ -172,6 +169,7 @@ def _prompt_session(session: Conversation, status: Status, show_help: Callable[[
     from dvtcli.cli.prompt.colours import LineLexer
     from dvtcli.cli.prompt.completer import LineCompleter
     from dvtcli.cli.prompt.history import open_history
+    from dvtcli.cli.prompt.keys import bindings
     from dvtcli.cli.prompt.line import expanded
 
     def columns() -> int:
@@ -200,7 +198,7 @@ def _prompt_session(session: Conversation, status: Status, show_help: Callable[[
         prompt_continuation=lambda _width, _number, wrapped: "" if wrapped else CONTINUED,
         refresh_interval=0.5,
         search_ignore_case=True,
-        key_bindings=_keys(show_help),
+        key_bindings=bindings(show_help),
         style=Style.from_dict(STYLE),
         include_default_pygments_style=False,
         color_depth=_color_depth(session.base.color),
@@ -211,52 +209,3 @@ def _color_depth(color: str) -> ColorDepth | None:
     from prompt_toolkit.output import ColorDepth
 
     return ColorDepth.DEPTH_1_BIT if color == "never" else None
-
-
-def _keys(show_help: Callable[[str], None]) -> KeyBindings:
-    from prompt_toolkit.application import get_app, run_in_terminal
-    from prompt_toolkit.enums import DEFAULT_BUFFER
-    from prompt_toolkit.filters import Condition, completion_is_selected, has_completions, has_focus
-    from prompt_toolkit.key_binding import KeyBindings
-
-    from dvtcli.cli.prompt.typed import last_line, typed
-
-    keys = KeyBindings()
-
-    @Condition
-    def no_text() -> bool:
-        """A question mark in quotes or in a comment is one; elsewhere no word has any."""
-        text = last_line(get_app().current_buffer.document.text_before_cursor)
-        line = typed(text)
-        return line is not None and not any(quote in text[line.start :] for quote in "\"'")
-
-    @Condition
-    def continued() -> bool:
-        document = get_app().current_buffer.document
-        return document.is_cursor_at_the_end and document.text.endswith("\\")
-
-    @keys.add("enter", filter=has_completions & completion_is_selected)
-    def _accept(event: KeyPressEvent) -> None:
-        """Take the chosen word; the line is run by the next Enter."""
-        event.current_buffer.complete_state = None
-
-    @keys.add("enter", filter=continued & has_focus(DEFAULT_BUFFER))
-    def _continue(event: KeyPressEvent) -> None:
-        """A backslash at the end: the command goes on in the next line."""
-        event.current_buffer.newline(copy_margin=False)
-
-    @keys.add("f1")
-    @keys.add("?", filter=no_text)
-    def _help(event: KeyPressEvent) -> None:
-        """Print help for the line so far, and keep the line."""
-        line = event.current_buffer.text
-        run_in_terminal(lambda: show_help(line))
-
-    @keys.add("c-c", filter=has_focus(DEFAULT_BUFFER))
-    @keys.add("<sigint>")
-    def _throw_away(event: KeyPressEvent) -> None:
-        """Throw the line away; a second Ctrl-C while the first one is at it changes nothing."""
-        if event.app.is_running and not event.app.is_done:
-            event.app.exit(exception=ThrownAway, style="class:aborting")
-
-    return keys

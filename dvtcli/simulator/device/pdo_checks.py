@@ -1,7 +1,7 @@
 """What each check of the PDO parameters is called, so that a family can say how it answers one.
 
 A family's `[answers.tpdo]` and `[answers.rpdo]` name a check and the abort code it answers, 0 for accepted. What is not
-named there is as the other keys of the family have it. Knows names only; `pdo_guard` makes the checks.
+named there is as the other keys of the family have it. Knows names only; `pdo_guard` and `entry_guard` make them.
 """
 
 from __future__ import annotations

@@ -1,25 +1,23 @@
 """What a device refuses when a PDO is configured (CiA 301, 7.5.2.35 to 7.5.2.38), in the device's own words.
 
 Deliberately shares no rule with `dvtcli.domain.rules`: a checker and a device that share a function share its
-mistakes. Does not know how PDOs travel.
+mistakes. Does not know how PDOs travel, nor which entries can be mapped (`entry_guard`).
 """
 
 from __future__ import annotations
 
-from functools import cached_property
-
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.cob_id import CobId
-from dvtcli.domain.mapping import DUMMY_BITS, PdoMappingEntry
+from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.profile import BitPolicy
+from dvtcli.simulator.device.entry_guard import EntryGuard, refuse
 from dvtcli.simulator.device.family import Family, within
 from dvtcli.simulator.device.memory import Memory
 from dvtcli.simulator.device.refusal import Refusal
 
 COB_ID, TRANSMISSION_TYPE, INHIBIT_TIME, EVENT_TIMER, SYNC_START = 1, 2, 3, 5, 6
 _RTR_TYPES = (252, 253)
-_ENFORCED_GRANULARITIES = (1, 8)
 #: CiA 301, table 40: CAN-IDs no PDO may use.
 _RESTRICTED = (
     (0x000, 0x07F),
@@ -44,7 +42,6 @@ _IN_USE = {
     (False, True): "entry-again-counted",
     (False, False): "entry-while-counted",
 }
-_MISSING: dict[int, str] = {Abort.NO_OBJECT: "missing-object", Abort.NO_SUB_INDEX: "missing-sub-index"}
 
 
 class PdoGuard:
@@ -53,6 +50,7 @@ class PdoGuard:
     def __init__(self, memory: Memory, family: Family) -> None:
         self._memory = memory
         self._family = family
+        self._entries = EntryGuard(memory, family)
 
     def check(self, index: int, sub_index: int, data: bytes) -> None:
         """Raise Refusal where the device does not take *data* for a PDO parameter now."""
@@ -71,12 +69,6 @@ class PdoGuard:
         """The COB-ID a PDO has now; disabled where the node has no such object."""
         return CobId.from_raw(self._memory.number(pdo.communication_index, COB_ID, missing=1 << 31) & 0xFFFF_FFFF)
 
-    def _refuse(self, pdo: Pdo, check: str, code: int) -> None:
-        """Raise Refusal with the family's answer to *check*, *code* where it has none of its own; 0 is no refusal."""
-        code = self._family.answers.get(pdo.direction, {}).get(check, code)
-        if code:
-            raise Refusal(code)
-
     def _check_communication(self, pdo: Pdo, sub_index: int, value: int) -> None:
         if sub_index == COB_ID:
             self._check_cob_id(pdo, CobId.from_raw(value))
@@ -84,30 +76,30 @@ class PdoGuard:
         if sub_index == TRANSMISSION_TYPE:
             self._check_transmission_type(pdo, value)
         elif sub_index == INHIBIT_TIME and value > self._family.max_inhibit_time:
-            self._refuse(pdo, "inhibit-high", Abort.VALUE_HIGH)
+            refuse(self._family, pdo, "inhibit-high", Abort.VALUE_HIGH)
         elif sub_index == EVENT_TIMER and value > self._family.max_event_timer:
-            self._refuse(pdo, "event-high", Abort.VALUE_HIGH)
+            refuse(self._family, pdo, "event-high", Abort.VALUE_HIGH)
         if sub_index in _WHILE_VALID and self.cob_id(pdo).valid:
-            self._refuse(pdo, *_WHILE_VALID[sub_index])
+            refuse(self._family, pdo, *_WHILE_VALID[sub_index])
 
     def _check_cob_id(self, pdo: Pdo, wanted: CobId) -> None:
         held = self.cob_id(pdo)
         if wanted == held:
             if held.valid:
-                self._refuse(pdo, "cob-id-again", 0)
+                refuse(self._family, pdo, "cob-id-again", 0)
             return
         self._check_frame_bits(pdo, wanted)
         if not wanted.valid:
             return
         if held.valid and (held.can_id, held.extended) != (wanted.can_id, wanted.extended):
-            self._refuse(pdo, "cob-id-while-valid", Abort.VALUE_RANGE)
+            refuse(self._family, pdo, "cob-id-while-valid", Abort.VALUE_RANGE)
         if not wanted.fits_frame:
-            self._refuse(pdo, "beyond-frame", Abort.VALUE_RANGE)
+            refuse(self._family, pdo, "beyond-frame", Abort.VALUE_RANGE)
         elif not wanted.extended and within(wanted.can_id, _RESTRICTED):
-            self._refuse(pdo, "restricted", Abort.VALUE_RANGE if self._family.restricted_ids_refused else 0)
+            refuse(self._family, pdo, "restricted", Abort.VALUE_RANGE if self._family.restricted_ids_refused else 0)
         used = self._filled_mapping(pdo) if self._count_is_fixed(pdo) else self._memory.number(pdo.mapping_index, 0)
         if not held.valid and used == 0:
-            self._refuse(pdo, "empty-enabled", 0 if self._family.empty_pdos_enabled else Abort.VALUE_RANGE)
+            refuse(self._family, pdo, "empty-enabled", 0 if self._family.empty_pdos_enabled else Abort.VALUE_RANGE)
 
     def _count_is_fixed(self, pdo: Pdo) -> bool:
         """Whether entries can be written and their count cannot: unused ones hold a filler then."""
@@ -126,13 +118,13 @@ class PdoGuard:
     def _check_frame_bits(self, pdo: Pdo, wanted: CobId) -> None:
         policy = self._family.rtr_bit[pdo.direction]
         if (policy is BitPolicy.SET and wanted.rtr_allowed) or (policy is BitPolicy.CLEAR and not wanted.rtr_allowed):
-            self._refuse(pdo, "rtr-bit", Abort.VALUE_RANGE)
+            refuse(self._family, pdo, "rtr-bit", Abort.VALUE_RANGE)
         if wanted.extended and not self._family.extended_ids:
-            self._refuse(pdo, "extended", Abort.VALUE_RANGE)
+            refuse(self._family, pdo, "extended", Abort.VALUE_RANGE)
 
     def _check_transmission_type(self, pdo: Pdo, value: int) -> None:
         if value in _RTR_TYPES and pdo.is_tpdo and not self.cob_id(pdo).rtr_allowed:
-            self._refuse(pdo, "type-without-rtr", Abort.VALUE_RANGE)
+            refuse(self._family, pdo, "type-without-rtr", Abort.VALUE_RANGE)
         own = self._family.pdo_types.get(pdo.direction)
         if own is not None:
             code = next((code for first, last, code in own if first <= value <= last), Abort.VALUE_RANGE)
@@ -140,53 +132,54 @@ class PdoGuard:
             known = within(value, self._family.transmission_types) and (pdo.is_tpdo or value not in _RTR_TYPES)
             code = 0 if known else Abort.VALUE_RANGE
         if code:
-            self._refuse(pdo, "type", code)
+            refuse(self._family, pdo, "type", code)
 
     def _check_count(self, pdo: Pdo, count: int) -> None:
         if self.cob_id(pdo).valid:
             again = self._memory.number(pdo.mapping_index, 0) == count
             code = 0 if self._is_same(pdo, 0, count) else self._family.mapping_in_use
-            self._refuse(pdo, "count-again" if again else "count-while-valid", code)
+            refuse(self._family, pdo, "count-again" if again else "count-while-valid", code)
             if again:
                 return
         strict = Abort.PDO_LENGTH if self._family.count_within_entries else 0
         if count > self._max_entries(pdo):
-            self._refuse(pdo, "count-beyond", strict)
+            refuse(self._family, pdo, "count-beyond", strict)
         bits = 0
         for sub_index in range(1, count + 1):
             if not self._memory.exists(pdo.mapping_index, sub_index):
-                self._refuse(pdo, "count-beyond", strict)
+                refuse(self._family, pdo, "count-beyond", strict)
                 break
             bits += self._covered_bits(pdo, self._memory.number(pdo.mapping_index, sub_index))
         if bits > 64:
-            self._refuse(pdo, "too-many-bits", Abort.PDO_LENGTH)
+            refuse(self._family, pdo, "too-many-bits", Abort.PDO_LENGTH)
 
     def _covered_bits(self, pdo: Pdo, raw: int) -> int:
         """The length of an entry that a count is about to make active, checked once more."""
         if raw == 0:
-            self._refuse(pdo, "count-over-zero", 0 if self._family.empty_entries_counted else Abort.NOT_MAPPABLE)
+            code = 0 if self._family.empty_entries_counted else Abort.NOT_MAPPABLE
+            refuse(self._family, pdo, "count-over-zero", code)
             return 0
         entry = PdoMappingEntry.from_raw(raw)
         if entry.bits == 0:
-            self._refuse(pdo, "count-over-no-bits", 0 if self._family.zero_bits_counted else Abort.VALUE_RANGE)
-        self._check_entry(pdo, entry)
+            refuse(self._family, pdo, "count-over-no-bits", 0 if self._family.zero_bits_counted else Abort.VALUE_RANGE)
+        self._entries.check(pdo, entry)
         return entry.bits
 
     def _check_entry_write(self, pdo: Pdo, sub_index: int, raw: int) -> None:
         if sub_index > self._max_entries(pdo):
-            self._refuse(pdo, "no-entry", Abort.NO_SUB_INDEX)
+            refuse(self._family, pdo, "no-entry", Abort.NO_SUB_INDEX)
         fixed = self._count_is_fixed(pdo)
         valid = self.cob_id(pdo).valid
         if valid or (not fixed and self._memory.number(pdo.mapping_index, 0)):
             again = self._memory.number(pdo.mapping_index, sub_index) == raw
             code = 0 if self._is_same(pdo, sub_index, raw) else self._family.mapping_in_use
-            self._refuse(pdo, _IN_USE[valid, again], code)
+            refuse(self._family, pdo, _IN_USE[valid, again], code)
             if again:
                 return
         if not raw:
-            self._refuse(pdo, "entry-zero", 0)
+            refuse(self._family, pdo, "entry-zero", 0)
         elif not (fixed and raw == self._family.filler):
-            self._check_entry(pdo, PdoMappingEntry.from_raw(raw))
+            self._entries.check(pdo, PdoMappingEntry.from_raw(raw))
 
     def _is_same(self, pdo: Pdo, sub_index: int, value: int) -> bool:
         """Whether the mapping holds *value* already, and the family takes that for no write."""
@@ -195,69 +188,3 @@ class PdoGuard:
     def _max_entries(self, pdo: Pdo) -> int:
         listed = self._memory.highest_sub_index(pdo.mapping_index)
         return min(self._family.max_entries, 64 if listed is None else listed)
-
-    def _check_entry(self, pdo: Pdo, entry: PdoMappingEntry) -> None:
-        if entry.index in DUMMY_BITS:
-            longest: int | None = self._dummy_bits(pdo, entry)
-        else:
-            longest = self._object_bits(pdo, entry)
-        if longest is not None and entry.bits > longest:
-            self._refuse(pdo, "entry-too-long", Abort.NOT_MAPPABLE if self._family.entry_length_checked else 0)
-        elif longest is not None and entry.bits < longest:
-            self._refuse(pdo, "entry-too-short", 0)
-        if entry.bits > self._family.max_entry_bits:
-            self._refuse(pdo, "entry-bits", Abort.NOT_MAPPABLE)
-        if entry.bits % self._granularity:
-            self._refuse(pdo, "granularity", Abort.NOT_MAPPABLE)
-
-    @property
-    def _granularity(self) -> int:
-        stated = self._family.granularity
-        if stated is None:
-            stated = self._memory.dictionary.info.granularity
-        return stated if stated in _ENFORCED_GRANULARITIES else 1
-
-    def _dummy_bits(self, pdo: Pdo, entry: PdoMappingEntry) -> int:
-        if entry.sub_index:
-            self._refuse(pdo, "dummy-sub-index", Abort.NO_SUB_INDEX)
-        if pdo.is_tpdo and self._family.tpdo_dummies:
-            self._refuse(pdo, "dummy", self._family.tpdo_dummies)
-        supported = self._family.dummies
-        if supported is None:
-            supported = self._memory.dictionary.info.dummies
-        if supported is not None and entry.index not in supported:
-            self._refuse(pdo, "dummy", Abort.NOT_MAPPABLE)
-        return DUMMY_BITS[entry.index]
-
-    def _object_bits(self, pdo: Pdo, entry: PdoMappingEntry) -> int | None:
-        """The length of a mapped object, None where nobody knows it."""
-        try:
-            self._memory.require(entry.index, entry.sub_index)
-        except Refusal as missing:
-            self._refuse(pdo, _MISSING.get(missing.code, "missing-object"), missing.code)
-            return None
-        self._check_mappable(pdo, entry.index, entry.sub_index)
-        data_type = self._memory.data_type(entry.index, entry.sub_index)
-        if data_type is not None and data_type.bits is not None:
-            return data_type.bits
-        try:
-            return 8 * len(self._memory.read(entry.index, entry.sub_index)) or None
-        except Refusal:
-            return None
-
-    def _check_mappable(self, pdo: Pdo, index: int, sub_index: int) -> None:
-        described = self._memory.entry(index, sub_index)
-        if described is None:
-            return
-        if described.access not in (self._family.tpdo_access if pdo.is_tpdo else self._family.rpdo_access):
-            wrong_way = Abort.WRITE_ONLY if pdo.is_tpdo else Abort.READ_ONLY
-            telling = self._family.entry_access_codes and described.pdo_mapping
-            self._refuse(pdo, "wrong-direction", wrong_way if telling else Abort.NOT_MAPPABLE)
-        mappable = not self._states_mappability if described.pdo_mapping is None else described.pdo_mapping
-        if not mappable:
-            self._refuse(pdo, "not-mappable", Abort.NOT_MAPPABLE)
-
-    @cached_property
-    def _states_mappability(self) -> bool:
-        """Whether the file has a PDOMapping key anywhere; where it has none, nothing is refused for it."""
-        return any(entry.pdo_mapping is not None for entry in self._memory.dictionary.entries())

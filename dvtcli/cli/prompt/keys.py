@@ -1,0 +1,59 @@
+"""What keys do at the prompt. Knows prompt_toolkit, and when a `?` is a question. Does not know what a line does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from prompt_toolkit.application import get_app, run_in_terminal
+from prompt_toolkit.enums import DEFAULT_BUFFER
+from prompt_toolkit.filters import Condition, completion_is_selected, has_completions, has_focus
+from prompt_toolkit.key_binding import KeyBindings, KeyPressEvent
+
+from dvtcli.cli.prompt.typed import last_line, typed
+
+
+class ThrownAway(Exception):
+    """The line was given up; no KeyboardInterrupt, since that would break out of prompt_toolkit's event loop."""
+
+
+def bindings(show_help: Callable[[str], None]) -> KeyBindings:
+    """The keys besides those of a line editor; *show_help* prints help for the line typed so far."""
+    keys = KeyBindings()
+
+    @Condition
+    def no_text() -> bool:
+        """A question mark in quotes or in a comment is one; elsewhere no word has any."""
+        text = last_line(get_app().current_buffer.document.text_before_cursor)
+        line = typed(text)
+        return line is not None and not any(quote in text[line.start :] for quote in "\"'")
+
+    @Condition
+    def continued() -> bool:
+        document = get_app().current_buffer.document
+        return document.is_cursor_at_the_end and document.text.endswith("\\")
+
+    @keys.add("enter", filter=has_completions & completion_is_selected)
+    def _accept(event: KeyPressEvent) -> None:
+        """Take the chosen word; the line is run by the next Enter."""
+        event.current_buffer.complete_state = None
+
+    @keys.add("enter", filter=continued & has_focus(DEFAULT_BUFFER))
+    def _continue(event: KeyPressEvent) -> None:
+        """A backslash at the end: the command goes on in the next line."""
+        event.current_buffer.newline(copy_margin=False)
+
+    @keys.add("f1")
+    @keys.add("?", filter=no_text)
+    def _help(event: KeyPressEvent) -> None:
+        """Print help for the line so far, and keep the line."""
+        line = event.current_buffer.text
+        run_in_terminal(lambda: show_help(line))
+
+    @keys.add("c-c", filter=has_focus(DEFAULT_BUFFER))
+    @keys.add("<sigint>")
+    def _throw_away(event: KeyPressEvent) -> None:
+        """Throw the line away; a second Ctrl-C while the first one is at it changes nothing."""
+        if event.app.is_running and not event.app.is_done:
+            event.app.exit(exception=ThrownAway, style="class:aborting")
+
+    return keys
