@@ -121,10 +121,10 @@ class Conversation(Session):
                 yield
             finally:
                 self.cancellation.hold()  # a signal waits until the line's end is reached in order
-        if self.in_script or not self.started:
+        if (self.in_script or not self.started) and (nodes := self._nodes()):
             from dvtcli.device.restarts import refuse_after_restarts
 
-            refuse_after_restarts(self._nodes())
+            refuse_after_restarts(nodes)
         self.settle()
 
     def doing(self) -> str:

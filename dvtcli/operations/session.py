@@ -107,10 +107,10 @@ class Session(Opened):
                     node.let_go()
         if failures:
             raise failures[0]
-        if alone and not code:
+        if alone and not code and (nodes := self._nodes()):
             from dvtcli.device.restarts import refuse_after_restarts
 
-            refuse_after_restarts(self._nodes())
+            refuse_after_restarts(nodes)
 
     def _end_gate(self, gate: Gate, code: int) -> None:
         try:

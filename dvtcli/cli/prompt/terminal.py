@@ -136,7 +136,7 @@ class FullReader:
 
     def _typed(self) -> str | None:
         """What was typed, None where it was thrown away."""
-        from dvtcli.cli.prompt.keys import ThrownAway
+        from dvtcli.cli.prompt.key_bindings import ThrownAway
 
         try:
             return self._prompt.prompt()
@@ -169,7 +169,7 @@ def _prompt_session(session: Conversation, status: Status, show_help: Callable[[
     from dvtcli.cli.prompt.colours import LineLexer
     from dvtcli.cli.prompt.completer import LineCompleter
     from dvtcli.cli.prompt.history import open_history
-    from dvtcli.cli.prompt.keys import bindings
+    from dvtcli.cli.prompt.key_bindings import bindings
     from dvtcli.cli.prompt.line import expanded
 
     def columns() -> int:

@@ -15,11 +15,11 @@ from can.interfaces.virtual import VirtualBus
 
 from dvtcli.bus.python_can import CanBus
 from dvtcli.bus.sdo.link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S
-from dvtcli.simulator.device.faults import Fault
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.simulated_network import SimulatedNetwork
 
 if TYPE_CHECKING:
+    from dvtcli.simulator.device.faults import Fault
     from dvtcli.simulator.device.signals import Signal
 
 #: how late the nodes' thread may be (s), and how often it is looked whether it still is

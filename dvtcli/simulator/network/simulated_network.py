@@ -15,11 +15,11 @@ import can
 
 from dvtcli.bus.can_message import frame_of, message_of
 from dvtcli.domain.ports import Frame
-from dvtcli.simulator.device.faults import Fault
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.station import SimulatedNode, stations
 
 if TYPE_CHECKING:
+    from dvtcli.simulator.device.faults import Fault
     from dvtcli.simulator.device.signals import Signal
 
 #: Longest wait for a frame, in seconds: bounds how long `stop` takes, never how long an answer takes.

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING
 
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.ports import Frame
-from dvtcli.simulator.device.faults import Fault, own_of
-from dvtcli.simulator.device.faulty import Answer, FaultyServer
 from dvtcli.simulator.device.moving import NEVER, Source
 from dvtcli.simulator.device.sdo_server import SdoServer
 from dvtcli.simulator.device.strict_device import StrictDevice
 
 if TYPE_CHECKING:
+    from dvtcli.simulator.device.faults import Fault
+    from dvtcli.simulator.device.faulty import Answer, FaultyServer
     from dvtcli.simulator.device.signals import Signal
 
 NMT_CAN_ID, SDO_REQUEST, SDO_RESPONSE = 0x000, 0x600, 0x580
@@ -33,7 +33,11 @@ class SimulatedNode:
     def __init__(self, device: StrictDevice, faults: Sequence[Fault] = ()) -> None:
         self.device = device
         self.server = SdoServer(device)
-        self._faulty = FaultyServer(self.server, faults) if faults else None
+        self._faulty: FaultyServer | None = None
+        if faults:
+            from dvtcli.simulator.device.faulty import FaultyServer
+
+            self._faulty = FaultyServer(self.server, faults)
         #: answers that are still to come, with their times
         self._later: deque[tuple[float, Frame]] = deque()
         self._sources: list[Source] = []
@@ -174,6 +178,13 @@ def stations(
     """
     for device in devices:
         device.lss.bit_rate = bit_rate
+    if not (faults or signals):
+        nodes = [SimulatedNode(device) for device in devices]
+        for node in nodes:
+            node.animate()
+        return nodes
+    from dvtcli.simulator.device.faults import own_of
+
     first = devices[0].node_id if devices else 0
     nodes = [SimulatedNode(device, own_of(device.node_id, first, faults)) for device in devices]
     for node in nodes:

@@ -24,7 +24,7 @@ INNER = {
     "simulator/network/socketcand.py:RubbishError", "simulator/device/signal_shapes.py:RowsError",
     "simulator/device/refusal.py:Refusal", "cli/dvt/tcl_safe.py:Exit", "cli/dvt/tcl_process.py:Late",
     "cli/dvt/tcl.py:_Ended", "cli/dvt/tcl_wire.py:WireError", "cli/dvt/tcl_wire.py:Gone",
-    "cli/prompt/keys.py:ThrownAway", "cli/prompt/checking.py:Refused", "cli/view/streams.py:ReaderLeft",
+    "cli/prompt/key_bindings.py:ThrownAway", "cli/prompt/checking.py:Refused", "cli/view/streams.py:ReaderLeft",
     "domain/object_syntax.py:UnknownName",
 }  # fmt: skip
 _ENDS = {"sys.exit", "os._exit", "exit", "quit", "SystemExit", "os.abort", "os.kill"}
