@@ -71,7 +71,7 @@ def _written(node: Node) -> tuple[list[Place], tuple[str, ...]]:
     if node.keeper is None:
         return list(places), notes
     try:
-        past = node.keeper.past.entries(node.node_id, node.identity())
+        past = node.keeper.past.all_of(node.node_id, node.identity())
     except InputFileError as damaged:
         return list(places), (f"objects that an earlier command wrote are not compared: {damaged.text}",)
     for entry in past:

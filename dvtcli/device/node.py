@@ -93,7 +93,7 @@ class Node(Changeable):
         for _ in range(count):
             del self.order[max(number for number, node_id in enumerate(self.order) if node_id == self.node_id)]
         if self.keeper is not None:
-            self.keeper.past.forget_own(count)
+            self.keeper.past.forget_own(count, applied.plan)
         if self.pending.is_as_stored(len(self.history)) and not (applied.findings or applied.not_put_back):
             self.pending.unstored.clear()  # the device holds what was stored, or found, again
         return applied

@@ -14,44 +14,18 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from itertools import takewhile
 from pathlib import Path
-from typing import Any
 
 from dvtcli.device.change.journal import MOST_BYTES
-from dvtcli.device.change.plan_document import Identity, change_document, read_number, read_plan
+from dvtcli.device.change.plan_document import Identity
 from dvtcli.device.change.private_file import file_name, set_aside, write_private
-from dvtcli.domain.plan import Plan
+from dvtcli.device.recorded_change import SCHEMA, Recorded, document, recorded_changes
+from dvtcli.domain.plan import Plan, alters
 from dvtcli.errors import InputFileError, SafetyRefusal
 
-SCHEMA = "dvtcli.past/1"
 #: How many changes of a device are remembered.
 MOST_CHANGES = 50
 #: Serial numbers (0x1018:4) that are nobody's own: not set, or erased memory.
 _NO_SERIAL = (None, 0, 0xFFFF_FFFF)
-
-
-@dataclass(frozen=True, slots=True)
-class Recorded:
-    """A change that was verified: its *plan*, when it was made (ISO 8601, UTC), on which bus and which device.
-
-    *selected* is the node-ID that dvtcli was started with, whichever node was changed; None for none. *stored* are the
-    labels of what a store took of it.
-    """
-
-    id: str
-    when: str
-    bus: str
-    identity: Identity
-    plan: Plan
-    selected: int | None = None
-    stored: frozenset[str] = frozenset()
-
-    def is_of(self, bus: str, identity: Identity) -> bool:
-        """Whether it was made on a device of this *identity* on *bus*."""
-        return (self.bus, self.identity) == (bus, identity)
-
-    def is_meant(self, selected: int | None) -> bool:
-        """Whether it is one of the node *selected*, or was made from there; every one is where that is None."""
-        return selected is None or selected in (self.plan.node_id, self.selected)
 
 
 def has_serial(identity: Identity) -> bool:
@@ -80,8 +54,7 @@ class Past:
 
         That this fails makes the change no less done.
         """
-        path, now = self.path(plan.node_id, identity), datetime.now(UTC)
-        entry = Recorded(name or uuid.uuid4().hex, now.isoformat(), self.bus, identity, plan, self.selected)
+        path, entry = self.path(plan.node_id, identity), self._entry(plan, identity, name)
         self._own.append(None)  # its place among the changes of this process, whatever becomes of its file
         try:
             self._write(path, [*self._sound(path), entry][-MOST_CHANGES:])
@@ -108,9 +81,13 @@ class Past:
 
         InputFileError where its file is damaged.
         """
-        found = [one for one in self._read(self.path(node_id, identity)) if one.is_of(self.bus, identity)]
+        found = [one for one in self.all_of(node_id, identity) if not one.undoes]
         meant = takewhile(lambda one: one.is_meant(selected), reversed(found))
         return list(meant)[::-1]
+
+    def all_of(self, node_id: int, identity: Identity) -> list[Recorded]:
+        """The same, whoever is meant, and what `undo` put back of it after it was stored."""
+        return [one for one in self._read(self.path(node_id, identity)) if one.is_of(self.bus, identity)]
 
     def tops(self, selected: int | None) -> list[Recorded]:
         """The last change of each device of this bus, where *selected* means it; newest first.
@@ -142,12 +119,12 @@ class Past:
     def _last_of(self, pattern: str) -> Iterator[Recorded]:
         for path in sorted(self.folder.glob(pattern)):
             with suppress(InputFileError):
-                yield from self._read(path)[-1:]
+                yield from [one for one in self._read(path) if not one.undoes][-1:]
 
-    def forget(self, entries: Sequence[Recorded]) -> None:
-        """Drop *entries*, which are of one device and were put back."""
+    def forget(self, entries: Sequence[Recorded], back: Plan) -> None:
+        """Drop *entries*, which are of one device: *back* put them back, and is remembered where they were stored."""
         for path in {self.path(one.plan.node_id, one.identity) for one in entries}:
-            self._drop(path, [one.id for one in entries])
+            self._drop(path, [one.id for one in entries], back)
 
     def drop(self, node_id: int, identity: Identity, names: Collection[str]) -> None:
         """Drop the changes of those ids: they were put back, as `recover` does."""
@@ -160,26 +137,44 @@ class Past:
         path, taken = self.path(node_id, identity), frozenset(labels)
         if not taken or not path.exists():
             return
+        entries = [replace(one, stored=one.stored | taken & one.labels) for one in self._sound(path)]
         try:
-            self._write(path, [replace(one, stored=one.stored | taken & _labels(one)) for one in self._sound(path)])
+            self._write(path, [one for one in entries if not (one.undoes and one.stored >= one.labels)])
         except (OSError, SafetyRefusal) as failed:
             self.say(f"it is stored, but that cannot be remembered for a later `store`: {_why(failed)}")
 
-    def forget_own(self, count: int) -> None:
-        """Drop the last *count* changes that this process made: they were put back."""
+    def forget_own(self, count: int, back: Plan) -> None:
+        """Drop the last *count* changes that this process made: *back* put them back."""
         last, self._own = self._own[-count:], self._own[:-count]
         dropped = [one for one in last if one is not None]
         for path in {path for path, _ in dropped}:
-            self._drop(path, [name for _, name in dropped])
+            self._drop(path, [name for _, name in dropped], back)
 
-    def _drop(self, path: Path, names: Collection[str]) -> None:
+    def _drop(self, path: Path, names: Collection[str], back: Plan | None = None) -> None:
+        """Drop the changes of those ids; what *back* put back of them is remembered where a store had taken them."""
         try:
-            self._write(path, [one for one in self._sound(path) if one.id not in names])
+            found = self._sound(path)
+            self._write(path, [one for one in found if one.id not in names])
+            if back is not None:
+                self._add_undoing(back, [one for one in found if one.id in names])
         except (OSError, SafetyRefusal) as failed:
             self.say(f"it is put back, but what `undo` remembers cannot be written: {_why(failed)}")
 
+    def _add_undoing(self, back: Plan, undone: Sequence[Recorded]) -> None:
+        stored = {label for one in undone for label in one.stored}
+        changes = tuple(change for change in back.changes if change.label in stored and alters(change))
+        if changes:
+            entry = self._entry(replace(back, changes=changes), undone[-1].identity, undoes=True)
+            path = self.path(back.node_id, entry.identity)
+            self._write(path, [*self._sound(path), entry][-MOST_CHANGES:])
+
+    def _entry(self, plan: Plan, identity: Identity, name: str = "", *, undoes: bool = False) -> Recorded:
+        """*plan* as it is remembered, with the id *name*, or a new one where that is empty."""
+        now = datetime.now(UTC).isoformat()
+        return Recorded(name or uuid.uuid4().hex, now, self.bus, identity, plan, self.selected, undoes=undoes)
+
     def _write(self, path: Path, entries: list[Recorded]) -> None:
-        documents = [_document(one) for one in entries]
+        documents = [document(one) for one in entries]
         text = json.dumps({"schema": SCHEMA, "changes": documents})
         while len(text) > MOST_BYTES:  # what could not be read back is not written either
             documents = documents[(len(documents) + 1) // 2 :]
@@ -195,7 +190,7 @@ class Past:
         except OSError as failed:
             raise _damaged(path, failed) from failed
         try:
-            return list(_entries(json.loads(data) if len(data) <= MOST_BYTES else None))
+            return list(recorded_changes(json.loads(data) if len(data) <= MOST_BYTES else None))
         except (ValueError, RecursionError) as wrong:
             raise _damaged(path, wrong) from wrong
 
@@ -204,41 +199,6 @@ def _words(identity: Identity) -> str:
     """*identity* as part of a file's name."""
     words = [identity.get(name) for name in ("vendor", "product", "revision", "serial")]
     return "-".join("none" if word is None else f"{word:08X}" for word in words)
-
-
-def _labels(one: Recorded) -> frozenset[str]:
-    return frozenset(change.label for change in one.plan.changes)
-
-
-def _document(one: Recorded) -> dict[str, Any]:
-    return {
-        "id": one.id,
-        "when": one.when,
-        "bus": one.bus,
-        "node": one.plan.node_id,
-        "identity": one.identity,
-        "selected": one.selected,
-        "stored": sorted(one.stored),
-        "changes": [change_document(change) for change in one.plan.changes],
-    }
-
-
-def _entries(document: Any) -> Iterator[Recorded]:
-    if not isinstance(document, dict) or document.get("schema") != SCHEMA:
-        raise ValueError(f"it does not say {SCHEMA}")
-    changes = document.get("changes")
-    if not isinstance(changes, list):
-        raise ValueError("it lists no changes")
-    for one in changes:
-        identity, plan = read_plan(one)
-        selected = None if one.get("selected") is None else read_number(one, "selected", 127, least=1)
-        stored = one.get("stored", [])
-        if not isinstance(stored, list):
-            raise ValueError("stored is no list")
-        yield Recorded(
-            str(one.get("id")), str(one.get("when")), str(one.get("bus")), identity, plan, selected,
-            frozenset(map(str, stored)),
-        )  # fmt: skip
 
 
 def _damaged(path: Path, why: Exception) -> InputFileError:

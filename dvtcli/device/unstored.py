@@ -34,7 +34,7 @@ def held_unstored(node: KnownPdos, past: Past, identity: Identity) -> Mapping[st
 def _unstored(node: KnownPdos, past: Past, identity: Identity) -> dict[str, Change]:
     """The last remembered change of each PDO and object, where it was not stored; oldest first."""
     try:
-        entries = past.entries(node.node_id, identity)
+        entries = past.all_of(node.node_id, identity)
     except InputFileError:
         return {}
     last: dict[str, Change | None] = {}

@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from dvtcli.device.change.plan_document import Identity
     from dvtcli.device.change.safekeeping import Keeper
     from dvtcli.device.node import Node
-    from dvtcli.device.past import Past, Recorded
+    from dvtcli.device.past import Past
+    from dvtcli.device.recorded_change import Recorded
     from dvtcli.operations.keeping import Keeping
     from dvtcli.operations.session import Session
 
@@ -61,7 +62,7 @@ def put_remembered_back(session: Session, chain: Remembered, *, everything: bool
     undone = chain.entries[-count:]
     session.tell.note(_undone_text(undone, gone=count > 1 and not len(applied.plan)))
     if not session.dry_run:
-        chain.keeper.past.forget(undone)
+        chain.keeper.past.forget(undone, applied.plan)
     applied = replace(applied, findings=(*applied.findings, *chain.findings))
     return changed(session, node, applied, time.monotonic() - started, undone=True)
 

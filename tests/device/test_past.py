@@ -23,6 +23,10 @@ def plan(node_id: int = 5, value: int = 1, size: int = 2) -> Plan:
     return Plan(node_id, (ValueChange(Step(0x2000, 0, bytes(size), data, "write")),))
 
 
+#: what is written to put such a plan back
+BACK = Plan(5, (ValueChange(Step(0x2000, 0, bytes([1, 1]), bytes(2), "write")),))
+
+
 def values(past: Past, selected: int | None = None, node_id: int = 5) -> list[int]:
     """The first byte of what each remembered change of the node wrote, oldest first."""
     return [next(one.plan.steps).after[0] for one in past.entries(node_id, IDENTITY, selected)]
@@ -111,13 +115,13 @@ def test_what_is_put_back_is_forgotten_and_nothing_else(tmp_path: Path) -> None:
     second.add(plan(9, 3), IDENTITY)
     second.add(plan(value=4), IDENTITY, "four")
     second.add(plan(value=5), IDENTITY)
-    second.forget_own(1)
+    second.forget_own(1, BACK)
     assert values(second) == [1, 2, 4]
     second.drop(5, IDENTITY, ["four"])
     assert values(second) == [1, 2], "as `recover` does"
-    second.forget_own(3)
+    second.forget_own(3, BACK)
     assert (values(second), values(second, node_id=9)) == ([1], [])
-    first.forget(first.entries(5, IDENTITY))
+    first.forget(first.entries(5, IDENTITY), BACK)
     assert values(first) == []
 
 
@@ -205,14 +209,44 @@ def test_what_cannot_be_written_is_said_and_has_its_place_among_the_session_s_ch
     folder.rename(tmp_path / "away")
     folder.write_text("in the way", "utf-8")
     past.add(plan(value=2), IDENTITY)
-    past.forget_own(1)
+    past.forget_own(1, BACK)
     past.add(plan(value=2), IDENTITY)
-    past.forget(held)
+    past.forget(held, BACK)
     folder.unlink()
     (tmp_path / "away").rename(folder)
     undone = "it is put back, but what `undo` remembers cannot be written: Not a directory"
     assert said == [*2 * ["the change is done, but cannot be remembered for a later `undo`: Not a directory"], undone]
-    past.forget_own(1)
+    past.forget_own(1, BACK)
     assert values(past) == [1], "the one that is forgotten is the one that was never written"
-    past.forget_own(1)
+    past.forget_own(1, BACK)
     assert values(past) == []
+
+
+def test_what_is_put_back_after_it_was_stored_is_remembered_for_the_next_store_only(tmp_path: Path) -> None:
+    past = Past(tmp_path, "can0")
+    for value in (1, 2):
+        past.add(plan(value=value), IDENTITY)
+    past.was_stored(5, IDENTITY, ["2000:00"])
+    past.add(plan(value=3), IDENTITY)
+    past.forget_own(1, BACK)
+    assert [one.undoes for one in past.all_of(5, IDENTITY)] == [False, False], "what it put back had not been stored"
+    past.forget_own(1, BACK)
+    undone = past.all_of(5, IDENTITY)[-1]
+    assert (undone.undoes, undone.plan, undone.stored) == (True, BACK, frozenset())
+    newest = past.newest(5, IDENTITY)
+    assert (values(past), newest) == ([1], past.entries(5, IDENTITY)[0]), "no `undo` reverts an `undo`"
+    assert past.tops(None) == [newest]
+    past.forget(past.entries(5, IDENTITY), Plan(5, ()))
+    assert past.all_of(5, IDENTITY) == [undone]
+    assert (past.newest(5, IDENTITY), past.newest_of_all(), past.moved(7, IDENTITY)) == (None, None, None)
+    past.was_stored(5, IDENTITY, ["2000:00"])
+    assert past.all_of(5, IDENTITY) == []
+
+
+def test_what_is_put_back_under_another_node_id_is_remembered_there(tmp_path: Path) -> None:
+    past = Past(tmp_path, "can0")
+    past.add(plan(), IDENTITY)
+    past.was_stored(5, IDENTITY, ["2000:00"])
+    past.forget(past.entries(5, IDENTITY), Plan(7, BACK.changes))
+    assert past.all_of(5, IDENTITY) == []
+    assert [one.undoes for one in past.all_of(7, IDENTITY)] == [True]

@@ -1,0 +1,81 @@
+"""A change that was made to a device, as it is remembered, and its form in a file.
+
+Does not know where the file is, nor which changes are put back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from dvtcli.device.change.plan_document import Identity, change_document, read_number, read_plan
+from dvtcli.domain.plan import Plan
+
+SCHEMA = "dvtcli.past/1"
+
+
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """A change that was verified: its *plan*, when it was made (ISO 8601, UTC), on which bus and which device.
+
+    *selected* is the node-ID that dvtcli was started with, whichever node was changed; None for none. *stored* are the
+    labels of what a store took of it. With *undoes* it put changes back that had been stored: no `undo` reverts it, and
+    it is remembered for what was not stored since.
+    """
+
+    id: str
+    when: str
+    bus: str
+    identity: Identity
+    plan: Plan
+    selected: int | None = None
+    stored: frozenset[str] = frozenset()
+    undoes: bool = False
+
+    @property
+    def labels(self) -> frozenset[str]:
+        """What it changed: PDOs and objects."""
+        return frozenset(change.label for change in self.plan.changes)
+
+    def is_of(self, bus: str, identity: Identity) -> bool:
+        """Whether it was made on a device of this *identity* on *bus*."""
+        return (self.bus, self.identity) == (bus, identity)
+
+    def is_meant(self, selected: int | None) -> bool:
+        """Whether it is one of the node *selected*, or was made from there; every one is where that is None."""
+        return selected is None or selected in (self.plan.node_id, self.selected)
+
+
+def document(one: Recorded) -> dict[str, Any]:
+    """*one* as JSON."""
+    return {
+        "id": one.id,
+        "when": one.when,
+        "bus": one.bus,
+        "node": one.plan.node_id,
+        "identity": one.identity,
+        "selected": one.selected,
+        "stored": sorted(one.stored),
+        "undoes": one.undoes,
+        "changes": [change_document(change) for change in one.plan.changes],
+    }
+
+
+def recorded_changes(document: Any) -> Iterator[Recorded]:
+    """What a file's *document* holds, oldest first; ValueError where it is none of ours."""
+    if not isinstance(document, dict) or document.get("schema") != SCHEMA:
+        raise ValueError(f"it does not say {SCHEMA}")
+    changes = document.get("changes")
+    if not isinstance(changes, list):
+        raise ValueError("it lists no changes")
+    for one in changes:
+        identity, plan = read_plan(one)
+        selected = None if one.get("selected") is None else read_number(one, "selected", 127, least=1)
+        stored = one.get("stored", [])
+        if not isinstance(stored, list):
+            raise ValueError("stored is no list")
+        yield Recorded(
+            str(one.get("id")), str(one.get("when")), str(one.get("bus")), identity, plan, selected,
+            frozenset(map(str, stored)), one.get("undoes") is True,
+        )  # fmt: skip
