@@ -17,7 +17,14 @@ if TYPE_CHECKING:
 
 
 def prepare_store(node: Changeable, *, force: bool = False, confirm: bool = True) -> None:
-    """Before a store or restore: let nothing be stored that is not as it should be; enter the gate where needed.
+    """Before a store or restore: as `may_store`; enter the gate where needed."""
+    may_store(node, force=force, confirm=confirm)
+    if node.profile.store.only_pre_operational:
+        node.gate.enter()
+
+
+def may_store(node: Changeable, *, force: bool = False, confirm: bool = True) -> None:
+    """Let nothing be stored that is not as it should be: SafetyRefusal, RuleError where nobody is logged in.
 
     What this session changed is read again, and the PDOs whole, since a device may have lost or altered them;
     *confirm* says whether: not where all of it is about to be given up, nor does it matter then that it is lost or
@@ -38,8 +45,6 @@ def prepare_store(node: Changeable, *, force: bool = False, confirm: bool = True
     if confirm and node.keeper is not None:
         node.storing = node.identity()  # once it has stored nothing more is asked for that
         node.pending.of_others(held_unstored(node, node.keeper.past, node.storing))
-    if node.profile.store.only_pre_operational:
-        node.gate.enter()
 
 
 def is_stored(node: Changeable, labels: Iterable[str]) -> None:

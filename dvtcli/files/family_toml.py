@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from dvtcli.domain.learning.conclusions import Learnt, Value
+from dvtcli.domain.learning.learnt_value import Learnt, Value
 
 #: Keys whose numbers are abort codes.
-_CODES = ("answers.", "tpdo_dummies")
+_CODES = ("answers.", "tpdo_dummies", "wrong_signature", "save_answer")
 
 
 def toml_text(head: Iterable[str], rows: Iterable[Learnt]) -> str:

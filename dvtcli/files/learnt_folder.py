@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from dvtcli.domain.learning.conclusions import Conclusions
+from dvtcli.domain.learning.learnt_value import Conclusions
 from dvtcli.domain.profile import DeviceProfile
 from dvtcli.errors import UsageError
 from dvtcli.files.family_toml import quoted, toml_text
@@ -103,22 +103,34 @@ def _mark(origin: Origin) -> list[str]:
     return [f"{_MARK}: {origin.said[0]}", *(f"# {line}" for line in origin.said[1:])]
 
 
-def write_folder(folder: Path, origin: Origin, learnt: Conclusions, eds: Path) -> list[Path]:
-    """Write the family into *folder*, with a copy of *eds*, and its profile to the user's own; the files, in order."""
+def write_folder(folder: Path, origin: Origin, learnt: Conclusions, eds: Path | str) -> list[Path]:
+    """Write the family into *folder*, with its EDS, and its profile to the user's own; the files, in order.
+
+    *eds* is the file that is copied, or the text of one.
+    """
     folder.mkdir(exist_ok=True)
     files = {PROFILE: profile_text(origin, learnt), SIMULATED: simulated_text(origin, learnt)}
     for name, text in files.items():
         (folder / name).write_text(text, encoding="utf-8")
-    target = folder / f"{origin.name}{eds.suffix.lower()}"
-    for old in folder.iterdir():
-        if old.suffix.lower() in (".eds", ".dcf") and old != target and old.resolve() != eds.resolve():
-            old.unlink()
-    if eds.resolve() != target.resolve():
-        shutil.copyfile(eds, target)
+    target = _write_eds(folder, origin.name, eds)
     own = own_path(origin.name)
     own.parent.mkdir(parents=True, exist_ok=True)
     own.write_text(files[PROFILE], encoding="utf-8")
     return [*(folder / name for name in files), target, own]
+
+
+def _write_eds(folder: Path, name: str, eds: Path | str) -> Path:
+    """Put *eds* into *folder*, whose only one it is then, unless it was another file there."""
+    source = None if isinstance(eds, str) else eds.resolve()
+    target = folder / f"{name}{'.eds' if source is None else source.suffix.lower()}"
+    for old in folder.iterdir():
+        if old.suffix.lower() in (".eds", ".dcf") and old != target and old.resolve() != source:
+            old.unlink()
+    if isinstance(eds, str):
+        target.write_text(eds, encoding="utf-8", newline="\r\n")
+    elif source != target.resolve():
+        shutil.copyfile(eds, target)
+    return target
 
 
 def own_path(name: str) -> Path:

@@ -178,14 +178,20 @@ def family_named(name: str) -> Family:
     return load_family(name) if name in family_names() else Family()
 
 
-@lru_cache(maxsize=8)
 def read_dictionary(path: Path) -> ObjectDictionary:
-    """The object dictionary of an EDS or DCF; UsageError where there is no such file."""
-    from dvtcli.files.eds.reader import read_eds
-
+    """The object dictionary of an EDS or DCF as it is now; UsageError where there is no such file."""
     try:
-        return read_eds(path).dictionary
+        known = path.stat()
+        return _dictionary(path, Path.cwd(), known.st_mtime_ns, known.st_size)
     except OSError as failed:
         raise UsageError(
             f"{path}: {failed.strerror or failed}", hint="--eds takes the path of an EDS or DCF"
         ) from failed
+
+
+@lru_cache(maxsize=8)
+def _dictionary(path: Path, _folder: Path, _changed_ns: int, _size: int) -> ObjectDictionary:
+    """What the file at *path* in *_folder* says since it was changed."""
+    from dvtcli.files.eds.reader import read_eds
+
+    return read_eds(path).dictionary

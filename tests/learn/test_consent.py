@@ -127,6 +127,12 @@ class TestSaving:
             assert bench.run("node --json").document["nodes"][0]["profile"] == "pump"
             assert bench.run("map tpdo1 6041 6061").code == 0
 
+    def test_what_is_saved_is_used_by_the_next_line(self) -> None:
+        with Bench(("tmcm",)) as bench:
+            assert bench.run("node --json").document["nodes"][0]["profile"] == "tmcm"
+            assert bench.run("learn --yes --save pump").code == 0
+            assert bench.run("node --json").document["nodes"][0]["profile"] == "pump"
+
     def test_again_into_its_own_folder(self) -> None:
         with Bench(("tmcm",)) as bench:
             assert [bench.run("learn --yes --save pump").code for _ in range(2)] == [0, 0]

@@ -31,8 +31,11 @@ TASK = ("Find nodes", 55)
     help="Say what differs from this profile, or that in the folder ./NAME; exit code 3 then.",
 )
 @click.option("--isolated", is_flag=True, help="Nothing else is on the bus: ask for restricted CAN-IDs, too.")
+@click.option("--with-store", is_flag=True, help="Let the device save, too: two writes to 0x1010 at most.")
 @click.pass_obj
-def command(session: Session, /, save: str | None, compare: str | None, isolated: bool) -> LearntDevice | LearnForecast:
+def command(
+    session: Session, /, save: str | None, compare: str | None, isolated: bool, with_store: bool
+) -> LearntDevice | LearnForecast:
     """Ask a device, safely and reversibly, what its PDOs take. It asks before it writes; it starts no node.
 
     \b
@@ -40,7 +43,8 @@ def command(session: Session, /, save: str | None, compare: str | None, isolated
     learn --dry-run            what it would ask
     learn --save pump          then --sim ./pump answers the same
     learn --compare gen4       after a firmware update
+    learn --with-store         how it saves, too
     """
     from dvtcli.operations.learn_device import learn
 
-    return learn(session, save=save, compare=compare, isolated=isolated)
+    return learn(session, save=save, compare=compare, isolated=isolated, with_store=with_store)

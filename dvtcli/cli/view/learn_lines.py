@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from dvtcli.cli.view.lines import Cell, Line, Table
 from dvtcli.domain.abort import abort_text
-from dvtcli.domain.learning.conclusions import Value
+from dvtcli.domain.learning.learnt_value import Value
 from dvtcli.operations.results.learnt import LearnForecast, LearntDevice
 
 #: How many questions of one reason are named.
@@ -29,6 +29,7 @@ def learnt_lines(result: LearntDevice, width: int) -> Iterator[Line]:
         f"{count} questions, {result.writes} writes to {labels}, {result.seconds:.1f} s; everything is put back and "
         "read back equal"
     )
+    yield from _saving(result)
     for path in result.saved:
         yield f"written: {path}"
     if result.saved:
@@ -86,6 +87,16 @@ def _compared(result: LearntDevice, width: int) -> Iterator[Line]:
     yield from table.lines(width)
 
 
+def _saving(result: LearntDevice) -> Iterator[str]:
+    """What came of --with-store."""
+    for answer in result.answers:
+        if answer.probe.pdo is None and answer.code is not None:
+            said = f"answered 0x{answer.code:08X} ({abort_text(answer.code)})" if answer.code else "accepted"
+            yield f"0x{answer.probe.label}: {answer.probe.name} {said}"
+    if any(one.probe.pdo is None and one.accepted for one in result.answers):
+        yield "what it held when it was found is what it may come up with from now on: no reset was made to see"
+
+
 def _short(evidence: str) -> str:
     """The first answer, and how many more there are: the profile and the document have them all."""
     first, *more = evidence.split("; ")
@@ -105,8 +116,10 @@ def forecast_lines(result: LearnForecast, width: int) -> Iterator[Line]:
     """Every probe that would be made."""
     table = Table(("PDO", "QUESTION", "WRITE", "NEEDS"), shrink=1)
     for probe in result.probes:
-        table.add(probe.pdo.label, probe.sense, str(probe.asked), str(probe.where))
+        table.add(probe.label, probe.sense, str(probe.asked), str(probe.where))
     yield from table.lines(width)
     if result.stores:
         yield [Cell("note: ", "yellow"), Cell(result.stores)]
+    if any(probe.pdo is None for probe in result.probes):
+        yield [Cell("note: ", "yellow"), Cell("what the node holds then is what it comes up with from then on")]
     yield f"dry run: up to {result.writes} writes to node {result.node}, and everything put back; nothing was sent"

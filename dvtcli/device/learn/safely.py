@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 from dvtcli.device.change.carry_out import left_open
 from dvtcli.device.change.put_back import restore_patiently
 from dvtcli.device.learn.asking import Asking
-from dvtcli.domain.learning.probe import Answer, Subject, Where
+from dvtcli.device.learn.saving import Saved, ask_to_save
+from dvtcli.domain.learning.probe import Answer, Probe, Subject, Where
 from dvtcli.domain.learning.probe_table import Known, next_probes, while_operational
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.pdo import Pdo, PdoConfig
@@ -27,18 +28,23 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Terms:
-    """What was agreed to: *limit* downloads for each subject; *isolated* asserts that nothing else is on the bus."""
+    """What was agreed to: *limit* downloads for each subject; *isolated* asserts that nothing else is on the bus.
+
+    *saves* is what is asked of 0x1010 in the end, none where nothing may be saved.
+    """
 
     limit: int
     isolated: bool = False
+    saves: tuple[Probe, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """The answers about each subject, and how many downloads that took."""
+    """The answers about each subject, how many downloads that took, and what came of saving."""
 
     known: tuple[Known, ...]
     writes: int
+    saved: Saved
 
 
 def way_back(node_id: int, subjects: Sequence[Subject], pdos: Mapping[Pdo, PdoConfig]) -> Plan:
@@ -79,6 +85,10 @@ def ask_safely(
             node.keeper.begin(plan, node.identity(), found.state, node.known_pdos, pdos)
         try:
             asked = _ask(node, subjects, found, terms, on_write)
+            if terms.saves:  # what it saves is what it was found with
+                if altered := _restore(node, plan, pdos):
+                    raise _beside(altered)
+                asked = replace(asked, saved=ask_to_save(node, terms.saves))
         except BaseException as fault:
             _put_back(node, plan, pdos, fault)
             if isinstance(fault, DvtcliError):
@@ -104,7 +114,7 @@ def _ask(node: Node, subjects: Sequence[Subject], found: Found, terms: Terms, on
         asking = Asking(node, subject if quiet else replace(subject, spare=()), terms.limit, on_write)
         known.append(_ask_one(asking, first[subject.pdo], terms))
         writes += asking.writes
-    return Asked(tuple(known), writes)
+    return Asked(tuple(known), writes, Saved())
 
 
 def _ask_one(asking: Asking, answers: dict[str, Answer], terms: Terms) -> Known:
@@ -126,13 +136,12 @@ def _ask_one(asking: Asking, answers: dict[str, Answer], terms: Terms) -> Known:
 
 def _put_back(node: Node, plan: Plan, pdos: Mapping[Pdo, PdoConfig], fault: BaseException | None) -> None:
     """Put everything back, verify that all of *pdos* are as they were, and close the journal."""
-    own = [change.pdo for change in plan.changes if isinstance(change, PdoChange)]
+    own = _own(plan)
     try:
-        restore_patiently(node.sdo, plan.changes, node.bus, node.gate.renew, node.witness)
-        altered = _altered(node, {pdo: before for pdo, before in pdos.items() if pdo not in own})
+        altered = _restore(node, plan, pdos)
         if altered:
-            own, labels = altered, several(pdo.label for pdo in altered)
-            raise DeviceRefused(f"the device altered {labels} beside what it was asked")
+            own = altered
+            raise _beside(altered)
     except (DvtcliError, KeyboardInterrupt) as failed:
         left = _left(node, own, fault, failed)
         left_open(node, left)
@@ -141,6 +150,21 @@ def _put_back(node: Node, plan: Plan, pdos: Mapping[Pdo, PdoConfig], fault: Base
         node.forget()
     if node.keeper is not None:
         node.keeper.own_journal.end()
+
+
+def _restore(node: Node, plan: Plan, pdos: Mapping[Pdo, PdoConfig]) -> list[Pdo]:
+    """Put everything back, and see that all of *pdos* are as they were: those that are not, and cannot be put back."""
+    restore_patiently(node.sdo, plan.changes, node.bus, node.gate.renew, node.witness)
+    own = _own(plan)
+    return _altered(node, {pdo: before for pdo, before in pdos.items() if pdo not in own})
+
+
+def _own(plan: Plan) -> list[Pdo]:
+    return [change.pdo for change in plan.changes if isinstance(change, PdoChange)]
+
+
+def _beside(altered: Sequence[Pdo]) -> DeviceRefused:
+    return DeviceRefused(f"the device altered {several(pdo.label for pdo in altered)} beside what it was asked")
 
 
 def _altered(node: Node, pdos: Mapping[Pdo, PdoConfig]) -> list[Pdo]:

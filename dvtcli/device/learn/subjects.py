@@ -27,6 +27,12 @@ _LENGTHS = (1, 8, 16, 32, 64)
 #: Sub-indices of a communication parameter that are asked; 4 is reserved, and 6 of a TPDO only (CiA 301, 7.5.2.37).
 _PARAMETERS = (2, 3, 5)
 _SYNC_START = 6
+#: What is asked of a device without a file as an object that is not mappable: its vendor-ID, and its heartbeat's time,
+#: whose access is for this direction (CiA 301, 7.5.2.17 and 7.5.2.21).
+_STANDARD_UNMAPPABLE = {
+    Direction.TPDO: PdoMappingEntry(0x1018, 1, 32),
+    Direction.RPDO: PdoMappingEntry(0x1017, 0, 16),
+}
 
 
 def subjects(node: Node, pdos: Mapping[Pdo, PdoConfig], heard: frozenset[int]) -> list[Subject]:
@@ -44,7 +50,7 @@ def _spare(node: Node, pdos: Mapping[Pdo, PdoConfig], heard: frozenset[int]) -> 
     """Two CAN-IDs that no PDO of a known node has, no service uses, and nobody was heard on."""
     used = {config.communication.cob_id.can_id for config in pdos.values()}
     used |= {one.cob_id.can_id for one in producers(node.neighbours())}
-    used |= {can_id for can_id in service_can_ids(node.sdo) if can_id is not None} | heard
+    used |= {can_id for can_id in service_can_ids(node.memory) if can_id is not None} | heard
     free = [can_id for can_id in FREE_POOL if can_id not in used]
     return tuple(free[-2:]) if len(free) > 1 else ()
 
@@ -90,7 +96,7 @@ def _read(node: Node, pdos: Mapping[Pdo, PdoConfig], pdo: Pdo, held: PdoConfig, 
     return Subject(
         pdo, held, parameters, tuple(entries), fits,
         {} if described is None else _by_access(described),
-        None if described is None else _unmappable(described, pdo),
+        _STANDARD_UNMAPPABLE[pdo.direction] if described is None else _unmappable(described, pdo),
         _absent(node),
         spare,
     )  # fmt: skip
@@ -98,7 +104,7 @@ def _read(node: Node, pdos: Mapping[Pdo, PdoConfig], pdo: Pdo, held: PdoConfig, 
 
 def _held(node: Node, index: int, sub_index: int) -> bytes | None:
     try:
-        return node.sdo.upload(index, sub_index)
+        return node.memory.upload(index, sub_index)
     except SdoAborted as aborted:
         if aborted.code in ABSENT:
             return None

@@ -7,7 +7,7 @@ from dvtcli.domain.learning.probe_table import Known, next_probes
 
 #: Downloads that bring a PDO from one probe to where the next one starts: off, count, what the probe had changed, then
 #: an entry and its count, and on.
-_ON_THE_WAY = {Stand.FOUND: 0, Stand.EMPTY: 2, Stand.FILLED: 3, Stand.ON: 5}
+_ON_THE_WAY = {Stand.FOUND: 0, Stand.BACK: 0, Stand.EMPTY: 2, Stand.FILLED: 3, Stand.ON: 5}
 #: Downloads of the search for the highest inhibit time and event timer: each halves what is left of 16 bits.
 _SEARCHES = 2 * 18 * 2
 

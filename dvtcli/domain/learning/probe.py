@@ -19,6 +19,8 @@ class Stand(StrEnum):
     """How the PDO stands before a probe."""
 
     FOUND = "as it was found, off"
+    #: every PDO put back
+    BACK = "as it was found"
     EMPTY = "off, count 0"
     FILLED = "off, one entry"
     ON = "enabled, one entry, on a CAN-ID that nobody uses"
@@ -34,6 +36,8 @@ class Where(StrEnum):
     ISOLATED = "--isolated"
     #: the node as it was found, in OPERATIONAL
     OPERATIONAL = "--isolated, and a node that was found OPERATIONAL"
+    #: it writes the device's memory
+    STORE = "--with-store"
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,19 +55,24 @@ class Write:
 
 @dataclass(frozen=True, slots=True)
 class Probe:
-    """What is asked of *pdo*: the last of *writes*, after the others were accepted, from *stand*.
+    """What is asked of *pdo*, None for the device: the last of *writes*, after the others were accepted, from *stand*.
 
     *name* is unique in a run, *sense* says for people what is found out. *check* is the name of the check that a
     simulated device makes there, "" for none.
     """
 
-    pdo: Pdo
+    pdo: Pdo | None
     name: str
     sense: str
     stand: Stand
     writes: tuple[Write, ...]
     check: str = ""
     where: Where = Where.ANYWHERE
+
+    @property
+    def label(self) -> str:
+        """What is asked: a PDO, else an object."""
+        return self.pdo.label if self.pdo is not None else f"{self.asked.index:04X}:{self.asked.sub_index:02X}"
 
     @property
     def asked(self) -> Write:

@@ -104,6 +104,12 @@ def profile_for_identity(vendor_id: int, product_code: int) -> DeviceProfile:
     return fitting[-1] if fitting else load_profile("generic")
 
 
+def read_anew() -> None:
+    """A profile was written: what was read of them is old."""
+    for cached in (load_profile, profile_for_identity, passcode_objects):
+        cached.cache_clear()
+
+
 @cache
 def passcode_objects() -> frozenset[ObjectAddress]:
     """The objects that take a passcode, of every family: what is written there is nobody's business."""

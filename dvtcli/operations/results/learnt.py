@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from dvtcli.domain.learning.conclusions import Conclusions, Learnt, Value
+from dvtcli.domain.learning.learnt_value import Conclusions, Learnt, Value
 from dvtcli.domain.learning.probe import Answer, Probe
 from dvtcli.operations.results.documents import Answer as Answered
 from dvtcli.operations.results.documents import Document
@@ -31,6 +31,7 @@ class Difference:
 class LearntDevice(Answered):
     """What a device takes: *pdos* were asked, with *answers*; *writes* downloads, all put back and read back equal.
 
+    *saves* is how many signatures 0x1010 was sent.
     *saved* are the files, *compared* the profile's name and what differs from it.
     """
 
@@ -42,6 +43,7 @@ class LearntDevice(Answered):
     answers: Sequence[Answer]
     conclusions: Conclusions
     writes: int
+    saves: int
     seconds: float
     saved: Sequence[str] = ()
     compared: tuple[str, Sequence[Difference]] | None = None
@@ -64,6 +66,7 @@ class LearntDevice(Answered):
             "dry_run": False,
             "pdos": list(self.pdos),
             "writes": self.writes,
+            "saves": self.saves,
             "put_back": True,
             "seconds": round(self.seconds, 3),
             "profile": [_learnt(one) for one in self.conclusions.profile],
@@ -96,6 +99,7 @@ class LearnForecast(Answered):
             "dry_run": True,
             "pdos": list(self.pdos),
             "writes": self.writes,
+            "saves": sum(probe.pdo is None for probe in self.probes),
             "put_back": False,
             "seconds": 0.0,
             "profile": [],
@@ -113,7 +117,7 @@ def _learnt(one: Learnt) -> Document:
 
 def _probe(probe: Probe) -> Document:
     rows: Mapping[str, object] = {
-        "pdo": str(probe.pdo),
+        "pdo": None if probe.pdo is None else str(probe.pdo),
         "name": probe.name,
         "asks": probe.sense,
         "stand": str(probe.stand),

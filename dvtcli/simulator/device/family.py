@@ -90,8 +90,10 @@ class Family:
     - *needs_store*: range of indices that a reset reverts unless they were stored, everything outside keeps itself;
       None means that everything must be stored. *save_command*: an object that stores everything when written.
       *store_capability*: what 0x1010:s and 0x1011:s read; *restore_capability*: what 0x1011:s reads where it differs.
-      *store_lasts*: whether a store outlasts a reset; *communication_reset_reloads*: whether a reset of communication
-      brings stored values back, or leaves all as it is.
+      *wrong_signature*: what 0x1010:s answers to another value than "save", 0 for accepted, which saves nothing;
+      *save_answer*: what it answers to "save", 0 for accepted. *store_lasts*: whether a store outlasts a reset;
+      *communication_reset_reloads*: whether a reset of communication brings stored values back, or leaves all as it
+      is.
     - *login*: access levels, None for none. *extended_error*: the object that explains abort 0x08000000;
       *reasons*: abort code → reason, for codes that this family hides behind 0x08000000.
     - *state_object* reads the NMT state; *state_request* forces it (1 PRE-OPERATIONAL, 0 OPERATIONAL) where
@@ -139,6 +141,8 @@ class Family:
     save_command: Object | None = None
     store_capability: int = 1
     restore_capability: int | None = None
+    wrong_signature: int = Abort.CANNOT_STORE
+    save_answer: int = 0
     store_lasts: bool = True
     communication_reset_reloads: bool = True
     login: Login | None = None

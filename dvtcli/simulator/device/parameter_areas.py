@@ -37,15 +37,18 @@ class ParameterAreas:
         return (index in _SIGNATURES and sub_index > 0) or (index, sub_index) == self._family.save_command
 
     def command(self, index: int, sub_index: int, data: bytes) -> None:
-        """Carry out a store or note a restore; Refusal(08000020) for a wrong signature, 06060000 for a failure."""
+        """Carry out a store or note a restore; Refusal for a wrong signature, and (06060000) for a failure."""
         area = _AREAS.get(sub_index, _MANUFACTURER) if index in _SIGNATURES else ALL
         if index in _SIGNATURES and data != _SIGNATURES[index]:
-            raise Refusal(Abort.CANNOT_STORE)
+            self._wrong_signature(index)
+            return
         if index == RESTORE:
             if not self.restores_nothing:
                 self._to_restore.add(area)
                 self._memory.stored_changes += 1
             return
+        if index == STORE and self._family.save_answer:
+            raise Refusal(self._family.save_answer)
         if self.fails:
             raise Refusal(Abort.HARDWARE)
         if self.stores_nothing:
@@ -53,6 +56,12 @@ class ParameterAreas:
         if self._family.store_lasts:
             self._memory.save(*area)
         self._to_restore.discard(area)
+
+    def _wrong_signature(self, index: int) -> None:
+        """Raise Refusal, unless the family takes any value for 0x1010, of which only the signature does something."""
+        code = self._family.wrong_signature if index == STORE else Abort.CANNOT_STORE
+        if code:
+            raise Refusal(code)
 
     def keep_written(self, index: int) -> None:
         """Store an object that saves itself, after it was written."""

@@ -158,6 +158,8 @@ FAMILY_KEYS: Schema = {
     "save_command": object_address,
     "store_capability": integer(0, 0xFFFF_FFFF),
     "restore_capability": integer(0, 0xFFFF_FFFF),
+    "wrong_signature": _ABORT,
+    "save_answer": _ABORT,
     "store_lasts": boolean,
     "communication_reset_reloads": boolean,
     "login": _login,

@@ -1,0 +1,34 @@
+"""Reading what no file tells of a device that was learnt: its standard objects, and the lengths of what it maps.
+
+Writes nothing; does not know what becomes of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.learning.read_dictionary import TO_READ, ReadDevice
+from dvtcli.domain.pdo import Direction, Pdo, PdoConfig
+from dvtcli.errors import SdoAborted
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+    from dvtcli.domain.learning.probe_table import Known
+
+
+def read_device(node: Node, pdos: Mapping[Pdo, PdoConfig], known: Sequence[Known]) -> ReadDevice:
+    """What *node* is, with *pdos* as they were found, and what was answered about it."""
+    values = {}
+    for place in TO_READ:
+        with suppress(SdoAborted):  # what it does not tell is left out
+            values[place] = node.memory.upload(*place)
+    mapped = {way: [e for p, c in pdos.items() if p.direction is way for e in c.mapping] for way in Direction}
+    for one in known:
+        mapped[one.subject.pdo.direction] += one.fits
+    mapped = {way: [entry for entry in entries if not entry.is_dummy] for way, entries in mapped.items()}
+    places = {(entry.index, entry.sub_index) for entries in mapped.values() for entry in entries}
+    lengths = {place: bits for place in places if (bits := node.length_of(*place)) is not None}
+    own = {one.subject.pdo: one.subject.entries for one in known}
+    return ReadDevice(node.node_id, node.title, values, pdos, own, mapped, lengths)

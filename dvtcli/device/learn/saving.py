@@ -1,0 +1,99 @@
+"""Asking a device what it says about saving, and, where that was agreed to, to save: at most two writes to 0x1010.
+
+Does not know what its answers mean, and puts nothing back: it is asked while it holds what it was found with.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from dvtcli.device.change.failed_change import TRY_AGAIN
+from dvtcli.device.read_pdos import ABSENT, read_number
+from dvtcli.domain.abort import Abort
+from dvtcli.domain.learning.probe import ACCEPTED, Answer, Probe
+from dvtcli.domain.learning.storage import RESTORE, STORE, Storage
+from dvtcli.errors import DeviceRefused, Interrupted, NoAnswer, SdoAborted
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+
+#: The sub-indices of CiA 301: all, communication, application; the first of the maker's own.
+_SUB_INDICES = (1, 2, 3, 4)
+
+
+@dataclass(frozen=True, slots=True)
+class Saved:
+    """What the device *answers* to each signature, and how many *seconds* the right one took."""
+
+    answers: tuple[Answer, ...] = ()
+    seconds: float = 0.0
+
+    @property
+    def writes(self) -> int:
+        """How many signatures were sent."""
+        return sum(answer.code is not None for answer in self.answers)
+
+    @property
+    def sub_index(self) -> int | None:
+        """The sub-index of 0x1010 that took a signature, whichever it was; None where none was taken."""
+        return next((one.probe.asked.sub_index for one in self.answers if one.accepted), None)
+
+
+def read_storage(node: Node) -> Storage:
+    """What 0x1010 and 0x1011 of *node* say; writes nothing."""
+    save, unreadable = _capabilities(node, STORE)
+    load, _ = _capabilities(node, RESTORE)
+    return Storage(save, load, unreadable)
+
+
+def _capabilities(node: Node, index: int) -> tuple[dict[int, int], int]:
+    """What the sub-indices of *index* read, and the abort code of one that is there and cannot be read."""
+    found, unreadable = {}, 0
+    for sub_index in _SUB_INDICES:
+        try:
+            found[sub_index] = read_number(node.memory, index, sub_index, 4)
+        except SdoAborted as aborted:
+            if aborted.code == Abort.NO_OBJECT:
+                break
+            unreadable = unreadable or (0 if aborted.code in ABSENT else aborted.code)
+    return found, unreadable
+
+
+def ask_to_save(node: Node, probes: Sequence[Probe]) -> Saved:
+    """Send each of *probes*, what must be refused first, and nothing more once a signature was taken.
+
+    DeviceRefused where the node restarts, Interrupted after a request to stop, NoAnswer where it falls silent.
+    """
+    answers: list[Answer] = []
+    seconds = 0.0
+    for probe in probes:
+        if any(answer.accepted for answer in answers):
+            answers.append(Answer(probe, None, why="a wrong signature was taken, so that it may have saved already"))
+            continue
+        started_s = node.bus.now_s()
+        answers.append(_asked(node, probe))
+        seconds = node.bus.now_s() - started_s
+    return Saved(tuple(answers), seconds)
+
+
+def _asked(node: Node, probe: Probe) -> Answer:
+    if node.cancellation.requested:
+        stopped = Interrupted("stopped before it was told to save", node=node.node_id)
+        stopped.exit_code = node.cancellation.exit_code
+        raise stopped
+    write, boot_ups, code = probe.asked, node.bus.boot_ups(node.node_id), ACCEPTED
+    try:
+        node.sdo.download(write.index, write.sub_index, write.data, timeout_s=node.profile.store.timeout_s)
+    except SdoAborted as aborted:
+        code = aborted.code
+    except NoAnswer as silent:
+        silent.hint = "it may still be saving: leave it powered for a while; nobody knows whether it saved"
+        raise
+    if node.bus.boot_ups(node.node_id) != boot_ups:
+        raise DeviceRefused(
+            f"node {node.node_id} restarted when {write} was written", node=node.node_id,
+            place=f"{write.index:04X}:{write.sub_index:02X}", hint=TRY_AGAIN,
+        )  # fmt: skip
+    return Answer(probe, code)

@@ -1,0 +1,167 @@
+"""A device's object dictionary as far as `learn` read it, for one that no file describes. Pure; reads nothing.
+
+An object that is mapped is there, mappable, and as long as it reads; its access is what its PDOs' direction says. What
+was not read is not there: most of the device.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+
+from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.datatypes import BOOLEAN, DATA_TYPES, U8, DataType, Kind
+from dvtcli.domain.mapping import PdoMappingEntry
+from dvtcli.domain.object_dictionary import Access, DeviceInfo, ObjectDictionary, ObjectType, OdEntry, OdObject
+from dvtcli.domain.pdo import Direction, Pdo, PdoConfig
+from dvtcli.domain.plan import EVENT_TIMER, INHIBIT_TIME, SYNC_START, TRANSMISSION_TYPE
+from dvtcli.domain.standard_objects import standard_entry, standard_object_type
+
+#: COB-IDs of the predefined connection set follow the node-ID (CiA 301, 7.3.5).
+_FUNCTIONS = (0x080, *range(0x180, 0x580, 0x80))
+_EMCY = 0x1014
+_NODE_IDS = 0x7F
+#: What 0x1000 to 0x1FFF are called where a file is made of them.
+_NAMES = {
+    0x1000: "Device type", 0x1001: "Error register", 0x1005: "COB-ID SYNC message",
+    0x1008: "Manufacturer device name", 0x1009: "Manufacturer hardware version",
+    0x100A: "Manufacturer software version", 0x1010: "Store parameters", 0x1011: "Restore default parameters",
+    0x1014: "COB-ID EMCY", 0x1017: "Producer heartbeat time", 0x1018: "Identity object",
+}  # fmt: skip
+_LISTS = (0x1010, 0x1011, 0x1018)
+#: Those of them that are read; sub-indices of arrays and records up to 4.
+TO_READ = tuple(
+    (index, sub) for index in _NAMES for sub in (range(1, 5) if index in (0x1010, 0x1011, 0x1018) else (0,))
+)
+
+
+@dataclass(frozen=True, slots=True)
+class ReadDevice:
+    """What was read of node *node_id*: *values* of `TO_READ`, *pdos*, *entries* of the PDOs that were asked.
+
+    *mapped* are objects that each direction was seen to map, with *lengths* in bits as they read.
+    """
+
+    node_id: int
+    title: str
+    values: Mapping[tuple[int, int], bytes]
+    pdos: Mapping[Pdo, PdoConfig]
+    entries: Mapping[Pdo, tuple[int, ...]]
+    mapped: Mapping[Direction, Iterable[PdoMappingEntry]]
+    lengths: Mapping[tuple[int, int], int] = field(default_factory=dict)
+
+
+def described(read: ReadDevice) -> ObjectDictionary:
+    """The object dictionary that says what was *read*."""
+    entries = [*_standard(read), *_parameters(read), *_mapped(read)]
+    objects: dict[int, dict[int, OdEntry]] = {}
+    for entry in entries:
+        objects.setdefault(entry.index, {})[entry.sub_index] = entry
+    numbers = {sub: int.from_bytes(read.values.get((0x1018, sub), b""), "little") for sub in (1, 2, 3)}
+    count = {way: max((pdo.number for pdo in read.pdos if pdo.direction is way), default=0) for way in Direction}
+    info = DeviceInfo(
+        product_name=read.title, vendor_id=numbers[1], product_code=numbers[2], revision_number=numbers[3],
+        rpdo_count=count[Direction.RPDO], tpdo_count=count[Direction.TPDO],
+    )  # fmt: skip
+    return ObjectDictionary({index: _object(index, subs) for index, subs in objects.items()}, info)
+
+
+def _object(index: int, subs: dict[int, OdEntry]) -> OdObject:
+    alone = set(subs) == {0} and standard_object_type(index) in (None, ObjectType.VAR)
+    kind = ObjectType.VAR if alone else standard_object_type(index) or ObjectType.RECORD
+    if not alone and 0 not in subs:
+        subs = {0: OdEntry(index, 0, "Highest sub-index", U8, Access.RO, default=bytes([max(subs)])), **subs}
+    pdo = Pdo.at(index)
+    what = "" if pdo is None else "communication" if index == pdo.communication_index else "mapping"
+    name = f"{pdo.label} {what} parameter" if pdo else _NAMES.get(index, f"Object {index:04X}")
+    return OdObject(index, name, kind, dict(sorted(subs.items())))
+
+
+def _standard(read: ReadDevice) -> Iterator[OdEntry]:
+    for (index, sub_index), data in read.values.items():
+        known = standard_entry(index, sub_index)
+        if known is not None and (known.data_type.size in (None, len(data))):
+            name = _NAMES[index] if standard_object_type(index) is ObjectType.VAR else f"Sub-index {sub_index}"
+            follows = read.node_id if index == _EMCY else 0
+            yield _held(index, sub_index, name, known.data_type, known.access or Access.RW, data, follows)
+
+
+def _parameters(read: ReadDevice) -> Iterator[OdEntry]:
+    """The PDOs, with what they held as defaults."""
+    most = {way: max((len(e) for p, e in read.entries.items() if p.direction is way), default=0) for way in Direction}
+    for pdo, config in read.pdos.items():
+        index, own = pdo.communication_index, config.communication
+        if config.has_cob_id:
+            yield _held(index, 1, "COB-ID", *_type(index, 1), own.cob_id.raw.to_bytes(4, "little"), read.node_id)
+        for sub, name, value in (
+            (TRANSMISSION_TYPE, "Transmission type", own.transmission_type),
+            (INHIBIT_TIME, "Inhibit time", own.inhibit_time),
+            (EVENT_TIMER, "Event timer", own.event_timer),
+            (SYNC_START, "SYNC start value", own.sync_start_value),
+        ):
+            if value is not None:
+                kind, access = _type(index, sub)
+                yield _held(index, sub, name, kind, access, value.to_bytes(kind.size or 1, "little"))
+        if config.has_mapping:
+            yield from _mapping(pdo, config, read.entries.get(pdo, ()), most[pdo.direction])
+
+
+def _mapping(pdo: Pdo, config: PdoConfig, entries: tuple[int, ...], most: int) -> Iterator[OdEntry]:
+    """As many entries as could be read; of a PDO that was not asked, as many as the one that was."""
+    index = pdo.mapping_index
+    words = list(entries) or [entry.raw for entry in config.mapping]
+    words += [0] * (most - len(words) if not entries else 0)
+    yield _held(index, 0, "Number of mapped objects", *_type(index, 0), bytes([config.count]))
+    for number, word in enumerate(words, 1):
+        yield _held(index, number, f"Mapped object {number}", *_type(index, 1), word.to_bytes(4, "little"))
+
+
+def _type(index: int, sub_index: int) -> tuple[DataType, Access]:
+    """What CiA 301 says of a parameter of a PDO."""
+    known = standard_entry(index, sub_index)
+    if known is None:
+        raise ValueError(f"{index:04X}:{sub_index:02X} is no parameter of a PDO")
+    return known.data_type, known.access or Access.RW
+
+
+def _mapped(read: ReadDevice) -> Iterator[OdEntry]:
+    """Objects that a PDO maps, or was seen to map."""
+    ways: dict[tuple[int, int], set[Direction]] = {}
+    bits: dict[tuple[int, int], int] = {}
+    for way, entries in read.mapped.items():
+        for entry in entries:
+            place = entry.index, entry.sub_index
+            ways.setdefault(place, set()).add(way)
+            bits[place] = max(bits.get(place, 0), entry.bits)
+    for (index, sub_index), seen in sorted(ways.items()):
+        kind = _of_length(bits[index, sub_index], read.lengths.get((index, sub_index)))
+        access = Access.RW if len(seen) > 1 else Access.RO if Direction.TPDO in seen else Access.RWW
+        if kind is not None and index >= 0x2000:
+            yield OdEntry(index, sub_index, f"Object {index:04X}:{sub_index:02X}", kind, access, pdo_mapping=True)
+
+
+def _of_length(mapped: int, read: int | None) -> DataType | None:
+    """The unsigned type of an object of which *mapped* bits are mapped, and that reads *read* bits."""
+    if mapped == 1 and read in (None, 8):
+        return BOOLEAN
+    wanted = read or mapped
+    return next((one for one in DATA_TYPES.values() if one.kind is Kind.UNSIGNED and one.bits == wanted), None)
+
+
+def _held(
+    index: int,
+    sub_index: int,
+    name: str,
+    kind: DataType,
+    access: Access,
+    data: bytes,
+    node_id: int = 0,
+) -> OdEntry:
+    """An entry whose default is what it held; a COB-ID of the predefined connection set of *node_id* follows that."""
+    if node_id:
+        cob_id = CobId.from_raw(int.from_bytes(data, "little"))
+        function = cob_id.can_id - node_id
+        if cob_id.can_id & _NODE_IDS == node_id and (function in _FUNCTIONS):
+            base = (cob_id.raw - node_id).to_bytes(4, "little")
+            return OdEntry(index, sub_index, name, kind, access, default=base, default_relative=True)
+    return OdEntry(index, sub_index, name, kind, access, default=data)

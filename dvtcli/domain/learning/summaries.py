@@ -1,0 +1,45 @@
+"""What several answers say together: which transmission types, the highest time, what is too long. Pure."""
+
+from __future__ import annotations
+
+from itertools import groupby
+
+from dvtcli.domain.learning.probe import Answer
+from dvtcli.domain.learning.probe_table import TYPES, Known
+
+
+def longer_refused(known: Known) -> list[Answer]:
+    """The refusals of objects that are longer than any that was taken."""
+    longest = max((fit.bits for fit in known.fits), default=64)
+    asked = ((fit.bits, known.answers.get(f"map {fit}")) for fit in known.subject.fits)
+    return [answer for bits, answer in asked if bits > longest and answer is not None and answer.code]
+
+
+def types_taken(known: Known) -> list[tuple[int, int, int]]:
+    """First and last transmission type, and abort code: between two that answer alike all do. Empty if one did not."""
+    answers = [(value, known.answers.get(f"type {value}")) for value in TYPES]
+    codes = [(value, answer.code) for value, answer in answers if answer is not None and answer.code is not None]
+    if len(codes) < len(TYPES):
+        return []
+    found = []
+    for code, group in groupby(codes, key=lambda one: one[1]):
+        values = [value for value, _ in group]
+        found.append((values[0], values[-1], code or 0))
+    return [
+        (first, last if n + 1 == len(found) else found[n + 1][0] - 1, code)
+        for n, (first, last, code) in enumerate(found)
+    ]
+
+
+def highest_time(known: Known, name: str) -> tuple[int, str] | None:
+    """The highest time that was taken, and the evidence; None where none was asked."""
+    asked = {
+        int(one.rpartition(" ")[2]): answer
+        for one, answer in known.answers.items()
+        if one.startswith(f"{name} ") and one.rpartition(" ")[2].isdecimal()
+    }
+    taken = [value for value, answer in asked.items() if answer.kept]
+    if not taken or any(answer.code is None for answer in asked.values()):
+        return None
+    refused = [value for value, answer in asked.items() if not answer.kept and value > max(taken)]
+    return max(taken), asked[min(refused) if refused else max(taken)].text

@@ -1,0 +1,51 @@
+"""What was learnt of a device beside what a profile says. Does not know how it was found out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from dvtcli.domain.learning.learnt_value import Conclusions, Value
+from dvtcli.errors import UsageError
+from dvtcli.operations.results.learnt import Difference
+
+
+def profile_to_compare(name: str) -> object:
+    """The profile *name*; with a path, as in `./pump`, that in the folder."""
+    from dvtcli.files.profile.library import has_profile, load_folder_profile, load_profile
+
+    path = Path(name)
+    if path.name != name:
+        if not has_profile(path):
+            raise UsageError(f"{name} is no folder with a profile.toml", place=name, hint="--compare takes a name, too")
+        return load_folder_profile(path)
+    return load_profile(name)
+
+
+def differences(profile: object, learnt: Conclusions) -> list[Difference]:
+    """What the profile says otherwise; what it leaves to the EDS or the standard is no difference."""
+    found = []
+    for one in learnt.profile:
+        held = said(profile, one.key)
+        advised = held == "warning" and one.value == "fine"  # the device takes it: that is no reason to
+        if held is not None and held != one.value and not advised:
+            found.append(Difference(one.key, held, one))
+    return found
+
+
+def said(profile: object, key: str) -> Value | None:
+    """What the profile says of *key*, as it is written in its file; None where it does not say."""
+    field, _, way = key.partition(".")
+    value = getattr(profile, field)
+    if way:
+        value = value[way] if isinstance(value, dict) else getattr(value, way)
+    if value is None:
+        return "fine" if field.endswith(("_tpdo", "_rpdo")) else None
+    return _written(value)
+
+
+def _written(value: object) -> Value:
+    if isinstance(value, frozenset):
+        return sorted(value)
+    if isinstance(value, tuple):
+        return [_written(one) for one in value]
+    return value if isinstance(value, bool | int) else str(value)

@@ -1,0 +1,72 @@
+"""A device that no file describes: `learn --save` writes an EDS of what it read, by which `--sim ./NAME` works."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from dvtcli.files.eds.reader import read_eds
+from dvtcli.simulator.device.family import Family
+from dvtcli.simulator.device.strict_device import StrictDevice
+from dvtcli.simulator.network.family_file import family_eds, load_family, load_family_folder
+from tests.commands.bench import Bench
+from tests.commands.bus import Wire, device
+from tests.learn.questions import put, questions
+
+FAMILIES = ("canopennode", "generic", "lely")
+WORDS = "pdo --all", "read 1000", "read 1018:2", "read 1800:01", "read 1400:02", "read 1A00:01"
+
+
+def shown(bench: Bench) -> list[str]:
+    """What reading says, without the names that a file gives."""
+    documents = [bench.run(f"{word} --json").document for word in WORDS]
+    pdos = [(one["pdo"], one["cob_id"], one["enabled"], one["transmission_type"]) for one in documents[0]["pdos"]]
+    return [str(pdos), *(str(document["raw"]) for document in documents[1:])]
+
+
+@pytest.mark.parametrize("name", FAMILIES)
+def test_what_is_learnt_without_a_file_answers_the_same(name: str) -> None:
+    with Wire(device(name)) as wire, Bench((), wire.options | {"profile": "generic"}) as bench:
+        before = shown(bench)
+        ran = bench.run("learn --isolated --yes --save pump")
+        assert (ran.code, "pump.eds" in ran.stdout) == (0, True), ran
+        assert "no EDS of node 1 is known" in ran.stderr
+        assert shown(bench) == before
+    eds = Path("pump/pump.eds")
+    with Bench(("./pump",)) as bench:
+        assert shown(bench) == before
+        checked = bench.run(f"eds check {eds} --json").document
+    assert checked["count"]["error"] == 0, checked
+    asked = [one for one in questions(read_eds(eds).dictionary) if not by_access(one.name)]
+    assert len(asked) >= 60
+    learnt, differing = load_family_folder(Path("pump")), []
+    for question in asked:
+        said, now = put(device_of(family_eds(name), load_family(name)), question), put(device_of(eds, learnt), question)
+        if said != now:
+            differing.append(f"{question.name}: {said} became {now}")
+    assert not differing
+
+
+def by_access(name: str) -> bool:
+    """Whether a question is about an object whose access says that it goes the other way: only a file tells that."""
+    return "a mappable" in name or (name.startswith("RPDO") and name.endswith(("10180120", "10000020")))
+
+
+def device_of(eds: Path, family: Family) -> StrictDevice:
+    """A device that has just booted."""
+    made = StrictDevice(read_eds(eds).dictionary, family, 1)
+    made.boot_up()
+    return made
+
+
+def test_its_cob_ids_follow_the_node_id() -> None:
+    node = StrictDevice(read_eds(family_eds("generic")).dictionary, replace(load_family("generic")), 5)
+    with Wire(node) as wire, Bench((), wire.options | {"node": 5}) as bench:
+        assert bench.run("learn --yes --save pump").code == 0
+    dictionary = read_eds(Path("pump/pump.eds")).dictionary
+    for index, node_id, wanted in ((0x1800, 5, 0x185), (0x1800, 9, 0x189), (0x1401, 9, 0x309), (0x1014, 9, 0x89)):
+        entry = dictionary.entry(index, 0 if index == 0x1014 else 1)
+        assert entry is not None
+        assert int.from_bytes(entry.initial(node_id) or b"", "little") & 0x7FF == wanted
