@@ -27,6 +27,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
+    from dvtcli.domain.file_complaint import FileComplaint
     from dvtcli.domain.rules import Finding
 
 #: How the line is labelled that says that a failure was a twin's.
@@ -83,10 +84,14 @@ class UsageError(DvtcliError):
 
 
 class InputFileError(DvtcliError):
-    """A file's content is invalid; *place* is `FILE:LINE` or `FILE:LINE:COLUMN`."""
+    """A file's content is invalid; *place* is `FILE:LINE` or `FILE:LINE:COLUMN`.
+
+    *complaints* are all that is wrong in it, where more than the first was looked for.
+    """
 
     exit_code = 4
     slug = "input_file"
+    complaints: tuple[FileComplaint, ...] = ()
 
 
 class RuleError(DvtcliError):

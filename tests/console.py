@@ -60,7 +60,7 @@ def commands(lines: list[str]) -> list[Command]:
 
 def workplace(folder: Path) -> Path:
     """*folder* with the project's scripts and tests in it, and a firmware's EDS: where sessions are run."""
-    for name in ("scripts", "tests"):
+    for name in ("examples", "scripts", "tests"):
         (folder / name).symlink_to(ROOT / name)
     (folder / "fw").mkdir()
     (folder / "fw/pump.eds").symlink_to(ROOT / "tests/transcripts/pump.eds")

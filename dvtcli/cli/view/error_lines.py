@@ -5,12 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
+from dvtcli.cli.view.complaint_lines import complaint_lines
 from dvtcli.cli.view.lines import Cell, Line
 from dvtcli.domain.abort import abort_text
 from dvtcli.domain.profile import Severity
 from dvtcli.domain.rules import Finding
 from dvtcli.domain.several import several
-from dvtcli.errors import DvtcliError, RuleError, State
+from dvtcli.errors import DvtcliError, InputFileError, RuleError, State
 from dvtcli.operations.results.documents import Document, finding_document
 
 #: What a failure's place may be, beside a file or a line of one.
@@ -27,6 +28,8 @@ _BY_THIS_LINE: dict[State, str] = {
     "unchanged": "unchanged by this line",
     "rolled_back": "rolled back: what this line changed is as it was, read back equal",
 }
+#: of a file, on a screen; documents have more
+_MOST_COMPLAINTS = 20
 _STYLES = {Severity.ERROR: "red", Severity.WARNING: "yellow", Severity.NOTE: "cyan"}
 
 
@@ -51,6 +54,10 @@ def error_document(error: DvtcliError, at: str | None = None) -> Document:
     }
     if isinstance(error, RuleError):
         document["findings"] = [finding_document(finding) for finding in error.findings]
+    if isinstance(error, InputFileError) and error.complaints:
+        document["complaints"] = [
+            {"file": one.file, "line": one.line, "column": one.column, "text": one.text} for one in error.complaints
+        ]
     return document
 
 
@@ -62,6 +69,9 @@ def _file(error: DvtcliError) -> str | None:
 
 def error_lines(error: DvtcliError, at: str | None = None) -> Iterator[Line]:
     """The error's screen, most telling line first; *at* is the `FILE:LINE` of the script line that failed."""
+    if isinstance(error, InputFileError) and error.complaints:
+        yield from complaint_lines(error.complaints, _MOST_COMPLAINTS)
+        return
     yield [Cell(f"{at}: " if at else ""), Cell("error: ", "red"), Cell(error.text, "bold")]
     if isinstance(error, RuleError):
         yield from _rule_lines(error, at)

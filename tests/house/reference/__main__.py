@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from tests.house.reference import pages, rewritten
+from tests.house.reference.network import SCHEMA_FILES, schema_text
 from tests.process import ROOT
 
 for page in pages():
@@ -11,3 +12,8 @@ for page in pages():
     if after != before:
         page.write_text(after, encoding="utf-8")
         print(f"{page.relative_to(ROOT)} rewritten")
+
+for path in SCHEMA_FILES:
+    if not path.exists() or path.read_text("utf-8") != schema_text():
+        path.write_text(schema_text(), encoding="utf-8")
+        print(f"{path.relative_to(ROOT)} rewritten")

@@ -1,0 +1,26 @@
+"""Something wrong in a text file, with the line to show. Knows no file format and no screen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class FileComplaint:
+    """What is wrong in *line* at *column* (1 and up) of *file*, *width* characters long.
+
+    *source* is the text of the line, *before* that of the line above it, empty for none.
+    """
+
+    file: str
+    line: int
+    column: int
+    text: str
+    width: int = 1
+    source: str = ""
+    before: str = ""
+
+    @property
+    def place(self) -> str:
+        """`FILE:LINE:COLUMN`."""
+        return f"{self.file}:{self.line}:{self.column}"

@@ -1,0 +1,176 @@
+"""What the nodes of a network should hold, as values: only what somebody said; None and absence leave alone.
+
+Objects that are named stay words with their place, since only a node's dictionary knows them. Knows no file format,
+and no node.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from dvtcli.domain.pdo import Pdo
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Mark:
+    """A place in a file: line and column, both 1 and up, and how many characters stand there. 0: made by a program."""
+
+    line: int = 0
+    column: int = 0
+    width: int = 1
+
+
+NOWHERE = Mark()
+
+
+@dataclass(frozen=True, slots=True)
+class FileWord:
+    """A word that is looked up later, as it would be typed at the prompt: `6041:00/16`, `statusword`, `dummy/8`."""
+
+    text: str
+    mark: Mark = field(default=NOWHERE, compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class PdoWish:
+    """What a PDO should be. Units are those of `PdoRequest`: *inhibit_time* counts 100 µs, *event_timer* 1 ms.
+
+    *cob_id* is bits 28..0 or `auto`; *extended* is bit 29, *rtr_allowed* bit 30 clear, *enabled* bit 31 clear.
+    *mapping* is the whole mapping in frame order, () for none at all.
+    """
+
+    pdo: Pdo
+    enabled: bool | None = None
+    cob_id: int | Literal["auto"] | None = None
+    extended: bool = False
+    rtr_allowed: bool | None = None
+    transmission_type: int | None = None
+    inhibit_time: int | None = None
+    event_timer: int | None = None
+    sync_start_value: int | None = None
+    mapping: tuple[FileWord, ...] | None = None
+    mark: Mark = field(default=NOWHERE, compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class ObjectWish:
+    """Bytes that a standard object should hold; *key* is what says so."""
+
+    key: str
+    index: int
+    sub_index: int
+    data: bytes
+    mark: Mark = field(default=NOWHERE, compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class ValueWish:
+    """A value, as typed, that an object of any type should hold."""
+
+    object: FileWord
+    value: FileWord
+
+
+@dataclass(frozen=True, slots=True)
+class HeartbeatWatch:
+    """An entry of 0x1016: the node watches *producer* (node-ID 1..127), late after *time_ms*; 0 for does not watch."""
+
+    producer: int
+    time_ms: int
+    mark: Mark = field(default=NOWHERE, compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class PinWish:
+    """What *pin* (1 and up) of a group of virtual PDOs is tied to; None for nothing."""
+
+    group: str
+    pin: int
+    object: FileWord | None
+    mark: Mark = field(default=NOWHERE, compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class WantedIdentity:
+    """Numbers of 0x1018 that the node must have before anything is written to it; None is not asked for."""
+
+    vendor: int | None = None
+    product: int | None = None
+    revision: int | None = None
+    serial: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class NodeWish:
+    """What one node should hold, and how dvtcli goes about it.
+
+    *dcf* is the EDS or DCF, *store* what of 0x1010 is stored afterwards (False: nothing), *prune* whether enabled PDOs
+    that are not named go off, *stamp* whether 0x1020 gets a date.
+    """
+
+    name: str
+    node_id: int
+    identity: WantedIdentity = WantedIdentity()
+    profile: str | None = None
+    dcf: FileWord | None = None
+    pdos: tuple[PdoWish, ...] = ()
+    objects: tuple[ObjectWish, ...] = ()
+    values: tuple[ValueWish, ...] = ()
+    watches: tuple[HeartbeatWatch, ...] = ()
+    pins: tuple[PinWish, ...] = ()
+    store: bool | str | None = None
+    prune: bool | None = None
+    stamp: bool | None = None
+    mark: Mark = field(default=NOWHERE, compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class MasterRole:
+    """Who the master is: nothing of it is written. Times as the file has them; None where it says nothing."""
+
+    node_id: int | None = None
+    sync_period_us: int | None = None
+    heartbeat_producer_ms: int | None = None
+    mark: Mark = field(default=NOWHERE, compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Endpoint:
+    """A PDO of a node: `5:tpdo1`."""
+
+    node_id: int
+    pdo: Pdo
+
+
+@dataclass(frozen=True, slots=True)
+class LinkWish:
+    """One TPDO that several RPDOs hear.
+
+    *heartbeat* is False where the consumers should not watch the producer, and the producer's heartbeat in ms where
+    that is set with it; None for watch where it has one.
+    """
+
+    producer: Endpoint
+    consumers: tuple[Endpoint, ...]
+    heartbeat: int | Literal[False] | None = None
+    mark: Mark = field(default=NOWHERE, compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class FileNote:
+    """Something in the file that is no fault and means nothing to dvtcli, at its first place; *times* it is there."""
+
+    text: str
+    mark: Mark
+    times: int = 1
+
+
+@dataclass(frozen=True, slots=True)
+class NetworkWish:
+    """The nodes in order of node-ID, and what joins them."""
+
+    nodes: tuple[NodeWish, ...] = ()
+    links: tuple[LinkWish, ...] = ()
+    master: MasterRole | None = None
+    notes: tuple[FileNote, ...] = field(default=(), compare=False)

@@ -1,0 +1,1 @@
+"""A whole network in one YAML file: read, and written."""

@@ -1,0 +1,78 @@
+"""What is found while a network file is read: complaints, all of them, and notes. Knows lines, not what they mean."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+from dvtcli.domain.file_complaint import FileComplaint
+from dvtcli.domain.network.wanted_state import FileNote, Mark
+from dvtcli.domain.several import plural
+from dvtcli.errors import InputFileError
+
+#: nobody mends more than this at once
+MOST_COMPLAINTS = 100
+
+
+class FileLog:
+    """Complaints and notes about the text of *file*; what defaults bring to several nodes is said once."""
+
+    def __init__(self, file: str, text: str) -> None:
+        self.file = file
+        self._lines = text.split("\n")
+        self._complaints: dict[FileComplaint, None] = {}
+        self._notes: dict[str, list[Mark]] = {}
+
+    def complain(self, mark: Mark, text: str) -> None:
+        """Something at *mark* is wrong."""
+        complaint = FileComplaint(
+            self.file, mark.line, mark.column, text, mark.width, self._line(mark.line), self._line(mark.line - 1)
+        )
+        self._complaints.setdefault(complaint)
+
+    def _line(self, number: int) -> str:
+        return self._lines[number - 1].rstrip("\r") if 1 <= number <= len(self._lines) else ""
+
+    @property
+    def is_silent(self) -> bool:
+        """Whether nothing is wrong so far."""
+        return not self._complaints
+
+    def unknown(self, mark: Mark, key: str, where: str, known: Iterable[str]) -> None:
+        """The key *key* of *where* is not one of *known*."""
+        near = nearest(key, known)
+        said = f"did you mean {near!r}?" if near else f"known are {', '.join(known)}"
+        self.complain(mark, f"unknown key {key[:40]!r} in {where}, {said}")
+
+    def note(self, mark: Mark, text: str) -> None:
+        """Something at *mark* is no fault, and is not carried out."""
+        marks = self._notes.setdefault(text, [])
+        if mark not in marks:
+            marks.append(mark)
+
+    def notes(self) -> tuple[FileNote, ...]:
+        """Every note once, in the order of its first places."""
+        return tuple(
+            sorted((FileNote(text, min(marks), len(marks)) for text, marks in self._notes.items()), key=_place)
+        )
+
+    def end(self) -> None:
+        """InputFileError with every complaint, where there is one."""
+        if not self._complaints:
+            return
+        found = sorted(self._complaints)
+        text = f"{self.file}: {plural(len(found), 'error')}; nothing was sent"
+        error = InputFileError(text, place=found[0].place)
+        error.complaints = tuple(found[:MOST_COMPLAINTS])
+        raise error
+
+
+def nearest(key: str, known: Iterable[str], cutoff: float = 0.6) -> str | None:
+    """The one of *known* that *key* may be a slip of, or the beginning of."""
+    names = list(known)
+    begun = [name for name in names if len(key) >= 3 and name.startswith(key)]
+    return next(iter([*get_close_matches(key, names, n=1, cutoff=cutoff), *begun]), None)
+
+
+def _place(note: FileNote) -> Mark:
+    return note.mark

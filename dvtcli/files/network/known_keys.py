@@ -1,0 +1,108 @@
+"""Mappings of a network file by the table of keys: each value read by its kind, what is unknown told or left alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from dvtcli.domain.network.wanted_state import Mark
+from dvtcli.files.network import leaves
+from dvtcli.files.network.file_log import FileLog, nearest
+from dvtcli.files.network.network_keys import OF, Kind, NetworkKey, Where
+from dvtcli.files.network.yaml_tree import Branch, Leaf, Row, Tree
+
+#: where keys of other tools may stand
+_OPEN = {Where.OPTIONS, Where.MASTER, Where.NODE}
+_SLIP = 0.82
+
+
+def _as_it_is(tree: Tree, _key: NetworkKey, _log: FileLog) -> Tree:
+    return tree
+
+
+def _list(tree: Tree, _key: NetworkKey, log: FileLog) -> Row | None:
+    if isinstance(tree, Row):
+        return tree
+    hint = "; [] for none" if isinstance(tree, Leaf) and tree.is_null else ""
+    log.complain(tree.mark, f"a list belongs here, not {leaves.shown(tree)}{hint}")
+    return None
+
+
+def _object(tree: Tree, _key: NetworkKey, log: FileLog) -> object:
+    return leaves.object_word(tree, log)
+
+
+#: by the kind of a key, what reads it; mappings and lists are handed on as they are
+_READERS: dict[Kind, Callable[[Any, NetworkKey, FileLog], object]] = {
+    Kind.ANYTHING: _as_it_is,
+    Kind.INTEGER: leaves.integer,
+    Kind.NUMBER: leaves.number,
+    Kind.TRUTH: leaves.truth,
+    Kind.TEXT: leaves.text,
+    Kind.COB_ID: leaves.cob_id,
+    Kind.OBJECT: _object,
+    Kind.VALUE: leaves.value_word,
+    Kind.STORE: leaves.store_word,
+    Kind.WATCH: _as_it_is,
+    Kind.TABLE: leaves.table,
+    Kind.NODES: leaves.table,
+    Kind.PDOS: leaves.table,
+    Kind.NUMBERS: leaves.table,
+    Kind.PINS: leaves.table,
+    Kind.ENTRIES: _list,
+    Kind.VALUES: _list,
+    Kind.LINKS: _list,
+    Kind.ENDPOINT: _as_it_is,
+    Kind.ENDPOINTS: _as_it_is,
+    Kind.HEARTBEAT: leaves.heartbeat,
+}
+
+
+def read_keys(branch: Branch, where: Where, title: str, log: FileLog) -> dict[str, Any]:
+    """The values of *branch* by key, without what is wrong or means nothing here; *title* is what it is called."""
+    known, found = OF[where], dict[str, Any]()
+    for name, (leaf, value) in branch.items.items():
+        key = known.get(name)
+        if key is None:
+            unknown_key(leaf, where, title, log)
+        elif key.noted:
+            if where is not Where.MASTER:
+                log.note(leaf.mark, f"{name} is left alone: {key.sense}")
+        else:
+            read = _READERS[key.kind](value, key, log)
+            if read is not None:
+                found[name] = read
+    for key in known.values():
+        if key.required and key.name not in branch.items:
+            log.complain(branch.mark, f"{title} has no {key.name}")
+    return found
+
+
+def unknown_key(leaf: Leaf, where: Where, title: str, log: FileLog) -> None:
+    """A key that the table does not have: another tool's is noted, a slip or one where no others may be complained."""
+    name, known = leaf.text, OF[where]
+    if where not in _OPEN or (where is Where.NODE and is_slip(name, where)):
+        log.unknown(leaf.mark, name, title, known)
+    elif where is Where.MASTER and name == "baud_rate":
+        log.note(leaf.mark, "baud_rate of master is left alone: dcfgen calls it baudrate, and takes 1000 without it")
+    else:
+        log.note(leaf.mark, f"{name[:40]} is left alone: a key of another tool")
+
+
+def is_slip(name: str, where: Where) -> bool:
+    """Whether *name*, which no table has, is meant for a key of *where*: close to it, or its beginning."""
+    return nearest(name, OF[where], _SLIP) is not None
+
+
+def number_key(leaf: Leaf, low: int, high: int, what: str, log: FileLog) -> int | None:
+    """A key that is a number of *what* within *low*..*high*, quoted or not; None after a complaint."""
+    number = leaves.as_number(leaf, log) if leaf.kind == "int" or leaf.text.isdecimal() else None
+    if number is not None and low <= number <= high:
+        return number
+    log.complain(leaf.mark, f"{leaf.text[:40]!r} is no {what}: {low}…{high}")
+    return None
+
+
+def key_mark(branch: Branch, name: str) -> Mark:
+    """Where the key *name* of *branch* stands."""
+    return branch.items[name][0].mark

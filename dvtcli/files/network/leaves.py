@@ -1,0 +1,174 @@
+"""Single values of a network file: what a key takes, or a complaint that says what belongs there.
+
+Each reader answers None after it complained. Knows no key by name.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Literal
+
+from dvtcli.domain.network.wanted_state import FileWord
+from dvtcli.domain.object_syntax import parse_object
+from dvtcli.files.network.file_log import FileLog
+from dvtcli.files.network.network_keys import STORE_WORDS, NetworkKey
+from dvtcli.files.network.yaml_tree import Branch, Leaf, Tree
+
+_INTEGER = re.compile(r"-?(?:0[xX][0-9A-Fa-f]+|[0-9]+)")
+_LENGTH = re.compile(r"(.+)/([0-9]{1,3})", re.S)
+_HEX_FROM = 0x1000
+
+
+def integer(tree: Tree, key: NetworkKey, log: FileLog) -> int | None:
+    """A whole number within the key's range, decimal or 0x."""
+    value = whole_number(tree, log)
+    if value is None or key.low <= value <= key.high:
+        return value
+    log.complain(tree.mark, f"{shown(tree)} is not within {_range(key)}")
+    return None
+
+
+def whole_number(tree: Tree, log: FileLog) -> int | None:
+    """A whole number, decimal or 0x."""
+    if not isinstance(tree, Leaf) or tree.kind != "int":
+        quoted = isinstance(tree, Leaf) and tree.kind == "str" and _INTEGER.fullmatch(tree.text)
+        hint = "; it is written without quotes" if quoted else ""
+        log.complain(tree.mark, f"a whole number belongs here, not {shown(tree)}{hint}")
+        return None
+    return as_number(tree, log)
+
+
+def as_number(leaf: Leaf, log: FileLog) -> int | None:
+    """The number that *leaf* writes; a complaint where YAML 1.1 and 1.2 take it for different ones."""
+    if not _INTEGER.fullmatch(leaf.text):
+        log.complain(leaf.mark, f"{leaf.text[:40]!r} is no number; write it decimal or 0x…")
+        return None
+    digits = leaf.text.removeprefix("-")
+    if digits[:2] in ("0x", "0X"):
+        return int(leaf.text, 16)
+    if len(digits) > 1 and digits[0] == "0" and set(digits) <= set("01234567") and int(digits, 8) != int(digits):
+        log.complain(
+            leaf.mark, f"{leaf.text} is {int(digits, 8)} for some readers and {int(digits)} for others; write one"
+        )
+        return None
+    if len(digits) > 20:
+        log.complain(leaf.mark, "a number of more than 64 bits")
+        return None
+    return int(leaf.text)
+
+
+def _range(key: NetworkKey) -> str:
+    if key.high >= _HEX_FROM and not key.unit:
+        return f"0x{int(key.low):X}…0x{int(key.high):X}"
+    return f"{key.low:.12g}…{key.high:.12g}{' ' if key.unit else ''}{'× ' if key.unit[:1].isdigit() else ''}{key.unit}"
+
+
+def number(tree: Tree, key: NetworkKey, log: FileLog) -> float | None:
+    """A number within the key's range."""
+    if isinstance(tree, Leaf) and tree.kind == "int":
+        value: float | None = as_number(tree, log)
+    elif isinstance(tree, Leaf) and tree.kind == "float" and tree.text[-1:].isdigit():
+        value = float(tree.text)
+    else:
+        log.complain(tree.mark, f"a number belongs here, not {shown(tree)}")
+        return None
+    if value is not None and not key.low <= value <= key.high:
+        log.complain(tree.mark, f"{value:.12g} is not within {_range(key)}")
+        return None
+    return value
+
+
+def truth(tree: Tree, _key: NetworkKey, log: FileLog) -> bool | None:
+    """true or false, as YAML has them: a text is neither."""
+    if isinstance(tree, Leaf) and tree.kind == "bool":
+        return tree.text.lower() == "true"
+    why = "; a text is no truth value, and other tools take any text for true" if _is_text(tree) else ""
+    log.complain(tree.mark, f"true or false belongs here, not {shown(tree)}{why}")
+    return None
+
+
+def _is_text(tree: Tree) -> bool:
+    return isinstance(tree, Leaf) and tree.kind == "str"
+
+
+def text(tree: Tree, _key: NetworkKey, log: FileLog) -> FileWord | None:
+    """A text that is not blank."""
+    if isinstance(tree, Leaf) and tree.kind == "str" and tree.text.strip():
+        return FileWord(tree.text, tree.mark)
+    log.complain(tree.mark, f"a text belongs here, not {shown(tree)}")
+    return None
+
+
+def cob_id(tree: Tree, key: NetworkKey, log: FileLog) -> int | Literal["auto"] | None:
+    """A COB-ID of 32 bits, or auto."""
+    if isinstance(tree, Leaf) and tree.kind == "str" and tree.text == "auto":
+        return "auto"
+    return integer(tree, key, log)
+
+
+def object_word(tree: Tree, log: FileLog) -> FileWord | None:
+    """An object as at the prompt: `6041`, `6C01:01/16`, `dummy/8`, a name; a number here is hexadecimal."""
+    if not isinstance(tree, Leaf) or tree.kind in ("bool", "null") or not tree.text.strip():
+        log.complain(tree.mark, f"an object belongs here, not {shown(tree)}")
+        return None
+    length = _LENGTH.fullmatch(tree.text)
+    try:
+        place = parse_object(length[1] if length else tree.text)
+    except ValueError as wrong:
+        log.complain(tree.mark, str(wrong))
+        return None
+    if length and (place or length[1].lower() == "dummy") and not 1 <= int(length[2]) <= 64:
+        log.complain(tree.mark, f"{tree.text}: after / stands a length in bits, 1…64")
+        return None
+    return FileWord(tree.text.strip(), tree.mark)
+
+
+def value_word(tree: Tree, _key: NetworkKey, log: FileLog) -> FileWord | None:
+    """A value of an object, as typed: which type it needs is known by the node's dictionary."""
+    if not isinstance(tree, Leaf) or tree.is_null:
+        log.complain(tree.mark, f"a value belongs here, not {shown(tree)}")
+        return None
+    if tree.kind == "int" and as_number(tree, log) is None:
+        return None
+    if tree.kind == "bool":
+        return FileWord("1" if tree.text.lower() == "true" else "0", tree.mark)
+    return FileWord(tree.text, tree.mark)
+
+
+def store_word(tree: Tree, key: NetworkKey, log: FileLog) -> str | Literal[False] | None:
+    """What to store: a word or sub-index as `store` takes it; false for nothing."""
+    if isinstance(tree, Leaf) and tree.kind == "bool":
+        return "all" if tree.text.lower() == "true" else False
+    if isinstance(tree, Leaf) and tree.kind == "int":
+        found = integer(tree, key, log)
+        return None if found is None else str(found)
+    if isinstance(tree, Leaf) and tree.text in STORE_WORDS:
+        return tree.text
+    log.complain(tree.mark, f"true, false, {', '.join(STORE_WORDS)} or a sub-index belongs here, not {shown(tree)}")
+    return None
+
+
+def heartbeat(tree: Tree, key: NetworkKey, log: FileLog) -> int | Literal[False] | None:
+    """A heartbeat in ms, or false."""
+    if isinstance(tree, Leaf) and tree.kind == "bool" and tree.text.lower() == "false":
+        return False
+    return integer(tree, key, log)
+
+
+def table(tree: Tree, _key: NetworkKey, log: FileLog) -> Branch | None:
+    """A mapping; nothing at all is an empty one."""
+    if isinstance(tree, Leaf) and tree.is_null:
+        return Branch(tree.mark, {})
+    if isinstance(tree, Branch):
+        return tree
+    log.complain(tree.mark, f"keys and values belong here, not {shown(tree)}")
+    return None
+
+
+def shown(tree: Tree) -> str:
+    """*tree* in a few characters, for a complaint."""
+    if isinstance(tree, Leaf):
+        if tree.is_null:
+            return "nothing"
+        return f'"{tree.text[:40]}"' if tree.kind == "str" else tree.text[:40]
+    return "a mapping" if isinstance(tree, Branch) else "a list"

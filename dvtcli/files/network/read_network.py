@@ -1,0 +1,132 @@
+"""A network file, read: every node with what it should hold, or all that is wrong with the place of each.
+
+Reads dcfgen's files as they are. Opens nothing but the file itself, and knows no device.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+from dvtcli.domain.network.wanted_state import Mark, MasterRole, NetworkWish, NodeWish
+from dvtcli.errors import InputFileError
+from dvtcli.files.network import leaves
+from dvtcli.files.network.file_log import FileLog
+from dvtcli.files.network.known_keys import is_slip, read_keys
+from dvtcli.files.network.link_keys import read_links
+from dvtcli.files.network.network_keys import INSTEAD, OF, Where
+from dvtcli.files.network.node_keys import Surroundings, read_node
+from dvtcli.files.network.yaml_tree import Branch, Leaf, Tree, overlaid, read_tree
+
+#: how many of its heartbeats may be missed unless the file says it (dcfgen's own)
+_MULTIPLIER = 3.0
+_NODE_ID = OF[Where.NODE]["node_id"]
+Named = dict[str, tuple[Leaf, Branch]]
+
+
+def read_network_file(path: Path) -> NetworkWish:
+    """What the file *path* wants; InputFileError with all that is wrong, OSError where it cannot be read."""
+    try:
+        text = path.read_bytes().decode("utf-8-sig")
+    except UnicodeDecodeError as wrong:
+        raise InputFileError(f"{path}: not UTF-8 (byte {wrong.start})", place=str(path)) from wrong
+    return read_network(text, str(path))
+
+
+def read_network(text: str, file: str) -> NetworkWish:
+    """What *text* wants; *file* is its name for messages. InputFileError with all that is wrong."""
+    log = FileLog(file, text)
+    tree = read_tree(text, log)
+    wish = _network(tree, log) if isinstance(tree, Branch) else NetworkWish()
+    if not isinstance(tree, Branch) and log.is_silent:
+        log.complain(tree.mark if tree else Mark(1, 1), "a network is written as keys and values")
+    log.end()
+    return wish
+
+
+def _network(root: Branch, log: FileLog) -> NetworkWish:
+    known = {name: pair for name, pair in root.items.items() if name in OF[Where.FILE]}
+    found = read_keys(Branch(root.mark, known), Where.FILE, "this file", log)
+    defaults = found.get("defaults") or Branch(root.mark, {})
+    options = read_keys(found["options"], Where.OPTIONS, "options", log) if "options" in found else {}
+    master, multiplier = _master(found.get("master"), options.get("heartbeat_multiplier", _MULTIPLIER), log)
+    named = {name: (leaf, overlaid(defaults, own, INSTEAD)) for name, (leaf, own) in _nodes(root, found, log).items()}
+    node_ids = _node_ids(named, master, log)
+    around = Surroundings(node_ids, master, multiplier)
+    nodes = tuple(_read_all(named, around, log))
+    if not named:
+        log.complain(root.mark, "no node is in this file")
+    links = tuple(read_links(found["links"], node_ids, log)) if "links" in found else ()
+    return NetworkWish(tuple(sorted(nodes, key=lambda node: node.node_id)), links, master, log.notes())
+
+
+def _read_all(named: Named, around: Surroundings, log: FileLog) -> Iterator[NodeWish]:
+    for name, (leaf, branch) in named.items():
+        node = read_node(name, branch, around, log)
+        if node is not None:
+            yield replace(node, mark=leaf.mark)
+
+
+def _nodes(root: Branch, found: dict[str, Branch], log: FileLog) -> Named:
+    """Every node by name: those of `nodes`, and what stands at the top level as dcfgen has it."""
+    nodes: Named = {}
+    listed = found.get("nodes")
+    for leaf, value in listed.items.values() if listed else ():
+        _take(leaf, value, nodes, log)
+    for name, (leaf, value) in root.items.items():
+        if name not in OF[Where.FILE] and not name.startswith("."):
+            _top_level(leaf, value, nodes, log, only_nodes=listed is None)
+    return nodes
+
+
+def _top_level(leaf: Leaf, value: Tree, nodes: Named, log: FileLog, *, only_nodes: bool) -> None:
+    """A key at the top level that is none of ours: a node, a slip, or another tool's."""
+    has_id = isinstance(value, Branch) and "node_id" in value.items
+    if not has_id and is_slip(leaf.text, Where.FILE):
+        log.unknown(leaf.mark, leaf.text, "this file", OF[Where.FILE])
+    elif has_id or (only_nodes and isinstance(value, Branch)):
+        _take(leaf, value, nodes, log)
+    else:
+        log.note(leaf.mark, f"{leaf.text[:40]} is left alone: a key of another tool")
+
+
+def _take(leaf: Leaf, value: Tree, nodes: Named, log: FileLog) -> None:
+    if not isinstance(value, Branch):
+        log.complain(value.mark, f"keys and values of node {leaf.text[:40]} belong here, not {leaves.shown(value)}")
+    elif leaf.text.isdecimal() or not leaf.text.strip() or ":" in leaf.text:
+        log.complain(leaf.mark, f"{leaf.text[:40]!r} is no name: a node is called by a word without a colon")
+    elif leaf.text in nodes:
+        log.complain(leaf.mark, f"node {leaf.text[:40]} stands twice (first at line {nodes[leaf.text][0].mark.line})")
+    else:
+        nodes[leaf.text] = (leaf, value)
+
+
+def _master(branch: Branch | None, multiplier: float, log: FileLog) -> tuple[MasterRole | None, float]:
+    """Who the master is, and after how many of its heartbeats it is late."""
+    if branch is None:
+        return None, multiplier
+    found = read_keys(branch, Where.MASTER, "master", log)
+    log.note(branch.mark, "master is a role: nothing of it is written")
+    node_id = found.get("node_id")
+    role = MasterRole(
+        None if node_id == 255 else node_id, found.get("sync_period"), found.get("heartbeat_producer"), branch.mark
+    )
+    return role, found.get("heartbeat_multiplier", multiplier)
+
+
+def _node_ids(named: Named, master: MasterRole | None, log: FileLog) -> dict[str, int]:
+    """Node-IDs by name; one that stands twice is a complaint, and what is none is said where the node is read."""
+    silent = FileLog(log.file, "")
+    owners = {master.node_id: "the master"} if master and master.node_id else {}
+    ids: dict[str, int] = {}
+    for name, (_, branch) in named.items():
+        leaf = branch.items.get("node_id", (None, None))[1]
+        node_id = leaves.integer(leaf, _NODE_ID, silent) if leaf is not None else None
+        if leaf is None or node_id is None:
+            continue
+        if node_id in owners:
+            log.complain(leaf.mark, f"node-ID {node_id} is that of {owners[node_id]} already")
+        ids[name] = node_id
+        owners.setdefault(node_id, name)
+    return ids

@@ -1,0 +1,161 @@
+"""YAML as a tree of values that know their place; keys that stand twice, tags and aliases without end are complaints.
+
+Values stay as they are written, with the type that YAML 1.2 gives them. Knows no key.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.network.wanted_state import Mark
+
+if TYPE_CHECKING:
+    from ruamel.yaml.nodes import MappingNode, Node, ScalarNode
+
+    from dvtcli.files.network.file_log import FileLog
+
+#: a file for 127 nodes with all their PDOs has a tenth of this
+MOST_CHARACTERS = 4_000_000
+#: values in all, those counted that aliases repeat
+MOST_VALUES = 400_000
+_TAG = "tag:yaml.org,2002:"
+_TYPES = {"int", "float", "bool", "null", "str"}
+
+
+@dataclass(frozen=True, slots=True)
+class Leaf:
+    """One value: its *text*, and its *kind*: int, float, bool, null or str (also of what is quoted)."""
+
+    mark: Mark
+    text: str
+    kind: str
+
+    @property
+    def is_null(self) -> bool:
+        """Whether nothing stands there."""
+        return self.kind == "null"
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """A list."""
+
+    mark: Mark
+    items: tuple[Tree, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Branch:
+    """A mapping: by the text of each key the key itself and its value."""
+
+    mark: Mark
+    items: dict[str, tuple[Leaf, Tree]]
+
+
+Tree = Leaf | Row | Branch
+
+
+def overlaid(base: Branch, own: Branch, instead: dict[str, str]) -> Branch:
+    """*own* on top of *base*, key by key at every depth; a key of *own* also takes the place of its *instead*."""
+    items = {key: pair for key, pair in base.items.items() if instead.get(key) not in own.items}
+    for key, (name, value) in own.items.items():
+        below = items[key][1] if key in items else None
+        both = isinstance(below, Branch) and isinstance(value, Branch)
+        items[key] = (name, overlaid(below, value, instead) if both else value)  # type: ignore[arg-type]
+    return Branch(own.mark, items)
+
+
+def read_tree(text: str, log: FileLog) -> Tree | None:
+    """The tree of *text*; None where it is empty, or no YAML, which *log* hears."""
+    from ruamel.yaml import YAML
+    from ruamel.yaml.error import MarkedYAMLError, YAMLError
+
+    if len(text) > MOST_CHARACTERS:
+        log.complain(Mark(1, 1), f"{len(text)} characters are no network file")
+        return None
+    try:
+        root = YAML(typ="safe", pure=True).compose(text)
+        return None if root is None else _Grower(log).tree(root)
+    except MarkedYAMLError as wrong:
+        mark = wrong.problem_mark or wrong.context_mark
+        said = str(wrong.problem or wrong.context)
+        log.complain(Mark(mark.line + 1, mark.column + 1) if mark else Mark(1, 1), f"no YAML: {said}")
+    except (YAMLError, RecursionError, ValueError) as wrong:
+        said = "nested too deep" if isinstance(wrong, RecursionError) else f"{wrong} ".splitlines()[0].strip()
+        log.complain(Mark(1, 1), f"no YAML: {said}")
+    return None
+
+
+class _Grower:
+    """Makes the tree out of ruamel's nodes; what an alias repeats is counted each time."""
+
+    def __init__(self, log: FileLog) -> None:
+        self.log = log
+        self.left = MOST_VALUES
+        self.above: set[int] = set()
+
+    def tree(self, node: Node) -> Tree:
+        from ruamel.yaml.nodes import MappingNode, ScalarNode
+
+        self.left -= 1
+        if id(node) in self.above:
+            return self._wrong(node, "an alias stands inside of what it repeats")
+        if self.left <= 0:
+            return self._wrong(node, f"more than {MOST_VALUES} values")
+        if isinstance(node, ScalarNode):
+            return self._leaf(node)
+        self.above.add(id(node))
+        grown = self._branch(node) if isinstance(node, MappingNode) else self._row(node)
+        self.above.discard(id(node))
+        return grown
+
+    def _wrong(self, node: Node, text: str) -> Leaf:
+        self.log.complain(_mark(node), text)
+        return Leaf(_mark(node), "", "null")
+
+    def _leaf(self, node: ScalarNode) -> Leaf:
+        kind = str(node.tag).removeprefix(_TAG)
+        if kind not in _TYPES:
+            if kind != "merge":
+                self.log.complain(_mark(node), f"the tag {str(node.tag)[:40]} means nothing here")
+            kind = "str"
+        return Leaf(_mark(node), str(node.value), kind)
+
+    def _row(self, node: Node) -> Row:
+        return Row(_mark(node), tuple(self.tree(item) for item in node.value))
+
+    def _branch(self, node: MappingNode) -> Branch:
+        own: dict[str, tuple[Leaf, Tree]] = {}
+        merged: list[Branch] = []
+        for key, value in node.value:
+            if str(key.tag) == f"{_TAG}merge":
+                merged += self._merged(value)
+                continue
+            if key.id != "scalar":
+                self.log.complain(_mark(key), "a key is one word")
+                continue
+            name = self._leaf(key)
+            if name.text in own:
+                first = own[name.text][0].mark.line
+                self.log.complain(name.mark, f"{name.text[:40]!r} stands twice (first at line {first})")
+            own.setdefault(name.text, (name, self.tree(value)))
+        items: dict[str, tuple[Leaf, Tree]] = {}
+        for branch in reversed(merged):  # the first one wins, and what is written here wins over all
+            items |= branch.items
+        return Branch(_mark(node), items | own)
+
+    def _merged(self, node: Node) -> list[Branch]:
+        """The mappings behind `<<`, as YAML 1.1 has it: files for other tools share what is common so."""
+        tree = self.tree(node)
+        found = tree.items if isinstance(tree, Row) else (tree,)
+        branches = [one for one in found if isinstance(one, Branch)]
+        if len(branches) != len(found):
+            self.log.complain(_mark(node), "behind << belong mappings")
+        return branches
+
+
+def _mark(node: Node) -> Mark:
+    start, end = node.start_mark, node.end_mark
+    one_line = isinstance(node.value, str) and end.line == start.line
+    return Mark(start.line + 1, start.column + 1, max(1, end.column - start.column) if one_line else 1)

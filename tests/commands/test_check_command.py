@@ -1,0 +1,83 @@
+"""`check`: everything that is wrong in network files at once, as a person and as a program reads it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.commands.bench import Bench
+
+WRONG = """\
+nodes:
+  drive:
+    node_id: 1
+    tpdo:
+      1:
+        event_timer: 100
+        inhibt_time: 10
+      600: {}
+"""
+
+
+@pytest.fixture
+def bench() -> Iterator[Bench]:
+    with Bench(()) as bench:
+        yield bench
+
+
+def test_every_error_has_its_line_and_a_caret(bench: Bench, tmp_path: Path) -> None:
+    file = tmp_path / "press.yaml"
+    file.write_text(WRONG, "utf-8")
+    ran = bench.run(f"check {file}")
+    assert (ran.code, ran.stdout) == (4, "")
+    assert ran.stderr.splitlines() == [
+        f"{file}:7:9: error: unknown key 'inhibt_time' in TPDO1 of node drive, did you mean 'inhibit_time'?",
+        "    6 |         event_timer: 100",
+        "    7 |         inhibt_time: 10",
+        "      |         ^^^^^^^^^^^",
+        f"{file}:8:7: error: '600' is no PDO number: 1…512",
+        "    7 |         inhibt_time: 10",
+        "    8 |       600: {}",
+        "      |       ^^^",
+        "2 errors. Nothing was sent.",
+    ]
+
+
+def test_a_program_gets_every_error_of_every_file(bench: Bench, tmp_path: Path) -> None:
+    files = [tmp_path / name for name in ("a.yaml", "b.yaml", "c.yaml")]
+    for file, text in zip(files, (WRONG, "a: {node_id: 1}\n", "a: {node_id: 0}\n"), strict=True):
+        file.write_text(text, "utf-8")
+    ran = bench.run(f"check {' '.join(map(str, files))} --json")
+    document = ran.document
+    assert (ran.code, document["error"], document["state"]) == (4, "input_file", "unchanged")
+    assert [(Path(one["file"]).name, one["line"], one["column"]) for one in document["complaints"]] == [
+        ("a.yaml", 7, 9), ("a.yaml", 8, 7), ("c.yaml", 1, 14),
+    ]  # fmt: skip
+
+
+def test_a_long_line_is_shown_around_its_caret(bench: Bench, tmp_path: Path) -> None:
+    file = tmp_path / "press.yaml"
+    file.write_text(f'a: {{node_id: 1, x: "{"ä" * 200}", \t prune: 1}}\n', "utf-8")
+    lines = bench.run(f"check {file}").stderr.splitlines()
+    assert len(lines[1]) <= 100
+    assert lines[1][lines[2].index("^")] == "1"
+
+
+def test_no_file_and_no_text_are_said(bench: Bench, tmp_path: Path) -> None:
+    assert bench.run(f"check {tmp_path / 'none.yaml'}").code == 2
+    (tmp_path / "x.yaml").write_bytes(b"\xff")
+    ran = bench.run(f"check {tmp_path / 'x.yaml'}")
+    assert (ran.code, "not UTF-8" in ran.stderr) == (4, True)
+
+
+def test_what_a_file_holds_is_said_with_its_notes(bench: Bench, tmp_path: Path) -> None:
+    file = tmp_path / "bus.yml"
+    file.write_text("a: {node_id: 1, driver: x}\nb: {node_id: 2, driver: x}\n", "utf-8")
+    ran = bench.run(f"check {file}")
+    assert ran.code == 0
+    assert ran.stdout.splitlines() == [
+        f"{file}:1:17: note: driver is left alone: a key of another tool (2 times)",
+        f"{file}: 2 nodes, 0 PDOs; no error",
+    ]
