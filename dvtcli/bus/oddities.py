@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 #: One doubled answer may be the bus's; from this many on they mean a second node.
 SECOND_ANSWERS = 3
-#: How long after a reset of ours boot-ups may be its answers, in seconds.
+#: How long after a reset boot-ups may be its answers, in seconds.
 _RESETTING_S = 5.0
 
 
@@ -32,11 +32,11 @@ class Oddities:
     _reset_s: dict[int, float] = field(default_factory=dict)
 
     def commanded(self, command: NmtCommand, node_id: int, boot_ups: Mapping[int, int]) -> None:
-        """An NMT command of ours is sent: a reset makes one boot-up expected of *node_id* (0: of every node).
+        """An NMT command is sent, or heard of another master: a reset makes a boot-up expected of *node_id* (0: of all).
 
         *boot_ups* were seen before it, and are no answer to it.
         """
-        if command in (NmtCommand.RESET_NODE, NmtCommand.RESET_COMMUNICATION):
+        if command.is_reset:
             if not self._resets:
                 self._boot_ups = Counter(boot_ups)
             self._resets[node_id] += 1
@@ -80,6 +80,6 @@ class Oddities:
         reset_s = max((self._reset_s[key] for key in (0, node_id) if key in self._reset_s), default=None)
         if new > 0 and (reset_s is None or self.now_s() - reset_s > _RESETTING_S):
             yield (
-                f"two boot-ups within a second, and no reset of ours: are there two nodes with node-ID {node_id}, "
+                f"two boot-ups within a second, and no reset was seen: are there two nodes with node-ID {node_id}, "
                 "or does it restart by itself?"
             )

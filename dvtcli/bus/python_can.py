@@ -22,6 +22,7 @@ from dvtcli.bus.receiver import bus_closed
 from dvtcli.bus.sdo.channel import SdoChannel
 from dvtcli.bus.sdo.channels import SdoChannels
 from dvtcli.bus.sdo.link import ANSWER_ID, DEFAULT_RETRIES, DEFAULT_TIMEOUT_S, REQUEST_ID, DroppedAnswers
+from dvtcli.bus.watched_bus import NMT_CAN_ID
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import BusUnavailable
 
@@ -173,5 +174,7 @@ class CanBus(ReadBus[can.Message]):
             self._heartbeat(frame_of(message))
             if message.data == b"\0":
                 self._channels.restarted(node_id)
+        elif message.arbitration_id == NMT_CAN_ID:
+            self._heard_command(bytes(message.data))
         elif function == EMERGENCY:
             self._watch.emergency(frame_of(message))

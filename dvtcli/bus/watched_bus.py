@@ -181,6 +181,11 @@ class WatchedBus(ABC):
         """Send an NMT command; as a frame where frames are carried (CiA 301, 7.2.8.3.1)."""
         self.send(Frame(NMT_CAN_ID, bytes([command, node_id])))
 
+    def _heard_command(self, data: bytes) -> None:
+        """Another master, a second dvtcli for one, sent an NMT command: a boot-up after its reset is an answer to it."""
+        if len(data) == 2 and data[0] in list(NmtCommand) and data[1] <= 127:
+            self._oddities.commanded(NmtCommand(data[0]), data[1], self._watch.boot_ups)
+
     def _repeated(self, _node_id: int) -> int:
         """How many uploads of a node had to be asked again so far."""
         return 0

@@ -1,11 +1,13 @@
 """What devices of one identity (0x1018, without the serial number) were found to want; later processes know it, too.
 
-One file an identity. Does not know how anything is found out, nor writes to a device.
+One file an identity; what a node without one wants is known of that node only, as long as the session lasts. Does not
+know how anything is found out, nor writes to a device.
 """
 
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,11 +18,22 @@ from dvtcli.device.change.private_file import write_private
 from dvtcli.domain.pdo import Direction
 from dvtcli.errors import SafetyRefusal
 
-SCHEMA = "dvtcli.habits/1"
+SCHEMA = "dvtcli.habits/2"
+#: One refusal may pass; this many alike, each mended by switching the PDO off, are the device's way.
+OFTEN_ENOUGH = 2
 _MOST_BYTES = 10_000
+_MOST_TIMES = 1_000_000
 
 #: A parameter of the PDOs of one direction, by its sub-index.
 Parameter = tuple[Direction, int]
+
+
+@dataclass(frozen=True, slots=True)
+class Refusal:
+    """The device answered *abort* to *parameter* of a PDO that was on, and took it once the PDO was off."""
+
+    parameter: Parameter
+    abort: int
 
 
 @dataclass(slots=True)
@@ -29,55 +42,84 @@ class Habits:
 
     folder: Path | None = None
     say: Callable[[str], None] = lambda _text: None
-    _known: dict[str, frozenset[Parameter]] = field(default_factory=dict)
+    _known: dict[str, Counter[Refusal]] = field(default_factory=dict)
 
     @property
     def are_there(self) -> bool:
         """Whether anything is known of any device: else nobody need be asked who it is."""
-        return bool(self._known) or (self.folder is not None and any(self.folder.glob("*.json")))
+        return any(self._known.values()) or (self.folder is not None and any(self.folder.glob("*.json")))
 
     def off_first(self, identity: Identity) -> frozenset[Parameter]:
-        """What the device of *identity* takes only while the PDO is off, as far as it is known."""
-        name = _name(identity)
+        """What the device of *identity* takes only while the PDO is off, as far as that is sure."""
+        return frozenset(one.parameter for one, times in self._of(identity).items() if times >= OFTEN_ENOUGH)
+
+    def add(self, identity: Identity, refusal: Refusal) -> int:
+        """The device of *identity* took a parameter only once its PDO was off; returns how often that was so by now."""
+        known = self._of(identity)
+        known[refusal] += 1
+        name = name_of(identity)
+        if self.folder is not None and name:
+            try:
+                write_private(self.folder / f"{name}.json", json.dumps(_document(known)))
+            except (OSError, SafetyRefusal) as failed:
+                self.say(f"what this device wants cannot be remembered: {failed}")
+        return known[refusal]
+
+    def _of(self, identity: Identity) -> Counter[Refusal]:
+        """What was found out so far; of a node without an identity under an empty name."""
+        name = name_of(identity)
         if name not in self._known:
-            self._known[name] = frozenset() if self.folder is None else frozenset(self._read(self.folder / name))
+            self._known[name] = Counter() if self.folder is None or not name else self._read(self.folder, name)
         return self._known[name]
 
-    def add(self, identity: Identity, parameter: Parameter) -> None:
-        """It was found out that the device of *identity* takes *parameter* only while the PDO is off."""
-        name = _name(identity)
-        known = self._known[name] = self.off_first(identity) | {parameter}
-        if self.folder is None:
-            return
-        document = {"schema": SCHEMA, "off_first": sorted([str(direction), sub] for direction, sub in known)}
+    def _read(self, folder: Path, name: str) -> Counter[Refusal]:
+        path = folder / f"{name}.json"
         try:
-            write_private(self.folder / name, json.dumps(document))
-        except (OSError, SafetyRefusal) as failed:
-            self.say(f"what this device wants cannot be remembered: {failed}")
-
-    def _read(self, path: Path) -> Iterable[Parameter]:
-        try:
-            with path.open("rb") as file:
-                document = json.loads(file.read(_MOST_BYTES))
-            return _parameters(document)
+            return read_habits(path)
         except FileNotFoundError:
-            return ()
+            return Counter()
         except (OSError, ValueError, RecursionError) as wrong:
             self.say(f"{path} does not tell what this device wants ({wrong}): it is found out anew")
-            return ()
+            return Counter()
 
 
-def _parameters(document: Any) -> list[Parameter]:
+def name_of(identity: Identity) -> str:
+    """What devices of *identity* are called: `0000001E-0705302D-00010000`; empty without a vendor or a product."""
+    vendor, product, revision = (identity.get(word) for word in ("vendor", "product", "revision"))
+    if not vendor or product is None:
+        return ""
+    return "-".join("none" if word is None else f"{word:08X}" for word in (vendor, product, revision))
+
+
+def read_habits(path: Path) -> Counter[Refusal]:
+    """How often each refusal was seen, from one file of `Habits`; OSError, ValueError where it does not say."""
+    with path.open("rb") as file:
+        document = json.loads(file.read(_MOST_BYTES))
     if not isinstance(document, dict) or document.get("schema") != SCHEMA:
         raise ValueError(f"it does not say {SCHEMA}")
-    found = []
-    for one in document.get("off_first", ()):
-        if not isinstance(one, list) or len(one) != 2 or one[1] not in range(2, 7):
-            raise ValueError("off_first is malformed")
-        found.append((Direction(one[0]), int(one[1])))
-    return found
+    return Counter(dict(map(_refusal, _list(document.get("refused")))))
 
 
-def _name(identity: Identity) -> str:
-    words = [identity.get(name) for name in ("vendor", "product", "revision")]
-    return "-".join("none" if word is None else f"{word:08X}" for word in words) + ".json"
+def _list(value: Any) -> Iterable[Any]:
+    if not isinstance(value, list):
+        raise ValueError("it names no refusals")
+    return value
+
+
+def _refusal(row: Any) -> tuple[Refusal, int]:
+    if not isinstance(row, dict):
+        raise ValueError("a refusal is malformed")
+    direction, sub, abort, times = (row.get(key) for key in ("direction", "sub_index", "abort", "times"))
+    numbers = ((sub, 2, 6), (abort, 0, 0xFFFF_FFFF), (times, 1, _MOST_TIMES))
+    if not all(type(one) is int and least <= one <= most for one, least, most in numbers):
+        raise ValueError("a refusal is malformed")
+    return Refusal((Direction(direction), sub), abort), times
+
+
+def _document(known: Counter[Refusal]) -> dict[str, Any]:
+    rows = [
+        {"direction": str(direction), "sub_index": sub, "abort": refusal.abort, "times": min(times, _MOST_TIMES)}
+        for refusal, times in known.items()
+        for direction, sub in [refusal.parameter]
+    ]
+    return {"schema": SCHEMA, "refused": rows}

@@ -10,8 +10,10 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.carry_out import carry_out
+from dvtcli.device.habits import OFTEN_ENOUGH, Refusal, name_of
 from dvtcli.device.proposal import proposal
 from dvtcli.domain.abort import Abort
+from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.pdo import PdoConfig
 from dvtcli.domain.plan import Change, PdoChange, Plan, Step, plan_pdo
 from dvtcli.domain.rules import Finding, check_pdo, errors_in
@@ -38,7 +40,8 @@ def carry_out_as_taken(
     """Carry *plan* out; what was carried out in the end, and *findings* with what the device wanted otherwise.
 
     Where the device refuses a parameter of a PDO that is on, and everything was put back, it is done again with that
-    PDO disabled, once. It is remembered of the device, and its PDOs are disabled right away the next time.
+    PDO disabled, once. Where the same refusal comes a second time it is remembered of the device, and its PDOs are
+    disabled right away from then on.
     """
     plan = _as_known(node, plan)
 
@@ -51,24 +54,37 @@ def carry_out_as_taken(
         change, step = _refused_while_on(plan, refused)
         if change is None or step is None or not _may_be_off(node, change):
             raise
-        again = _with_off(plan, change)
+        again, passing = _with_off(plan, change), _may_pass(node, refused)
         try:
             run(again, None)
         except DvtcliError as second:
             second.details.append(("first try", f"0x{step.object} was refused while {change.label} was on, too"))
             raise
-        node.habits.add(node.identity(), (change.pdo.direction, step.sub_index))
-        return again, (*findings, _said(change, step, refused))
+        remembered = (
+            "the node was OPERATIONAL, so nothing is remembered" if passing else _noted(node, change, step, refused)
+        )
+        text = (
+            f"0x{step.object} was refused while {change.label} was on (abort 0x{refused.abort or 0:08X}): all was put "
+            f"back, and done again with {change.label} off; {remembered}"
+        )
+        return again, (*findings, note("off-first", f"0x{step.object}", text))
     return plan, findings
 
 
-def _said(change: PdoChange, step: Step, refused: DeviceRefused) -> Finding:
-    """What happened, for people."""
-    text = (
-        f"0x{step.object} was refused while {change.label} was on (abort 0x{refused.abort or 0:08X}): all was put "
-        f"back, and done again with {change.label} off; this is remembered of this device"
-    )
-    return note("off-first", f"0x{step.object}", text)
+def _noted(node: Changeable, change: PdoChange, step: Step, refused: DeviceRefused) -> str:
+    """Note what the device wanted; what that means for the next time, for people."""
+    identity = node.identity()
+    times = node.habits.add(identity, Refusal((change.pdo.direction, step.sub_index), refused.abort or 0))
+    if times < OFTEN_ENOUGH:
+        return "where that comes again it is remembered"
+    if not name_of(identity):
+        return "from now on it is disabled first; the node says no identity, so no later process knows"
+    return "this is remembered of devices like this one (`profiles habits` shows it, `profiles forget` forgets it)"
+
+
+def _may_pass(node: Changeable, refused: DeviceRefused) -> bool:
+    """Whether *refused* says no more than that the device does not take it in its present state, and it runs."""
+    return refused.abort == Abort.DEVICE_STATE and node.access.state() is NmtState.OPERATIONAL
 
 
 def _refused_while_on(plan: Plan, refused: DeviceRefused) -> tuple[PdoChange, Step] | tuple[None, None]:

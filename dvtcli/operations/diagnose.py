@@ -35,6 +35,7 @@ def checks(session: Session) -> Iterator[Check]:
     yield from _bus(session)
     yield _library()
     yield from _kept(session)
+    yield _habits()
     yield _profiles()
 
 
@@ -237,6 +238,20 @@ def _journals(folder: Path) -> Check:
     if waiting:
         return Check("journals", "warn", f"a change was interrupted: {', '.join(waiting)}", "recover finishes it")
     return Check("journals", "ok", "no change was interrupted")
+
+
+def _habits() -> Check:
+    """Of how many devices something is remembered that changes how they are written to."""
+    from dvtcli.operations.device_habits import list_habits
+
+    rows = list_habits().rows
+    broken = [row.name for row in rows if row.problem]
+    if broken:
+        text = f"what is remembered of {', '.join(broken)} cannot be read"
+        return Check("habits", "warn", text, "profiles forget removes it; it is found out anew")
+    if not rows:
+        return Check("habits", "ok", "nothing is remembered of any device")
+    return Check("habits", "ok", f"{len(rows)} devices want a PDO off first, or may: profiles habits shows them")
 
 
 def _profiles() -> Check:

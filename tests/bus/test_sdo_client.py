@@ -281,6 +281,37 @@ def test_two_boot_ups_at_once_mean_two_nodes(serve: Serve) -> None:
     assert bus.disturbances() == []
 
 
+@pytest.mark.parametrize(("command", "to"), [(0x81, NODE), (0x82, 0)])
+def test_another_master_s_resets_mean_no_second_node(serve: Serve, command: int, to: int) -> None:
+    """A second dvtcli, for one, resets the node before it says boot-up."""
+    bus, server = serve()
+    assert bus.disturbances() == []
+    for _ in range(3):
+        server.send(0x000, bytes([command, to]))
+        server.send(0x700 + NODE, b"\0")
+    assert bus.boot_ups(NODE) == 3
+    assert bus.disturbances() == []
+
+
+def test_another_master_s_reset_explains_one_boot_up_only(serve: Serve) -> None:
+    bus, server = serve()
+    server.send(0x000, bytes([0x81, NODE]))
+    server.send(0x700 + NODE, b"\0")
+    server.send(0x700 + NODE, b"\0")
+    (said,) = bus.disturbances()
+    assert said.startswith("2 boot-ups after 1 reset: are there two nodes")
+
+
+@pytest.mark.parametrize("data", [bytes([0x01, 0]), bytes([0x81]), bytes([0x81, NODE + 1]), bytes([0x99, 0]), b""])
+def test_what_resets_no_node_explains_no_boot_up(serve: Serve, data: bytes) -> None:
+    bus, server = serve()
+    server.send(0x000, data)
+    server.send(0x700 + NODE, b"\0")
+    server.send(0x700 + NODE, b"\0")
+    (said,) = bus.disturbances()
+    assert said.startswith("two boot-ups within a second, and no reset was seen")
+
+
 def test_doubled_segments_do_not_double_the_data(serve: Serve) -> None:
     bus, _ = serve(
         Steps([frame("41 08 10 00 0E 00 00 00")], [b"\x00ABCDEFG", b"\x00ABCDEFG"], [b"\x11HIJKLMN", b"\x11HIJKLMN"])

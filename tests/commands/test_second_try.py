@@ -28,7 +28,9 @@ def stricter(kind: type[StrictDevice] = StrictDevice, node_id: int = 1, **codes:
     """A device that refuses parameters of a PDO that is on: `type_while_valid=0x06090030`."""
     answers = {name.replace("_", "-"): code for name, code in codes.items()}
     family = replace(load_family("generic"), answers=dict.fromkeys(Direction, answers))
-    return kind(read_eds(family_eds("generic")).dictionary, family, node_id)
+    device = kind(read_eds(family_eds("generic")).dictionary, family, node_id)
+    device.set_value(0x1018, 1, (0xABC).to_bytes(4, "little"))
+    return device
 
 
 def on(wire: Wire) -> Bench:
@@ -50,7 +52,7 @@ def written(wire: Wire) -> list[str]:
         ("type_while_valid", "set rpdo1 --sync 3", "1400:02"),
     ],
 )
-def test_it_is_done_again_with_the_pdo_off_and_remembered(abort: int, check: str, line: str, place: str) -> None:
+def test_it_is_done_again_with_the_pdo_off_and_known_after_two(abort: int, check: str, line: str, place: str) -> None:
     with Wire(stricter(**{check: abort})) as wire:
         with on(wire) as bench:
             before = bench.run("pdo --all --json").document["pdos"]
@@ -62,9 +64,12 @@ def test_it_is_done_again_with_the_pdo_off_and_remembered(abort: int, check: str
             said = " ".join(ran.stdout.split() + ran.stderr.split())
             assert f"0x{place} was refused while" in said
             assert f"(abort 0x{abort:08X})" in said
+            assert "where that comes again it is remembered" in said
             wire.frames()
-            assert bench.run("undo").code == 0
-            assert written(wire) == [cob_id, place, cob_id], "by now it is known"
+            ran = bench.run("undo")
+            assert ran.code == 0
+            assert written(wire) == [place, cob_id, place, cob_id], "the first refusal may have been a passing one"
+            assert "this is remembered" in " ".join(ran.stdout.split() + ran.stderr.split())
             assert bench.run("pdo --all --json").document["pdos"] == before
         with on(wire) as another:
             wire.frames()
@@ -146,17 +151,101 @@ def test_a_roll_back_and_a_recovery_find_the_way_too(tmp_path: Path) -> None:
         assert bench.run("pdo --all --json").document["pdos"] == before
 
 
+def unnamed(identity: bytes | None, kind: type[StrictDevice] = StrictDevice) -> StrictDevice:
+    """A stricter device whose vendor-ID is *identity*, or that has no identity object."""
+
+    class Unnamed(kind):  # type: ignore[misc,valid-type]
+        def upload(self, index: int, sub_index: int) -> bytes:
+            if index == 0x1018 and identity is None:
+                raise Refusal(0x06020000)
+            if (index, sub_index) == (0x1018, 1):
+                return identity or b""
+            return bytes(super().upload(index, sub_index))
+
+    return stricter(Unnamed, type_while_valid=0x06090030)
+
+
+@pytest.mark.parametrize("identity", [None, bytes(4)])
+def test_what_a_node_without_identity_wants_is_known_of_this_node_and_session_only(
+    identity: bytes | None, tmp_path: Path
+) -> None:
+    with Wire(unnamed(identity)) as wire:
+        with on(wire) as bench:
+            for line in ("set tpdo1 --sync 3", "set tpdo1 --sync 4"):
+                ran = bench.run(line)
+                assert ran.code == 0, ran.stderr
+            assert "the node says no identity" in " ".join(ran.stdout.split() + ran.stderr.split())
+            wire.frames()
+            assert bench.run("set tpdo1 --sync 5").code == 0
+            assert written(wire) == ["1800:01", "1800:02", "1800:01"]
+        assert not list((tmp_path / "state").rglob("habits/*"))
+        with on(wire) as another:
+            wire.frames()
+            assert another.run("set tpdo1 --sync 6").code == 0
+            assert written(wire) == ["1800:02", "1800:01", "1800:02", "1800:01"]
+
+
+def test_one_that_refuses_in_its_present_state_while_it_runs_is_not_remembered(tmp_path: Path) -> None:
+    device = stricter(type_while_valid=0x08000022)
+    with Wire(device) as wire, on(wire) as bench:
+        assert bench.run("nmt start").code == 0
+        for line in ("set tpdo1 --sync 3", "set tpdo1 --sync 4", "set tpdo1 --sync 5"):
+            wire.frames()
+            ran = bench.run(line)
+            assert ran.code == 0, ran.stderr
+            assert written(wire) == ["1800:02", "1800:01", "1800:02", "1800:01"]
+            assert "OPERATIONAL, so nothing is remembered" in " ".join(ran.stdout.split() + ran.stderr.split())
+        assert not list((tmp_path / "state").rglob("habits/*"))
+
+
+def test_what_is_remembered_is_shown_and_forgotten(tmp_path: Path) -> None:
+    folder = tmp_path / "state" / "dvtcli" / "habits"
+    with Wire(stricter(type_while_valid=0x06090030)) as wire, on(wire) as bench:
+        assert bench.run("profiles habits").stdout == "nothing is remembered of any device\n"
+        assert bench.run("profiles forget all").code == 0
+        assert bench.run("set tpdo1 --sync 3").code == 0
+        (device,) = bench.run("profiles habits --json").document["devices"]
+        assert device["off_first"] == [
+            {"direction": "tpdo", "sub_index": 2, "abort": 0x06090030, "times": 1, "counts": False}
+        ]
+        assert "tried first" in bench.run("profiles habits").stdout
+        assert bench.run("set tpdo1 --sync 4").code == 0
+        shown = bench.run("profiles habits").stdout
+        assert device["name"] in shown
+        assert "disabled first" in shown
+        assert "profiles habits" in bench.run("doctor").stdout
+        ran = bench.run("profiles forget 12345678-0-0")
+        assert (ran.code, device["name"] in ran.stderr) == (2, True)
+        assert bench.run("profiles forget").code == 2
+        assert bench.run("profiles habits tmcm").code == 2
+        assert f"forgotten: what {device['name']}" in bench.run(f"profiles forget {device['name'].lower()}").stdout
+        assert not list(folder.iterdir())
+    with Wire(stricter(type_while_valid=0x06090030)) as wire, on(wire) as bench:
+        wire.frames()
+        assert bench.run("set tpdo1 --sync 5").code == 0
+        assert written(wire) == ["1800:02", "1800:01", "1800:02", "1800:01"], "found out anew"
+
+
 def test_an_invalid_memory_is_said_and_found_out_anew(tmp_path: Path) -> None:
     with Wire(stricter(type_while_valid=0x06090030)) as wire:
         with on(wire) as bench:
             assert bench.run("set tpdo1 --sync 3").code == 0
         (path,) = (tmp_path / "state" / "dvtcli" / "habits").glob("*.json")
         assert oct(path.stat().st_mode & 0o777) == "0o600"
-        path.write_text('{"schema": "dvtcli.habits/1", "off_first": [["tpdo", 1]]}')
-        with on(wire) as bench:
-            ran = bench.run("set tpdo1 --sync 4")
-            assert ran.code == 0
-            assert f"{path} does not tell what this device wants" in ran.stderr
+        for text in (
+            '{"schema": "dvtcli.habits/1", "off_first": [["tpdo", 2]]}',
+            '{"schema": "dvtcli.habits/2"}',
+            '{"schema": "dvtcli.habits/2", "refused": [7]}',
+            '{"schema": "dvtcli.habits/2", "refused": [{"direction": "tpdo", "sub_index": 1, "abort": 1, "times": 1}]}',
+            '{"schema": "dvtcli.habits/2", "refused": [{"direction": "up", "sub_index": 2, "abort": 1, "times": 1}]}',
+        ):
+            path.write_text(text)
+            with on(wire) as bench:
+                assert "it cannot be read" in bench.run("profiles habits").stdout
+                ran = bench.run("set tpdo1 --sync 4")
+                assert ran.code == 0
+                assert f"{path} does not tell what this device wants" in ran.stderr
+                assert bench.run("undo").code == 0
 
 
 def test_simulated_nodes_are_remembered_as_long_as_they_live() -> None:

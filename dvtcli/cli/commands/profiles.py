@@ -1,4 +1,4 @@
-"""List the device profiles, or show one with the reason for each value."""
+"""List the device profiles, or show one with the reason for each value; what single devices were found to want."""
 
 from __future__ import annotations
 
@@ -12,37 +12,51 @@ from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import TextType
 
 if TYPE_CHECKING:
-    from dvtcli.operations.results import ProfileListing, ProfileShown
+    from dvtcli.operations.results import HabitListing, ProfileListing, ProfileShown
 
 TASK = ("Find nodes", 50)
 
 
-class ProfileName(TextType):
-    """The name of a profile."""
+class Known(TextType):
+    """The name of a profile; after `forget`, of a device of which something is remembered."""
 
     name = "profile"
 
-    def shell_complete(self, _ctx: click.Context, _param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-        """The profiles there are."""
+    def shell_complete(self, ctx: click.Context, _param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        """The profiles there are, or the devices."""
+        from dvtcli.operations.device_habits import known_habits
         from dvtcli.operations.show_profiles import known_profiles
 
-        return [CompletionItem(name) for name in known_profiles() if name.startswith(incomplete)]
+        names = (*known_habits(), "all") if ctx.params.get("action") == "forget" else known_profiles()
+        return [CompletionItem(name) for name in names if name.startswith(incomplete)]
 
 
 @click.command("profiles", cls=DvtCommand, short_help=__doc__, effect=Effect.READS, needs_settings=False)
-@click.argument("action", type=click.Choice(["show"]), required=False, metavar="[show]")
-@click.argument("name", type=ProfileName(), required=False, metavar="[NAME]")
-def command(action: str | None, name: str | None) -> ProfileListing | ProfileShown:
+@click.argument(
+    "action", type=click.Choice(["show", "habits", "forget"]), required=False, metavar="[show|habits|forget]"
+)
+@click.argument("name", type=Known(), required=False, metavar="[NAME]")
+def command(action: str | None, name: str | None) -> ProfileListing | ProfileShown | HabitListing:
     """Show which device families dvtcli knows, and where each fact about one comes from.
+
+    `habits` lists what devices were found to take only while a PDO is off, by vendor, product and revision; `forget`
+    forgets that of one, or of `all`.
 
     \b
     profiles
     profiles show gen4
+    profiles habits
     """
+    from dvtcli.operations.device_habits import forget_habits, known_habits, list_habits
     from dvtcli.operations.show_profiles import known_profiles, list_profiles, show_profile
 
-    if action is None:
-        return list_profiles()
+    if name is None and action in ("show", "forget"):
+        known = known_profiles() if action == "show" else (*known_habits(), "all")
+        raise click.UsageError(f"which one? {', '.join(known)}")
+    if action == "habits":
+        if name is not None:
+            raise click.UsageError("profiles habits lists all of them")
+        return list_habits()
     if name is None:
-        raise click.UsageError(f"which one? {', '.join(known_profiles())}")
-    return show_profile(name)
+        return list_profiles()
+    return show_profile(name) if action == "show" else forget_habits(name)

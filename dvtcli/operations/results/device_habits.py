@@ -1,0 +1,61 @@
+"""What devices were found to want, as an answer. Knows no terminal and no session."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import ClassVar
+
+from dvtcli.operations.results.documents import Answer, Document
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """A parameter, by its sub-index, of the PDOs of one *direction* (`tpdo`, `rpdo`).
+
+    It was refused with *abort* so many *times* while its PDO was on, and taken once it was off; *counts* says whether
+    that was often enough for a PDO to be disabled right away.
+    """
+
+    direction: str
+    sub_index: int
+    abort: int
+    times: int
+    counts: bool
+
+    def document(self) -> Document:
+        """One refusal of `dvtcli.device-habits/1`."""
+        return asdict(self)
+
+
+@dataclass(frozen=True, slots=True)
+class HabitRow:
+    """What devices of one identity want; *name* is vendor, product and revision, *problem* why that is not known."""
+
+    name: str
+    wanted: tuple[Wanted, ...]
+    problem: str | None = None
+
+    def document(self) -> Document:
+        """One device of `dvtcli.device-habits/1`."""
+        return {"name": self.name, "off_first": [one.document() for one in self.wanted], "problem": self.problem}
+
+
+@dataclass(frozen=True, slots=True)
+class HabitListing(Answer):
+    """What is remembered in *folder*, after that of the devices *forgotten* was removed."""
+
+    renderer: ClassVar = "habit_lines:habit_lines"
+
+    rows: tuple[HabitRow, ...]
+    folder: str
+    forgotten: tuple[str, ...] = ()
+    exit_code: int = 0
+
+    def document(self) -> Document:
+        """`dvtcli.device-habits/1`."""
+        return {
+            "schema": "dvtcli.device-habits/1",
+            "folder": self.folder,
+            "devices": [row.document() for row in self.rows],
+            "forgotten": list(self.forgotten),
+        }
