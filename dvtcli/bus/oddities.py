@@ -32,7 +32,7 @@ class Oddities:
     _reset_s: dict[int, float] = field(default_factory=dict)
 
     def commanded(self, command: NmtCommand, node_id: int, boot_ups: Mapping[int, int]) -> None:
-        """An NMT command is sent, or heard of another master: a reset makes a boot-up expected of *node_id* (0: of all).
+        """An NMT command is sent, or heard of another master: a reset makes a boot-up expected of *node_id* (0: all).
 
         *boot_ups* were seen before it, and are no answer to it.
         """

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from math import inf
 from queue import Empty, SimpleQueue
 from time import monotonic
 from typing import Any, Generic, TypeVar
@@ -20,13 +21,16 @@ SLICE_S = 0.02
 QUIET_S = 0.02
 #: most messages read at once without waiting: a busy bus has no end
 BACKLOG = 4096
+#: how long past its deadline (s) an answer that is there already may take to be read: on a machine that is too busy to
+#: read the bus, or a bus that is never quiet
+GRACE_S = 1.0
 
 M = TypeVar("M")
 T = TypeVar("T")
 
 
 class Wake:
-    """A note to a waiting thread among its items: you may lead now, or the bus has failed."""
+    """A note to a waiting thread among its items: you may lead now, your time is over, or the bus has failed."""
 
     __slots__ = ("failure",)
 
@@ -34,7 +38,7 @@ class Wake:
         self.failure = failure
 
 
-_LEAD = Wake()
+_LEAD, _TIME_IS_OVER = Wake(), Wake()
 
 
 def bus_closed() -> BusUnavailable:
@@ -55,7 +59,8 @@ class Receiver(Generic[M]):
         self._leader: object | None = None
         #: whose thread reads; a thread that was interrupted while it ceased to lead finds itself here, and goes on
         self._leading_thread = 0
-        self._followers: dict[SimpleQueue[Any], None] = {}
+        #: who waits while another one reads, and until when (s of time.monotonic)
+        self._followers: dict[SimpleQueue[Any], float] = {}
         self._no_leader = threading.Condition(self._mutex)
         self._closing = threading.Event()
         self._closed = False
@@ -64,13 +69,16 @@ class Receiver(Generic[M]):
     def take(self, inbox: SimpleQueue[T | Wake], deadline_s: float) -> T | None:
         """The next item that was delivered into *inbox*; None at *deadline_s* (of time.monotonic).
 
-        An inbox is waited for by one thread at a time. Raises BusUnavailable if the bus fails or is closed.
+        What is on the bus by then counts, however late it is read. An inbox is waited for by one thread at a time.
+        Raises BusUnavailable if the bus fails or is closed.
         """
         try:
             while True:
-                item = (self._lead if self._join(inbox) else self._follow)(inbox, deadline_s)
+                item = (self._lead if self._join(inbox, deadline_s) else self._follow)(inbox, deadline_s)
                 if not isinstance(item, Wake):
                     return item
+                if item is _TIME_IS_OVER and monotonic() >= deadline_s:  # else it is of the time before
+                    return None
                 if item.failure is not None:
                     raise BusUnavailable(item.failure.text, why=item.failure.why, hint=item.failure.hint)
         finally:
@@ -118,15 +126,15 @@ class Receiver(Generic[M]):
         with self._no_leader:
             self._no_leader.wait_for(lambda: self._leader is None, timeout=0.1)
 
-    def _join(self, inbox: SimpleQueue[T | Wake]) -> bool:
-        """Wait for *inbox* from now on; whether as the leader."""
+    def _join(self, inbox: SimpleQueue[T | Wake], deadline_s: float) -> bool:
+        """Wait for *inbox* from now on, until *deadline_s*; whether as the leader."""
         with self._mutex:
             if self._closed:
                 raise bus_closed()
             if self._take_lead(inbox):
                 self._followers.pop(inbox, None)
                 return True
-            self._followers[inbox] = None
+            self._followers[inbox] = deadline_s
             return False
 
     def _lead_when_quiet(self, me: object) -> bool:
@@ -151,14 +159,31 @@ class Receiver(Generic[M]):
             if left_s <= 0:
                 self._read_waiting()  # a late thread is no late answer
                 break
-            self._read_one(min(left_s, SLICE_S))
+            self._read_one(self._slice_s(left_s))
         return None if inbox.empty() else inbox.get_nowait()
 
     def _follow(self, inbox: SimpleQueue[T | Wake], deadline_s: float) -> T | Wake | None:
+        """The next item or note; it is the one who reads that says when the time is over, once nothing is waiting."""
         try:
-            return inbox.get(timeout=max(deadline_s - monotonic(), 0))
+            return inbox.get(timeout=max(deadline_s - monotonic(), 0) + GRACE_S)
         except Empty:
             return None
+
+    def _slice_s(self, left_s: float) -> float:
+        """How long to read at once with *left_s* to go, so that no follower waits much longer than it wants to."""
+        if not self._followers:
+            return min(left_s, SLICE_S)
+        with self._mutex:
+            first_s = min(self._followers.values(), default=inf)
+        return max(min(left_s, SLICE_S, first_s - monotonic()), 0.0)
+
+    def _nothing_waited(self, at_s: float) -> None:
+        """The bus was read empty, at *at_s* or later: whoever follows and wanted to wait no longer has no answer."""
+        if self._followers:
+            with self._mutex:
+                for follower in [one for one, deadline_s in self._followers.items() if deadline_s <= at_s]:
+                    self._followers[follower] = inf  # it is told once
+                    follower.put(_TIME_IS_OVER)
 
     def _leave(self, who: object) -> None:
         """Stop waiting; a leader promotes a follower whose item is not there yet."""
@@ -177,14 +202,19 @@ class Receiver(Generic[M]):
                 self._no_leader.notify_all()
 
     def _read_one(self, wait_s: float) -> None:
+        began_s = monotonic()
         message = self._read(wait_s)
         if message is not None:
             self._deliver(message)
+        else:
+            self._nothing_waited(began_s)
 
     def _read_waiting(self) -> None:
         read, deliver = self._read, self._deliver
+        began_s = monotonic()
         for _ in range(BACKLOG):
             message = read(0.0)
             if message is None:
+                self._nothing_waited(began_s)
                 break
             deliver(message)

@@ -208,11 +208,11 @@ class StrictSdoClient(SdoClient):
         However it ends without one, by Ctrl-C too, the answer is expected late.
         """
         unsettled_before, self._unsettled = self._unsettled, True
-        deadline_s = self._link.now_s() + self.timeout_s
         take, inbox = self._link.take, self.inbox
         answered = False
         try:
             self._link.send_sdo(self.rx_cobid, request)
+            deadline_s = self._link.now_s() + self.timeout_s
             while (answer := take(inbox, deadline_s)) is not None:
                 if answer is RESTARTED:  # unless it had answered, it will not: a store need not be waited for any more
                     deadline_s = min(deadline_s, self._link.now_s() + self.settings.timeout_s)

@@ -1,0 +1,109 @@
+"""What was there in time is no time-out, however late it is read: a busy machine is no silent node."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from time import sleep
+
+import can
+import pytest
+from can.interfaces.virtual import VirtualBus
+
+from dvtcli.bus.python_can import CanBus
+from dvtcli.errors import NoAnswer
+from dvtcli.simulator.device.strict_device import StrictDevice
+from dvtcli.simulator.network.simulated_network import SimulatedNetwork
+from tests.bus.devices import device, dictionary
+
+NODES = (4, 5, 6, 7)
+
+
+class Preempted(VirtualBus):
+    """A driver whose thread gets the processor late, as on a busy machine: *read_s* to read, *send_s* to send."""
+
+    read_s = send_s = 0.0
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        if timeout:
+            sleep(self.read_s)
+        return super()._recv_internal(timeout)
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        sleep(self.send_s)
+        super().send(msg, timeout)
+
+
+class Slow(StrictDevice):
+    """Answers late, but in time."""
+
+    def upload(self, index: int, sub_index: int) -> bytes:
+        sleep(0.005)
+        return super().upload(index, sub_index)
+
+
+@pytest.fixture
+def driver(channel: str) -> Preempted:
+    return Preempted(channel)
+
+
+@pytest.fixture
+def bus(driver: Preempted, channel: str) -> Iterator[CanBus]:
+    made = CanBus(driver, "virtual", timeout_s=0.05, retries=0)
+    theirs = can.Bus(channel, interface="virtual", ignore_config=True)
+    with SimulatedNetwork(theirs, [Slow(dictionary("generic"), device(node).family, node) for node in NODES]):
+        yield made
+    made.close()
+    theirs.shutdown()
+
+
+def asked(bus: CanBus, *nodes: int) -> list[bytes | None]:
+    """What each of *nodes* answers, asked by a thread each, at once."""
+    together = threading.Barrier(len(nodes))
+
+    def ask(node: int) -> bytes | None:
+        together.wait()
+        try:
+            return bus.sdo(node).upload(0x1000, 0)
+        except NoAnswer:
+            return None
+
+    with ThreadPoolExecutor(len(nodes)) as pool:
+        return list(pool.map(ask, nodes))
+
+
+def test_each_of_many_has_its_whole_time_though_the_one_that_reads_is_late(bus: CanBus, driver: Preempted) -> None:
+    driver.read_s = 0.12
+    for _ in range(3):
+        assert None not in asked(bus, *NODES)
+
+
+def test_who_is_silent_is_silent_beside_those_that_answer(bus: CanBus, driver: Preempted) -> None:
+    for driver.read_s in (0.0, 0.12):
+        first, nobody, second, still_nobody = asked(bus, 4, 40, 5, 41)
+        assert (first is None, second is None, nobody, still_nobody) == (False, False, None, None)
+
+
+def test_a_bus_that_is_never_quiet_does_not_hold_anyone_for_ever(bus: CanBus, channel: str) -> None:
+    """Nothing but traffic: those who wait for a silent node are told so, too."""
+    stop = threading.Event()
+    babbler = can.Bus(channel, interface="virtual", ignore_config=True)
+
+    def babble() -> None:
+        while not stop.is_set():
+            babbler.send(can.Message(arbitration_id=0x123, is_extended_id=False))
+
+    thread = threading.Thread(target=babble)
+    thread.start()
+    try:
+        assert asked(bus, 40, 41) == [None, None]
+    finally:
+        stop.set()
+        thread.join()
+        babbler.shutdown()
+
+
+def test_the_time_begins_when_the_request_is_on_its_way(bus: CanBus, driver: Preempted) -> None:
+    driver.send_s = 0.1
+    assert asked(bus, 4) != [None]
