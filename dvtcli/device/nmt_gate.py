@@ -6,13 +6,14 @@ Knows behaviours that a profile names. Does not write PDO parameters.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from dvtcli.device.read_pdos import ABSENT, read_optional
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import CanopenBus
 from dvtcli.domain.profile import DeviceProfile, ObjectAddress, PreOperational
+from dvtcli.domain.several import several
 from dvtcli.errors import DeviceRefused, DvtcliError, NoAnswer, SafetyRefusal, SdoAborted, SdoProtocolError
 
 #: How long a node may take to confirm a state change, in seconds.
@@ -147,6 +148,9 @@ class Gate:
     consent: Callable[[str], None]
     found: NmtState | None = None
     entered: bool = False
+    #: what was done to the node since it was entered, in words: it stays so where the node does not come back
+    done: list[str] = field(default_factory=list)
+    _vanished: bool = False
 
     def enter(self) -> None:
         """Make PDO writes possible; remembers the state that was found."""
@@ -173,10 +177,21 @@ class Gate:
         self.entered = True
 
     def leave(self) -> None:
-        """Return to the state that was found; to be called only where the node is as planned, or as it was."""
+        """Return to the state that was found; to be called only where the node is as planned, or as it was.
+
+        An error says what was done to the node before.
+        """
         if self.found is NmtState.OPERATIONAL:
-            self.access.insist(NmtState.OPERATIONAL)
+            try:
+                self.access.insist(NmtState.OPERATIONAL)
+            except DvtcliError as failed:
+                self._vanished = isinstance(failed, NoAnswer)
+                before = f"{several(self.done)} before that; " if self.done else ""
+                failed.state = "unknown"
+                failed.state_text = f"unknown: {before}it was not seen to be OPERATIONAL again"
+                raise
         self.found, self.entered = None, False
+        self.done.clear()
 
     def renew(self) -> None:
         """Make the node pre-operational again where it fell out of it, as by a reboot in the middle of a change."""
@@ -186,7 +201,11 @@ class Gate:
     def abandon(self) -> str | None:
         """Forget the state that was found; says so where the node was OPERATIONAL and stays PRE-OPERATIONAL."""
         found, self.found, self.entered = self.found, None, False
+        vanished, self._vanished = self._vanished, False
+        self.done.clear()
         if found is not NmtState.OPERATIONAL:
             return None
         node_id = self.access.node_id
+        if vanished:
+            return f"node {node_id} was OPERATIONAL, and does not answer now; when it is right: nmt start {node_id}"
         return f"node {node_id} was OPERATIONAL and is PRE-OPERATIONAL now; when it is right: nmt start {node_id}"

@@ -216,8 +216,10 @@ class Node(Changeable):
         Those took what was set before it, and nothing of the plan.
         """
         from dvtcli.domain.plan import alters
+        from dvtcli.domain.several import several
 
         self._heard(boot_ups)
+        self.gate.done.append(f"{several(change.label for change in plan.changes)} was set and read back equal")
         saves = any(self.saves((step.index, step.sub_index)) for step in plan.steps)
         if kept and not saves and any(map(alters, plan.changes)):
             self._keep(plan)

@@ -51,6 +51,7 @@ def store_settings(
         prepare_proof(node, before.pdos)
     stored_at = node.pending.stored_at
     done = sign(node.access, node.profile.store, STORE, sub_index, node.cancellation, node.dictionary)
+    node.gate.done.append(f"0x{done.place} acknowledged the store")
     refuse_after_restart(node, boot_ups, done)
     changed = node.pending.was_stored(done.sub_index, len(node.history))
     proof = None if restart is None or before is None else prove_store(node, before, done, restart)
@@ -142,6 +143,7 @@ def restore_defaults(session: Session, node: Node, sub_index: int | None, *, pro
     state = node.access.state() if prove else None
     before, lost = _before_restore(node, restart) if prove else (None, ())
     done = sign(node.access, node.profile.store, RESTORE, sub_index, node.cancellation, node.dictionary)
+    node.gate.done.append(f"0x{done.place} acknowledged the restore")
     proof = prove_restore(node, done, restart, before, lost) if prove else None
     return_to(node.access, state)
     node.wanted.clear()

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from dvtcli.simulator.device.strict_device import StrictDevice
 from tests.commands.bench import Bench, impatient
 from tests.commands.bus import Wire, device
 
@@ -76,3 +77,32 @@ def test_answers_that_are_none_get_the_next_step() -> None:
         ran = bench.run(MAP)
     assert ran.code == 5
     assert "hint    two nodes with one node-ID, or another SDO client? -vv shows the frames" in ran.stderr
+
+
+def running_master() -> StrictDevice:
+    """A gen4 that is the master: its state is an object, so that leaving the gate is a download of its own."""
+    master = device("gen4")
+    master.set_value(0x5800, 0, b"\x01")
+    return master
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("line", "number", "said"),
+    [
+        ("store", 4, "0x1010:01 acknowledged the store"),
+        ("set tpdo1 --timer 40", 4, "TPDO1 was set and read back equal"),
+    ],
+)
+def test_a_node_that_vanishes_once_it_has_acknowledged_is_said_to_have_done_so(
+    line: str, number: int, said: str, tmp_path: Path
+) -> None:
+    with Wire(running_master(), faults=(f"silent@{number}",)) as wire:
+        options = {**wire.options, "yes": True, "timeout": 0.2, "journal": str(tmp_path)}
+        with Bench((), options) as bench:
+            assert bench.script("write 2800 0").code == 0
+            ran = bench.script(line)
+    assert ran.code == 5
+    assert f"state   unknown: {said} before that; it was not seen to be OPERATIONAL again" in ran.stderr
+    assert "node 1 was OPERATIONAL, and does not answer now" in ran.stderr
+    assert "nothing was written" not in ran.stderr
