@@ -164,5 +164,20 @@ def _probe(sdo: SdoReader, direction: Direction) -> Iterator[Pdo]:
 
 
 def exists(sdo: SdoReader, pdo: Pdo) -> bool:
-    """Whether the node has *pdo*, by asking for its COB-ID."""
-    return read_optional(sdo, pdo.communication_index, 1, 4) is not None
+    """Whether the node has *pdo*, or half of it: it tells a COB-ID, or how many objects are mapped.
+
+    Or it says that it never tells them, which counts of the first `ALWAYS_PROBED` only: some say that of everything.
+    SdoAborted where it tells neither for a reason that may pass.
+    """
+    refused: list[SdoAborted] = []
+    for index, sub_index in ((pdo.communication_index, 1), (pdo.mapping_index, 0)):
+        try:
+            read_number(sdo, index, sub_index, 4)
+        except SdoAborted as aborted:
+            refused.append(aborted)
+        else:
+            return True
+    odd = next((aborted for aborted in refused if aborted.code not in ABSENT), None)
+    if odd is not None and odd.code not in UNREADABLE:
+        raise odd
+    return odd is not None and pdo.number <= ALWAYS_PROBED

@@ -8,8 +8,14 @@ from typing import Any
 
 import pytest
 
+from dvtcli.domain.abort import Abort
+from dvtcli.files.eds.reader import read_eds
+from dvtcli.simulator.device.refusal import Refusal
+from dvtcli.simulator.device.strict_device import StrictDevice
+from dvtcli.simulator.network.family_file import load_family
 from tests.commands.bench import Bench, Ran
-from tests.small_eds import INPUTS, Eds, communication, mapping, plain
+from tests.commands.bus import Wire
+from tests.small_eds import INPUTS, U32, Eds, communication, mapping, plain, var
 
 FIRST = INPUTS << 16 | 0x0108
 
@@ -72,6 +78,16 @@ def test_a_count_above_the_entries_is_repaired_and_what_was_is_put_back_as_far_a
         assert "off and empty" in ran.stderr
         assert "off and empty" in back.stderr
         assert (after["enabled"], after["mapping"], after["inconsistent"]) == (False, [], None)
+
+
+def test_a_warning_of_the_way_back_claims_no_more_than_undo_does() -> None:
+    with bench(count_above()) as one:
+        before = row(one.run("pdo --all --json"), "tpdo1")
+        said = " ".join(one.run("disable tpdo1").stderr.split())
+        assert "a device may not take that back" in said
+        assert "where it does not, `undo` leaves it off" in said
+        assert one.run("undo").code == 0
+        assert row(one.run("pdo --all --json"), "tpdo1") == before
 
 
 def test_the_same_entries_again_repair_the_count() -> None:
@@ -197,3 +213,93 @@ def test_an_enabled_pdo_that_no_frame_can_hold_is_remarked_on(entries: list[int]
         assert said in one.run("pdo --all").stdout
         assert one.run("clear tpdo1").code == 0
         assert "TPDO1 is enabled" not in one.run("pdo --all").stdout
+
+
+# --- all PDOs at once
+
+
+def unreadable(*numbers: int, access: str = "wo") -> Eds:
+    """TPDO1, TPDO2 and RPDO1 enabled with one object each; the COB-ID of TPDO*numbers* has that *access*."""
+    eds = plain()
+    for number in (1, 2):
+        subs = communication(0x181 + 0x100 * (number - 1))
+        if number in numbers:
+            subs[1] = var("COB-ID", U32, 0x181 + 0x100 * (number - 1), access)
+        eds.record(0x17FF + number, f"Communication {number}", subs)
+        eds.record(0x19FF + number, f"Mapping {number}", mapping(1, [FIRST, 0, 0, 0]))
+    return eds
+
+
+@pytest.mark.parametrize(("access", "why"), [("wo", "0x1801:01 cannot be read"), ("ro", "COB-ID of TPDO2 is ro")])
+def test_clear_all_clears_what_can_be_and_names_the_others(access: str, why: str) -> None:
+    with bench(unreadable(2, access=access)) as one:
+        before = row(one.run("pdo --all --json"), "tpdo2")
+        ran = one.run("clear all")
+        assert ran.code == 0, ran.stderr
+        said = " ".join(ran.stderr.split())
+        assert "TPDO2 stays as it is" in said
+        assert why in said
+        after = one.run("pdo --all --json")
+        for pdo in ("tpdo1", "rpdo1"):
+            assert (row(after, pdo)["enabled"], row(after, pdo)["mapping"]) == (False, [])
+        assert row(after, "tpdo2") == before
+        assert one.run("verify").code == 0
+        assert one.run("undo").code == 0
+        assert row(one.run("pdo --all --json"), "tpdo1")["enabled"]
+
+
+def test_clear_all_is_refused_where_none_can_be_cleared() -> None:
+    eds = unreadable(1, 2)
+    for index in (0x1400, 0x1401, 0x1600, 0x1601):
+        del eds.objects[index]
+    with bench(eds) as one:
+        ran = one.run("clear all")
+        assert (ran.code, "0x1800:01 cannot be read" in ran.stderr) == (1, True)
+
+
+# --- without an EDS
+
+
+class Refusing(StrictDevice):
+    """A device that refuses to tell *hidden*, with *code*."""
+
+    hidden: tuple[int, ...] = ()
+    code: int = Abort.NO_OBJECT
+
+    def upload(self, index: int, sub_index: int) -> bytes:
+        if index in self.hidden:
+            raise Refusal(self.code)
+        return super().upload(index, sub_index)
+
+
+def undescribed(*hidden: int, code: int = Abort.NO_OBJECT, pdos: int = 2) -> Refusing:
+    eds = plain()
+    for number in range(3, pdos + 1):
+        eds.record(0x17FF + number, "Communication", communication(0x80000181))
+        eds.record(0x19FF + number, "Mapping", mapping(1, [FIRST, 0, 0, 0]))
+    path = Path("undescribed.eds")
+    path.write_text(eds.text())
+    made = Refusing(read_eds(path).dictionary, load_family("generic"), 1)
+    made.hidden, made.code = hidden, code
+    return made
+
+
+@pytest.mark.parametrize("code", [0x06020000, 0x06090011, 0x06010001, 0x06010000, 0x08000000])
+def test_without_an_eds_a_mapping_without_a_cob_id_is_shown(code: int) -> None:
+    with Wire(undescribed(0x1801, code=code)) as wire, Bench((), {**wire.options, "yes": True}) as one:
+        shown = {pdo["pdo"]: pdo for pdo in one.run("pdo --all --json").document["pdos"]}
+        assert list(shown) == ["tpdo1", "tpdo2", "rpdo1", "rpdo2"]
+        assert shown["tpdo2"]["inconsistent"] == "its COB-ID 0x1801:01 cannot be read"
+        assert one.run("set tpdo1 --cob-id 0x1A7").code == 0, "the others are compared without it"
+
+
+def test_without_an_eds_a_cob_id_without_a_mapping_is_shown() -> None:
+    with Wire(undescribed(0x1A01)) as wire, Bench((), {**wire.options, "yes": True}) as one:
+        shown = {pdo["pdo"]: pdo for pdo in one.run("pdo --all --json").document["pdos"]}
+        assert shown["tpdo2"]["inconsistent"] == "its mapping 0x1A01:00 cannot be read"
+
+
+def test_without_an_eds_the_search_goes_on_behind_half_a_pdo() -> None:
+    with Wire(undescribed(0x1804, pdos=6)) as wire, Bench((), {**wire.options, "yes": True}) as one:
+        shown = [pdo["pdo"] for pdo in one.run("pdo --all --json").document["pdos"]]
+        assert shown == [*(f"tpdo{number}" for number in range(1, 7)), "rpdo1", "rpdo2"]

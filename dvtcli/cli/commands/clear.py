@@ -37,9 +37,11 @@ class PdoOrAll(CanopenType):
 def command(session: Session, /, pdos: tuple[NodePdo | None, ...]) -> Changed:
     """Disable each PDO and empty its mapping.
 
+    With `all` a PDO that cannot be cleared (its COB-ID is read-only, or cannot be read) stays as it is, and is named.
+
     \b
     clear tpdo3 rpdo3
-    clear all          every PDO of the node whose mapping can be changed
+    clear all          every PDO of the node that can be cleared
     """
     if None not in pdos:
         return switch(session, *one_node(pdo for pdo in pdos if pdo is not None), Cleared())

@@ -43,7 +43,9 @@ def way_back(back: Proposal) -> tuple[PdoConfig, Finding] | None:
         text = f"{pdo.label} could not be put back after this, nor be switched off and emptied: {reason.text}"
         return before, error("no-way-back", reason.place, text, None, "choose another PDO (pdo --all)")
     text = f"{pdo.label} is {_state(before, taken)} now, and a device may not take that back ({reason.text})"
-    return taken, warning("way-back", reason.place, f"{text}: `undo` leaves it {left_as(before, taken)}")
+    return taken, warning(
+        "way-back", reason.place, f"{text}: where it does not, `undo` leaves it {left_as(before, taken)}"
+    )
 
 
 def _refusals(back: Proposal) -> list[Finding]:
