@@ -93,7 +93,10 @@ def having(*places: int) -> Table:
 def test_without_a_file_the_first_four_are_asked_for_and_then_up_to_a_gap() -> None:
     table = having(0x1800, 0x1803, 0x1804, 0x1805, 0x1807, 0x1401)
     assert [str(pdo) for pdo in present_pdos(table, None)] == ["tpdo1", "tpdo4", "tpdo5", "tpdo6", "rpdo2"]
-    assert [index for index, _ in table.reads] == [*range(0x1800, 0x1807), *range(0x1400, 0x1405)]
+    cob_ids = [index for index, _ in table.reads if index & 0x200 == 0]
+    assert cob_ids == [*range(0x1800, 0x1807), *range(0x1400, 0x1405)]
+    mappings = [index for index, _ in table.reads if index & 0x200]
+    assert mappings == [0x1A01, 0x1A02, 0x1A06, 0x1600, 0x1602, 0x1603, 0x1604], "where there is no COB-ID"
 
 
 def test_all_512_are_found() -> None:
