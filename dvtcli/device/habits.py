@@ -109,11 +109,14 @@ def _list(value: Any) -> Iterable[Any]:
 def _refusal(row: Any) -> tuple[Refusal, int]:
     if not isinstance(row, dict):
         raise ValueError("a refusal is malformed")
-    direction, sub, abort, times = (row.get(key) for key in ("direction", "sub_index", "abort", "times"))
-    numbers = ((sub, 2, 6), (abort, 0, 0xFFFF_FFFF), (times, 1, _MOST_TIMES))
-    if not all(type(one) is int and least <= one <= most for one, least, most in numbers):
+    parameter = Direction(str(row.get("direction"))), _number(row.get("sub_index"), 2, 6)
+    return Refusal(parameter, _number(row.get("abort"), 0, 0xFFFF_FFFF)), _number(row.get("times"), 1, _MOST_TIMES)
+
+
+def _number(value: Any, least: int, most: int) -> int:
+    if type(value) is not int or not least <= value <= most:
         raise ValueError("a refusal is malformed")
-    return Refusal((Direction(direction), sub), abort), times
+    return value
 
 
 def _document(known: Counter[Refusal]) -> dict[str, Any]:
