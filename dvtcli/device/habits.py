@@ -29,7 +29,7 @@ Parameter = tuple[Direction, int]
 
 
 @dataclass(frozen=True, slots=True)
-class Refusal:
+class Habit:
     """The device answered *abort* to *parameter* of a PDO that was on, and took it once the PDO was off."""
 
     parameter: Parameter
@@ -42,7 +42,7 @@ class Habits:
 
     folder: Path | None = None
     say: Callable[[str], None] = lambda _text: None
-    _known: dict[str, Counter[Refusal]] = field(default_factory=dict)
+    _known: dict[str, Counter[Habit]] = field(default_factory=dict)
 
     @property
     def are_there(self) -> bool:
@@ -53,7 +53,7 @@ class Habits:
         """What the device of *identity* takes only while the PDO is off, as far as that is sure."""
         return frozenset(one.parameter for one, times in self._of(identity).items() if times >= OFTEN_ENOUGH)
 
-    def add(self, identity: Identity, refusal: Refusal) -> int:
+    def add(self, identity: Identity, refusal: Habit) -> int:
         """The device of *identity* took a parameter only once its PDO was off; returns how often that was so by now."""
         known = self._of(identity)
         known[refusal] += 1
@@ -65,14 +65,14 @@ class Habits:
                 self.say(f"what this device wants cannot be remembered: {failed}")
         return known[refusal]
 
-    def _of(self, identity: Identity) -> Counter[Refusal]:
+    def _of(self, identity: Identity) -> Counter[Habit]:
         """What was found out so far; of a node without an identity under an empty name."""
         name = name_of(identity)
         if name not in self._known:
             self._known[name] = Counter() if self.folder is None or not name else self._read(self.folder, name)
         return self._known[name]
 
-    def _read(self, folder: Path, name: str) -> Counter[Refusal]:
+    def _read(self, folder: Path, name: str) -> Counter[Habit]:
         path = folder / f"{name}.json"
         try:
             return read_habits(path)
@@ -91,7 +91,7 @@ def name_of(identity: Identity) -> str:
     return "-".join("none" if word is None else f"{word:08X}" for word in (vendor, product, revision))
 
 
-def read_habits(path: Path) -> Counter[Refusal]:
+def read_habits(path: Path) -> Counter[Habit]:
     """How often each refusal was seen, from one file of `Habits`; OSError, ValueError where it does not say."""
     with path.open("rb") as file:
         document = json.loads(file.read(_MOST_BYTES))
@@ -106,11 +106,11 @@ def _list(value: Any) -> Iterable[Any]:
     return value
 
 
-def _refusal(row: Any) -> tuple[Refusal, int]:
+def _refusal(row: Any) -> tuple[Habit, int]:
     if not isinstance(row, dict):
         raise ValueError("a refusal is malformed")
     parameter = Direction(str(row.get("direction"))), _number(row.get("sub_index"), 2, 6)
-    return Refusal(parameter, _number(row.get("abort"), 0, 0xFFFF_FFFF)), _number(row.get("times"), 1, _MOST_TIMES)
+    return Habit(parameter, _number(row.get("abort"), 0, 0xFFFF_FFFF)), _number(row.get("times"), 1, _MOST_TIMES)
 
 
 def _number(value: Any, least: int, most: int) -> int:
@@ -119,7 +119,7 @@ def _number(value: Any, least: int, most: int) -> int:
     return value
 
 
-def _document(known: Counter[Refusal]) -> dict[str, Any]:
+def _document(known: Counter[Habit]) -> dict[str, Any]:
     rows = [
         {"direction": str(direction), "sub_index": sub, "abort": refusal.abort, "times": min(times, _MOST_TIMES)}
         for refusal, times in known.items()

@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.carry_out import carry_out
-from dvtcli.device.habits import OFTEN_ENOUGH, Refusal, name_of
+from dvtcli.device.habits import OFTEN_ENOUGH, Habit, name_of
 from dvtcli.device.proposal import proposal
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.nmt import NmtState
@@ -74,7 +74,7 @@ def carry_out_as_taken(
 def _noted(node: Changeable, change: PdoChange, step: Step, refused: DeviceRefused) -> str:
     """Note what the device wanted; what that means for the next time, for people."""
     identity = node.identity()
-    times = node.habits.add(identity, Refusal((change.pdo.direction, step.sub_index), refused.abort or 0))
+    times = node.habits.add(identity, Habit((change.pdo.direction, step.sub_index), refused.abort or 0))
     if times < OFTEN_ENOUGH:
         return "where that comes again it is remembered"
     if not name_of(identity):

@@ -9,7 +9,7 @@ from dvtcli.device.habits import OFTEN_ENOUGH, read_habits
 from dvtcli.errors import SafetyRefusal, UsageError
 from dvtcli.operations.keeping import state_folder
 from dvtcli.operations.results import HabitListing
-from dvtcli.operations.results.device_habits import HabitRow, Wanted
+from dvtcli.operations.results.habit_listing import HabitRow, Wanted
 
 
 def known_habits() -> tuple[str, ...]:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from dvtcli.cli.view.lines import Cell, Line, Table
 from dvtcli.domain.several import several
-from dvtcli.operations.results.device_habits import HabitListing, Wanted
+from dvtcli.operations.results.habit_listing import HabitListing, Wanted
 
 
 def habit_lines(result: HabitListing, width: int) -> Iterator[Line]:

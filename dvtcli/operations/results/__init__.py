@@ -15,13 +15,13 @@ if TYPE_CHECKING:
     from dvtcli.operations.results.changes import *  # noqa: F403
     from dvtcli.operations.results.checked_files import *  # noqa: F403
     from dvtcli.operations.results.comparisons import *  # noqa: F403
-    from dvtcli.operations.results.device_habits import *  # noqa: F403
     from dvtcli.operations.results.device_profiles import *  # noqa: F403
     from dvtcli.operations.results.diagnosis import *  # noqa: F403
     from dvtcli.operations.results.documents import *  # noqa: F403
     from dvtcli.operations.results.dvt import *  # noqa: F403
     from dvtcli.operations.results.files import *  # noqa: F403
     from dvtcli.operations.results.frames import *  # noqa: F403
+    from dvtcli.operations.results.habit_listing import *  # noqa: F403
     from dvtcli.operations.results.learnt import *  # noqa: F403
     from dvtcli.operations.results.logged_in import *  # noqa: F403
     from dvtcli.operations.results.nodes import *  # noqa: F403
