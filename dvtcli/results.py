@@ -15,7 +15,8 @@ from dvtcli.operations.results.logged_in import LoggedIn
 from dvtcli.operations.results.nodes import Commanded, NodeListing, NodeRow, Synced
 from dvtcli.operations.results.pdos import MappedName, PdoListing, PdoRow
 from dvtcli.operations.results.stores import Stored
-from dvtcli.operations.results.values import ValueRead
+from dvtcli.operations.results.sync_producers import SyncCheck, SyncSource
+from dvtcli.operations.results.values import ObjectListing, ObjectRow, ValueRead
 
 __all__ = [
     "Changed",
@@ -29,6 +30,8 @@ __all__ = [
     "Message",
     "NodeListing",
     "NodeRow",
+    "ObjectListing",
+    "ObjectRow",
     "Pdo",
     "PdoCommunicationParameter",
     "PdoConfig",
@@ -40,6 +43,8 @@ __all__ = [
     "Proof",
     "Step",
     "Stored",
+    "SyncCheck",
+    "SyncSource",
     "Synced",
     "ValueRead",
 ]

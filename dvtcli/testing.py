@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from dvtcli.operations.api.python_bus import simulate
+from dvtcli.operations.api.open_bus import simulate
 from dvtcli.operations.api.served_bus import ServedBus, serve
 
 if TYPE_CHECKING:

@@ -16,18 +16,21 @@ if TYPE_CHECKING:
 _SUB_INDICES = {"vendor": 1, "product": 2, "revision": 3, "serial": 4}
 
 
-def require_identity(session: Session, wanted: Sequence[tuple[str, int]]) -> Facts:
-    """Read the selected node's identity (0x1018) and compare it with *wanted*.
+def require_identity(
+    session: Session, wanted: Sequence[tuple[str, int]], node_id: int | None = None, who: str = "the script"
+) -> Facts:
+    """Read the identity (0x1018) of a node (None: of the selected one) and compare it with *wanted*.
 
-    That is pairs of `vendor`, `product`, `revision` or `serial` with a number. SafetyRefusal where one differs.
+    That is pairs of `vendor`, `product`, `revision` or `serial` with a number. SafetyRefusal, which names *who* wants
+    another device, where one differs.
     """
-    node = session.node()
+    node = session.node(node_id)
     held = {name: read_identity(node.sdo, sub_index) for name, sub_index in _SUB_INDICES.items()}
     for name, value in wanted:
         if held[name] != value:
             has = "none" if held[name] is None else f"0x{held[name]:08X}"
             raise SafetyRefusal(
-                f"node {node.node_id} is another device: {name} is {has}, the script wants 0x{value:08X}",
+                f"node {node.node_id} is another device: {name} is {has}, {who} wants 0x{value:08X}",
                 node=node.node_id,
                 place=f"1018:{_SUB_INDICES[name]:02X}",
                 hint="is this the right node? scan lists them",

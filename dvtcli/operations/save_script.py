@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import shlex
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -41,6 +41,11 @@ ENDS, STEPS, EVERYTHING = Saved
 def script_text(session: Session, what: Saved = ENDS) -> str:
     """*what* this session knows, as the text of a script that runs; UsageError where there is nothing to save."""
     return _script(session, _SECTIONS[what](session))[0]
+
+
+def script_of(session: Session, node_id: int) -> str:
+    """Everything that the PDOs of the node with *node_id* hold, as the text of a script that runs."""
+    return _script(session, _held(session, [node_id]))[0]
 
 
 def save_script(session: Session, file: str, what: Saved = ENDS, spelled: Callable[[str], str] | None = None) -> Facts:
@@ -116,7 +121,11 @@ def _everything(session: Session) -> list[Section]:
     node_ids = {node_id for node_id, _ in session.record.lines if node_id} | (set() if selected is None else {selected})
     if not node_ids:
         session.node_id()  # says that none is selected
-    nodes = [session.node(node_id) for node_id in sorted(node_ids)]
+    return _held(session, sorted(node_ids))
+
+
+def _held(session: Session, node_ids: Sequence[int]) -> list[Section]:
+    nodes = [session.node(node_id) for node_id in node_ids]
     pdos = {node.node_id: node.pdos() for node in nodes}
     return [(node.node_id, backup_lines({}, pdos[node.node_id], _fixed(node))[1:]) for node in nodes]
 

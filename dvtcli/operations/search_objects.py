@@ -16,12 +16,14 @@ if TYPE_CHECKING:
     from dvtcli.operations.session import Session
 
 
-def search_objects(session: Session, text: str | None = None, mappable: str | None = None) -> ObjectListing:
-    """List the selected node's objects whose number or name contains *text*, None for all.
+def search_objects(
+    session: Session, text: str | None = None, mappable: str | None = None, node_id: int | None = None
+) -> ObjectListing:
+    """List the objects of a node (None: of the selected one) whose number or name contains *text*, None for all.
 
     *mappable* is `tpdo` or `rpdo`: only what such a PDO can take. UsageError where the node has no EDS here.
     """
-    node = session.node()
+    node = session.node(node_id)
     dictionary = node.dictionary
     if dictionary is None:
         raise UsageError(f"node {node.node_id} has no EDS here: nothing names its objects", hint="--eds FILE gives one")

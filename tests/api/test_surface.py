@@ -16,15 +16,16 @@ from tests.process import ROOT, environment
 
 PUBLIC = {
     "dvtcli": ["Bus", "Node", "__version__", "connect", "errors", "results", "simulate"],
-    "Bus": ["close", "dry_run", "is_dry_run", "name", "node", "scan", "script", "sync"],
+    "Bus": ["check_sync", "close", "dry_run", "is_dry_run", "name", "node", "scan", "script", "sync"],
     "Node": [
-        "canopen", "clear", "disable", "enable", "identity", "login", "map", "nmt", "node_id", "pdo", "pdos", "read",
-        "recover", "restore", "set", "store", "undo", "verify", "write",
+        "canopen", "clear", "disable", "enable", "identity", "login", "map", "nmt", "node_id", "objects", "pdo", "pdos",
+        "read", "recover", "require", "restore", "script", "set", "store", "undo", "verify", "write",
     ],
     "results": [
         "Changed", "CobId", "Commanded", "Compared", "Finding", "Frame", "LoggedIn", "MappedName", "Message",
-        "NodeListing", "NodeRow", "Pdo", "PdoCommunicationParameter", "PdoConfig", "PdoListing", "PdoMappingEntry",
-        "PdoRow", "Plan", "Progress", "Proof", "Step", "Stored", "Synced", "ValueRead",
+        "NodeListing", "NodeRow", "ObjectListing", "ObjectRow", "Pdo", "PdoCommunicationParameter", "PdoConfig",
+        "PdoListing", "PdoMappingEntry", "PdoRow", "Plan", "Progress", "Proof", "Step", "Stored", "SyncCheck",
+        "SyncSource", "Synced", "ValueRead",
     ],
     "testing": [
         "ServedBus", "dvtcli_bus", "dvtcli_node", "dvtcli_nodes", "dvtcli_serve", "dvtcli_simulate", "dvtcli_state",
@@ -34,7 +35,7 @@ PUBLIC = {
 
 
 def members(kind: type) -> list[str]:
-    return sorted(name for name in vars(kind) if not name.startswith("_"))
+    return sorted(name for name in dir(kind) if not name.startswith("_"))
 
 
 def test_the_names_are_those_that_were_promised() -> None:

@@ -11,7 +11,7 @@ from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import MillisecondsType, NumberType
 
 if TYPE_CHECKING:
-    from dvtcli.operations.results import Facts, Synced
+    from dvtcli.operations.results import SyncCheck, Synced
     from dvtcli.operations.session import Session
 
 TASK = ("Check and keep", 20)
@@ -22,7 +22,7 @@ TASK = ("Check and keep", 20)
 @click.option("--count", type=NumberType(1, 100_000, "a count"), metavar="N", help="How many [1].")
 @click.option("--check", is_flag=True, help="Send none; say who produces SYNC, and warn where nobody does.")
 @click.pass_obj
-def command(session: Session, /, period: int | None, count: int | None, check: bool) -> Synced | Facts:
+def command(session: Session, /, period: int | None, count: int | None, check: bool) -> Synced | SyncCheck:
     """Produce SYNC and list what synchronous PDOs send.
 
     Its CAN-ID is what the selected node's 0x1005 says, 0x080 where no node is selected.

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 from dvtcli.cli.view.lines import Cell, Line, Table
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.several import plural
-from dvtcli.operations.results.nodes import Commanded, NodeListing, NodeRow, Synced
+
+if TYPE_CHECKING:
+    from dvtcli.operations.results import Commanded, NodeListing, NodeRow, SyncCheck, Synced, SyncSource
 
 _STATE_STYLES = {
     NmtState.OPERATIONAL.label: "green",
@@ -94,3 +97,18 @@ def synced_lines(result: Synced, width: int) -> Iterator[Line]:
         yield from table.lines(width)
     elif result.note:
         yield result.note
+
+
+def sync_check_lines(result: SyncCheck, _width: int) -> Iterator[Line]:
+    """What each node says of SYNC, and how many were heard."""
+    yield from (_source_text(source) for source in result.nodes)
+    yield f"on the bus: {result.heard or 'no'} SYNC in {result.listened_ms} ms"
+
+
+def _source_text(source: SyncSource) -> str:
+    word = "no 0x1005" if source.cob_id is None else f"0x1005 = 0x{source.cob_id:08X}"
+    period = "no 0x1006" if source.period_us is None else f"0x1006 = {source.period_us} us"
+    if source.period_us:
+        period += f" ({source.period_us / 1000:g} ms)"
+    does = "produces SYNC" if source.produces else "does not produce SYNC"
+    return f"node {source.node}  {does}: {word}, {period}; its SYNC is 0x{source.can_id:03X}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
@@ -11,11 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from dvtcli.errors import UsageError
 from dvtcli.operations.api.calls import Calls
-from dvtcli.operations.api.checks import call_back, flags, number, path, seconds, whole, word, words, wrong
-from dvtcli.operations.api.hints import python_words
+from dvtcli.operations.api.checks import flags, number, path, seconds, whole, word
 from dvtcli.operations.api.python_node import Node
-from dvtcli.operations.api.told import Message, Told
-from dvtcli.operations.options import BIT_RATES, options_of
 from dvtcli.operations.session import Session
 from dvtcli.operations.simulated_nodes import read_dictionary
 
@@ -23,8 +20,7 @@ if TYPE_CHECKING:
     from canopen import RemoteNode
 
     from dvtcli.bus.canopen_node import CanopenNetwork
-    from dvtcli.device.change.progress import Progress
-    from dvtcli.operations.results import NodeListing, Synced
+    from dvtcli.operations.results import NodeListing, SyncCheck, Synced
 
 
 class Bus:
@@ -129,6 +125,18 @@ class Bus:
             whole("node_id", node_id, "a node-ID", 127, low=1)
         return self._calls.run(lambda: produce_sync(self._session, count, period_ms / 1000, node_id))
 
+    def check_sync(self, *node_ids: int) -> SyncCheck:
+        """Whether anybody produces SYNC, as `sync --check`: true where a SYNC is heard, or a node says it sends them.
+
+        Asked are the nodes *node_ids*, those that were used so far, and the simulated ones: 0x1005 and 0x1006. The bus
+        is listened to for two periods, at least 0.1 s; none is sent.
+        """
+        from dvtcli.operations.sync_check import check_sync
+
+        for node_id in node_ids:
+            whole("node_ids", node_id, "a node-ID", 127, low=1)
+        return self._calls.run(lambda: check_sync(self._session, node_ids))
+
     def script(self, *, history: bool = False) -> str:
         """What this program's changes come to, as the text of a script that `dvtcli run` takes.
 
@@ -172,74 +180,3 @@ def _choose(chosen: dict[int, Any], node_id: int, what: Any, *, met: bool) -> No
     if met and chosen.get(node_id) != what:
         raise UsageError(f"node {node_id} was used already: give eds and profile where it is first asked for")
     chosen[node_id] = what
-
-
-def connect(
-    interface: str | None = None,
-    channel: str | int | None = None,
-    bitrate: int | None = None,
-    *,
-    timeout_s: float = 0.5,
-    journal: str | Path | None = None,
-    ask: Callable[[str], bool] | None = None,
-    on_message: Callable[[Message], None] | None = None,
-    on_progress: Callable[[Progress], None] | None = None,
-    **more: object,
-) -> Bus:
-    """Open a CAN interface by python-can's names; what is None comes from python-can's own configuration.
-
-    *bitrate* is in bit/s, *timeout_s* the SDO time-out in seconds, *journal* the folder of journals and backups (the
-    user's state folder), *more* further keys of python-can. *ask* is asked where a command would ask its user, and
-    answers whether to go on; without it, and without `yes=True`, such a call raises SafetyRefusal. *on_message* is told
-    what a command would say beside its result, *on_progress* each step of a change that a node took. BusUnavailable
-    where the bus cannot be opened.
-    """
-    if interface is not None:
-        word("interface", interface, "a name of python-can, such as 'socketcan'")
-    if channel is not None and (isinstance(channel, bool) or not isinstance(channel, str | int)):
-        raise wrong("channel", channel, "a name of python-can, such as 'can0', or a number")
-    if bitrate is not None:
-        whole("bitrate", bitrate, "a bit rate (bit/s)", BIT_RATES[-1], low=BIT_RATES[0])
-    given = {
-        "interface": interface,
-        "channel": None if channel is None else str(channel),
-        "bitrate": bitrate,
-        "bus_kwargs": tuple(f"{key}={value}" for key, value in more.items()),
-        "timeout": seconds("timeout_s", timeout_s),
-        "journal": None if journal is None else str(path("journal", journal)),
-    }
-    call_back(ask=ask, on_message=on_message, on_progress=on_progress)
-    return _opened(given, Told(on_message, ask), on_progress)
-
-
-def simulate(
-    *nodes: str,
-    faults: tuple[str, ...] | list[str] = (),
-    signals: tuple[str, ...] | list[str] = (),
-    timeout_s: float = 0.5,
-    ask: Callable[[str], bool] | None = None,
-    on_message: Callable[[Message], None] | None = None,
-    on_progress: Callable[[Progress], None] | None = None,
-) -> Bus:
-    """Open a bus on which only simulated *nodes* live, in this process: `gen4`, `tmcm@5`, `my.eds@9`.
-
-    *faults* and *signals* are words as `--fault` and `--signal` take them. UsageError for a wrong word.
-    """
-    if not nodes:
-        raise UsageError("which node? a family, such as 'generic', or the path of an EDS")
-    for node in nodes:
-        if not isinstance(node, str | Path):
-            raise UsageError(f"nodes: {node!r}: a family, such as 'generic' or 'generic@5', or the path of an EDS")
-    given: dict[str, Any] = {"sim": nodes, "fault": words("faults", faults), "signal": words("signals", signals)}
-    given["timeout"] = seconds("timeout_s", timeout_s)
-    call_back(ask=ask, on_message=on_message, on_progress=on_progress)
-    return _opened(given, Told(on_message, ask), on_progress)
-
-
-def _opened(given: dict[str, Any], told: Told, on_progress: Callable[[Progress], None] | None) -> Bus:
-    with python_words():
-        session = Session(options_of({key: value for key, value in given.items() if value is not None}), told)
-        network = session.open_network()
-    if on_progress is not None:
-        network.on_step = on_progress
-    return Bus(session)

@@ -24,34 +24,25 @@ from dvtcli.operations.api.arguments import (
     request,
 )
 from dvtcli.operations.api.arguments import type_of as type_named
-from dvtcli.operations.api.checks import flags, number, path, whole
+from dvtcli.operations.api.checks import flags, number, whole
+from dvtcli.operations.api.read_node import ReadNode
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
-    from canopen import RemoteNode
-
     from dvtcli.device.node import Node as DeviceNode
     from dvtcli.domain.datatypes import Value
     from dvtcli.domain.pdo import Pdo
     from dvtcli.domain.request import PdoWant
-    from dvtcli.operations.api.calls import Calls
     from dvtcli.operations.results import (
         Changed,
         Commanded,
-        Compared,
         LoggedIn,
-        NodeRow,
-        PdoListing,
-        PdoRow,
         Stored,
-        ValueRead,
     )
 
 T = TypeVar("T")
 
 
-class Node:
+class Node(ReadNode):
     """A node on a `Bus`, as `Bus.node` hands it out; it is asked who it is when it is first used.
 
     Every method raises the errors of `dvtcli.errors`: NoAnswer where the node is silent, SdoAborted where it refuses,
@@ -60,48 +51,6 @@ class Node:
     as whether a node may leave OPERATIONAL; without it a question is SafetyRefusal. *force* sends what dvtcli's own
     rules refuse.
     """
-
-    def __init__(self, calls: Calls, node_id: int, canopen: Callable[[int], RemoteNode]) -> None:
-        self._calls = calls
-        self._canopen = canopen
-        self._node_id = node_id
-
-    @property
-    def node_id(self) -> int:
-        """The node-ID, 1…127."""
-        return self._node_id
-
-    def __repr__(self) -> str:
-        return f"<dvtcli node {self._node_id}>"
-
-    def identity(self) -> NodeRow:
-        """What the node says of itself: device type, identity (0x1018), name, NMT state."""
-        from dvtcli.operations.identify import identify
-
-        return self._read(lambda node: identify(self._calls.session, node.node_id)).rows[0]
-
-    def pdos(self) -> PdoListing:
-        """Every PDO as the node holds it now."""
-        from dvtcli.operations.list_pdos import list_pdos
-
-        return self._read(lambda node: list_pdos(self._calls.session, node.node_id, show_all=True))
-
-    def pdo(self, pdo: str | Pdo) -> PdoRow:
-        """One PDO as the node holds it now; UsageError where it has none of that name (`tpdo1`)."""
-        from dvtcli.operations.list_pdos import show_pdo
-
-        wanted = pdo_of(pdo)
-        return self._read(lambda node: show_pdo(self._calls.session, wanted, node.node_id)).rows[0]
-
-    def read(self, object_: Object, as_type: str | None = None) -> ValueRead:
-        """Read an object by SDO upload, decoded as *as_type* (`u16`, `i32`, `r32`, `vs`, …) or as the EDS says."""
-        from dvtcli.operations.object_values import value_result
-
-        def read(node: DeviceNode) -> ValueRead:
-            index, sub_index = object_of(node, object_)
-            return value_result(node, index, sub_index, node.upload(index, sub_index), type_named(as_type))
-
-        return self._read(read)
 
     def write(
         self, object_: Object, value: Value, as_type: str | None = None, *, yes: bool = False, force: bool = False
@@ -175,20 +124,6 @@ class Node:
             raise UsageError("which PDO? 'tpdo1', …")
         wanted = [pdo_of(pdo) for pdo in pdos]
         return self._change(lambda node: switch(self._calls.session, node.node_id, wanted, want), yes=yes, force=force)
-
-    def verify(
-        self, *pdos: str | Pdo, file: str | Path | None = None, frame: bool = False, yes: bool = False
-    ) -> Compared:
-        """Read PDOs back and compare with what this program set, or with *file* (DCF or EDS); true where all is equal.
-
-        With *frame* the node is started for a moment (which needs *yes*) and a frame of each enabled TPDO looked at.
-        UsageError where there is nothing to compare.
-        """
-        from dvtcli.operations.compare_pdos import compare_node
-
-        flags(frame=frame)
-        wanted, against = [pdo_of(pdo) for pdo in pdos], None if file is None else str(path("file", file))
-        return self._read(lambda node: compare_node(self._calls.session, node, wanted, against, frame=frame), yes=yes)
 
     def undo(self, *, everything: bool = False, yes: bool = False, force: bool = False) -> Changed:
         """Put back what this program's last change of the node replaced, or with *everything* all of them.
@@ -300,17 +235,6 @@ class Node:
             return done if isinstance(done, Changed) else None
 
         return self._change(finish, yes=yes, force=force)
-
-    def canopen(self) -> RemoteNode:
-        """canopen's RemoteNode of this node, on the same bus and with the same EDS; the same one every time.
-
-        Its SDO waits for calls of this API, and they for it. What it writes is neither checked nor put back, so look at
-        it with `pdos` or `verify`. It hears frames until the bus is closed.
-        """
-        return self._canopen(self._node_id)
-
-    def _read(self, work: Callable[[DeviceNode], T], *, yes: bool = False) -> T:
-        return self._calls.run(lambda: work(self._calls.session.node(self._node_id)), yes=yes)
 
     def _change(self, work: Callable[[DeviceNode], T], *, yes: bool, force: bool) -> T:
         calls = self._calls

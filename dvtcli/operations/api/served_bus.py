@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from dvtcli.operations.api.checks import words
-from dvtcli.operations.api.python_bus import Bus, connect
+from dvtcli.operations.api.open_bus import connect
+from dvtcli.operations.api.python_bus import Bus
 from dvtcli.operations.api.told import LOG
 from dvtcli.operations.options import Options
 from dvtcli.operations.serve import LOOPBACK, Wanted, serving

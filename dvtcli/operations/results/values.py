@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -52,7 +53,7 @@ class ObjectRow:
 
 @dataclass(frozen=True, slots=True)
 class ObjectListing(Answer):
-    """Entries of the object dictionary."""
+    """Entries of the object dictionary, a list of rows; *total* is how many the file has."""
 
     renderer: ClassVar = "value_lines:object_lines"
     at_leisure: ClassVar = True
@@ -62,6 +63,12 @@ class ObjectListing(Answer):
     rows: tuple[ObjectRow, ...]
     total: int
     exit_code: int = 0
+
+    def __iter__(self) -> Iterator[ObjectRow]:
+        return iter(self.rows)
+
+    def __len__(self) -> int:
+        return len(self.rows)
 
     def document(self) -> Document:
         """`dvtcli.objects/1`."""

@@ -74,7 +74,7 @@ BREAKS = [
     Break("laziness", "cli/registry.py", "import asyncio"),
     Break("laziness", "operations/session.py", "from dvtcli.bus.python_can import CanBus"),
     Break("laziness", "errors.py", "try:\n    import canopen\nexcept ImportError:\n    canopen = None"),
-    Break("laziness", "__init__.py", "from dvtcli.operations.api.python_bus import connect"),
+    Break("laziness", "__init__.py", "from dvtcli.operations.api.open_bus import simulate"),
     # 7: errors
     Break("exits", "cli/commands/map.py", _function("raise SystemExit(3)")),
     Break("exits", "operations/change.py", _function("sys.exit(0)")),

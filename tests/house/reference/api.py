@@ -20,7 +20,7 @@ def calls() -> Iterator[str]:
     for name in ("Bus", "Node"):
         kind = getattr(dvtcli, name)
         yield from ("", f"### {name}", "", *_prose(kind))
-        for member, value in vars(kind).items():
+        for member, value in ((name, value) for one in reversed(kind.__mro__) for name, value in vars(one).items()):
             if member.startswith("_"):
                 continue
             if isinstance(value, property):
