@@ -40,13 +40,13 @@ class Origin:
 
 def refuse_foreign(name: str) -> None:
     """Raise UsageError where the folder or the profile *name* is there already, and `learn` did not write it."""
-    folder, own_profile = Path(name), own_path(name)
-    if own_profile.exists() and not is_learnt(own_profile):
-        raise UsageError(f"{own_profile} exists, and `learn` did not write it", hint="--save takes another name")
+    folder = Path(name)
+    for own in (own_path(name), own_family_path(name)):
+        if own.exists() and not is_learnt(own):
+            raise UsageError(f"{own} exists, and `learn` did not write it", hint="--save takes another name")
     if not folder.exists():
         return
-    own = folder.is_dir() and all(is_learnt(folder / name) for name in (PROFILE, SIMULATED))
-    if not own:
+    if not folder.is_dir() or not all(is_learnt(folder / name) for name in (PROFILE, SIMULATED)):
         raise UsageError(f"{folder} exists, and `learn` did not write it", hint="--save takes another name")
 
 
@@ -113,10 +113,11 @@ def write_folder(folder: Path, origin: Origin, learnt: Conclusions, eds: Path | 
     for name, text in files.items():
         (folder / name).write_text(text, encoding="utf-8")
     target = _write_eds(folder, origin.name, eds)
-    own = own_path(origin.name)
-    own.parent.mkdir(parents=True, exist_ok=True)
-    own.write_text(files[PROFILE], encoding="utf-8")
-    return [*(folder / name for name in files), target, own]
+    own = {own_family_path(origin.name): files[SIMULATED], own_path(origin.name): files[PROFILE]}
+    for path, text in own.items():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+    return [*(folder / name for name in files), target, *own]
 
 
 def _write_eds(folder: Path, name: str, eds: Path | str) -> Path:
@@ -136,3 +137,8 @@ def _write_eds(folder: Path, name: str, eds: Path | str) -> Path:
 def own_path(name: str) -> Path:
     """Where the user's own profile *name* is kept, by which nodes of its identity are known from then on."""
     return profile_folder() / f"{name}.toml"
+
+
+def own_family_path(name: str) -> Path:
+    """Where the simulated family that was learnt with that profile is kept, by which a dry run is tried."""
+    return profile_folder().parent / "families" / f"{name}.toml"

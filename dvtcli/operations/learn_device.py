@@ -86,8 +86,9 @@ def learn(
     heard = frozenset[int]() if session.dry_run else _heard(session)
     prepared = _prepared(node, subjects(node, pdos, heard), isolated=isolated, with_store=with_store)
     if session.dry_run:
+        likely = ask_safely(node, prepared.subjects, pdos, found, Terms(prepared.limit, isolated)).writes  # of its twin
         probes = [*prepared.probes, *prepared.saves]
-        return LearnForecast(node.node_id, prepared.pdos, probes, prepared.limit, prepared.storage.wears)
+        return LearnForecast(node.node_id, prepared.pdos, probes, prepared.limit, likely, prepared.storage.wears)
     if prepared.saves:
         may_store(node, force=session.options.force)
     _consent(session, prepared, found.state, isolated=isolated)

@@ -18,7 +18,12 @@ def profile_to_compare(name: str) -> object:
         if not has_profile(path):
             raise UsageError(f"{name} is no folder with a profile.toml", place=name, hint="--compare takes a name, too")
         return load_folder_profile(path)
-    return load_profile(name)
+    try:
+        return load_profile(name)
+    except UsageError as unknown:
+        if has_profile(path):
+            unknown.hint = f"--compare ./{name} takes the one in the folder"
+        raise
 
 
 def differences(profile: object, learnt: Conclusions) -> list[Difference]:

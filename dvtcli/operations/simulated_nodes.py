@@ -17,6 +17,7 @@ from dvtcli.files.profile.library import profile_of
 from dvtcli.operations.options import is_file, node_id
 
 if TYPE_CHECKING:
+    from dvtcli.domain.profile import DeviceProfile
     from dvtcli.simulator.device.family import Family
     from dvtcli.simulator.device.faults import Fault
     from dvtcli.simulator.device.signals import Signal
@@ -176,6 +177,22 @@ def family_named(name: str) -> Family:
     from dvtcli.simulator.network.family_file import family_names, load_family
 
     return load_family(name) if name in family_names() else Family()
+
+
+def learnt_family(profile: DeviceProfile, folder: Path | None) -> Family | None:
+    """The family that was learnt along with *profile*, or is in *folder*; None where there is none.
+
+    InputFileError where its file is wrong.
+    """
+    from dvtcli.files.learnt_folder import own_family_path
+    from dvtcli.simulator.network.family_file import load_family_folder, read_family, read_text
+
+    if folder is not None:
+        return load_family_folder(folder)
+    path = own_family_path(profile.name)
+    if not profile.learnt or not path.is_file():
+        return None
+    return read_family(profile.name, read_text(path), str(path))
 
 
 def read_dictionary(path: Path) -> ObjectDictionary:

@@ -4,14 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.plan import Plan
 from dvtcli.operations.open_network import Network
-from dvtcli.operations.simulated_nodes import family_named
+from dvtcli.operations.simulated_nodes import family_named, learnt_family
 from dvtcli.simulator.device.reversed import ReversedDevice
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.twin_bus import TwinBus
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+    from dvtcli.simulator.device.family import Family
 
 
 def twin_of(network: Network) -> Network:
@@ -23,7 +28,7 @@ def twin_of(network: Network) -> Network:
     def device_for(node_id: int, backing: Callable[[int, int], bytes]) -> StrictDevice:
         node = network.node(node_id)
         kind = ReversedDevice if node.profile.reversed_entries else StrictDevice
-        family = replace(family_named(node.profile.name), filler=node.profile.filler or 0)
+        family = replace(_family(network, node), filler=node.profile.filler or 0)
         return kind(node.dictionary or ObjectDictionary({}), family, node_id, backing=backing)
 
     bus = TwinBus(network.bus, device_for)
@@ -36,3 +41,10 @@ def twin_of(network: Network) -> Network:
         order=list(network.order), done_before=done_before, warn=lambda _text: None,
         met=lambda: list(network.nodes),
     )  # fmt: skip
+
+
+def _family(network: Network, node: Node) -> Family:
+    """How *node* behaves: as it was learnt, else as its profile's family does."""
+    folder = next((one.folder for one in network.files.simulated if one.node_id == node.node_id), None)
+    learnt = learnt_family(node.profile, folder)
+    return family_named(node.profile.name) if learnt is None else learnt

@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import can
 import pytest
 
 from dvtcli.domain.nmt import NmtCommand, NmtState
+from dvtcli.domain.pdo import Direction
+from dvtcli.files.eds.reader import read_eds
+from dvtcli.files.profile.library import read_anew
+from dvtcli.simulator.device.strict_device import StrictDevice
+from dvtcli.simulator.network.family_file import family_eds, load_family
 from tests.commands.bench import Bench
 from tests.commands.bus import Wire, device
 
@@ -61,6 +67,47 @@ def test_a_dry_run_sends_nothing_and_shows_every_question() -> None:
         assert (ran.code, ran.document["dry_run"]) == (0, True), ran
         assert len(ran.document["probes"]) > 60
         assert not sent(wire.frames())
+
+
+@pytest.mark.parametrize("options", ["", " --isolated"])
+@pytest.mark.parametrize("family", ["canopennode", "gen4", "lely", "tmcm"])
+def test_a_dry_run_knows_how_many_writes_there_will_be(family: str, options: str) -> None:
+    with Bench((family,)) as bench:
+        told = bench.run(f"learn --dry-run --json{options}").document
+        made = bench.run(f"learn --yes --json{options}").document["writes"]
+    assert abs(made - told["likely_writes"]) <= 0.15 * made
+    assert made < told["writes"] <= 2.1 * made
+
+
+def test_a_dry_run_is_tried_on_the_family_that_was_learnt() -> None:
+    """A device that takes no transmission type 254 is like no other: its twin refuses that, too."""
+    types = {Direction.TPDO: ((0, 253, 0), (254, 254, 0x06090030), (255, 255, 0))}
+    odd = replace(load_family("generic"), pdo_types=types)
+    node, eds = StrictDevice(read_eds(family_eds("generic")).dictionary, odd, 1), {"eds": str(family_eds("generic"))}
+    with Wire(node) as wire, Bench((), wire.options | eds) as bench:
+        tried = "set tpdo3 --type 254 --dry-run --force"
+        assert bench.run(tried).code == 0
+        assert bench.run("learn --yes --save pump").code == 0
+    with Wire(node) as wire, Bench((), wire.options | eds | {"profile": "pump"}) as bench:
+        ran = bench.run(tried)
+        assert (ran.code, "0x06090030" in ran.stderr) == (1, True), ran
+
+
+@pytest.mark.parametrize("name", [".", "..", "x/y", "/" + 300 * "a", "pump.toml", "Tmcm", "./mine"])
+def test_a_name_that_is_no_profile_is_exit_2(name: str) -> None:
+    Path("mine").mkdir()
+    with Bench(("tmcm",)) as bench:
+        ran = bench.run(f"learn --yes --compare {name}")
+        assert (ran.code, "error: " in ran.stderr, "hint" in ran.stderr) == (2, True, True), ran
+
+
+def test_a_folder_s_name_without_a_slash_is_hinted_at() -> None:
+    with Bench(("tmcm",)) as bench:
+        assert bench.run("learn --yes --save pump").code == 0
+        (Path.home() / ".config/dvtcli/profiles/pump.toml").unlink()
+        read_anew()
+    with Bench(("tmcm",)) as bench:
+        assert "--compare ./pump" in bench.run("learn --yes --compare pump").stderr
 
 
 def test_no_node_is_started_and_no_pdo_is_sent() -> None:
@@ -116,7 +163,7 @@ class TestSaving:
             ran = bench.run("learn --yes --save pump --json")
             assert ran.code == 0, ran
             assert [Path(path).name for path in ran.document["saved"]] == [
-                "profile.toml", "simulated.toml", "pump.eds", "pump.toml"
+                "profile.toml", "simulated.toml", "pump.eds", "pump.toml", "pump.toml"
             ]  # fmt: skip
             shown = bench.run("profiles show pump --json").document
         values = {row["key"]: row for row in shown["values"]}

@@ -122,4 +122,7 @@ def forecast_lines(result: LearnForecast, width: int) -> Iterator[Line]:
         yield [Cell("note: ", "yellow"), Cell(result.stores)]
     if any(probe.pdo is None for probe in result.probes):
         yield [Cell("note: ", "yellow"), Cell("what the node holds then is what it comes up with from then on")]
-    yield f"dry run: up to {result.writes} writes to node {result.node}, and everything put back; nothing was sent"
+    yield (
+        f"dry run: {result.likely} writes to node {result.node} where it answers as its family does, "
+        f"{result.writes} at most, and everything put back; nothing was sent"
+    )

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Terms:
-    """What was agreed to: *limit* downloads for each subject; *isolated* asserts that nothing else is on the bus.
+    """What was agreed to: *limit* downloads for all that is asked; *isolated* asserts that nothing else is on the bus.
 
     *saves* is what is asked of 0x1010 in the end, none where nothing may be saved.
     """
@@ -104,14 +104,14 @@ def _ask(node: Node, subjects: Sequence[Subject], found: Found, terms: Terms, on
     writes = 0
     if terms.isolated and found.state is NmtState.OPERATIONAL:
         for subject in subjects:
-            asking = Asking(node, subject, terms.limit, on_write)
+            asking = Asking(node, subject, terms.limit - writes, on_write)
             first[subject.pdo] = {probe.name: asking.ask(probe) for probe in while_operational(subject)}
             writes += asking.writes
     node.gate.enter_agreed()
     quiet = terms.isolated or node.access.state() is NmtState.PRE_OPERATIONAL
     known = []
     for subject in subjects:
-        asking = Asking(node, subject if quiet else replace(subject, spare=()), terms.limit, on_write)
+        asking = Asking(node, subject if quiet else replace(subject, spare=()), terms.limit - writes, on_write)
         known.append(_ask_one(asking, first[subject.pdo], terms))
         writes += asking.writes
     return Asked(tuple(known), writes, Saved())

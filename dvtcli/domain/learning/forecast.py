@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from dvtcli.domain.learning.probe import ACCEPTED, Answer, Probe, Stand, Subject, Where
 from dvtcli.domain.learning.probe_table import Known, next_probes
+from dvtcli.domain.pdo import is_mapping_index
+from dvtcli.domain.plan import EVENT_TIMER, INHIBIT_TIME
 
-#: Downloads that bring a PDO from one probe to where the next one starts: off, count, what the probe had changed, then
-#: an entry and its count, and on.
-_ON_THE_WAY = {Stand.FOUND: 0, Stand.BACK: 0, Stand.EMPTY: 2, Stand.FILLED: 3, Stand.ON: 5}
-#: Downloads of the search for the highest inhibit time and event timer: each halves what is left of 16 bits.
-_SEARCHES = 2 * 18 * 2
+#: Downloads that bring a PDO to where the first probe of a stand starts, and back to where each next one does after
+#: one that was accepted: off, count 0, what was changed, the count, and on.
+_FIRST = {Stand.FOUND: 0, Stand.BACK: 0, Stand.EMPTY: 2, Stand.FILLED: 2, Stand.ON: 1}
+_BACK = {Stand.FOUND: 0, Stand.BACK: 0, Stand.EMPTY: 0, Stand.FILLED: 3, Stand.ON: 5}
+#: Probes that the search for a highest time takes at most, besides the first: each halves what is left of 16 bits.
+_SEARCH = 17
+#: A refusal is asked twice; where one was accepted that is searched for, it is put back.
+_TWICE = 2
 
 
 def forecast(subject: Subject, *, isolated: bool) -> list[Probe]:
@@ -23,7 +28,18 @@ def forecast(subject: Subject, *, isolated: bool) -> list[Probe]:
 
 
 def most_writes(subject: Subject, probes: list[Probe]) -> int:
-    """How many downloads these are at most, refusals asked twice, with the way between them; in full fifties."""
-    asked = sum(len(probe.writes) + 1 + _ON_THE_WAY[probe.stand] for probe in probes)
-    around = 2 * (len(subject.entries) + len(subject.parameters)) + 4
-    return -(-(asked + around + _SEARCHES) // 50) * 50
+    """How many downloads these are at most, refusals asked twice, with the way between them; in full tens."""
+    asked = sum(len(probe.writes) - 1 + max(_TWICE, 1 + _way_back(probe)) for probe in probes)
+    stands = sum(_FIRST[stand] for stand in {probe.stand for probe in probes})
+    around = _TWICE * (len(subject.entries) + len(subject.parameters))
+    searches = sum(sub_index in subject.parameters for sub_index in (INHIBIT_TIME, EVENT_TIMER))
+    refused = len(subject.fits) + max(0, len(subject.entries) - 2)  # what is asked only where others were refused
+    most = asked + stands + around + _TWICE * (searches * _SEARCH + refused)
+    return -(-most // 10) * 10
+
+
+def _way_back(probe: Probe) -> int:
+    """How many downloads undo *probe* where it was accepted: entries of an open mapping may stay as they are."""
+    entries = {write.sub_index for write in probe.writes if is_mapping_index(write.index) and write.sub_index}
+    places = {(write.index, write.sub_index) for write in probe.writes}
+    return _BACK[probe.stand] or len(places) - len(entries)

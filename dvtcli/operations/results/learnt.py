@@ -66,6 +66,7 @@ class LearntDevice(Answered):
             "dry_run": False,
             "pdos": list(self.pdos),
             "writes": self.writes,
+            "likely_writes": self.writes,
             "saves": self.saves,
             "put_back": True,
             "seconds": round(self.seconds, 3),
@@ -80,7 +81,10 @@ class LearntDevice(Answered):
 
 @dataclass(frozen=True, slots=True)
 class LearnForecast(Answered):
-    """What `learn` would ask, from a dry run: *probes* of *pdos*, at most *writes* downloads; nothing was sent."""
+    """What `learn` would ask, from a dry run: *probes* of *pdos*, at most *writes* downloads; nothing was sent.
+
+    *likely* is how many its twin took, which answers as its family does.
+    """
 
     renderer: ClassVar = "learn_lines:forecast_lines"
 
@@ -88,6 +92,7 @@ class LearnForecast(Answered):
     pdos: Sequence[str]
     probes: Sequence[Probe]
     writes: int
+    likely: int
     stores: str
     exit_code: int = 0
 
@@ -99,6 +104,7 @@ class LearnForecast(Answered):
             "dry_run": True,
             "pdos": list(self.pdos),
             "writes": self.writes,
+            "likely_writes": self.likely,
             "saves": sum(probe.pdo is None for probe in self.probes),
             "put_back": False,
             "seconds": 0.0,
