@@ -40,6 +40,15 @@ def undo(session: Session, *, everything: bool = False) -> Changed | ChangedNode
     return _one_by_one(session, node_ids, lambda node_id: _own_put_back(session, node_id, everything=True))
 
 
+def undo_on(session: Session, node_id: int, *, everything: bool = False) -> Changed:
+    """Put back the last change of one node alone, or with *everything* all of them: of this session, else as above."""
+    if session.node(node_id).history:
+        return _own_put_back(session, node_id, everything=everything)
+    from dvtcli.operations.undo_remembered import put_remembered_back, remembered_of
+
+    return put_remembered_back(session, remembered_of(session, node_id), everything=everything)
+
+
 def _one_by_one(session: Session, things: Iterable[T], put_back: Callable[[T], Changed]) -> Changed | ChangedNodes:
     """Put one after the other back; an error says which nodes were before it.
 

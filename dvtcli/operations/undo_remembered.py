@@ -46,12 +46,27 @@ def remembered(session: Session, *, everything: bool) -> list[Remembered]:
     """
     selected, keeping = session.selected_id(), session.open_network().keeping
     if keeping is None:
-        raise UsageError("nothing to undo: this session changed nothing on the node", node=session.node_id())
+        raise _nothing_kept(session.node_id())
     chains = _chains(session, keeping, selected, only_newest=not everything)
     if not chains:
         raise nothing_remembered(keeping, selected)
     newer = () if selected is None else _newer_elsewhere(chains[0].keeper.past, chains)
     return [replace(chain, findings=newer) for chain in chains]
+
+
+def remembered_of(session: Session, node_id: int) -> Remembered:
+    """What of earlier processes is to be put back on one node; UsageError where nothing is remembered of it."""
+    keeping = session.open_network().keeping
+    if keeping is None:
+        raise _nothing_kept(node_id)
+    chain = _chain(session, node_id, node_id)
+    if chain is None:
+        raise nothing_remembered(keeping, node_id)
+    return replace(chain, findings=_newer_elsewhere(chain.keeper.past, [chain]))
+
+
+def _nothing_kept(node_id: int) -> UsageError:
+    return UsageError("nothing to undo: this session changed nothing on the node", node=node_id)
 
 
 def put_remembered_back(session: Session, chain: Remembered, *, everything: bool) -> Changed:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Literal, TypeVar, Unpack
@@ -126,23 +125,18 @@ class Node(ReadNode):
         return self._change(lambda node: switch(self._calls.session, node.node_id, wanted, want), yes=yes, force=force)
 
     def undo(self, *, everything: bool = False, yes: bool = False, force: bool = False) -> Changed:
-        """Put back what this program's last change of the node replaced, or with *everything* all of them.
+        """Put back what the last change of the node replaced, or with *everything* all of them.
 
-        False, with `not_put_back`, where the node does not take back what it held. SafetyRefusal where it holds
-        something else by now, UsageError where nothing was changed.
+        They are this program's; where it made none, or has undone them, those that earlier programs and commands made
+        on a real bus. False, with `not_put_back`, where the node does not take back what it held. SafetyRefusal where
+        it holds something else by now, UsageError where nothing was changed.
         """
-        from dvtcli.operations.change import changed
+        from dvtcli.operations.undo_changes import undo_on
 
         flags(everything=everything)
-
-        def undo(node: DeviceNode) -> Changed:
-            if not node.history:
-                raise UsageError("nothing to undo: this program changed nothing on the node", node=node.node_id)
-            started, session = time.monotonic(), self._calls.session
-            applied = node.undo(everything=everything, force=session.options.force)
-            return changed(session, node, applied, time.monotonic() - started, undone=True, lines=[])
-
-        return self._change(undo, yes=yes, force=force)
+        return self._change(
+            lambda node: undo_on(self._calls.session, node.node_id, everything=everything), yes=yes, force=force
+        )
 
     def store(
         self,
