@@ -53,28 +53,31 @@ def save_script(session: Session, file: str, what: Saved = ENDS, spelled: Callab
 
     Asks before it overwrites. UsageError where there is nothing to save, or where the file cannot be written.
     """
-    path = _place(file)
+    path = place_of(file)
     sections = _SECTIONS[what](session)
-    if os.path.exists(path):  # noqa: PTH110 - Path.exists raises OSError for a name that is too long
-        session.consent(f"{file} exists; overwrite it?")
+    ask_before_overwriting(session, path)
     text, identity = _script(session, sections)
-    try:
-        _write(path, text if spelled is None else spelled(text))
-    except OSError as failed:
-        raise UsageError(f"{file}: {failed.strerror}", place=file) from failed
+    write_whole(path, text if spelled is None else spelled(text))
     count = sum(not line.startswith("#") for _, lines in sections for entry in lines for line in entry.splitlines())
     said = f"{file}: {count} command{'' if count == 1 else 's'} for {identity}. Run it: dvtcli run {shlex.quote(file)}"
     return Facts("save", (("file", file), ("commands", count)), (said,))
 
 
-def _place(file: str) -> Path:
-    """Where *file* is to be; UsageError where there is no folder for it, or a folder of that name."""
+def place_of(file: str, example: str = "save {}/NAME.dvt") -> Path:
+    """Where *file* is to be; UsageError with an *example* where there is no folder for it, or a folder of that name."""
     path = Path(file)
     if os.path.isdir(path):  # noqa: PTH112 - Path.is_dir raises OSError for a name that is too long
-        raise UsageError(f"{file} is a folder", hint=f"name a file in it: save {shlex.quote(str(path))}/NAME.dvt")
+        hint = f"name a file in it: {example.format(shlex.quote(str(path)))}"
+        raise UsageError(f"{file} is a folder", hint=hint)
     if not os.path.isdir(path.parent):  # noqa: PTH112
         raise UsageError(f"{file}: there is no folder {path.parent}", place=file)
     return path
+
+
+def ask_before_overwriting(session: Session, path: Path) -> None:
+    """Consent to write over *path*, where it exists."""
+    if os.path.exists(path):  # noqa: PTH110 - Path.exists raises OSError for a name that is too long
+        session.consent(f"{path} exists; overwrite it?")
 
 
 def _steps(session: Session) -> list[Section]:
@@ -173,14 +176,21 @@ def _pin(session: Session, node_id: int) -> tuple[list[str], str]:
     return [f"require identity {words}"], f"vendor 0x{vendor:X} product 0x{product:08X}"
 
 
-def _write(path: Path, text: str) -> None:
-    """Write the file whole or not at all."""
-    with tempfile.NamedTemporaryFile("w", dir=path.parent, delete=False, encoding="utf-8", newline="\n") as file:
-        file.write(text)
+def write_whole(path: Path, text: str) -> None:
+    """Write the file whole or not at all; UsageError where that cannot be."""
     try:
-        os.replace(file.name, path)  # noqa: PTH105 - atomic on every platform
+        with tempfile.NamedTemporaryFile("w", dir=path.parent, delete=False, encoding="utf-8", newline="\n") as file:
+            file.write(text)
+        _put_in_place(file.name, path)
+    except OSError as failed:
+        raise UsageError(f"{path}: {failed.strerror}", place=str(path)) from failed
+
+
+def _put_in_place(made: str, path: Path) -> None:
+    try:
+        os.replace(made, path)  # noqa: PTH105 - atomic on every platform
     except OSError:
-        os.unlink(file.name)  # noqa: PTH108 - beside the line above
+        os.unlink(made)  # noqa: PTH108 - beside the line above
         raise
 
 

@@ -10,11 +10,14 @@ import pytest
 from hypothesis import given
 from ruamel.yaml import YAML
 
+from dvtcli.domain.network.wanted_state import NetworkWish
 from dvtcli.errors import InputFileError
 from dvtcli.files.network.network_keys import KEYS, NetworkKey, Where
 from dvtcli.files.network.read_network import read_network
+from dvtcli.files.network.write_network import write_network
 from tests.files.network.key_fixtures import FIXTURES, in_node
 from tests.files.network.test_read_network import TREES
+from tests.files.network.test_write_network import networks
 from tests.house.reference import REWRITE
 from tests.house.reference.network import SCHEMA_FILES, schema_text
 from tests.process import ROOT
@@ -115,3 +118,9 @@ def test_whatever_is_read_fits_the_schema(tree: str) -> None:
     text = f"{in_node('')}defaults: {tree}\n"
     if "!t" not in text and "<<" not in text and is_read(text):
         assert validator().is_valid(loaded(text)), text
+
+
+@given(networks())
+def test_what_is_written_fits_the_schema(wish: NetworkWish) -> None:
+    text = write_network(wish)
+    assert validator().is_valid(loaded(text)), text

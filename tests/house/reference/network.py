@@ -156,7 +156,7 @@ def _list_of(name: str) -> Schema:
 
 
 def _endpoint(letters: str) -> Schema:
-    return {"type": "string", "pattern": f"^.+:[{letters}][xX]?[pP][dD][oO]{_PDO_NUMBER}$"}
+    return {"type": "string", "pattern": f"[^:]:[{letters}][xX]?[pP][dD][oO]{_PDO_NUMBER}$"}
 
 
 def _table_of(key: NetworkKey) -> Schema:

@@ -1,0 +1,182 @@
+"""A network file, written: in a stable order, with what is read again; remarks stand behind what they are about.
+
+Knows no device.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+
+from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.network.wanted_state import Endpoint, LinkWish, MasterRole, NetworkWish, NodeWish, PdoWish, PinWish
+from dvtcli.domain.pdo import Direction
+from dvtcli.files.network.network_keys import OF, STORE_WORDS, Where
+
+_PLAIN = re.compile(r"[A-Za-z_][A-Za-z0-9_]*|[0-9A-F]{4}:[0-9A-F]{2}(/[0-9]{1,2})?|dummy/[0-9]{1,2}")
+_PLAIN_LINK = re.compile(r"[A-Za-z_][A-Za-z0-9_]*:[rt]pdo[0-9]+")
+_NUMBER = re.compile(r"-?(0|[1-9][0-9]{0,18}|0x[0-9A-F]{1,16})")
+#: what YAML, of one version or the other, takes for something else than a text
+_WORDS = {"true", "false", "yes", "no", "on", "off", "null", "y", "n", "auto"}
+_REMARK_AT = 40
+Remarks = Mapping[str, str]
+
+
+def write_network(wish: NetworkWish, title: str = "", remarks: Remarks | None = None) -> str:
+    """The text of *wish*; *title* is its first line, *remarks* what is said behind a word, as the name of an object."""
+    names = {node.node_id: node.name for node in wish.nodes}
+    lines = [f"# {_one_line(title)}"] if title else []
+    lines += [*_master(wish.master), "nodes:"]
+    for node in wish.nodes:
+        lines += [f"  {_word(node.name)}:", *(f"    {line}" for line in _node(node, names, remarks or {}))]
+    if wish.links:
+        lines += ["links:", *(line for link in wish.links for line in _link(link, names))]
+    return "\n".join([*lines, ""])
+
+
+def _one_line(text: str) -> str:
+    return "".join(char if char.isprintable() else "?" for char in text)
+
+
+def _word(text: str) -> str:
+    """A text as YAML has it: in quotes where it could be taken for something else."""
+    return text if _PLAIN.fullmatch(text) and text.lower() not in _WORDS else _quoted(text)
+
+
+def _quoted(text: str) -> str:
+    return f'"{"".join(map(_escaped, text))}"'
+
+
+def _escaped(char: str) -> str:
+    if char in '"\\':
+        return f"\\{char}"
+    return char if char.isprintable() else f"\\U{ord(char):08X}"
+
+
+def _remarked(line: str, remark: str) -> str:
+    return f"{line:<{_REMARK_AT}}  # {_one_line(remark)}" if remark else line
+
+
+def _master(master: MasterRole | None) -> Iterator[str]:
+    if master is None:
+        return
+    said = {
+        "node_id": 255 if master.node_id is None else master.node_id,
+        "sync_period": master.sync_period_us,
+        "heartbeat_producer": master.heartbeat_producer_ms,
+    }
+    yield "master:"
+    yield from (f"  {key}: {value}" for key, value in said.items() if value is not None)
+
+
+def _node(node: NodeWish, names: Mapping[int, str], remarks: Remarks) -> Iterator[str]:
+    yield f"node_id: {node.node_id}"
+    if node.dcf is not None:
+        yield f"dcf: {_quoted(node.dcf.text)}"
+    if node.profile is not None:
+        yield f"profile: {_word(node.profile)}"
+    yield from _identity(node)
+    yield from _objects(node)
+    if node.watches:
+        yield "heartbeat_consumer:"
+        for watch in node.watches:
+            name = names.get(watch.producer)
+            yield f"  {watch.producer if name is None else _word(name)}: {watch.time_ms}"
+    for direction in (Direction.TPDO, Direction.RPDO):
+        wishes = [wish for wish in node.pdos if wish.pdo.direction is direction]
+        if wishes:
+            yield f"{direction}:"
+            yield from (f"  {line}" for wish in wishes for line in _pdo(wish, remarks))
+    if node.values:
+        yield "sdo:"
+        for one in node.values:
+            line = f"  - {{object: {_word(one.object.text)}, value: {_value(one.value.text)}}}"
+            yield _remarked(line, remarks.get(one.object.text, ""))
+    yield from _pins(node.pins)
+    yield from _ways(node)
+
+
+def _identity(node: NodeWish) -> Iterator[str]:
+    said = {name: getattr(node.identity, name) for name in OF[Where.IDENTITY]}
+    numbers = [f"{name}: 0x{value:08X}" for name, value in said.items() if value is not None]
+    if numbers:
+        yield f"identity: {{{', '.join(numbers)}}}"
+
+
+def _objects(node: NodeWish) -> Iterator[str]:
+    """What keys of the node set; those of 0x1029 share one."""
+    behaviour = [f"{wish.sub_index}: {wish.data[0]}" for wish in node.objects if wish.key == "error_behavior"]
+    for wish in node.objects:
+        if wish.key != "error_behavior":
+            number = int.from_bytes(wish.data, "little")
+            yield f"{wish.key}: {f'0x{number:X}' if len(wish.data) == 4 else number}"
+    if behaviour:
+        yield f"error_behavior: {{{', '.join(behaviour)}}}"
+
+
+def _pdo(wish: PdoWish, remarks: Remarks) -> Iterator[str]:
+    tpdo, inhibit = wish.pdo.is_tpdo, wish.inhibit_time
+    said = {
+        "enabled": wish.enabled,
+        "cob_id": _cob_id(wish),
+        "rtr_allowed": None if isinstance(wish.cob_id, int) and wish.rtr_allowed is False else wish.rtr_allowed,
+        "transmission": wish.transmission_type,
+        "inhibit_ms": None if inhibit is None else f"{inhibit / 10:.1f}",
+        "event_timer" if tpdo else "event_deadline": wish.event_timer,
+        "sync_start": wish.sync_start_value,
+    }
+    lines = [f"  {key}: {_plain(value)}" for key, value in said.items() if value is not None]
+    yield f"{wish.pdo.number}:{'' if lines or wish.mapping is not None else ' {}'}"
+    yield from lines
+    if wish.mapping is not None:
+        yield "  mapping:" if wish.mapping else "  mapping: []"
+    for word in wish.mapping or ():
+        yield _remarked(f"    - {_word(word.text)}", remarks.get(word.text, ""))
+
+
+def _cob_id(wish: PdoWish) -> str | None:
+    """The COB-ID with bits 29 and 30; bit 31 is `enabled`."""
+    if not isinstance(wish.cob_id, int):
+        return wish.cob_id
+    raw = CobId(wish.cob_id, rtr_allowed=wish.rtr_allowed is not False, extended=wish.extended).raw
+    return f"0x{raw:03X}"
+
+
+def _plain(value: object) -> str:
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def _value(text: str) -> str:
+    return text if _NUMBER.fullmatch(text) else _quoted(text)
+
+
+def _pins(pins: Iterable[PinWish]) -> Iterator[str]:
+    groups: dict[str, list[PinWish]] = {}
+    for pin in pins:
+        groups.setdefault(pin.group, []).append(pin)
+    if groups:
+        yield "vpdo:"
+    for group, tied in groups.items():
+        words = (f"{pin.pin}: {'none' if pin.object is None else _word(pin.object.text)}" for pin in tied)
+        yield f"  {_word(group)}: {{{', '.join(words)}}}"
+
+
+def _ways(node: NodeWish) -> Iterator[str]:
+    if node.store is not None:
+        yield f"store: {node.store if node.store in STORE_WORDS else _plain(node.store)}"
+    for name in ("prune", "stamp"):
+        value = getattr(node, name)
+        if value is not None:
+            yield f"{name}: {_plain(value)}"
+
+
+def _link(link: LinkWish, names: Mapping[int, str]) -> Iterator[str]:
+    yield f"  - from: {_endpoint(link.producer, names)}"
+    yield f"    to: [{', '.join(_endpoint(one, names) for one in link.consumers)}]"
+    if link.heartbeat is not None:
+        yield f"    heartbeat: {_plain(link.heartbeat)}"
+
+
+def _endpoint(end: Endpoint, names: Mapping[int, str]) -> str:
+    text = f"{names[end.node_id]}:{end.pdo}"
+    return text if _PLAIN_LINK.fullmatch(text) else _quoted(text)
