@@ -8,8 +8,10 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.learning.operational import merged
 from dvtcli.errors import SafetyRefusal, UsageError
-from dvtcli.operations.learnt_compared import said
+from dvtcli.operations.learnt_compared import is_advice, said
+from dvtcli.operations.simulated_nodes import family_named
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
@@ -66,9 +68,10 @@ def save_learnt(
     from dvtcli.files.learnt_folder import write_folder
 
     origin = _origin(session, node, name)
-    advised = {"rw_in_tpdo", "rww_in_tpdo", "rw_in_rpdo"}
-    kept = [one for one in learnt.profile if one.key not in advised or said(node.profile, one.key) != "warning"]
-    learnt = replace(learnt, profile=tuple(kept))
+    kept = [one for one in learnt.profile if not is_advice(said(node.profile, one.key), one.value)]
+    like = family_named(origin.like_family).pre_operational_writes
+    family = [merged(one, like) if one.key == "pre_operational_writes" else one for one in learnt.family]
+    learnt = replace(learnt, profile=tuple(kept), family=tuple(family))
     path = session.network.files.eds_path(node.node_id)
     eds = path or _described(node, name, origin, pdos, known)
     if path is None:

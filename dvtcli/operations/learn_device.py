@@ -84,7 +84,7 @@ def learn(
     refuse(level_finding(node.access), "nothing was asked", node.node_id, force=False)
     pdos = node.pdos()
     heard = frozenset[int]() if session.dry_run else _heard(session)
-    prepared = _prepared(node, subjects(node, pdos, heard), isolated=isolated, with_store=with_store)
+    prepared = _prepared(node, subjects(node, pdos, heard), found.state, isolated=isolated, with_store=with_store)
     if session.dry_run:
         likely = ask_safely(node, prepared.subjects, pdos, found, Terms(prepared.limit, isolated)).writes  # of its twin
         probes = [*prepared.probes, *prepared.saves]
@@ -124,7 +124,9 @@ def _heard(session: Session) -> frozenset[int]:
     return frozenset(frame.can_id for frame in session.bus.receive(LISTEN_S))
 
 
-def _prepared(node: Node, found: list[Subject], *, isolated: bool, with_store: bool) -> _Prepared:
+def _prepared(
+    node: Node, found: list[Subject], state: NmtState | None, *, isolated: bool, with_store: bool
+) -> _Prepared:
     if not found:
         raise DeviceRefused(
             f"node {node.node_id} has no PDO that could be asked",
@@ -134,7 +136,7 @@ def _prepared(node: Node, found: list[Subject], *, isolated: bool, with_store: b
         )
     probes, limit = [], 0
     for subject in found:
-        own = forecast(subject, isolated=isolated)
+        own = forecast(subject, isolated=isolated, operational=state is NmtState.OPERATIONAL)
         probes += own
         limit += most_writes(subject, own)
     storage = read_storage(node)
@@ -155,6 +157,7 @@ def _consent(session: Session, prepared: _Prepared, state: NmtState | None, *, i
         "the node is OPERATIONAL, will be PRE-OPERATIONAL meanwhile, and OPERATIONAL again after that"
         if state is NmtState.OPERATIONAL
         else "",
+        "PDOs that are off are written in OPERATIONAL, too" if isolated and state is NmtState.OPERATIONAL else "",
         "nothing else is on the bus (--isolated)" if isolated else "",
     ]
     session.consent(f"{'; '.join(part for part in parts if part)}; learn?")

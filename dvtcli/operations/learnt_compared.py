@@ -31,10 +31,14 @@ def differences(profile: object, learnt: Conclusions) -> list[Difference]:
     found = []
     for one in learnt.profile:
         held = said(profile, one.key)
-        advised = held == "warning" and one.value == "fine"  # the device takes it: that is no reason to
-        if held is not None and held != one.value and not advised:
+        if held is not None and held != one.value and not is_advice(held, one.value):
             found.append(Difference(one.key, held, one))
     return found
+
+
+def is_advice(held: Value | None, learnt: Value) -> bool:
+    """Whether a profile advises against what the device was *learnt* to take: that it does is no reason to."""
+    return (held, learnt) in (("warning", "fine"), ("advised", "no"))
 
 
 def said(profile: object, key: str) -> Value | None:

@@ -13,8 +13,9 @@ from dvtcli.device.change.carry_out import left_open
 from dvtcli.device.change.put_back import restore_patiently
 from dvtcli.device.learn.asking import Asking
 from dvtcli.device.learn.saving import Saved, ask_to_save
+from dvtcli.domain.learning.operational import while_operational
 from dvtcli.domain.learning.probe import Answer, Probe, Subject, Where
-from dvtcli.domain.learning.probe_table import Known, next_probes, while_operational
+from dvtcli.domain.learning.probe_table import Known, next_probes
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange
@@ -100,21 +101,26 @@ def ask_safely(
 
 
 def _ask(node: Node, subjects: Sequence[Subject], found: Found, terms: Terms, on_write: Callable[[], None]) -> Asked:
-    first: dict[Pdo, dict[str, Answer]] = {subject.pdo: {} for subject in subjects}
-    writes = 0
+    askings = [Asking(node, subject, terms.limit, on_write) for subject in subjects]
+    answers: list[dict[str, Answer]] = [{} for _ in subjects]
     if terms.isolated and found.state is NmtState.OPERATIONAL:
-        for subject in subjects:
-            asking = Asking(node, subject, terms.limit - writes, on_write)
-            first[subject.pdo] = {probe.name: asking.ask(probe) for probe in while_operational(subject)}
-            writes += asking.writes
+        for asking, first in zip(askings, answers, strict=True):
+            _keep_to(terms, askings, asking)
+            first |= {probe.name: asking.ask(probe) for probe in while_operational(asking.subject)}
     node.gate.enter_agreed()
     quiet = terms.isolated or node.access.state() is NmtState.PRE_OPERATIONAL
     known = []
-    for subject in subjects:
-        asking = Asking(node, subject if quiet else replace(subject, spare=()), terms.limit - writes, on_write)
-        known.append(_ask_one(asking, first[subject.pdo], terms))
-        writes += asking.writes
-    return Asked(tuple(known), writes, Saved())
+    for asking, first in zip(askings, answers, strict=True):
+        _keep_to(terms, askings, asking)
+        if not quiet:
+            asking.subject = replace(asking.subject, spare=())
+        known.append(_ask_one(asking, first, terms))
+    return Asked(tuple(known), sum(asking.writes for asking in askings), Saved())
+
+
+def _keep_to(terms: Terms, askings: Sequence[Asking], asking: Asking) -> None:
+    """Let *asking* write as often as is left of what was agreed to."""
+    asking.limit = terms.limit - sum(one.writes for one in askings if one is not asking)
 
 
 def _ask_one(asking: Asking, answers: dict[str, Answer], terms: Terms) -> Known:

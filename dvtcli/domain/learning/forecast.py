@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dvtcli.domain.learning.operational import while_operational
 from dvtcli.domain.learning.probe import ACCEPTED, Answer, Probe, Stand, Subject, Where
 from dvtcli.domain.learning.probe_table import Known, next_probes
 from dvtcli.domain.pdo import is_mapping_index
@@ -17,9 +18,13 @@ _SEARCH = 17
 _TWICE = 2
 
 
-def forecast(subject: Subject, *, isolated: bool) -> list[Probe]:
-    """The probes that are made of *subject* where the device takes everything."""
-    answers: dict[str, Answer] = {}
+def forecast(subject: Subject, *, isolated: bool, operational: bool = False) -> list[Probe]:
+    """The probes that are made of *subject* where the device takes everything.
+
+    *operational*: the node was found so, and is asked so, too.
+    """
+    first = while_operational(subject) if isolated and operational else []
+    answers = {probe.name: Answer(probe, ACCEPTED, probe.asked.data) for probe in first}
     known = Known(subject, answers)
     while probes := next_probes(known):
         for probe in probes:
@@ -31,7 +36,8 @@ def most_writes(subject: Subject, probes: list[Probe]) -> int:
     """How many downloads these are at most, refusals asked twice, with the way between them; in full tens."""
     asked = sum(len(probe.writes) - 1 + max(_TWICE, 1 + _way_back(probe)) for probe in probes)
     stands = sum(_FIRST[stand] for stand in {probe.stand for probe in probes})
-    around = _TWICE * (len(subject.entries) + len(subject.parameters))
+    again = [len(probe.writes) + 1 for probe in probes if probe.where is Where.OPERATIONAL]
+    around = sum(again) + _TWICE * (len(subject.entries) + len(subject.parameters))
     searches = sum(sub_index in subject.parameters for sub_index in (INHIBIT_TIME, EVENT_TIMER))
     refused = len(subject.fits) + max(0, len(subject.entries) - 2)  # what is asked only where others were refused
     most = asked + stands + around + _TWICE * (searches * _SEARCH + refused)

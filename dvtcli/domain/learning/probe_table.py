@@ -7,8 +7,9 @@ Knows nothing of how probes are made, nor what is concluded in the end (`conclus
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from dvtcli.domain.learning.operational import IN_OPERATIONAL, IN_PRE_OPERATIONAL, while_operational
 from dvtcli.domain.learning.probe import Answer, Probe, Stand, Subject, Where, Write
 from dvtcli.domain.mapping import DUMMY_BITS, MAX_PDO_BITS, PdoMappingEntry
 from dvtcli.domain.plan import EVENT_TIMER, INHIBIT_TIME, SYNC_START, TRANSMISSION_TYPE
@@ -365,17 +366,12 @@ def _isolated(known: Known) -> Iterator[Probe]:
     )  # fmt: skip
 
 
-def while_operational(subject: Subject) -> list[Probe]:
-    """What is asked of a node that was found OPERATIONAL, before it is anything else: a PDO that is off stays so."""
-    if subject.held.enabled:
-        return []
-    known = Known(subject, {})
-    return [
-        _probe(
-            known, "in OPERATIONAL", "parameters of a PDO that is off are taken in OPERATIONAL",
-            _cob_id(known, subject.off.raw), stand=Stand.FOUND, where=Where.OPERATIONAL,
-        )
-    ]  # fmt: skip
+def _again(known: Known) -> Iterator[Probe]:
+    """What was refused in OPERATIONAL, in PRE-OPERATIONAL: only together the two answers say what the state is for."""
+    for probe in while_operational(known.subject):
+        if known.refused(probe.name):
+            name = probe.name.replace(IN_OPERATIONAL, IN_PRE_OPERATIONAL)
+            yield replace(probe, name=name, stand=Stand.EMPTY, where=Where.ANYWHERE)
 
 
 _STAGES: tuple[Callable[[Known], Iterator[Probe]], ...] = (
@@ -388,4 +384,5 @@ _STAGES: tuple[Callable[[Known], Iterator[Probe]], ...] = (
     _parameters,
     _while_on,
     _isolated,
+    _again,
 )

@@ -86,7 +86,8 @@ class Family:
       accepted, in place of *transmission_types*.
     - *max_inhibit_time* (100 µs), *max_event_timer* (ms): the highest accepted.
     - *filler*: what an entry may hold, besides 0, that is not used where the count of a mapping is read-only.
-    - *pre_operational_writes*: ranges of indices that refuse downloads outside PRE-OPERATIONAL.
+    - *pre_operational_writes*: ranges of indices that refuse downloads outside PRE-OPERATIONAL; *wrong_state*: the
+      abort code, where no extended error object explains it.
     - *needs_store*: range of indices that a reset reverts unless they were stored, everything outside keeps itself;
       None means that everything must be stored. *save_command*: an object that stores everything when written.
       *store_capability*: what 0x1010:s and 0x1011:s read; *restore_capability*: what 0x1011:s reads where it differs.
@@ -137,6 +138,7 @@ class Family:
     max_event_timer: int = 0xFFFF
     filler: int = 0
     pre_operational_writes: tuple[Range, ...] = ()
+    wrong_state: int = Abort.DEVICE_STATE
     needs_store: Range | None = None
     save_command: Object | None = None
     store_capability: int = 1

@@ -52,7 +52,7 @@ class Gates:
 
     def _wrong_state(self) -> Refusal:
         if self._family.extended_error is None:
-            return Refusal(Abort.DEVICE_STATE)
+            return Refusal(self._family.wrong_state)
         return Refusal(Abort.GENERAL, NOT_PRE_OPERATIONAL)
 
     def _level(self, login: Login) -> int:

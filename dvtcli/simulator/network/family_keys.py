@@ -154,6 +154,7 @@ FAMILY_KEYS: Schema = {
     "max_event_timer": integer(0, 0xFFFF),
     "filler": integer(0, 0xFFFF_FFFF),
     "pre_operational_writes": number_ranges(0xFFFF),
+    "wrong_state": _ABORT,
     "needs_store": number_range(0xFFFF),
     "save_command": object_address,
     "store_capability": integer(0, 0xFFFF_FFFF),

@@ -1,0 +1,78 @@
+"""`learn --isolated` on a node that was found OPERATIONAL: what it takes there, and what it takes in no state."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from dvtcli.domain.nmt import NmtState
+from dvtcli.domain.profile import PreOperational
+from dvtcli.files.eds.reader import read_eds
+from dvtcli.files.profile.library import load_folder_profile
+from dvtcli.simulator.device.strict_device import StrictDevice
+from dvtcli.simulator.network.family_file import family_eds, load_family, load_family_folder
+from tests.commands.bench import Bench
+from tests.commands.bus import Wire
+from tests.learn.questions import Question, put
+from tests.learn.test_learnt_families import booted
+from tests.learn.test_put_back import values
+
+EDS = family_eds("generic")
+PDOS, MAPPINGS = (0x1400, 0x1BFF), (0x1600, 0x17FF)
+QUESTIONS = [
+    Question(f"0x{index:04X}:{sub:02X}", ((index, sub, value, size),), operational=True)
+    for index, sub, value, size in (
+        (0x1803, 1, 0xC0000481, 4), (0x1803, 2, 254, 1), (0x1A03, 0, 0, 1), (0x1A01, 0, 0, 1), (0x1803, 5, 7, 2),
+        (0x1403, 1, 0xC0000501, 4), (0x1403, 2, 254, 1), (0x1603, 0, 0, 1), (0x1017, 0, 7, 2), (0x1010, 1, 0, 4),
+    )
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("behaviour", "gate"),
+    [
+        ({}, PreOperational.NO),
+        ({"pre_operational_writes": (PDOS,)}, PreOperational.REQUIRED),
+        ({"pre_operational_writes": (PDOS,), "wrong_state": 0x06010002}, PreOperational.REQUIRED),
+        ({"pre_operational_writes": (MAPPINGS,)}, PreOperational.REQUIRED),
+    ],
+    ids=["none", "all", "another code", "mappings of RPDOs"],
+)
+def test_what_operational_refuses_is_learnt(behaviour: dict[str, object], gate: PreOperational) -> None:
+    node = StrictDevice(read_eds(EDS).dictionary, replace(load_family("generic"), **behaviour), 1)
+    with Wire(node) as wire, Bench((), wire.options | {"eds": str(EDS)}) as bench:
+        assert bench.run("nmt start").code == 0
+        before = values(node)
+        told = " ".join(bench.run("learn --isolated").stderr.split())
+        assert "PDOs that are off are written in OPERATIONAL, too" in told
+        ran = bench.run("learn --isolated --yes --save pump --json")
+        assert ran.code == 0, ran
+        bench.session.end_line(0)
+        assert node.state is NmtState.OPERATIONAL
+        assert values(node) == before
+    assert load_folder_profile(Path("pump")).pre_operational_gate is gate
+    learnt = load_family_folder(Path("pump"))
+    for question in QUESTIONS:
+        assert put(booted(EDS, node.family), question) == put(booted(EDS, learnt), question), question
+
+
+def test_without_isolated_operational_says_nothing() -> None:
+    family = replace(load_family("generic"), pre_operational_writes=(PDOS,))
+    node = StrictDevice(read_eds(EDS).dictionary, family, 1)
+    with Wire(node) as wire, Bench((), wire.options | {"eds": str(EDS)}) as bench:
+        bench.run("nmt start")
+        document = bench.run("learn --yes --json").document
+    assert not [row for row in document["profile"] if row["key"] == "pre_operational_gate"]
+    assert not [row for row in document["probes"] if "OPERATIONAL" in row["name"]]
+
+
+def test_a_family_s_other_ranges_stay() -> None:
+    """Those of a family that it is like, which no PDO is in."""
+    from dvtcli.domain.learning.learnt_value import Learnt
+    from dvtcli.domain.learning.operational import merged
+
+    learnt = Learnt("pre_operational_writes", [[0x1A00, 0x1BFF]], "")
+    found = merged(learnt, [(0x1010, 0x1011), (0x13F0, 0x1BFF), (0x1400, 0x1C05), (0x3000, 0x3400)])
+    assert found.value == [[0x1A00, 0x1BFF], [0x1010, 0x1011], [0x13F0, 0x13FF], [0x1C00, 0x1C05], [0x3000, 0x3400]]
