@@ -9,17 +9,15 @@ from __future__ import annotations
 import glob
 import json
 import os
-import shutil
 import subprocess
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+
+from dvtcli.bus.kernel_links import kernel_links
 
 #: How long drivers may take to look for their adapters, in seconds.
 PATIENCE_S = 8.0
-#: Linux's number for the hardware type CAN, and its flag of a link that is up
-_ARPHRD_CAN, _IFF_UP = 280, 1
 _SERIAL_PORTS = ("ttyUSB*", "ttyACM*", "cu.usbmodem*", "cu.usbserial*")
 
 
@@ -38,49 +36,9 @@ def find_interfaces(patience_s: float = PATIENCE_S) -> list[Found]:
     return [*links(), *adapters(patience_s=patience_s), *serial_ports()]
 
 
-def links(folder: Path = Path("/sys/class/net"), bit_rates: Mapping[str, int] | None = None) -> list[Found]:
-    """SocketCAN links under *folder*, up or down; *bit_rates* (bit/s) default to what `ip` says."""
-    names = [path.name for path in sorted(folder.glob("*")) if _number(path / "type") == _ARPHRD_CAN]
-    if names and bit_rates is None:
-        bit_rates = _bit_rates()
-    return [_link(name, _number(folder / name / "flags"), (bit_rates or {}).get(name)) for name in names]
-
-
-def _link(name: str, flags: int, bit_rate: int | None) -> Found:
-    rate = "" if not bit_rate else f", {bit_rate / 1000:g} kbit/s"
-    if flags & _IFF_UP:
-        return Found("socketcan", name, f"up{rate}")
-    how = "" if name.startswith("vcan") else " type can bitrate 500000"
-    return Found("socketcan", name, f"down{rate}", f"it is down: sudo ip link set {name} up{how}")
-
-
-def _number(path: Path) -> int:
-    """A number in a file of /sys, decimal or 0x; 0 where there is none."""
-    try:
-        return int(path.read_text("ascii").strip(), 0)
-    except (OSError, ValueError):
-        return 0
-
-
-def _bit_rates() -> dict[str, int]:
-    """Bit rates of SocketCAN links, by name, as far as the tool `ip` is there to say them."""
-    tool = shutil.which("ip")
-    output = _output([tool, "-json", "-details", "link", "show", "type", "can"], 1.0) if tool else None
-    return bit_rates_of(output or "")
-
-
-def bit_rates_of(text: str) -> dict[str, int]:
-    """Bit rates (bit/s) by link, from what `ip -json -details link show` prints."""
-    try:
-        rows = json.loads(text or "[]")
-        timings = {row["ifname"]: row["linkinfo"]["info_data"]["bittiming"] for row in rows if _has_timing(row)}
-        return {name: int(timing["bitrate"]) for name, timing in timings.items()}
-    except (ValueError, TypeError, KeyError, AttributeError):
-        return {}
-
-
-def _has_timing(row: dict[str, dict[str, dict[str, object]]]) -> bool:
-    return "bittiming" in row.get("linkinfo", {}).get("info_data", {})
+def links() -> list[Found]:
+    """SocketCAN links, up or down."""
+    return [Found("socketcan", link.name, link.about, link.problem) for link in kernel_links()]
 
 
 def adapters(interfaces: Sequence[str] = (), *, patience_s: float = PATIENCE_S) -> list[Found]:

@@ -7,9 +7,7 @@ from __future__ import annotations
 
 import errno
 import logging
-import select
-import socket
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
@@ -17,8 +15,12 @@ from typing import Any
 import can
 from can import util
 
+from dvtcli.bus.carrier import Carrier
+from dvtcli.bus.kernel_carrier import KernelCarrier, check_link, which
+from dvtcli.bus.kernel_links import kernel_links
 from dvtcli.bus.python_can import CanBus
 from dvtcli.bus.sdo.link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S
+from dvtcli.bus.server_carrier import ServerCarrier, probe
 from dvtcli.bus.transports import transports
 from dvtcli.domain.ports import CanopenBus
 from dvtcli.errors import BusUnavailable
@@ -36,8 +38,6 @@ OPEN_FAILURES = (
     NotImplementedError,
     RuntimeError,
 )
-#: how long a socketcand server may take to accept (s); python-can itself would try for 10 s, in a busy loop
-PROBE_S = 1.0
 
 _DRIVER_PACKAGES = {
     "slcan": "python-can[serial]",
@@ -56,10 +56,8 @@ _NO_ECHO_UNASKED = frozenset({"socketcan", "virtual"})
 _NO_CHANNEL = "is the adapter plugged in, and the channel's name right? `dvtcli doctor` lists what is there"
 _NO_PERMISSION = "no permission: sudo usermod -aG dialout $USER, then log in again (`ls -l` shows the port's group)"
 _ERRNO_HINTS = {
-    errno.ENODEV: "no such channel: `ip -br link show type can` lists them",
     errno.ENXIO: _NO_CHANNEL,
     errno.ENOENT: _NO_CHANNEL,
-    errno.ENETDOWN: "it is down: sudo ip link set {channel} up type can bitrate 500000",
     errno.EACCES: _NO_PERMISSION,
     errno.EPERM: _NO_PERMISSION,
     errno.EBUSY: "another program has opened it",
@@ -93,19 +91,16 @@ def open_bus(
     try:
         config = _completed(given)
         if config["interface"] == "socketcand":
-            _probe(config)
+            probe(config)
+        if config["interface"] == "socketcan":
+            check_link(config.get("channel"))
         options: dict[str, Any] = {**config, "ignore_config": True}
         bus = can.Bus(**options)
     except OPEN_FAILURES as error:
         raise _unavailable(config, error) from error
-    opened = CanBus(
-        bus,
-        _name(config),
-        timeout_s=timeout_s,
-        retries=retries,
-        bitrate=_bitrate(config),
-        hung_up=_hung_up(bus),
-    )
+    carrier = _carrier(config, bus)
+    bit_rate = carrier.bit_rate or _bitrate(config)
+    opened = CanBus(bus, _name(config), timeout_s=timeout_s, retries=retries, bitrate=bit_rate, carrier=carrier)
     if config["interface"] in _NO_ECHO_UNASKED and not config.get("receive_own_messages"):
         opened.echoes.rule_out()
     return opened
@@ -169,20 +164,11 @@ def library_settings() -> dict[str, tuple[object, str]]:
     return found | {key: (value, "can.rc") for key, value in can.rc.items()}
 
 
-def _probe(config: Mapping[str, object]) -> None:
-    """Raise OSError where no server listens."""
-    port = config.get("port")
-    if not isinstance(port, int) or "host" not in config:
-        raise ValueError("socketcand needs host=… and port=…")
-    socket.create_connection((str(config["host"]), port), timeout=PROBE_S).close()
-
-
-def _hung_up(bus: can.BusABC) -> Callable[[], bool]:
-    """Whether a socketcand server closed *bus*: python-can's driver takes that for a silent bus, in a busy loop."""
-    link = getattr(bus, "_SocketCanDaemonBus__socket", None)  # it has no other name: neither fileno() nor a property
-    if not isinstance(link, socket.socket):
-        return lambda: False
-    return lambda: bool(select.select([link], [], [], 0)[0]) and not link.recv(1, socket.MSG_PEEK)
+def _carrier(config: Mapping[str, object], bus: can.BusABC) -> Carrier:
+    """What can be said of *bus* beyond its frames."""
+    if config["interface"] == "socketcan":
+        return KernelCarrier(bus, str(config["channel"]), _bitrate(config))
+    return ServerCarrier(bus) if config["interface"] == "socketcand" else Carrier()
 
 
 def _name(config: Mapping[str, object]) -> str:
@@ -193,7 +179,7 @@ def _name(config: Mapping[str, object]) -> str:
 
 
 def _bitrate(config: Mapping[str, object]) -> int | None:
-    """The bit rate in bit/s that was asked for, None where the interface was set up by somebody else."""
+    """The bit rate in bit/s that was asked for, None where none was."""
     try:
         rate = int(str(config.get("bitrate")))
     except ValueError:
@@ -220,7 +206,9 @@ def _hint(config: Mapping[str, object], error: Exception) -> str:
         return f"known interfaces: {', '.join(near)}"
     number = errno.ETIMEDOUT if isinstance(error, TimeoutError) else _errno_of(error)
     if number in _ERRNO_HINTS:
-        return _ERRNO_HINTS[number].format(channel=channel)
+        return _ERRNO_HINTS[number]
+    if number == errno.ENODEV:
+        return f"no such channel: {which(kernel_links())}" if interface == "socketcan" else _NO_CHANNEL
     if isinstance(error, ImportError | can.CanInterfaceNotImplementedError):
         package = _DRIVER_PACKAGES.get(interface)
         return f"its driver is missing: pip install '{package}'" if package else "is the maker's driver installed?"

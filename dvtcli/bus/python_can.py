@@ -5,7 +5,6 @@ Does not know how a bus is opened (see opening), nor what a PDO or an object mea
 
 from __future__ import annotations
 
-import errno
 import threading
 from collections.abc import Callable
 from contextlib import suppress
@@ -14,6 +13,7 @@ from time import monotonic, sleep
 import can
 
 from dvtcli.bus.can_message import frame_of
+from dvtcli.bus.carrier import Carrier
 from dvtcli.bus.echoes import Echoes
 from dvtcli.bus.error_frames import ErrorFrames
 from dvtcli.bus.node_watch import EMERGENCY, HEARTBEAT
@@ -28,8 +28,8 @@ from dvtcli.errors import BusUnavailable
 
 #: what python-can's drivers raise when a bus fails in use; a closed socket is a ValueError in select()
 BUS_FAILURES = (can.CanError, OSError, ValueError, RuntimeError)
-#: how often a full transmit buffer is tried again, every 2 ms
-SEND_PATIENCE = 50
+#: how often a full transmit buffer is tried again, every 2 ms: half of a long one takes this long at 125 kbit/s
+SEND_PATIENCE = 150
 
 _SDO_IDS = (ANSWER_ID, REQUEST_ID)
 #: drivers that would send a data frame where a remote frame is asked for
@@ -39,8 +39,8 @@ _NO_REMOTE_FRAMES = frozenset({"socketcand"})
 class CanBus(ReadBus[can.Message]):
     """A CANopenBus on a python-can *bus*, called *name* on screens; *on_close* is called after the bus was left.
 
-    *hung_up* says whether the other end is gone where the driver only falls silent. No thread of its own: whoever
-    waits reads the bus. *timeout_s* (s) and *retries* are those of `SdoSettings`, *bitrate* is in bit/s.
+    *carrier* says what the driver does not. No thread of its own: whoever waits reads the bus. *timeout_s* (s) and
+    *retries* are those of `SdoSettings`, *bitrate* is in bit/s.
     """
 
     def __init__(
@@ -53,11 +53,11 @@ class CanBus(ReadBus[can.Message]):
         retries: int = DEFAULT_RETRIES,
         bitrate: int | None = None,
         on_close: Callable[[], None] | None = None,
-        hung_up: Callable[[], bool] = lambda: False,
+        carrier: Carrier | None = None,
     ) -> None:
         super().__init__(name, frame_of, simulated=simulated, timeout_s=timeout_s, retries=retries, bitrate=bitrate)
         self._bus = bus
-        self._hung_up = hung_up
+        self._carrier = carrier or Carrier()
         self._on_close = on_close
         self._send_lock = threading.Lock()
         self._channels = SdoChannels(self, self.settings)
@@ -77,13 +77,17 @@ class CanBus(ReadBus[can.Message]):
         return self.name.partition(":")[0] not in _NO_REMOTE_FRAMES
 
     def disturbances(self) -> list[str]:
-        """What was noticed since the last call: error frames, another SDO client, two nodes with one node-ID."""
+        """What was noticed since the last call: error frames, lost frames, another SDO client, a node-ID used twice."""
         odd = super().disturbances()
-        return [*self.error_frames.news(), *odd]
+        return [*self._carrier.news(), *self.error_frames.news(), *odd]
 
     def error_frame_count(self) -> int:
         """How many error frames were received so far."""
         return self.error_frames.count
+
+    def lost_frame_count(self) -> int:
+        """How many frames were dropped so far before anybody here could read them."""
+        return self._carrier.lost_frames()
 
     def send(self, frame: Frame) -> None:
         """Send one frame (SYNC, a PDO); frames that answer it are kept for a `receive` within the next second."""
@@ -119,7 +123,7 @@ class CanBus(ReadBus[can.Message]):
                 self._send_once(message)
                 break
             except BUS_FAILURES as error:
-                if getattr(error, "error_code", None) != errno.ENOBUFS or not patience:
+                if not patience or not self._carrier.is_full(error):
                     raise self._failed("send", error) from error
                 sleep(0.002)
         self._traffic.sent(message)
@@ -138,7 +142,7 @@ class CanBus(ReadBus[can.Message]):
             message = self._bus.recv(wait_s)
             if message is None:
                 self.echoes.caught_up(monotonic())
-                if self._hung_up():
+                if self._carrier.hung_up():
                     raise ConnectionResetError("the server has closed the connection")
             return message
         except BUS_FAILURES as error:
@@ -146,10 +150,7 @@ class CanBus(ReadBus[can.Message]):
 
     def _failed(self, what: str, error: Exception) -> BusUnavailable:
         why = str(error).partition("\n")[0] or type(error).__name__  # python-can puts tracebacks into messages
-        hint = "is the adapter still plugged in, and the interface up?"
-        if isinstance(error, ConnectionError):
-            hint = "is the server still running? start dvtcli again when it is"
-        return BusUnavailable(f"{self.name} failed ({what})", why=why, hint=hint)
+        return BusUnavailable(f"{self.name} failed ({what})", why=why, hint=self._carrier.next_step(error))
 
     def _deliver(self, message: can.Message) -> None:
         if message.is_error_frame:

@@ -124,6 +124,10 @@ class WatchedBus(ABC):
         """None: no error frame is told apart here."""
         return 0
 
+    def lost_frame_count(self) -> int:
+        """None that is known of."""
+        return 0
+
     @property
     def carries_frames(self) -> bool:
         """Whether CAN frames are sent and heard; not unless a transport says so."""

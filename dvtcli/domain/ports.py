@@ -139,6 +139,10 @@ class CanopenBus(Protocol):
         """How many error frames were received so far."""
         ...
 
+    def lost_frame_count(self) -> int:
+        """How many frames were dropped so far before anybody here could read them, as far as that is known."""
+        ...
+
     def send(self, frame: Frame) -> None:
         """Send one frame (SYNC, a PDO)."""
         ...

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -14,12 +16,14 @@ from dvtcli.operations.identify import device_name, silent
 from dvtcli.operations.results import NodeListing, NodeRow
 
 if TYPE_CHECKING:
-    from dvtcli.domain.ports import CanopenBus, SdoTransport
+    from dvtcli.domain.ports import CanopenBus, Frame, SdoTransport
     from dvtcli.operations.session import Session
 
 #: How long each node-ID has to answer, in seconds, and how many are asked at once.
 _ANSWER_S = 0.05
 _AT_ONCE = 8
+#: CAN-ID of an SDO answer, to which the node-ID is added (CiA 301, 7.3.5).
+_SDO_ANSWER = 0x580
 #: The state of a node of which nothing was heard: it sends no heartbeat (0x1017 is 0 or missing), or none came yet.
 _UNHEARD = _NO_HEARTBEAT, _UNKNOWN = "no heartbeat", "state unknown"
 #: Heartbeats are usually sent once a second or faster.
@@ -29,17 +33,22 @@ _LISTEN_S = 1.0
 def find_nodes(session: Session, answer_s: float = _ANSWER_S) -> NodeListing:
     """List the nodes 1…127 that are heard or answer; each node-ID has *answer_s* seconds for its first answer.
 
-    A node that was heard is there, and gets the bus's time-out as well before it is said not to answer.
-    Only reads. BusUnavailable where there is no bus; what goes wrong with one node is its row's note.
+    A node that was heard, or whose answer came late, is there, and gets the bus's time-out as well before it is said
+    not to answer. Only reads. BusUnavailable where there is no bus; what goes wrong with one node is its row's note.
     """
     started = time.monotonic()
     bus = session.bus
     if not bus.simulated:
         for _ in bus.receive(_LISTEN_S):
             pass  # heartbeats are noted by the bus itself
-    with ThreadPoolExecutor(_AT_ONCE) as pool:
-        found = pool.map(lambda node_id: _ask(bus, node_id, answer_s), range(1, 128))
-        rows = [_with_own_state(session, row) for row in found if row is not None]
+    with ThreadPoolExecutor(_AT_ONCE) as pool, _answers(bus) as answered:
+        found = list(pool.map(lambda node_id: _ask(bus, node_id, answer_s), range(1, 128)))
+        if not bus.simulated:
+            bus.sleep(answer_s)
+        late = [node_id for node_id, row in enumerate(found, 1) if row is None and node_id in answered]
+        found += pool.map(lambda node_id: _ask(bus, node_id, None), late)
+    rows = [_with_own_state(session, row) for row in found if row is not None]
+    rows.sort(key=lambda row: row.node)
     return NodeListing(bus.name, tuple(rows), time.monotonic() - started)
 
 
@@ -55,8 +64,27 @@ def _with_own_state(session: Session, row: NodeRow) -> NodeRow:
     return row if state is None else replace(row, state=state.label)
 
 
-def _ask(bus: CanopenBus, node_id: int, limit_s: float) -> NodeRow | None:
-    """The row for *node_id*, or None where nobody is there; what goes wrong with one node is its row's note."""
+@contextmanager
+def _answers(bus: CanopenBus) -> Iterator[set[int]]:
+    """The node-IDs that answered an SDO request of anybody meanwhile, in time or late."""
+    answered: set[int] = set()
+
+    def note(frame: Frame, sent: bool) -> None:
+        if not sent and not frame.extended and 1 <= frame.can_id - _SDO_ANSWER <= 127:
+            answered.add(frame.can_id - _SDO_ANSWER)
+
+    stop = bus.tap(note)
+    try:
+        yield answered
+    finally:
+        stop()
+
+
+def _ask(bus: CanopenBus, node_id: int, limit_s: float | None) -> NodeRow | None:
+    """The row for *node_id*, or None where nobody is there; what goes wrong with one node is its row's note.
+
+    It has *limit_s* seconds to answer, the bus's time-out where that is None.
+    """
     from dvtcli.files.profile.library import profile_for_identity
 
     sdo = bus.sdo(node_id)
@@ -79,7 +107,7 @@ def _ask(bus: CanopenBus, node_id: int, limit_s: float) -> NodeRow | None:
         return replace(row, note=error.text)
 
 
-def _device_type(sdo: SdoTransport, limit_s: float, *, heard: bool) -> int | None:
+def _device_type(sdo: SdoTransport, limit_s: float | None, *, heard: bool) -> int | None:
     """What 0x1000 says, None where the node refuses that; NoAnswer, SdoProtocolError where it cannot be read."""
     try:
         try:

@@ -50,7 +50,7 @@ def record_frames(
     if recorder.left_out:
         session.tell.warning(f"{recorder.left_out} remote frames are missing: a {path.suffix} file cannot hold them")
     files = f", in {recorder.files} files" if recorder.files > 1 else ""
-    return _facts(session, path, recorder.frames, seconds, listener.dropped, (size_of(path), files))
+    return _facts(session, path, recorder.frames, seconds, listener, (size_of(path), files))
 
 
 def record_values(
@@ -79,7 +79,7 @@ def record_values(
     except OSError as failed:
         raise DvtcliError(f"{path}: {failed.strerror or failed}", place=str(path)) from failed
     more = f", {table.other} others left out" if table.other else ""
-    return _facts(session, path, table.frames, seconds, listener.dropped, (size, more))
+    return _facts(session, path, table.frames, seconds, listener, (size, more))
 
 
 def _record(
@@ -90,24 +90,33 @@ def _record(
     filters: Filters,
     duration_s: float | None,
 ) -> float:
-    """Write frames until Ctrl-C or the end of the time; the seconds it took. A frame is written whole."""
+    """Write frames until Ctrl-C or the end of the time; the seconds that were listened. A frame is written whole.
+
+    What came until then is written after it: on a busy bus that takes its time.
+    """
     session.tell.note("recording; Ctrl-C ends it")
     began_s = monotonic()
     until_s = None if duration_s is None else began_s + duration_s
     with session.cancellation.guard():
-        ended = False
+        ended, seconds = False, 0.0
         while not ended:
             ended = session.cancellation.requested or (until_s is not None and monotonic() >= until_s)
+            if ended:
+                seconds = monotonic() - began_s
+                listener.stop()
             for frame in listener.take(0.0 if ended else _BATCH_S):
                 if not filters or any(frame.can_id & mask == can_id & mask for can_id, mask in filters):
                     write(frame)
             flush()
-    return monotonic() - began_s
+    return seconds
 
 
-def _facts(session: Session, path: Path, frames: int, seconds: float, dropped: int, size: tuple[int, str]) -> Facts:
-    if dropped:
-        session.tell.warning(f"{dropped} frames were dropped: they came faster than they were written")
+def _facts(
+    session: Session, path: Path, frames: int, seconds: float, listener: Listener, size: tuple[int, str]
+) -> Facts:
+    dropped = listener.dropped
+    if listener.overflowed:
+        session.tell.warning(f"{listener.overflowed} frames were dropped: they came faster than they were written")
     rows = (
         ("file", str(path)), ("frames", frames), ("seconds", round(seconds, 3)), ("dropped", dropped),
         ("bytes", size[0]),

@@ -55,5 +55,5 @@ def stream(
             seen = [frame_seen(frame, decoder) for frame in fresh]
             show(one for one in seen if one.matches(text))
     finally:
-        if listener.dropped:
-            session.tell.warning(f"{listener.dropped} frames were dropped: they came faster than they were written")
+        if listener.overflowed:
+            session.tell.warning(f"{listener.overflowed} frames were dropped: they came faster than they were written")

@@ -34,6 +34,10 @@ class Listened(Protocol):
         """Read the bus for *duration_s*."""
         ...
 
+    def lost_frame_count(self) -> int:
+        """How many frames were dropped so far before anybody could read them."""
+        ...
+
 
 class Listener:
     """Everything that passes on *bus*, also what is sent from here; at most *waiting* frames are kept.
@@ -53,15 +57,35 @@ class Listener:
         self._failure: BusUnavailable | None = None
         self._thread = threading.Thread(target=self._listen, name="listening to frames", daemon=True)
         self._untap: Callable[[], None] = lambda: None
-        #: frames that came while too many waited
-        self.dropped = 0
+        self._overflowed = 0
+        self._lost_before = self._lost = 0
+
+    @property
+    def overflowed(self) -> int:
+        """Frames that came while too many waited to be taken."""
+        return self._overflowed
+
+    @property
+    def dropped(self) -> int:
+        """Frames that are missing: those, and those that this computer dropped before they could be read."""
+        if not self._stopping.is_set():
+            self._lost = self._bus.lost_frame_count() - self._lost_before
+        return self._overflowed + self._lost
 
     def __enter__(self) -> Listener:
+        self._lost_before = self._bus.lost_frame_count()
         self._untap = self._bus.tap(self._keep)
         self._thread.start()
         return self
 
     def __exit__(self, *_exception: object) -> None:
+        self.stop()
+
+    def stop(self) -> None:
+        """Listen no longer; what came so far can still be taken."""
+        if self._stopping.is_set():
+            return
+        _ = self.dropped  # as it is now: later ones are not missed
         self._stopping.set()
         self._untap()
         self._thread.join(1.0)
@@ -77,7 +101,7 @@ class Listener:
     def _keep(self, frame: Frame, _sent: bool) -> None:
         """Called by whichever thread reads the bus, with every frame: it only keeps it."""
         if len(self._frames) >= self._most:
-            self.dropped += 1
+            self._overflowed += 1
             return
         self._frames.append(replace(frame, data=frame.data[:4] + bytes(4)) if self._is_secret(frame) else frame)
         self._arrived.set()

@@ -8,35 +8,10 @@ from pathlib import Path
 import can
 import pytest
 
-from dvtcli.bus.discover import Found, adapters, bit_rates_of, find_interfaces, links, serial_ports
+from dvtcli.bus.discover import Found, adapters, find_interfaces, serial_ports
 from dvtcli.bus.opening import open_bus
 
 _NUMBERS = count(1)
-
-
-def link(folder: Path, name: str, hardware: int, flags: int) -> None:
-    (folder / name).mkdir()
-    (folder / name / "type").write_text(f"{hardware}\n")
-    (folder / name / "flags").write_text(f"0x{flags:x}\n")
-
-
-def test_socketcan_links_are_found_up_and_down(tmp_path: Path) -> None:
-    for name, hardware, flags in (("can0", 280, 0x41), ("can1", 280, 0x40), ("vcan0", 280, 0x40), ("eth0", 1, 0x43)):
-        link(tmp_path, name, hardware, flags)
-    (tmp_path / "odd").mkdir()
-    assert links(tmp_path, {"can0": 250_000}) == [
-        Found("socketcan", "can0", "up, 250 kbit/s"),
-        Found("socketcan", "can1", "down", "it is down: sudo ip link set can1 up type can bitrate 500000"),
-        Found("socketcan", "vcan0", "down", "it is down: sudo ip link set vcan0 up"),
-    ]
-    assert links(tmp_path / "nowhere") == []
-
-
-def test_bit_rates_are_what_ip_says() -> None:
-    said = '[{"ifname":"can0","linkinfo":{"info_data":{"bittiming":{"bitrate":500000}}}},{},{"ifname":"can1"}]'
-    assert bit_rates_of(said) == {"can0": 500_000}
-    for odd in ("", "nonsense", "[1]", "{}", '[{"linkinfo":{"info_data":{"bittiming":1}}}]'):
-        assert bit_rates_of(odd) == {}
 
 
 def test_drivers_are_asked_in_a_process_of_their_own() -> None:

@@ -53,6 +53,27 @@ def test_an_odd_node_hides_no_other() -> None:
     assert rows[6]["vendor_id"] == 0x1E
 
 
+class LateOnce(StrictDevice):
+    """Thinks longer about its first answer than each node-ID has."""
+
+    asked = 0
+
+    def upload(self, index: int, sub_index: int) -> bytes:
+        self.asked += 1
+        if self.asked == 1:
+            time.sleep(0.1)
+        return super().upload(index, sub_index)
+
+
+@pytest.mark.parametrize("node_id", [5, 127])
+def test_a_node_whose_answer_comes_late_is_asked_again(node_id: int) -> None:
+    slow = LateOnce(read_eds(family_eds("generic")).dictionary, load_family("generic"), node_id)
+    with Wire(device("gen4", 3), slow) as wire, Bench((), dict(wire.options)) as bench:
+        ran = bench.run("scan --json")
+    assert [row["node"] for row in ran.document["nodes"]] == [3, node_id], ran.stderr
+    assert ran.document["nodes"][1]["device_type"] is not None
+
+
 def test_a_refused_identity_is_none() -> None:
     with Wire(odd_device(1, None, 0x1018)) as wire, Bench((), dict(wire.options)) as bench:
         ran = bench.run("pdo tpdo1 --json")

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dvtcli.bus.carrier import Carrier
 from dvtcli.bus.python_can import CanBus
 from dvtcli.cli.monitor.graph import graph
 from dvtcli.cli.monitor.screen import GRAPH, RAW, Moment, View, picture
@@ -225,11 +226,51 @@ def test_what_is_too_much_is_dropped_and_counted() -> None:
     assert taken[0].timestamp_s > BEGIN_S, "a clock of the bus's own is set to the time of day"
 
 
+class Full(Carrier):
+    """Of what it carries something is lost before it can be read."""
+
+    lost = 7
+
+    def lost_frames(self) -> int:
+        return self.lost
+
+
+def test_what_was_lost_before_it_could_be_read_is_dropped_too() -> None:
+    carrier = Full()
+    bus = CanBus(can.Bus("lost", interface="virtual", ignore_config=True), "lost", carrier=carrier)
+    with Listener(bus, lambda _frame: False) as listener:
+        assert listener.dropped == 0, "that was before"
+        carrier.lost = 12
+        assert (listener.dropped, listener.overflowed) == (5, 0)
+    carrier.lost = 100
+    assert listener.dropped == 5, "and that after"
+    bus.close()
+
+
+def test_who_stops_listening_can_still_take_what_came() -> None:
+    channel = "stopped"
+    bus = CanBus(can.Bus(channel, interface="virtual", ignore_config=True), channel)
+    with (
+        can.Bus(channel, interface="virtual", ignore_config=True) as sender,
+        Listener(bus, lambda _frame: False) as listener,
+    ):
+        sender.send(can.Message(arbitration_id=0x181, data=[1], is_extended_id=False))
+        wait_for(lambda: listener._frames, "the frame")
+        listener.stop()
+        sender.send(can.Message(arbitration_id=0x181, data=[2], is_extended_id=False))
+        bus.drain()
+        assert [frame.data for frame in listener.take()] == [b"\x01"]
+    bus.close()
+
+
 class Gateway:
     """A bus whose frames carry the times that it is made with."""
 
     def __init__(self, *times_s: float) -> None:
         self._times_s = times_s
+
+    def lost_frame_count(self) -> int:
+        return 0
 
     def tap(self, callback: Callable[[Frame, bool], None]) -> Callable[[], None]:
         for time_s in self._times_s:

@@ -147,6 +147,10 @@ class TwinBus:
         """How many error frames were received on the wrapped bus so far."""
         return self._wrapped.error_frame_count()
 
+    def lost_frame_count(self) -> int:
+        """Of the wrapped bus: that is where frames can be lost."""
+        return self._wrapped.lost_frame_count()
+
     def send(self, frame: Frame) -> None:
         """Show *frame* (SYNC, a PDO, an NMT command) to the twins only; what they answer is received next."""
         if frame.can_id == _NMT_CAN_ID and not frame.extended:

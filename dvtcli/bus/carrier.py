@@ -1,0 +1,37 @@
+"""What a CanBus asks of what carries it, besides frames: whether it is gone, full, or lost something, and what to do.
+
+Most of python-can's drivers say nothing of that. Does not know CANopen.
+"""
+
+from __future__ import annotations
+
+import errno
+
+
+class Carrier:
+    """A carrier of which nothing more is known than what its driver raises."""
+
+    #: what it really runs at (bit/s), None where that is not known
+    bit_rate: int | None = None
+
+    def hung_up(self) -> bool:
+        """Whether the other end is gone, where the driver only falls silent."""
+        return False
+
+    def is_full(self, error: Exception) -> bool:
+        """Whether *error* of sending only says that a frame had to wait, so that it can be tried again."""
+        return getattr(error, "error_code", None) == errno.ENOBUFS
+
+    def lost_frames(self) -> int:
+        """How many frames came so far that were dropped before anybody could read them."""
+        return 0
+
+    def news(self) -> list[str]:
+        """What should be known of it and was not told yet, in words."""
+        return []
+
+    def next_step(self, error: Exception) -> str:
+        """What to do after *error* of sending or receiving."""
+        if isinstance(error, ConnectionError):
+            return "is the server still running? start dvtcli again when it is"
+        return "is the adapter still plugged in, and the interface up?"

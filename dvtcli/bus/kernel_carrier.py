@@ -1,0 +1,120 @@
+"""A CAN link of Linux as what carries a bus: said before it is opened what is missing, and in use what went wrong.
+
+Does not know CANopen, nor how a link is described (see kernel_links).
+"""
+
+from __future__ import annotations
+
+import errno
+import socket
+import struct
+from contextlib import suppress
+
+import can
+
+from dvtcli.bus.carrier import Carrier
+from dvtcli.bus.kernel_links import KernelLink, kbit_s, kernel_link, kernel_links
+from dvtcli.errors import BusUnavailable
+
+#: bytes of frames that may wait to be read: some 10,000 frames, more than a second of the fastest bus
+RECEIVE_BUFFER = 8 << 20
+#: options of a socket that Python has no names for: a buffer beyond the system's limit, and its memory and drops
+_SO_RCVBUFFORCE, _SO_MEMINFO = 33, 55
+_MEMINFO = struct.Struct("=9I")
+_NO_CHANNEL = "no channel is given"
+#: what python-can says, without a number, where its socket takes nothing more for now
+_FULL = "Transmit buffer full"
+
+
+def check_link(channel: object) -> None:
+    """Raise BusUnavailable, with the next step, where *channel* is not named or down; a link that is not there passes.
+
+    A socket on a link that is down opens like any other.
+    """
+    if not channel:
+        raise BusUnavailable("cannot open socketcan", why=_NO_CHANNEL, hint=f"which channel? {which(kernel_links())}")
+    link = kernel_link(str(channel))
+    if link is not None and not link.up:
+        raise BusUnavailable(f"cannot open socketcan:{channel}", why="it is down", hint=link.way_up())
+
+
+def which(links: list[KernelLink]) -> str:
+    """What to choose from."""
+    if not links:
+        return "give -c/--channel; this machine has no CAN link now (`dvtcli doctor`)"
+    return ", ".join(f"-c {link.name} ({link.about})" for link in links)
+
+
+class KernelCarrier(Carrier):
+    """The socket of python-can's *bus* on the link *channel*; *asked* is the bit rate (bit/s) that the user wants."""
+
+    def __init__(self, bus: can.BusABC, channel: str, asked: int | None) -> None:
+        self._socket: socket.socket = getattr(bus, "socket")  # noqa: B009 - python-can's base class has none
+        self._channel = channel
+        self._told_lost = 0
+        self._news: list[str] = []
+        link = kernel_link(channel)
+        if link is not None:
+            self.bit_rate = link.bit_rate
+            self._news = list(first_news(link, asked))
+        self._roomy = _make_room(self._socket)
+
+    def is_full(self, error: Exception) -> bool:
+        """Whether the transmit queue, or the socket's part of it, is full."""
+        return super().is_full(error) or (isinstance(error, can.CanOperationError) and str(error) == _FULL)
+
+    def lost_frames(self) -> int:
+        """How many frames the kernel dropped since the socket had no room for them."""
+        try:
+            return int(_MEMINFO.unpack(self._socket.getsockopt(socket.SOL_SOCKET, _SO_MEMINFO, _MEMINFO.size))[8])
+        except (OSError, struct.error):  # Linux before 4.12
+            return 0
+
+    def news(self) -> list[str]:
+        """A bit rate that is not the one asked for, a controller that is off, frames that were lost."""
+        news, self._news = self._news, []
+        lost = self.lost_frames()
+        if lost > self._told_lost:
+            news.append(_lost(lost - self._told_lost, roomy=self._roomy))
+            self._told_lost = lost
+        return news
+
+    def next_step(self, error: Exception) -> str:
+        """What the link's state says to do about *error*."""
+        if self.is_full(error):
+            return (
+                "its transmit queue stays full: does another node acknowledge what is sent? "
+                "Is one connected and powered, with this bit rate?"
+            )
+        link = kernel_link(self._channel)
+        if link is None and getattr(error, "error_code", None) in (errno.ENODEV, errno.ENXIO, errno.ENETDOWN):
+            return f"{self._channel} is gone: plug the adapter in again; `dvtcli doctor` lists what is there"
+        return (link and link.problem) or super().next_step(error)
+
+
+def first_news(link: KernelLink, asked: int | None) -> list[str]:
+    """What to know of *link* from the start, where *asked* is the bit rate (bit/s) that the user wants."""
+    news = []
+    if asked is not None and link.bit_rate is not None and asked != link.bit_rate:
+        news.append(
+            f"{link.name} runs at {kbit_s(link.bit_rate)}, not at {kbit_s(asked)}: only the system sets that: "
+            f"{link.way_to(asked)}"
+        )
+    if link.up and link.problem is not None:
+        news.append(f"{link.name}: {link.problem}")
+    return news
+
+
+def _lost(count: int, *, roomy: bool) -> str:
+    more = "" if roomy else f"; more may wait after: sudo sysctl -w net.core.rmem_max={RECEIVE_BUFFER}"
+    return f"this computer dropped {count} frames: they came faster than they were read{more}"
+
+
+def _make_room(link: socket.socket) -> bool:
+    """Let RECEIVE_BUFFER bytes wait to be read, or as many as the system allows; whether it is all of them."""
+    with suppress(OSError):  # only root may go beyond the limit
+        link.setsockopt(socket.SOL_SOCKET, _SO_RCVBUFFORCE, RECEIVE_BUFFER)
+        return True
+    with suppress(OSError):
+        link.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
+    return link.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF) >= RECEIVE_BUFFER

@@ -1,0 +1,150 @@
+"""The CAN links of Linux, as its kernel describes them over rtnetlink: kind, up or down, bit rate, bus-off.
+
+Changes nothing, needs no rights and no tool; where there is no such kernel, there are no links. Does not know
+python-can, nor what a link is used for.
+"""
+
+from __future__ import annotations
+
+import socket
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+#: rtnetlink's messages (linux/rtnetlink.h), and what a request for all links is marked with
+_NEW_LINK, _GET_LINK, _ERROR, _DONE, _ALL = 16, 18, 2, 3, 0x301
+#: attributes of a link (linux/if_link.h), and inside of its INFO_DATA those of a CAN controller (linux/can/netlink.h)
+_NAME, _LINK_INFO, _INFO_KIND, _INFO_DATA, _BIT_TIMING, _STATE = 3, 18, 1, 2, 1, 4
+#: Linux's number for the hardware type CAN, its flag of a link that is up, and a controller's state bus-off
+_ARPHRD_CAN, _IFF_UP, _BUS_OFF = 280, 1, 3
+_HEADER, _LINK, _ATTRIBUTE = struct.Struct("=IHHII"), struct.Struct("=BxHiII"), struct.Struct("=HH")
+#: how long the kernel may take to say it (s); it takes no time
+_PATIENCE_S = 1.0
+#: what most CANopen networks run at (bit/s), where nothing is set
+_USUAL_BIT_RATE = 500_000
+
+
+@dataclass(frozen=True, slots=True)
+class KernelLink:
+    """A link that `ip link` shows: *kind* is "can" for a controller, "vcan" or "vxcan" for what has no wire.
+
+    *bit_rate* is in bit/s, None where it has none or none is set.
+    """
+
+    name: str
+    kind: str
+    up: bool
+    bit_rate: int | None = None
+    bus_off: bool = False
+
+    @property
+    def wired(self) -> bool:
+        """Whether a controller is behind it, which has a bit rate."""
+        return self.kind not in ("vcan", "vxcan")
+
+    @property
+    def about(self) -> str:
+        """What it is, in a few words."""
+        rate = "" if self.bit_rate is None else f", {kbit_s(self.bit_rate)}"
+        return f"{'bus-off' if self.bus_off and self.up else 'up' if self.up else 'down'}{rate}"
+
+    @property
+    def problem(self) -> str | None:
+        """Why nothing goes over it, with the command that mends it; None where something does."""
+        if not self.up:
+            return f"it is down: {self.way_up()}"
+        if self.bus_off:
+            return f"it is bus-off: sudo ip link set {self.name} type can restart"
+        return None
+
+    def way_up(self) -> str:
+        """The command that sets it up, with the bit rate that it has where one is set."""
+        needed = f" type can bitrate {_USUAL_BIT_RATE}" if self.wired and self.bit_rate is None else ""
+        return f"sudo ip link set {self.name} up{needed}"
+
+    def way_to(self, bit_rate: int) -> str:
+        """The commands that let it run at *bit_rate* (bit/s)."""
+        down = f"sudo ip link set {self.name} down && " if self.up else ""
+        return f"{down}sudo ip link set {self.name} up type can bitrate {bit_rate}"
+
+
+def kbit_s(bit_rate: int) -> str:
+    """A bit rate (bit/s) as people say it."""
+    return f"{bit_rate / 1000:g} kbit/s"
+
+
+def kernel_link(name: str) -> KernelLink | None:
+    """The CAN link called *name*, None where there is none."""
+    return next((link for link in kernel_links() if link.name == name), None)
+
+
+def kernel_links() -> list[KernelLink]:
+    """All CAN links of this machine, by name."""
+    return sorted(links_of(_told()), key=lambda link: link.name)
+
+
+def links_of(told: bytes) -> Iterator[KernelLink]:
+    """The CAN links in what rtnetlink *told*."""
+    for kind, body in _messages(told):
+        if kind != _NEW_LINK or len(body) < _LINK.size:
+            continue
+        _, hardware, _, flags, _ = _LINK.unpack_from(body)
+        if hardware == _ARPHRD_CAN:
+            yield _link(dict(_attributes(body[_LINK.size :])), up=bool(flags & _IFF_UP))
+
+
+def _link(said: dict[int, bytes], *, up: bool) -> KernelLink:
+    info = dict(_attributes(said.get(_LINK_INFO, b"")))
+    kind = info.get(_INFO_KIND, b"").rstrip(b"\0").decode("ascii", "replace")
+    controller = dict(_attributes(info.get(_INFO_DATA, b""))) if kind == "can" else {}
+    name = said.get(_NAME, b"").rstrip(b"\0").decode("utf-8", "replace")
+    state = _number(controller.get(_STATE, b""))
+    return KernelLink(name, kind, up, _number(controller.get(_BIT_TIMING, b"")) or None, state == _BUS_OFF)
+
+
+def _number(data: bytes) -> int:
+    """The 32-bit number that *data* begins with, 0 where it is shorter."""
+    return int(struct.unpack_from("=I", data)[0]) if len(data) >= 4 else 0
+
+
+def _messages(told: bytes) -> Iterator[tuple[int, bytes]]:
+    """Type and body of each message; what is cut off is left out."""
+    while len(told) >= _HEADER.size:
+        length, kind, *_ = _HEADER.unpack_from(told)
+        if not _HEADER.size <= length <= len(told):
+            return
+        yield kind, told[_HEADER.size : length]
+        told = told[_aligned(length) :]
+
+
+def _attributes(data: bytes) -> Iterator[tuple[int, bytes]]:
+    """Number and value of each attribute; what is cut off is left out."""
+    while len(data) >= _ATTRIBUTE.size:
+        length, kind = _ATTRIBUTE.unpack_from(data)
+        if not _ATTRIBUTE.size <= length <= len(data):
+            return
+        yield kind & 0x3FFF, data[_ATTRIBUTE.size : length]
+        data = data[_aligned(length) :]
+
+
+def _aligned(length: int) -> int:
+    return (length + 3) & ~3
+
+
+def _told() -> bytes:
+    """What the kernel says of all links; what came so far where it falls silent, nothing where it has no rtnetlink."""
+    family, told = getattr(socket, "AF_NETLINK", None), b""
+    if family is None:
+        return told
+    try:
+        with socket.socket(family, socket.SOCK_RAW, 0) as asking:
+            asking.settimeout(_PATIENCE_S)
+            asking.send(_HEADER.pack(_HEADER.size + _LINK.size, _GET_LINK, _ALL, 1, 0) + bytes(_LINK.size))
+            ended = False
+            while not ended:
+                part = asking.recv(1 << 16)
+                ended = not part or any(kind in (_DONE, _ERROR) for kind, _ in _messages(part))
+                told += part
+    except OSError:
+        pass  # a kernel without it, or a sandbox: what is not told is not known
+    return told

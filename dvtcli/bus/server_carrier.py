@@ -1,0 +1,35 @@
+"""A connection to a socketcand server as what carries a bus. Does not know who the server is, nor CANopen."""
+
+from __future__ import annotations
+
+import select
+import socket
+from collections.abc import Mapping
+
+import can
+
+from dvtcli.bus.carrier import Carrier
+
+#: how long a server may take to accept (s); python-can itself would try for 10 s, in a busy loop
+PROBE_S = 1.0
+
+
+def probe(config: Mapping[str, object]) -> None:
+    """Raise OSError where no server listens at the host and port of *config*, ValueError where it names none."""
+    port = config.get("port")
+    if not isinstance(port, int) or "host" not in config:
+        raise ValueError("socketcand needs host=… and port=…")
+    socket.create_connection((str(config["host"]), port), timeout=PROBE_S).close()
+
+
+class ServerCarrier(Carrier):
+    """The connection of python-can's *bus*, whose driver takes a closed one for a silent bus, in a busy loop."""
+
+    def __init__(self, bus: can.BusABC) -> None:
+        link = getattr(bus, "_SocketCanDaemonBus__socket", None)  # it has no other name: no fileno(), no property
+        self._link = link if isinstance(link, socket.socket) else None
+
+    def hung_up(self) -> bool:
+        """Whether the server closed the connection."""
+        link = self._link
+        return link is not None and bool(select.select([link], [], [], 0)[0]) and not link.recv(1, socket.MSG_PEEK)
