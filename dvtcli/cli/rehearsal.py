@@ -40,7 +40,7 @@ def rehearsed(session: Conversation, file: str, node_id: int | None = None) -> d
 
 def _wish(twin: Node) -> Wish:
     """What was set on *twin*, PDOs as they are at the script's end whichever line set which part."""
-    return Wish({pdo: twin.pdo(pdo) for pdo in twin.wanted}, dict(twin.wanted_values))
+    return Wish({pdo: twin.pdo(pdo) for pdo in twin.wanted}, dict(twin.wanted_values), dict(twin.said))
 
 
 def _play(stage: Conversation, sources: Sequence[str]) -> None:

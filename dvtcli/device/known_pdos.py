@@ -26,6 +26,8 @@ class KnownPdos(Reached):
 
     #: the wanted state of what this session changed: what `verify` compares with
     wanted: dict[Pdo, PdoConfig] = field(default_factory=dict)
+    #: which parameters of each of them were asked for; the others stayed as they were
+    said: dict[Pdo, frozenset[str]] = field(default_factory=dict)
     #: the same of single objects that are no part of a PDO and can be read back
     wanted_values: dict[tuple[int, int], bytes] = field(default_factory=dict)
     #: what it came up with, for `store --if-changed`

@@ -48,6 +48,7 @@ class Node(Changeable):
         from dvtcli.device.proposal import proposal
         from dvtcli.device.resolve import resolve, untyped_lengths
         from dvtcli.domain.plan import Plan, plan_pdo
+        from dvtcli.domain.request import said_by
         from dvtcli.domain.rules import check_pdo
         from dvtcli.domain.several import several
 
@@ -65,7 +66,10 @@ class Node(Changeable):
         can_force = all(now[pdo] != want or want.has_cob_id for pdo, want in wanted.items())
         refuse(tuple(findings), f"{labels} not changed", self.node_id, force=force, can_force=can_force)
         changes = tuple(plan_pdo(pdo, now[pdo], want) for pdo, want in wanted.items())
-        return self.apply(Plan(self.node_id, changes), tuple(findings), force=force, found=found)
+        applied = self.apply(Plan(self.node_id, changes), tuple(findings), force=force, found=found)
+        for pdo, asked in wants.items():
+            self._say(pdo, said_by(asked))
+        return applied
 
     def write(self, index: int, sub_index: int, data: bytes, *, force: bool = False) -> Applied:
         """Write one object as a plan of one step, under the rules of the command that is meant for it."""
@@ -74,7 +78,8 @@ class Node(Changeable):
         from dvtcli.device.file_fits import refuse_unlike_file
         from dvtcli.device.raw_write_check import held_value, raw_change, raw_write_findings
         from dvtcli.device.storing import prepare_store
-        from dvtcli.domain.plan import Plan, Step
+        from dvtcli.domain.plan import PdoChange, Plan, Step
+        from dvtcli.domain.request import said_at
 
         refuse_passcode(self.access, index, sub_index)
         refuse_unlike_file(self.node_id, self.unlike_file, force=force)
@@ -84,7 +89,13 @@ class Node(Changeable):
         findings = raw_write_findings(self, index, sub_index, data)
         refuse(findings, f"0x{index:04X}:{sub_index:02X} not written", self.node_id, force=force)
         change = raw_change(self, Step(index, sub_index, held_value(self, index, sub_index), data, "write"))
-        return self.apply(Plan(self.node_id, (change,)), findings, force=force, found=found)
+        applied = self.apply(Plan(self.node_id, (change,)), findings, force=force, found=found)
+        if isinstance(change, PdoChange):
+            self._say(change.pdo, said_at(change.pdo, index, sub_index))
+        return applied
+
+    def _say(self, pdo: Pdo, parameters: frozenset[str]) -> None:
+        self.said[pdo] = self.said.get(pdo, frozenset()) | parameters
 
     def undo(self, *, everything: bool = False, force: bool = False) -> Applied:
         """Put back what the last plan replaced, or all of them, in one transaction."""

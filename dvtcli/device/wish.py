@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from dvtcli.device.compare import differences
-from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.pdo import MAPPING, PARAMETERS, Pdo, PdoConfig
 
 if TYPE_CHECKING:
     from dvtcli.device.known_pdos import KnownPdos
@@ -19,22 +19,37 @@ Difference = tuple[str, str]
 
 @dataclass(frozen=True, slots=True)
 class Wish:
-    """PDOs, and values of single objects, that a node should hold."""
+    """PDOs, and values of single objects, that a node should hold.
+
+    *said* are the parameters of a PDO (`domain.pdo.PARAMETERS`) that whoever wishes says something of, where that
+    is not all: the others are wished to stay as they are, so that comparing them shows nothing.
+    """
 
     pdos: dict[Pdo, PdoConfig] = field(default_factory=dict)
     values: dict[Place, bytes] = field(default_factory=dict)
+    said: Mapping[Pdo, frozenset[str]] = field(default_factory=dict)
 
     def __bool__(self) -> bool:
         return bool(self.pdos or self.values)
 
     def only(self, pdos: Collection[Pdo]) -> Wish:
         """The part of it that is about *pdos*."""
-        return Wish({pdo: config for pdo, config in self.pdos.items() if pdo in pdos})
+        return Wish({pdo: config for pdo, config in self.pdos.items() if pdo in pdos}, said=self.said)
 
     @property
     def parameters(self) -> int:
         """How many parameters are compared: five of each PDO's communication, its entries, and the single objects."""
-        return sum(5 + len(config.mapping) for config in self.pdos.values()) + len(self.values)
+        return sum(self._said_of(pdo, config) for pdo, config in self.pdos.items()) + len(self.values)
+
+    @property
+    def unsaid(self) -> int:
+        """How many more these PDOs have, of which nothing is said."""
+        return sum(5 + len(config.mapping) - self._said_of(pdo, config) for pdo, config in self.pdos.items())
+
+    def _said_of(self, pdo: Pdo, config: PdoConfig) -> int:
+        said = self.said.get(pdo, frozenset(PARAMETERS))
+        communication = len(said - {MAPPING}) if config.has_cob_id else 0
+        return communication + (len(config.mapping) if MAPPING in said and config.has_mapping else 0)
 
 
 def session_wish(node: KnownPdos) -> Wish:

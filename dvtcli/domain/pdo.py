@@ -15,6 +15,9 @@ from dvtcli.domain.mapping import DAM_MPDO, MAX_ENTRIES, SAM_MPDO, PdoMappingEnt
 
 MAX_PDO_NUMBER = 512
 EVENT_DRIVEN = 255
+#: the parameters of a PDO that somebody can wish, as `PdoCommunicationParameter` calls them, and its mapping
+MAPPING = "mapping"
+PARAMETERS = ("cob_id", "transmission_type", "inhibit_time", "event_timer", "sync_start_value", MAPPING)
 
 
 class Direction(StrEnum):

@@ -12,7 +12,7 @@ from typing import Literal
 from dvtcli.domain.cob_id import HIGHEST_BASE_CAN_ID, CobId
 from dvtcli.domain.mapping import DUMMY_BITS, PdoMappingEntry, split_dummy
 from dvtcli.domain.object_syntax import MappedObject, Skipped
-from dvtcli.domain.pdo import PdoCommunicationParameter, PdoConfig
+from dvtcli.domain.pdo import MAPPING, PARAMETERS, Pdo, PdoCommunicationParameter, PdoConfig
 from dvtcli.domain.profile import BitPolicy, ObjectAddress, Severity
 from dvtcli.domain.rules.can_id import automatic_can_id, can_id_findings
 from dvtcli.domain.rules.finding import Proposal
@@ -57,6 +57,28 @@ class Cleared:
 
 
 PdoWant = PdoConfig | PdoRequest | Switched | Cleared
+
+
+def said_by(want: PdoWant) -> frozenset[str]:
+    """Those of `PARAMETERS` that *want* says something of; the others stay as they are."""
+    if isinstance(want, Switched):
+        return frozenset({"cob_id"})
+    if isinstance(want, Cleared):
+        return frozenset({"cob_id", MAPPING})
+    if isinstance(want, PdoConfig):
+        return frozenset(PARAMETERS)
+    said = {name for name in PARAMETERS[:-1] if getattr(want, name) not in (None, "keep")}
+    if (want.enabled, want.rtr_allowed) != (None, None):
+        said.add("cob_id")
+    return frozenset(said | ({MAPPING} if want.objects is not None else set()))
+
+
+def said_at(pdo: Pdo, index: int, sub_index: int) -> frozenset[str]:
+    """The same of a single write to an object of *pdo*."""
+    if index == pdo.mapping_index:
+        return frozenset({MAPPING})
+    names = {1: "cob_id", 2: "transmission_type", 3: "inhibit_time", 5: "event_timer", 6: "sync_start_value"}
+    return frozenset({names[sub_index]} if sub_index in names else ())
 
 
 def resolved(want: PdoWant, proposal: Proposal, lengths: Mapping[ObjectAddress, int | None]) -> PdoConfig:

@@ -127,7 +127,7 @@ def compare(
         _judge(node, wish, differs=bool(found))
     return Compared(
         node.node_id, len(wish.pdos), wish.parameters, found, file or SESSION, frames, note,
-        objects=len(wish.values), frame_asked=frame, named=named,
+        objects=len(wish.values), frame_asked=frame, named=named, unsaid=wish.unsaid,
     )  # fmt: skip
 
 

@@ -8,6 +8,7 @@ import pytest
 
 from dvtcli.simulator.network.family_file import family_eds
 from tests.commands.bench import Bench
+from tests.small_eds import plain
 
 TWO = ("generic@1", "generic@3")
 
@@ -224,3 +225,40 @@ def test_undo_all_in_a_script_that_is_compared_is_about_the_script(tmp_path: Pat
         ran = bench.run(f"verify tpdo2 {script} --json")
         assert (ran.code, ran.document["equal"]) == (0, True), ran.stdout
         assert bench.run(f"verify tpdo1 {script}").code == 3
+
+
+@pytest.mark.parametrize(
+    ("lines", "compared", "unsaid"),
+    [
+        (("set tpdo2 --timer 0",), 1, 6),
+        (("enable tpdo2",), 1, 6),
+        (("set tpdo2 --timer 0", "set tpdo2 --timer 0 --inhibit 0"), 2, 5),
+        (("map tpdo2 6041 6064",), 3, 4),  # its entries, and that it is enabled
+        (("map tpdo2 6041 6064 --cob-id 0x281 --event --timer 0 --inhibit 0",), 6, 1),
+        (("clear tpdo2",), 1, 4),
+        (("set tpdo2 --timer 0", "set tpdo1 --timer 0"), 2, 11),
+    ],
+)
+def test_what_a_script_does_not_say_is_not_called_equal_to_it(
+    tmp_path: Path, lines: tuple[str, ...], compared: int, unsaid: int
+) -> None:
+    script = tmp_path / "press.dvt"
+    script.write_text("\n".join(lines))
+    with Bench(("generic",)) as bench:
+        assert bench.run(f"run {script}").code == 0
+        document = bench.run(f"verify {script} --json").document
+        assert (document["equal"], document["parameters"], document["unsaid"]) == (True, compared, unsaid)
+        text = bench.run(f"verify {script}").stdout
+        assert f"says nothing of {unsaid} more parameter" in text
+        whole = bench.run("verify --json").document
+        assert (whole["parameters"], whole["unsaid"]) == (compared + unsaid, 0), "the session read all of them back"
+
+
+def test_half_a_pdo_in_a_file_is_compared_by_half(tmp_path: Path) -> None:
+    eds = plain()
+    del eds.objects[0x1801]
+    path = tmp_path / "half.eds"
+    path.write_text(eds.text())
+    with Bench((str(path),)) as bench:
+        document = bench.run(f"verify tpdo2 {path} --json").document
+        assert (document["equal"], document["parameters"], document["unsaid"]) == (True, 0, 5), document

@@ -31,6 +31,8 @@ class Compared(Answer):
     frame_asked: bool = False
     #: whether more nodes than this one are known
     named: bool = False
+    #: how many more parameters these PDOs have, of which a file says nothing
+    unsaid: int = 0
 
     @property
     def frame_missing(self) -> bool:
@@ -62,6 +64,7 @@ class Compared(Answer):
             "pdos": self.pdos,
             "objects": self.objects,
             "parameters": self.parameters,
+            "unsaid": self.unsaid,
             "equal": not self.differences,
             "differences": [{"node": self.node, **_what(label), "text": text} for label, text in self.differences],
             "frames": [
@@ -110,7 +113,7 @@ class ComparedNodes(Answer):
         return {
             "schema": "dvtcli.verify/1",
             "node": None,
-            **{key: sum(one[key] for one in documents) for key in ("pdos", "objects", "parameters")},
+            **{key: sum(one[key] for one in documents) for key in ("pdos", "objects", "parameters", "unsaid")},
             "equal": all(one["equal"] for one in documents),
             **{key: [row for one in documents for row in one[key]] for key in ("differences", "frames")},
             "nodes": documents,
