@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from dvtcli.cli.view.output import Output
     from dvtcli.domain.object_dictionary import ObjectDictionary
     from dvtcli.domain.ports import Frame
+    from dvtcli.domain.profile import DeviceProfile
 
 
 class OnScreen:
@@ -167,18 +168,18 @@ class Conversation(Session):
         )  # fmt: skip
         return stage
 
-    def offline_dictionaries(self) -> list[tuple[ObjectDictionary, dict[str, str]]]:
-        """Dictionaries (with aliases) known without touching a bus: --eds, and those of simulated nodes."""
+    def offline_dictionaries(self) -> list[tuple[ObjectDictionary, DeviceProfile]]:
+        """Dictionaries (with their profiles) known without touching a bus: --eds, and those of simulated nodes."""
         from dvtcli.operations.device_files import offline_dictionaries
 
         return offline_dictionaries(self.base)
 
-    def completion_dictionaries(self, node_id: int | None = None) -> list[tuple[ObjectDictionary, dict[str, str]]]:
+    def completion_dictionaries(self, node_id: int | None = None) -> list[tuple[ObjectDictionary, DeviceProfile]]:
         """The dictionaries that completion may offer: the open node's (None: the selected one), else those offline."""
         if self._network is not None:
             node = self._network.nodes.get((self.selected_id() if node_id is None else node_id) or 0)
             if node is not None and node.dictionary is not None:
-                return [(node.dictionary, node.profile.aliases)]
+                return [(node.dictionary, node.profile)]
         return self.offline_dictionaries()
 
     def is_secret(self, line: str) -> bool:

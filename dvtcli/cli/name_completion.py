@@ -17,7 +17,9 @@ from dvtcli.cli.global_options import taken
 from dvtcli.domain.mapping import DUMMY_BITS, MAX_PDO_BITS
 from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry, normalised
 from dvtcli.domain.object_syntax import parse_object
-from dvtcli.domain.rules.mapped_object import FEEDS_TPDO, TAKES_RPDO
+from dvtcli.domain.profile import DeviceProfile, ObjectAddress
+from dvtcli.domain.rules.mappable import known_dummies
+from dvtcli.domain.rules.mapped_object import is_taken
 from dvtcli.errors import DvtcliError
 from dvtcli.operations.options import Options
 from dvtcli.operations.settings import Settings
@@ -40,9 +42,9 @@ def object_items(ctx: click.Context, incomplete: str, *, mapped: bool) -> list[C
     if session is None:
         return []
     chosen = ctx.params.get("pdo")
-    for dictionary, aliases in _dictionaries(ctx, session, getattr(chosen, "node_id", None)):
-        room = _room(ctx, dictionary, aliases) if mapped else None
-        items = _items(dictionary, aliases, room, incomplete)
+    for dictionary, profile in _dictionaries(ctx, session, getattr(chosen, "node_id", None)):
+        room = _room(ctx, dictionary, profile) if mapped else None
+        items = _items(dictionary, profile.aliases, room, incomplete)
         if items:
             return items[:MOST]
     return []
@@ -50,7 +52,7 @@ def object_items(ctx: click.Context, incomplete: str, *, mapped: bool) -> list[C
 
 def _dictionaries(
     ctx: click.Context, session: Conversation, node_id: int | None
-) -> list[tuple[ObjectDictionary, dict[str, str]]]:
+) -> list[tuple[ObjectDictionary, DeviceProfile]]:
     """What the session knows; in a shell, where none has begun, what the options typed so far name."""
     if session.started or session.is_open or session.base != Options():
         return session.completion_dictionaries(node_id)
@@ -91,20 +93,22 @@ def _items(
 
 @dataclass(frozen=True, slots=True)
 class Room:
-    """What a PDO being typed can still take: *left* bits of objects that *direction* allows.
+    """What a PDO being typed can still take: *left* bits of objects that `map` takes, on a device of that *profile*.
 
-    *says* tells whether the file has any PDOMapping; where it has, an object without one cannot be mapped.
+    *mapped* are the places that the line has already: an RPDO takes each once.
     """
 
-    direction: str
+    dictionary: ObjectDictionary
+    profile: DeviceProfile
+    tpdo: bool
     left: int
-    says: bool
+    mapped: frozenset[ObjectAddress] = frozenset()
 
     def takes(self, entry: OdEntry) -> bool:
         """Whether *entry* can be the next one."""
-        allowed = FEEDS_TPDO if self.direction == "tpdo" else TAKES_RPDO
-        mappable = entry.pdo_mapping or (entry.pdo_mapping is None and not self.says)
-        return bool(mappable) and entry.access in allowed and (entry.bits or 1) <= self.left
+        again = not self.tpdo and (entry.index, entry.sub_index) in self.mapped
+        fits = (entry.bits or 1) <= self.left
+        return fits and not again and is_taken(self.profile, self.dictionary, entry, tpdo=self.tpdo)
 
     def share(self, entry: OdEntry) -> str:
         """How much of what is free *entry* takes: `4 of 6 free bytes`."""
@@ -116,35 +120,41 @@ class Room:
 
     def dummies(self, incomplete: str) -> list[CompletionItem]:
         """Gaps that an RPDO may skip."""
-        if self.direction == "tpdo" or not incomplete or not "dummy/".startswith(incomplete.lower()[:6]):
+        if self.tpdo or not incomplete or not "dummy/".startswith(incomplete.lower()[:6]):
             return []
-        words = [
-            (f"dummy/{bits}", f"skip {bits} bit{'' if bits == 1 else 's'}") for bits in sorted(set(DUMMY_BITS.values()))
-        ]
+        usable = known_dummies(self.dictionary, self.profile)
+        lengths = {
+            bits for index, bits in DUMMY_BITS.items() if bits <= self.left and (usable is None or index in usable)
+        }
+        words = [(f"dummy/{bits}", f"skip {bits} bit{'' if bits == 1 else 's'}") for bits in sorted(lengths)]
         return [CompletionItem(word, help=text) for word, text in words if word.startswith(incomplete.lower())]
 
 
-def _room(ctx: click.Context, dictionary: ObjectDictionary, aliases: Mapping[str, str]) -> Room | None:
+def _room(ctx: click.Context, dictionary: ObjectDictionary, profile: DeviceProfile) -> Room | None:
     """What is left beside the objects that the line has already; None where no PDO was typed yet."""
     chosen = ctx.params.get("pdo")
     if chosen is None:
         return None
-    typed = ctx.params.get("objects") or ()
-    used = sum(_bits(word.text, dictionary, aliases) for word in typed)
-    return Room(str(chosen.pdo.direction), max(0, MAX_PDO_BITS - used), _says(dictionary))
+    typed = [_typed(word.text, dictionary, profile.aliases) for word in ctx.params.get("objects") or ()]
+    left = max(0, MAX_PDO_BITS - sum(bits for _, bits in typed))
+    places = frozenset(place for place, _ in typed if place is not None)
+    return Room(dictionary, profile, chosen.pdo.is_tpdo, left, places)
 
 
-def _bits(word: str, dictionary: ObjectDictionary, aliases: Mapping[str, str]) -> int:
-    """The bits that *word* takes of the frame; 0 where nobody knows yet."""
+def _typed(word: str, dictionary: ObjectDictionary, aliases: Mapping[str, str]) -> tuple[ObjectAddress | None, int]:
+    """The object that *word* means, and the bits that it takes of the frame; None and 0 where nobody knows yet."""
     head, _, length = word.rpartition("/")
-    if head and length.isdecimal():
-        return int(length)
+    given = int(length) if head and length.isdecimal() else None
+    name = word if given is None else head
     try:
-        numbers = parse_object(aliases.get(normalised(word), word))
+        numbers = parse_object(aliases.get(normalised(name), name))
     except ValueError:
-        return 0
-    found = dictionary.find(word)[:1] if numbers is None else [dictionary.entry(*numbers)]
-    return next((entry.bits or 0 for entry in found if entry is not None), 0)
+        return None, given or 0
+    found = dictionary.find(name)[:1] if numbers is None else [dictionary.entry(*numbers)]
+    entry = next((one for one in found if one is not None), None)
+    if entry is None:
+        return None, given or 0
+    return (entry.index, entry.sub_index), entry.bits or 0 if given is None else given
 
 
 def _alias_items(
@@ -198,25 +208,16 @@ def _matchers(wanted: str, name: str) -> Iterator[Callable[[Row], bool]]:
 
 
 #: The last dictionaries that were completed from, each with its rows: looking them through must not rebuild them.
-_indexed: list[tuple[ObjectDictionary, list[Row], bool]] = []
+_indexed: list[tuple[ObjectDictionary, list[Row]]] = []
 
 
 def _rows(dictionary: ObjectDictionary) -> list[Row]:
-    return _index(dictionary)[1]
-
-
-def _says(dictionary: ObjectDictionary) -> bool:
-    return _index(dictionary)[2]
-
-
-def _index(dictionary: ObjectDictionary) -> tuple[ObjectDictionary, list[Row], bool]:
-    for known in _indexed:
-        if known[0] is dictionary:
-            return known
+    for known, rows in _indexed:
+        if known is dictionary:
+            return rows
     rows = [
         (entry.object.lower(), normalised(dictionary.display_name(entry.index, entry.sub_index)), entry)
         for entry in dictionary.entries()
     ]
-    made = (dictionary, rows, any(entry.pdo_mapping is not None for _, _, entry in rows))
-    _indexed[:] = [*_indexed[-7:], made]
-    return made
+    _indexed[:] = [*_indexed[-7:], (dictionary, rows)]
+    return rows

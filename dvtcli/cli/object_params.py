@@ -79,9 +79,9 @@ class ObjectType(CanopenType):
     def _check_name(self, text: str, session: Conversation) -> None:
         dictionaries = session.offline_dictionaries()
         failure: ValueError | None = None
-        for dictionary, aliases in dictionaries:
+        for dictionary, profile in dictionaries:
             try:
-                (resolve_entry if self.entry else resolve_object)(text, dictionary, aliases)
+                (resolve_entry if self.entry else resolve_object)(text, dictionary, profile.aliases)
             except ValueError as wrong:
                 failure = failure or wrong
             else:

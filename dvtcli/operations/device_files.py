@@ -100,12 +100,12 @@ class DeviceFiles:
         return load_profile(family)
 
 
-def offline_dictionaries(options: Options) -> list[tuple[ObjectDictionary, dict[str, str]]]:
-    """Dictionaries, with the aliases of their profile, that are known before any bus is opened."""
+def offline_dictionaries(options: Options) -> list[tuple[ObjectDictionary, DeviceProfile]]:
+    """Dictionaries, with their profiles, that are known before any bus is opened."""
     paths = [Path(options.eds)] if options.eds else []
     found = []
     paths += [] if paths else [one.eds for one in simulated_nodes(options.sim)]
     for dictionary in map(read_dictionary, paths):
         profile = load_profile(options.profile) if options.profile else profile_of(dictionary)
-        found.append((dictionary, profile.aliases))
+        found.append((dictionary, profile))
     return found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,6 +16,10 @@ from dvtcli.cli.name_completion import MOST
 from dvtcli.cli.prompt.completer import LineCompleter
 from dvtcli.cli.prompt.typed import quoted, typed
 from dvtcli.cli.view.output import Output
+from dvtcli.domain.mapping import DUMMY_BITS
+from dvtcli.domain.rules.mappable import known_dummies
+from dvtcli.domain.rules.mapped_object import is_taken
+from dvtcli.simulator.network.family_file import family_names
 
 
 @pytest.fixture
@@ -97,7 +102,7 @@ def test_a_large_dictionary_gives_a_menu_that_can_be_read(tmp_path: Path) -> Non
     session.started = True
     for line, first in [
         ("read vel", "2000:00"), ("read 27", "2700:00"), ("read voltage 4999", ""), ("read voltage_4999", "3387:00"),
-        ("map rpdo1 2001 torque", "2001:00"), ("map rpdo1 2001 zqv", ""),
+        ("map rpdo1 2001 torque", "2005:00"), ("map rpdo1 2001 zqv", ""),
     ]:  # fmt: skip
         found = words(session, line)
         assert found[:1] == ([first] if first else []), line
@@ -124,3 +129,36 @@ def test_a_line_is_taken_apart_while_it_is_typed(text: str, finished: list[str],
 
 def test_a_word_with_blanks_is_quoted() -> None:
     assert [quoted(word) for word in ("6041:00", "a b", 'a "b"')] == ["6041:00", '"a b"', "'a \"b\"'"]
+
+
+@pytest.mark.parametrize("family", sorted({*family_names()} - {"generic"}))
+def test_a_mapping_is_offered_what_map_takes_and_nothing_else(family: str) -> None:
+    session = Conversation(Output())
+    session.start({"sim": (family,)})
+    session.started = True
+    try:
+        node = session.node()
+        assert node.dictionary is not None
+        entries = {entry.object: entry for entry in node.dictionary.entries() if 0x2000 <= entry.index < 0xA000}
+        for way in ("tpdo", "rpdo"):
+            taken = {
+                place
+                for place, entry in entries.items()
+                if is_taken(node.profile, node.dictionary, entry, tpdo=way == "tpdo") and (entry.bits or 1) <= 64
+            }
+            for place in random.Random(5).sample(sorted(entries), min(len(entries), 80)):
+                offered = place in words(session, f"map {way}1 {place}")
+                assert offered is (place in taken), (way, place)
+    finally:
+        session.close()
+
+
+def test_what_an_rpdo_has_already_and_dummies_that_the_device_lacks_are_not_offered(session: Conversation) -> None:
+    (target,) = [word for word in words(session, "map rpdo1 60FF") if word.startswith("60FF")]
+    assert target not in words(session, f"map rpdo1 {target} 60FF")
+    assert "606C:00" in words(session, "map tpdo1 606C 606C"), "a TPDO may send an object twice"
+    node = session.node()
+    known = known_dummies(node.dictionary, node.profile)
+    assert known is not None
+    lengths = {f"dummy/{DUMMY_BITS[index]}" for index in known}
+    assert set(words(session, "map rpdo1 dummy/")) == lengths

@@ -7,8 +7,9 @@ from itertools import count
 
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.mapping import DUMMY_BITS, MAX_ENTRIES, MAX_PDO_BITS, PdoMappingEntry
+from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.plan import disables, mapping_differs
-from dvtcli.domain.profile import Severity
+from dvtcli.domain.profile import DeviceProfile, Severity
 from dvtcli.domain.rules.entry_length import length_findings
 from dvtcli.domain.rules.finding import Finding, Proposal, error, note, warning
 from dvtcli.domain.rules.mapped_object import object_findings
@@ -160,8 +161,13 @@ def _dummy(proposal: Proposal, place: str, entry: PdoMappingEntry) -> Iterator[F
 
 def usable_dummies(proposal: Proposal) -> frozenset[int] | None:
     """The dummy indices the device takes: what neither its file nor its profile denies; None where nothing says."""
-    stated = proposal.dictionary.info.dummies if proposal.dictionary else None
-    known = proposal.profile.dummies
+    return known_dummies(proposal.dictionary, proposal.profile)
+
+
+def known_dummies(dictionary: ObjectDictionary | None, profile: DeviceProfile) -> frozenset[int] | None:
+    """The same of any device that *dictionary* and *profile* describe."""
+    stated = dictionary.info.dummies if dictionary else None
+    known = profile.dummies
     return stated & known if stated is not None and known is not None else known if stated is None else stated
 
 
