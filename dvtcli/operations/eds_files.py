@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.pdo import Pdo
-from dvtcli.errors import UsageError
+from dvtcli.domain.profile import GENERIC, DeviceProfile
+from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.eds.reader import read_eds
-from dvtcli.operations.results import Facts, FileFinding, FileReport, FileRule
+from dvtcli.operations.results import Facts, FileFinding, FileReport, FileReports, FileRule
 
 if TYPE_CHECKING:
     from dvtcli.domain.lint.lint_rule import LintRule
@@ -39,24 +40,70 @@ def add_eds(file: str) -> Facts:
 
 
 def check_eds(
-    file: str, only: Collection[str] = (), without: Collection[str] = (), *, strict: bool = False
-) -> FileReport:
-    """Everything odd in the file, with its line, by the rules named in *only* (none: all) but not in *without*.
+    files: Sequence[str],
+    only: Collection[str] = (),
+    without: Collection[str] = (),
+    *,
+    strict: bool = False,
+    family: str | None = None,
+) -> FileReport | FileReports:
+    """Everything odd in each of *files*, with its line, by the rules named in *only* (none: all) but not in *without*.
 
-    With *strict* a warning makes the file invalid, too. UsageError without a file, and for a rule that there is not.
+    A word with `*`, `?` or `[` that is no file's name stands for the files that it matches. With *strict* a warning
+    makes a file invalid, too; *family* is the profile by which its PDOs are judged. UsageError without a file, and for
+    a rule or a family that there is not. Among several files one that cannot be read is a finding.
     """
-    return report(file, _read(file), chosen_rules(only, without), strict=strict)
+    from dvtcli.files.profile.library import load_profile
+
+    rules, names = chosen_rules(only, without), _matched(files)
+    profile = GENERIC if family is None else load_profile(family)
+    if len(names) == 1:
+        return report(names[0], _read(names[0]), rules, strict=strict, profile=profile)
+    return FileReports(tuple(_one_of_many(name, rules, strict, profile) for name in names))
 
 
-def report(file: str, eds: EdsFile, rules: tuple[LintRule, ...], *, strict: bool = False) -> FileReport:
+def _matched(words: Sequence[str]) -> list[str]:
+    """The files that *words* name, each once."""
+    from glob import glob, has_magic
+
+    names: dict[str, None] = {}
+    for word in words:
+        found = sorted(glob(word)) if has_magic(word) and not Path(word).exists() else [word]  # noqa: PTH207 - absolute, too
+        if not found:
+            raise UsageError(f"no file is called {word}", place=word, hint="eds takes paths of EDS or DCF files")
+        names.update(dict.fromkeys(found))
+    return list(names)
+
+
+def _one_of_many(file: str, rules: tuple[LintRule, ...], strict: bool, profile: DeviceProfile) -> FileReport:
+    try:
+        return report(file, _read(file), rules, strict=strict, profile=profile)
+    except InputFileError as wrong:
+        asked = (*map(_asked, rules), _UNREADABLE)
+        text = f"{wrong.text}: {wrong.why}" if wrong.why else wrong.text
+        found = FileFinding(1, _UNREADABLE.severity, _UNREADABLE.name, "", text)
+        return FileReport(file, 0, 0, 0, asked, (found,), strict)
+
+
+#: Not one of the rules that can be chosen: it is why none of them could look.
+_UNREADABLE = FileRule("unreadable", "error", "the file cannot be read as an EDS or DCF", "CiA 306, 4.2")
+
+
+def _asked(rule: LintRule) -> FileRule:
+    return FileRule(rule.name, str(rule.severity), rule.sense, rule.source)
+
+
+def report(
+    file: str, eds: EdsFile, rules: tuple[LintRule, ...], *, strict: bool = False, profile: DeviceProfile = GENERIC
+) -> FileReport:
     """What *rules* find in *eds*; *file* is what it is called."""
-    from dvtcli.files.eds.lint.linter import lint
+    from dvtcli.files.eds.lint.linter import columns, lint
 
-    asked = tuple(FileRule(rule.name, str(rule.severity), rule.sense, rule.source) for rule in rules)
     findings = tuple(
-        FileFinding(one.line, str(one.severity), one.rule, one.object, one.text)
-        for one in lint(eds, Path(file).name, {rule.name for rule in rules})
+        FileFinding(one.line, str(one.severity), one.rule, one.object, one.text, *columns(eds, one.line))
+        for one in lint(eds, Path(file).name, {rule.name for rule in rules}, profile)
     )
+    asked = tuple(map(_asked, rules))
     return FileReport(file, eds.sections, eds.understood, len(eds.dictionary), asked, findings, strict)
 
 

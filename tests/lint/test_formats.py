@@ -70,14 +70,15 @@ def test_json_names_the_rule_and_the_object(tmp_path: Path) -> None:
     document = json.loads(check(tmp_path, FAULTY, "--json").stdout)
     assert document["count"] == {"error": 1, "warning": 1, "note": 1}
     assert document["findings"][-1] == {
-        "line": LINE, "severity": "error", "rule": "default-outside-limits", "object": "2000:00", "text": ROW,
+        "line": LINE, "column": 14, "end_column": 16, "severity": "error", "rule": "default-outside-limits",
+        "object": "2000:00", "text": ROW,
     }  # fmt: skip
     assert document["findings"][0]["object"] is None
 
 
 def test_github_gets_a_command_for_each_finding_errors_first(tmp_path: Path) -> None:
     lines = check(tmp_path, FAULTY, "--format", "github").stdout.splitlines()
-    assert lines[0] == f"::error file=pump.eds,line={LINE},title=default-outside-limits::{ROW}"
+    assert lines[0] == f"::error file=pump.eds,line={LINE},col=14,endColumn=16,title=default-outside-limits::{ROW}"
     assert [line.split()[0] for line in lines[:3]] == ["::error", "::warning", "::notice"]
     assert lines[3:] == ["pump.eds: 1 error, 1 warning, 1 note"]
 
@@ -171,5 +172,85 @@ def test_the_prompt_and_scripts_take_them_for_their_line(tmp_path: Path) -> None
     (tmp_path / "pump.eds").write_bytes(NOTED.replace("\n", "\r\n").encode())
     done = run([], stdin="eds check pump.eds --format github\neds show pump.eds\n", cwd=tmp_path)
     assert done.returncode == 0, done
-    assert done.stdout.startswith("::notice file=pump.eds,line=5,title=eds-version::")
+    assert done.stdout.startswith("::notice file=pump.eds,line=5,col=12,endColumn=14,title=eds-version::")
     assert "vendor        Example" in done.stdout
+
+
+# --- several files, families, columns
+
+
+def several(folder: Path, *words: str) -> Ran:
+    """A right file, a faulty one, one with a warning and one that is no EDS at all, checked at once."""
+    texts = {"a.eds": SOUND, "b.eds": FAULTY, "c.eds": WARNED, "d.eds": "hello\n"}
+    for name, text in texts.items():
+        (folder / name).write_bytes(text.replace("pump.eds", name).replace("\n", "\r\n").encode())
+    return run(["eds", "check", *words], cwd=folder)
+
+
+def test_several_files_are_checked_each_and_summed_up(tmp_path: Path) -> None:
+    done = several(tmp_path, "a.eds", "b.eds", "c.eds", "d.eds")
+    assert (done.returncode, done.stderr) == (4, "")
+    lines = done.stdout.splitlines()
+    sums = [line for line in lines if ".eds: " in line and " sections, " in line]
+    assert [line.partition(":")[0] for line in sums] == ["a.eds", "b.eds", "c.eds", "d.eds"]
+    assert any(line.startswith("d.eds:1: error: ") and line.endswith("[unreadable]") for line in lines)
+    assert lines[-1] == "4 files, 2 of them invalid: 2 errors, 2 warnings, 1 note"
+    assert several(tmp_path, "a.eds", "c.eds").returncode == 0
+    assert several(tmp_path, "a.eds", "c.eds", "--strict").returncode == 4
+
+
+def test_a_pattern_stands_for_the_files_that_it_matches(tmp_path: Path) -> None:
+    done = several(tmp_path, "[bc].eds", "b.*", "--json")
+    document = json.loads(done.stdout)
+    assert (document["schema"], document["bad"]) == ("dvtcli.eds-files/1", 1)
+    assert [one["file"] for one in document["files"]] == ["b.eds", "c.eds"]
+    assert document["count"] == {"error": 1, "warning": 2, "note": 1}
+    one = several(tmp_path, "a*.eds", "--json")
+    assert json.loads(one.stdout)["schema"] == "dvtcli.eds/1", "one file is answered as ever"
+    for words in (("x*.eds",), ("a.eds", "missing.eds")):
+        done = several(tmp_path, *words)
+        assert (done.returncode, done.stdout) == (2, "")
+    (tmp_path / "[b].eds").write_bytes(SOUND.encode())
+    assert json.loads(several(tmp_path, "[b].eds", "--json").stdout)["file"] == "[b].eds", "a name is a name first"
+
+
+@pytest.mark.parametrize("action", ["show", "add"])
+def test_only_check_takes_several_files(tmp_path: Path, action: str) -> None:
+    (tmp_path / "a.eds").write_bytes(SOUND.encode())
+    done = run(["eds", action, "a.eds", "a.eds"], cwd=tmp_path)
+    assert (done.returncode, "takes one file" in done.stderr) == (2, True)
+
+
+def test_other_formats_have_all_files(tmp_path: Path) -> None:
+    lines = several(tmp_path, "*.eds", "--format", "github").stdout.splitlines()
+    assert [line.split()[0] for line in lines[:5]] == ["::error", "::error", "::warning", "::warning", "::notice"]
+    assert [line.partition(":")[0] for line in lines[5:]] == ["a.eds", "b.eds", "c.eds", "d.eds"]
+    (sarif,) = json.loads(several(tmp_path, "*.eds", "--format", "sarif").stdout)["runs"]
+    assert [one["location"]["uri"] for one in sarif["artifacts"]] == ["a.eds", "b.eds", "c.eds", "d.eds"]
+    rules = [rule["id"] for rule in sarif["tool"]["driver"]["rules"]]
+    assert all(rules[one["ruleIndex"]] == one["ruleId"] for one in sarif["results"])
+    suites = ET.fromstring(several(tmp_path, "*.eds", "--format", "junit").stdout.partition("?>")[2])  # noqa: S314
+    assert [suite.attrib["name"] for suite in suites] == [f"eds check {name}.eds" for name in "abcd"]
+    assert suites.attrib["failures"] == "2"
+
+
+def test_a_finding_has_the_columns_of_its_value(tmp_path: Path) -> None:
+    text = SOUND.replace("EDSVersion=4.0", "  EDSVersion = 404  ").replace("[2000]", "[2000] odd")
+    found = {one["rule"]: one for one in json.loads(check(tmp_path, text, "--json").stdout)["findings"]}
+    assert (found["eds-version"]["column"], found["eds-version"]["end_column"]) == (16, 18)
+    assert (found["bad-header"]["column"], found["bad-header"]["end_column"]) == (1, 10)
+    lines = check(tmp_path, text, "--format", "github").stdout.splitlines()
+    (line,) = [line for line in lines if "title=eds-version" in line]
+    assert ",col=16,endColumn=18,title=" in line
+    (sarif,) = json.loads(check(tmp_path, text, "--format", "sarif").stdout)["runs"]
+    (one,) = [one for one in sarif["results"] if one["ruleId"] == "eds-version"]
+    region = one["locations"][0]["physicalLocation"]["region"]
+    assert (region["startColumn"], region["endColumn"]) == (16, 19), "the end is the column behind it"
+
+
+def test_pdos_are_judged_as_on_a_device_of_the_family(tmp_path: Path) -> None:
+    section = SOUND[SOUND.index("[6000]") : SOUND.index("[6001]")]
+    text = SOUND.replace(section, section.replace("AccessType=ro", "AccessType=rw"))
+    assert "[read-write-object]" not in check(tmp_path, text).stdout
+    assert "[read-write-object]" in check(tmp_path, text, "-p", "tmcm").stdout
+    assert check(tmp_path, text, "-p", "nobody").returncode == 2

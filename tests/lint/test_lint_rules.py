@@ -57,6 +57,28 @@ def test_a_set_value_with_the_node_id_is_compared_as_the_node_has_it(default: st
     assert sum(one.rule == "value-of-read-only" for one in found(text, "pump.dcf")) == notes
 
 
+@pytest.mark.parametrize(("default", "notes"), [("$NODEID+0x80", 0), ("0x85", 0), ("$NODEID+0x300", 1)])
+def test_without_a_node_id_a_set_value_may_be_that_of_any_node(default: str, notes: int) -> None:
+    """Some tools write what one node holds, and not which node that is."""
+    section = DCF[DCF.index("[6000]") : DCF.index("[6001]")]
+    values = f"DefaultValue={default}\nParameterValue=0x85"
+    set_so = section.replace("DataType=0x0005", "DataType=0x0007").replace("DefaultValue=0", values)
+    text = DCF.replace(section, set_so).replace("NodeID=5\n", "")
+    assert sum(one.rule == "value-of-read-only" for one in found(text, "pump.dcf")) == notes
+
+
+@pytest.mark.parametrize("limit", ["LowLimit", "HighLimit"])
+@pytest.mark.parametrize(
+    ("value", "rule"), [("010", "leading-zero"), ("$NODEID+010", "leading-zero"), ("08", "odd-value")]
+)
+def test_a_limit_with_a_leading_zero_is_told_like_a_default(limit: str, value: str, rule: str) -> None:
+    text = in_section("2000", f"{limit}={'-500' if limit == 'LowLimit' else '500'}", f"{limit}={value}")
+    said = [one.text for one in found(text) if one.rule == rule]
+    assert [one for one in said if limit in one], said
+    plain = in_section("2000", "DefaultValue=100", f"DefaultValue={value}")
+    assert [one for one in found(plain) if one.rule == rule and "DefaultValue" in one.text]
+
+
 @pytest.mark.parametrize("access", ["ro", "const"])
 def test_the_number_of_errors_is_no_highest_sub_index(access: str) -> None:
     errors = record("1003", "Errors", ("Number of errors", 5, access, "0"), ("Error", 7, "ro", "0"), kind=8)

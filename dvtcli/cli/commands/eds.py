@@ -14,7 +14,7 @@ from dvtcli.operations.options import SPECIAL_FORMATS
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
-    from dvtcli.operations.results import Facts, FileReport
+    from dvtcli.operations.results import Facts, FileReport, FileReports
 
 TASK = ("Find nodes", 60)
 
@@ -23,30 +23,39 @@ TASK = ("Find nodes", 60)
     "eds", cls=DvtCommand, short_help=__doc__, effect=Effect.READS, needs_settings=False, formats=SPECIAL_FORMATS
 )
 @click.argument("action", type=click.Choice(["check", "show", "add"]), metavar="check|show|add")
-@click.argument("file", type=FILE)
+@click.argument("files", type=FILE, nargs=-1, required=True, metavar="FILE...")
 @click.option("--rule", "only", multiple=True, metavar="NAME", help="check: this rule only; repeatable.")
 @click.option("--without", multiple=True, metavar="NAME", help="check: all rules but this one; repeatable.")
 @click.option("--strict", is_flag=True, help="check: exit code 4 for a warning, too.")
 @click.pass_obj
 def command(
-    session: Conversation, action: str, file: str, only: tuple[str, ...], without: tuple[str, ...], strict: bool
-) -> Facts | FileReport:
-    """Read FILE and say what is in it; `check` names everything odd with its line.
+    session: Conversation,
+    action: str,
+    files: tuple[str, ...],
+    only: tuple[str, ...],
+    without: tuple[str, ...],
+    strict: bool,
+) -> Facts | FileReport | FileReports:
+    """Read FILE and say what is in it; `check` names everything odd with its line, in several files, too.
 
-    `check` ends with exit code 4 where a rule found an error. --format github, junit or sarif is for CI.
+    `check` ends with exit code 4 where a rule found an error. --format github, junit or sarif is for CI; -p judges the
+    PDOs as on a device of that family.
 
     \b
     eds check drive.eds
     eds check drive.eds --strict --without no-dummy-usage
     eds check drive.eds --rule pdo-length --format github
+    eds check *.eds -p gen4
     eds show drive.eds
     eds add drive.eds       found from now on by the node's identity
     """
     from dvtcli.operations import eds_files
 
     if action == "check":
-        return eds_files.check_eds(file, only, without, strict=strict)
+        return eds_files.check_eds(files, only, without, strict=strict, family=session.options.profile)
     if only or without or strict or session.output.format in SPECIAL_FORMATS:
         hint = f"--rule, --without, --strict and --format {' | '.join(SPECIAL_FORMATS)} belong to eds check"
         raise UsageError(f"eds {action} asks no rules", hint=hint)
-    return eds_files.show_eds(file) if action == "show" else eds_files.add_eds(file)
+    if len(files) > 1:
+        raise UsageError(f"eds {action} takes one file", hint=f"{len(files)} were given; eds check takes several")
+    return eds_files.show_eds(files[0]) if action == "show" else eds_files.add_eds(files[0])

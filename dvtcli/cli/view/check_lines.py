@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from dvtcli.cli.view.lines import Cell, Line, Table
 from dvtcli.domain.several import plural
-from dvtcli.operations.results.checked_files import SEVERITIES, FileReport
+from dvtcli.operations.results.checked_files import SEVERITIES, FileReport, FileReports
 
 STYLES = {"error": "red", "warning": "yellow", "note": "cyan"}
 #: A rule that speaks more often than this is cut short; `--rule` shows all of it, and other formats always have all.
@@ -36,6 +36,15 @@ def check_lines(result: FileReport, width: int) -> Iterator[Line]:
         f"{result.path}: {result.sections} sections, {result.understood} understood, {result.objects} objects, "
         f"{plural(len(result.rules), 'rule')}: {found}"
     )
+
+
+def checks_lines(result: FileReports, width: int) -> Iterator[Line]:
+    """The same of each file, and the sum of all."""
+    for one in result.files:
+        yield from check_lines(one, width)
+    counted, bad = result.count(), sum(1 for one in result.files if one.exit_code)
+    found = ", ".join(plural(counted[severity], severity) for severity in SEVERITIES)
+    yield f"{plural(len(result.files), 'file')}, {bad} of them invalid: {found}"
 
 
 def _summary(result: FileReport, times: Counter[str], most: int, width: int) -> Iterator[Line]:

@@ -6,20 +6,27 @@ from collections.abc import Iterator
 
 from dvtcli.cli.view.lines import Line
 from dvtcli.domain.several import plural
-from dvtcli.operations.results.checked_files import SEVERITIES, FileReport
+from dvtcli.operations.results.checked_files import SEVERITIES, FileFinding, FileReport, FileReports, reports_of
 
 _COMMANDS = {"error": "error", "warning": "warning", "note": "notice"}
 
 
-def github_lines(result: FileReport, _width: int) -> Iterator[Line]:
-    """A command for each finding, errors first, and the sum: GitHub shows ten of a kind and step."""
+def github_lines(result: FileReport | FileReports, _width: int) -> Iterator[Line]:
+    """A command for each finding, errors first, and the sum of each file: GitHub shows ten of a kind and step."""
+    reports = reports_of(result)
     for severity in SEVERITIES:
-        for finding in result.findings:
-            if finding.severity == severity:
-                place = f"file={_property(result.path)},line={finding.line},title={_property(finding.rule)}"
-                yield f"::{_COMMANDS[severity]} {place}::{_data(finding.text)}"
-    counted = result.count()
-    yield f"{result.path}: {', '.join(plural(counted[severity], severity) for severity in SEVERITIES)}"
+        for one in reports:
+            for finding in one.findings:
+                if finding.severity == severity:
+                    yield f"::{_COMMANDS[severity]} {_place(one, finding)}::{_data(finding.text)}"
+    for one in reports:
+        counted = one.count()
+        yield f"{one.path}: {', '.join(plural(counted[severity], severity) for severity in SEVERITIES)}"
+
+
+def _place(report: FileReport, finding: FileFinding) -> str:
+    columns = f"col={finding.column},endColumn={finding.end_column}," if finding.column else ""
+    return f"file={_property(report.path)},line={finding.line},{columns}title={_property(finding.rule)}"
 
 
 def _data(text: str) -> str:

@@ -1,4 +1,4 @@
-"""JUnit's XML, as CI servers read it: a test case for each rule that was asked."""
+"""JUnit's XML, as CI servers read it: a suite for each file, a test case for each rule that was asked."""
 
 from __future__ import annotations
 
@@ -8,11 +8,23 @@ from xml.etree import ElementTree as ET
 from dvtcli.cli.view.lines import Line
 from dvtcli.cli.view.safe import safe
 from dvtcli.domain.several import plural
-from dvtcli.operations.results.checked_files import FileFinding, FileReport
+from dvtcli.operations.results.checked_files import FileFinding, FileReport, FileReports, reports_of
 
 
-def junit_lines(result: FileReport, _width: int) -> Iterator[Line]:
+def junit_lines(result: FileReport | FileReports, _width: int) -> Iterator[Line]:
     """A rule that found what makes the file invalid is a failure; what else was found stands in the case's output."""
+    suites = ET.Element("testsuites")
+    for one in reports_of(result):
+        suites.append(_suite(one))
+    for name in ("tests", "failures", "errors"):
+        suites.set(name, str(sum(int(suite.attrib[name]) for suite in suites)))
+    ET.indent(suites)
+    yield '<?xml version="1.0" encoding="utf-8"?>'
+    yield from ET.tostring(suites, "unicode").split("\n")
+
+
+def _suite(result: FileReport) -> ET.Element:
+    """One file."""
     found: dict[str, list[FileFinding]] = {}
     for finding in result.findings:
         found.setdefault(finding.rule, []).append(finding)
@@ -27,11 +39,7 @@ def junit_lines(result: FileReport, _width: int) -> Iterator[Line]:
             ET.SubElement(case, "failure", said).text = _text(result, findings)
         elif findings:
             ET.SubElement(case, "system-out").text = _text(result, findings)
-    suites = ET.Element("testsuites", counts)
-    suites.append(suite)
-    ET.indent(suites)
-    yield '<?xml version="1.0" encoding="utf-8"?>'
-    yield from ET.tostring(suites, "unicode").split("\n")
+    return suite
 
 
 def _text(result: FileReport, findings: list[FileFinding]) -> str:

@@ -1,39 +1,47 @@
-"""SARIF 2.1.0: findings as code scanning services take them. One run, one file."""
+"""SARIF 2.1.0: findings as code scanning services take them. One run of all files."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
 from dvtcli.cli.view.lines import Line
-from dvtcli.operations.results.checked_files import FileReport
+from dvtcli.operations.results.checked_files import FileFinding, FileReport, FileReports, reports_of
 from dvtcli.version import __version__
 
 _SCHEMA = "https://json.schemastore.org/sarif-2.1.0.json"
 
 
-def sarif_lines(result: FileReport, _width: int) -> Iterator[Line]:
+def sarif_lines(result: FileReport | FileReports, _width: int) -> Iterator[Line]:
     """The whole document, with every rule that was asked: who reads it sees what is settled since."""
-    places = {rule.name: number for number, rule in enumerate(result.rules)}
-    location = {"uri": _uri(result.path)}
-    driver = {"name": "dvtcli", "version": __version__, "rules": [_rule(rule) for rule in result.rules]}
-    results = [
-        {
-            "ruleId": finding.rule,
-            "ruleIndex": places[finding.rule],
-            "level": finding.severity,
-            "message": {"text": finding.text},
-            "locations": [
-                {"physicalLocation": {"artifactLocation": location, "region": {"startLine": finding.line}}},
-            ],
-        }
-        for finding in result.findings
-    ]
-    run = {"tool": {"driver": driver}, "artifacts": [{"location": location}], "results": results}
+    reports = reports_of(result)
+    rules = list({rule.name: rule for one in reports for rule in one.rules}.values())
+    places = {rule.name: number for number, rule in enumerate(rules)}
+    driver = {"name": "dvtcli", "version": __version__, "rules": [_rule(rule) for rule in rules]}
+    run = {
+        "tool": {"driver": driver},
+        "columnKind": "unicodeCodePoints",
+        "artifacts": [{"location": {"uri": _uri(one.path)}} for one in reports],
+        "results": [_result(one, finding, places) for one in reports for finding in one.findings],
+    }
     yield from json.dumps({"$schema": _SCHEMA, "version": "2.1.0", "runs": [run]}, indent=1).splitlines()
+
+
+def _result(report: FileReport, finding: FileFinding, places: Mapping[str, int]) -> dict[str, Any]:
+    region = {"startLine": finding.line}
+    if finding.column:  # the end is the column behind it (3.30.8)
+        region |= {"startColumn": finding.column, "endColumn": finding.end_column + 1}
+    location = {"artifactLocation": {"uri": _uri(report.path)}, "region": region}
+    return {
+        "ruleId": finding.rule,
+        "ruleIndex": places[finding.rule],
+        "level": finding.severity,
+        "message": {"text": finding.text},
+        "locations": [{"physicalLocation": location}],
+    }
 
 
 def _rule(rule: Any) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from functools import cached_property
 from dvtcli.domain.lint.default_pdos import DefaultPdo, default_pdos
 from dvtcli.domain.lint.map_judgement import judged
 from dvtcli.domain.object_dictionary import ObjectDictionary, ObjectType, OdEntry, OdObject
+from dvtcli.domain.profile import GENERIC, DeviceProfile
 from dvtcli.domain.rules import Finding
 
 #: What a file describes as one object with several sub-indices.
@@ -58,12 +59,20 @@ def at(entry: OdEntry, key: str = "") -> Spot:
 class Described:
     """A device as a file describes it: the *dictionary*, and the *node_id* (1..127) its values are looked at for.
 
-    *configured*: the file is a DCF, so that what it sets counts, and not only what the device has by default.
+    *configured*: the file is a DCF, so that what it sets counts, and not only what the device has by default. With
+    *any_node* nobody says which node-ID it has. PDOs are judged as on a device of that *profile*.
     """
 
     dictionary: ObjectDictionary
     node_id: int = 1
     configured: bool = False
+    any_node: bool = False
+    profile: DeviceProfile = GENERIC
+
+    @property
+    def node_ids(self) -> range:
+        """Every node-ID that it may have."""
+        return range(1, 128) if self.any_node else range(self.node_id, self.node_id + 1)
 
     @cached_property
     def entries(self) -> tuple[OdEntry, ...]:
@@ -83,7 +92,7 @@ class Described:
     @cached_property
     def judged(self) -> tuple[Finding, ...]:
         """What `map` says of its PDOs."""
-        return tuple(judged(self.dictionary, self.pdos, self.node_id))
+        return tuple(judged(self.dictionary, self.pdos, self.node_id, self.profile))
 
     def number(self, index: int, sub_index: int = 0) -> int | None:
         """What an object holds at power-on, as an unsigned number; None where the file does not say."""

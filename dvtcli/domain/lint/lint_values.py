@@ -44,7 +44,8 @@ def value_of_read_only(device: Described) -> Found:
     for entry in device.entries:
         if entry.value is None or entry.default is None or entry.access.writable:
             continue
-        if entry.initial(device.node_id) != replace(entry, value=None).initial(device.node_id):
+        default = replace(entry, value=None)
+        if all(entry.initial(node_id) != default.initial(node_id) for node_id in device.node_ids):
             yield at(entry, "parametervalue"), f"ParameterValue is not DefaultValue, and the object is {entry.access}"
 
 

@@ -11,12 +11,14 @@ from dataclasses import replace
 from dvtcli.domain.lint.default_pdos import DefaultPdo
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.domain.profile import GENERIC, Severity
+from dvtcli.domain.profile import DeviceProfile, Severity
 from dvtcli.domain.rules import Finding, Proposal, check_pdo
 
 
-def judged(dictionary: ObjectDictionary, pdos: Iterable[DefaultPdo], node_id: int) -> Iterator[Finding]:
-    """The errors and warnings about each of *pdos* on node *node_id*, which are made one after the other."""
+def judged(
+    dictionary: ObjectDictionary, pdos: Iterable[DefaultPdo], node_id: int, profile: DeviceProfile
+) -> Iterator[Finding]:
+    """The errors and warnings about each of *pdos* on node *node_id* of that *profile*, made one after the other."""
     sync, emcy = (_can_id(dictionary, index, node_id) for index in (0x1005, 0x1014))
     before: dict[Pdo, PdoConfig] = {}
     for one in pdos:
@@ -28,7 +30,7 @@ def judged(dictionary: ObjectDictionary, pdos: Iterable[DefaultPdo], node_id: in
             _blank(one.config),
             one.config,
             before,
-            GENERIC,
+            profile,
             dictionary,
             sync_can_id=0x080 if sync is None else sync,
             emcy_can_id=emcy,

@@ -13,7 +13,15 @@ from dvtcli.domain.standard_objects import standard_entry
 from dvtcli.files.eds.findings import Findings
 from dvtcli.files.eds.ini import IniValue, Values
 from dvtcli.files.eds.keys import number_key, quoted, text_key
-from dvtcli.files.eds.numbers import EncodedValue, encode_value, octal_in, read_limit, read_number, without_comment
+from dvtcli.files.eds.numbers import (
+    EncodedValue,
+    encode_value,
+    leading_zero_in,
+    octal_in,
+    read_limit,
+    read_number,
+    without_comment,
+)
 from dvtcli.files.eds.read_rules import (
     ACCESS_TYPE,
     BAD_VALUE,
@@ -194,7 +202,10 @@ def _limit(given: IniValue | None, data_type: DataType | None, findings: Finding
         findings.add(LIMIT_WITHOUT_SENSE, given.line, f"{quoted(given)}: a {data_type.name} has no limits; ignored")
         return None, False
     try:
-        return read_limit(data_type, given.value)
+        limit = read_limit(data_type, given.value)
     except ValueError as error:
         findings.add(LIMIT_TYPE, given.line, f"{quoted(given)} is no {data_type.name}: {error}; ignored")
         return None, False
+    if data_type.kind is not Kind.REAL and (remark := leading_zero_in(given.value)):
+        findings.add(LEADING_ZERO if octal_in(given.value) else ODD_VALUE, given.line, f"{given.key}: {remark}")
+    return limit

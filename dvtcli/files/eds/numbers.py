@@ -62,8 +62,16 @@ def leading_zero_remark(text: str) -> str:
 
 def octal_in(text: str) -> bool:
     """Whether a leading 0 makes *text*, or one of its terms (`$NODEID+0200`), another number than its digits say."""
-    terms = (term.strip() for term in without_comment(text).split("+"))
-    return any(leading_zero_remark(term) and _is_octal(term.lstrip("-")) for term in terms)
+    return any(leading_zero_remark(term) and _is_octal(term.lstrip("-")) for term in _terms(text))
+
+
+def leading_zero_in(text: str) -> str:
+    """What to say about a leading 0 of *text* or of one of its terms; empty where there is nothing to say."""
+    return next(filter(None, map(leading_zero_remark, _terms(text))), "")
+
+
+def _terms(text: str) -> list[str]:
+    return [term.strip() for term in without_comment(text).split("+")]
 
 
 def _is_octal(digits: str) -> bool:

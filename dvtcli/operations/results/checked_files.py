@@ -24,7 +24,7 @@ class FileRule:
 
 @dataclass(frozen=True, slots=True)
 class FileFinding:
-    """Something that *rule* found in a file, with its line (1 and up).
+    """Something that *rule* found in a file, with its line (1 and up) and its first and last *column*, 0 for none.
 
     *object* as it is printed (`6C01:01`), empty for the file as a whole.
     """
@@ -34,6 +34,20 @@ class FileFinding:
     rule: str
     object: str
     text: str
+    column: int = 0
+    end_column: int = 0
+
+    def document(self) -> Document:
+        """One of `findings` in `dvtcli.eds/1`."""
+        return {
+            "line": self.line,
+            "column": self.column or None,
+            "end_column": self.end_column or None,
+            "severity": self.severity,
+            "rule": self.rule,
+            "object": self.object or None,
+            "text": self.text,
+        }
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,12 +89,11 @@ class FileReport(Answer):
 
     def document(self) -> Document:
         """`dvtcli.eds/1`."""
-        findings = [
-            {"line": f.line, "severity": f.severity, "rule": f.rule, "object": f.object or None, "text": f.text}
-            for f in self.findings
-        ]
+        return {"schema": "dvtcli.eds/1", **self.fields()}
+
+    def fields(self) -> Document:
+        """What the document says of the file."""
         return {
-            "schema": "dvtcli.eds/1",
             "file": self.path,
             "sections": self.sections,
             "understood": self.understood,
@@ -88,5 +101,41 @@ class FileReport(Answer):
             "strict": self.strict,
             "rules": len(self.rules),
             "count": self.count(),
-            "findings": findings,
+            "findings": [finding.document() for finding in self.findings],
         }
+
+
+@dataclass(frozen=True, slots=True)
+class FileReports(Answer):
+    """The same of several *files*, each checked by the same rules."""
+
+    renderer: ClassVar = "check_lines:checks_lines"
+    formats: ClassVar = FileReport.formats
+    at_leisure: ClassVar = True
+
+    files: tuple[FileReport, ...]
+
+    @property
+    def exit_code(self) -> int:
+        """4 where a finding in any of them is bad enough."""
+        return max(one.exit_code for one in self.files)
+
+    def count(self) -> dict[str, int]:
+        """How many findings of each severity, in all of them."""
+        counted = [one.count() for one in self.files]
+        return {severity: sum(one[severity] for one in counted) for severity in SEVERITIES}
+
+    def document(self) -> Document:
+        """`dvtcli.eds-files/1`."""
+        bad = sum(1 for one in self.files if one.exit_code)
+        return {
+            "schema": "dvtcli.eds-files/1",
+            "bad": bad,
+            "count": self.count(),
+            "files": [one.fields() for one in self.files],
+        }
+
+
+def reports_of(result: FileReport | FileReports) -> tuple[FileReport, ...]:
+    """One report a file."""
+    return (result,) if isinstance(result, FileReport) else result.files

@@ -21,6 +21,7 @@ from dvtcli.domain.lint import (
 )
 from dvtcli.domain.lint.described import Described, Spot, object_text
 from dvtcli.domain.lint.lint_rule import Check, LintRule, checks_of
+from dvtcli.domain.profile import GENERIC, DeviceProfile
 from dvtcli.files.eds.findings import EdsFinding
 from dvtcli.files.eds.ini import IniSection
 from dvtcli.files.eds.layout import Parts, object_place
@@ -47,15 +48,19 @@ DEVICE_CHECKS: list[Check[Described, Spot]] = [
 RULES: tuple[LintRule, ...] = (*READ_RULES, *(one.rule for one in TEXT_CHECKS), *(one.rule for one in DEVICE_CHECKS))
 
 
-def lint(file: EdsFile, name: str, wanted: Collection[str]) -> tuple[EdsFinding, ...]:
-    """Everything that the rules named in *wanted* say of *file*, which is called *name*, by line."""
+def lint(file: EdsFile, name: str, wanted: Collection[str], profile: DeviceProfile = GENERIC) -> tuple[EdsFinding, ...]:
+    """Everything that the rules named in *wanted* say of *file*, which is called *name*, by line.
+
+    Its PDOs are judged as on a device of that *profile*.
+    """
     places = _Places(file)
     found = [finding for finding in file.findings if finding.rule in wanted]
     text = LintedText(file, name)
     for asked in TEXT_CHECKS:
         if asked.rule.name in wanted:
             found += (_finding(asked.rule, line, said) for line, said in asked.look(text))
-    device = Described(file.dictionary, file.node_id or 1, configured=text.is_dcf or file.node_id is not None)
+    configured, any_node = text.is_dcf or file.node_id is not None, file.node_id is None
+    device = Described(file.dictionary, file.node_id or 1, configured, any_node, profile)
     for check in DEVICE_CHECKS:
         if check.rule.name in wanted:
             found += (_finding(check.rule, places.line(spot), said, spot.object) for spot, said in check.look(device))
@@ -123,3 +128,20 @@ def _line_of(section: IniSection, key: str) -> int | None:
         if equals and name.strip().lower() == key:
             return number
     return None
+
+
+def columns(file: EdsFile, line: int) -> tuple[int, int]:
+    """Where in *line* of *file* a finding is: first and last column (1 and up) of the value, else of all that it says.
+
+    0 and 0 where the line says nothing.
+    """
+    starts = [section.line for section in file.text.sections]
+    at = bisect_right(starts, line) - 1
+    section = file.text.sections[at] if at >= 0 else file.text.preamble
+    lines = ("[" * (at >= 0) + section.text).split("\n")
+    text = lines[line - section.line] if line - section.line < len(lines) else ""
+    key, equals, value = text.partition("=")
+    first = len(key) + 1 if equals and value.strip() and not text.lstrip().startswith(("[", ";", "#")) else 0
+    said = text[first:].strip()
+    first += len(text[first:]) - len(text[first:].lstrip())
+    return (first + 1, first + len(said)) if said else (0, 0)
