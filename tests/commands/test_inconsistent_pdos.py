@@ -143,6 +143,8 @@ def test_a_mapping_without_its_communication_parameter() -> None:
         assert (shown["enabled"], shown["cob_id"], len(shown["mapping"])) == (None, None, 1)
         assert shown["inconsistent"] == "its COB-ID 0x1801:01 cannot be read"
         assert re.search(r"TPDO2 +- +\? ", one.run("pdo --all").stdout)
+        picture = one.run("pdo tpdo2").stdout
+        assert re.search(r"^  COB-ID +- \? \(default 0x281\)$", picture, re.M), picture
         ran = one.run("disable tpdo2")
         assert (ran.code, "nobody can tell whether TPDO2 is off" in ran.stderr) == (1, True), ran
         assert "--force" not in ran.stderr, "there is nothing that could be sent"

@@ -21,10 +21,13 @@ _SDO_DOWNLOAD, _SDO_UPLOAD = 1, 2
 
 
 class Wire:
-    """Serves one of *family* as node *node_id* at `port`; *downloads*, *uploads* and *syncs* say what it was sent."""
+    """Serves one of *family* as node *node_id* at `port`; *downloads*, *uploads* and *syncs* say what it was sent.
 
-    def __init__(self, node_id: int = 5, family: str = "gen4") -> None:
-        self.eds: Path = family_eds(family)
+    It is the device that *eds* describes, by default the family's own.
+    """
+
+    def __init__(self, node_id: int = 5, family: str = "gen4", eds: Path | None = None) -> None:
+        self.eds: Path = family_eds(family) if eds is None else eds
         self.device = StrictDevice(read_eds(self.eds).dictionary, load_family(family), node_id)
         self.device.boot_up()
         self.device.take_outbox()

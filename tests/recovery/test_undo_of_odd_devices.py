@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import dvtcli
+from tests.commands.bench import Bench
 from tests.serve.served import served
 from tests.small_eds import INPUTS, communication, mapping, plain
 
@@ -93,6 +94,24 @@ def test_undo_of_everything_says_it_and_a_program_sees_false(tmp_path: Path) -> 
         undone = node.undo(everything=True)
         assert not undone
         assert len(undone.not_put_back) == 2
+
+
+def test_undo_over_several_nodes_says_it_of_each(tmp_path: Path) -> None:
+    path = str(odd_eds(tmp_path))
+    with Bench((path, path), {"yes": True}) as bench:
+        for line in ("map 1:tpdo2 6000:3", "map 2:tpdo2 6000:3", "map 2:tpdo1 6000:2 --cob-id 0x1A2"):
+            assert bench.run(line).code == 0
+        ran = bench.run("undo --all --json")
+        document = ran.document
+        assert (ran.code, document["verified"], document["state"]) == (1, False, "left_changed"), ran
+        said = " ".join(document["not_put_back"])
+        for node in (1, 2):
+            assert f"node {node}: TPDO2 was inconsistent, and the device does not take that back" in said
+    with Bench((path, path), {"yes": True}) as bench:
+        for line in ("map 1:tpdo2 6000:3", "map 2:tpdo2 6000:3"):
+            assert bench.run(line).code == 0
+        ran = bench.run("undo --all")
+        assert (ran.code, "node 1: TPDO2" in ran.stderr, "node 2: TPDO2" in ran.stderr) == (1, True, True), ran
 
 
 def test_an_atomic_script_that_is_taken_back_says_what_the_device_did_not_take(tmp_path: Path) -> None:

@@ -119,11 +119,12 @@ def _detail(result: PdoListing, row: PdoRow, width: int) -> Iterator[Line]:
         Cell(", not stored", "yellow") if row.unstored else Cell(""),
     ]  # fmt: skip
     state = _state(row, "yellow")
-    rtr = "RTR allowed" if parameter.cob_id.rtr_allowed else "no RTR"
+    rtr = ", RTR allowed" if parameter.cob_id.rtr_allowed else ", no RTR"
+    rtr = rtr if row.config.has_cob_id else ""  # nobody knows
     wide = ", 29-bit" if parameter.cob_id.extended else ""
     default = "" if row.default_can_id is None else f" (default 0x{row.default_can_id:03X})"
     yield from _inconsistency(row)
-    yield [Cell(f"  COB-ID    {_cob_id(row)} "), state, Cell(f", {rtr}{wide}{default}")]
+    yield [Cell(f"  COB-ID    {_cob_id(row)} "), state, Cell(f"{rtr}{wide}{default}")]
     yield f"  type      {_type(row.config, row)}{_sync_note(result, row)}"
     if parameter.inhibit_time is not None:
         yield f"  inhibit   {parameter.inhibit_time} x 100 us = {_milliseconds(parameter.inhibit_time / 10)}"

@@ -1,0 +1,95 @@
+"""A dvtcli that is killed while it changes an odd PDO: `recover` puts back what the device takes, and says what not.
+
+Real processes, as in `test_killed`: the child gets SIGKILL at each SDO download in turn.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.prompt.wire import Wire
+from tests.recovery.test_killed import Bench
+from tests.small_eds import INPUTS, Eds, communication, mapping, plain
+
+FIRST = INPUTS << 16 | 0x0108
+NOTHING = "nothing to recover: no change of this node was interrupted\n"
+
+
+def count_above() -> Eds:
+    """TPDO2 enabled, with a count above its entries."""
+    eds = plain()
+    eds.record(0x1801, "Communication 2", communication("$NODEID+0x280"))
+    eds.record(0x1A01, "Mapping 2", mapping(9, [FIRST, FIRST + 0x100]))
+    return eds
+
+
+def without_mapping() -> Eds:
+    """TPDO2 enabled, and nothing says what it carries."""
+    eds = count_above()
+    del eds.objects[0x1A01]
+    return eds
+
+
+def on(folder: Path, eds: Eds) -> Bench:
+    path = folder / "odd.eds"
+    path.write_text(eds.text())
+    bench = Bench(folder)
+    bench.wire.close()
+    bench.wire = Wire(family="generic", eds=path)
+    bench.words[bench.words.index("--eds") + 1] = str(path)
+    bench.words[bench.words.index("--bus-kwargs") + 3] = f"port={bench.wire.port}"
+    return bench
+
+
+def killed(bench: Bench, step: int, *words: str) -> None:
+    """Run a line whose process is killed at its SDO download *step*, which the node takes all the same."""
+    child = bench.start(*words)
+
+    def kill(number: int) -> None:
+        if number == step:
+            child.kill()
+            child.wait()
+
+    bench.wire.at_download = kill
+    child.communicate(timeout=60)
+    assert child.returncode == -9
+    bench.wire.at_download = lambda _number: None
+
+
+@pytest.mark.parametrize("step", [1, 2, 3, 4, 5])
+def test_a_count_above_the_entries(tmp_path: Path, step: int) -> None:
+    bench = on(tmp_path, count_above())
+    try:
+        before = bench.pdos()
+        killed(bench, step, "map", "tpdo2", "6000:3")
+        assert bench.pdos() != before
+        code, stdout, stderr = bench.run("recover", "--yes")
+        if bench.pdos() == before:
+            assert code == 0, stderr
+        else:
+            assert code == 1, stderr
+            assert "TPDO2 was inconsistent, and the device does not take that back" in stderr
+            assert "NOT put back as it was" in stdout
+        assert (bench.pdos() == before) is (step == 1), "a count that was written is not taken back"
+        assert bench.journals() == []
+        assert bench.run("recover")[:2] == (0, NOTHING)
+    finally:
+        bench.wire.close()
+
+
+def test_half_a_pdo_that_could_not_be_enabled_again(tmp_path: Path) -> None:
+    bench = on(tmp_path, without_mapping())
+    try:
+        killed(bench, 1, "disable", "tpdo2")
+        code, stdout, stderr = bench.run("--json", "recover", "--yes")
+        (document,) = map(json.loads, stdout.splitlines())
+        assert (code, document["verified"], document["state"]) == (1, False, "left_changed"), stderr
+        (text,) = document["not_put_back"]
+        assert "the device does not take that back" in text
+        assert bench.journals() == []
+        assert bench.run("recover")[:2] == (0, NOTHING)
+    finally:
+        bench.wire.close()
