@@ -45,7 +45,7 @@ def command(
     eds check drive.eds
     eds check drive.eds --strict --without no-dummy-usage
     eds check drive.eds --rule pdo-length --format github
-    eds check *.eds -p gen4
+    eds check *.eds
     eds show drive.eds
     eds add drive.eds       found from now on by the node's identity
     """
