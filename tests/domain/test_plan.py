@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.domain.plan import Plan, Step, ValueChange, plan_pdo, writes_cob_id
+from dvtcli.domain.plan import Plan, Step, ValueChange, alters, plan_pdo, writes_cob_id
 from tests.domain.configs import ModelDevice, config_pairs, configs, mappings, memory_of, pdos
 
 Pair = tuple[PdoConfig, PdoConfig]
@@ -149,3 +149,25 @@ def test_one_value_is_undone_only_where_the_old_one_is_known() -> None:
     assert (change.label, change.reversed().reversed().step.after) == ("1006:00", change.step.after)
     with pytest.raises(ValueError, match="0x1006:00"):
         ValueChange(replace(change.step, before=None)).reversed()
+
+
+@given(pdos, config_pairs())
+def test_a_device_that_wants_a_pdo_off_first_gets_it_off_for_any_change_and_for_none_else(pdo: Pdo, pair: Pair) -> None:
+    a, b = pair
+    steps = plan_pdo(pdo, a, b, off=True).steps
+    assert plan_pdo(pdo, a, a, off=True).steps == ()
+    if a.enabled and a != b:
+        assert steps[0].object == f"{pdo.communication_index:04X}:01"
+        assert steps[0].after[3] & 0x80
+    else:
+        assert steps == plan_pdo(pdo, a, b).steps
+
+
+@given(pdos, config_pairs())
+def test_only_what_becomes_other_is_altered(pdo: Pdo, pair: Pair) -> None:
+    a, b = pair
+    assert alters(plan_pdo(pdo, a, b)) is (a != b)
+    step = Step(0x1006, 0, bytes(4), bytes.fromhex("204E0000"), "SYNC every 20 ms")
+    assert alters(ValueChange(step)) is True
+    assert alters(ValueChange(replace(step, before=None))) is True
+    assert alters(ValueChange(replace(step, before=step.after))) is False

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 
 import pytest
 
@@ -14,6 +15,7 @@ from dvtcli.domain.pdo import Direction, Pdo, PdoConfig
 from dvtcli.domain.profile import GENERIC, Severity
 from dvtcli.domain.rules import Proposal, check_pdo
 from dvtcli.domain.rules.can_id import FREE_POOL, automatic_can_id, default_owner
+from dvtcli.domain.rules.mapped_object import is_taken
 from tests.laws.bench import NODE, DirectSdo, booted, dictionary
 
 TPDO1, TPDO2, TPDO5, RPDO1 = (Pdo.parse(text) for text in ("tpdo1", "tpdo2", "tpdo5", "rpdo1"))
@@ -334,6 +336,25 @@ def test_access_decides_the_direction(access: Access, tpdo: list[str], rpdo: lis
     for pdo, found in ((TPDO1, tpdo), (RPDO1, rpdo)):
         asked = mapped(proposal(pdo, described=described), (0x6041, 0, 16))
         assert rules(replace(asked, profile=lenient)) == found
+
+
+@pytest.mark.parametrize("stated", [True, False, None])
+@pytest.mark.parametrize("severity", [None, Severity.WARNING, Severity.ERROR])
+@pytest.mark.parametrize("silent", [False, True])
+def test_what_is_listed_as_mappable_is_what_a_mapping_takes(
+    stated: bool | None, severity: Severity | None, silent: bool
+) -> None:
+    family = replace(GENERIC, rw_in_tpdo=severity, rww_in_tpdo=severity, rw_in_rpdo=severity)
+    for access, pdo in product(Access, (TPDO1, RPDO1)):
+        described = described_with(0x6041, access=access, pdo_mapping=stated)
+        if silent:
+            alone = {index: described[index] for index in (0x6041, pdo.mapping_index)}
+            bare = {i: replace(o, entries={n: replace(e, pdo_mapping=None) for n, e in o.entries.items()})
+                    for i, o in alone.items()}  # fmt: skip
+            described = ObjectDictionary(bare, described.info, "silent.eds")
+        asked = replace(mapped(proposal(pdo, described=described), (0x6041, 0, 16)), profile=family)
+        listed = is_taken(family, described, described[0x6041].entries[0], tpdo=pdo.is_tpdo)
+        assert (rules(asked) == []) is listed, (access, pdo)
 
 
 def test_a_static_mapping_is_said_once_and_only_where_it_changes() -> None:

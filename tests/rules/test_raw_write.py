@@ -191,6 +191,7 @@ def test_a_mapping_written_by_hand() -> None:
     assert found(sdo, ParameterWrite(0x1A00, 1, STATUSWORD.raw)) == []
     assert found(sdo, ParameterWrite(0x1A00, 2, 0x5FFF_0010)) == [("object-exists", NO_OBJECT)]
     assert found(sdo, ParameterWrite(0x1A00, 0, 2), STATUSWORD, VELOCITY) == []
+    assert found(sdo, ParameterWrite(0x1A00, 0, 3), STATUSWORD, VELOCITY) == [("entry-count", 0x0604_0042)]
     assert found(sdo, ParameterWrite(0x1A00, 0, 3), VELOCITY, VELOCITY, STATUSWORD) == [("pdo-length", 0x0604_0042)]
     for count in (0xFE, 0xFF):
         assert found(sdo, ParameterWrite(0x1A00, 0, count)) == [("mpdo", 0x0604_0042)]

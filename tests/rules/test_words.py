@@ -186,3 +186,24 @@ def test_a_granularity_counts_where_it_is_8(stated: int | None, refused: list[in
     asked = replace(asked, profile=replace(GENERIC, granularity=None, partial_entries=True))
     said = [one.text for one in check_pdo(asked) if one.rule == "granularity"]
     assert said == [f"6041:00/{bits} has {bits} bits; this device maps multiples of 8" for bits in refused]
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("inhibit_time", "inhibit time 3276.8 ms (32768 x 100 us) is above 3276.7 ms (32767 x 100 us), the most that"),
+        ("event_timer", "event timer 32768 is above 32767, the most that"),
+    ],
+)
+def test_the_longest_time_of_a_family_is_said_in_its_own_units(name: str, text: str) -> None:
+    asked = replace(proposal(**{name: 0x8000}), profile=replace(GENERIC, max_time_count=0x7FFF))
+    assert found(asked, "parameter-range").text == f"{text} a CiA 301 device takes"
+
+
+@pytest.mark.parametrize(("entries", "hint"), [(0, "choose another PDO (pdo --all)"), (1, "spread the objects")])
+def test_too_many_entries_say_where_else_they_fit(entries: int, hint: str) -> None:
+    held = GENERIC_FILE[0x1A00]
+    few = replace(held, entries={sub: held.entries[sub] for sub in range(entries + 1)})
+    described = ObjectDictionary({**GENERIC_FILE, 0x1A00: few}, GENERIC_FILE.info, "x")
+    finding = found(mapping(TPDO1, *[STATUSWORD] * (entries + 2), described=described), "entry-count")
+    assert (finding.hint or "").startswith(hint)

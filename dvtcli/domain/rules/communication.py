@@ -65,7 +65,7 @@ def _changed(proposal: Proposal) -> Iterator[tuple[int, int | None, int | None]]
 
 
 def _fits(sub_index: int, value: int) -> bool:
-    return value <= _LARGEST.get(sub_index, 0xFFFF_FFFF)
+    return sub_index not in _LARGEST or value <= _LARGEST[sub_index]  # every word is a COB-ID
 
 
 def _size_findings(proposal: Proposal, sub_index: int, value: int) -> Iterator[Finding]:

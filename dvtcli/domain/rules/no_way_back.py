@@ -94,6 +94,5 @@ def _parameters(of: PdoConfig, beside: PdoConfig) -> Iterator[str]:
 
 def left_as(before: PdoConfig, back: PdoConfig) -> str:
     """What becomes of a PDO that was *before* and is put *back*, in words."""
-    words = [] if back.enabled else ["off"]
-    words += ["empty"] if not back.count and (words or before.count) else []
-    return " and ".join([*words, *_parameters(back, before)]) or "as it is set now"
+    off = [] if back.enabled else ["off", *([] if back.count else ["empty"])]
+    return " and ".join([*off, *_parameters(back, before)])
