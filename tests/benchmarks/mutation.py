@@ -33,7 +33,7 @@ from tests.benchmarks.mutators import Mutant, mutants  # noqa: E402
 EXPLAINED = Path(__file__).with_name("mutation_explained.toml")
 MODULES = ("dvtcli/domain/plan.py", "dvtcli/domain/rules/*", "dvtcli/device/*", "dvtcli/bus/sdo/*")
 #: the tests of the files' own rooms, and those that look from further away
-NEAR = ("tests/device", "tests/rules", "tests/domain", "tests/bus")
+NEAR = ("tests/device", "tests/rules", "tests/domain", "tests/bus", "tests/fuzz/test_found.py")
 WIDE = (
     "tests/laws", "tests/simulator/test_twin.py", "tests/commands", "tests/transcripts", "tests/scripts",
     "tests/recovery", "tests/faults", "tests/serve",

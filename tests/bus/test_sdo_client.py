@@ -168,6 +168,7 @@ def test_a_node_that_stays_silent_is_not_sent_the_next_write(serve: Serve) -> No
     with pytest.raises(NoAnswer) as second:
         bus.sdo(NODE).download(0x1800, 2, b"\1")
     assert (first.value.state, second.value.state) == ("unknown", "unchanged")
+    assert (first.value.place, second.value.place) == ("1800:01", "1800:02")
     assert [request for request in server.requests if request[0] == 0x40] == [frame("40 00 10 00")]  # the fence, once
     assert not [request for request in server.requests if request[:4] == bytes.fromhex("2F001802")]
 
@@ -380,7 +381,9 @@ def test_silence_ends_with_an_abort_that_names_the_object(serve: Serve) -> None:
 def test_a_read_whose_segment_is_lost_is_begun_anew(serve: Serve) -> None:
     announced, segment = frame("41 08 10 00 07 00 00 00"), frame("01 01 02 03 04 05 06 07")
     bus, server = serve(Steps([announced], [], [DEVICE_TYPE], [announced], [segment]), retries=1)
+    assert bus.upsets(NODE) == 0
     assert bus.sdo(NODE).upload(0x1008, 0) == bytes(range(1, 8))
+    assert bus.upsets(NODE) == 1
     assert [request[0] for request in server.ended()] == [0x40, 0x60, 0x80, 0x40, 0x40, 0x60]
 
 
@@ -473,6 +476,33 @@ def test_after_the_fence_no_late_answer_is_expected(serve: Serve) -> None:
         assert bus.sdo(NODE).upload(0x2000, 0) == b"\7"
     dropped = bus.sdo(NODE).dropped
     assert (dropped.stale, dropped.doubled) == (1, 1)
+
+
+def test_an_answer_too_many_is_late_once_and_a_second_node_s_from_then_on(serve: Serve) -> None:
+    first, second, third = (frame(f"4F 00 20 00 0{value}") for value in (1, 2, 3))
+    bus, _ = serve(Steps([], [first], [second, second, DEVICE_TYPE], [third]), retries=1)
+    assert bus.sdo(NODE).upload(0x2000, 0) == b"\1"
+    assert bus.sdo(NODE).upload(0x2000, 0) == b"\3"
+    dropped = bus.sdo(NODE).dropped
+    assert (dropped.stale, dropped.doubled) == (2, 1)
+
+
+def test_a_second_answer_to_the_fence_is_no_stranger_s(serve: Serve) -> None:
+    answer = frame("4F 00 20 00 07")
+    bus, _ = serve(Steps([], [DEVICE_TYPE, DEVICE_TYPE], [answer]))
+    with pytest.raises(NoAnswer):
+        bus.sdo(NODE).upload(0x2000, 0)
+    assert bus.sdo(NODE).upload(0x2000, 0) == b"\7"
+    dropped = bus.sdo(NODE).dropped
+    assert (dropped.stale, dropped.foreign) == (1, 0)
+
+
+def test_silence_says_which_answers_did_not_count(serve: Serve) -> None:
+    bus, _ = serve(Steps([], [DEVICE_TYPE], [frame("43 01 20 00 11")]))
+    for why in (None, "its answers that did not count: 0 stale, 1 foreign, 0 malformed"):
+        with pytest.raises(NoAnswer) as caught:
+            bus.sdo(NODE).upload(0x2000, 0)
+        assert caught.value.why == why
 
 
 def test_a_segment_that_comes_before_its_request_is_none(serve: Serve) -> None:

@@ -57,7 +57,6 @@ class SdoChannel:
 
     def _run(self, transfer: Callable[[], T], timeout_s: float | None, retries: int | None) -> T:
         client = self._client
-        client.requested = False
         client.timeout_s = client.settings.timeout_s if timeout_s is None else timeout_s
         client.retries = client.settings.retries if retries is None else retries
         try:

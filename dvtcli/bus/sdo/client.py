@@ -47,7 +47,9 @@ class StrictSdoClient(SdoClient):
         self.dropped = DroppedAnswers()
         self.inbox: Inbox = SimpleQueue()
         self._link = link
-        self._multiplexer = b"\0\0\0"
+        #: of the present transfer, which sets them when it begins: its object, and whether its first request was sent
+        self._multiplexer: bytes
+        self.requested: bool
         self._asked: deque[bytes] = deque(maxlen=8)
         #: an answer may still come that is not the next request's
         self._unsettled = False
@@ -56,8 +58,6 @@ class StrictSdoClient(SdoClient):
         self._has_answered = False
         #: how many requests had to be sent again because no answer came, or segments went wrong
         self.repeated = 0
-        #: the present transfer's first request was sent
-        self.requested = False
 
     @property
     def place(self) -> str:
@@ -244,10 +244,9 @@ class StrictSdoClient(SdoClient):
         return False
 
     def _drop(self, answer: bytes) -> None:
-        specifier = answer[0] >> 5 if len(answer) == 8 else 7
-        if specifier > _ABORT:
+        if len(answer) != 8 or answer[0] >> 5 > _ABORT:
             self.dropped.malformed += 1
-        elif specifier in _WITH_MULTIPLEXER and answer[1:4] not in self._asked:
+        elif answer[0] >> 5 in _WITH_MULTIPLEXER and answer[1:4] not in self._asked:
             self.dropped.foreign += 1  # a client of somebody else's is known by its requests, which are heard, too
         else:
             self.dropped.stale += 1
