@@ -36,7 +36,10 @@ _NEVER = float("inf")
 
 
 class VirtualTimeBus(WatchedBus):
-    """A CanopenBus of *devices*, which boot now, with *faults* and *signals*; its clock starts at 0 s."""
+    """A CanopenBus of *devices*, which boot now, with *faults* and *signals*; its clock starts at 0 s.
+
+    Where it is not *simulated* whoever uses it takes it for one that others use, too, with nodes that outlive it.
+    """
 
     def __init__(
         self,
@@ -46,8 +49,9 @@ class VirtualTimeBus(WatchedBus):
         signals: Sequence[Signal] = (),
         timeout_s: float = DEFAULT_TIMEOUT_S,
         retries: int = DEFAULT_RETRIES,
+        simulated: bool = True,
     ) -> None:
-        super().__init__("virtual time", simulated=True, timeout_s=timeout_s, retries=retries)
+        super().__init__("virtual time", simulated=simulated, timeout_s=timeout_s, retries=retries)
         self.nodes = stations(devices, faults, signals)
         self._now_s = 0.0
         #: frames on their way to us: (time, order, frame)

@@ -1,4 +1,4 @@
-"""python-can's messages as frames, and back. Does not know what a frame means."""
+"""python-can's messages as frames. Does not know what a frame means."""
 
 from __future__ import annotations
 
@@ -15,11 +15,4 @@ def frame_of(message: can.Message) -> Frame:
         extended=message.is_extended_id,
         remote=message.is_remote_frame,
         timestamp_s=message.timestamp,
-    )
-
-
-def message_of(frame: Frame) -> can.Message:
-    """A frame as python-can sends it."""
-    return can.Message(
-        arbitration_id=frame.can_id, data=frame.data, is_extended_id=frame.extended, is_remote_frame=frame.remote
     )

@@ -6,7 +6,6 @@ Does not know how a bus is opened (see opening), nor what a PDO or an object mea
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
 from contextlib import suppress
 from time import monotonic, sleep
 
@@ -16,14 +15,9 @@ from dvtcli.bus.can_message import frame_of
 from dvtcli.bus.carrier import Carrier
 from dvtcli.bus.echoes import Echoes
 from dvtcli.bus.error_frames import ErrorFrames
-from dvtcli.bus.node_watch import EMERGENCY, HEARTBEAT
-from dvtcli.bus.read_bus import ReadBus
+from dvtcli.bus.frame_bus import FrameBus
 from dvtcli.bus.receiver import bus_closed
-from dvtcli.bus.sdo.channel import SdoChannel
-from dvtcli.bus.sdo.channels import SdoChannels
-from dvtcli.bus.sdo.link import ANSWER_ID, DEFAULT_RETRIES, DEFAULT_TIMEOUT_S, REQUEST_ID, DroppedAnswers
-from dvtcli.bus.watched_bus import NMT_CAN_ID
-from dvtcli.domain.ports import Frame
+from dvtcli.bus.sdo.link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S, REQUEST_ID
 from dvtcli.errors import BusUnavailable
 
 #: what python-can's drivers raise when a bus fails in use; a closed socket is a ValueError in select()
@@ -31,13 +25,12 @@ BUS_FAILURES = (can.CanError, OSError, ValueError, RuntimeError)
 #: how often a full transmit buffer is tried again, every 2 ms: half of a long one takes this long at 125 kbit/s
 SEND_PATIENCE = 150
 
-_SDO_IDS = (ANSWER_ID, REQUEST_ID)
 #: drivers that would send a data frame where a remote frame is asked for
 _NO_REMOTE_FRAMES = frozenset({"socketcand"})
 
 
-class CanBus(ReadBus[can.Message]):
-    """A CANopenBus on a python-can *bus*, called *name* on screens; *on_close* is called after the bus was left.
+class CanBus(FrameBus[can.Message]):
+    """A CANopenBus on a python-can *bus*, called *name* on screens.
 
     *carrier* says what the driver does not. No thread of its own: whoever waits reads the bus. *timeout_s* (s) and
     *retries* are those of `SdoSettings`, *bitrate* is in bit/s.
@@ -48,28 +41,19 @@ class CanBus(ReadBus[can.Message]):
         bus: can.BusABC,
         name: str,
         *,
-        simulated: bool = False,
         timeout_s: float = DEFAULT_TIMEOUT_S,
         retries: int = DEFAULT_RETRIES,
         bitrate: int | None = None,
-        on_close: Callable[[], None] | None = None,
         carrier: Carrier | None = None,
     ) -> None:
-        super().__init__(name, frame_of, simulated=simulated, timeout_s=timeout_s, retries=retries, bitrate=bitrate)
+        super().__init__(name, frame_of, timeout_s=timeout_s, retries=retries, bitrate=bitrate)
         self._bus = bus
         self._carrier = carrier or Carrier()
-        self._on_close = on_close
         self._send_lock = threading.Lock()
-        self._channels = SdoChannels(self, self.settings)
         #: our own frames as they come back
         self.echoes = Echoes()
         #: what the CAN controller complained about
         self.error_frames = ErrorFrames()
-
-    @property
-    def carries_frames(self) -> bool:
-        """Every python-can bus does."""
-        return True
 
     @property
     def carries_remote_frames(self) -> bool:
@@ -89,30 +73,9 @@ class CanBus(ReadBus[can.Message]):
         """How many frames were dropped so far before anybody here could read them."""
         return self._carrier.lost_frames()
 
-    def send(self, frame: Frame) -> None:
-        """Send one frame (SYNC, a PDO); frames that answer it are kept for a `receive` within the next second."""
-        self.drain()
-        self._traffic.keep_answers()
-        self._send(frame.can_id, frame.data, extended=frame.extended, remote=frame.remote)
-
-    def send_sdo(self, can_id: int, data: bytes) -> None:
-        """Send one SDO frame (SdoLink)."""
-        self._send(can_id, data)
-
-    def _channel(self, node_id: int) -> SdoChannel:
-        return self._channels.channel(node_id)
-
-    def _repeated(self, node_id: int) -> int:
-        return self._channels.repeated(node_id)
-
-    def _dropped(self) -> dict[int, DroppedAnswers]:
-        return self._channels.dropped()
-
     def _leave(self) -> None:
         with suppress(*BUS_FAILURES):  # it is gone either way, and nobody uses it any more
             self._bus.shutdown()
-        if self._on_close is not None:
-            self._on_close()
 
     def _send(self, can_id: int, data: bytes, *, extended: bool = False, remote: bool = False) -> None:
         message = can.Message(arbitration_id=can_id, data=data, is_extended_id=extended, is_remote_frame=remote)
@@ -158,24 +121,9 @@ class CanBus(ReadBus[can.Message]):
         elif not self.echoes.is_echo(message):
             self._traffic.received(message)
             if not message.is_remote_frame:
-                self._understand(message, message.arbitration_id & ~0x7F, message.arbitration_id & 0x7F)
+                extended = message.is_extended_id
+                self._understand(message, message.arbitration_id, message.data, extended=extended)
 
-    def _understand(self, message: can.Message, function: int, node_id: int) -> None:
-        if function in _SDO_IDS:
-            if function == ANSWER_ID:
-                self.echoes.answered(REQUEST_ID + node_id)
-                self._watch.answered(node_id)
-            elif not message.is_extended_id:
-                self._watch.request_of_another(frame_of(message))
-            extended = message.is_extended_id
-            self._channels.receive(node_id, message.arbitration_id, bytes(message.data), extended=extended)
-        elif message.is_extended_id:
-            return
-        elif function == HEARTBEAT:
-            self._heartbeat(frame_of(message))
-            if message.data == b"\0":
-                self._channels.restarted(node_id)
-        elif message.arbitration_id == NMT_CAN_ID:
-            self._heard_command(bytes(message.data))
-        elif function == EMERGENCY:
-            self._watch.emergency(frame_of(message))
+    def _answered(self, node_id: int) -> None:
+        self.echoes.answered(REQUEST_ID + node_id)
+        super()._answered(node_id)

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.object_dictionary import ObjectDictionary
     from dvtcli.domain.ports import Frame
     from dvtcli.domain.profile import DeviceProfile
+    from dvtcli.operations.bus_of_options import OpenBus
 
 
 class OnScreen:
@@ -60,10 +61,15 @@ class OnScreen:
 
 
 class Conversation(Session):
-    """What one run of dvtcli knows; *on_open* is called when the bus is about to be opened."""
+    """What one run of dvtcli knows; *on_open* is called when the bus is about to be opened.
 
-    def __init__(self, output: Output, on_open: Callable[[], None] = lambda: None) -> None:
-        super().__init__(tell=OnScreen(output, lambda: not self.in_script))
+    *open_bus* is as in `Session`.
+    """
+
+    def __init__(
+        self, output: Output, on_open: Callable[[], None] = lambda: None, *, open_bus: OpenBus | None = None
+    ) -> None:
+        super().__init__(tell=OnScreen(output, lambda: not self.in_script), open_bus=open_bus)
         self.output = output
         self.on_open = on_open
         #: at the prompt and in scripts the bus is chosen already

@@ -26,7 +26,7 @@ from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.files.eds.reader import read_eds
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family
-from dvtcli.simulator.network.simulated_network import SimulatedNetwork
+from tests.served_nodes import ServedNodes
 
 NODE = 1
 TPDO1 = Pdo.parse("tpdo1")
@@ -83,7 +83,7 @@ def bench() -> Iterator[tuple[str, can.BusABC]]:
     channel = f"bench-writes-{next(CHANNELS)}"
     listener, theirs = (can.Bus(channel, interface="virtual", ignore_config=True) for _ in range(2))
     device = StrictDevice(read_eds(EDS).dictionary, load_family("generic"), NODE)
-    network = SimulatedNetwork(theirs, [device])
+    network = ServedNodes(theirs, [device])
     network.start()
     with ours(channel) as node:
         now = node.pdo(TPDO1)

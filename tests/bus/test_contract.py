@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Iterator
+from itertools import pairwise
 
 import can
 import pytest
@@ -16,10 +17,10 @@ from dvtcli.domain.ports import CanopenBus, Frame
 from dvtcli.errors import NoAnswer, SdoAborted
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.in_process_bus import simulate
-from dvtcli.simulator.network.simulated_network import SimulatedNetwork
 from dvtcli.simulator.network.twin_bus import TwinBus
 from tests.bus.devices import device, dictionary
 from tests.house.laws.source_tree import SourceTree
+from tests.served_nodes import ServedNodes
 from tests.virtual_time import VirtualTimeBus
 
 SYNC = Frame(0x080, b"")
@@ -188,7 +189,7 @@ class TestCanBus(CarriesFrames):
     def bus(self, channel: str) -> Iterator[CanopenBus]:
         ours, theirs = (can.Bus(channel, interface="virtual", ignore_config=True) for _ in range(2))
         bus = CanBus(ours, "virtual", timeout_s=2, retries=0)
-        with SimulatedNetwork(theirs, [device(1), device(2)]):
+        with ServedNodes(theirs, [device(1), device(2)]):
             yield bus
         bus.close()
         theirs.shutdown()
@@ -198,7 +199,7 @@ class TestCanBus(CarriesFrames):
 
 
 class Late(StrictDevice):
-    """Keeps the thread that serves it busy, as a machine does that has other work."""
+    """Takes its time, as a machine does that has other work."""
 
     def upload(self, index: int, sub_index: int) -> bytes:
         time.sleep(0.3)
@@ -221,7 +222,7 @@ class TestSimulation(CarriesFrames):
         assert bus.boot_ups(3) == 0
         other.close()
 
-    def test_nodes_whose_thread_comes_late_are_not_silent(self) -> None:
+    def test_nodes_on_a_slow_machine_are_not_silent(self) -> None:
         bus = simulate([Late(device(1).dictionary, device(1).family, 1)], timeout_s=0.05)
         try:
             assert bus.sdo(1).upload(0x1000, 0, retries=0) == device(1).upload(0x1000, 0)
@@ -229,6 +230,34 @@ class TestSimulation(CarriesFrames):
                 bus.sdo(9).upload(0x1000, 0, retries=0)
         finally:
             bus.close()
+
+    def test_what_nodes_do_while_nobody_reads_has_its_own_time(self, bus: CanopenBus) -> None:
+        bus.sdo(1).download(0x1017, 0, (20).to_bytes(2, "little"))
+        time.sleep(0.3)
+        beats: list[float] = []
+        stop = bus.tap(lambda frame, _sent: beats.append(frame.timestamp_s))
+        bus.boot_ups(1)
+        stop()
+        assert len(beats) >= 14
+        assert [round(later - one, 6) for one, later in pairwise(beats)] == [0.02] * (len(beats) - 1)
+
+    def test_a_thread_that_waits_hears_what_another_s_frame_brings(self, bus: CanopenBus) -> None:
+        """Every answer goes to whom it belongs, whoever reads."""
+        expected = {node_id: bus.sdo(node_id).upload(0x1018, 4) for node_id in (1, 2)}
+        wrong: list[bytes] = []
+
+        def read(node_id: int) -> None:
+            for _ in range(1000):
+                answer = bus.sdo(node_id).upload(0x1018, 4)
+                if answer != expected[node_id]:
+                    wrong.append(answer)
+
+        threads = [threading.Thread(target=read, args=(node_id,)) for node_id in (1, 2, 1, 2)]
+        for thread in threads:
+            thread.start()
+        while any(thread.is_alive() for thread in threads):
+            bus.idle(0.02)
+        assert not wrong
 
     def test_closing_leaves_no_thread(self) -> None:
         before = set(threading.enumerate())
@@ -266,4 +295,4 @@ def test_who_uses_a_bus_does_not_know_of_which_kind_it_is() -> None:
     """Only who opens one does; everybody else has the contract."""
     arrows = SourceTree.of_the_package().house.arrows
     knowing = {arrow.source for arrow in arrows if arrow.target == "bus/python_can.py"}
-    assert knowing == {"bus/opening.py", "simulator/network/in_process_bus.py"}
+    assert knowing == {"bus/opening.py"}

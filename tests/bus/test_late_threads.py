@@ -14,8 +14,8 @@ from can.interfaces.virtual import VirtualBus
 from dvtcli.bus.python_can import CanBus
 from dvtcli.errors import NoAnswer
 from dvtcli.simulator.device.strict_device import StrictDevice
-from dvtcli.simulator.network.simulated_network import SimulatedNetwork
 from tests.bus.devices import device, dictionary
+from tests.served_nodes import ServedNodes
 
 NODES = (4, 5, 6, 7)
 
@@ -52,7 +52,7 @@ def driver(channel: str) -> Preempted:
 def bus(driver: Preempted, channel: str) -> Iterator[CanBus]:
     made = CanBus(driver, "virtual", timeout_s=0.05, retries=0)
     theirs = can.Bus(channel, interface="virtual", ignore_config=True)
-    with SimulatedNetwork(theirs, [Slow(dictionary("generic"), device(node).family, node) for node in NODES]):
+    with ServedNodes(theirs, [Slow(dictionary("generic"), device(node).family, node) for node in NODES]):
         yield made
     made.close()
     theirs.shutdown()

@@ -15,6 +15,7 @@ from dvtcli.cli.run_line import boundary, run_words
 from dvtcli.cli.script import run_script
 from dvtcli.cli.view.output import Output
 from dvtcli.cli.ways_in import install
+from dvtcli.domain.ports import CanopenBus
 from dvtcli.files.profile.toml import builtin_path
 
 install()
@@ -34,14 +35,18 @@ def impatient() -> str:
 
 @dataclass
 class Bench:
-    """A session on simulated nodes, as at the prompt but without anybody to ask."""
+    """A session on simulated nodes, or on a *bus* that is there, as at the prompt but without anybody to ask."""
 
     sim: tuple[str, ...] = ("gen4",)
     options: dict[str, Any] = field(default_factory=dict)
+    bus: CanopenBus | None = None
     session: Conversation = field(init=False)
 
     def __post_init__(self) -> None:
-        self.session = Conversation(Output(io.StringIO(), io.StringIO()))
+        bus = self.bus
+        self.session = Conversation(
+            Output(io.StringIO(), io.StringIO()), open_bus=None if bus is None else lambda _options: bus
+        )
         self.session.start({"sim": self.sim, **self.options})
         self.session.started = True
 

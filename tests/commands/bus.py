@@ -12,7 +12,7 @@ from dvtcli.files.eds.reader import read_eds
 from dvtcli.simulator.device.faults import Fault
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family
-from dvtcli.simulator.network.simulated_network import SimulatedNetwork
+from tests.served_nodes import ServedNodes
 
 _NUMBERS = count(1)
 
@@ -28,7 +28,7 @@ class Wire:
         self.channel = f"wire-{next(_NUMBERS)}"
         self._recorder = can.Bus(self.channel, interface="virtual", ignore_config=True)
         self._theirs = can.Bus(self.channel, interface="virtual", ignore_config=True)
-        self._network = SimulatedNetwork(self._theirs, devices, [Fault.parse(word) for word in faults])
+        self._network = ServedNodes(self._theirs, devices, [Fault.parse(word) for word in faults])
 
     def __enter__(self) -> Wire:
         self._network.start()

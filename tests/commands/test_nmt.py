@@ -15,6 +15,7 @@ from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family
 from tests.commands.bench import Bench
 from tests.commands.bus import Wire, device
+from tests.virtual_time import VirtualTimeBus
 
 #: an object that a device with node guarding has
 _GUARDING = """
@@ -53,7 +54,7 @@ def requests(wire: Wire) -> int:
 @pytest.mark.parametrize("family", ["generic", "gen4"])
 def test_a_node_that_does_not_obey_is_no_success(family: str, command: str, before: str | None) -> None:
     node = device(family)
-    with Wire(node) as wire, Bench((), wire.options) as bench:
+    with Bench((), {"node": 1}, VirtualTimeBus([node], simulated=False)) as bench:
         if before is not None:
             assert bench.run(f"nmt {before} --json").document["state"] == "OPERATIONAL"
         node.ignores_nmt = True
@@ -89,8 +90,7 @@ def test_one_of_all_that_does_not_obey_is_named() -> None:
 def test_what_cannot_be_seen_is_said_and_no_failure() -> None:
     node = device("generic")
     node.set_value(0x1017, 0, b"\0\0")
-    with Wire(node) as wire, Bench((), wire.options) as bench:
-        wire.frames()
+    with Bench((), {"node": 1}, VirtualTimeBus([node], simulated=False)) as bench:
         ran = bench.run("nmt start")
         assert ran.code == 0
         assert "not confirmed" in ran.stdout
@@ -123,7 +123,7 @@ def test_a_life_that_is_guarded_is_not_asked_for(guard_ms: int) -> None:
 def test_a_slow_heartbeat_is_waited_for() -> None:
     node = device("generic")
     node.set_value(0x1017, 0, (1800).to_bytes(2, "little"))
-    with Wire(node) as wire, Bench((), wire.options) as bench:
+    with Bench((), {"node": 1}, VirtualTimeBus([node], simulated=False)) as bench:
         assert bench.run("nmt start --json").document["state"] == "OPERATIONAL"
 
 
@@ -243,7 +243,6 @@ def test_a_node_that_is_heard_and_answers_nothing_is_asked_about(eds: str) -> No
 
 def test_all_are_reset_or_who_is_not_is_named() -> None:
     from dvtcli.device.store_parameters import reset_all_and_wait
-    from tests.virtual_time import VirtualTimeBus
 
     bus = VirtualTimeBus([device("generic", 3)])
     reset_all_and_wait(bus, NmtCommand.RESET_NODE, {3})

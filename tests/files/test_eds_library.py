@@ -15,7 +15,7 @@ from dvtcli.files.eds import own_files as eds_library
 from dvtcli.files.eds.reader import read_eds
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family
-from dvtcli.simulator.network.simulated_network import SimulatedNetwork
+from tests.served_nodes import ServedNodes
 
 
 @pytest.fixture(autouse=True)
@@ -47,7 +47,7 @@ def test_a_node_on_a_real_bus_gets_the_file_of_its_identity() -> None:
     dictionary = read_eds(path).dictionary
     eds_library.add(path, dictionary.info)
     with can.Bus("eds-library", interface="virtual") as bus:
-        network = SimulatedNetwork(bus, [StrictDevice(dictionary, load_family("gen4"), 5)])
+        network = ServedNodes(bus, [StrictDevice(dictionary, load_family("gen4"), 5)])
         session = Conversation(Output())
         session.start({"interface": "virtual", "channel": "eds-library", "node": 5})
         network.start()

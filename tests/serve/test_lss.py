@@ -15,9 +15,9 @@ from canopen.lss import LssError
 from dvtcli.files.eds.reader import read_eds
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family
-from dvtcli.simulator.network.simulated_network import SimulatedNetwork
 from tests.process import dvtcli
 from tests.serve.served import PATIENCE_S, served, wait_for
+from tests.served_nodes import ServedNodes
 
 #: what canopen waits for each 1 in an address, since nobody answers then, and all that a busy machine has to answer (s)
 SCAN_S = 0.25
@@ -139,7 +139,7 @@ def test_one_process_on_a_virtual_bus() -> None:
     with (
         can.Bus("lss", interface="virtual", ignore_config=True) as theirs,
         can.Bus("lss", interface="virtual", ignore_config=True) as ours,
-        SimulatedNetwork(theirs, [device]),
+        ServedNodes(theirs, [device]),
         master(ours) as network,
     ):
         network.lss.send_switch_state_global(network.lss.CONFIGURATION_STATE)

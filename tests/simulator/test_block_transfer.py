@@ -11,7 +11,7 @@ import pytest
 from can.interfaces.virtual import VirtualBus
 
 from dvtcli.simulator.device.sdo_server import SdoServer
-from dvtcli.simulator.network.simulated_network import SimulatedNetwork
+from tests.served_nodes import ServedNodes
 from tests.simulator.bench import Client, booted
 
 SIZES = (0, 1, 4, 6, 7, 8, 13, 14, 888, 889, 890, 1778, 1779, 5000, 100_000)
@@ -41,7 +41,7 @@ class Line:
         self.ours, self.theirs = LossyBus(channel), LossyBus(channel)
         self.device = booted()
         self.device.set_value(0x1017, 0, bytes(2))
-        self.simulated = SimulatedNetwork(self.theirs, [self.device])
+        self.simulated = ServedNodes(self.theirs, [self.device])
         self.simulated.start()
         self.network = canopen.Network(self.ours)
         self.network.NOTIFIER_CYCLE = 0.02

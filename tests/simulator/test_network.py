@@ -10,8 +10,8 @@ import can
 import canopen
 import pytest
 
-from dvtcli.simulator.network.simulated_network import SimulatedNetwork
 from tests.process import PATIENCE_S
+from tests.served_nodes import ServedNodes
 from tests.simulator.bench import booted
 
 
@@ -24,7 +24,7 @@ class Bench:
 
     def __init__(self, channel: str) -> None:
         self.ours, self.theirs = virtual(channel), virtual(channel)
-        self.network = SimulatedNetwork(self.theirs, [booted("generic", 1), booted("generic", 2)])
+        self.network = ServedNodes(self.theirs, [booted("generic", 1), booted("generic", 2)])
 
     def send(self, can_id: int, data: str = "") -> None:
         self.ours.send(can.Message(arbitration_id=can_id, data=bytes.fromhex(data), is_extended_id=False))

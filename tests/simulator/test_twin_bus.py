@@ -15,9 +15,9 @@ from dvtcli.domain.ports import Frame
 from dvtcli.errors import BusUnavailable, NoAnswer, SdoAborted, UsageError
 from dvtcli.simulator.device.family import GENERIC
 from dvtcli.simulator.device.strict_device import StrictDevice
-from dvtcli.simulator.network.simulated_network import SimulatedNetwork
 from dvtcli.simulator.network.twin_bus import TwinBus
 from tests.bus.devices import device, dictionary
+from tests.served_nodes import ServedNodes
 
 Backing = Callable[[int, int], bytes]
 
@@ -29,7 +29,7 @@ class Bench:
         self._recorder, ours, theirs = (can.Bus(channel, interface="virtual", ignore_config=True) for _ in range(3))
         self.node = device(1, family)
         self.real = CanBus(ours, "virtual", timeout_s=0.1, retries=0)
-        self.network = SimulatedNetwork(theirs, [self.node])
+        self.network = ServedNodes(theirs, [self.node])
         self.network.start()
         self.made: list[int] = []
         self.twin = TwinBus(self.real, self._device_for)

@@ -1,70 +1,100 @@
 """A bus on which only simulated devices live; nothing leaves this process.
 
-Does not know how a device behaves (see dvtcli.simulator).
+No thread of its own: a node answers while a frame is sent, and what nodes do by themselves happens, each at its time,
+when somebody reads or sends. Does not know how a device behaves (see dvtcli.simulator.device).
 """
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Sequence
-from itertools import count
-from time import monotonic, sleep
+from contextlib import suppress
+from queue import Empty, SimpleQueue
+from time import monotonic, time
 from typing import TYPE_CHECKING
 
-import can
-from can.interfaces.virtual import VirtualBus
-
-from dvtcli.bus.python_can import CanBus
+from dvtcli.bus.frame_bus import FrameBus
+from dvtcli.bus.receiver import bus_closed
 from dvtcli.bus.sdo.link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S
+from dvtcli.domain.ports import Frame
+from dvtcli.errors import BusUnavailable
 from dvtcli.simulator.device.strict_device import StrictDevice
-from dvtcli.simulator.network.simulated_network import SimulatedNetwork
+from dvtcli.simulator.network.neighbours import Neighbours
 
 if TYPE_CHECKING:
     from dvtcli.simulator.device.faults import Fault
     from dvtcli.simulator.device.signals import Signal
 
-#: how late the nodes' thread may be (s), and how often it is looked whether it still is
-_LATE_S, _LOOK_S = 30.0, 0.0005
-#: python-can's virtual channels are shared by name within a process: each simulation has its own
-_NUMBERS = count(1)
 
+class InProcessBus(FrameBus[Frame]):
+    """A CanopenBus of *devices*, with their *faults* and *signals*, which boot now.
 
-class OurSide(VirtualBus):
-    """Our side of a virtual bus, dead once *failed* is set, as after an adapter was unplugged.
-
-    Time passes for the nodes of *network* as it does for us: on a busy machine their thread may come late, which is no
-    late answer. So nothing was received only where the nodes have dealt with all that was sent.
+    *timeout_s* (s) and *retries* are those of `SdoSettings`. A fault may kill the bus, as if an adapter was unplugged.
     """
 
-    failed = False
-    network: SimulatedNetwork | None = None
-    _sent = 0
+    def __init__(
+        self,
+        devices: Sequence[StrictDevice],
+        *,
+        faults: Sequence[Fault] = (),
+        signals: Sequence[Signal] = (),
+        timeout_s: float = DEFAULT_TIMEOUT_S,
+        retries: int = DEFAULT_RETRIES,
+    ) -> None:
+        super().__init__("sim", lambda frame: frame, simulated=True, timeout_s=timeout_s, retries=retries)
+        #: held while time passes for the nodes, or they hear a frame
+        self._lock = threading.Lock()
+        self._said: SimpleQueue[Frame] = SimpleQueue()
+        self._wall_s = time() - monotonic()
+        self._nodes = Neighbours(devices, faults, signals, self._say)
+        self._nodes.boot(monotonic())
 
-    def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """Send *msg*; CanOperationError where the bus is dead."""
-        self._check_if_alive()
-        super().send(msg, timeout)
-        self._sent += 1
+    def _say(self, frame: Frame, at_s: float) -> None:
+        self._said.put(Frame(frame.can_id, frame.data, frame.extended, frame.remote, self._wall_s + at_s))
 
-    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
-        self._check_if_alive()
-        received = super()._recv_internal(timeout)
-        if received[0] is None and self._nodes_come_late():
-            received = super()._recv_internal(0)
-        self._check_if_alive()
-        return received
+    def _send(self, can_id: int, data: bytes, *, extended: bool = False, remote: bool = False) -> None:
+        if self._closed:
+            raise bus_closed()
+        self._check_if_alive("send")
+        frame = Frame(can_id, data, extended, remote)
+        self._traffic.sent(frame)
+        with self._lock:
+            self._nodes.hear(frame, monotonic())
 
-    def _nodes_come_late(self) -> bool:
-        """Wait until the nodes have dealt with what was sent; False where they had."""
-        network, until_s = self.network, monotonic() + _LATE_S
-        if network is None or network.handled >= self._sent:
-            return False
-        while network.handled < self._sent and network.serving and monotonic() < until_s:
-            sleep(_LOOK_S)
-        return True
+    def _read(self, wait_s: float) -> Frame | None:
+        until_s = monotonic() + wait_s
+        while True:
+            self._check_if_alive("receive")
+            if self._said.empty():
+                left_s = self._pass_time(until_s)
+                if self._said.empty() and left_s <= 0:
+                    return None
+                with suppress(Empty):
+                    return self._said.get(timeout=max(0.0, left_s))  # another thread's `send` ends it, too
+            else:
+                return self._said.get_nowait()  # one thread reads at a time
 
-    def _check_if_alive(self) -> None:
-        if self.failed:
-            raise can.CanOperationError("the bus has failed (a simulated fault)")
+    def _pass_time(self, until_s: float) -> float:
+        """Let happen what is due; seconds until something is due next, or until *until_s*."""
+        with self._lock:
+            now_s = monotonic()
+            self._nodes.pass_time(now_s)
+            return until_s - now_s if now_s >= until_s else min(until_s, self._nodes.next_s()) - now_s
+
+    def _deliver(self, message: Frame) -> None:
+        self._traffic.received(message)
+        if not message.remote:
+            self._understand(message, message.can_id, message.data, extended=message.extended)
+
+    def _leave(self) -> None:
+        """Nothing is held: the nodes end with whoever has the bus."""
+
+    def _check_if_alive(self, what: str) -> None:
+        if self._nodes.bus_failed:
+            hint = "is the adapter still plugged in, and the interface up?"
+            raise BusUnavailable(
+                f"{self.name} failed ({what})", why="the bus has failed (a simulated fault)", hint=hint
+            )
 
 
 def simulate(
@@ -74,27 +104,6 @@ def simulate(
     signals: Sequence[Signal] = (),
     timeout_s: float = DEFAULT_TIMEOUT_S,
     retries: int = DEFAULT_RETRIES,
-) -> CanBus:
-    """Start *devices*, with their *faults* and *signals*, on a bus of their own and join it; closing it stops them."""
-    channel = f"dvtcli-sim-{next(_NUMBERS)}"
-    # Our side first: the nodes' boot-up messages are sent once.
-    ours = OurSide(channel)
-    theirs = can.Bus(channel, interface="virtual", ignore_config=True)
-
-    def fail() -> None:
-        ours.failed = True
-
-    network = SimulatedNetwork(theirs, devices, faults, signals, on_bus_error=fail)
-    network.start()
-    ours.network = network
-
-    def stop() -> None:
-        # A frame that means nothing wakes the nodes' thread, which else would notice its end some 50 ms later.
-        with can.Bus(channel, interface="virtual", ignore_config=True) as waker:
-            waker.send(can.Message(is_error_frame=True))
-            network.stop()
-        theirs.shutdown()
-
-    bus = CanBus(ours, "sim", simulated=True, timeout_s=timeout_s, retries=retries, on_close=stop)
-    bus.echoes.rule_out()
-    return bus
+) -> InProcessBus:
+    """Start *devices*, with their *faults* and *signals*, on a bus of their own and join it."""
+    return InProcessBus(devices, faults=faults, signals=signals, timeout_s=timeout_s, retries=retries)

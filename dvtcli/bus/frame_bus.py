@@ -1,0 +1,97 @@
+"""A `ReadBus` whose messages are CAN frames: SDO goes over them, and what nodes say by themselves is told apart.
+
+Does not know what carries the frames, nor what a PDO or an object means.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable
+from typing import TypeVar
+
+from dvtcli.bus.node_watch import EMERGENCY, HEARTBEAT
+from dvtcli.bus.read_bus import ReadBus
+from dvtcli.bus.sdo.channel import SdoChannel
+from dvtcli.bus.sdo.channels import SdoChannels
+from dvtcli.bus.sdo.link import ANSWER_ID, DEFAULT_RETRIES, DEFAULT_TIMEOUT_S, REQUEST_ID, DroppedAnswers
+from dvtcli.bus.watched_bus import NMT_CAN_ID
+from dvtcli.domain.ports import Frame
+
+_SDO_IDS = (ANSWER_ID, REQUEST_ID)
+
+M = TypeVar("M")
+
+
+class FrameBus(ReadBus[M]):
+    """A CanopenBus over CAN frames; the parameters are those of `ReadBus`."""
+
+    def __init__(
+        self,
+        name: str,
+        frame_of: Callable[[M], Frame],
+        *,
+        simulated: bool = False,
+        timeout_s: float = DEFAULT_TIMEOUT_S,
+        retries: int = DEFAULT_RETRIES,
+        bitrate: int | None = None,
+    ) -> None:
+        super().__init__(name, frame_of, simulated=simulated, timeout_s=timeout_s, retries=retries, bitrate=bitrate)
+        self._frame_of = frame_of
+        self._channels = SdoChannels(self, self.settings)
+
+    @property
+    def carries_frames(self) -> bool:
+        """Frames are all that it carries."""
+        return True
+
+    @property
+    def carries_remote_frames(self) -> bool:
+        """Whether a remote frame can be sent."""
+        return True
+
+    def send(self, frame: Frame) -> None:
+        """Send one frame (SYNC, a PDO); frames that answer it are kept for a `receive` within the next second."""
+        self.drain()
+        self._traffic.keep_answers()
+        self._send(frame.can_id, frame.data, extended=frame.extended, remote=frame.remote)
+
+    def send_sdo(self, can_id: int, data: bytes) -> None:
+        """Send one SDO frame (SdoLink)."""
+        self._send(can_id, data)
+
+    @abstractmethod
+    def _send(self, can_id: int, data: bytes, *, extended: bool = False, remote: bool = False) -> None:
+        """Send one frame, and tell those who watch; raises BusUnavailable."""
+
+    def _channel(self, node_id: int) -> SdoChannel:
+        return self._channels.channel(node_id)
+
+    def _repeated(self, node_id: int) -> int:
+        return self._channels.repeated(node_id)
+
+    def _dropped(self) -> dict[int, DroppedAnswers]:
+        return self._channels.dropped()
+
+    def _understand(self, message: M, can_id: int, data: bytes | bytearray, *, extended: bool) -> None:
+        """Hand a data frame to whom it answers: *message* with its CAN-ID and data."""
+        function, node_id = can_id & ~0x7F, can_id & 0x7F
+        if function in _SDO_IDS:
+            if function == ANSWER_ID:
+                self._answered(node_id)
+            elif not extended:
+                self._watch.request_of_another(self._frame_of(message))
+            self._channels.receive(node_id, can_id, bytes(data), extended=extended)
+        elif extended:
+            return
+        elif function == HEARTBEAT:
+            self._heartbeat(self._frame_of(message))
+            if data == b"\0":
+                self._channels.restarted(node_id)
+        elif can_id == NMT_CAN_ID:
+            self._heard_command(bytes(data))
+        elif function == EMERGENCY:
+            self._watch.emergency(self._frame_of(message))
+
+    def _answered(self, node_id: int) -> None:
+        """An SDO answer of *node_id* came, to whomever."""
+        self._watch.answered(node_id)

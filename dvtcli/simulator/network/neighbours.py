@@ -1,0 +1,114 @@
+"""Simulated nodes on one bus: they hear each other as well as those who are not simulated.
+
+Time is passed in. Does not know what carries frames, nor threads or clocks.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.ports import Frame
+from dvtcli.simulator.network.station import SimulatedNode, stations
+
+if TYPE_CHECKING:
+    from dvtcli.simulator.device.faults import Fault
+    from dvtcli.simulator.device.signals import Signal
+    from dvtcli.simulator.device.strict_device import StrictDevice
+
+#: Nodes that answer each other for ever must not keep others out, nor flood the bus: after so many frames it rests (s).
+_AT_ONCE, _REST_S = 500, 0.02
+#: Frames that nodes have not heard yet; what more they want to send is lost, as on a bus that is never silent.
+_MOST_WAITING = 4096
+#: What was due while nobody looked happens at its own time, up to so many times; then all that is left happens now.
+_MOST_MISSED = 1000
+_NEVER = float("inf")
+
+
+class Neighbours:
+    """*devices* with their *faults* and *signals*; *say* is called for each frame that one sends, with its time.
+
+    Times are seconds on a monotonic clock of the caller's.
+    """
+
+    def __init__(
+        self,
+        devices: Sequence[StrictDevice],
+        faults: Sequence[Fault],
+        signals: Sequence[Signal],
+        say: Callable[[Frame, float], None],
+    ) -> None:
+        self.nodes = stations(devices, faults, signals)
+        self._say = say
+        self._now_s = 0.0
+        self._rests_until_s = 0.0
+        #: what was said on the bus, with the node that said it, and not heard by the nodes yet
+        self._said: deque[tuple[Frame, SimulatedNode | None]] = deque()
+
+    @property
+    def bus_failed(self) -> bool:
+        """Whether a fault has killed the bus."""
+        return any(node.bus_failed for node in self.nodes)
+
+    def boot(self, now_s: float) -> None:
+        """Start every node at *now_s*: its boot-up is said."""
+        self._now_s = now_s
+        for node in self.nodes:
+            node.device.boot_up()
+            self._send(node, node.poll(now_s))
+
+    def hear(self, frame: Frame, now_s: float) -> None:
+        """Let every node hear *frame* of somebody else at *now_s*; what answers at once has been said on return."""
+        self.pass_time(now_s)
+        self._said.append((frame, None))
+        self._settle(rested=True)
+        self._poll(now_s)
+
+    def pass_time(self, now_s: float) -> None:
+        """Let all happen that is due by *now_s*, each at its own time."""
+        for _ in range(_MOST_MISSED):
+            due_s = self._due_s()
+            if due_s > now_s:
+                break
+            self._poll(max(due_s, self._now_s))
+        else:
+            self._poll(now_s)
+        self._now_s = now_s
+        if self._said:
+            self._settle()
+
+    def next_s(self) -> float:
+        """When something is due, infinite for never."""
+        return min(self._due_s(), self._rests_until_s) if self._said else self._due_s()
+
+    def _due_s(self) -> float:
+        """When a node has something to do by itself."""
+        times = [due_s for node in self.nodes if (due_s := node.next_poll_s()) is not None]
+        return min(times, default=_NEVER)
+
+    def _poll(self, now_s: float) -> None:
+        self._now_s = now_s
+        for node in self.nodes:
+            self._send(node, node.poll(now_s))
+        self._settle()
+
+    def _settle(self, *, rested: bool = False) -> None:
+        """Let every node hear what the others and the bus have said, and what is answered to that."""
+        if self._now_s < self._rests_until_s and not rested:
+            return
+        for _ in range(_AT_ONCE):
+            if not self._said:
+                return
+            heard, sender = self._said.popleft()
+            for node in self.nodes:
+                if node is not sender:
+                    self._send(node, node.handle(heard, self._now_s))
+        self._rests_until_s = self._now_s + _REST_S
+
+    def _send(self, node: SimulatedNode, frames: list[Frame]) -> None:
+        for frame in frames:
+            if len(self._said) >= _MOST_WAITING:
+                return
+            self._say(frame, self._now_s)
+            self._said.append((frame, node))
