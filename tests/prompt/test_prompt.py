@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import stat
+import sys
 from pathlib import Path
 
 import pytest
@@ -22,6 +23,13 @@ def test_the_banner_says_what_is_simulated_and_which_keys_help(gen4: Terminal) -
     gen4.wait("F1 help")
     gen4.type(CTRL_D)
     assert gen4.ended() == 0
+
+
+def test_how_far_a_slow_first_look_is_does_not_stay_beside_the_prompt(open_terminal: Open) -> None:
+    terminal = open_terminal(command=[sys.executable, "-m", "tests.prompt.slow_node", "0.02"])
+    terminal.wait_prompt()
+    assert b"reading 0x" in terminal.written
+    assert "reading 0x" not in terminal.text
 
 
 def test_mapping_shows_its_steps_and_leaving_asks(gen4: Terminal) -> None:
