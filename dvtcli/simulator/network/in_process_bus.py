@@ -19,7 +19,7 @@ from dvtcli.bus.sdo.link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import BusUnavailable
 from dvtcli.simulator.device.strict_device import StrictDevice
-from dvtcli.simulator.network.neighbours import Neighbours
+from dvtcli.simulator.network.nodes_on_a_bus import NodesOnABus
 
 if TYPE_CHECKING:
     from dvtcli.simulator.device.faults import Fault
@@ -46,7 +46,7 @@ class InProcessBus(FrameBus[Frame]):
         self._lock = threading.Lock()
         self._said: SimpleQueue[Frame] = SimpleQueue()
         self._wall_s = time() - monotonic()
-        self._nodes = Neighbours(devices, faults, signals, self._say)
+        self._nodes = NodesOnABus(devices, faults, signals, self._say)
         self._nodes.boot(monotonic())
 
     def _say(self, frame: Frame, at_s: float) -> None:

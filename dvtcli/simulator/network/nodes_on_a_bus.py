@@ -26,7 +26,7 @@ _MOST_MISSED = 1000
 _NEVER = float("inf")
 
 
-class Neighbours:
+class NodesOnABus:
     """*devices* with their *faults* and *signals*; *say* is called for each frame that one sends, with its time.
 
     Times are seconds on a monotonic clock of the caller's.
