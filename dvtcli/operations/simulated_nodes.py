@@ -64,7 +64,8 @@ def _family_of_file(dictionary: ObjectDictionary) -> Family:
     The family's profile asks that object, and a value that a DCF has for it would be the state for ever. Which accesses
     may be mapped is the family's, too, where the profile allows more than the standard.
     """
-    known = family_named(profile_of(dictionary).name)
+    profile = profile_of(dictionary)
+    known = learnt_family(profile, None) or family_named(profile.name)
     return replace(
         family_named("generic"),
         state_object=known.state_object,

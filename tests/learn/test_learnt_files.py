@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from dvtcli.simulator.device.family import GENERIC
+from dvtcli.operations.simulated_nodes import simulated_device, simulated_nodes
 from dvtcli.simulator.network.family_file import family_eds, load_family_folder
 from tests.commands.bench import Bench
 from tests.learn.test_learnt_families import differing, dump
@@ -20,6 +20,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 
 
 def test_a_file_that_is_learnt_answers_the_same(path: Path) -> None:
+    original = simulated_device(*simulated_nodes((str(path),))).family
     with Bench((str(path),), {"profile": "generic"}) as bench:
         before = dump(bench)
         ran = bench.run("learn --isolated --yes --save pump --json")
@@ -28,6 +29,6 @@ def test_a_file_that_is_learnt_answers_the_same(path: Path) -> None:
             pytest.skip(ran.document["text"])
         assert ran.code == 0, (ran.stdout, ran.stderr)
         assert dump(bench) == before
-    found, asked = differing(path, GENERIC, load_family_folder(Path("pump")))
+    found, asked = differing(path, original, load_family_folder(Path("pump")))
     assert asked >= 60
     assert not found
