@@ -186,8 +186,12 @@ class WatchedBus(ABC):
         self.send(Frame(NMT_CAN_ID, bytes([command, node_id])))
 
     def _heard_command(self, data: bytes) -> None:
-        """Another master, a second dvtcli for one, sent an NMT command: after its reset a boot-up is an answer."""
+        """Another master, a second dvtcli for one, sent an NMT command: what was heard before is no state any more.
+
+        After its reset a boot-up is an answer.
+        """
         if len(data) == 2 and data[0] in list(NmtCommand) and data[1] <= 127:
+            self._watch.forget_state(data[1])
             self._oddities.commanded(NmtCommand(data[0]), data[1], self._watch.boot_ups)
 
     def _repeated(self, _node_id: int) -> int:

@@ -105,6 +105,17 @@ def test_a_command_makes_what_was_heard_before_it_old(serve: Serve) -> None:
     assert bus.nmt_state(NODE + 1) is None
 
 
+def test_another_master_s_command_makes_what_was_heard_before_it_old(serve: Serve) -> None:
+    bus, server = serve()
+    for node_id in (NODE, NODE + 1):
+        server.send(0x700 + node_id, b"\x05")
+    server.send(0x000, bytes([NmtCommand.STOP, NODE]))
+    assert bus.nmt_state(NODE) is None
+    assert bus.nmt_state(NODE + 1) is NmtState.OPERATIONAL
+    server.send(0x000, bytes([NmtCommand.STOP, 0]))
+    assert bus.heard_nodes() == {}
+
+
 def test_the_last_emergency_is_kept(serve: Serve) -> None:
     bus, server = serve()
     server.send(0x080 + NODE, frame("10 82 11 01 02 03 04 05"))

@@ -236,6 +236,8 @@ def unreadable(*numbers: int, access: str = "wo") -> Eds:
 def test_clear_all_clears_what_can_be_and_names_the_others(access: str, why: str) -> None:
     with bench(unreadable(2, access=access)) as one:
         before = row(one.run("pdo --all --json"), "tpdo2")
+        if access == "wo":
+            assert [before[key] for key in ("enabled", "cob_id", "extended", "rtr_allowed")] == [None] * 4
         ran = one.run("clear all")
         assert ran.code == 0, ran.stderr
         said = " ".join(ran.stderr.split())

@@ -58,12 +58,13 @@ class PdoRow:
     def document(self) -> Document:
         """One element of `pdos` in `dvtcli.pdo/1`."""
         parameter = self.config.communication
+        told = self.config.has_cob_id
         return {
             "pdo": str(self.pdo),
-            "enabled": self.config.enabled if self.config.has_cob_id else None,
-            "cob_id": parameter.cob_id.can_id if self.config.has_cob_id else None,
-            "extended": parameter.cob_id.extended,
-            "rtr_allowed": parameter.cob_id.rtr_allowed,
+            "enabled": self.config.enabled if told else None,
+            "cob_id": parameter.cob_id.can_id if told else None,
+            "extended": parameter.cob_id.extended if told else None,
+            "rtr_allowed": parameter.cob_id.rtr_allowed if told else None,
             "transmission_type": parameter.transmission_type,
             "inhibit_ms": None if parameter.inhibit_time is None else parameter.inhibit_time / 10,
             "event_timer_ms": parameter.event_timer,
