@@ -68,7 +68,6 @@ def sign(
         access.explain(aborted)
         raise _refused(aborted, access.node_id, index, where) from aborted
     except NoAnswer as silent:
-        silent.state = "unknown"
         silent.hint = f"it may still be writing; wait, then `{word_of(index)}` again"
         if access.bus.boot_ups(access.node_id) != boot_ups:
             silent.hint = f"it restarted instead; `{word_of(index)}` again"

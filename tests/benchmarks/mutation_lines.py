@@ -43,6 +43,10 @@ class Lines:
         self.seen: set[tuple[str, int]] = set()
         self._patterns = patterns
         self._names: dict[str, str] = {}
+        self.listen()
+
+    def listen(self) -> None:
+        """Hear what is run from now on: a Ctrl-C in the middle of it, as some tests send, ends that."""
         threading.settrace(self._call)
         sys.settrace(self._call)
 
@@ -106,6 +110,7 @@ class Recorder:
     def pytest_runtest_protocol(self, item: Any) -> None:
         """A test begins."""
         self.lines.seen.clear()
+        self.lines.listen()
         self.started_s = own_s()
 
     def pytest_runtest_logfinish(self, nodeid: str) -> None:

@@ -365,6 +365,13 @@ def test_more_or_less_than_announced(serve: Serve, announced: int, segments: lis
     assert server.ended()[-1] == frame(f"80 08 10 00 {code}")
 
 
+def test_more_than_any_object_has_is_not_even_begun(serve: Serve) -> None:
+    bus, server = serve(Steps([frame("41 08 10 00 FF FF FF FF")], [b"\x00ABCDEFG"], [b"\x11HIJKLMN"]))
+    with pytest.raises(SdoProtocolError, match="announces 4294967295 bytes, more than any object has"):
+        bus.sdo(NODE).upload(0x1008, 0)
+    assert server.ended() == [frame("40 08 10 00"), frame("80 08 10 00 05 00 04 05")]
+
+
 # Silence --------------------------------------------------------------------------------------------------------
 
 

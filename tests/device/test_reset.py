@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 
 from dvtcli.device.nmt_gate import Access
-from dvtcli.device.store_parameters import await_power_cycle, reset_and_wait
+from dvtcli.device.store_parameters import await_power_cycle, reset_all_and_wait, reset_and_wait
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.profile import GENERIC
-from dvtcli.errors import NoAnswer
+from dvtcli.errors import Interrupted, NoAnswer
 from tests.laws.bench import NODE, booted
 from tests.virtual_time import VirtualTimeBus
 
@@ -43,3 +43,35 @@ def test_an_older_boot_up_is_no_power_cycle() -> None:
 
     await_power_cycle(access, 30, switch)
     assert bus.boot_ups(NODE) == 2
+
+
+def test_the_seconds_of_a_reset_are_its_own() -> None:
+    bus = VirtualTimeBus([booted()])
+    bus.sleep(50)
+    assert 0 <= reset_and_wait(Access(bus, NODE, GENERIC), NmtCommand.RESET_NODE) < 10
+
+
+def test_whoever_stops_the_waiting_for_a_power_cycle_is_heard_and_it_ends_in_time() -> None:
+    bus = VirtualTimeBus([booted()])
+    access = Access(bus, NODE, GENERIC)
+
+    def stop() -> None:
+        raise Interrupted("enough")
+
+    with pytest.raises(Interrupted):
+        await_power_cycle(access, 30, lambda: None, stop)
+    began_s = bus.now_s()
+    with pytest.raises(NoAnswer, match=r"within 0\.05 s"):
+        await_power_cycle(access, 0.05, lambda: None)
+    assert bus.now_s() - began_s == pytest.approx(0.05)
+
+
+def test_nodes_that_do_not_come_back_are_waited_for_together() -> None:
+    bus = VirtualTimeBus([booted()])
+    bus.sleep(5)
+    began_s = bus.now_s()
+    with pytest.raises(NoAnswer, match="from node 7, 9") as caught:
+        reset_all_and_wait(bus, NmtCommand.RESET_NODE, (9, NODE, 7), 3)
+    assert bus.now_s() - began_s == pytest.approx(3)
+    assert caught.value.state == "unknown"
+    reset_all_and_wait(bus, NmtCommand.RESET_NODE, (NODE,), 3)

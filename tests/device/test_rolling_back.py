@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from dvtcli.device.change.journal import Journals
-from dvtcli.device.change.put_back import restore_patiently
+from dvtcli.device.change.put_back import restore, restore_patiently
 from dvtcli.device.change.transaction import Transaction
 from dvtcli.device.node import Node
 from dvtcli.device.read_pdos import read_pdo
@@ -179,3 +179,35 @@ def test_a_refusal_that_lasts_leads_there_whatever_reason_it_gives() -> None:
         sdo.download(step.index, step.sub_index, step.after)
     assert restore_patiently(sdo, [change], InstantClock(), lambda: None) == (change,)
     assert read_pdo(sdo, TPDO1) == back
+
+
+def test_an_entry_behind_the_count_goes_back_with_its_pdo_whose_count_is_in_its_way() -> None:
+    sdo = DirectSdo(booted())
+    sdo.download(0x1800, 1, (0xC000_0181).to_bytes(4, "little"))
+    before = read_pdo(sdo, TPDO1)
+    want = replace(before, communication=replace(before.communication, event_timer=77))
+    old, new = sdo.upload(0x1A00, 2), (0x606C_0020).to_bytes(4, "little")
+    assert (len(before.mapping), old != new) == (1, True)
+    unknown = ValueChange(Step(0x1A00, 4, None, new, "write-only, as it was said"))
+    entry = ValueChange(Step(0x1A00, 2, old, new, "behind the count"))
+    sdo.download(0x1800, 5, (77).to_bytes(2, "little"))
+    for sub_index, data in ((0, b"\0"), (2, new), (0, b"\1")):
+        sdo.download(0x1A00, sub_index, data)
+    sdo.writes.clear()
+    assert restore(sdo, [plan_pdo(TPDO1, before, want), entry, unknown], settles=False) == ()
+    assert (read_pdo(sdo, TPDO1), sdo.upload(0x1A00, 2)) == (before, old)
+    assert not [place for *place, _ in sdo.writes if place == [0x1A00, 4]]
+
+
+def test_what_is_refused_and_has_no_other_way_is_raised_as_it_was_said() -> None:
+    """A COB-ID that is refused is none of the parameters that a device may take while the PDO is off."""
+    sdo = DirectSdo(booted())
+    before = read_pdo(sdo, TPDO1)
+    want = replace(before, mapping=(PdoMappingEntry(0x606C, 0, 32),))
+    change = plan_pdo(TPDO1, before, want)
+    for step in change.steps:
+        sdo.download(step.index, step.sub_index, step.after)
+    sdo.writes.clear()
+    with pytest.raises(SdoAborted) as caught:
+        restore(FaultySdo(sdo, refuse, 1), [change], settles=True)
+    assert (caught.value.place, sdo.writes) == ("1800:01", [])

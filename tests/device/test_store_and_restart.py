@@ -7,12 +7,14 @@ import pytest
 from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.nmt_gate import Access
 from dvtcli.device.store_parameters import STORE, sign
+from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import Frame
-from dvtcli.errors import NoAnswer
+from dvtcli.domain.profile import GENERIC
+from dvtcli.errors import Interrupted, NoAnswer
 from dvtcli.simulator.device.faults import Fault
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import load_family
-from tests.laws.bench import NODE, booted, dictionary, profile
+from tests.laws.bench import NODE, DirectBus, DirectSdo, FaultySdo, booted, dictionary, interrupt_after, profile
 from tests.virtual_time import VirtualTimeBus
 
 
@@ -20,13 +22,31 @@ from tests.virtual_time import VirtualTimeBus
 def test_a_boot_up_ends_the_waiting(fault: str, longest_s: float) -> None:
     bus = VirtualTimeBus([booted()], faults=[Fault.parse(fault)])
     policy = profile("generic").store
+    bus.send_nmt(NmtCommand.START, NODE)
+    bus.sleep(1)  # its heartbeat says so
     before_s = bus.now_s()
     with pytest.raises(NoAnswer) as caught:
         sign(Access(bus, NODE, profile("generic")), policy, STORE, None, Cancellation())
     waited_s = bus.now_s() - before_s
     assert waited_s < longest_s
     assert (waited_s >= policy.timeout_s) is (fault != "reset@1=0.3"), "a slow store has its time"
-    assert ("restarted instead" in (caught.value.hint or "")) is (fault == "reset@1=0.3")
+    hint = {
+        "reset@1=0.3": "it restarted instead: what was not stored is lost; set it again, then store",
+        "lose-response@1": "it may still be writing; wait, then `store` again",
+    }
+    assert (caught.value.hint, caught.value.state) == (hint[fault], "unknown")
+    assert bus.nodes[0].device.state is NmtState.OPERATIONAL, "as it was found"
+
+
+def test_a_second_ctrl_c_leaves_the_store_to_the_device() -> None:
+    device = booted()
+    cancellation = Cancellation()
+    cancellation.exit_code = 143
+    faulty = FaultySdo(DirectSdo(device), interrupt_after, 1)
+    with pytest.raises(Interrupted) as caught:
+        sign(Access(DirectBus(device, faulty), NODE, GENERIC), GENERIC.store, STORE, None, cancellation)
+    assert (caught.value.exit_code, caught.value.state) == (143, "unknown")
+    assert caught.value.hint == "it may still be writing its memory: leave it powered, then `store` again"
 
 
 class Starting(StrictDevice):
