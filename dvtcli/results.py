@@ -12,6 +12,7 @@ from dvtcli.operations.api.told import Message
 from dvtcli.operations.results.changes import Changed
 from dvtcli.operations.results.comparisons import Compared
 from dvtcli.operations.results.logged_in import LoggedIn
+from dvtcli.operations.results.networks import NetworkApplied, NetworkPlanned
 from dvtcli.operations.results.nodes import Commanded, NodeListing, NodeRow, Synced
 from dvtcli.operations.results.pdos import MappedName, PdoListing, PdoRow
 from dvtcli.operations.results.stores import Stored
@@ -28,6 +29,8 @@ __all__ = [
     "LoggedIn",
     "MappedName",
     "Message",
+    "NetworkApplied",
+    "NetworkPlanned",
     "NodeListing",
     "NodeRow",
     "ObjectListing",

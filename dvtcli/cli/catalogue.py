@@ -9,7 +9,16 @@ from functools import cache
 _COMMANDS = os.path.join(os.path.dirname(__file__), "commands")  # noqa: PTH118, PTH120 - pathlib costs 7 ms
 
 #: Tasks in the order in which they come up; which one a command belongs to, and where in it, its own file says.
-TASKS = ("Begin", "Find nodes", "See", "Change PDOs", "Check and keep", "Scripts and files", "Programs around")
+TASKS = (
+    "Begin",
+    "Find nodes",
+    "See",
+    "Change PDOs",
+    "Check and keep",
+    "Networks",
+    "Scripts and files",
+    "Programs around",
+)
 
 
 def command_names() -> list[str]:

@@ -141,7 +141,7 @@ class ScriptChanges:
             raise self._committed(cause)
         for journal in self._journals():
             journal.final("")
-        with self._session.cancellation.way_back(), self._session.taking_back():
+        with self._session.cancellation.way_back(), self._session.agreed():
             tried = [self._take_back(node, cause) for node in reversed(list(self._session.met_nodes()))]
             failures = [failure for one in tried if (failure := one.settled(cause)) is not None]
         if failures:

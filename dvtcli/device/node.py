@@ -233,11 +233,11 @@ class Node(Changeable):
         self.gate.done.append(f"{several(change.label for change in plan.changes)} was set and read back equal")
         saves = any(self.saves((step.index, step.sub_index)) for step in plan.steps)
         if kept and not saves and any(map(alters, plan.changes)):
-            self._keep(plan)
+            self.keep(plan)
         self._remember(plan.changes)
 
-    def _keep(self, plan: Plan) -> None:
-        """What can be undone, by this session and on a real bus by a later one."""
+    def keep(self, plan: Plan) -> None:
+        """*plan* was carried out and can be undone, by this session and on a real bus by a later one."""
         self.history.append(plan)
         self.order.append(self.node_id)
         if self.keeper is not None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Mapping
 from functools import cache
 from typing import TYPE_CHECKING
 
@@ -15,12 +15,24 @@ from dvtcli.domain.rules import Proposal
 
 if TYPE_CHECKING:
     from dvtcli.device.known_pdos import KnownPdos
+    from dvtcli.domain.rules.finding import Producer
+
+#: What other nodes send, asked for when a rule first looks at it.
+Elsewhere = Callable[[], "Collection[Producer]"]
 
 
 def proposal(
-    node: KnownPdos, pdo: Pdo, now: PdoConfig, want: PdoConfig, together: Mapping[Pdo, PdoConfig] | None = None
+    node: KnownPdos,
+    pdo: Pdo,
+    now: PdoConfig,
+    want: PdoConfig,
+    together: Mapping[Pdo, PdoConfig] | None = None,
+    elsewhere: Elsewhere | None = None,
 ) -> Proposal:
-    """What the rules look at before *pdo* of *node* may become *want*; *together* are PDOs changed in the same plan."""
+    """What the rules look at before *pdo* of *node* may become *want*; *together* are PDOs changed in the same plan.
+
+    *elsewhere* is what the other nodes will send, None for what they send now.
+    """
     moves = now.communication.cob_id != want.communication.cob_id
     sync, emcy = service_can_ids(node.memory) if moves else (0x080, None)
     learn = node.dictionary is None and now.mapping != want.mapping
@@ -36,7 +48,7 @@ def proposal(
         learnt_lengths(want.mapping, node.length_of) if learn else {},
         sync,
         emcy,
-        cache(lambda: producers(node.neighbours())),
+        elsewhere or cache(lambda: producers(node.neighbours())),
         cob_ids,
     )
 

@@ -15,6 +15,7 @@ from dvtcli.errors import RuleError, UsageError
 
 if TYPE_CHECKING:
     from dvtcli.device.known_pdos import KnownPdos
+    from dvtcli.device.proposal import Elsewhere
     from dvtcli.domain.pdo import Pdo, PdoConfig
     from dvtcli.domain.profile import ObjectAddress
     from dvtcli.domain.request import PdoWant
@@ -29,12 +30,15 @@ def untyped_lengths(node: KnownPdos, wants: Iterable[PdoWant]) -> Lengths:
     return {place: node.length_of(*place) for place in dict.fromkeys(places)}
 
 
-def resolve(node: KnownPdos, pdo: Pdo, now: PdoConfig, want: PdoWant, lengths: Lengths) -> PdoConfig:
+def resolve(
+    node: KnownPdos, pdo: Pdo, now: PdoConfig, want: PdoWant, lengths: Lengths, elsewhere: Elsewhere | None = None
+) -> PdoConfig:
     """The configuration that *want* means for *pdo* of *node*, which is *now*; *lengths* come from `untyped_lengths`.
 
-    RuleError for an object that the EDS lacks, UsageError for anything else that cannot be resolved.
+    *elsewhere* is what the other nodes will send, None for what they send now. RuleError for an object
+    that the EDS lacks, UsageError for anything else that cannot be resolved.
     """
-    held = proposal(node, pdo, now, now)
+    held = proposal(node, pdo, now, now, elsewhere=elsewhere)
     if isinstance(want, PdoRequest):
         _refuse_missing(held, want, [place for place in want.untyped_lengths if lengths[place] is None])
     try:

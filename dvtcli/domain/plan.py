@@ -142,7 +142,7 @@ def _pdo_steps(pdo: Pdo, now: PdoConfig, want: PdoConfig, *, off: bool) -> Itera
         disabled = wanted if wanted == held.disabled() else held.disabled()
         yield _cob_id_step(index, held, disabled, "disable the PDO (bit 31)")
         held = disabled
-    if _needs_rtr_first(now, want):
+    if needs_rtr_first(now, want):
         yield _cob_id_step(index, held, wanted.disabled(), "allow RTR, which the transmission type answers")
         held = wanted.disabled()
     yield from _communication_steps(index, now.communication, want.communication)
@@ -164,7 +164,7 @@ def needs_disabling(now: PdoConfig, want: PdoConfig) -> bool:
     )
 
 
-def _needs_rtr_first(now: PdoConfig, want: PdoConfig) -> bool:
+def needs_rtr_first(now: PdoConfig, want: PdoConfig) -> bool:
     """Whether a type that answers RTR would be refused as long as bit 30 forbids RTR."""
     a, b = now.communication, want.communication
     return (

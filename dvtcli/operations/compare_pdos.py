@@ -35,11 +35,11 @@ def verify(
     *,
     frame: bool = False,
 ) -> Compared | ComparedNodes:
-    """Compare what the nodes hold now with what this session set, or with *file*: a script, a DCF or an EDS.
+    """Compare what the nodes hold now with what this session set, or with *file*.
 
-    *pdos* are those to look at, each with its node-ID, None for the selected node; none means everything. With *frame*
-    each node is started and a frame of each enabled TPDO looked at. *rehearse* finds what a script sets. UsageError
-    where there is nothing to compare.
+    A file is a script, a network file, a DCF or an EDS. *pdos* are those to look at, each with its node-ID,
+    None for the selected node; none means everything. With *frame* each node is started and a frame of each enabled
+    TPDO looked at. *rehearse* finds what a script sets. UsageError where there is nothing to compare.
     """
     wishes = _chosen(session, pdos, _wishes(session, rehearse, pdos, file), file or SESSION)
     named = len(wishes) > 1 or len(session.known_ids()) > 1
@@ -54,6 +54,8 @@ def _wishes(session: Session, rehearse: Rehearse, pdos: Sequence[NodePdo], file:
     """What should be on each node, by *file* or by what this session set."""
     if file is None:
         return {node_id: session_wish(node) for node_id, node in sorted(session.network.nodes.items())}
+    if file.lower().endswith((".yaml", ".yml")):
+        return _network_wishes(session, file)
     if _is_script(file):
         return rehearse(file)
     named = {node_id for node_id, _ in pdos if node_id is not None}
@@ -61,6 +63,13 @@ def _wishes(session: Session, rehearse: Rehearse, pdos: Sequence[NodePdo], file:
         raise UsageError("a DCF is about one node: use one line for each node")
     node = session.node(named.pop() if named else None)
     return {node.node_id: dcf_wish(node, file)}
+
+
+def _network_wishes(session: Session, file: str) -> dict[int, Wish]:
+    from dvtcli.operations.plan_network import plan_network
+
+    plan = plan_network(session, file)
+    return {node.node_id: Wish(dict(node.wanted), dict(node.values)) for node in plan.nodes}
 
 
 def _is_script(file: str) -> bool:

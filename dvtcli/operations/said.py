@@ -29,7 +29,7 @@ class Said:
         self.tell = tell or _nobody()
         self.base = self.options = options or Options()
         self.cancellation = Cancellation()
-        self._takes_back = False
+        self._agreed = False
 
     @cached_property
     def settings(self) -> Settings:
@@ -67,7 +67,7 @@ class Said:
 
         Returns on yes, raises SafetyRefusal otherwise.
         """
-        if self.options.yes or self.dry_run or self._takes_back:
+        if self.options.yes or self.dry_run or self._agreed:
             return
         with self.cancellation.released():  # Ctrl-C here is a no to everything that the question was for
             answer = self.tell.ask(question)
@@ -77,13 +77,13 @@ class Said:
             raise SafetyRefusal("not done: the answer was no", node=node_id)
 
     @contextmanager
-    def taking_back(self) -> Iterator[None]:
-        """A block that takes back what was consented to when it was done: nothing is asked in it."""
-        self._takes_back = True
+    def agreed(self) -> Iterator[None]:
+        """A block in which nothing is asked: all of it was consented to, or takes back what was."""
+        self._agreed = True
         try:
             yield
         finally:
-            self._takes_back = False
+            self._agreed = False
 
     @property
     def state_folder(self) -> Path:

@@ -16,13 +16,14 @@ from tests.process import ROOT, environment
 
 PUBLIC = {
     "dvtcli": ["Bus", "Node", "__version__", "connect", "errors", "results", "simulate"],
-    "Bus": ["check_sync", "close", "dry_run", "is_dry_run", "name", "node", "scan", "script", "sync"],
+    "Bus": ["apply", "check_sync", "close", "dry_run", "is_dry_run", "name", "node", "plan", "scan", "script", "sync"],
     "Node": [
         "canopen", "clear", "disable", "enable", "identity", "login", "map", "nmt", "node_id", "objects", "pdo", "pdos",
         "read", "recover", "require", "restore", "script", "set", "store", "undo", "verify", "write",
     ],
     "results": [
         "Changed", "CobId", "Commanded", "Compared", "Finding", "Frame", "LoggedIn", "MappedName", "Message",
+        "NetworkApplied", "NetworkPlanned",
         "NodeListing", "NodeRow", "ObjectListing", "ObjectRow", "Pdo", "PdoCommunicationParameter", "PdoConfig",
         "PdoListing", "PdoMappingEntry", "PdoRow", "Plan", "Progress", "Proof", "Step", "Stored", "SyncCheck",
         "SyncSource", "Synced", "ValueRead",

@@ -28,13 +28,15 @@ TASK = ("Check and keep", 10)
 def command(ctx: click.Context, /, words: tuple[str, ...], frame: bool) -> Compared | ComparedNodes:
     """Compare what the nodes hold now; exit code 3 where it differs, 1 where no frame came.
 
-    FILE is a script (what its lines would set), or a DCF or EDS; without one it compares with the lines before it.
+    FILE is a script (what its lines would set), a network file (YAML), or a DCF or EDS; without one it compares with
+    the lines before it.
 
     \b
     verify                   everything this session changed, on every node
     verify tpdo1 --frame
     verify tpdo1 press.dcf
     verify press.dvt         what a script would set
+    verify press.yaml        what a network file wants, on each of its nodes
     verify tpdo1 press.dcf --frame
     """
     from dvtcli.operations.compare_pdos import verify

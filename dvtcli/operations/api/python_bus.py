@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from canopen import RemoteNode
 
     from dvtcli.bus.canopen_node import CanopenNetwork
-    from dvtcli.operations.results import NodeListing, SyncCheck, Synced
+    from dvtcli.operations.results import NetworkApplied, NetworkPlanned, NodeListing, SyncCheck, Synced
 
 
 class Bus:
@@ -136,6 +136,30 @@ class Bus:
         for node_id in node_ids:
             whole("node_ids", node_id, "a node-ID", 127, low=1)
         return self._calls.run(lambda: check_sync(self._session, node_ids))
+
+    def plan(self, file: str | Path) -> NetworkPlanned:
+        """What has to be written for the network *file* (YAML) to be so; reads its nodes, and writes nothing.
+
+        InputFileError with everything that is wrong in the file; RuleError with everything that the rules refuse, on
+        all nodes; SafetyRefusal where a node is another device than the file says.
+        """
+        from dvtcli.operations.network_files import planned
+
+        chosen = str(path("file", file))
+        return self._calls.run(lambda: planned(self._session, chosen))
+
+    def apply(self, file: str | Path, *, prove: bool = False) -> NetworkApplied:
+        """Make the nodes what the network *file* says, or a plan that `dvtcli plan -o` saved: all of them, or none.
+
+        Asks first. Nodes store where the file says so, once all of them were read back; with *prove* each is restarted
+        then, and compared. A fault on one node brings every node back; LeftChanged where one could not be, or where not
+        all have stored. SafetyRefusal where a node has changed since the plan was saved.
+        """
+        from dvtcli.operations.network_files import applied
+
+        chosen = str(path("file", file))
+        flags(prove=prove)
+        return self._calls.run(lambda: applied(self._session, chosen, prove="reset" if prove else None))
 
     def script(self, *, history: bool = False) -> str:
         """What this program's changes come to, as the text of a script that `dvtcli run` takes.

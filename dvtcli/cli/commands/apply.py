@@ -1,0 +1,46 @@
+"""Make a network what a file says: all nodes, or none."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+import click
+
+from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.effect import Effect
+from dvtcli.cli.params import FILE
+
+if TYPE_CHECKING:
+    from dvtcli.cli.view.output import Output
+    from dvtcli.domain.network.network_plan import NetworkPlan
+    from dvtcli.operations.results import NetworkApplied
+
+TASK = ("Networks", 30)
+
+
+@click.command("apply", cls=DvtCommand, short_help=__doc__, effect=Effect.CHANGES)
+@click.argument("file", type=FILE)
+@click.option("--prove", is_flag=True, help="Restart each node that stored, and compare what it comes up with.")
+@click.pass_context
+def command(ctx: click.Context, /, file: str, prove: bool) -> NetworkApplied:
+    """Carry out what plan shows for the network FILE, or a saved plan, on all nodes; with a fault on one, on none.
+
+    Asks first. PDOs go off, everything is written and read back, then consumers go on, then producers. Nodes store
+    where the file says so, once all of them are verified. A saved plan is refused (6) where a node has changed since.
+
+    \b
+    apply press.yaml --yes
+    apply plan.json --yes
+    apply press.yaml --dry-run
+    """
+    from dvtcli.operations.network_files import applied
+
+    return applied(ctx.obj, file, prove="reset" if prove else None, on_plan=partial(_show, ctx.obj.output))
+
+
+def _show(output: Output, plan: NetworkPlan) -> None:
+    from dvtcli.cli.view.network_lines import plan_lines
+
+    if not output.json:
+        output.said(plan_lines(plan, output.width), error=False)

@@ -1,0 +1,31 @@
+"""Compare a network with its file; exit code 3 where it differs."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.effect import Effect
+from dvtcli.cli.params import FILE
+
+if TYPE_CHECKING:
+    from dvtcli.operations.results import NetworkPlanned
+
+TASK = ("Networks", 20)
+
+
+@click.command("diff", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
+@click.argument("file", type=FILE)
+@click.pass_context
+def command(ctx: click.Context, /, file: str) -> NetworkPlanned:
+    """Read the nodes of the network FILE and show what differs: plan, with exit code 3 where it does.
+
+    \b
+    diff press.yaml
+    diff press.yaml --json
+    """
+    from dvtcli.operations.network_files import planned
+
+    return planned(ctx.obj, file, None, tells=True)

@@ -1,0 +1,36 @@
+"""What has to be written for a network to be as a file says; nothing is."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.effect import Effect
+from dvtcli.cli.params import FILE
+
+if TYPE_CHECKING:
+    from dvtcli.operations.results import NetworkPlanned
+
+TASK = ("Networks", 10)
+
+
+@click.command("plan", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
+@click.argument("file", type=FILE)
+@click.option("-o", "saved", type=FILE, metavar="PLAN", help="Save the plan as a file that apply takes.")
+@click.option("--exit-code", "tells", is_flag=True, help="End with 3 where something would be written.")
+@click.pass_context
+def command(ctx: click.Context, /, file: str, saved: str | None, tells: bool) -> NetworkPlanned:
+    """Read the nodes of the network FILE and show what differs, and what apply would write.
+
+    Everything that is wrong, on any node, is said at once.
+
+    \b
+    plan press.yaml
+    plan press.yaml -o plan.json
+    plan press.yaml --exit-code      3 where something differs
+    """
+    from dvtcli.operations.network_files import planned
+
+    return planned(ctx.obj, file, saved, tells=tells)

@@ -1,0 +1,136 @@
+"""The text of what a network is planned to be, and of what was made of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+from dvtcli.cli.view.change_lines import shown
+from dvtcli.cli.view.lines import Cell, Line, Table
+from dvtcli.domain.pdo import transmission_type_text
+from dvtcli.domain.plan import PdoChange
+from dvtcli.domain.several import plural
+from dvtcli.operations.results.networks import action, differing
+
+if TYPE_CHECKING:
+    from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
+    from dvtcli.domain.pdo import Pdo
+    from dvtcli.operations.results.networks import NetworkApplied, NetworkPlanned
+
+_SIGNS = {"prune": ("-", "red"), "disable": ("~", "yellow"), "enable": ("~", "yellow"), "change": ("~", "yellow")}
+
+
+def plan_lines(plan: NetworkPlan, width: int) -> Iterator[Line]:
+    """Each node with what differs, and what that comes to."""
+    for node in plan.nodes:
+        yield from _node(plan, node, width)
+    yield ""
+    if plan.changed:
+        yield [Cell("Plan: ", "bold"), Cell(f"{_counted(plan)}.")]
+
+
+def planned_lines(result: NetworkPlanned, width: int) -> Iterator[Line]:
+    """The plan, and what to do with it."""
+    yield from plan_lines(result.plan, width)
+    if not result.plan.changed:
+        yield "No difference: every node holds what the file says. Nothing was written."
+        return
+    saved = f" Saved: {result.saved}." if result.saved else ""
+    yield f"Nothing was written.{saved} Next: dvtcli apply {result.saved or result.plan.file}"
+
+
+def applied_lines(result: NetworkApplied, _width: int) -> Iterator[Line]:
+    """What was made of a plan that was shown before, and where that is kept."""
+    plan = result.plan
+    if not plan.changed:
+        yield "Every node holds what the file says already; nothing was written."
+        return
+    writes, nodes = plural(plan.writes, "write"), plural(sum(bool(len(one.plan)) for one in plan.nodes), "node")
+    if result.dry_run:
+        yield [Cell("dry run: ", "cyan"), Cell(f"{writes} on the twins of {nodes}, read back equal. Nothing was sent.")]
+        return
+    yield f"{nodes} set: {writes}, read back equal, {result.seconds:.2f} s."
+    if result.stored:
+        yield f"Stored on node {', '.join(str(one.node) for one in result.stored)}{_proved(result)}."
+    kept = {one.node for one in result.stored}
+    volatile = [str(one.node_id) for one in plan.nodes if len(one.plan) and one.node_id not in kept]
+    if volatile:
+        text = f"In RAM only on node {', '.join(volatile)}: `store` keeps it, `undo --all` reverts it."
+        yield [Cell(text, "dim")]
+
+
+def _proved(result: NetworkApplied) -> str:
+    return ", and proved by a restart" if all(one.proof and one.proof.holds for one in result.stored) else ""
+
+
+def _counted(plan: NetworkPlan) -> str:
+    pdos = [(node, change) for node in plan.nodes for change in node.plan.changes if isinstance(change, PdoChange)]
+    offs = sum(action(node, change) in ("prune", "disable") for node, change in pdos)
+    values = sum(len(node.plan.changes) for node in plan.nodes) - len(pdos)
+    stores = [str(node.node_id) for node in plan.nodes if node.store and len(node.plan)]
+    parts = [plural(len(pdos) - offs, "PDO change"), plural(offs, "disable") if offs else ""]
+    parts += [
+        plural(values, "object") if values else "",
+        f"{sum(max(0, one.unchanged) for one in plan.nodes)} unchanged",
+    ]
+    store = f"a store on node {', '.join(stores)}" if stores else "no store"
+    return f"{', '.join(filter(None, parts))}; {plural(plan.writes, 'SDO write')}, {store}"
+
+
+def _node(plan: NetworkPlan, node: NodePlan, width: int) -> Iterator[Line]:
+    place = f"  {plan.file}:{node.line}" if node.line else ""
+    title = f" ({node.title})" if node.title else ""
+    yield [Cell(f"node {node.node_id}  {node.name}{title}", "bold"), Cell(place, "dim")]
+    for change in node.plan.changes:
+        if isinstance(change, PdoChange):
+            yield from _pdo(node, change, width)
+        else:
+            step, before = change.step, change.step.before
+            held = "-" if before is None else shown(before)
+            yield [Cell("  ~ ", "yellow"), Cell(f"0x{step.object}  {held} -> {shown(step.after)}")]
+    if node.unchanged > 0:
+        yield [Cell(f"  = {node.unchanged} as wanted", "dim")]
+
+
+def _pdo(node: NodePlan, change: PdoChange, width: int) -> Iterator[Line]:
+    kind = action(node, change)
+    sign, style = _SIGNS[kind]
+    if kind == "prune":
+        yield [
+            Cell(f"  {sign} ", style),
+            Cell(f"{change.label}  enabled on the node, not in the file: goes off (prune)"),
+        ]
+        return
+    yield [Cell(f"  {sign} ", style), Cell(change.label)]
+    table = Table(indent=6, shrink=3)
+    for key, was, will in differing(change):
+        if key == "map":
+            _entries(table, node, was, will)
+        else:
+            table.add(key, _text(key, was, change.pdo), "->", _text(key, will, change.pdo))
+    yield from table.lines(width)
+
+
+def _entries(table: Table, node: NodePlan, was: list[str], will: list[str]) -> None:
+    for number in range(max(len(was), len(will))):
+        before, after = (side[number] if number < len(side) else "-" for side in (was, will))
+        if before != after:
+            name = node.names.get(after.rpartition("/")[0], "")
+            table.add(f"map {number + 1}", before, "->", f"{after}  {name}".rstrip())
+
+
+def _text(key: str, value: Any, pdo: Pdo) -> str:
+    """A parameter as the field writes it."""
+    if value is None:
+        return "-"
+    if key == "enabled":
+        return "on" if value else "off"
+    if key == "cob_id":
+        return f"0x{value:03X}"
+    if key == "type":
+        return f"{value} {transmission_type_text(value, pdo.direction)}"
+    if key == "inhibit_time":
+        return f"{value / 10:g} ms"
+    if key == "event_timer":
+        return f"{value} ms"
+    return str(value).lower() if isinstance(value, bool) else str(value)

@@ -1,0 +1,51 @@
+"""What the nodes of a network send once a plan for all of them is carried out. Reads COB-IDs when first asked."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from dvtcli.device.neighbours import producers
+from dvtcli.domain.rules.finding import Producer
+
+if TYPE_CHECKING:
+    from dvtcli.device.known_pdos import KnownPdos
+    from dvtcli.domain.cob_id import CobId
+    from dvtcli.domain.pdo import Pdo
+
+
+@dataclass(slots=True)
+class Senders:
+    """The TPDOs of *nodes*; *after* has the COB-ID of each one that a plan, or a file, gives another one, by node-ID.
+
+    None stands for one that will be off, or of which nobody knows yet what it will be.
+    """
+
+    nodes: Mapping[int, KnownPdos]
+    after: dict[int, dict[Pdo, CobId | None]] = field(default_factory=dict)
+    _now: dict[int, tuple[Producer, ...]] = field(default_factory=dict)
+
+    def besides(self, node_id: int) -> tuple[Producer, ...]:
+        """What the other nodes will send, and nodes that were met and are not in the plan send now."""
+        return tuple(
+            one
+            for other in (*self.nodes.values(), *self._strangers())
+            if other.node_id != node_id
+            for one in self._of(other)
+        )
+
+    def _strangers(self) -> Iterator[KnownPdos]:
+        first = next(iter(self.nodes.values()), None)
+        for other in first.neighbours() if first is not None else ():
+            if other.node_id not in self.nodes:
+                yield other
+
+    def _of(self, node: KnownPdos) -> Iterator[Producer]:
+        if node.node_id not in self._now:
+            self._now[node.node_id] = producers([node])
+        after = self.after.get(node.node_id, {})
+        yield from (one for one in self._now[node.node_id] if one.pdo not in after)
+        for pdo, cob_id in after.items():
+            if cob_id is not None and cob_id.valid and pdo.is_tpdo:
+                yield Producer(node.node_id, pdo, cob_id)

@@ -1,0 +1,66 @@
+"""What is to be written to the nodes of a network, as one value: shown, saved, compared, carried out and undone.
+
+Knows no file format, and reads no node.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.plan import Plan
+from dvtcli.domain.rules.finding import Finding
+
+Identity = dict[str, int | None]
+
+
+@dataclass(frozen=True, slots=True)
+class NodePlan:
+    """One node's part: *plan* goes from what was read of the device of this *identity* (0x1018) to what is wanted.
+
+    *name* is the node's in the file, *line* where it stands (0: nowhere), *title* what the device calls itself.
+    *wanted* and *values* are everything that the file says of PDOs and single objects, also what is so already;
+    *pruned* are PDOs that go off since the file does not name them; *store* is what is stored once all nodes are
+    verified, as `store` takes it, empty for nothing.
+    """
+
+    name: str
+    plan: Plan
+    identity: Identity
+    title: str = ""
+    line: int = 0
+    store: str = ""
+    wanted: dict[Pdo, PdoConfig] = field(default_factory=dict)
+    values: dict[tuple[int, int], bytes] = field(default_factory=dict)
+    pruned: frozenset[Pdo] = frozenset()
+    findings: tuple[Finding, ...] = ()
+    #: names of objects, by their printed form
+    names: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def node_id(self) -> int:
+        """The node-ID."""
+        return self.plan.node_id
+
+    @property
+    def unchanged(self) -> int:
+        """How many PDOs and single objects of the file are as wanted."""
+        return len(self.wanted) + len(self.values) - len(self.plan.changes)
+
+
+@dataclass(frozen=True, slots=True)
+class NetworkPlan:
+    """Every node of a network, in order of node-ID; *file* is what says what is wanted."""
+
+    file: str
+    nodes: tuple[NodePlan, ...]
+
+    @property
+    def changed(self) -> bool:
+        """Whether anything is to be written, stores aside."""
+        return any(len(node.plan) for node in self.nodes)
+
+    @property
+    def writes(self) -> int:
+        """How many SDO downloads it takes."""
+        return sum(len(node.plan) for node in self.nodes)

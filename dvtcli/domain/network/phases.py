@@ -1,0 +1,49 @@
+"""The order in which a network is changed: no RPDO ever hears frames of a layout that it is not mapped for.
+
+Splits plans. Does not know who carries them out, nor whether they are legal.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+
+from dvtcli.domain.pdo import PdoConfig
+from dvtcli.domain.plan import Change, PdoChange, Plan, disables, needs_rtr_first, plan_pdo
+
+
+def phases(plans: Iterable[Plan]) -> tuple[tuple[Plan, ...], ...]:
+    """What *plans*, one a node, come to in five phases; each is complete on every node before the next one begins.
+
+    First every TPDO that changes is disabled, then every RPDO; then everything is written; then RPDOs are enabled, and
+    at last TPDOs. The writes are the same as in *plans*. Backwards, phase by phase, the order holds as well.
+    """
+    split = [(plan.node_id, [part for change in plan.changes for part in _parts(change)]) for plan in plans]
+    found = []
+    for phase in range(5):
+        parts = ((node_id, tuple(change for number, change in parts if number == phase)) for node_id, parts in split)
+        found.append(tuple(Plan(node_id, changes) for node_id, changes in parts if changes))
+    return tuple(found)
+
+
+_WRITE = 2
+
+
+def _parts(change: Change) -> Iterator[tuple[int, Change]]:
+    """The parts of *change* that write something, each with the number of its phase."""
+    if not isinstance(change, PdoChange):
+        yield _WRITE, change
+        return
+    off, on = (0, 4) if change.pdo.is_tpdo else (1, 3)
+    now, want = change.before, change.after
+    held = _disabled(now) if disables(now, want) else now
+    first = want.communication.cob_id.disabled() if needs_rtr_first(now, want) else held.communication.cob_id
+    written = replace(want, communication=replace(want.communication, cob_id=first))
+    for number, before, after in ((off, now, held), (_WRITE, held, written), (on, written, want)):
+        part = plan_pdo(change.pdo, before, after)
+        if part.steps:
+            yield number, part
+
+
+def _disabled(config: PdoConfig) -> PdoConfig:
+    return replace(config, communication=replace(config.communication, cob_id=config.communication.cob_id.disabled()))

@@ -1,0 +1,59 @@
+"""A plan for a network as `plan -o` saves it (`dvtcli.plan/1`), read.
+
+Every part is checked: somebody may have written it. Does not know whether nodes still are as it says.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from dvtcli.device.change.journal import MOST_BYTES
+from dvtcli.device.change.plan_document import read_number, read_plan
+from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
+from dvtcli.domain.plan import Plan
+from dvtcli.errors import InputFileError
+
+SCHEMA = "dvtcli.plan/1"
+_STORES = ("all", "communication", "application")
+
+
+def is_network_plan(path: Path) -> bool:
+    """Whether *path* is a saved plan, by its first character; OSError where it cannot be read."""
+    with path.open("rb") as file:
+        return file.read(64).lstrip().startswith(b"{")
+
+
+def read_network_plan(path: Path) -> NetworkPlan:
+    """The plan in *path*; InputFileError where it is none, or damaged; OSError where it cannot be read."""
+    with path.open("rb") as file:
+        data = file.read(127 * MOST_BYTES + 1)
+    try:
+        document = json.loads(data)
+        if not isinstance(document, dict) or document.get("schema") != SCHEMA:
+            raise ValueError(f"it does not say {SCHEMA}")
+        nodes = document.get("nodes")
+        if not isinstance(nodes, list):
+            raise ValueError("it names no nodes")
+        planned = tuple(sorted(map(_node, nodes), key=lambda one: one.node_id))
+        if len({one.node_id for one in planned}) != len(planned):
+            raise ValueError("a node stands twice")
+        return NetworkPlan(str(document.get("file", path)), planned)
+    except (ValueError, RecursionError) as wrong:
+        raise InputFileError(
+            f"{path} is not a plan that can be used", place=str(path), why=str(wrong), hint="plan again, with -o"
+        ) from wrong
+
+
+def _node(document: Any) -> NodePlan:
+    if not isinstance(document, dict):
+        raise ValueError("a node is malformed")
+    store = document.get("store") or ""
+    if store not in _STORES and store:
+        read_number({"store": int(str(store))}, "store", 127, least=1)
+    name = str(document.get("name", ""))
+    if document.get("changes") == []:
+        return NodePlan(name, Plan(read_number(document, "node", 127, least=1), ()), {}, store=str(store))
+    identity, plan = read_plan(document)
+    return NodePlan(name, plan, identity, store=str(store))

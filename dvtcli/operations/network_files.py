@@ -1,0 +1,76 @@
+"""`plan`, `diff`, `apply` of a network file, and of a saved plan. Writes the plan's file, and no device by itself."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.network.network_plan import NetworkPlan
+from dvtcli.errors import InputFileError, UsageError
+from dvtcli.files.plan_file import is_network_plan, read_network_plan
+from dvtcli.operations.plan_network import checked, plan_network
+from dvtcli.operations.results.networks import NetworkPlanned
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from dvtcli.operations.results.networks import NetworkApplied
+    from dvtcli.operations.session import Session
+
+
+def planned(session: Session, file: str, saved: str | None = None, *, tells: bool = False) -> NetworkPlanned:
+    """What has to be written for the network *file* to be so, *saved* as a file where that is named.
+
+    With *tells* its exit code is 3 where something differs. Raises as `plan_network`.
+    """
+    plan = plan_network(session, file)
+    answer = NetworkPlanned(plan, tells, saved or "")
+    if saved is not None:
+        with _opened(saved):
+            Path(saved).write_text(json.dumps(answer.document(), indent=1) + "\n", encoding="utf-8")
+    return answer
+
+
+def applied(
+    session: Session,
+    file: str,
+    *,
+    prove: str | None = None,
+    on_plan: Callable[[NetworkPlan], None] = lambda _plan: None,
+) -> NetworkApplied:
+    """Make a network what *file* says, a network file or a saved plan; *on_plan* is told what is about to be written.
+
+    Raises as `plan_network` and `apply_network`.
+    """
+    from dvtcli.operations.apply_network import apply_network
+
+    plan = _plan_of(session, file)
+    if plan.changed:
+        on_plan(plan)
+    return apply_network(session, plan, prove=prove)
+
+
+def _plan_of(session: Session, file: str) -> NetworkPlan:
+    with _opened(file):
+        saved = read_network_plan(Path(file)) if is_network_plan(Path(file)) else None
+    if saved is None:
+        return plan_network(session, file)
+    nodes = {one.node_id: session.node(one.node_id) for one in saved.nodes if len(one.plan)}
+    for one in saved.nodes:
+        if not len(one.plan) and one.plan.changes:
+            raise InputFileError(f"{file}: node {one.node_id} changes nothing", place=file)
+    changing = tuple(one for one in saved.nodes if one.node_id in nodes)
+    for node in nodes.values():
+        node.read_anew()
+    return NetworkPlan(saved.file, tuple(checked(nodes, changing, force=session.options.force)))
+
+
+@contextmanager
+def _opened(file: str) -> Iterator[None]:
+    try:
+        yield
+    except OSError as failed:
+        raise UsageError(f"{file}: {failed.strerror or failed}", place=file) from failed

@@ -1,0 +1,202 @@
+"""From a network file to what is to be written: every node is read, everything wrong is said at once, nothing is sent.
+
+Writes nothing. Does not know how a plan is carried out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dvtcli.device.file_fits import refuse_unlike_file
+from dvtcli.device.proposal import proposal
+from dvtcli.device.raw_write_check import raw_write_findings
+from dvtcli.device.resolve import resolve, untyped_lengths
+from dvtcli.device.senders import Senders
+from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
+from dvtcli.domain.plan import PdoChange, Plan, Step, ValueChange, plan_pdo
+from dvtcli.domain.rules import check_pdo, errors_in
+from dvtcli.domain.several import several
+from dvtcli.errors import NoAnswer, RuleError, SafetyRefusal, SdoProtocolError, UsageError
+from dvtcli.files.network.file_log import FileLog
+from dvtcli.operations.change import names
+from dvtcli.operations.check_networks import read_wish
+from dvtcli.operations.wanted_words import NodeWants, node_wants
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+    from dvtcli.domain.network.wanted_state import NetworkWish, NodeWish, PdoWish, WantedIdentity
+    from dvtcli.domain.pdo import Pdo, PdoConfig
+    from dvtcli.domain.rules import Finding
+    from dvtcli.operations.session import Session
+
+
+def plan_network(session: Session, file: str) -> NetworkPlan:
+    """What has to be written for the nodes of the network *file* to hold what it says; reads them, writes nothing.
+
+    InputFileError with everything that is wrong in the file, also what only a node's dictionary knows; NoAnswer where
+    nodes are silent, SafetyRefusal where one is another device, RuleError with all that the rules refuse.
+    """
+    wish = read_wish(file)
+    for note in wish.notes:
+        session.tell.note(f"{file}:{note.mark.line}:{note.mark.column}: {note.text}")
+    if wish.links:
+        raise UsageError(f"{file}: links are not planned yet", place=file, hint="write the PDOs of both sides")
+    nodes = _met(session, file, wish)
+    _refuse_other_devices(nodes, {node.node_id: node.identity for node in wish.nodes}, force=session.options.force)
+    log = FileLog(file, Path(file).read_text("utf-8-sig"))
+    wants = {node.node_id: node_wants(nodes[node.node_id], node, log) for node in wish.nodes}
+    log.end()
+    planned = _planned(nodes, wish, wants)
+    return NetworkPlan(file, tuple(checked(nodes, planned, force=session.options.force)))
+
+
+def _met(session: Session, file: str, wish: NetworkWish) -> dict[int, Node]:
+    """The nodes of *wish*, each with the files that it names; NoAnswer naming all that are silent."""
+    network = session.network
+    for node in wish.nodes:
+        _choose_files(session, file, node)
+    met: dict[int, Node] = {}
+    silent: dict[int, NoAnswer | SdoProtocolError] = {}
+    for node in wish.nodes:
+        try:
+            met[node.node_id] = network.node(node.node_id)
+            met[node.node_id].read_anew()
+            met[node.node_id].identity()
+        except (NoAnswer, SdoProtocolError) as failed:
+            silent[node.node_id] = failed
+    if silent:
+        first = next(iter(silent.values()))
+        if len(silent) > 1:
+            first.text = f"nodes {', '.join(map(str, silent))} do not answer"
+        raise first
+    return met
+
+
+def _choose_files(session: Session, file: str, node: NodeWish) -> None:
+    files, met = session.network.files, session.network.nodes
+    if node.node_id in met:
+        return
+    if node.profile is not None and session.options.profile is None:
+        files.own_profile[node.node_id] = node.profile
+    if node.dcf is None or session.options.eds is not None:
+        return
+    path = Path(file).parent / node.dcf.text
+    if path.is_file():
+        files.own_eds[node.node_id] = path
+    else:
+        place = f"{file}:{node.dcf.mark.line}:{node.dcf.mark.column}"
+        session.tell.note(f"{place}: there is no {path}: what is known of node {node.node_id} otherwise counts")
+
+
+def _refuse_other_devices(nodes: Mapping[int, Node], wanted: Mapping[int, WantedIdentity], *, force: bool) -> None:
+    """SafetyRefusal, naming all of them, where nodes are not the devices that are *wanted*, or their EDS is about."""
+    unlike = [text for node_id, node in nodes.items() for text in _unlike(node, wanted[node_id])]
+    if unlike:
+        raise SafetyRefusal(
+            f"another device than the file is about: {unlike[0]}",
+            why="; ".join(unlike[1:]) or None,
+            hint="attach the device that is meant, or say in the file which one it is",
+        )
+    for node_id, node in nodes.items():
+        refuse_unlike_file(node_id, node.unlike_file, force=force)
+
+
+def _unlike(node: Node, wanted: WantedIdentity) -> Iterator[str]:
+    held = node.identity()
+    for name in ("vendor", "product", "revision", "serial"):
+        number = getattr(wanted, name)
+        if number is not None and held[name] != number:
+            is_now = "none" if held[name] is None else f"0x{held[name]:08X}"
+            yield f"node {node.node_id} has {name} {is_now}, not 0x{number:08X}"
+
+
+def _planned(nodes: Mapping[int, Node], wish: NetworkWish, wants: Mapping[int, NodeWants]) -> list[NodePlan]:
+    """Each node's changes, not judged yet; RuleError with all objects that devices lack."""
+    senders = Senders(nodes, {one.node_id: {pdo.pdo: _said(pdo) for pdo in one.pdos} for one in wish.nodes})
+    planned: list[NodePlan] = []
+    refused: list[RuleError] = []
+    for one in wish.nodes:
+        try:
+            planned.append(_node_plan(nodes[one.node_id], one, wants[one.node_id], senders))
+        except RuleError as error:
+            refused.append(error)
+    if refused:
+        raise _together(refused)
+    return planned
+
+
+def _said(wish: PdoWish) -> CobId | None:
+    """The COB-ID that the file itself names, while it is not known yet what the others will come to."""
+    if not isinstance(wish.cob_id, int) or wish.enabled is False:
+        return None
+    return CobId(wish.cob_id, extended=wish.extended)
+
+
+def _node_plan(node: Node, wish: NodeWish, wants: NodeWants, senders: Senders) -> NodePlan:
+    elsewhere = partial(senders.besides, node.node_id)
+    lengths = untyped_lengths(node, wants.pdos.values())
+    now = node.observed(lambda: {pdo: node.known_pdo(pdo) for pdo in wants.pdos})
+    wanted = {pdo: resolve(node, pdo, now[pdo], want, lengths, elsewhere) for pdo, want in wants.pdos.items()}
+    senders.after[node.node_id] = {pdo: config.communication.cob_id for pdo, config in wanted.items()}
+    held = node.observed(lambda: {place: node.known_value(*place) for place in wants.values})
+    values = [_value(place, held[place], data) for place, data in wants.values.items() if held[place] != data]
+    changes = [plan_pdo(pdo, now[pdo], want) for pdo, want in wanted.items()]
+    plan = Plan(node.node_id, (*values, *(change for change in changes if change.steps)))
+    return NodePlan(
+        wish.name, plan, node.identity(), node.title, wish.mark.line, str(wish.store or ""), wanted, dict(wants.values),
+        wants.pruned, names=names(node, plan.changes),
+    )  # fmt: skip
+
+
+def _value(place: tuple[int, int], held: bytes, data: bytes) -> ValueChange:
+    return ValueChange(Step(*place, held, data, "write"))
+
+
+def checked(nodes: Mapping[int, Node], planned: Iterable[NodePlan], *, force: bool) -> Iterator[NodePlan]:
+    """*planned* with what the rules say of it as a whole; RuleError with all errors of all nodes, unless forced."""
+    planned = list(planned)
+    after = {one.node_id: _cob_ids(one) for one in planned}
+    senders = Senders(nodes, after)
+    judged = [replace(one, findings=tuple(_findings(nodes[one.node_id], one, senders))) for one in planned]
+    refused = [
+        RuleError(f"node {one.node_id} not changed: {errors[0].text}", errors, node=one.node_id)
+        for one in judged
+        if (errors := errors_in(one.findings))
+    ]
+    if refused and not force:
+        raise _together(refused)
+    return iter(judged)
+
+
+def _cob_ids(plan: NodePlan) -> dict[Pdo, CobId | None]:
+    changes = (change for change in plan.plan.changes if isinstance(change, PdoChange))
+    return {change.pdo: change.after.communication.cob_id for change in changes}
+
+
+def _findings(node: Node, planned: NodePlan, senders: Senders) -> Iterator[Finding]:
+    together: dict[Pdo, PdoConfig] = dict(planned.wanted)
+    changes = planned.plan.changes
+    together |= {change.pdo: change.after for change in changes if isinstance(change, PdoChange)}
+    for change in changes:
+        if isinstance(change, PdoChange):
+            elsewhere = partial(senders.besides, node.node_id)
+            yield from check_pdo(proposal(node, change.pdo, change.before, change.after, together, elsewhere))
+        else:
+            step = change.step
+            yield from raw_write_findings(node, step.index, step.sub_index, step.after)
+
+
+def _together(refused: list[RuleError]) -> RuleError:
+    """One error with the findings of all nodes."""
+    if len(refused) == 1:
+        return refused[0]
+    findings = [
+        replace(finding, text=f"node {error.node}: {finding.text}") for error in refused for finding in error.findings
+    ]
+    ids = several(str(error.node) for error in refused)
+    return RuleError(f"nodes {ids} not changed: {findings[0].text}", findings)

@@ -1,0 +1,168 @@
+"""What `plan`, `diff` and `apply` answer. Knows no terminal and no session."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
+from dvtcli.domain.plan import PdoChange, ValueChange
+from dvtcli.operations.results.documents import Answer, Document, finding_document, hex_bytes
+
+if TYPE_CHECKING:
+    from dvtcli.domain.pdo import PdoConfig
+    from dvtcli.domain.rules import Finding
+    from dvtcli.operations.results.stores import Stored
+
+
+@dataclass(frozen=True, slots=True)
+class NetworkPlanned(Answer):
+    """What has to be written for a network to be as its file says; nothing was.
+
+    *tells* says whether a difference is an exit code of its own; *saved* is the file that the plan was written to.
+    """
+
+    renderer: ClassVar = "network_lines:planned_lines"
+    remarked: ClassVar = True
+
+    plan: NetworkPlan
+    tells: bool = False
+    saved: str = ""
+
+    def __bool__(self) -> bool:
+        """Whether nothing has to be written."""
+        return not self.plan.changed
+
+    @property
+    def exit_code(self) -> int:
+        """3 where something differs and that is to be told, else 0."""
+        return 3 if self.tells and self.plan.changed else 0
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What the rules said, of every node."""
+        return tuple(
+            replace(finding, text=f"node {node.node_id}: {finding.text}")
+            for node in self.plan.nodes
+            for finding in node.findings
+        )
+
+    def document(self) -> Document:
+        """`dvtcli.plan/1`: what `plan -o` saves, and `apply` takes."""
+        plan = self.plan
+        return {
+            "schema": "dvtcli.plan/1",
+            "file": plan.file,
+            "changed": plan.changed,
+            "writes": plan.writes,
+            "nodes": [_node_document(node) for node in plan.nodes],
+        }
+
+
+def _node_document(node: NodePlan) -> Document:
+    from dvtcli.device.change.plan_document import change_document
+
+    changes = node.plan.changes
+    return {
+        "node": node.node_id,
+        "name": node.name,
+        "identity": node.identity,
+        "store": node.store or None,
+        "unchanged": node.unchanged,
+        "pdos": [_pdo_document(node, change) for change in changes if isinstance(change, PdoChange)],
+        "objects": [_object_document(change) for change in changes if isinstance(change, ValueChange)],
+        "findings": [finding_document(finding) for finding in node.findings],
+        "changes": [change_document(change) for change in changes],
+    }
+
+
+def _pdo_document(node: NodePlan, change: PdoChange) -> Document:
+    """What differs of one PDO: each parameter as it is and as it is wanted."""
+    document: dict[str, Any] = {"pdo": str(change.pdo), "action": action(node, change)}
+    document |= {key: [was, will] for key, was, will in differing(change)}
+    return document
+
+
+def action(node: NodePlan, change: PdoChange) -> str:
+    """What happens to a PDO: `prune`, `disable`, `enable` or `change`."""
+    if change.pdo in node.pruned:
+        return "prune"
+    if change.before.enabled and not change.after.enabled:
+        return "disable"
+    return "enable" if change.after.enabled and not change.before.enabled else "change"
+
+
+def differing(change: PdoChange) -> Iterator[tuple[str, Any, Any]]:
+    """The keys of a network file in which the two sides of *change* differ, with both values."""
+    rows = zip(_rows(change.before), _rows(change.after), strict=True)
+    yield from ((key, was, will) for (key, was), (_, will) in rows if was != will)
+
+
+def _rows(config: PdoConfig) -> Iterator[tuple[str, Any]]:
+    parameter = config.communication
+    cob_id = parameter.cob_id
+    yield "enabled", cob_id.valid
+    yield "cob_id", cob_id.can_id
+    yield "extended", cob_id.extended
+    yield "rtr_allowed", cob_id.rtr_allowed
+    yield "type", parameter.transmission_type
+    yield "inhibit_time", parameter.inhibit_time
+    yield "event_timer", parameter.event_timer
+    yield "sync_start", parameter.sync_start_value
+    yield "map", [f"{entry.object}/{entry.bits}" for entry in config.mapping]
+
+
+def _object_document(change: ValueChange) -> Document:
+    step = change.step
+    return {"object": step.object, "before": hex_bytes(step.before), "after": hex_bytes(step.after)}
+
+
+@dataclass(frozen=True, slots=True)
+class NetworkApplied(Answer):
+    """A plan that every node took and read back equal; *stored* are those that stored it then."""
+
+    renderer: ClassVar = "network_lines:applied_lines"
+
+    plan: NetworkPlan
+    dry_run: bool
+    seconds: float
+    stored: tuple[Stored, ...] = ()
+
+    def __bool__(self) -> bool:
+        """Whether it is as it should be, and proved if that was asked for."""
+        return self.exit_code == 0
+
+    @property
+    def exit_code(self) -> int:
+        """1 where a proof was asked for, and what it should have shown is not so, or not proven."""
+        return max((one.exit_code for one in self.stored), default=0)
+
+    @property
+    def failure(self) -> Any:
+        """What is to be said where the exit code is 1."""
+        return next((one.failure for one in self.stored if one.exit_code), None)
+
+    def document(self) -> Document:
+        """`dvtcli.apply/1`."""
+        return {
+            "schema": "dvtcli.apply/1",
+            "file": self.plan.file,
+            "changed": self.plan.changed and not self.dry_run,
+            "writes": self.plan.writes,
+            "verified": True,
+            "dry_run": self.dry_run,
+            "seconds": round(self.seconds, 3),
+            "nodes": [_node_document(node) for node in self.plan.nodes],
+            "stored": [_store_document(one) for one in self.stored],
+        }
+
+
+def _store_document(stored: Stored) -> Document:
+    proof = stored.proof
+    return {
+        "node": stored.node,
+        "object": stored.object,
+        "seconds": round(stored.seconds, 3),
+        "proved": None if proof is None else proof.holds,
+    }

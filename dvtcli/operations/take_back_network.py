@@ -1,0 +1,190 @@
+"""What of a network plan was done, and taking it back: phase by phase, the last one first, over all nodes.
+
+No consumer hears a layout that is not its own on the way back either. Does not know why it is taken back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+from dvtcli.device.change.course import combined
+from dvtcli.device.change.put_back import PATIENCE_S, RETRY_S, first_difference
+from dvtcli.domain.plan import Change, PdoChange, Plan
+from dvtcli.domain.several import several
+from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, NoAnswer, SdoAborted, SdoProtocolError
+
+if TYPE_CHECKING:
+    from dvtcli.device.change.own_journal import OwnJournal
+    from dvtcli.device.node import Node
+    from dvtcli.domain.pdo import Pdo, PdoConfig
+    from dvtcli.operations.session import Session
+
+#: What a node answers that is restarting, or does not.
+_PASSING = (NoAnswer, SdoProtocolError, SdoAborted, DeviceRefused)
+_Put = Callable[["Node"], None]
+_ALL_BACK = "rolled back: every node is as it was, read back equal; nothing was stored"
+
+
+@dataclass(slots=True)
+class Course:
+    """The plan called *name* on its way: *done* are the parts that *nodes* took, *plans* what each is to hold."""
+
+    session: Session
+    nodes: Mapping[int, Node]
+    name: str
+    done: list[Plan] = field(default_factory=list)
+    plans: dict[int, Plan] = field(default_factory=dict)
+    #: whether it is a whole by itself, and no line of a script that is one
+    _alone: bool = field(init=False)
+    _before: dict[int, _Before] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._alone = self.session.whole.id is None
+        if self._alone:
+            self.session.whole.begin(self.name)
+        self._before = {node_id: _Before.of(node) for node_id, node in self.nodes.items()}
+
+    def journals(self) -> list[OwnJournal]:
+        """Those of the nodes, where they are this plan's alone."""
+        if not self._alone:
+            return []
+        return [node.keeper.own_journal for node in self.nodes.values() if node.keeper is not None]
+
+    def end(self) -> None:
+        """Each change stands alone again."""
+        if self._alone:
+            self.session.whole.end()
+
+    def take_back(self, fault: BaseException) -> None:
+        """Put back all that was done, each part verified; *fault* is told, or LeftChanged raised where some stays."""
+        failures: dict[int, LeftChanged] = {}
+        if isinstance(fault, LeftChanged) and fault.node is not None:
+            failures[fault.node] = fault
+        with self.session.cancellation.way_back(), self.session.agreed():
+            for part in reversed(self.done):
+                if part.node_id not in failures:
+                    self._try(part.node_id, failures, fault, lambda node, part=part: _put_back(node, part))  # type: ignore[misc]
+            for node_id in {part.node_id: None for part in self.done}:
+                if node_id not in failures:
+                    self._try(node_id, failures, fault, self._settle)
+        for journal in self.journals():
+            journal.abandon_whole()
+        self.end()
+        if failures:
+            left = self._all_left(failures)
+            if left is not fault:
+                raise left from fault
+        elif isinstance(fault, DvtcliError) and fault.state in ("unchanged", "rolled_back") and self.done:
+            fault.state, fault.state_text = "rolled_back", _ALL_BACK
+
+    def _all_left(self, failures: Mapping[int, LeftChanged]) -> LeftChanged:
+        """The first of *failures*, with what became of the other nodes."""
+        first, *others = failures.values()
+        first.details += [("also", failure.text) for failure in others]
+        back = [str(node_id) for node_id in self.nodes if node_id not in failures]
+        if back:
+            first.details.append(("others", f"node {', '.join(back)}: as before, read back equal"))
+        return first
+
+    def _try(self, node_id: int, failures: dict[int, LeftChanged], fault: BaseException, put: _Put) -> None:
+        node = self.nodes[node_id]
+        try:
+            put(node)
+        except (DvtcliError, KeyboardInterrupt) as failed:
+            failures[node_id] = self._left(node, fault, failed)
+
+    def _settle(self, node: Node) -> None:
+        """Once all nodes had their turn: *node* is as it was, or it is put back again, for the last time."""
+        plan = combined(node.node_id, [part for part in self.done if part.node_id == node.node_id])
+        if _difference(node, plan):
+            _put_back(node, plan)
+            if difference := _difference(node, plan):
+                raise DeviceRefused("it does not read back as it was", why=difference)
+        untaken = [change.label for change in plan.changes if _is_otherwise(node, change)]
+        if untaken:
+            raise DeviceRefused(f"the device does not take back what {several(untaken)} held")
+        self._before[node.node_id].restore(node)
+        if self._alone and node.keeper is not None:
+            node.keeper.own_journal.end_whole()
+
+    def _left(self, node: Node, fault: BaseException, failed: BaseException) -> LeftChanged:
+        """What stays on *node*, whose journal `recover` takes where there is one."""
+        labels = several(change.label for change in self.plans[node.node_id].changes)
+        why = failed.why or failed.text if isinstance(failed, LeftChanged) else str(failed) or "interrupted"
+        left = LeftChanged(
+            f"{labels} of node {node.node_id} could not be taken back",
+            node=node.node_id,
+            why=f"{str(fault) or 'interrupted'}; then, while taking it back: {why}",
+            hint=f"look at it with `pdo`; `nmt reset-node {node.node_id}` brings the stored settings back",
+            state="left_changed",
+        )
+        path = node.keeper.open_journal() if node.keeper is not None else None
+        if path is not None:
+            left.place, left.hint = str(path), f"recover finishes it, from {path}"
+        return left
+
+
+@dataclass(frozen=True, slots=True)
+class _Before:
+    """What the session knew of a node before: what it had set, and what was not stored."""
+
+    wanted: dict[Pdo, PdoConfig]
+    values: dict[tuple[int, int], bytes]
+    unstored: dict[str, int]
+    boot_ups: int
+
+    @classmethod
+    def of(cls, node: Node) -> _Before:
+        boot_ups = node.bus.boot_ups(node.node_id)
+        return cls(dict(node.wanted), dict(node.wanted_values), dict(node.pending.unstored), boot_ups)
+
+    def restore(self, node: Node) -> None:
+        """Know that again, once *node* is as it was; what a restart took of it is said all the same."""
+        node.wanted.clear()
+        node.wanted.update(self.wanted)
+        node.wanted_values.clear()
+        node.wanted_values.update(self.values)
+        if node.bus.boot_ups(node.node_id) == self.boot_ups:
+            node.pending.unstored.clear()
+            node.pending.unstored.update(self.unstored)
+
+
+def _put_back(node: Node, plan: Plan) -> None:
+    """Put back what *plan* replaced, whatever is there now; a node that is silent or refuses may be restarting."""
+    deadline_s = node.bus.now_s() + PATIENCE_S
+    while True:
+        try:
+            node.put_back([plan], force=True, own=True)
+        except _PASSING:
+            if node.bus.now_s() >= deadline_s:
+                raise
+            node.bus.sleep(RETRY_S)
+            with suppress(*_PASSING):
+                node.gate.renew()  # where that fails too, the next try finds out
+        else:
+            return
+
+
+def _difference(node: Node, plan: Plan) -> str | None:
+    """The first thing of *plan* that *node* holds neither as before nor as what it takes instead."""
+
+    def look() -> str | None:
+        for change in plan.changes:
+            found = first_difference(node.sdo, change, wanted_before=True)
+            if found and not _is_otherwise(node, change):
+                return f"{change.label}: {found}"
+        return None
+
+    return node.observed(look)
+
+
+def _is_otherwise(node: Node, change: Change) -> bool:
+    """Whether *node* holds what it takes instead of what it held."""
+    if not isinstance(change, PdoChange) or change.back is None:
+        return False
+    if first_difference(node.sdo, change, wanted_before=True) is None:
+        return False
+    return first_difference(node.sdo, replace(change, after=change.back)) is None

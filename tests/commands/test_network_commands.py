@@ -1,0 +1,177 @@
+"""`plan`, `diff`, `verify` and `apply` of a network file on simulated nodes."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.commands.bench import Bench
+
+FILE = """
+nodes:
+  drive:
+    node_id: 1
+    tpdo:
+      1: {cob_id: 0x201, transmission: 1, mapping: [6C01:01, velocity_actual_value, statusword]}
+      2: {enabled: false}
+  motor:
+    node_id: 5
+    heartbeat_producer: 700
+    rpdo:
+      3: {cob_id: 0x201, enabled: true}
+"""
+
+
+@pytest.fixture
+def bench() -> Iterator[Bench]:
+    with Bench(("gen4@1", "tmcm@5"), {"yes": True}) as made:
+        yield made
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "net.yaml"
+    path.write_text(FILE)
+    return path
+
+
+def held(bench: Bench) -> list[object]:
+    """Every PDO of both nodes, and a heartbeat time."""
+    rows = [bench.run(f"node {node_id}").code or bench.run("pdo --all --json").document for node_id in (1, 5)]
+    return [*rows, bench.run("read 1017 --json").document["value"]]
+
+
+def test_a_plan_writes_nothing_and_after_apply_it_is_empty(bench: Bench, file: Path) -> None:
+    before = held(bench)
+    planned = bench.run(f"plan {file} --json")
+    assert (planned.code, planned.document["changed"], planned.document["writes"]) == (0, True, 12)
+    assert bench.run(f"plan {file} --exit-code").code == 3
+    assert bench.run(f"diff {file}").code == 3
+    assert bench.run(f"verify {file}").code == 3
+    assert held(bench) == before
+    applied = bench.run(f"apply {file} --json")
+    assert (applied.code, applied.document["writes"], applied.document["stored"]) == (0, 12, [])
+    for line in ("plan {} --exit-code", "diff {}", "verify {}"):
+        assert bench.run(line.format(file)).code == 0
+    again = bench.run(f"apply {file} --json")
+    assert (again.code, again.document["writes"]) == (0, 0)
+    assert bench.run("undo --all").code == 0
+    assert held(bench) == before
+
+
+def test_only_what_it_needs_is_read(bench: Bench, tmp_path: Path) -> None:
+    path = tmp_path / "two.yaml"
+    path.write_text("n:\n  node_id: 1\n  tpdo:\n    4: {inhibit_ms: 40.0, event_timer: 50}\n")
+    asked: list[int] = []
+    bench.session.open_network().bus.tap(lambda frame, sent: asked.append(frame.can_id) if sent else None)
+    planned = bench.run(f"plan {path} --json")
+    assert planned.document["nodes"][0]["pdos"] == [
+        {"pdo": "tpdo4", "action": "change", "inhibit_time": [0, 400], "event_timer": [0, 50]}
+    ]
+    assert len(asked) < 20
+
+
+def test_a_saved_plan_is_applied_once_and_refused_where_it_is_stale(bench: Bench, file: Path, tmp_path: Path) -> None:
+    saved = tmp_path / "plan.json"
+    assert bench.run(f"plan {file} -o {saved}").code == 0
+    assert json.loads(saved.read_text())["schema"] == "dvtcli.plan/1"
+    assert bench.run("set 1:tpdo1 --timer 7").code == 0
+    before = held(bench)
+    ran = bench.run(f"apply {saved} --json")
+    assert (ran.code, ran.documents[-1]["state"], ran.documents[-1]["node"]) == (6, "unchanged", 1)
+    assert held(bench) == before
+    assert bench.run("undo").code == 0
+    assert bench.run(f"apply {saved}").code == 0
+    assert bench.run(f"diff {file}").code == 0
+
+
+def test_a_plan_for_another_device_is_refused(bench: Bench, file: Path, tmp_path: Path) -> None:
+    saved = tmp_path / "plan.json"
+    assert bench.run(f"plan {file} -o {saved}").code == 0
+    document = json.loads(saved.read_text())
+    document["nodes"][1]["identity"]["product"] += 1
+    saved.write_text(json.dumps(document))
+    assert bench.run(f"apply {saved}").code == 6
+    file.write_text(FILE.replace("node_id: 5", "node_id: 5\n    identity: {vendor: 0x99}"))
+    ran = bench.run(f"plan {file} --json")
+    assert ran.code == 6
+    assert "node 5 has vendor" in ran.documents[-1]["text"]
+
+
+def test_a_damaged_plan_is_said(bench: Bench, tmp_path: Path) -> None:
+    saved = tmp_path / "plan.json"
+    for text in ("{", "{}", '{"schema":"dvtcli.plan/1","nodes":[{"node":1,"changes":[{}],"identity":{}}]}'):
+        saved.write_text(text)
+        assert bench.run(f"apply {saved}").code == 4
+    assert bench.run(f"apply {tmp_path / 'none.json'}").code == 2
+
+
+def test_all_findings_of_all_nodes_are_said_at_once_and_nothing_is_sent(bench: Bench, tmp_path: Path) -> None:
+    path = tmp_path / "wrong.yaml"
+    path.write_text("""
+a:
+  node_id: 1
+  tpdo:
+    1: {mapping: [6C01:01, nothing_like_it]}
+b:
+  node_id: 5
+  sdo: [{index: 0x6060, value: 1000}]
+""")
+    ran = bench.run(f"apply {path} --json")
+    assert ran.code == 4
+    assert [(one["line"], one["column"]) for one in ran.documents[-1]["complaints"]] == [(5, 28), (8, 32)]
+    path.write_text("""
+a: {node_id: 1, tpdo: {1: {mapping: [1018:01]}}}
+b: {node_id: 5, tpdo: {1: {mapping: [1018:01]}}}
+""")
+    ran = bench.run(f"apply {path} --json")
+    assert (ran.code, ran.documents[-1]["state"]) == (1, "unchanged")
+    assert len(ran.documents[-1]["findings"]) == 2
+
+
+def test_two_producers_of_one_can_id_are_refused_and_an_exchange_is_not(bench: Bench, tmp_path: Path) -> None:
+    path = tmp_path / "clash.yaml"
+    both = "a: {{node_id: 1, tpdo: {{1: {{cob_id: {0}}}}}}}\nb: {{node_id: 5, tpdo: {{1: {{cob_id: {1}}}}}}}\n"
+    path.write_text(both.format("0x2A0", "0x2A0"))
+    ran = bench.run(f"apply {path} --json")
+    assert (ran.code, ran.documents[-1]["findings"][0]["rule"]) == (1, "can-id-clash")
+    path.write_text(both.format("0x185", "0x181"))
+    assert bench.run(f"apply {path}").code == 0
+    assert bench.run(f"diff {path}").code == 0
+
+
+def test_a_dry_run_reaches_the_twins_only(bench: Bench, file: Path) -> None:
+    before = held(bench)
+    ran = bench.run(f"apply {file} --dry-run")
+    assert ran.code == 0
+    assert "Nothing was sent" in ran.stdout
+    assert held(bench) == before
+
+
+def test_without_consent_nothing_is_written(file: Path) -> None:
+    with Bench(("gen4@1", "tmcm@5")) as bench:
+        before = held(bench)
+        ran = bench.run(f"apply {file} --json")
+        assert (ran.code, ran.documents[-1]["state"]) == (6, "unchanged")
+        assert "--yes" in ran.documents[-1]["hint"]
+        assert held(bench) == before
+
+
+def test_nodes_store_once_all_are_verified(bench: Bench, file: Path) -> None:
+    file.write_text("defaults: {store: true}\n" + FILE)
+    ran = bench.run(f"apply {file} --json")
+    assert (ran.code, [one["node"] for one in ran.document["stored"]]) == (0, [1, 5])
+    assert bench.run("nmt reset-node all").code == 0
+    assert bench.run(f"diff {file}").code == 0
+
+
+def test_what_a_file_does_not_name_goes_off_with_prune(bench: Bench, tmp_path: Path) -> None:
+    path = tmp_path / "prune.yaml"
+    path.write_text("n: {node_id: 1, prune: true, tpdo: {1: {enabled: true}}}\n")
+    assert bench.run(f"apply {path}").code == 0
+    assert bench.run("node 1").code == 0
+    enabled = [one["pdo"] for one in bench.run("pdo --all --json").document["pdos"] if one["enabled"]]
+    assert enabled == ["tpdo1"]
