@@ -116,7 +116,12 @@ def _entries(table: Table, node: NodePlan, was: list[str], will: list[str]) -> N
         before, after = (side[number] if number < len(side) else "-" for side in (was, will))
         if before != after:
             name = node.names.get(after.rpartition("/")[0], "")
-            table.add(f"map {number + 1}", before, "->", f"{after}  {name}".rstrip())
+            table.add(f"map {number + 1}", _entry(before), "->", f"{_entry(after)}  {name}".rstrip())
+
+
+def _entry(text: str) -> str:
+    """A mapping entry; a dummy as it is typed."""
+    return f"dummy/{text.rpartition('/')[2]}" if text.startswith("000") else text
 
 
 def _text(key: str, value: Any, pdo: Pdo) -> str:

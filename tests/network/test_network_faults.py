@@ -1,0 +1,91 @@
+"""A fault at every step of a plan for three nodes: every node that can be reached holds what it held, or it is said."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import pytest
+
+from dvtcli.domain.nmt import NmtState
+from dvtcli.errors import DvtcliError, LeftChanged
+from tests.network.bench import CHAIN, Chain
+
+OPERATIONAL = dict.fromkeys(CHAIN, NmtState.OPERATIONAL)
+
+
+@pytest.fixture(autouse=True)
+def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for folder in ("ideal", "home"):  # what is kept of one bus must not be found on the other
+        for name in ("HOME", "XDG_DATA_HOME", "XDG_STATE_HOME", "XDG_CONFIG_HOME"):
+            monkeypatch.setenv(name, str(tmp_path / folder))
+        ideal()
+
+
+@lru_cache
+def ideal() -> tuple[dict[int, int], frozenset[object]]:
+    """How many downloads each node sees where nothing goes wrong, and which layouts meet before and after."""
+    with TemporaryDirectory() as folder:
+        chain = Chain(Path(folder), [f"{node_id}:slow-store=0" for node_id in CHAIN])
+        before = chain.fitting()
+        assert chain.apply().plan.writes == sum(chain.downloads().values())
+        chain.wait(1.0)
+        after = chain.fitting()
+        assert {consumer for _, _, consumer, _ in chain.bus.layouts} == {1, 5}, "frames are heard"
+        return chain.downloads(), frozenset(before | after)
+
+
+FAULTS = ("refuse@{}=0x08000000", "reset@{}", "lose-response@{}", "silent@{}")
+STEPS = [(node_id, step) for node_id, most in {1: 13, 5: 19, 9: 9}.items() for step in range(1, most + 1)]
+
+
+def test_every_step_is_tried() -> None:
+    assert [(node_id, step) for node_id, most in ideal()[0].items() for step in range(1, most + 1)] == STEPS
+
+
+def test_a_network_gets_what_its_file_says_and_stays_operational(tmp_path: Path) -> None:
+    chain = Chain(tmp_path)
+    before = chain.held()
+    assert chain.apply()
+    assert chain.held() != before
+    assert not chain.plan().plan.changed
+    assert chain.apply().plan.writes == 0
+    assert chain.states() == OPERATIONAL
+    assert chain.journals() == []
+    assert chain.bus.layouts <= ideal()[1]
+
+
+#: Every step of every node with one of the faults by turns: all of them with all take a minute.
+CELLS = [(FAULTS[number % len(FAULTS)], *step) for number, step in enumerate(STEPS)]
+
+
+@pytest.mark.parametrize(("fault", "node_id", "step"), [cell for cell in CELLS if cell[0] != FAULTS[-1]])
+def test_a_node_that_recovers_takes_every_node_back(fault: str, node_id: int, step: int, tmp_path: Path) -> None:
+    chain = Chain(tmp_path, [f"{node_id}:{fault.format(step)}"])
+    before, stored = chain.held(), chain.stored()
+    with pytest.raises(DvtcliError) as raised:
+        chain.apply()
+    assert raised.value.exit_code in (1, 5), (raised.value, raised.value.why, raised.value.details)
+    assert raised.value.state == "rolled_back"
+    assert (chain.held(), chain.stored(), chain.journals()) == (before, stored, [])
+    assert chain.states() == OPERATIONAL
+    assert chain.bus.layouts <= ideal()[1], "no RPDO heard a layout that it was not mapped for"
+
+
+@pytest.mark.parametrize(("node_id", "step"), [cell[1:] for cell in CELLS if cell[0] == FAULTS[-1]])
+def test_a_node_that_dies_leaves_its_journal_and_the_others_as_they_were(
+    node_id: int, step: int, tmp_path: Path
+) -> None:
+    chain = Chain(tmp_path, [f"{node_id}:silent@{step}"])
+    before, stored = chain.held(), chain.stored()
+    with pytest.raises(LeftChanged) as raised:
+        chain.apply()
+    assert (raised.value.node, raised.value.exit_code) == (node_id, 7)
+    (journal,) = chain.journals()
+    assert raised.value.place == str(journal)
+    others = {other for other in CHAIN if other != node_id}
+    assert {other: chain.held()[other] for other in others} == {other: before[other] for other in others}
+    assert chain.stored() == stored
+    heard = {one for one in chain.bus.layouts if one[2] != node_id}  # a dead node hears nothing
+    assert heard <= ideal()[1]
