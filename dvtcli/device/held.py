@@ -67,7 +67,7 @@ def _is_in(place: Place, sub_index: int) -> bool:
 
 def _written(node: Node) -> tuple[list[Place], tuple[str, ...]]:
     """Single objects that were written, by whichever process; and what to say where not all is known."""
-    places, notes = dict.fromkeys(place for place in node.wanted_values if Pdo.at(place[0]) is None), ()
+    places, notes = dict.fromkeys(node.wanted_values), ()
     if node.keeper is None:
         return list(places), notes
     try:

@@ -135,3 +135,12 @@ def test_a_write_to_a_part_of_a_pdo_is_no_gap_and_other_pdos_are_none_of_it(node
 def plans(*changes: Change) -> list[Plan]:
     """Each change in a plan of its own, oldest first."""
     return [Plan(NODE, (change,)) for change in changes]
+
+
+def test_it_is_whole_once_all_that_lay_beside_a_change_was_read(node: Node) -> None:
+    expected, now = Expected(), {TPDO2: node.pdo(TPDO2)}
+    for others, whole, so in (({}, True, False), (now, False, False), (now, True, True), (now, False, True)):
+        expected.seen(others, whole=whole)
+        assert expected.is_whole is so
+    expected.clear()
+    assert expected.is_whole is False

@@ -94,3 +94,11 @@ def test_a_restart_that_took_nothing_is_no_reason_for_anything() -> None:
     pending = Pending(boot_ups=1)
     assert pending.rebooted(2) == ()
     assert pending.suspicions == {}
+
+
+def test_what_others_left_is_named_before_our_own_and_once() -> None:
+    pending = Pending()
+    pending.changed("TPDO1", 0x1800)
+    pending.changed("TPDO2", 0x1801)
+    pending.of_others({"1017:00": 0x1017, "TPDO2": 0x1801})
+    assert list(pending.unstored.items()) == [("1017:00", 0x1017), ("TPDO2", 0x1801), ("TPDO1", 0x1800)]

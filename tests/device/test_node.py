@@ -1,0 +1,129 @@
+"""A node that is changed: what is refused, what is remembered, and what a restart or `undo` leaves of it."""
+
+from __future__ import annotations
+
+import pytest
+
+from dvtcli.device.node import Node
+from dvtcli.device.restarts import held_plans
+from dvtcli.domain.nmt import NmtCommand
+from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.plan import Plan, Step, ValueChange
+from dvtcli.domain.request import PdoRequest
+from dvtcli.errors import RuleError, SafetyRefusal
+from tests.laws.bench import NODE, DirectBus, booted, dictionary
+
+TPDO1, TPDO2 = Pdo.parse("tpdo1"), Pdo.parse("tpdo2")
+HEARTBEAT = (0x1017, 0)
+
+
+@pytest.fixture
+def bus() -> DirectBus:
+    return DirectBus.of(booted())
+
+
+@pytest.fixture
+def node(bus: DirectBus) -> Node:
+    return Node(bus, NODE, dictionary("generic"))
+
+
+def timers(node: Node) -> list[int | None]:
+    return [node.pdo(pdo).communication.event_timer for pdo in (TPDO1, TPDO2)]
+
+
+def set_timer(node: Node, pdo: Pdo, timer_ms: int) -> None:
+    node.configure({pdo: PdoRequest(event_timer=timer_ms)})
+
+
+def test_a_file_of_another_device_is_refused_for_one_object_too(node: Node) -> None:
+    node.unlike_file = "a.eds is about vendor 0x00000001, node 1 is vendor 0x00000002"
+    held = node.upload(*HEARTBEAT)
+    with pytest.raises(SafetyRefusal, match=r"the EDS is another device's: a\.eds"):
+        node.write(*HEARTBEAT, b"\1\0")
+    assert node.upload(*HEARTBEAT) == held
+    node.write(*HEARTBEAT, b"\1\0", force=True)
+    assert node.upload(*HEARTBEAT) == b"\1\0"
+
+
+def test_what_is_so_already_beside_it_forbids_no_force(node: Node) -> None:
+    held = node.pdo(TPDO1).communication.event_timer
+    wants = {TPDO1: PdoRequest(event_timer=held), TPDO2: PdoRequest(cob_id=0x80)}  # SYNC's
+    with pytest.raises(RuleError):
+        node.configure(wants)
+    node.configure(wants, force=True)
+    assert node.pdo(TPDO2).communication.cob_id.can_id == 0x80
+
+
+def test_undo_takes_back_the_last_change_and_no_others_and_not_what_somebody_else_did(node: Node) -> None:
+    before = timers(node)
+    set_timer(node, TPDO1, 70)
+    set_timer(node, TPDO2, 80)
+    node.undo()
+    assert timers(node) == [70, before[1]]
+    assert node.unkept == 0, "it was one of ours"
+    node.sdo.download(0x1800, 5, b"\x09\x00")
+    with pytest.raises(SafetyRefusal, match="does not hold what that change left"):
+        node.undo()
+    node.undo(force=True)
+    assert timers(node) == before
+    assert (node.history, node.unstored) == ([], {})
+
+
+def test_what_others_changed_is_put_back_one_by_one_and_counted(node: Node) -> None:
+    before = timers(node)
+    set_timer(node, TPDO1, 70)
+    set_timer(node, TPDO2, 80)
+    plans, node.history = list(node.history), []
+    _, count = node.put_back(plans)
+    assert (timers(node), count, node.unkept) == ([70, before[1]], 1, 1)
+    node.sdo.download(0x1800, 5, b"\x09\x00")
+    with pytest.raises(SafetyRefusal):
+        node.put_back(plans[:1])
+    node.put_back(plans[:1], force=True)
+    assert (timers(node), node.unkept) == (before, 2)
+
+
+def test_of_a_chain_that_somebody_else_broke_only_what_came_after_is_put_back(node: Node) -> None:
+    set_timer(node, TPDO1, 70)
+    node.sdo.download(0x1800, 5, b"\x09\x00")
+    set_timer(node, TPDO1, 80)
+    _, count = node.put_back(node.history, everything=True)
+    assert (node.pdo(TPDO1).communication.event_timer, count) == (9, 1)
+
+
+def test_a_restart_takes_what_was_not_stored_and_is_told_once(node: Node, bus: DirectBus) -> None:
+    node.notice_reboot()
+    set_timer(node, TPDO1, 70)
+    assert held_plans(node) == node.history
+    bus.send_nmt(NmtCommand.RESET_NODE, NODE)
+    assert held_plans(node) == []
+    assert node.last_seen != {}
+    assert node.notice_reboot() == ("TPDO1",)
+    assert (node.last_seen, held_plans(node), node.notice_reboot()) == ({}, [], ())
+
+
+def test_a_reset_that_was_asked_for_takes_it_too(node: Node, bus: DirectBus) -> None:
+    set_timer(node, TPDO1, 70)
+    bus.send_nmt(NmtCommand.RESET_NODE, NODE)
+    assert node.was_reset(communication=False) == ("TPDO1",)
+    assert (node.last_seen, node.unstored, held_plans(node)) == ({}, {}, [])
+
+
+def test_after_a_restore_no_number_of_changes_stands_for_what_is_held(node: Node) -> None:
+    set_timer(node, TPDO1, 70)
+    set_timer(node, TPDO2, 80)
+    node.pending.was_restored(len(node.history))
+    assert held_plans(node) == []
+    assert not any(node.pending.is_as_stored(count) for count in range(3))
+
+
+def test_only_what_can_be_read_again_is_compared_later(node: Node) -> None:
+    """A part of a PDO is compared with the PDO, and what is write-only not at all."""
+    node.write(*HEARTBEAT, b"\1\0")
+    node.sdo.download(0x1800, 1, (0xC000_0181).to_bytes(4, "little"))
+    node.sdo.download(0x1A00, 0, b"\0")
+    old = node.upload(0x1A00, 5)
+    node.apply(Plan(NODE, (ValueChange(Step(0x1A00, 5, old, (0x6041_0010).to_bytes(4, "little"), "an entry")),)))
+    write_only = Step(0x1017, 0, None, b"\2\0", "write-only, as it was said")
+    node.apply(Plan(NODE, (ValueChange(write_only),)))
+    assert node.wanted_values == {HEARTBEAT: b"\1\0"}
