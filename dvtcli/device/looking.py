@@ -12,5 +12,5 @@ class Looking:
     node: int
     index: int
     sub_index: int
-    done: int = 0
-    total: int = 0
+    done: int
+    total: int

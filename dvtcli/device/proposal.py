@@ -33,8 +33,6 @@ def proposal(
 
     *elsewhere* is what the other nodes will send, None for what they send now.
     """
-    moves = now.communication.cob_id != want.communication.cob_id
-    sync, emcy = service_can_ids(node.memory) if moves else (0x080, None)
     learn = node.dictionary is None and now.mapping != want.mapping
     others, cob_ids = _others(node, pdo, together or {})
     return Proposal(
@@ -46,8 +44,7 @@ def proposal(
         node.profile,
         node.dictionary,
         learnt_lengths(want.mapping, node.length_of) if learn else {},
-        sync,
-        emcy,
+        cache(lambda: service_can_ids(node.memory)),
         elsewhere or cache(lambda: producers(node.neighbours())),
         cob_ids,
     )

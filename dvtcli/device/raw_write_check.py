@@ -46,7 +46,7 @@ def raw_change(node: KnownPdos, step: Step) -> Change:
     A parameter of another length is none: nobody knows what a device that takes it makes of it.
     """
     pdo, value = Pdo.at(step.index), int.from_bytes(step.after, "little")
-    if pdo is None or len(step.after) > 4 or length_findings(step.index, step.sub_index, step.after):
+    if pdo is None or length_findings(step.index, step.sub_index, step.after):
         return ValueChange(step)
     now = node.known_pdo(pdo)
     if step.index == pdo.communication_index:

@@ -2,9 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import pytest
 
-from dvtcli.device.read_pdos import exists, present_pdos, read_identity, read_number, read_optional, read_pdo
+from dvtcli.device.read_pdos import (
+    exists,
+    learnt_lengths,
+    present_pdos,
+    read_identity,
+    read_number,
+    read_optional,
+    read_pdo,
+    service_can_ids,
+)
+from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry, OdObject
 from dvtcli.domain.pdo import Pdo
 from dvtcli.errors import SdoAborted, SdoProtocolError
@@ -110,3 +122,61 @@ def test_with_a_file_half_pdos_count_too_tpdos_first() -> None:
     assert [str(pdo) for pdo in present_pdos(Table({}), ObjectDictionary(objects))] == [
         "tpdo1", "tpdo2", "tpdo3", "rpdo1", "rpdo2",
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("sub_index", "size", "field"),
+    [(2, 1, "transmission_type"), (3, 2, "inhibit_time"), (5, 2, "event_timer"), (6, 1, "sync_start_value")],
+)
+def test_every_parameter_has_its_own_length_and_no_more(sub_index: int, size: int, field: str) -> None:
+    table = pdo_of(0)
+    table.values[0x1800, sub_index] = b"\xfe" * size
+    assert getattr(read_pdo(table, TPDO1).communication, field) == (0xFE if size == 1 else 0xFEFE)
+    table.values[0x1800, sub_index] = b"\1" * (size + 1)
+    with pytest.raises(SdoProtocolError, match=f"0x1800:0{sub_index} answered {size + 1} bytes"):
+        read_pdo(table, TPDO1)
+
+
+TOO_LONG = b"\1\2\3\4\5"
+
+
+@pytest.mark.parametrize(
+    ("place", "read"),
+    [
+        ((0x1018, 4), lambda sdo: read_identity(sdo, 4)),
+        ((0x1005, 0), service_can_ids),
+        ((0x1014, 0), service_can_ids),
+        ((0x1800, 1), lambda sdo: exists(sdo, TPDO1)),
+        ((0x1A00, 0), lambda sdo: exists(sdo, TPDO1)),
+    ],
+)
+def test_a_fifth_byte_is_never_dropped(place: tuple[int, int], read: Callable[[Table], object]) -> None:
+    read(Table({place: TOO_LONG[:4]}))
+    with pytest.raises(SdoProtocolError, match="answered 5 bytes"):
+        read(Table({place: TOO_LONG}))
+
+
+@pytest.mark.parametrize("place", [(0x1800, 1), (0x1A00, 0), (0x1A00, 1)])
+def test_a_refusal_that_may_pass_does_not_make_a_pdo_inconsistent(place: tuple[int, int]) -> None:
+    class Busy(Table):
+        def upload(
+            self, index: int, sub_index: int, *, timeout_s: float | None = None, retries: int | None = None
+        ) -> bytes:
+            if (index, sub_index) == place:
+                raise SdoAborted(index, sub_index, 0x0800_0022)
+            return super().upload(index, sub_index)
+
+    with pytest.raises(SdoAborted, match="0800"):
+        read_pdo(Busy(pdo_of(1).values), TPDO1)
+
+
+def test_lengths_are_learnt_of_objects_and_not_of_gaps() -> None:
+    words = (0x6041_0010, 0x0005_0008, 0x2345_0120)
+    asked: list[tuple[int, int]] = []
+
+    def length_of(index: int, sub_index: int) -> int | None:
+        asked.append((index, sub_index))
+        return 16 if index == 0x6041 else None
+
+    assert learnt_lengths(map(PdoMappingEntry.from_raw, words), length_of) == {(0x6041, 0): 16}
+    assert asked == [(0x6041, 0), (0x2345, 1)]

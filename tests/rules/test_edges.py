@@ -84,9 +84,9 @@ def test_services_of_this_node_are_errors_and_those_of_others_warnings(can_id: i
 
 def test_services_may_have_moved() -> None:
     wanted = CobId(0x690, rtr_allowed=False)
-    assert rules(replace(proposal(cob_id=wanted), sync_can_id=0x690)) == ["can-id-in-use"]
-    assert rules(replace(proposal(cob_id=wanted), emcy_can_id=0x690)) == ["can-id-in-use"]
-    moved = replace(proposal(cob_id=CobId(EMCY_OF_THIS_NODE, rtr_allowed=False)), emcy_can_id=0x690)
+    assert rules(replace(proposal(cob_id=wanted), services=lambda: (0x690, None))) == ["can-id-in-use"]
+    assert rules(replace(proposal(cob_id=wanted), services=lambda: (0x080, 0x690))) == ["can-id-in-use"]
+    moved = replace(proposal(cob_id=CobId(EMCY_OF_THIS_NODE, rtr_allowed=False)), services=lambda: (0x080, 0x690))
     assert (rules(moved), rules(moved, Severity.WARNING)) == ([], ["can-id-in-use"])
 
 
@@ -120,14 +120,14 @@ def test_auto_is_the_default_of_the_pdo() -> None:
 def test_auto_takes_no_can_id_that_is_in_use() -> None:
     first = 0x680
     assert automatic_can_id(with_other(proposal(), 0x180 + NODE)) == first
-    assert automatic_can_id(replace(proposal(), sync_can_id=0x180 + NODE)) == first
-    assert automatic_can_id(replace(proposal(), emcy_can_id=0x180 + NODE)) == first
+    assert automatic_can_id(replace(proposal(), services=lambda: (0x180 + NODE, None))) == first
+    assert automatic_can_id(replace(proposal(), services=lambda: (0x080, 0x180 + NODE))) == first
     beyond = replace(proposal(), pdo=TPDO5)
     assert automatic_can_id(beyond) == first
     assert automatic_can_id(with_other(beyond, first)) == first + 1
     assert automatic_can_id(with_other(beyond, first, valid=False)) == first
-    assert automatic_can_id(replace(with_other(beyond, first), sync_can_id=first + 1)) == first + 2
-    assert automatic_can_id(replace(with_other(beyond, first), emcy_can_id=first + 1)) == first + 2
+    assert automatic_can_id(replace(with_other(beyond, first), services=lambda: (first + 1, None))) == first + 2
+    assert automatic_can_id(replace(with_other(beyond, first), services=lambda: (0x080, first + 1))) == first + 2
 
 
 def test_auto_has_an_end() -> None:

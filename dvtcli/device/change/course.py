@@ -81,8 +81,8 @@ def _counts(change: Change, pdos: dict[Pdo, PdoChange]) -> bool:
 
 
 def _joined(first: Change, last: Change) -> Change:
-    if isinstance(first, PdoChange) and isinstance(last, PdoChange):
+    if isinstance(first, PdoChange):
+        assert isinstance(last, PdoChange)  # noqa: S101 - one key, one kind
         return replace(last, before=first.before, back=first.back)
-    assert isinstance(first, ValueChange)  # noqa: S101 - one key, one kind
     assert isinstance(last, ValueChange)  # noqa: S101
     return ValueChange(replace(last.step, before=first.step.before))

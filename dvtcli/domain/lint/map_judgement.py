@@ -32,8 +32,7 @@ def judged(
             before,
             profile,
             dictionary,
-            sync_can_id=0x080 if sync is None else sync,
-            emcy_can_id=emcy,
+            services=lambda: (0x080 if sync is None else sync, emcy),
         )
         yield from (finding for finding in check_pdo(proposal) if finding.severity is not Severity.NOTE)
         before = {**before, one.pdo: one.config}

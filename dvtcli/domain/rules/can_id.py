@@ -101,8 +101,9 @@ def _service_clashes(proposal: Proposal, place: str) -> Iterator[Finding]:
     want = proposal.want.communication.cob_id
     if want.extended:
         return
-    own_emcy = proposal.emcy_can_id if proposal.emcy_can_id is not None else 0x080 + proposal.node_id
-    if want.can_id in (0x080, proposal.sync_can_id):
+    sync, emcy = proposal.services()
+    own_emcy = emcy if emcy is not None else 0x080 + proposal.node_id
+    if want.can_id in (0x080, sync):
         yield error("can-id-in-use", place, f"CAN-ID {want} is SYNC", hint="take another CAN-ID, or --cob-id auto")
     elif want.can_id == own_emcy:
         yield error(
@@ -179,7 +180,7 @@ def automatic_can_id(proposal: Proposal) -> int | None:
     """
     used: set[int | None] = {cob_id.can_id for cob_id in proposal.other_cob_ids.values() if cob_id.valid}
     used |= {one.cob_id.can_id for one in proposal.elsewhere()} if proposal.pdo.is_tpdo else set()
-    used |= {proposal.sync_can_id, proposal.emcy_can_id}  # where EMCY is by default, no PDO's default is
+    used |= set(proposal.services())  # where EMCY is by default, no PDO's default is
     default = proposal.pdo.default_can_id(proposal.node_id)
     if default is not None and default not in used:
         return default

@@ -42,8 +42,8 @@ class Proposal:
 
     *others* are the node's other PDOs as they will be, and *cob_ids* their COB-IDs where these are known without the
     rest (None: *others* tell them); *dictionary* is None without an EDS; *lengths* are
-    object lengths in bits that were learnt by reading the device; *sync_can_id* and *emcy_can_id* are what
-    0x1005 and 0x1014 say, or the defaults; *elsewhere* tells what the other known nodes send.
+    object lengths in bits that were learnt by reading the device; *services* tells the CAN-IDs of SYNC and of the
+    node's EMCY as 0x1005 and 0x1014 say, or the defaults; *elsewhere* tells what the other known nodes send.
     """
 
     node_id: int
@@ -54,8 +54,7 @@ class Proposal:
     profile: DeviceProfile
     dictionary: ObjectDictionary | None = None
     lengths: Mapping[tuple[int, int], int] = field(default_factory=dict)
-    sync_can_id: int = 0x080
-    emcy_can_id: int | None = None
+    services: Callable[[], tuple[int, int | None]] = lambda: (0x080, None)
     elsewhere: Callable[[], Collection[Producer]] = tuple
     cob_ids: Mapping[Pdo, CobId] | None = None
 
