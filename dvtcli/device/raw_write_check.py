@@ -37,7 +37,9 @@ def raw_write_findings(node: KnownPdos, index: int, sub_index: int, data: bytes)
         return wrong
     now = node.pdo(pdo)
     write = ParameterWrite(index, sub_index, int.from_bytes(data, "little"))
-    return parameter_findings(lambda want: proposal(node, pdo, now, want), now, write, _entries(node, pdo, write))
+    return parameter_findings(
+        lambda want: proposal(node, pdo, now, want), now, write, lambda: _entries(node, pdo, write.value)
+    )
 
 
 def raw_change(node: KnownPdos, step: Step) -> Change:
@@ -60,18 +62,16 @@ def raw_change(node: KnownPdos, step: Step) -> Change:
 
 def _with_count(node: KnownPdos, pdo: Pdo, now: PdoConfig, count: int) -> PdoConfig:
     """*now* with *count*, as it reads back: inconsistent where there are fewer entries."""
-    entries = _entries(node, pdo, ParameterWrite(pdo.mapping_index, 0, count))
+    entries = _entries(node, pdo, count)
     if len(entries) == count:
         return replace(now, mapping=entries, held_count=None, unread=now.lacking)
     gap = () if len(entries) == MAX_ENTRIES else ((pdo.mapping_index, len(entries) + 1),)
     return replace(now, mapping=entries, held_count=count, unread=(*now.lacking, *gap))
 
 
-def _entries(node: KnownPdos, pdo: Pdo, write: ParameterWrite) -> tuple[PdoMappingEntry, ...]:
-    """The mapping entries that a raw count would make active."""
-    if write.index != pdo.mapping_index or write.sub_index:
-        return ()
-    numbers = range(1, min(write.value, MAX_ENTRIES) + 1)
+def _entries(node: KnownPdos, pdo: Pdo, count: int) -> tuple[PdoMappingEntry, ...]:
+    """The mapping entries that a raw *count* would make active."""
+    numbers = range(1, min(count, MAX_ENTRIES) + 1)
     words = (read_optional(node.memory, pdo.mapping_index, number, 4) for number in numbers)
     return tuple(
         PdoMappingEntry.from_raw(word) for word in takewhile(lambda word: word is not None, words) if word is not None

@@ -139,7 +139,7 @@ def found(sdo: DirectSdo, write: ParameterWrite, *entries: PdoMappingEntry) -> l
     def proposal(want: PdoConfig) -> Proposal:
         return Proposal(NODE, TPDO1, now, want, {}, GENERIC, dictionary("generic"))
 
-    findings = parameter_findings(proposal, now, write, entries)
+    findings = parameter_findings(proposal, now, write, lambda: entries)
     assert {finding.place for finding in findings} <= {write.place}
     return [(finding.rule, finding.abort) for finding in findings if finding.severity.name == "ERROR"]
 
@@ -208,6 +208,6 @@ def test_the_first_and_last_parameter_of_each_kind(index: int) -> None:
     def proposal(want: PdoConfig) -> Proposal:
         return Proposal(NODE, pdo, now, want, {}, GENERIC)
 
-    findings = parameter_findings(proposal, now, ParameterWrite(index, 2, 245), ())
+    findings = parameter_findings(proposal, now, ParameterWrite(index, 2, 245), tuple)
     expected = "transmission-type" if index == pdo.communication_index else "mapping-while-valid"
     assert (findings[0].rule, findings[0].place) == (expected, f"0x{index:04X}:02")

@@ -108,7 +108,7 @@ def test_a_raw_write_is_answered_with_the_command_that_does_it_in_order() -> Non
         raise AssertionError("nothing more is asked")
 
     write = ParameterWrite(0x1800, 1, 0x4000_0191)
-    (finding,) = parameter_findings(ask, enabled, write, ())  # type: ignore[arg-type]
+    (finding,) = parameter_findings(ask, enabled, write, tuple)  # type: ignore[arg-type]
     assert str(finding.hint).startswith("set tpdo1 --cob-id 0x191")
 
 

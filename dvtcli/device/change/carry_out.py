@@ -211,8 +211,8 @@ def _hint(node: Changeable, error: DvtcliError) -> str | None:
     """What the family's maker says of this refusal at this step."""
     if error.abort is None or error.place is None or ":" not in error.place:
         return None
-    index, _, sub_index = error.place.partition(":")
-    return node.profile.hint(int(index, 16), int(sub_index, 16), error.abort)
+    index, sub_index = (int(number, 16) for number in error.place.split(":"))
+    return node.profile.hint(index, sub_index, error.abort)
 
 
 def _hint_of_state(node: Changeable, error: DvtcliError) -> str | None:

@@ -101,9 +101,9 @@ def parameter_findings(
     proposal_for: Callable[[PdoConfig], Proposal],
     now: PdoConfig,
     write: ParameterWrite,
-    entries: tuple[PdoMappingEntry, ...],
+    entries: Callable[[], tuple[PdoMappingEntry, ...]],
 ) -> tuple[Finding, ...]:
-    """What the PDO rules say of a raw *write*; *entries* are those that a written count would make active."""
+    """What the PDO rules say of a raw *write*; *entries* tells those that a written count would make active."""
     if write.index < 0x1600 or 0x1800 <= write.index < 0x1A00:
         return tuple(_communication(proposal_for, now, write))
     return tuple(_mapping(proposal_for, now, write, entries))
@@ -158,7 +158,7 @@ def _mapping(
     proposal_for: Callable[[PdoConfig], Proposal],
     now: PdoConfig,
     write: ParameterWrite,
-    entries: tuple[PdoMappingEntry, ...],
+    entries: Callable[[], tuple[PdoMappingEntry, ...]],
 ) -> Iterator[Finding]:
     pdo = Pdo.at(write.index)
     if now.enabled:
@@ -168,12 +168,12 @@ def _mapping(
     if write.sub_index == 0:
         if write.value in (0xFE, 0xFF):
             yield error("mpdo", write.place, "dvtcli never writes multiplexed PDOs", Abort.PDO_LENGTH)
-        elif write.value > len(entries):
-            place = f"0x{write.index:04X}:{len(entries) + 1:02X}"
+        elif write.value > len(active := entries()):
+            place = f"0x{write.index:04X}:{len(active) + 1:02X}"
             yield error("entry-count", write.place, f"the count would be {write.value}, but {place} cannot be read",
                         Abort.PDO_LENGTH, f"map {pdo} OBJECT… sets the entries and the count")  # fmt: skip
         elif write.value:
-            yield from mapping_findings(proposal_for(_with_mapping(now, entries)))
+            yield from mapping_findings(proposal_for(_with_mapping(now, active)))
         return
     if now.count:
         yield error("entry-while-counted", write.place, f"an entry cannot change while the count is {now.count}",
