@@ -6,8 +6,8 @@ Knows names, types, access and limits. Does not know the file format, and never 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import dataclass, replace
 from enum import IntEnum, StrEnum
 
 from dvtcli.domain.datatypes import DataType
@@ -173,6 +173,17 @@ class ObjectDictionary(Mapping[int, OdObject]):
         """Every entry, ascending by index and sub-index."""
         for index in self:
             yield from self[index].entries.values()
+
+    def without(self, absent: Collection[tuple[int, int]]) -> ObjectDictionary:
+        """The same without what is at *absent*; sub-index 0 there stands for the whole object."""
+        if not absent:
+            return self
+        objects = {index: held for index, held in self._objects.items() if (index, 0) not in absent}
+        for index in {index for index, _ in absent} & objects.keys():
+            held = self[index]
+            left = {sub: entry for sub, entry in held.entries.items() if (index, sub) not in absent}
+            objects[index] = replace(held, entries=left)
+        return ObjectDictionary(objects, self.info, self.source)
 
     @property
     def tells_mappability(self) -> bool:

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dvtcli.domain.learning.learnt_value import Learnt, Value
 
 #: Keys whose numbers are abort codes.
-_CODES = ("answers.", "tpdo_dummies", "wrong_signature", "wrong_state", "save_answer")
+_CODES = ("absent.", "answers.", "tpdo_dummies", "wrong_signature", "wrong_state", "save_answer")
 
 
 def toml_text(head: Iterable[str], rows: Iterable[Learnt]) -> str:

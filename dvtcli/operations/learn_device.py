@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import itertools
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from dvtcli.device.access_level import level_finding
 from dvtcli.device.applied import refuse
+from dvtcli.device.learn.absences import absences
 from dvtcli.device.learn.safely import Terms, ask_safely
 from dvtcli.device.learn.saving import read_storage
 from dvtcli.device.learn.subjects import subjects
 from dvtcli.device.storing import is_stored, may_store
+from dvtcli.domain.learning.absence import absent_for_family
 from dvtcli.domain.learning.conclusions import conclude
 from dvtcli.domain.learning.forecast import forecast, most_writes
 from dvtcli.domain.learning.learnt_value import Conclusions
@@ -29,6 +31,7 @@ if TYPE_CHECKING:
     from dvtcli.device.learn.safely import Asked
     from dvtcli.device.learn.saving import Saved
     from dvtcli.device.node import Node
+    from dvtcli.domain.learning.absence import Absence
     from dvtcli.domain.learning.probe import Probe, Subject
     from dvtcli.domain.learning.storage import Storage
     from dvtcli.operations.session import Session
@@ -92,11 +95,12 @@ def learn(
     if prepared.saves:
         may_store(node, force=session.options.force)
     _consent(session, prepared, found.state, isolated=isolated)
+    lacking = absences(node, prepared.subjects)
     terms = Terms(prepared.limit, isolated, prepared.saves)
     asked = ask_safely(node, prepared.subjects, pdos, found, terms, _told(session, prepared))
     _note_saved(node, asked.saved)
     answers = asked.saved.answers or not_asked(prepared.storage, "only with --with-store")
-    learnt = _concluded(node, asked, prepared.storage)
+    learnt = _concluded(node, asked, prepared.storage, lacking)
     return LearntDevice(
         node.node_id, node.title, prepared.pdos,
         [*(answer for one in asked.known for answer in one.answers.values()), *answers],
@@ -179,17 +183,16 @@ def _note_saved(node: Node, saved: Saved) -> None:
         is_stored(node, node.pending.was_stored(saved.sub_index, len(node.history)))
 
 
-def _concluded(node: Node, asked: Asked, storage: Storage) -> Conclusions:
+def _concluded(node: Node, asked: Asked, storage: Storage, lacking: Sequence[Absence]) -> Conclusions:
     known = {one.subject.pdo.direction: one for one in asked.known}
     most = 0
     if node.dictionary is not None:
-        mappings = [
-            node.dictionary[pdo.mapping_index] for pdo in node.present() if pdo.mapping_index in node.dictionary
-        ]
+        there = node.dictionary.without([one.place for one in lacking])
+        mappings = [there[pdo.mapping_index] for pdo in node.present() if pdo.mapping_index in there]
         most = max((max(one.entries, default=0) for one in mappings), default=0)
     found, saved = conclude(known, most), asked.saved
     preferred = node.profile.store.sub_indices
     return Conclusions(
         (*found.profile, *storage_for_profile(storage, saved.answers, preferred, saved.seconds)),
-        (*found.family, *storage_for_family(storage, saved.answers)),
+        (*found.family, *storage_for_family(storage, saved.answers), *absent_for_family(lacking)),
     )

@@ -11,6 +11,7 @@ from dvtcli.operations.results.learnt import LearnForecast, LearntDevice
 
 #: How many questions of one reason are named.
 _NAMED = 4
+_ABSENT = "absent."
 
 
 def learnt_lines(result: LearntDevice, width: int) -> Iterator[Line]:
@@ -21,6 +22,7 @@ def learnt_lines(result: LearntDevice, width: int) -> Iterator[Line]:
         table.add(one.key, value_text(one.value), Cell(_short(one.evidence), "dim"))
     yield from table.lines(width)
     yield from _answer_lines(result, width)
+    yield from _lacking(result, width)
     yield from _not_learnt(result)
     yield from _compared(result, width)
     labels = " and ".join(pdo.upper() for pdo in result.pdos)
@@ -57,6 +59,23 @@ def _code(code: int | None) -> str:
     if code is None:
         return "-"
     return f"0x{code:08X}" if code else "accepted"
+
+
+def _lacking(result: LearntDevice, width: int) -> Iterator[Line]:
+    """Objects that the EDS lists and the device does not have."""
+    codes: dict[int, list[str]] = {}
+    for one in result.conclusions.family:
+        if one.key.startswith(_ABSENT) and isinstance(one.value, int):
+            codes.setdefault(one.value, []).append(f"0x{one.key.removeprefix(_ABSENT)}")
+    if not codes:
+        return
+    table = Table(("NOT THERE, THOUGH IN THE EDS", "ABORT", "MEANING"), shrink=2)
+    for code, names in codes.items():
+        for first in range(0, len(names), _NAMED):
+            row = " ".join(names[first : first + _NAMED])
+            table.add(row, f"0x{code:08X}", Cell(abort_text(code), "dim"))
+    yield ""
+    yield from table.lines(width)
 
 
 def _not_learnt(result: LearntDevice) -> Iterator[Line]:

@@ -14,6 +14,7 @@ from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
 from dvtcli.domain.pdo import Direction, Pdo, PdoConfig
 from dvtcli.domain.rules import Proposal
 from dvtcli.domain.rules.can_id import FREE_POOL
+from dvtcli.domain.rules.described_step import leave_a_choice
 from dvtcli.domain.rules.mapped_object import FEEDS_TPDO, TAKES_RPDO
 from dvtcli.domain.rules.no_way_back import way_back
 from dvtcli.errors import SdoAborted
@@ -99,7 +100,21 @@ def _read(node: Node, pdos: Mapping[Pdo, PdoConfig], pdo: Pdo, held: PdoConfig, 
         _STANDARD_UNMAPPABLE[pdo.direction] if described is None else _unmappable(described, pdo),
         _absent(node),
         spare,
+        limits={} if described is None else _limits(described, pdo, node.node_id),
     )  # fmt: skip
+
+
+def _limits(dictionary: ObjectDictionary, pdo: Pdo, node_id: int) -> dict[tuple[int, int], tuple[int, int]]:
+    """The limits that the file states for what *pdo* is configured with, where they leave a choice."""
+    found = {}
+    for index in {pdo.communication_index, pdo.mapping_index} & set(dictionary):
+        for entry in dictionary[index].entries.values():
+            low, high = entry.limits(node_id)
+            least, most = (entry.data_type and entry.data_type.limits) or (0, 0)
+            if (low, high) != (None, None) and leave_a_choice(entry, low, high):
+                lowest, highest = least if low is None else low, most if high is None else high
+                found[index, entry.sub_index] = int(lowest), int(highest)
+    return found
 
 
 def _held(node: Node, index: int, sub_index: int) -> bytes | None:

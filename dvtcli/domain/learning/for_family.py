@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
+from dvtcli.domain.learning.file_limits import taken_beyond
 from dvtcli.domain.learning.learnt_value import Learnt
 from dvtcli.domain.learning.probe import Answer
 from dvtcli.domain.learning.probe_table import RESTRICTED, TYPES, Known
@@ -19,6 +20,7 @@ _PLAIN = frozenset(
         "entry-while-counted", "type-without-rtr", "empty-enabled", "cob-id-again", "cob-id-while-valid", "count-again",
         "count-while-valid", "entry-again", "entry-while-valid", "type-while-valid", "inhibit-while-valid",
         "event-while-valid", "sync-start-while-valid", "beyond-frame", "dummy-sub-index",
+        *(f"{name}-{side}-limit" for name in ("type", "inhibit", "event", "sync-start") for side in ("below", "above")),
     }
 )  # fmt: skip
 #: Checks of which one refusal tells the code, whatever else is accepted.
@@ -94,6 +96,7 @@ def _answers(way: Direction, known: Known) -> Iterator[Learnt]:
     wrong = [a for name, a in known.answers.items() if name.startswith("access ") and a.code]
     if wrong:
         found["wrong-direction"] = wrong[0]
+    found |= taken_beyond(known.subject, known.answers.values())
     for check, answer in found.items():
         if answer.code is not None:
             yield Learnt(f"answers.{way}.{check}", answer.code, answer.text)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
+from dvtcli.domain.learning.file_limits import limit_probes
 from dvtcli.domain.learning.operational import IN_OPERATIONAL, IN_PRE_OPERATIONAL, while_operational
 from dvtcli.domain.learning.probe import Answer, Probe, Stand, Subject, Where, Write
 from dvtcli.domain.mapping import DUMMY_BITS, MAX_PDO_BITS, PdoMappingEntry
@@ -305,6 +306,11 @@ def next_time(known: Known, name: str) -> int | None:
     return 0x7FFF if 0x7FFF not in values and taken < 0x7FFF < above else (taken + above) // 2
 
 
+def _beyond_limits(known: Known) -> Iterator[Probe]:
+    """Whether the limits of the EDS are the device's."""
+    yield from limit_probes(known.subject)
+
+
 def _while_on(known: Known) -> Iterator[Probe]:
     """What is taken while the PDO is enabled, and whether an empty one may be."""
     if not known.subject.spare or not known.fits:
@@ -382,6 +388,7 @@ _STAGES: tuple[Callable[[Known], Iterator[Probe]], ...] = (
     _while_counted,
     _cob_ids,
     _parameters,
+    _beyond_limits,
     _while_on,
     _isolated,
     _again,

@@ -65,6 +65,8 @@ class Login:
 class Family:
     """How a family of devices behaves; the defaults are a plain CiA 301 device.
 
+    - *absent*: objects that its EDS lists and the device lacks, sub-index 0 for a whole object, each with the abort
+      code that it answers.
     - *granularity* (bits), *dummies*: None means as the EDS says; *max_entries* a PDO, *max_entry_bits* an entry.
     - *rtr_bit*: what bit 30 of a COB-ID must be, by direction; *extended_ids*: whether bit 29 may be set.
     - *transmission_types*: ranges of accepted values; *rpdo_counts_syncs*: an RPDO of type n acts at the n-th SYNC
@@ -109,6 +111,7 @@ class Family:
     title: str = "CiA 301 device"
     #: what is remarkable about it, in a few words
     about: str = ""
+    absent: Mapping[Object, int] = field(default_factory=dict)
     granularity: int | None = None
     max_entries: int = 64
     max_entry_bits: int = 64

@@ -11,11 +11,15 @@ from typing import Protocol
 
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.nmt import NmtState
+from dvtcli.domain.object_dictionary import OdEntry
+from dvtcli.domain.pdo import Pdo
+from dvtcli.simulator.device.entry_guard import refuse
 from dvtcli.simulator.device.family import Family
 from dvtcli.simulator.device.gates import Gates
 from dvtcli.simulator.device.limits import check_limits
 from dvtcli.simulator.device.memory import Memory
 from dvtcli.simulator.device.parameter_areas import ParameterAreas
+from dvtcli.simulator.device.pdo_checks import limit_check
 from dvtcli.simulator.device.pdo_guard import PdoGuard
 from dvtcli.simulator.device.refusal import Refusal
 
@@ -59,7 +63,18 @@ class Judge:
             self._guard.check(index, sub_index, data)
         entry = self._memory.entry(index, sub_index)
         if entry is not None and not self._store.handles(index, sub_index):
-            check_limits(entry, self._memory.node_id, data)
+            self._check_limits(entry, data)
         for service in self._services:
             service.check(index, sub_index, data)
         self._gates.check_selection(index, sub_index, data)
+
+    def _check_limits(self, entry: OdEntry, data: bytes) -> None:
+        """The file's limits; of a PDO's parameter the family may have another answer, or none."""
+        try:
+            check_limits(entry, self._memory.node_id, data)
+        except Refusal as outside:
+            pdo = Pdo.at(entry.index)
+            check = limit_check(entry.index, entry.sub_index, outside.code)
+            if pdo is None or not check:
+                raise
+            refuse(self._family, pdo, check, outside.code)

@@ -6,6 +6,7 @@ Knows types, access and the life of a value. Does not know what any object means
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from types import MappingProxyType
 
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.datatypes import U8, U16, U32, DataType
@@ -25,7 +26,10 @@ _COMMUNICATION_TYPES = {0: U8, 1: U32, 2: U8, 3: U16, 5: U16, 6: U8}
 
 
 class Memory:
-    """The values of one node; *capabilities* are what 0x1010:s and 0x1011:s read; see `StrictDevice` for *backing*."""
+    """The values of one node; *capabilities* are what 0x1010:s and 0x1011:s read; see `StrictDevice` for *backing*.
+
+    *absent* has the abort codes of what *dictionary* does not list though the file did, sub-index 0 for whole objects.
+    """
 
     def __init__(
         self,
@@ -33,8 +37,10 @@ class Memory:
         node_id: int,
         capabilities: Mapping[int, int],
         backing: Backing | None = None,
+        absent: Mapping[Key, int] = MappingProxyType({}),
     ) -> None:
         self.dictionary = dictionary
+        self._absent = absent
         self.backing = backing
         #: the node's own node-ID, 255 for none; what defaults with $NODEID follow
         self.node_id = node_id
@@ -67,6 +73,9 @@ class Memory:
         if self.backing is not None:
             self._require_backed(index, sub_index)
             return
+        code = self._absent.get((index, 0)) or self._absent.get((index, sub_index))
+        if code:
+            raise Refusal(code)
         if index not in self.dictionary:
             raise Refusal(Abort.NO_OBJECT)
         if self.entry(index, sub_index) is None or _is_reserved(index, sub_index):

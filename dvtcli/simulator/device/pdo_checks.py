@@ -6,6 +6,25 @@ named there is as the other keys of the family have it. Knows names only; `pdo_g
 
 from __future__ import annotations
 
+from dvtcli.domain.abort import Abort
+from dvtcli.domain.pdo import Pdo
+
+#: What may have limits in a file: the sub-indices of a communication parameter, and of a mapping its count and entries.
+_PARAMETERS = {1: "cob-id", 2: "type", 3: "inhibit", 5: "event", 6: "sync-start"}
+_COUNT, _ENTRY = "count", "entry"
+
+
+def limit_check(index: int, sub_index: int, code: int) -> str:
+    """What the check of a file's limit is called that answers *code* of itself; "" for what is no PDO parameter."""
+    pdo = Pdo.at(index)
+    if pdo is None:
+        return ""
+    communication = index == pdo.communication_index
+    name = _PARAMETERS.get(sub_index, "") if communication else _ENTRY if sub_index else _COUNT
+    side = "above" if code == Abort.VALUE_HIGH else "below"
+    return f"{name}-{side}-limit" if name else ""
+
+
 #: Check → what is written when it is made.
 CHECKS = {
     "cob-id-again": "a COB-ID that is held already, while the PDO is valid",
@@ -45,4 +64,17 @@ CHECKS = {
     "granularity": "an entry whose length is no multiple of the granularity",
     "dummy": "an entry that names a dummy which the family does not have",
     "dummy-sub-index": "an entry that names sub-index 1 of a dummy",
+    **{
+        f"{name}-{side}-limit": f"{what} {side} the limit that the file states"
+        for name, what in (
+            ("cob-id", "a COB-ID"),
+            ("type", "a transmission type"),
+            ("inhibit", "an inhibit time"),
+            ("event", "an event timer"),
+            ("sync-start", "a SYNC start value"),
+            (_COUNT, "a count"),
+            (_ENTRY, "an entry"),
+        )
+        for side in ("below", "above")
+    },
 }

@@ -46,12 +46,12 @@ class StrictDevice:
     ) -> None:
         if not 1 <= node_id <= 127 and node_id != UNCONFIGURED:
             raise ValueError(f"node-ID {node_id} is not within 1..127")
-        self.dictionary = dictionary
+        self.dictionary = dictionary.without(family.absent)
         self.family = family
         self.outbox: list[Frame] = []
         #: whether NMT commands that ask for a state are not obeyed
         self.ignores_nmt = False
-        self._memory = Memory(dictionary, node_id, family.capabilities, backing)
+        self._memory = Memory(self.dictionary, node_id, family.capabilities, backing, family.absent)
         self._gates = Gates(self._memory, family)
         #: what is stored, and what a reset brings back
         self.areas = ParameterAreas(self._memory, family)

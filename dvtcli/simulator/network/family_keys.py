@@ -5,6 +5,7 @@ Knows how a family is written. Does not know what a behaviour means, nor where f
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from typing import TypeVar
 
@@ -95,6 +96,18 @@ def _types(item: Item) -> tuple[tuple[int, int, int], ...]:
     return tuple(found)
 
 
+def _absent(item: Item) -> dict[tuple[int, int], int]:
+    """Abort codes by objects: `1803:05` is a sub-index, `1804` a whole object."""
+    return {_place(member): integer(1, 0xFFFF_FFFF)(member) for member in item.items()}
+
+
+def _place(item: Item) -> tuple[int, int]:
+    found = re.fullmatch(r"([0-9A-F]{4})(?::([0-9A-F]{2}))?", item.key)
+    if not found:
+        item.fail("the key must be an object such as 1804 or '1803:05'")
+    return int(found[1], 16), int(found[2] or "0", 16)
+
+
 def _boot_state(item: Item) -> NmtState:
     words = [state.name for state in NmtState]
     if item.value not in words:
@@ -125,6 +138,7 @@ _MOTOR: Schema = {
 FAMILY_KEYS: Schema = {
     "title": string,
     "about": string,
+    "absent": _absent,
     "granularity": integer(1, 64),
     "max_entries": integer(1, 64),
     "max_entry_bits": integer(1, 64),

@@ -1,0 +1,65 @@
+"""Objects that a file lists and its device lacks: where that is looked for, and what it means for a simulated family.
+
+Pure; reads nothing. Looked for among the parameters of communication and what was mapped: a file may be long.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Iterator
+from dataclasses import dataclass
+
+from dvtcli.domain.abort import abort_text
+from dvtcli.domain.learning.learnt_value import Learnt
+from dvtcli.domain.learning.probe import Subject
+from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
+
+#: The parameters of communication that are looked at: those up to the PDOs' mappings.
+_LOOKED_AT = range(0x1000, 0x1C00)
+
+
+@dataclass(frozen=True, slots=True)
+class Absence:
+    """An object that is not there, sub-index 0 for a whole one, and the abort *code* that reading it answers."""
+
+    index: int
+    sub_index: int
+    code: int
+
+    @property
+    def place(self) -> tuple[int, int]:
+        """Its index and sub-index."""
+        return self.index, self.sub_index
+
+    @property
+    def name(self) -> str:
+        """`1804` for a whole object, `1803:05` for a sub-index."""
+        return f"{self.index:04X}:{self.sub_index:02X}" if self.sub_index else f"{self.index:04X}"
+
+
+def listed(dictionary: ObjectDictionary, subjects: Iterable[Subject]) -> dict[int, list[int]]:
+    """The sub-indices to look at, by index: those that can be read and have a length, so that reading costs little."""
+    mapped = {
+        (entry.index, entry.sub_index)
+        for subject in subjects
+        for entry in (*subject.fits, *subject.by_access.values(), subject.unmappable)
+        if entry is not None
+    }
+    places = {(entry.index, entry.sub_index) for index in dictionary if index in _LOOKED_AT for entry in
+              dictionary[index].entries.values() if _short(entry)}  # fmt: skip
+    places |= {place for place in mapped if (entry := dictionary.entry(*place)) is not None and _short(entry)}
+    found: dict[int, list[int]] = {}
+    for index, sub_index in sorted(places):
+        found.setdefault(index, []).append(sub_index)
+    return found
+
+
+def _short(entry: OdEntry) -> bool:
+    return entry.access.readable and entry.data_type is not None and entry.data_type.size is not None
+
+
+def absent_for_family(absences: Collection[Absence]) -> Iterator[Learnt]:
+    """What a simulated device lacks, too, and answers there."""
+    for one in absences:
+        place = f"0x{one.name}"
+        evidence = f"{place} is in the file, and reading it answered 0x{one.code:08X} ({abort_text(one.code)})"
+        yield Learnt(f"absent.{one.name}", one.code, evidence)
