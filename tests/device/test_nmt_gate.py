@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import pytest
 
 from dvtcli.device.access_level import log_in
 from dvtcli.device.nmt_gate import Access, Gate
 from dvtcli.domain.nmt import NmtCommand, NmtState
-from dvtcli.errors import DeviceRefused, SdoAborted
+from dvtcli.errors import DeviceRefused, SdoAborted, SdoProtocolError
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import load_family
-from tests.laws.bench import NODE, DirectBus, DirectSdo, dictionary, profile
+from tests.device.test_reading_and_storing import Table
+from tests.laws.bench import NODE, DirectBus, DirectSdo, booted, dictionary, profile
 
 
 def driven(*, master: bool, family: str = "gen4") -> tuple[Access, DirectBus]:
@@ -73,3 +74,54 @@ def test_firmware_that_aborts_the_user_id_is_logged_in_all_the_same() -> None:
     assert log_in(access, 4, lambda: 0x4444) == 4
     assert log_in(access, 4, lambda: pytest.fail("asked for a passcode that is not needed")) == 4
     assert log_in(access, 0, lambda: pytest.fail("logging out needs no passcode")) == 0
+
+
+@pytest.mark.parametrize(("user", "sent"), [(None, b"\1\0"), (0x1234, b"\x34\x12")])
+def test_who_one_is_and_the_passcode_are_two_bytes_each_and_logging_out_is_nobody_with_none(
+    user: int | None, sent: bytes
+) -> None:
+    device = StrictDevice(dictionary("gen4"), load_family("gen4-locked"), NODE)
+    device.boot_up()
+    channel = DirectSdo(device)
+    access = Access(DirectBus(device, channel), NODE, profile("gen4"))
+    assert log_in(access, 4, lambda: 0x4444, user) == 4
+    assert channel.writes == [(0x5000, 3, sent), (0x5000, 2, b"\x44\x44")]
+    channel.writes.clear()
+    assert log_in(access, 0, lambda: 0x4444) == 0
+    assert channel.writes == [(0x5000, 3, b"\0\0"), (0x5000, 2, b"\0\0")]
+
+
+def test_whether_a_node_is_a_master_is_one_byte() -> None:
+    access = Access(DirectBus(booted("gen4"), Table({(0x5800, 0): b"\0\1"})), NODE, profile("gen4"))
+    with pytest.raises(SdoProtocolError, match="0x5800:00 answered 2 bytes"):
+        access.request(NmtState.PRE_OPERATIONAL)
+
+
+def test_a_gate_that_was_agreed_to_is_entered_whatever_the_profile_says_and_left_again() -> None:
+    device = booted()
+    device.nmt(NmtCommand.START)
+    gate = Gate(Access(DirectBus.of(device), NODE, profile("generic")), lambda _question: pytest.fail("asked again"))
+    gate.enter()
+    assert not gate.entered
+    gate.enter_agreed()
+    assert (gate.entered, device.state) == (True, NmtState.PRE_OPERATIONAL)
+    gate.leave()
+    assert device.state is NmtState.OPERATIONAL
+
+
+@dataclass
+class Late(DirectBus):
+    """A bus on which a state is heard by whoever waits for it."""
+
+    def nmt_state(self, node_id: int, timeout_s: float = 0.0) -> NmtState | None:
+        return self.device.state if timeout_s >= 1 else None
+
+
+@pytest.mark.parametrize("family", ["generic", "gen4"])
+def test_a_state_that_only_heartbeats_tell_is_waited_for(family: str) -> None:
+    """Also of a device that lacks the object in which its family tells it."""
+    access = Access(Late(booted(), Table({})), NODE, profile(family))
+    assert access.state() is None
+    assert access.state(1.0) is NmtState.PRE_OPERATIONAL
+    heard = Access(DirectBus(booted(), Table({})), NODE, profile(family))
+    assert heard.state() is NmtState.PRE_OPERATIONAL

@@ -28,3 +28,23 @@ def test_what_was_stored_whole_is_held_after_a_restart() -> None:
 def test_where_a_part_was_stored_nothing_that_may_be_held_is_forgotten() -> None:
     made, held = after_a_restart(stored=2)
     assert held == made
+
+
+def changed_after_a_store(*, restarted: bool | None) -> tuple[list[Plan], list[Plan]]:
+    """Two plans, of which the first was stored, with those that may be held; None: never looked at since."""
+    bus = DirectBus.of(booted())
+    bus.heard_boot_ups = 1
+    node = Node(bus, NODE, dictionary("generic"))
+    for place in ((0x1017, 0), (0x1800, 5)):
+        node.history.append(Plan(NODE, (ValueChange(Step(*place, b"\0\0", b"\1\0", "write")),)))
+    node.pending.stored_at = 1
+    node.pending.boot_ups = None if restarted is None else 1 - restarted
+    return node.history, held_plans(node)
+
+
+def test_a_restart_takes_what_was_changed_after_the_store() -> None:
+    made, held = changed_after_a_store(restarted=True)
+    assert held == made[:1]
+    for unseen in (False, None):
+        made, held = changed_after_a_store(restarted=unseen)
+        assert held == made

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from dvtcli.device.node import Node
-from dvtcli.device.quirks.reversed_entries import as_device, as_standard
+from dvtcli.device.quirks.reversed_entries import ReversedEntries, as_device, as_standard
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.profile import GENERIC
@@ -15,6 +15,7 @@ from dvtcli.errors import DeviceRefused
 from dvtcli.simulator.device.reversed import ReversedDevice
 from dvtcli.simulator.network.family_file import load_family
 from dvtcli.simulator.network.twin_bus import TwinBus
+from tests.device.test_reading_and_storing import Table
 from tests.laws.bench import NODE, DirectBus, DirectSdo, dictionary
 
 TPDO1 = Pdo.parse("tpdo1")
@@ -31,6 +32,13 @@ def device(family: str = "generic") -> ReversedDevice:
 def test_the_words_of_an_entry() -> None:
     assert as_device(bytes.fromhex("20 01 64 60")) == bytes.fromhex("64 60 01 20")
     assert as_standard(bytes.fromhex("64 60 01 20")) == bytes.fromhex("20 01 64 60")
+
+
+def test_a_count_of_four_bytes_is_not_turned_round() -> None:
+    count, entry = bytes.fromhex("02 00 00 00"), bytes.fromhex("64 60 01 20")
+    channel = ReversedEntries(Table({(0x1A00, 0): count, (0x1A00, 1): entry, (0x1800, 1): entry}))
+    assert (channel.upload(0x1A00, 0), channel.upload(0x1A00, 1)) == (count, as_standard(entry))
+    assert channel.upload(0x1800, 1) == entry
 
 
 def test_what_is_mapped_reads_back_and_is_reversed_on_the_wire() -> None:

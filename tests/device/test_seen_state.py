@@ -108,6 +108,7 @@ def test_a_node_that_was_heard_is_not_asked() -> None:
     bus.send_nmt(NmtCommand.START, NODE)
     device.restart()
     device.boot_up()
+    device.set_value(0x1017, 0, b"\0\0")
     assert seen_state(Access(bus, NODE, profile("generic")), OPERATIONAL) is PRE_OPERATIONAL
     assert bus.requests == []
 
@@ -175,6 +176,7 @@ def test_each_of_eight_axes_is_asked_whether_it_is_enabled(axis: int, told: bool
     bus = VirtualTimeBus([booted(described=parse_eds(text.encode(), "axes.eds").dictionary)])
     bus.nodes[0].device.set_value(0x6041, 0, b"\x40\x02")  # switch on disabled
     assert why_it_may_move(bus, NODE) == ""
+    assert ((index - 1, 0) in CONTROLWORDS) == told
     bus.nodes[0].device.set_value(index, 0, b"\x37\x02")
     assert why_it_may_move(bus, NODE) == (f"says operation enabled (0x{index:04X} is 0x0237)" if told else "")
 

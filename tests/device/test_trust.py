@@ -48,6 +48,18 @@ def test_a_known_user_is_named() -> None:
     assert why(status(uid=other.pw_uid)) == f"it belongs to {other.pw_name} (user {other.pw_uid})"
 
 
+def test_nobody_but_root_was_called_by_sudo(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Else whoever sets a variable would have their files believed."""
+    monkeypatch.setenv("SUDO_UID", str(NOBODY))
+    was = os.geteuid()
+    if was == 0:
+        os.seteuid(NOBODY)
+    try:
+        assert sudo_user() is None
+    finally:
+        os.seteuid(was)
+
+
 @AS_ROOT
 @pytest.mark.parametrize(
     ("said", "user"),
