@@ -5,18 +5,22 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.network.network_plan import NetworkPlan
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.plan_file import is_network_plan, read_network_plan
+from dvtcli.operations.change import names
 from dvtcli.operations.plan_network import checked, plan_network
 from dvtcli.operations.results.networks import NetworkPlanned
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from dvtcli.device.node import Node
+    from dvtcli.domain.network.network_plan import NodePlan
     from dvtcli.operations.results.networks import NetworkApplied
     from dvtcli.operations.session import Session
 
@@ -62,10 +66,17 @@ def _plan_of(session: Session, file: str) -> NetworkPlan:
     for one in saved.nodes:
         if not len(one.plan) and one.plan.changes:
             raise InputFileError(f"{file}: node {one.node_id} changes nothing", place=file)
-    changing = tuple(one for one in saved.nodes if one.node_id in nodes)
-    for node in nodes.values():
-        node.read_anew()
+    changing = [_known(nodes[one.node_id], one) for one in saved.nodes if one.node_id in nodes]
     return NetworkPlan(saved.file, tuple(checked(nodes, changing, force=session.options.force)))
+
+
+def _known(node: Node, planned: NodePlan) -> NodePlan:
+    """*planned* with what is known of *node*; SafetyRefusal where that is not what the plan was made from."""
+    from dvtcli.operations.apply_network import refuse_stale
+
+    node.read_anew()
+    refuse_stale(node, planned)
+    return replace(planned, title=node.title, names=names(node, planned.plan.changes))
 
 
 @contextmanager

@@ -48,6 +48,7 @@ def test_programs_run(code: str, tmp_path: Path, request: pytest.FixtureRequest)
     if _BUS in code:
         served = request.getfixturevalue("dvtcli_serve")("gen4@5")
         code = code.replace(_BUS, ", ".join(f"{key}={value!r}" for key, value in served.settings.items()))
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
     run([sys.executable, "-c", code], tmp_path)
 
 

@@ -8,9 +8,9 @@ from tempfile import TemporaryDirectory
 
 import pytest
 
-from dvtcli.domain.nmt import NmtState
+from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.errors import DvtcliError, LeftChanged
-from tests.network.bench import CHAIN, Chain
+from tests.network.bench import CHAIN, FILE, Chain
 
 OPERATIONAL = dict.fromkeys(CHAIN, NmtState.OPERATIONAL)
 
@@ -89,3 +89,39 @@ def test_a_node_that_dies_leaves_its_journal_and_the_others_as_they_were(
     assert chain.stored() == stored
     heard = {one for one in chain.bus.layouts if one[2] != node_id}  # a dead node hears nothing
     assert heard <= ideal()[1]
+
+
+def storing(folder: Path) -> Path:
+    """The example, with a store on every node."""
+    file = folder / "stores.yaml"
+    file.write_text("defaults: {store: true}\n" + FILE.read_text("utf-8"))
+    return file
+
+
+@pytest.mark.parametrize(("node_id", "stored"), [(1, []), (5, [1]), (9, [1, 5])])
+def test_a_store_that_fails_names_who_has_stored_and_takes_nothing_back(
+    node_id: int, stored: list[int], tmp_path: Path
+) -> None:
+    chain = Chain(tmp_path, [f"{node_id}:store-fails"])
+    before = chain.stored()
+    with pytest.raises(LeftChanged) as raised:
+        chain.apply(storing(tmp_path))
+    error = raised.value
+    assert (error.exit_code, error.node, error.state) == (7, node_id, "left_changed")
+    told = dict(error.details)
+    assert told.get("stored", "node ") == f"node {', '.join(map(str, stored))}"
+    assert str(node_id) in told.get("not stored", "") + told.get("unknown", "")
+    assert [one for one in CHAIN if chain.stored()[one] != before[one]] == stored
+    assert not chain.plan().plan.changed, "every node holds what was planned"
+    assert chain.journals() == []
+    assert chain.states() == {**OPERATIONAL, 1: NmtState.PRE_OPERATIONAL}, "what left OPERATIONAL stays where it is"
+
+
+def test_stores_come_after_the_last_read_back_and_are_proved(tmp_path: Path) -> None:
+    chain = Chain(tmp_path)
+    done = chain.apply(storing(tmp_path), prove="reset")
+    assert [one.proof is not None and one.proof.holds for one in done.stored] == [True] * 3
+    chain.wait(0.0)
+    chain.bus.send_nmt(NmtCommand.RESET_NODE, 0)
+    chain.wait(1.0)
+    assert not chain.plan().plan.changed

@@ -1,0 +1,108 @@
+"""SIGKILL in the middle of `apply`: `recover` brings every node back, however far it had come.
+
+Real processes: the nodes are served by one, dvtcli runs in another that is killed, and dvtcli's own reads see what is
+left.
+"""
+
+from __future__ import annotations
+
+import json
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import can
+import pytest
+
+from tests.process import start
+from tests.serve.served import Served, bus_words, own_environment, served
+
+NODES = (1, 3)
+FILE = """
+a:
+  node_id: 1
+  tpdo:
+    1: {cob_id: 0x6A1, mapping: [606C:00], event_timer: 30}
+b:
+  node_id: 3
+  heartbeat_producer: 700
+  rpdo:
+    1: {cob_id: 0x6A1, enabled: true, mapping: [60FF:00]}
+"""
+
+pytestmark = pytest.mark.long
+
+
+def is_download(frame: can.Message) -> bool:
+    """Whether *frame* asks one of the nodes for an SDO download."""
+    return frame.arbitration_id in (0x601, 0x603) and frame.data[0] >> 5 == 1
+
+
+def is_save(frame: can.Message) -> bool:
+    """Whether *frame* asks one of the nodes to store."""
+    return frame.arbitration_id in (0x601, 0x603) and bytes(frame.data[1:4]) == b"\x10\x10\x01" and is_download(frame)
+
+
+@pytest.fixture
+def nodes(tmp_path: Path) -> Iterator[Served]:
+    with served(tmp_path, "generic@1", "generic@3", "--latency", "10") as made:  # a kill comes before the answer
+        yield made
+
+
+def held(nodes: Served) -> list[object]:
+    """Every PDO of both nodes, and a heartbeat time."""
+    shown = [nodes.dvtcli("-n", str(node_id), "pdo", "--all", "--json") for node_id in NODES]
+    shown.append(nodes.dvtcli("-n", "3", "read", "1017", "--json"))
+    return [json.loads(one.stdout).get("pdos", one.stdout) for one in shown]
+
+
+def killed(nodes: Served, text: str, at: int, which: Callable[[can.Message], bool]) -> int:
+    """Apply a file of *text* and kill that at the *at*-th of the frames that *which* tells; the exit code."""
+    (nodes.folder / "net.yaml").write_text(text)
+    words = [*bus_words(nodes.port), "--yes", "apply", str(nodes.folder / "net.yaml")]
+    child = start(words, env=own_environment(nodes.folder))
+    bus, stop = nodes.attach(), threading.Event()
+
+    def watch() -> None:
+        seen = 0
+        while not stop.is_set():
+            frame = bus.recv(0.05)
+            seen += frame is not None and which(frame)
+            if frame is not None and which(frame) and seen == at:
+                child.send_signal(signal.SIGKILL)
+
+    thread = threading.Thread(target=watch)
+    thread.start()
+    child.communicate(timeout=60)
+    stop.set()
+    thread.join()
+    return child.returncode
+
+
+def journals(nodes: Served) -> list[Path]:
+    return sorted((nodes.folder / "state-home" / "dvtcli" / "journals").glob("*"))
+
+
+@pytest.mark.parametrize("kill_at", [1, 4, 8, 10])
+def test_every_node_is_recovered(nodes: Served, kill_at: int) -> None:
+    before = held(nodes)
+    assert killed(nodes, FILE, kill_at, is_download) == -signal.SIGKILL
+    refused = nodes.dvtcli("--yes", "apply", str(nodes.folder / "net.yaml"))
+    assert refused.returncode == 6
+    assert "recover" in refused.stderr
+    recovered = nodes.dvtcli("recover", "--yes")
+    assert recovered.returncode == 0, recovered.stderr
+    assert held(nodes) == before
+    assert journals(nodes) == []
+    assert nodes.dvtcli("--yes", "apply", str(nodes.folder / "net.yaml")).returncode == 0
+    assert nodes.dvtcli("diff", str(nodes.folder / "net.yaml")).returncode == 0
+
+
+def test_a_kill_while_nodes_store_is_said_and_goes_back_or_on(nodes: Served) -> None:
+    before = held(nodes)
+    assert killed(nodes, "defaults: {store: true}\n" + FILE, 2, is_save) == -signal.SIGKILL
+    recovered = nodes.dvtcli("recover", "--yes")
+    assert recovered.returncode == 0, recovered.stderr
+    assert "store on node 3; stored on node 1 had begun" in recovered.stderr
+    assert held(nodes) == before
