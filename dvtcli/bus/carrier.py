@@ -22,6 +22,10 @@ class Carrier:
         """Whether *error* of sending only says that a frame had to wait, so that it can be tried again."""
         return getattr(error, "error_code", None) == errno.ENOBUFS
 
+    def is_damaged(self, _error: Exception) -> bool:
+        """Whether an error of receiving is one frame that came damaged, so that the next one can be read."""
+        return False
+
     def lost_frames(self) -> int:
         """How many frames came so far that were dropped before anybody could read them."""
         return 0

@@ -21,6 +21,7 @@ from dvtcli.bus.kernel_links import kernel_links
 from dvtcli.bus.python_can import CanBus
 from dvtcli.bus.sdo.link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S
 from dvtcli.bus.server_carrier import ServerCarrier, probe
+from dvtcli.bus.slcan_carrier import SlcanCarrier
 from dvtcli.bus.transports import transports
 from dvtcli.domain.ports import CanopenBus
 from dvtcli.errors import BusUnavailable
@@ -168,6 +169,8 @@ def _carrier(config: Mapping[str, object], bus: can.BusABC) -> Carrier:
     """What can be said of *bus* beyond its frames."""
     if config["interface"] == "socketcan":
         return KernelCarrier(bus, str(config["channel"]), _bitrate(config))
+    if config["interface"] == "slcan":
+        return SlcanCarrier(str(config["channel"]), _bitrate(config))
     return ServerCarrier(bus) if config["interface"] == "socketcand" else Carrier()
 
 

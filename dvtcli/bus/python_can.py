@@ -20,8 +20,9 @@ from dvtcli.bus.receiver import bus_closed
 from dvtcli.bus.sdo.link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S, REQUEST_ID
 from dvtcli.errors import BusUnavailable
 
-#: what python-can's drivers raise when a bus fails in use; a closed socket is a ValueError in select()
-BUS_FAILURES = (can.CanError, OSError, ValueError, RuntimeError)
+#: what python-can's drivers raise when a bus fails in use; a closed socket is a ValueError in select(), a serial line
+#: that is cut short an IndexError
+BUS_FAILURES = (can.CanError, OSError, ValueError, RuntimeError, IndexError)
 #: how often a full transmit buffer is tried again, every 2 ms: half of a long one takes this long at 125 kbit/s
 SEND_PATIENCE = 150
 
@@ -109,6 +110,8 @@ class CanBus(FrameBus[can.Message]):
                     raise ConnectionResetError("the server has closed the connection")
             return message
         except BUS_FAILURES as error:
+            if self._carrier.is_damaged(error):
+                return None
             raise self._failed("receive", error) from error
 
     def _failed(self, what: str, error: Exception) -> BusUnavailable:

@@ -7,6 +7,7 @@ import struct
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from statistics import median
 
@@ -17,7 +18,8 @@ from dvtcli.domain.ports import Frame
 from dvtcli.files.eds.reader import read_eds
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family
-from dvtcli.simulator.network.hub import MOST_CLIENTS, Hub
+from dvtcli.simulator.network.hub import MOST_CLIENTS, MOST_KEPT, Hub
+from dvtcli.simulator.network.hub_client import Client
 from dvtcli.simulator.network.shared_bus import Server
 from dvtcli.simulator.network.station import stations
 from dvtcli.simulator.network.wire import Wire
@@ -38,13 +40,18 @@ class Bench:
         return can.Bus(interface="socketcand", host="127.0.0.1", port=self.port, channel="can0", ignore_config=True)
 
 
+def generic() -> StrictDevice:
+    """A node without a heartbeat: what is heard is what the tests send."""
+    device = StrictDevice(read_eds(family_eds("generic")).dictionary, load_family("generic"), 1)
+    device.set_value(0x1017, 0, bytes(2))
+    return device
+
+
 @pytest.fixture
 def bench() -> Iterator[Bench]:
     said: list[str] = []
-    device = StrictDevice(read_eds(family_eds("generic")).dictionary, load_family("generic"), 1)
-    device.set_value(0x1017, 0, bytes(2))  # no heartbeat: what is heard is what the tests send
     hub = Hub(("127.0.0.1", 0), said.append, STALL_S)
-    server = Server(stations([device]), hub, Wire())
+    server = Server(stations([generic()]), hub, Wire())
     thread = threading.Thread(target=server.run)
     thread.start()
     assert hub.port is not None
@@ -224,6 +231,76 @@ def test_the_bus_waits_for_a_slow_client(bench: Bench) -> None:
     assert bench.said == []
 
 
+def test_nobody_but_the_sender_waits_for_who_reads_nothing() -> None:
+    """One stalls, one floods, and the third one's requests are answered meanwhile, however long that takes."""
+    said: list[str] = []
+    hub = Hub(("127.0.0.1", 0), said.append, 3600.0)
+    server = Server(stations([generic()]), hub, Wire())
+    thread = threading.Thread(target=server.run)
+    thread.start()
+    assert hub.port is not None
+    flooding = threading.Event()
+    with raw_client(hub.port, receive_buffer=4096) as stalled, raw_client(hub.port) as asking:
+        with raw_client(hub.port) as flooder:
+
+            def flood() -> None:
+                with suppress(OSError):
+                    while flooder.sendall(b"< send 123 8 1 2 3 4 5 6 7 8 >" * 1000) is None:
+                        flooding.set()
+
+            def drain() -> None:
+                with suppress(OSError):
+                    while flooder.recv(65536):
+                        pass
+
+            threads = [threading.Thread(target=each) for each in (flood, drain)]
+            for each in threads:
+                each.start()
+            wait_for(lambda: any(client.owed.values() for client in (*hub._clients.values(),)), "somebody behind")
+            for _ in range(200):
+                asking.sendall(b"< send 601 8 40 00 10 00 00 00 00 00 >")
+                text = b""
+                while b"< frame 581 " not in text:
+                    text = text[-20:] + asking.recv(65536)
+            assert (said, hub.clients) == ([], 3)
+            flooder.shutdown(socket.SHUT_RDWR)
+        for each in threads:
+            each.join()
+        del stalled
+    server.stop()
+    thread.join()
+    hub.close()
+
+
+def test_who_is_megabytes_behind_is_dropped() -> None:
+    """What the nodes themselves say waits for nobody: one that never reads it is told so at some point."""
+    said: list[str] = []
+    with raw_pair(said) as (hub, client, theirs):
+        while hub.clients:
+            hub.tell_all(b"< frame 181 0.0 0102030405060708 >" * 1000, source=None)
+            hub.wait(0.0, lambda _client: True)
+        assert theirs.fileno() >= 0
+    (told,) = said
+    assert "it reads too slowly" in told
+    assert client.waiting > MOST_KEPT
+
+
+def test_who_opens_no_bus_makes_room(bench: Bench) -> None:
+    """Whoever takes all places and says nothing keeps nobody out."""
+    idle = [socket.create_connection(("127.0.0.1", bench.port)) for _ in range(MOST_CLIENTS)]
+    for each in idle:
+        each.settimeout(10)
+        assert each.recv(16) == b"< hi >"
+    with raw_client(bench.port) as one, raw_client(bench.port) as other:
+        one.sendall(b"< send 123 0 >")
+        assert lines(other, 1)[0].startswith(b"< frame 123 ")
+    assert [idle[0].recv(16), idle[1].recv(16)] == [b"", b""]
+    for each in idle:
+        each.close()
+    assert len(bench.said) == 2
+    assert "it opened no bus, and 64 are connected" in bench.said[0]
+
+
 def test_there_is_room_for_many_and_more_are_refused(bench: Bench) -> None:
     clients = [raw_client(bench.port) for _ in range(MOST_CLIENTS)]
     with socket.create_connection(("127.0.0.1", bench.port)) as refused:
@@ -235,6 +312,20 @@ def test_there_is_room_for_many_and_more_are_refused(bench: Bench) -> None:
     for client in clients:
         client.close()
     assert bench.said == [f"refused a client: {MOST_CLIENTS} are connected already"]
+
+
+@contextmanager
+def raw_pair(said: list[str]) -> Iterator[tuple[Hub, Client, socket.socket]]:
+    """A hub that nobody serves but the test, with one client in raw mode."""
+    hub = Hub(("127.0.0.1", 0), said.append, 3600.0)
+    assert hub.port is not None
+    with socket.create_connection(("127.0.0.1", hub.port)) as theirs:
+        theirs.sendall(b"< open can0 >< rawmode >")
+        while not [client for client in hub._clients.values() if client.raw]:
+            hub.wait(0.1, lambda _client: True)
+        (client,) = hub._clients.values()
+        yield hub, client, theirs
+    hub.close()
 
 
 @dataclass

@@ -1,7 +1,8 @@
 """Who is connected to one bus over TCP: lets clients in, waits for them, passes frames on, drops them.
 
-One thread calls everything but `wake`. Loses no frame: what a client does not read yet is kept, `congested` says that
-others should wait for it, and one that takes nothing for `STALL_S` is dropped. Does not know nodes or bit rates.
+One thread calls everything but `wake`. Loses no frame: what a client does not read yet is kept. Who sends faster than
+another one reads waits for it, and nobody else does; one that takes nothing for `STALL_S`, or is megabytes behind, is
+dropped. Does not know nodes or bit rates.
 """
 
 from __future__ import annotations
@@ -19,8 +20,11 @@ from dvtcli.simulator.network.socketcand import HI
 
 #: how long a client may take nothing while something waits for it (s)
 STALL_S = 5.0
-#: clients at once, and what is kept for one before the others wait (bytes; a frame is some 45)
-MOST_CLIENTS, MOST_KEPT = 64, 256 * 1024
+#: clients at once
+MOST_CLIENTS = 64
+#: what the system may keep for a client, what another client may let wait besides before it is read again, and what
+#: waits at most (bytes; a frame is some 45)
+_SEND_BUFFER, SHARE, MOST_KEPT = 256 * 1024, 64 * 1024, 8 << 20
 #: how long nobody is let in after the system had no room for a client (s)
 _FULL_S = 1.0
 _NO_ROOM = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
@@ -57,11 +61,6 @@ class Hub:
         """How many clients are connected."""
         return len(self._clients)
 
-    @property
-    def congested(self) -> bool:
-        """Whether a client has so much to read that the others should wait for it."""
-        return any(client.waiting > MOST_KEPT for client in self._clients.values())
-
     def wake(self) -> None:
         """End a `wait`, from any thread or signal handler."""
         with suppress(OSError):  # it is full of wake-ups already, or closed
@@ -71,18 +70,19 @@ class Hub:
         """Put *text* on its way to every client in raw mode but *source*."""
         for client in self._clients.values():
             if client.raw and client is not source:
-                client.put(text)
+                client.put(text, source)
 
     def wait(self, timeout_s: float, may_read: MayRead) -> list[tuple[Client, Frame]]:
         """Send what waits, then the frames that clients sent within *timeout_s* (s), at once if there are some.
 
-        Only clients for which *may_read* holds are read, and none while it is congested; the others keep what they say.
+        Only clients for which *may_read* holds are read, and none that let too much wait for a slow one; the others
+        keep what they say.
         """
         self._flush()
         self._open_again()
-        congested = self.congested
+        slow = [client for client in self._clients.values() if client.owed]
         for client in self._clients.values():
-            self._listen(client, not congested and may_read(client))
+            self._listen(client, may_read(client) and all(each.owed.get(client, 0) <= SHARE for each in slow))
             if client.unanswered:
                 client.acknowledge()
         frames: list[tuple[Client, Frame]] = []
@@ -147,17 +147,25 @@ class Hub:
                 self._close_for_a_while(failed)
             return
         if len(self._clients) >= MOST_CLIENTS:
+            self._make_room()
+        if len(self._clients) >= MOST_CLIENTS:
             self._tell(f"refused a client: {MOST_CLIENTS} are connected already")
             connection.close()
             return
         self._full_told = False
         connection.setblocking(False)
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, MOST_KEPT)  # or the system keeps megabytes
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER)  # or the system keeps megabytes
         client = self._clients[connection] = Client(connection, f"{where[0]}:{where[1]}", self._tell)
         self._selector.register(connection, client.events, client)
         client.reply(HI)
         self._drop_if_gone(client)
+
+    def _make_room(self) -> None:
+        """Drop who came first of those that only hold a place: they opened no bus yet."""
+        idle = next((client for client in self._clients.values() if not client.opened), None)
+        if idle is not None:
+            self._drop(idle, f"it opened no bus, and {MOST_CLIENTS} are connected")
 
     def _close_for_a_while(self, failed: OSError) -> None:
         """Let nobody in: who knocks would wake the thread again and again."""
@@ -184,7 +192,7 @@ class Hub:
         """Send what can be sent; drop who takes nothing."""
         now_s = monotonic()
         for client in tuple(self._clients.values()):
-            client.flush(now_s, self._stall_s)
+            client.flush(now_s, self._stall_s, MOST_KEPT)
             self._drop_if_gone(client)
 
     def _drop_if_gone(self, client: Client) -> None:

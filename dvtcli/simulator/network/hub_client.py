@@ -36,6 +36,8 @@ class Client:
     out: bytearray = field(default_factory=bytearray)
     held: bytearray = field(default_factory=bytearray)
     held_until_s: float | None = None
+    #: bytes that each sender let wait for it since nothing waited
+    owed: dict[object, int] = field(default_factory=dict)
     #: when something was last taken, or began to wait
     progress_s: float = 0.0
     blocked: bool = False
@@ -52,8 +54,9 @@ class Client:
         """How many bytes wait for it."""
         return len(self.out) + len(self.held)
 
-    def put(self, text: bytes) -> None:
-        """Put the *text* of a frame on its way."""
+    def put(self, text: bytes, source: object) -> None:
+        """Put the *text* of a frame of *source* on its way."""
+        self.owed[source] = self.owed.get(source, 0) + len(text)
         (self.out if self.held_until_s is None else self.held).extend(text)
 
     def reply(self, text: bytes) -> None:
@@ -83,13 +86,20 @@ class Client:
             self.progress_s = monotonic()
             del self.out[:sent]
         self.blocked = bool(self.out)
+        if not self.waiting:
+            self.owed.clear()
 
-    def flush(self, now_s: float, stall_s: float) -> None:
-        """Send what waits, by *now_s* on the monotonic clock; who takes nothing for *stall_s* has to go."""
+    def flush(self, now_s: float, stall_s: float, most: int) -> None:
+        """Send what waits, by *now_s* on the monotonic clock.
+
+        Who takes nothing for *stall_s* has to go, and who is behind by more than *most* bytes.
+        """
         if self.held_until_s is not None and self.held_until_s <= now_s:
             self.release()
         if not self.out:
             self.progress_s = now_s
+        elif self.waiting > most:
+            self.gone, self.why = True, f"{self.waiting} bytes wait for it: it reads too slowly"
         elif self.blocked and now_s - self.progress_s >= stall_s:
             self.gone, self.why = True, f"took nothing for {stall_s:g} s while frames waited for it"
         elif not self.blocked:

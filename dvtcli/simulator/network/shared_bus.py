@@ -97,19 +97,15 @@ class Server:
             node.device.boot_up()
             self._poll(node, now_s)
         while not self._stopping:
-            congested = self.hub.congested
-            if not congested:
-                self._move()
-            for client, frame in self.hub.wait(self._wait_s(congested=congested), self._may_read):
+            self._move()
+            for client, frame in self.hub.wait(self._wait_s(), self._may_read):
                 self._wire.offer(client, frame, monotonic())
 
     def _may_read(self, client: Client) -> bool:
         return self._wire.waiting(client) < _MOST_WAITING
 
-    def _wait_s(self, *, congested: bool) -> float:
+    def _wait_s(self) -> float:
         """Seconds until something is due."""
-        if congested:
-            return _LONGEST_WAIT_S
         due_s = monotonic() + _LONGEST_WAIT_S
         wire_s = self._wire.next_s()
         if wire_s is not None:
@@ -132,8 +128,6 @@ class Server:
             while self._thinking and self._thinking[0][0] <= now_s:
                 at_s, _, node, frame = heappop(self._thinking)
                 self._wire.offer(node, frame, at_s)
-            if self.hub.congested:
-                return
             arrived = self._wire.take(now_s)
             if arrived is None:
                 return

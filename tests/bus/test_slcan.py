@@ -1,0 +1,124 @@
+"""python-can's slcan driver against a strict adapter on a pseudo-terminal: finding it, jobs over it, and bad lines."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, suppress
+from importlib.util import find_spec
+from itertools import count
+from pathlib import Path
+
+import can
+import pytest
+
+from dvtcli.bus.discover import serial_ports
+from dvtcli.bus.opening import open_bus
+from dvtcli.errors import BusUnavailable, NoAnswer
+from dvtcli.simulator.network.simulated_network import SimulatedNetwork
+from tests.bus.slcan_adapter import Line, SlcanAdapter
+from tests.commands.bench import Bench
+from tests.commands.bus import device
+from tests.serve.served import wait_for
+
+pytestmark = [
+    pytest.mark.skipif(not find_spec("serial"), reason="pyserial is not installed"),
+    pytest.mark.skipif(not find_spec("pty"), reason="this system has no pseudo-terminals"),
+]
+_NUMBERS = count(1)
+#: python-can waits 2 s for an adapter that starts anew where its port is opened
+AT_ONCE = {"sleep_after_open": "0"}
+#: an SDO download to 0x1A00 of one byte, as our client begins it
+WRITE = bytes.fromhex("2F 00 1A")
+Plug = Callable[..., SlcanAdapter]
+
+
+@pytest.fixture
+def plug() -> Iterator[Plug]:
+    """An adapter with a Gen4 as node 1 behind it."""
+    with ExitStack() as stack:
+
+        def start(**how: object) -> SlcanAdapter:
+            channel = f"slcan-{next(_NUMBERS)}"
+            theirs = stack.enter_context(can.Bus(channel, interface="virtual", ignore_config=True))
+            stack.enter_context(SimulatedNetwork(theirs, [device("gen4")]))
+            return stack.enter_context(SlcanAdapter(channel, **how))  # type: ignore[arg-type]
+
+        yield start
+
+
+def options(adapter: SlcanAdapter) -> dict[str, object]:
+    extra = tuple(f"{key}={value}" for key, value in AT_ONCE.items())
+    return {"interface": "slcan", "channel": adapter.port, "bitrate": 500_000, "node": 1, "bus_kwargs": extra}
+
+
+@pytest.mark.parametrize("line", [Line(), Line(pieces=3, late_s=0.0005)], ids=["whole", "in pieces"])
+def test_map_and_store_over_an_adapter(plug: Plug, line: Line) -> None:
+    adapter = plug(line=line)
+    with Bench((), options(adapter)) as bench:
+        ran = bench.run("map tpdo1 6041 606C/32 --sync 1")
+        assert ran.code == 0, ran.stderr
+        ran = bench.run("store --prove --yes")
+        assert ran.code == 0, ran.stderr
+        assert "proved" in ran.stdout
+        assert ran.stderr == ""
+    assert adapter.bit_rate_kbit == 500
+    assert adapter.complaints == [b"O"], "python-can opens it twice"
+    wait_for(lambda: not adapter.is_open, "the channel to be closed again")
+
+
+def test_it_is_found_where_usb_ports_are(plug: Plug, tmp_path: Path) -> None:
+    port = plug().plug_into(tmp_path)
+    (found,) = serial_ports(str(tmp_path))
+    assert (found.interface, found.channel, found.problem) == ("slcan", str(port), None)
+    bus = open_bus(found.interface, found.channel, 500_000, AT_ONCE, timeout_s=2)
+    assert bus.sdo(1).upload(0x1018, 1) == b"\x1e\0\0\0"
+    bus.close()
+
+
+def test_damaged_lines_are_left_out_and_told(plug: Plug) -> None:
+    """Each 97th character is missing: some answers are no frames any more, and are asked for again."""
+    adapter = plug(line=Line(losing=97))
+    bus = open_bus("slcan", adapter.port, 500_000, AT_ONCE, timeout_s=0.2, retries=3)
+    read = 0
+    for _ in range(60):
+        with suppress(NoAnswer):
+            assert bus.sdo(1).upload(0x1018, 1) == b"\x1e\0\0\0"
+            read += 1
+    assert read > 30
+    told = [text for text in bus.disturbances() if "damaged" in text]
+    assert len(told) == 1
+    bus.close()
+
+
+def test_what_the_adapter_does_not_send_is_no_success(plug: Plug) -> None:
+    """Its transmit buffer is full now and then: reads are asked again, a write that was not sent is found out."""
+    adapter = plug()
+    with Bench((), options(adapter)) as bench:
+        before = bench.run("pdo tpdo1 --json").document
+        bench.session.wire.tap(lambda frame, sent: setattr(adapter, "refusing", int(sent and frame.data[:3] == WRITE)))
+        ran = bench.run("map tpdo1 6041 606C/32 --sync 1")
+        assert ran.code == 5, ran.stderr
+        adapter.refusing = 0
+        assert bench.run("pdo tpdo1 --json").document == before
+    assert adapter.complaints
+
+
+def test_an_adapter_that_is_unplugged_is_told(plug: Plug) -> None:
+    adapter = plug()
+    bus = open_bus("slcan", adapter.port, 500_000, AT_ONCE, timeout_s=2)
+    bus.sdo(1).upload(0x1000, 0)
+    adapter.unplug()
+    with pytest.raises(BusUnavailable) as caught:
+        list(bus.receive(60))
+    assert "plugged in" in str(caught.value.hint)
+    bus.close()
+
+
+def test_no_bit_rate_is_no_bus(plug: Plug) -> None:
+    """The adapter has none of its own, refuses to open, and says so."""
+    adapter = plug()
+    bus = open_bus("slcan", adapter.port, None, AT_ONCE, timeout_s=0.1, retries=0)
+    with pytest.raises(NoAnswer):
+        bus.sdo(1).upload(0x1000, 0)
+    assert any("no -b/--bitrate" in text for text in bus.disturbances())
+    bus.close()
