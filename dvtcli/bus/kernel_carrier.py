@@ -27,12 +27,19 @@ _FULL = "Transmit buffer full"
 
 
 def check_link(channel: object) -> None:
-    """Raise BusUnavailable, with the next step, where *channel* is not named or down; a link that is not there passes.
+    """Raise BusUnavailable, with the next step, where *channel* is not named, not there or down; OSError without CAN.
 
-    A socket on a link that is down opens like any other.
+    A socket on a link that is down opens like any other, and python-can leaves one open on a link that is not there.
     """
     if not channel:
         raise BusUnavailable("cannot open socketcan", why=_NO_CHANNEL, hint=f"which channel? {which(kernel_links())}")
+    if hasattr(socket, "AF_CAN"):
+        socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW).close()
+        try:
+            socket.if_nametoindex(str(channel))
+        except OSError as failed:
+            hint = f"no such channel: {which(kernel_links())}"
+            raise BusUnavailable(f"cannot open socketcan:{channel}", why=failed.strerror, hint=hint) from failed
     link = kernel_link(str(channel))
     if link is not None and not link.up:
         raise BusUnavailable(f"cannot open socketcan:{channel}", why="it is down", hint=link.way_up())

@@ -16,8 +16,7 @@ import can
 from can import util
 
 from dvtcli.bus.carrier import Carrier
-from dvtcli.bus.kernel_carrier import KernelCarrier, check_link, which
-from dvtcli.bus.kernel_links import kernel_links
+from dvtcli.bus.kernel_carrier import KernelCarrier, check_link
 from dvtcli.bus.python_can import CanBus
 from dvtcli.bus.sdo.link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S
 from dvtcli.bus.server_carrier import ServerCarrier, probe
@@ -57,6 +56,7 @@ _NO_ECHO_UNASKED = frozenset({"socketcan", "virtual"})
 _NO_CHANNEL = "is the adapter plugged in, and the channel's name right? `dvtcli doctor` lists what is there"
 _NO_PERMISSION = "no permission: sudo usermod -aG dialout $USER, then log in again (`ls -l` shows the port's group)"
 _ERRNO_HINTS = {
+    errno.ENODEV: _NO_CHANNEL,
     errno.ENXIO: _NO_CHANNEL,
     errno.ENOENT: _NO_CHANNEL,
     errno.EACCES: _NO_PERMISSION,
@@ -210,8 +210,6 @@ def _hint(config: Mapping[str, object], error: Exception) -> str:
     number = errno.ETIMEDOUT if isinstance(error, TimeoutError) else _errno_of(error)
     if number in _ERRNO_HINTS:
         return _ERRNO_HINTS[number]
-    if number == errno.ENODEV:
-        return f"no such channel: {which(kernel_links())}" if interface == "socketcan" else _NO_CHANNEL
     if isinstance(error, ImportError | can.CanInterfaceNotImplementedError):
         package = _DRIVER_PACKAGES.get(interface)
         return f"its driver is missing: pip install '{package}'" if package else "is the maker's driver installed?"
