@@ -14,11 +14,11 @@ import pytest
 from dvtcli.bus.discover import serial_ports
 from dvtcli.bus.opening import open_bus
 from dvtcli.errors import BusUnavailable, NoAnswer
-from dvtcli.simulator.network.simulated_network import SimulatedNetwork
 from tests.bus.slcan_adapter import Line, SlcanAdapter
 from tests.commands.bench import Bench
 from tests.commands.bus import device
 from tests.serve.served import wait_for
+from tests.served_nodes import ServedNodes
 
 pytestmark = [
     pytest.mark.skipif(not find_spec("serial"), reason="pyserial is not installed"),
@@ -40,7 +40,7 @@ def plug() -> Iterator[Plug]:
         def start(**how: object) -> SlcanAdapter:
             channel = f"slcan-{next(_NUMBERS)}"
             theirs = stack.enter_context(can.Bus(channel, interface="virtual", ignore_config=True))
-            stack.enter_context(SimulatedNetwork(theirs, [device("gen4")]))
+            stack.enter_context(ServedNodes(theirs, [device("gen4")]))
             return stack.enter_context(SlcanAdapter(channel, **how))  # type: ignore[arg-type]
 
         yield start

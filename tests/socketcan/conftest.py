@@ -14,7 +14,7 @@ import pytest
 
 from dvtcli.bus.kernel_links import kernel_links
 from dvtcli.simulator.device.strict_device import StrictDevice
-from dvtcli.simulator.network.simulated_network import SimulatedNetwork
+from tests.served_nodes import ServedNodes
 
 #: what `run` makes in its machine: links may be set down, deleted and flooded there
 MACHINE = Path("/run/dvtcli-socketcan")
@@ -56,10 +56,10 @@ def tool(*words: str) -> str:
 
 
 @contextmanager
-def on(link: str, *devices: StrictDevice, **options: object) -> Iterator[SimulatedNetwork]:
+def on(link: str, *devices: StrictDevice, **options: object) -> Iterator[ServedNodes]:
     """Simulated *devices* on *link*, in this process, over a socket of their own."""
     theirs = can.Bus(link, interface="socketcan", ignore_config=True, **options)
-    with SimulatedNetwork(theirs, devices) as network:
+    with ServedNodes(theirs, devices) as network:
         yield network
     theirs.shutdown()
 

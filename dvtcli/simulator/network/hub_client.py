@@ -61,6 +61,7 @@ class Client:
 
     def reply(self, text: bytes) -> None:
         """Put an answer on its way, before all frames that are held."""
+        self.owed[self] = self.owed.get(self, 0) + len(text)
         self.out.extend(text)
         if not self.blocked:
             self.send()
