@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from dvtcli.device.change.journal import MOST_BYTES
-from dvtcli.device.change.plan_document import read_number, read_plan
+from dvtcli.device.change.plan_document import read_identity, read_number, read_plan
 from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
 from dvtcli.domain.plan import Plan
 from dvtcli.errors import InputFileError
@@ -52,8 +52,12 @@ def _node(document: Any) -> NodePlan:
     store = document.get("store") or ""
     if store not in _STORES and store:
         read_number({"store": int(str(store))}, "store", 127, least=1)
-    name = str(document.get("name", ""))
-    if document.get("changes") == []:
-        return NodePlan(name, Plan(read_number(document, "node", 127, least=1), ()), {}, store=str(store))
-    identity, plan = read_plan(document)
-    return NodePlan(name, plan, identity, store=str(store))
+    name, unstored = str(document.get("name", "")), document.get("unstored", [])
+    if not isinstance(unstored, list):
+        raise ValueError("what is not stored is malformed")
+    node_id = read_number(document, "node", 127, least=1)
+    if document.get("changes") == []:  # who it is counts all the same: it may store
+        identity, plan = read_identity(document), Plan(node_id, ())
+    else:
+        identity, plan = read_plan(document)
+    return NodePlan(name, plan, identity, store=str(store), unstored=tuple(map(str, unstored)))

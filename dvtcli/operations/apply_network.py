@@ -17,6 +17,7 @@ from dvtcli.domain.profile import PreOperational
 from dvtcli.domain.script_line import change_lines
 from dvtcli.domain.several import plural, several
 from dvtcli.errors import Interrupted, JournalKept, Restarted, SafetyRefusal
+from dvtcli.operations.other_master import refuse_other_master
 from dvtcli.operations.results.networks import NetworkApplied
 from dvtcli.operations.store_network import store_network
 from dvtcli.operations.take_back_network import Course
@@ -34,28 +35,32 @@ def apply_network(session: Session, plan: NetworkPlan, *, prove: str | None = No
     """Carry *plan* out on all its nodes, in phases; with a fault on one of them every node is brought back.
 
     Asks first. Once all nodes were read back equal those store whose file says so; with *prove* each is restarted then
-    and compared (`reset`, `power`). SafetyRefusal where a node is not as it was planned from, any error of a node with
-    state `rolled_back`, LeftChanged where a node could not be brought back, or not all of them stored.
+    and compared (`reset`, `power`). SafetyRefusal where a node is not as it was planned from, or another master is
+    heard; any error of a node with state `rolled_back`; LeftChanged where a node could not be brought back, or not all
+    of them stored.
     """
     started = time.monotonic()
-    planned = [one for one in plan.nodes if len(one.plan)]
+    planned = [one for one in plan.nodes if len(one.plan) or one.stores]
     if not planned:
         return NetworkApplied(plan, session.dry_run, 0.0)
     nodes = {one.node_id: session.node(one.node_id) for one in planned}
     session.consent(_question(nodes, planned))
+    refuse_other_master(session)
     with session.cancellation.guard(), session.agreed():
         found = {node_id: node.claim() for node_id, node in sorted(nodes.items())}
         for one in planned:
             refuse_stale(nodes[one.node_id], one)
         course = _carried_out(session, nodes, planned, found, f"apply {plan.file}")
-        stored = store_network(session, course, [one for one in planned if one.store], prove)
+        stored = store_network(session, course, [one for one in planned if one.stores], prove)
         _complete(course)
     return NetworkApplied(plan, session.dry_run, time.monotonic() - started, stored)
 
 
 def _question(nodes: Mapping[int, Node], planned: list[NodePlan]) -> str:
     writes = plural(sum(len(one.plan) for one in planned), "write")
-    text = f"apply {writes} to node {', '.join(map(str, nodes))}?"
+    stores = [str(one.node_id) for one in planned if one.stores]
+    store = f", and store on node {', '.join(stores)}" if stores else ""
+    text = f"apply {writes} to node {', '.join(map(str, nodes))}{store}?"
     running = [str(node_id) for node_id, node in nodes.items() if _leaves_operational(node)]
     if running:
         text = f"node {', '.join(running)} goes from OPERATIONAL to PRE-OPERATIONAL and back; {text}"
@@ -90,7 +95,8 @@ def _carried_out(
     """Every phase on every node; on any fault everything is taken back, and the fault raised says so."""
     course = Course(session, nodes, name)
     for one in planned:
-        course.plans[one.node_id], _ = with_way_back(nodes[one.node_id], one.plan)
+        if len(one.plan):
+            course.plans[one.node_id], _ = with_way_back(nodes[one.node_id], one.plan)
     findings = {one.node_id: one.findings for one in planned}
     try:
         for phase in phases(one.plan for one in planned):

@@ -52,7 +52,7 @@ def applied(
     from dvtcli.operations.apply_network import apply_network
 
     plan = _plan_of(session, file)
-    if plan.changed:
+    if any(len(one.plan) or one.stores for one in plan.nodes):
         on_plan(plan)
     return apply_network(session, plan, prove=prove)
 
@@ -62,7 +62,7 @@ def _plan_of(session: Session, file: str) -> NetworkPlan:
         saved = read_network_plan(Path(file)) if is_network_plan(Path(file)) else None
     if saved is None:
         return plan_network(session, file)
-    nodes = {one.node_id: session.node(one.node_id) for one in saved.nodes if len(one.plan)}
+    nodes = {one.node_id: session.node(one.node_id) for one in saved.nodes if len(one.plan) or one.stores}
     for one in saved.nodes:
         if not len(one.plan) and one.plan.changes:
             raise InputFileError(f"{file}: node {one.node_id} changes nothing", place=file)

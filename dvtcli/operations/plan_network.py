@@ -16,6 +16,7 @@ from dvtcli.device.proposal import proposal
 from dvtcli.device.raw_write_check import raw_write_findings
 from dvtcli.device.resolve import resolve, untyped_lengths
 from dvtcli.device.senders import Senders
+from dvtcli.device.unstored import held_unstored
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
 from dvtcli.domain.plan import PdoChange, Plan, Step, ValueChange, plan_pdo
@@ -149,8 +150,14 @@ def _node_plan(node: Node, wish: NodeWish, wants: NodeWants, senders: Senders) -
     plan = Plan(node.node_id, (*values, *(change for change in changes if change.steps)))
     return NodePlan(
         wish.name, plan, node.identity(), node.title, wish.mark.line, str(wish.store or ""), wanted, dict(wants.values),
-        wants.pruned, names=names(node, plan.changes),
+        wants.pruned, names=names(node, plan.changes), unstored=_unstored(node) if wish.store else (),
     )  # fmt: skip
+
+
+def _unstored(node: Node) -> tuple[str, ...]:
+    """Labels of what *node* holds and no store is known to have taken, whoever of dvtcli set it."""
+    remembered = {} if node.keeper is None else held_unstored(node, node.keeper.past, node.identity())
+    return tuple({**remembered, **node.unstored})
 
 
 def _value(place: tuple[int, int], held: bytes, data: bytes) -> ValueChange:

@@ -175,3 +175,17 @@ def test_what_a_file_does_not_name_goes_off_with_prune(bench: Bench, tmp_path: P
     assert bench.run("node 1").code == 0
     enabled = [one["pdo"] for one in bench.run("pdo --all --json").document["pdos"] if one["enabled"]]
     assert enabled == ["tpdo1"]
+
+
+def test_what_is_right_and_not_stored_is_stored_by_the_next_apply_that_should(bench: Bench, file: Path) -> None:
+    assert bench.run(f"apply {file}").code == 0
+    file.write_text("defaults: {store: true}\n" + FILE)
+    planned = bench.run(f"plan {file}")
+    assert "not stored yet: TPDO1, TPDO2" in planned.stdout
+    assert "0 SDO writes, a store on node 1, 5" in planned.stdout
+    assert bench.run(f"plan {file} --exit-code").code == 0
+    ran = bench.run(f"apply {file} --json")
+    assert (ran.code, ran.document["writes"], len(ran.document["stored"])) == (0, 0, 2)
+    assert bench.run(f"apply {file} --json").document["stored"] == []
+    assert bench.run("nmt reset-node all").code == 0
+    assert bench.run(f"diff {file}").code == 0

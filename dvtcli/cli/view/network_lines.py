@@ -9,7 +9,7 @@ from dvtcli.cli.view.change_lines import shown
 from dvtcli.cli.view.lines import Cell, Line, Table
 from dvtcli.domain.pdo import transmission_type_text
 from dvtcli.domain.plan import PdoChange
-from dvtcli.domain.several import plural
+from dvtcli.domain.several import plural, several
 from dvtcli.operations.results.networks import action, differing
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ def plan_lines(plan: NetworkPlan, width: int) -> Iterator[Line]:
     for node in plan.nodes:
         yield from _node(plan, node, width)
     yield ""
-    if plan.changed:
+    if plan.changed or any(node.stores for node in plan.nodes):
         yield [Cell("Plan: ", "bold"), Cell(f"{_counted(plan)}.")]
 
 
@@ -34,6 +34,7 @@ def planned_lines(result: NetworkPlanned, width: int) -> Iterator[Line]:
     yield from plan_lines(result.plan, width)
     if not result.plan.changed:
         yield "No difference: every node holds what the file says. Nothing was written."
+    if not result.plan.changed and not any(node.stores for node in result.plan.nodes):
         return
     saved = f" Saved: {result.saved}." if result.saved else ""
     yield f"Nothing was written.{saved} Next: dvtcli apply {result.saved or result.plan.file}"
@@ -42,14 +43,15 @@ def planned_lines(result: NetworkPlanned, width: int) -> Iterator[Line]:
 def applied_lines(result: NetworkApplied, _width: int) -> Iterator[Line]:
     """What was made of a plan that was shown before, and where that is kept."""
     plan = result.plan
-    if not plan.changed:
+    if not plan.changed and not result.stored:
         yield "Every node holds what the file says already; nothing was written."
         return
     writes, nodes = plural(plan.writes, "write"), plural(sum(bool(len(one.plan)) for one in plan.nodes), "node")
     if result.dry_run:
         yield [Cell("dry run: ", "cyan"), Cell(f"{writes} on the twins of {nodes}, read back equal. Nothing was sent.")]
         return
-    yield f"{nodes} set: {writes}, read back equal, {result.seconds:.2f} s."
+    if plan.changed:
+        yield f"{nodes} set: {writes}, read back equal, {result.seconds:.2f} s."
     if result.stored:
         yield f"Stored on node {', '.join(str(one.node) for one in result.stored)}{_proved(result)}."
     kept = {one.node for one in result.stored}
@@ -67,7 +69,7 @@ def _counted(plan: NetworkPlan) -> str:
     pdos = [(node, change) for node in plan.nodes for change in node.plan.changes if isinstance(change, PdoChange)]
     offs = sum(action(node, change) in ("prune", "disable") for node, change in pdos)
     values = sum(len(node.plan.changes) for node in plan.nodes) - len(pdos)
-    stores = [str(node.node_id) for node in plan.nodes if node.store and len(node.plan)]
+    stores = [str(node.node_id) for node in plan.nodes if node.stores]
     parts = [plural(len(pdos) - offs, "PDO change"), plural(offs, "disable") if offs else ""]
     parts += [
         plural(values, "object") if values else "",
@@ -88,6 +90,8 @@ def _node(plan: NetworkPlan, node: NodePlan, width: int) -> Iterator[Line]:
             step, before = change.step, change.step.before
             held = "-" if before is None else shown(before)
             yield [Cell("  ~ ", "yellow"), Cell(f"0x{step.object}  {held} -> {shown(step.after)}")]
+    if node.store and node.unstored:
+        yield [Cell("  ! ", "yellow"), Cell(f"not stored yet: {several(node.unstored)}")]
     if node.unchanged > 0:
         yield [Cell(f"  = {node.unchanged} as wanted", "dim")]
 

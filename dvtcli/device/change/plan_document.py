@@ -52,12 +52,17 @@ def read_plan(document: Any) -> tuple[Identity, Plan]:
     if not isinstance(changes, list) or not changes or len(changes) > MOST_CHANGES:
         raise ValueError("it names no changes")
     plan = Plan(read_number(document, "node", 127, least=1), tuple(_change(change) for change in changes))
+    return read_identity(document), plan
+
+
+def read_identity(document: dict[str, Any]) -> Identity:
+    """Whose plan it is; ValueError where that is malformed."""
     identity = document.get("identity")
     if not isinstance(identity, dict) or not all(
         isinstance(key, str) and (value is None or type(value) is int) for key, value in identity.items()
     ):
         raise ValueError("identity is malformed")
-    return identity, plan
+    return identity
 
 
 def _change(document: Any) -> Change:

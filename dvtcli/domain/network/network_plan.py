@@ -36,11 +36,18 @@ class NodePlan:
     findings: tuple[Finding, ...] = ()
     #: names of objects, by their printed form
     names: dict[str, str] = field(default_factory=dict)
+    #: what it holds as wanted and is known not to have stored
+    unstored: tuple[str, ...] = ()
 
     @property
     def node_id(self) -> int:
         """The node-ID."""
         return self.plan.node_id
+
+    @property
+    def stores(self) -> bool:
+        """Whether it stores once all nodes are verified: where it should, and there is something to store."""
+        return bool(self.store) and bool(len(self.plan) or self.unstored)
 
     @property
     def unchanged(self) -> int:
