@@ -76,6 +76,8 @@ def save_learnt(
     eds = path or _described(node, name, origin, pdos, known)
     if path is None:
         session.tell.note(f"no EDS of node {node.node_id} is known: {name}.eds has what was read of it, and no more")
+        if node.bus.bitrate is None:
+            session.tell.note(f"nobody said the bus's bit rate: no BaudRate_ key of {name}.eds is 1; -b says it")
     files = write_folder(Path(name), origin, learnt, eds)
     _take_up(session)
     return tuple(map(str, files))

@@ -70,3 +70,34 @@ def test_its_cob_ids_follow_the_node_id() -> None:
         entry = dictionary.entry(index, 0 if index == 0x1014 else 1)
         assert entry is not None
         assert int.from_bytes(entry.initial(node_id) or b"", "little") & 0x7FF == wanted
+
+
+@pytest.mark.parametrize(("rate", "kbit"), [(None, ()), (250_000, (250,))])
+def test_the_bit_rate_that_is_known_is_in_it(rate: int | None, kbit: tuple[int, ...]) -> None:
+    options = {} if rate is None else {"bitrate": rate}
+    with Wire(device("canopennode")) as wire, Bench((), wire.options | options) as bench:
+        ran = bench.run("learn --yes --save pump")
+    assert ran.code == 0, ran
+    assert read_eds(Path("pump/pump.eds")).dictionary.info.bit_rates_kbit == kbit
+    assert ("nobody said the bus's bit rate" in ran.stderr) is (rate is None)
+
+
+@pytest.mark.parametrize("both", [False, True], ids=["refused", "taken"])
+def test_an_object_of_the_other_direction_is_asked_for(both: bool) -> None:
+    """Where it is taken it may be mapped both ways, and the EDS says so; else its refusal is the simulated one's."""
+    family = load_family("generic")
+    if both:
+        every = family.tpdo_access | family.rpdo_access
+        family = replace(family, tpdo_access=every, rpdo_access=every)
+    node = StrictDevice(read_eds(family_eds("generic")).dictionary, family, 1)
+    with Wire(node) as wire, Bench((), wire.options | {"profile": "generic"}) as bench:
+        for line in ("map tpdo1 6041", "map rpdo1 6040"):
+            assert bench.run(line).code == 0
+        ran = bench.run("learn --yes --save pump --json")
+        assert ran.code == 0, ran
+    asked = [row for row in ran.document["probes"] if row["name"] == "object of the other direction"]
+    assert {row["pdo"][:4]: row["accepted"] for row in asked} == {"tpdo": both, "rpdo": both}
+    access = {index: read_eds(Path("pump/pump.eds")).dictionary.entry(index, 0).access for index in (0x6040, 0x6041)}
+    assert (access[0x6041] is access[0x6040]) is both
+    codes = {row["key"]: row["value"] for row in ran.document["family"] if "wrong-direction" in row["key"]}
+    assert set(codes.values()) == (set() if both else {0x06040041})

@@ -49,8 +49,8 @@ class Direct:
 class Bench:
     """A served node, a state folder, and dvtcli processes that use both."""
 
-    def __init__(self, folder: Path) -> None:
-        self.wire = Wire()
+    def __init__(self, folder: Path, family: str = "gen4") -> None:
+        self.wire = Wire(family=family)
         self.folder = folder
         self.words = [
             "-i", "socketcand", "-c", "can0",

@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.learning.probe_table import OTHER_WAY
 from dvtcli.domain.learning.read_dictionary import TO_READ, ReadDevice
 from dvtcli.domain.pdo import Direction, Pdo, PdoConfig
 from dvtcli.errors import SdoAborted
@@ -27,8 +28,10 @@ def read_device(node: Node, pdos: Mapping[Pdo, PdoConfig], known: Sequence[Known
     mapped = {way: [e for p, c in pdos.items() if p.direction is way for e in c.mapping] for way in Direction}
     for one in known:
         mapped[one.subject.pdo.direction] += one.fits
+        if one.subject.other_way is not None and one.accepted(OTHER_WAY):
+            mapped[one.subject.pdo.direction].append(one.subject.other_way)
     mapped = {way: [entry for entry in entries if not entry.is_dummy] for way, entries in mapped.items()}
     places = {(entry.index, entry.sub_index) for entries in mapped.values() for entry in entries}
     lengths = {place: bits for place in places if (bits := node.length_of(*place)) is not None}
     own = {one.subject.pdo: one.subject.entries for one in known}
-    return ReadDevice(node.node_id, node.title, values, pdos, own, mapped, lengths)
+    return ReadDevice(node.node_id, node.title, values, pdos, own, mapped, lengths, node.bus.bitrate)

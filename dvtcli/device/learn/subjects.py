@@ -100,8 +100,23 @@ def _read(node: Node, pdos: Mapping[Pdo, PdoConfig], pdo: Pdo, held: PdoConfig, 
         _STANDARD_UNMAPPABLE[pdo.direction] if described is None else _unmappable(described, pdo),
         _absent(node),
         spare,
+        other_way=_other_way(node, pdos, pdo.direction) if described is None else None,
         limits={} if described is None else _limits(described, pdo, node.node_id),
     )  # fmt: skip
+
+
+def _other_way(node: Node, pdos: Mapping[Pdo, PdoConfig], direction: Direction) -> PdoMappingEntry | None:
+    """The first object that PDOs of the other direction map, and none of this one."""
+    mapped = {
+        way: [entry for pdo, config in pdos.items() if pdo.direction is way for entry in config.mapping]
+        for way in Direction
+    }
+    own = {(entry.index, entry.sub_index) for entry in mapped.pop(direction)}
+    for entry in (entry for entries in mapped.values() for entry in entries):
+        place = entry.index, entry.sub_index
+        if not entry.is_dummy and place not in own and node.length_of(*place) == entry.bits:
+            return entry
+    return None
 
 
 def _limits(dictionary: ObjectDictionary, pdo: Pdo, node_id: int) -> dict[tuple[int, int], tuple[int, int]]:

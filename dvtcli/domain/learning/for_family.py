@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dvtcli.domain.learning.file_limits import taken_beyond
 from dvtcli.domain.learning.learnt_value import Learnt
 from dvtcli.domain.learning.probe import Answer
-from dvtcli.domain.learning.probe_table import RESTRICTED, TYPES, Known
+from dvtcli.domain.learning.probe_table import OTHER_WAY, RESTRICTED, TYPES, Known
 from dvtcli.domain.learning.summaries import highest_time, longer_refused, types_taken
 from dvtcli.domain.mapping import DUMMY_BITS
 from dvtcli.domain.pdo import Direction
@@ -93,7 +93,7 @@ def _answers(way: Direction, known: Known) -> Iterator[Learnt]:
         found["entry-bits"] = longer[0]
     elif (answer_72 := known.answers.get("entry of 72 bits")) is not None and known.accepted("entry-too-long"):
         found["entry-bits"] = answer_72
-    wrong = [a for name, a in known.answers.items() if name.startswith("access ") and a.code]
+    wrong = [a for name, a in known.answers.items() if (name.startswith("access ") or name == OTHER_WAY) and a.code]
     if wrong:
         found["wrong-direction"] = wrong[0]
     found |= taken_beyond(known.subject, known.answers.values())

@@ -127,8 +127,8 @@ class Subject:
     must not be enabled. *fits* are objects that its file says may be mapped in this direction, *by_access* one of each
     access type that is marked mappable, *unmappable* one that is not; *absent* is an index that the device does not
     have. *more*: there are further entries, which must not be written, since they do not take back what they hold.
-    *limits* are the lowest and the highest value that its file gives its parameters and entries, by index and
-    sub-index.
+    *other_way* is an object that only PDOs of the other direction map, where no file tells accesses. *limits* are the
+    lowest and the highest value that its file gives its parameters and entries, by index and sub-index.
     """
 
     pdo: Pdo
@@ -141,6 +141,7 @@ class Subject:
     absent: int = 0x5FFE
     spare: tuple[int, ...] = ()
     more: bool = False
+    other_way: PdoMappingEntry | None = None
     limits: Mapping[tuple[int, int], tuple[int, int]] = field(default_factory=dict)
 
     @property

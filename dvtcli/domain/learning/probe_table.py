@@ -21,6 +21,8 @@ ON_REQUEST = (252, 253)
 #: CAN-IDs that CiA 301 keeps for others, one of each range (table 40).
 RESTRICTED = (0x000, 0x001, 0x101, 0x180, 0x581, 0x601, 0x6E0, 0x701)
 _NO_RTR, _EXTENDED, _INVALID = 1 << 30, 1 << 29, 1 << 31
+#: What the probe is called that maps what only the other direction maps.
+OTHER_WAY = "object of the other direction"
 #: An event timer and an inhibit time that no device refuses for its size.
 _SHORT = 10
 
@@ -103,6 +105,10 @@ def _objects(known: Known) -> Iterator[Probe]:
         if fit_name(fit) in known.answers or fit.bits not in lengths:
             yield _probe(known, fit_name(fit), f"an object of {fit.bits} bits is mapped", _entry(known, 1, fit.raw))
             lengths.add(fit.bits)
+    other_way = known.subject.other_way
+    if other_way is not None:
+        sense = "an object that only the other direction maps is mapped"
+        yield _probe(known, OTHER_WAY, sense, _entry(known, 1, other_way.raw), check="wrong-direction")
     for access, entry in known.subject.by_access.items():
         yield _probe(
             known, f"access {access}", f"a mappable object that is {access} is mapped", _entry(known, 1, entry.raw),

@@ -39,7 +39,8 @@ TO_READ = tuple(
 class ReadDevice:
     """What was read of node *node_id*: *values* of `TO_READ`, *pdos*, *entries* of the PDOs that were asked.
 
-    *mapped* are objects that each direction was seen to map, with *lengths* in bits as they read.
+    *mapped* are objects that each direction was seen to map, with *lengths* in bits as they read. *bit_rate* is the
+    bus's (bit/s), None where nobody knows it.
     """
 
     node_id: int
@@ -49,6 +50,7 @@ class ReadDevice:
     entries: Mapping[Pdo, tuple[int, ...]]
     mapped: Mapping[Direction, Iterable[PdoMappingEntry]]
     lengths: Mapping[tuple[int, int], int] = field(default_factory=dict)
+    bit_rate: int | None = None
 
 
 def described(read: ReadDevice) -> ObjectDictionary:
@@ -61,6 +63,7 @@ def described(read: ReadDevice) -> ObjectDictionary:
     count = {way: max((pdo.number for pdo in read.pdos if pdo.direction is way), default=0) for way in Direction}
     info = DeviceInfo(
         product_name=read.title, vendor_id=numbers[1], product_code=numbers[2], revision_number=numbers[3],
+        bit_rates_kbit=() if read.bit_rate is None else (read.bit_rate // 1000,),
         rpdo_count=count[Direction.RPDO], tpdo_count=count[Direction.TPDO],
     )  # fmt: skip
     return ObjectDictionary({index: _object(index, subs) for index, subs in objects.items()}, info)
