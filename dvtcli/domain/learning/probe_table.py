@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 from dvtcli.domain.learning.file_limits import limit_probes
+from dvtcli.domain.learning.highest_time import next_time
 from dvtcli.domain.learning.operational import IN_OPERATIONAL, IN_PRE_OPERATIONAL, while_operational
 from dvtcli.domain.learning.probe import Answer, Probe, Stand, Subject, Where, Write
 from dvtcli.domain.mapping import DUMMY_BITS, MAX_PDO_BITS, PdoMappingEntry
@@ -23,8 +24,6 @@ RESTRICTED = (0x000, 0x001, 0x101, 0x180, 0x581, 0x601, 0x6E0, 0x701)
 _NO_RTR, _EXTENDED, _INVALID = 1 << 30, 1 << 29, 1 << 31
 #: What the probe is called that maps what only the other direction maps.
 OTHER_WAY = "object of the other direction"
-#: An event timer and an inhibit time that no device refuses for its size.
-_SHORT = 10
 
 
 @dataclass(frozen=True, slots=True)
@@ -286,35 +285,10 @@ def _parameters(known: Known) -> Iterator[Probe]:
 
 def _highest(known: Known, sub_index: int, name: str, check: str) -> Iterator[Probe]:
     """Search for the highest time that is taken."""
-    value = next_time(known, name)
+    value = next_time(known.answers, name)
     if value is not None:
         write = _parameter(known, sub_index, value)
         yield _probe(known, f"{name} {value}", f"{name} {value} is taken", write, check=check)
-
-
-def next_time(known: Known, name: str) -> int | None:
-    """The time that is to be asked next; None where the highest is known, or cannot be found."""
-    values = {
-        int(one.rpartition(" ")[2]): answer
-        for one, answer in known.answers.items()
-        if one.startswith(f"{name} ") and one.rpartition(" ")[2].isdecimal()
-    }
-    if any(answer.code is None for answer in values.values()):
-        return None
-    taken = max((value for value, answer in values.items() if answer.kept), default=-1)
-    above = min((value for value, answer in values.items() if value > taken and not answer.kept), default=None)
-    if above is None:
-        return None if taken == 0xFFFF else 0xFFFF
-    if taken < 0:
-        return _SHORT if _SHORT not in values else None
-    if above - taken <= 1:
-        return None
-    return 0x7FFF if 0x7FFF not in values and taken < 0x7FFF < above else (taken + above) // 2
-
-
-def _beyond_limits(known: Known) -> Iterator[Probe]:
-    """Whether the limits of the EDS are the device's."""
-    yield from limit_probes(known.subject)
 
 
 def _while_on(known: Known) -> Iterator[Probe]:
@@ -394,7 +368,7 @@ _STAGES: tuple[Callable[[Known], Iterator[Probe]], ...] = (
     _while_counted,
     _cob_ids,
     _parameters,
-    _beyond_limits,
+    lambda known: limit_probes(known.subject),
     _while_on,
     _isolated,
     _again,
