@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from dvtcli.device.backups import Backup, backups, in_order, way_to
+from dvtcli.device.change.backing_up import BackingUp
 from dvtcli.device.change.plan_document import Identity
+from dvtcli.device.past import Past
 from dvtcli.device.read_pdos import read_pdo
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.domain.plan import plan_pdo
+from dvtcli.domain.plan import PdoChange, Plan, plan_pdo
 from dvtcli.domain.script_line import identity_line
+from dvtcli.errors import SafetyRefusal
 from tests.laws.bench import DirectSdo, booted
 
 IDENTITY: Identity = {"vendor": 0x1A, "product": 2, "revision": 3, "serial": 4}
@@ -98,3 +102,51 @@ def test_what_is_right_already_is_left_alone() -> None:
     after = dict(pdo(*row) for row in {"tpdo1": 0x181, "tpdo2": 0x301}.items())
     assert [str(change.pdo) for change in way_to(before, after)] == ["tpdo2"]
     assert way_to(before, before) == ()
+
+
+def held(text: str, event_timer: int) -> tuple[Pdo, PdoConfig]:
+    one = Pdo.parse(text)
+    config = read_pdo(SDO, one)
+    return one, replace(config, communication=replace(config.communication, event_timer=event_timer))
+
+
+@pytest.fixture
+def kept(tmp_path: Path) -> BackingUp:
+    """Backups of node 5, of which there is one, with TPDO1 and TPDO2 at 10 ms."""
+    past = Past(tmp_path / "state" / "changes", "can0")
+    backing_up = BackingUp(tmp_path / "state" / "backups", "can0", 5, past)
+    assert backing_up.needed(IDENTITY, {}), "there is none yet"
+    backing_up.make(IDENTITY, dict([held("tpdo1", 10), held("tpdo2", 10)]), ())
+    return backing_up
+
+
+def test_a_backup_is_needed_where_nothing_that_is_kept_says_what_a_pdo_holds(kept: BackingUp) -> None:
+    assert not kept.needed(IDENTITY, {})
+    assert not kept.needed(IDENTITY, dict([held("tpdo1", 10), held("tpdo2", 10)]))
+    assert kept.needed(IDENTITY, dict([held("tpdo1", 10), held("tpdo2", 20)]))
+    assert kept.needed({**IDENTITY, "serial": 5}, {}), "of another device of its kind"
+
+
+def test_what_undo_remembers_needs_no_backup(kept: BackingUp) -> None:
+    before, after, other = held("tpdo1", 20), held("tpdo1", 30), held("tpdo2", 20)
+    kept.past.add(Plan(5, (plan_pdo(before[0], before[1], after[1]),)), IDENTITY)
+    for known in (before, after):
+        assert not kept.needed(IDENTITY, dict([known]))
+    assert kept.needed(IDENTITY, dict([before, other]))
+    assert kept.needed(IDENTITY, dict([held("tpdo1", 40)]))
+    kept.past.path(5, IDENTITY).write_text("rubbish", "utf-8")
+    assert kept.needed(IDENTITY, dict([before])), "nobody knows what it remembered"
+    assert not kept.needed(IDENTITY, {})
+
+
+def test_what_undo_remembers_may_be_all_that_is_unlike(kept: BackingUp) -> None:
+    one, config = held("tpdo1", 20)
+    kept.past.add(Plan(5, (PdoChange(one, config, config, ()),)), IDENTITY)
+    assert not kept.needed(IDENTITY, {one: config})
+
+
+@pytest.mark.skipif(os.name != "posix", reason="Windows has no modes of this kind")
+def test_backups_that_others_could_have_written_are_not_believed(kept: BackingUp) -> None:
+    kept.folder.chmod(0o777)
+    with pytest.raises(SafetyRefusal, match="everybody can write it"):
+        kept.needed(IDENTITY, {})

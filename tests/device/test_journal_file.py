@@ -12,12 +12,12 @@ from typing import Any
 import pytest
 
 from dvtcli.device.change.journal import MOST_BYTES, Journals, read_journal
-from dvtcli.device.change.private_file import file_name
+from dvtcli.device.change.private_file import file_name, sync_folder
 from dvtcli.device.change.whole import Part
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
-from dvtcli.domain.plan import Plan, Step, ValueChange, plan_pdo
+from dvtcli.domain.plan import PdoChange, Plan, Step, ValueChange, plan_pdo
 from dvtcli.errors import InputFileError, SafetyRefusal
 
 IDENTITY = {"vendor": 1, "product": None, "revision": 0xFFFF_FFFF, "serial": 4}
@@ -64,6 +64,10 @@ def test_file_names(text: str, name: str) -> None:
     assert file_name(text) == name
 
 
+def test_a_folder_that_is_gone_needs_nothing(tmp_path: Path) -> None:
+    sync_folder(tmp_path / "gone")
+
+
 Spoil = Callable[[dict[str, Any]], object]
 SPOILT: list[tuple[Spoil, str]] = [
     (lambda j: j.update(schema="dvtcli.journal/2"), "it does not say dvtcli.journal/1"),
@@ -88,6 +92,7 @@ SPOILT: list[tuple[Spoil, str]] = [
     (lambda j: j["changes"][0]["before"].update(unread={}), "what could not be read is malformed"),
     (lambda j: j["changes"][0]["before"].update(unread=[[1]]), "what could not be read is malformed"),
     (lambda j: j["changes"][0]["before"].update(unread=[[1, 0x100]]), "a number is 256, expected 0..255"),
+    (lambda j: j["changes"][0]["before"].update(unread=[[0x1_0000, 1]]), "a number is 65536, expected 0..65535"),
     (lambda j: j["changes"][0].update(back=7), "a configuration is malformed"),
     (lambda j: j["changes"][0]["before"].update(cob_id=1 << 32), "cob_id is 4294967296, expected 0..4294967295"),
     (lambda j: j["changes"][0]["before"].update(transmission_type=256), "expected 0..255"),
@@ -116,6 +121,16 @@ def test_a_damaged_journal_is_said_and_not_used(tmp_path: Path, spoil: Spoil, wh
         read_journal(path)
     assert caught.value.place == str(path)
     assert why in (caught.value.why or "")
+
+
+def test_the_highest_object_may_be_the_one_that_could_not_be_read(tmp_path: Path) -> None:
+    path = Journals(tmp_path, "can0").write(PLAN, IDENTITY, 5)
+    document = json.loads(path.read_text())
+    document["changes"][0]["before"]["unread"] = [[0xFFFF, 0xFF], [0, 0]]
+    path.write_text(json.dumps(document))
+    change = read_journal(path).plan.changes[0]
+    assert isinstance(change, PdoChange)
+    assert change.before.unread == ((0xFFFF, 0xFF), (0, 0))
 
 
 def test_most_changes_and_most_bytes(tmp_path: Path) -> None:

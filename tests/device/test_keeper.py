@@ -13,6 +13,7 @@ import pytest
 from dvtcli.device.change.lock import NodeLock
 from dvtcli.device.change.plan_document import Identity
 from dvtcli.device.change.safekeeping import Keeper, who_else
+from dvtcli.device.change.whole import Part
 from dvtcli.device.read_pdos import read_pdo
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Plan, Step, ValueChange
@@ -238,3 +239,78 @@ def test_a_disk_that_takes_nothing_does_not_take_the_note_of_an_open_journal(tmp
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
     assert not lock.held
     assert lock.noted() == note
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no modes of this kind")
+def test_in_a_folder_that_others_can_write_nothing_is_made(tmp_path: Path) -> None:
+    state = tmp_path / "state"
+    state.mkdir()
+    state.chmod(0o777)
+    with pytest.raises(SafetyRefusal, match="everybody can write it"):
+        NodeLock(state / "locks", "socketcan:can0", 5).take()
+    assert list(state.iterdir()) == []
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no timer that interrupts")
+def test_who_waits_for_the_lock_can_be_interrupted(keep: Keep) -> None:
+    import signal
+
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    first, second = keep(), keep("elsewhere")
+    first.lock.take()
+    before = signal.signal(signal.SIGALRM, interrupt)
+    signal.setitimer(signal.ITIMER_REAL, 0.05)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            second.lock.take(60)
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
+    assert not second.lock.held
+    assert first.lock.path.read_text().splitlines()[0] == str(os.getpid())
+
+
+def test_who_wrote_meanwhile_is_known_though_not_since_when(keep: Keep) -> None:
+    one = keep()
+    one.lock.take()
+    one.lock.release()
+    one.lock.path.write_text("1\n\n\n\n77\n\n\n")
+    one.lock.take()
+    assert str(one.lock.meanwhile) == "process 77, ? UTC"
+
+
+def test_what_is_set_aside_is_set_aside_by_the_holder_of_the_lock(keep: Keep) -> None:
+    first, second = keep(), keep("elsewhere")
+    first.begin(PLAN, IDENTITY, None, dict)
+    first.lock.release()
+    aside = second.set_aside(first.journals.path(5), "discarded")
+    assert second.lock.held
+    assert (aside.exists(), second.lock.noted(), second.open_journal()) == (True, None, None)
+
+
+def test_what_was_recovered_elsewhere_is_not_noted_any_more_beside_one_that_does_not_count(keep: Keep) -> None:
+    first, second = keep(), keep("elsewhere")
+    first.begin(PLAN, IDENTITY, None, dict)
+    first.lock.release()
+    found = second.interrupted()
+    assert found is not None
+    second.lock.take()
+    second.journals.write(PLAN, IDENTITY, None, Part("of a whole that is complete"))
+    second.forget(found)
+    assert second.journals.path(5).exists()
+    assert (second.lock.noted(), second.open_journal()) == (None, None)
+
+
+def test_where_one_of_ours_is_open_the_lock_says_what_it_said(keep: Keep) -> None:
+    first, second = keep(), keep("elsewhere")
+    first.begin(PLAN, IDENTITY, None, dict)
+    first.lock.release()
+    found = second.interrupted()
+    assert found is not None
+    second.lock.take()
+    own = second.journals.write(Plan(5, PLAN.changes * 2), IDENTITY, None)
+    second.lock.note(own)
+    second.forget(found)
+    assert second.lock.noted() == second.open_journal() == own

@@ -138,11 +138,11 @@ class Keeper:
             journal.path.unlink(missing_ok=True)
         self.past.drop(self.node_id, journal.identity, journal.part.entries)
         self.own_journal.is_over()
-        if self._is_gone_or(journal, self.journals.path(self.node_id)):
-            self.own_journal.forget()
-        elif self.open_journal() is None:
-            self.lock.note(None)
         with self._files("removed"):
+            if self._is_gone_or(journal, self.journals.path(self.node_id)):
+                self.own_journal.forget()
+            elif self.open_journal() is None:
+                self.lock.note(None)
             Journals(journal.path.parent, journal.bus).tidy(journal.part.whole)
 
     def _is_gone_or(self, journal: Journal, path: Path) -> bool:

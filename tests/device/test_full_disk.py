@@ -1,0 +1,164 @@
+"""What stands around a change where the disk takes nothing more: nothing is begun, and what is over stays over."""
+
+from __future__ import annotations
+
+import errno
+import os
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from dvtcli.device.change.plan_document import Identity
+from dvtcli.device.change.safekeeping import Keeper
+from dvtcli.device.change.whole import Whole
+from dvtcli.device.past import Past
+from dvtcli.domain.plan import Plan, Step, ValueChange
+from dvtcli.errors import JournalKept, SafetyRefusal
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no limit of a file's size")
+IDENTITY: Identity = {"vendor": 1, "product": 2, "revision": 3, "serial": 4}
+TOO_LARGE = os.strerror(errno.EFBIG)
+Keep = Callable[..., Keeper]
+
+
+def plan(index: int = 0x1017) -> Plan:
+    return Plan(5, (ValueChange(Step(index, 0, b"\0\0", b"\1\0", "write")),))
+
+
+@contextmanager
+def files_end_at(limit: int) -> Iterator[None]:
+    """No file grows beyond *limit* bytes."""
+    import resource
+
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+@pytest.fixture
+def warned() -> list[str]:
+    return []
+
+
+@pytest.fixture
+def keep(tmp_path: Path, warned: list[str]) -> Iterator[Keep]:
+    """Keepers of node 5, which warn into `warned`; what they hold is let go at the end."""
+    kept: list[Keeper] = []
+
+    def make(name: str = "state", whole: Whole | None = None) -> Keeper:
+        keeper = Keeper(tmp_path / name, tmp_path / "locks", "can0", 5, warn=warned.append, whole=whole or Whole())
+        kept.append(keeper)
+        return keeper
+
+    yield make
+    for keeper in kept:
+        keeper.lock.release()
+
+
+def begin(keeper: Keeper, index: int = 0x1017) -> None:
+    keeper.begin(plan(index), IDENTITY, None, dict)
+
+
+def after_one_change(keeper: Keeper) -> None:
+    """A whole of which one change was made."""
+    begin(keeper)
+    keeper.own_journal.carried_out()
+    keeper.own_journal.end()
+
+
+def whole_of(name: str = "set-up.dvt") -> Whole:
+    whole = Whole()
+    whole.begin(name)
+    return whole
+
+
+def test_without_a_journal_nothing_is_begun(keep: Keep, tmp_path: Path) -> None:
+    one = keep()
+    begin(one)
+    one.own_journal.end()
+    with files_end_at(0), pytest.raises(SafetyRefusal) as caught:
+        begin(one)
+    assert caught.value.text == f"the journal of node 5 cannot be kept: {TOO_LARGE}"
+    assert caught.value.place == str(tmp_path / "state"), "the system names no file"
+    assert not one.own_journal.path.exists()
+    begin(one)
+    assert one.own_journal.path.exists()
+
+
+#: in a folder of so long a name the lock, which names the journal, takes more room than the journal
+LONG = "/".join(["x" * 250] * 4)
+
+
+def test_a_journal_that_the_lock_cannot_name_is_removed_again(keep: Keep) -> None:
+    one = keep(LONG)
+    begin(one)
+    room = one.own_journal.path.stat().st_size + 50
+    assert room < one.lock.path.stat().st_size
+    one.own_journal.end()
+    with files_end_at(room), pytest.raises(SafetyRefusal, match="cannot be kept"):
+        begin(one)
+    assert not one.own_journal.path.exists()
+
+
+def test_the_journal_of_what_was_made_before_stays_where_the_next_change_cannot_begin(keep: Keep) -> None:
+    one = keep("state", whole_of())
+    after_one_change(one)
+    held = one.own_journal.path.read_text("utf-8")
+    with files_end_at(0), pytest.raises(SafetyRefusal, match="cannot be kept"):
+        begin(one, 0x1006)
+    assert one.own_journal.path.read_text("utf-8") == held
+    assert one.own_journal.is_open(one.own_journal.path), "no change is in hand: the whole can go on, or end"
+    one.own_journal.end_whole()
+    assert not one.own_journal.path.exists()
+    assert not one.own_journal.is_open(one.own_journal.path)
+
+
+def test_a_journal_that_is_gone_is_gone_though_the_lock_still_names_it(keep: Keep, warned: list[str]) -> None:
+    one = keep()
+    begin(one)
+    with files_end_at(0):
+        one.own_journal.end()
+    assert not one.own_journal.path.exists()
+    assert warned == [f"the state folder takes nothing more ({TOO_LARGE}): {one.own_journal.path}"]
+
+
+def test_one_that_was_recovered_elsewhere_is_gone_too(keep: Keep, warned: list[str]) -> None:
+    first, second = keep(), keep("elsewhere")
+    begin(first)
+    first.lock.release()
+    found = second.interrupted()
+    assert found is not None
+    second.lock.take()
+    second.journals.folder.mkdir(parents=True)
+    with files_end_at(0):
+        second.forget(found)
+    assert not found.path.exists()
+    assert len(warned) == 1
+
+
+def test_a_whole_that_cannot_be_ended_is_said_with_the_file_in_the_way(keep: Keep) -> None:
+    whole = whole_of()
+    one = keep("state", whole)
+    after_one_change(one)
+    marker = one.journals.folder / f"{whole.id}.whole"
+    marker.unlink()
+    marker.mkdir()
+    with pytest.raises(JournalKept) as caught:
+        one.own_journal.complete_whole()
+    assert caught.value.place == str(one.own_journal.path)
+
+
+def test_a_store_that_cannot_be_remembered_is_said(tmp_path: Path) -> None:
+    said: list[str] = []
+    past = Past(tmp_path / "state" / "changes", "can0", said.append)
+    past.add(plan(), IDENTITY)
+    with files_end_at(0):
+        past.was_stored(5, IDENTITY, ["1017:00"])
+    assert said == [f"it is stored, but that cannot be remembered for a later `store`: {TOO_LARGE}"]
+    assert [one.stored for one in past.all_of(5, IDENTITY)] == [frozenset()]
