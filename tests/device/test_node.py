@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from dvtcli.device.node import Node
 from dvtcli.device.restarts import held_plans
+from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.nmt import NmtCommand
-from dvtcli.domain.pdo import Pdo
-from dvtcli.domain.plan import Plan, Step, ValueChange
+from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.plan import Plan, Step, ValueChange, plan_pdo
 from dvtcli.domain.request import PdoRequest
 from dvtcli.errors import RuleError, SafetyRefusal
+from dvtcli.files.eds.reader import read_eds
+from tests.device.test_rolling_back import odd_device
 from tests.laws.bench import NODE, DirectBus, booted, dictionary
+from tests.small_eds import INPUTS, OUTPUTS, plain
 
 TPDO1, TPDO2 = Pdo.parse("tpdo1"), Pdo.parse("tpdo2")
 HEARTBEAT = (0x1017, 0)
@@ -127,3 +133,43 @@ def test_only_what_can_be_read_again_is_compared_later(node: Node) -> None:
     write_only = Step(0x1017, 0, None, b"\2\0", "write-only, as it was said")
     node.apply(Plan(NODE, (ValueChange(write_only),)))
     assert node.wanted_values == {HEARTBEAT: b"\1\0"}
+
+
+def test_what_was_found_is_there_again_once_all_is_undone_but_for_what_nobody_can_read(node: Node) -> None:
+    node.write(*HEARTBEAT, b"\1\0")
+    node.undo()
+    assert node.unstored == {}
+    before = node.upload(*HEARTBEAT)
+    write_only = ValueChange(Step(0x1006, 0, None, b"\1\0\0\0", "write-only, as it was said"))
+    node.apply(Plan(NODE, (ValueChange(Step(*HEARTBEAT, before, b"\1\0", "write")), write_only)))
+    applied = node.undo()
+    assert [finding.rule for finding in applied.findings] == ["write-only"]
+    assert (node.history, "1006:00" in node.unstored) == ([], True)
+
+
+def test_an_undo_that_the_device_takes_otherwise_is_no_change_to_undo() -> None:
+    sdo = odd_device()
+    node = Node(DirectBus(sdo.device, sdo), NODE)
+    before = node.pdo(TPDO1)
+    want = PdoConfig(before.communication, (PdoMappingEntry(INPUTS, 3, 8),))
+    node.apply(Plan(NODE, (plan_pdo(TPDO1, before, want),)))
+    applied = node.undo()
+    assert [finding.rule for finding in applied.not_put_back] == ["way-back"]
+    assert (node.pdo(TPDO1).enabled, node.pdo(TPDO1).count, node.history) == (False, 0, [])
+    assert node.unstored != {}
+
+
+def test_half_a_pdo_is_changed_with_force_and_one_that_is_so_already_is_not_said_to_be() -> None:
+    eds = plain()
+    del eds.objects[0x1400][1][1]
+    path = Path("half.eds")
+    path.write_text(eds.text())
+    described = read_eds(path).dictionary
+    node = Node(DirectBus.of(booted("generic", described)), NODE, described)
+    rpdo1, want = Pdo.parse("rpdo1"), PdoRequest(objects=(PdoMappingEntry(OUTPUTS, 1, 8),) * 2)
+    with pytest.raises(RuleError):
+        node.configure({rpdo1: want})
+    node.configure({rpdo1: want}, force=True)
+    assert node.pdo(rpdo1).count == 2
+    with pytest.raises(RuleError):
+        node.configure({rpdo1: want}, force=True)
