@@ -18,6 +18,7 @@ from dvtcli.device.resolve import resolve, untyped_lengths
 from dvtcli.device.senders import Senders
 from dvtcli.device.unstored import held_unstored
 from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.network.consumers import length_findings
 from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
 from dvtcli.domain.plan import PdoChange, Plan, Step, ValueChange, plan_pdo
 from dvtcli.domain.rules import check_pdo, errors_in
@@ -169,7 +170,10 @@ def checked(nodes: Mapping[int, Node], planned: Iterable[NodePlan], *, force: bo
     planned = list(planned)
     after = {one.node_id: _cob_ids(one) for one in planned}
     senders = Senders(nodes, after)
-    judged = [replace(one, findings=tuple(_findings(nodes[one.node_id], one, senders))) for one in planned]
+    judged = [
+        replace(one, findings=(*_findings(nodes[one.node_id], one, senders), *length_findings(one, planned)))
+        for one in planned
+    ]
     refused = [
         RuleError(f"node {one.node_id} not changed: {errors[0].text}", errors, node=one.node_id)
         for one in judged

@@ -189,3 +189,21 @@ def test_what_is_right_and_not_stored_is_stored_by_the_next_apply_that_should(be
     assert bench.run(f"apply {file} --json").document["stored"] == []
     assert bench.run("nmt reset-node all").code == 0
     assert bench.run(f"diff {file}").code == 0
+
+
+@pytest.mark.parametrize(
+    ("mapping", "warned"), [("[60FF:00]", "(0x8220)"), ("[60FF:00, dummy/32]", "(0x8210)"), ("[60FF:00, dummy/16]", "")]
+)
+def test_a_consumer_that_is_mapped_for_another_length_is_warned_of(tmp_path: Path, mapping: str, warned: str) -> None:
+    path = tmp_path / "pair.yaml"
+    path.write_text(
+        "a: {node_id: 1, tpdo: {1: {cob_id: 0x2A1, mapping: [606C:00, statusword]}}}\n"
+        f"b: {{node_id: 2, rpdo: {{1: {{cob_id: 0x2A1, mapping: {mapping}}}}}}}\n"
+    )
+    with Bench(("generic@1", "generic@2"), {"yes": True}) as bench:
+        findings = bench.run(f"plan {path} --json").document["nodes"][1]["findings"]
+        texts = [one["text"] for one in findings if one["rule"] == "consumer-length"]
+        assert len(texts) == bool(warned)
+        assert all(text.endswith(warned) and "of node 1 sends 48" in text for text in texts)
+        assert bench.run(f"apply {path}").code == 0
+        assert bench.run(f"plan {path} --json").document["nodes"][1]["findings"] == []
