@@ -97,10 +97,12 @@ def report(
     file: str, eds: EdsFile, rules: tuple[LintRule, ...], *, strict: bool = False, profile: DeviceProfile = GENERIC
 ) -> FileReport:
     """What *rules* find in *eds*; *file* is what it is called."""
-    from dvtcli.files.eds.lint.linter import columns, lint
+    from dvtcli.files.eds.lint.finding_columns import Columns
+    from dvtcli.files.eds.lint.linter import lint
 
+    columns = Columns(eds.text)
     findings = tuple(
-        FileFinding(one.line, str(one.severity), one.rule, one.object, one.text, *columns(eds, one.line))
+        FileFinding(one.line, str(one.severity), one.rule, one.object, one.text, *columns.of(one))
         for one in lint(eds, Path(file).name, {rule.name for rule in rules}, profile)
     )
     asked = tuple(map(_asked, rules))

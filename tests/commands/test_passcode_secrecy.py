@@ -36,6 +36,9 @@ class Replayed:
     def idle(self, duration_s: float) -> None:
         assert duration_s > 0
 
+    def lost_frame_count(self) -> int:
+        return 0
+
 
 def test_the_value_is_kept_as_zeros_and_nothing_else_is_touched() -> None:
     with Listener(Replayed(), Secrets.known().in_frame) as listener:

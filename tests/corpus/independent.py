@@ -1,14 +1,16 @@
-"""What a simulated node really holds, read by canopen's own SDO client on a channel of its own to the same bus."""
+"""What a simulated node really holds, read by canopen's own SDO client over the frames of the same bus."""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-import can
 import canopen
 from canopen.sdo.client import SdoClient
 
+from dvtcli.domain.ports import Frame
+from dvtcli.simulator.network.in_process_bus import InProcessBus
 from tests.commands.bench import Bench
 
 #: What is read of each PDO: these sub-indices of its communication parameter, and as many entries as its count says.
@@ -32,16 +34,36 @@ class RawPdo:
         return self.cob_id is None or bool(self.cob_id >> 31)
 
 
+class _Wire:
+    """The bus as canopen's client uses a network: it sends on it; what comes is what passes on the bus."""
+
+    def __init__(self, bus: InProcessBus) -> None:
+        self._bus = bus
+
+    def send_message(self, can_id: int, data: bytes) -> None:
+        self._bus.send_sdo(can_id, bytes(data))
+
+
 class _Client(SdoClient):
     """canopen's client, which reads its bus itself instead of in a thread; patient on a busy machine."""
 
     RESPONSE_TIMEOUT = 30
 
+    def __init__(self, bus: InProcessBus, node_id: int) -> None:
+        super().__init__(0x600 + node_id, 0x580 + node_id, canopen.ObjectDictionary())
+        self.network = _Wire(bus)
+        self._bus = bus
+        self.forget = bus.tap(self._hear)
+
+    def _hear(self, frame: Frame, sent: bool) -> None:
+        if frame.can_id == self.tx_cobid and not sent:
+            self.responses.put(bytes(frame.data))
+
     def read_response(self) -> bytes:
-        while (message := self.network.bus.recv(self.RESPONSE_TIMEOUT)) is not None:
-            if message.arbitration_id == self.tx_cobid:
-                self.responses.put(bytes(message.data))
-                break
+        end_s = time.monotonic() + self.RESPONSE_TIMEOUT
+        self._bus.drain()
+        while self.responses.empty() and time.monotonic() < end_s:
+            self._bus.idle(0.01)
         answer: bytes = super().read_response()
         return answer
 
@@ -50,21 +72,17 @@ class Independent:
     """canopen's client of the one node of *bench*; it only reads."""
 
     def __init__(self, bench: Bench) -> None:
-        self._bus = bench.session.open_network().bus
-        node_id = bench.session.node_id()
-        self._wire = can.Bus(self._bus._bus.channel_id, interface="virtual", ignore_config=True)
-        network = canopen.Network(self._wire)
-        self._client = _Client(0x600 + node_id, 0x580 + node_id, canopen.ObjectDictionary())
-        self._client.network = network
+        bus = bench.session.open_network().bus
+        assert isinstance(bus, InProcessBus)
+        self._bus = bus
+        self._client = _Client(self._bus, bench.session.node_id())
 
     def close(self) -> None:
-        self._wire.shutdown()
+        self._client.forget()
 
     def number(self, index: int, sub_index: int) -> int | None:
         """An object's value; None where the node refuses to tell it."""
         try:
-            while self._wire.recv(0) is not None:
-                pass  # what the tool and the node said to each other
             data: bytes = self._client.upload(index, sub_index)
         except canopen.SdoAbortedError:
             return None

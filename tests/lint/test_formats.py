@@ -235,10 +235,11 @@ def test_other_formats_have_all_files(tmp_path: Path) -> None:
 
 
 def test_a_finding_has_the_columns_of_its_value(tmp_path: Path) -> None:
-    text = SOUND.replace("EDSVersion=4.0", "  EDSVersion = 404  ").replace("[2000]", "[2000] odd")
+    text = SOUND.replace("EDSVersion=4.0", "  EDSVersion = 404  ").replace("[2000]", "[2000] odd\n  Shade = 3")
     found = {one["rule"]: one for one in json.loads(check(tmp_path, text, "--json").stdout)["findings"]}
     assert (found["eds-version"]["column"], found["eds-version"]["end_column"]) == (16, 18)
     assert (found["bad-header"]["column"], found["bad-header"]["end_column"]) == (1, 10)
+    assert (found["unknown-key"]["column"], found["unknown-key"]["end_column"]) == (3, 7), "the key is what is odd"
     lines = check(tmp_path, text, "--format", "github").stdout.splitlines()
     (line,) = [line for line in lines if "title=eds-version" in line]
     assert ",col=16,endColumn=18,title=" in line

@@ -128,20 +128,3 @@ def _line_of(section: IniSection, key: str) -> int | None:
         if equals and name.strip().lower() == key:
             return number
     return None
-
-
-def columns(file: EdsFile, line: int) -> tuple[int, int]:
-    """Where in *line* of *file* a finding is: first and last column (1 and up) of the value, else of all that it says.
-
-    0 and 0 where the line says nothing.
-    """
-    starts = [section.line for section in file.text.sections]
-    at = bisect_right(starts, line) - 1
-    section = file.text.sections[at] if at >= 0 else file.text.preamble
-    lines = ("[" * (at >= 0) + section.text).split("\n")
-    text = lines[line - section.line] if line - section.line < len(lines) else ""
-    key, equals, value = text.partition("=")
-    first = len(key) + 1 if equals and value.strip() and not text.lstrip().startswith(("[", ";", "#")) else 0
-    said = text[first:].strip()
-    first += len(text[first:]) - len(text[first:].lstrip())
-    return (first + 1, first + len(said)) if said else (0, 0)
