@@ -41,13 +41,14 @@ def apply_network(session: Session, plan: NetworkPlan, *, prove: str | None = No
     """
     started = time.monotonic()
     planned = [one for one in plan.nodes if len(one.plan) or one.stores]
-    if not planned:
-        return NetworkApplied(plan, session.dry_run, 0.0)
-    nodes = {one.node_id: session.node(one.node_id) for one in planned}
-    session.consent(_question(nodes, planned))
-    refuse_other_master(session)
+    nodes = {one.node_id: session.node(one.node_id) for one in plan.nodes}
+    if planned:
+        session.consent(_question(nodes, planned))
+        refuse_other_master(session)
     with session.cancellation.guard(), session.agreed():
         found = {node_id: node.claim() for node_id, node in sorted(nodes.items())}
+        if not planned:  # what is as wanted may be what an interrupted change left
+            return NetworkApplied(plan, session.dry_run, 0.0)
         for one in planned:
             refuse_stale(nodes[one.node_id], one)
         course = _carried_out(session, nodes, planned, found, f"apply {plan.file}")
@@ -60,8 +61,8 @@ def _question(nodes: Mapping[int, Node], planned: list[NodePlan]) -> str:
     writes = plural(sum(len(one.plan) for one in planned), "write")
     stores = [str(one.node_id) for one in planned if one.stores]
     store = f", and store on node {', '.join(stores)}" if stores else ""
-    text = f"apply {writes} to node {', '.join(map(str, nodes))}{store}?"
-    running = [str(node_id) for node_id, node in nodes.items() if _leaves_operational(node)]
+    text = f"apply {writes} to node {', '.join(str(one.node_id) for one in planned)}{store}?"
+    running = [str(one.node_id) for one in planned if _leaves_operational(nodes[one.node_id])]
     if running:
         text = f"node {', '.join(running)} goes from OPERATIONAL to PRE-OPERATIONAL and back; {text}"
     return text
@@ -107,7 +108,7 @@ def _carried_out(
                     part, findings[part.node_id], force=session.options.force, kept=False, found=found[part.node_id]
                 )
                 course.done.append(applied.plan)
-        _refuse_restarted(nodes, found)
+        _refuse_restarted({one.node_id: nodes[one.node_id] for one in planned}, found)
     except BaseException as fault:  # a bug of ours must not leave a network half configured either
         course.take_back(fault)
         raise
