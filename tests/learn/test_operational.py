@@ -65,7 +65,8 @@ def test_without_isolated_operational_says_nothing() -> None:
         bench.run("nmt start")
         document = bench.run("learn --yes --json").document
     assert not [row for row in document["profile"] if row["key"] == "pre_operational_gate"]
-    assert not [row for row in document["probes"] if "OPERATIONAL" in row["name"]]
+    asked = [row for row in document["probes"] if "OPERATIONAL" in row["name"]]
+    assert {row["why"] for row in asked} == {"only with --isolated, while it is OPERATIONAL"}
 
 
 def test_a_family_s_other_ranges_stay() -> None:
@@ -76,3 +77,23 @@ def test_a_family_s_other_ranges_stay() -> None:
     learnt = Learnt("pre_operational_writes", [[0x1A00, 0x1BFF]], "")
     found = merged(learnt, [(0x1010, 0x1011), (0x13F0, 0x1BFF), (0x1400, 0x1C05), (0x3000, 0x3400)])
     assert found.value == [[0x1A00, 0x1BFF], [0x1010, 0x1011], [0x13F0, 0x13FF], [0x1C00, 0x1C05], [0x3000, 0x3400]]
+
+
+def test_rules_that_hold_in_operational_only_are_learnt() -> None:
+    family = replace(load_family("generic"), pdo_rules_always=False)
+    node = StrictDevice(read_eds(EDS).dictionary, family, 1)
+    with Wire(node) as wire, Bench((), wire.options | {"eds": str(EDS), "profile": "generic"}) as bench:
+        assert bench.run("nmt start").code == 0
+        before = values(node)
+        ran = bench.run("learn --isolated --yes --save pump --json")
+        assert ran.code == 0, ran
+        bench.session.end_line(0)
+        assert values(node) == before
+    learnt = load_family_folder(Path("pump"))
+    assert learnt.pdo_rules_always is False
+    for state in (True, False):
+        for sub, value in ((0, 9), (1, 0x5FFE0010), (1, 0x10180120), (1, 0)):
+            question = Question("rule", ((0x1A03, sub, value, 4 if sub else 1),), operational=state)
+            assert put(booted(EDS, family), question) == put(booted(EDS, learnt), question), question
+        question = Question("type", ((0x1803, 2, 241, 1),), operational=state)
+        assert put(booted(EDS, family), question) == put(booted(EDS, learnt), question), question

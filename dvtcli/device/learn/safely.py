@@ -13,7 +13,7 @@ from dvtcli.device.change.carry_out import left_open
 from dvtcli.device.change.put_back import restore_patiently
 from dvtcli.device.learn.asking import Asking
 from dvtcli.device.learn.saving import Saved, ask_to_save
-from dvtcli.domain.learning.operational import while_operational
+from dvtcli.domain.learning.operational import not_while_operational, while_operational
 from dvtcli.domain.learning.probe import Answer, Probe, Subject, Where
 from dvtcli.domain.learning.probe_table import Known, next_probes
 from dvtcli.domain.nmt import NmtState
@@ -107,6 +107,8 @@ def _ask(node: Node, subjects: Sequence[Subject], found: Found, terms: Terms, on
         for asking, first in zip(askings, answers, strict=True):
             _keep_to(terms, askings, asking)
             first |= {probe.name: asking.ask(probe) for probe in while_operational(asking.subject)}
+    else:
+        answers = [dict(not_while_operational(subject)) for subject in subjects]
     node.gate.enter_agreed()
     quiet = terms.isolated or node.access.state() is NmtState.PRE_OPERATIONAL
     known = []

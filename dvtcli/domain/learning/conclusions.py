@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dvtcli.domain.learning.for_family import family_values
 from dvtcli.domain.learning.for_profile import profile_values
 from dvtcli.domain.learning.learnt_value import Conclusions, Learnt
-from dvtcli.domain.learning.operational import gate_for_family, gate_for_profile
+from dvtcli.domain.learning.operational import gate_for_family, gate_for_profile, rules_of_operational
 from dvtcli.domain.learning.probe_table import Known
 from dvtcli.domain.learning.summaries import longer_refused
 from dvtcli.domain.mapping import DUMMY_BITS
@@ -20,7 +20,7 @@ def conclude(known: Mapping[Direction, Known], most_entries: int) -> Conclusions
     each = {way: one.answers for way, one in known.items()}
     profile = [*both, *profile_values(known), *gate_for_profile(each.values())]
     family = [*both, *family_values(known), *gate_for_family(each)]
-    return Conclusions(tuple(profile), tuple(family))
+    return Conclusions(tuple(profile), tuple(rules_of_operational(family, each)))
 
 
 def _common(known: Mapping[Direction, Known], most_entries: int) -> Iterator[Learnt]:

@@ -15,6 +15,15 @@ from dvtcli.domain.plan import TRANSMISSION_TYPE
 
 #: How the names of the probes end, in each state.
 IN_OPERATIONAL, IN_PRE_OPERATIONAL = " in OPERATIONAL", " in PRE-OPERATIONAL"
+#: What breaks a rule that a device may check in OPERATIONAL only, and the check that a simulated device makes there.
+_RULES = {"missing-object": "missing-object", "type 241": "type"}
+_RESERVED_TYPE = 241
+_WHY_NOT = "only with --isolated, while it is OPERATIONAL"
+#: Keys of a family that say what is checked: of a device that does not check they say nothing.
+_UNCHECKED = (
+    "answers.", "pdo_types.", "rtr_bit.", "tpdo_access", "rpdo_access", "tpdo_dummies", "dummies", "granularity",
+    "extended_ids", "max_entry_bits", "restricted_ids_refused",
+)  # fmt: skip
 #: First and last index of the communication and the mapping parameters of each direction.
 _AREAS = {
     Direction.TPDO: ((0x1800, 0x19FF), (0x1A00, 0x1BFF)),
@@ -39,6 +48,7 @@ def while_operational(subject: Subject) -> list[Probe]:
         "entry": tuple(Write(pdo.mapping_index, 1, word.to_bytes(4, "little")) for word in _words(subject)),
     }
     asked["entry"] = (count, *asked["entry"]) if asked["entry"] else ()
+    asked |= _against_rules(subject, count)
     return [
         Probe(
             pdo, f"{name}{IN_OPERATIONAL}", f"the {name} of a PDO that is off is taken in OPERATIONAL", Stand.FOUND,
@@ -49,15 +59,33 @@ def while_operational(subject: Subject) -> list[Probe]:
     ]  # fmt: skip
 
 
+def _against_rules(subject: Subject, count: Write) -> dict[str, tuple[Write, ...]]:
+    """What the standard forbids in every state: a device may check that in OPERATIONAL only."""
+    index, sizes = subject.pdo.communication_index, subject.parameters
+    missing = Write(subject.pdo.mapping_index, 1, (subject.absent << 16 | 16).to_bytes(4, "little"))
+    reserved = Write(index, TRANSMISSION_TYPE, bytes([_RESERVED_TYPE]))
+    return {"missing-object": (count, missing), "type 241": (reserved,) if TRANSMISSION_TYPE in sizes else ()}
+
+
+def not_while_operational(subject: Subject) -> dict[str, Answer]:
+    """The questions about rules, where the node is not asked in OPERATIONAL."""
+    probes = [probe for probe in while_operational(subject) if _is_rule(probe.name)]
+    return {probe.name: Answer(probe, None, why=_WHY_NOT) for probe in probes}
+
+
+def _is_rule(name: str) -> bool:
+    return name.removesuffix(IN_OPERATIONAL) in _RULES
+
+
 def _words(subject: Subject) -> list[int]:
     """An entry that the PDO has, else one that its file says it could have; none where there is neither."""
     return [*(word for word in subject.entries[:1] if word), *(fit.raw for fit in subject.fits)][:1]
 
 
-def _pairs(answers: Mapping[str, Answer]) -> Iterator[tuple[Answer, Answer | None]]:
-    """Each answer in OPERATIONAL, with the one in PRE-OPERATIONAL where that was asked."""
+def _pairs(answers: Mapping[str, Answer], *, rules: bool = False) -> Iterator[tuple[Answer, Answer | None]]:
+    """Each answer in OPERATIONAL, with the one in PRE-OPERATIONAL where that was asked; of *rules*, or not."""
     for name, answer in answers.items():
-        if name.endswith(IN_OPERATIONAL) and answer.code is not None:
+        if name.endswith(IN_OPERATIONAL) and answer.code is not None and _is_rule(name) is rules:
             yield answer, answers.get(name.removesuffix(IN_OPERATIONAL) + IN_PRE_OPERATIONAL)
 
 
@@ -92,6 +120,32 @@ def gate_for_family(answers: Mapping[Direction, Mapping[str, Answer]]) -> Iterat
     yield Learnt("pre_operational_writes", [[first, last] for first, last in ranges], evidence)
     if refused and refused[0].code != Abort.GENERAL:
         yield Learnt("wrong_state", refused[0].code or 0, refused[0].text)
+
+
+def rules_of_operational(family: list[Learnt], answers: Mapping[Direction, Mapping[str, Answer]]) -> list[Learnt]:
+    """*family*, or what is left of it where the device checks its rules in OPERATIONAL only.
+
+    What PRE-OPERATIONAL took says nothing of the rules then: but for limits, and what was refused there all the same.
+    """
+    pairs = {way: list(_pairs(own, rules=True)) for way, own in answers.items()}
+    refused = {
+        way: [first for first, then in own if first.code and then and then.accepted] for way, own in pairs.items()
+    }
+    every = [first for own in refused.values() for first in own]
+    gated = any(_for_the_state(own) for own in answers.values())
+    if not every or gated or len(every) < sum(map(len, pairs.values())):
+        return family
+    kept = [one for one in family if not one.key.startswith(_UNCHECKED) or _says_more(one)]
+    kept.append(Learnt("pdo_rules_always", False, "; ".join(f"{one.text}, in OPERATIONAL only" for one in every)))
+    for way, own in refused.items():
+        for one in own:
+            check = _RULES[one.probe.name.removesuffix(IN_OPERATIONAL)]
+            kept.append(Learnt(f"answers.{way}.{check}", one.code or 0, f"{one.text}, in OPERATIONAL"))
+    return kept
+
+
+def _says_more(one: Learnt) -> bool:
+    return one.key.startswith("answers.") and (one.key.endswith("-limit") or bool(one.value))
 
 
 def merged(one: Learnt, like: Iterable[tuple[int, int]]) -> Learnt:
