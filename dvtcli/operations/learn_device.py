@@ -72,7 +72,6 @@ def learn(
     be stored, and without force where *save* was learnt of another device; DeviceRefused where no PDO can be asked,
     UsageError where *save* names somebody else's folder.
     """
-    started = time.monotonic()
     node = session.node()
     if save is not None:
         refuse_name(save)
@@ -95,6 +94,7 @@ def learn(
     if prepared.saves:
         may_store(node, force=session.options.force)
     _consent(session, prepared, found.state, isolated=isolated)
+    started = time.monotonic()  # nobody's thinking counts
     lacking = absences(node, prepared.subjects)
     terms = Terms(prepared.limit, isolated, prepared.saves)
     asked = ask_safely(node, prepared.subjects, pdos, found, terms, _told(session, prepared))

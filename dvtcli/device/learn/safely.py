@@ -107,8 +107,6 @@ def _ask(node: Node, subjects: Sequence[Subject], found: Found, terms: Terms, on
         for asking, first in zip(askings, answers, strict=True):
             _keep_to(terms, askings, asking)
             first |= {probe.name: asking.ask(probe) for probe in while_operational(asking.subject)}
-    else:
-        answers = [dict(not_while_operational(subject)) for subject in subjects]
     node.gate.enter_agreed()
     quiet = terms.isolated or node.access.state() is NmtState.PRE_OPERATIONAL
     known = []
@@ -117,6 +115,8 @@ def _ask(node: Node, subjects: Sequence[Subject], found: Found, terms: Terms, on
         if not quiet:
             asking.subject = replace(asking.subject, spare=())
         known.append(_ask_one(asking, first, terms))
+        for name, answer in not_while_operational(asking.subject).items():
+            first.setdefault(name, answer)
     return Asked(tuple(known), sum(asking.writes for asking in askings), Saved())
 
 

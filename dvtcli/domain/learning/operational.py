@@ -15,8 +15,10 @@ from dvtcli.domain.plan import TRANSMISSION_TYPE
 
 #: How the names of the probes end, in each state.
 IN_OPERATIONAL, IN_PRE_OPERATIONAL = " in OPERATIONAL", " in PRE-OPERATIONAL"
-#: What breaks a rule that a device may check in OPERATIONAL only, and the check that a simulated device makes there.
-_RULES = {"missing-object": "missing-object", "type 241": "type"}
+#: What breaks a rule that a device may check in OPERATIONAL only, in words; and the check of a simulated device.
+_RULES = {"missing-object": "an entry of an object that is not there", "type 241": "transmission type 241"}
+_CHECKS = {"missing-object": "missing-object", "type 241": "type"}
+_TAKEN = f" is taken{IN_OPERATIONAL}"
 _RESERVED_TYPE = 241
 _WHY_NOT = "only with --isolated, while it is OPERATIONAL"
 #: Keys of a family that say what is checked: of a device that does not check they say nothing.
@@ -51,8 +53,8 @@ def while_operational(subject: Subject) -> list[Probe]:
     asked |= _against_rules(subject, count)
     return [
         Probe(
-            pdo, f"{name}{IN_OPERATIONAL}", f"the {name} of a PDO that is off is taken in OPERATIONAL", Stand.FOUND,
-            writes, where=Where.OPERATIONAL,
+            pdo, f"{name}{IN_OPERATIONAL}", f"{_RULES.get(name) or f'the {name} of a PDO that is off'}{_TAKEN}",
+            Stand.FOUND, writes, where=Where.OPERATIONAL,
         )
         for name, writes in asked.items()
         if writes
@@ -139,7 +141,7 @@ def rules_of_operational(family: list[Learnt], answers: Mapping[Direction, Mappi
     kept.append(Learnt("pdo_rules_always", False, "; ".join(f"{one.text}, in OPERATIONAL only" for one in every)))
     for way, own in refused.items():
         for one in own:
-            check = _RULES[one.probe.name.removesuffix(IN_OPERATIONAL)]
+            check = _CHECKS[one.probe.name.removesuffix(IN_OPERATIONAL)]
             kept.append(Learnt(f"answers.{way}.{check}", one.code or 0, f"{one.text}, in OPERATIONAL"))
     return kept
 
