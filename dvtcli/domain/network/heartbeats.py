@@ -1,0 +1,40 @@
+"""How long a consumer waits for the heartbeat of a producer. Reads no node."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from dvtcli.domain.rules.rule import ERROR, NOTE, WARNING, Rule
+
+RULES = (
+    Rule("link-guarded", ERROR, "a heartbeat is to be sent by a node that is guarded (0x100C x 0x100D is not 0)",
+         "CiA 301, 7.2.8.3.2: node guarding and heartbeat exclude each other"),
+    Rule("link-no-heartbeat", ERROR, "a heartbeat is to be set on a node that has no 0x1017", "CiA 301, 7.5.2.18"),
+    Rule("link-silent", NOTE, "the producer of a link sends no heartbeat, so that nobody notices when it is gone",
+         "CiA 301, 7.5.2.18"),
+    Rule("link-unwatched", WARNING, "the consumer of a link cannot watch the producer's heartbeat",
+         "CiA 301, 7.5.2.17"),
+)  # fmt: skip
+
+#: How many heartbeats may be missed, as the network file's `heartbeat_multiplier` has it unless it is said.
+MISSED = 3
+LONGEST_MS = 0xFFFF
+
+
+def watch_time_ms(producer_ms: int) -> int | None:
+    """After how many ms a heartbeat that is sent every *producer_ms* (1..65535) is late; None where none is longer."""
+    time_ms = min(MISSED * producer_ms, LONGEST_MS)
+    return time_ms if time_ms > producer_ms else None
+
+
+def watched_ms(slots: Mapping[int, int], producer: int) -> int:
+    """How long the entries of 0x1016 in *slots*, by sub-index, wait for node *producer*; 0 where none watches it.
+
+    Source: CiA 301, 7.5.2.17: node-ID in bits 16..23, time in ms below.
+    """
+    return next((value & 0xFFFF for value in slots.values() if value >> 16 & 0xFF == producer and value & 0xFFFF), 0)
+
+
+def has_free_slot(slots: Mapping[int, int]) -> bool:
+    """Whether an entry of 0x1016 watches nobody: its node-ID or its time is 0 (CiA 301, 7.5.2.17)."""
+    return any(not (value & 0xFFFF and value >> 16 & 0xFF) for value in slots.values())

@@ -1,0 +1,228 @@
+"""How an RPDO hears a TPDO: each object of the consumer at the bits of the producer that it takes.
+
+Places objects. Knows no CAN-ID and no heartbeat, and reads no node.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+from dvtcli.domain.datatypes import DataType
+from dvtcli.domain.mapping import DUMMY_BITS, MAX_PDO_BITS, PdoMappingEntry, split_dummy, total_bits
+from dvtcli.domain.network.wanted_state import Endpoint
+from dvtcli.domain.object_dictionary import ObjectDictionary
+from dvtcli.domain.pdo import PdoConfig
+from dvtcli.domain.profile import DeviceProfile
+from dvtcli.domain.rules.finding import Finding, error, warning
+from dvtcli.domain.rules.mappable import known_dummies
+from dvtcli.domain.rules.rule import ERROR, WARNING, Rule
+from dvtcli.domain.several import several
+
+_LAYOUT = "CiA 301, 7.5.2.36 and 7.5.2.38: both sides of a PDO have one layout"
+RULES = (
+    Rule("link-self", ERROR, "a node is to hear what it sends itself", "ours: a CAN node does not hear itself"),
+    Rule("link-producer", ERROR, "the TPDO of a link maps nothing, is multiplexed, or no whole PDO", _LAYOUT),
+    Rule("link-consumer", ERROR, "the RPDO of a link maps no object, is multiplexed, or no whole PDO", _LAYOUT),
+    Rule("link-length", ERROR, "nothing that the TPDO of a link sends is as long as an object of its RPDO", _LAYOUT),
+    Rule("link-place", ERROR, "an object of a link's RPDO could hear several of the TPDO's", "ours"),
+    Rule("link-skip", ERROR, "the consumer of a link has no dummies for what it does not hear", _LAYOUT),
+    Rule("link-type", WARNING, "an object hears one of another data type", "both devices' files"),
+    Rule("link-part", WARNING, "an object hears some bits of a longer one", "ours"),
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class LinkSide:
+    """One end of a link: its PDO as it is wanted, and what is known of its device."""
+
+    end: Endpoint
+    config: PdoConfig
+    profile: DeviceProfile
+    dictionary: ObjectDictionary | None = None
+
+    def __str__(self) -> str:
+        return f"{self.end.node_id}:{self.end.pdo}"
+
+    def name(self, entry: PdoMappingEntry) -> str:
+        """The object with its name where one is known: `6041:00 "Statusword"`."""
+        known = self.dictionary.display_name(entry.index, entry.sub_index) if self.dictionary else ""
+        return f'{entry.object} "{known}"' if known else entry.object
+
+    def type(self, entry: PdoMappingEntry) -> DataType | None:
+        """Its data type, None where no file tells it."""
+        described = self.dictionary.entry(entry.index, entry.sub_index) if self.dictionary else None
+        return None if described is None else described.data_type
+
+
+@dataclass(frozen=True, slots=True)
+class Linked:
+    """What the consumer has to map, and what there is to say of it; with an error among *findings* it maps nothing."""
+
+    mapping: tuple[PdoMappingEntry, ...]
+    findings: tuple[Finding, ...] = ()
+
+
+def linked(producer: LinkSide, consumer: LinkSide) -> Linked:
+    """The mapping with which *consumer* hears *producer*.
+
+    A mapping that has the producer's length, and no object across two of the producer's, stays. Else each object gets
+    the one place of its length and type, in the order of the frame where that tells them apart; dummies skip the rest.
+    """
+    refused = tuple(_refused(producer, consumer))
+    if refused:
+        return Linked((), refused)
+    wanted = consumer.config.mapping
+    if not agrees(producer.config.mapping, wanted):
+        wanted, refused = _placed(producer, consumer)
+    return Linked(wanted, refused or tuple(_remarks(producer, consumer, wanted)))
+
+
+def agrees(sent: Sequence[PdoMappingEntry], heard: Sequence[PdoMappingEntry]) -> bool:
+    """Whether an RPDO that maps *heard* hears *sent* as it is meant: one length, no object across two of those sent."""
+    if not sent or total_bits(sent) != total_bits(heard):
+        return False
+    return all(_over(sent, start, entry.bits) is not None for start, entry in _starts(heard) if not entry.is_dummy)
+
+
+def _starts(mapping: Sequence[PdoMappingEntry]) -> Iterator[tuple[int, PdoMappingEntry]]:
+    """Each entry with its first bit in the frame."""
+    start = 0
+    for entry in mapping:
+        yield start, entry
+        start += entry.bits
+
+
+def _over(sent: Sequence[PdoMappingEntry], start: int, bits: int) -> PdoMappingEntry | None:
+    """The entry of *sent* that all of *bits* from *start* on belong to."""
+    spans = ((first, entry) for first, entry in _starts(sent))
+    return next((one for first, one in spans if first <= start and start + bits <= first + one.bits), None)
+
+
+def _refused(producer: LinkSide, consumer: LinkSide) -> Iterator[Finding]:
+    if producer.end.node_id == consumer.end.node_id:
+        yield error("link-self", str(consumer), f"{consumer} cannot hear {producer}: both are PDOs of one node")
+    if wrong := _not_whole(producer.config) or ("" if producer.config.mapping else "maps nothing"):
+        yield error("link-producer", str(producer), f"{producer} {wrong}", hint=f"map {producer} OBJECT… first")
+    objects = any(not entry.is_dummy for entry in consumer.config.mapping)
+    if wrong := _not_whole(consumer.config) or ("" if objects else "maps nothing"):
+        hint = f"map {consumer} OBJECT… --off says which objects are to hear {producer}"
+        yield error("link-consumer", str(consumer), f"{consumer} {wrong}", hint=hint)
+
+
+def _not_whole(config: PdoConfig) -> str:
+    if config.mpdo is not None:
+        return "is a multiplexed PDO"
+    if config.inconsistency:
+        return f"is no whole PDO: {config.inconsistency}"
+    return f"is {config.bits} bits long, a PDO holds {MAX_PDO_BITS}" if config.bits > MAX_PDO_BITS else ""
+
+
+def _placed(producer: LinkSide, consumer: LinkSide) -> tuple[tuple[PdoMappingEntry, ...], tuple[Finding, ...]]:
+    """The consumer's objects at places of the producer, dummies between them; or why there is no such mapping."""
+    sent = producer.config.mapping
+    objects = [entry for entry in consumer.config.mapping if not entry.is_dummy]
+
+    def alike(wanted: int, offered: int) -> bool:
+        return _is_alike(producer, sent[offered], consumer, objects[wanted])
+
+    def long(wanted: int, offered: int) -> bool:
+        return sent[offered].bits == objects[wanted].bits
+
+    for fits in (alike, long):
+        places = _places(len(objects), len(sent), fits)
+        if places is not None:
+            break
+    else:
+        return (), (_no_place(producer, consumer, objects),)
+    first, last = places
+    if first != last:
+        number = next(one for one, pair in enumerate(zip(first, last, strict=True)) if pair[0] != pair[1])
+        return (), (_ambiguous(producer, consumer, objects[number], [sent[first[number]], sent[last[number]]]),)
+    return _filled(producer, consumer, dict(zip(first, objects, strict=True)))
+
+
+def _is_alike(producer: LinkSide, sent: PdoMappingEntry, consumer: LinkSide, heard: PdoMappingEntry) -> bool:
+    """Whether both have one length and, as far as files tell, one type."""
+    types = producer.type(sent), consumer.type(heard)
+    return sent.bits == heard.bits and (None in types or types[0] == types[1])
+
+
+def _places(
+    wanted: int, offered: int, fits: Callable[[int, int], bool]
+) -> tuple[tuple[int, ...], tuple[int, ...]] | None:
+    """The first and the last way in which *wanted* objects find places among *offered*; None where there is none.
+
+    In the order of the frame where that goes, else each at the only place that fits it. One way is both.
+    """
+    first = _in_order(range(wanted), range(offered), fits)
+    last = _in_order(range(wanted)[::-1], range(offered)[::-1], fits)
+    if first is not None and last is not None:
+        return first, last[::-1]
+    choices = [[place for place in range(offered) if fits(one, place)] for one in range(wanted)]
+    only = tuple(choice[0] for choice in choices if len(choice) == 1)
+    return (only, only) if len(set(only)) == wanted else None
+
+
+def _in_order(wanted: range, offered: range, fits: Callable[[int, int], bool]) -> tuple[int, ...] | None:
+    """The earliest places, as *offered* counts, that fit the *wanted* one behind the other."""
+    found: list[int] = []
+    places = iter(offered)
+    for one in wanted:
+        place = next((place for place in places if fits(one, place)), None)
+        if place is None:
+            return None
+        found.append(place)
+    return tuple(found)
+
+
+def _no_place(producer: LinkSide, consumer: LinkSide, objects: list[PdoMappingEntry]) -> Finding:
+    lengths = {entry.bits for entry in producer.config.mapping}
+    odd = next((entry for entry in objects if entry.bits not in lengths), None)
+    layout = several(f"{entry.object}/{entry.bits}" for entry in producer.config.mapping)
+    what = f"{consumer.name(odd)}, {odd.bits} bits," if odd else f"not all {len(objects)} objects of {consumer}"
+    verb = "has no place" if odd else "have a place"
+    hint = f"map {consumer} OBJECT… --off with objects of these lengths"
+    return error("link-length", str(consumer), f"{what} {verb} in {producer}, which sends {layout}", hint=hint)
+
+
+def _ambiguous(producer: LinkSide, consumer: LinkSide, heard: PdoMappingEntry, sent: list[PdoMappingEntry]) -> Finding:
+    text = f"{consumer.name(heard)} of {consumer} could hear {producer.name(sent[0])} or {producer.name(sent[1])}"
+    hint = f"say where it is: map {consumer} dummy/BITS {heard.object} --off, all {producer.config.bits} bits of it"
+    return error("link-place", str(consumer), text, hint=hint)
+
+
+def _filled(
+    producer: LinkSide, consumer: LinkSide, placed: dict[int, PdoMappingEntry]
+) -> tuple[tuple[PdoMappingEntry, ...], tuple[Finding, ...]]:
+    """The objects that were *placed* at entries of the producer, by number, with dummies for the others."""
+    usable = known_dummies(consumer.dictionary, consumer.profile)
+    mapping: list[PdoMappingEntry] = []
+    skipped = 0
+    try:
+        for number, sent in enumerate(producer.config.mapping):
+            if number not in placed:
+                skipped += sent.bits
+                continue
+            mapping += [*split_dummy(skipped, DUMMY_BITS if usable is None else usable), placed[number]]
+            skipped = 0
+        mapping += split_dummy(skipped, DUMMY_BITS if usable is None else usable)
+    except ValueError as wrong:
+        hint = f"change {producer}, or map what {consumer} skips onto objects that nobody uses"
+        return (), (error("link-skip", str(consumer), f"{consumer} cannot hear {producer}: {wrong}", hint=hint),)
+    return tuple(mapping), ()
+
+
+def _remarks(producer: LinkSide, consumer: LinkSide, mapping: Sequence[PdoMappingEntry]) -> Iterator[Finding]:
+    """Objects that hear one of another type, or a part of one."""
+    for start, heard in _starts(mapping):
+        sent = None if heard.is_dummy else _over(producer.config.mapping, start, heard.bits)
+        if sent is None:
+            continue
+        if sent.bits != heard.bits:
+            text = f"hears {heard.bits} of the {sent.bits} bits of {producer.name(sent)}"
+            yield warning("link-part", str(consumer), f"{consumer.name(heard)} of {consumer} {text}")
+        elif not _is_alike(producer, sent, consumer, heard):
+            types = [one.short if one else "?" for one in (consumer.type(heard), producer.type(sent))]
+            text = f"{consumer.name(heard)} of {consumer} is {types[0]} and hears {producer.name(sent)}, {types[1]}"
+            yield warning("link-type", str(consumer), text)

@@ -1,0 +1,194 @@
+"""Links: every bit that an RPDO hears lies where the TPDO sends it; no CAN-ID is given twice, nor a reserved one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import accumulate
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.datatypes import BY_SHORT_NAME
+from dvtcli.domain.mapping import MAX_PDO_BITS, PdoMappingEntry, total_bits
+from dvtcli.domain.network.can_ids import free_can_id, may_keep
+from dvtcli.domain.network.heartbeats import has_free_slot, watch_time_ms, watched_ms
+from dvtcli.domain.network.links import Linked, LinkSide, agrees, linked
+from dvtcli.domain.network.wanted_state import Endpoint
+from dvtcli.domain.object_dictionary import DeviceInfo, ObjectDictionary, ObjectType, OdEntry, OdObject
+from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
+from dvtcli.domain.profile import GENERIC
+from dvtcli.domain.rules.can_id import restricted_use
+
+SENT, HEARD = 0x2100, 0x2200
+OFF = PdoCommunicationParameter(CobId(0x181, valid=False))
+ALL_DUMMIES = frozenset(range(1, 8))
+
+
+def side(node_id: int, pdo: str, words: str, dummies: frozenset[int] = ALL_DUMMIES) -> LinkSide:
+    """A PDO that maps objects of the types in *words* (`u16 i32`); a number skips so many bits of 8."""
+    base = SENT if pdo.startswith("t") else HEARD
+    mapping, objects = [], {}
+    for number, word in enumerate(words.split()):
+        if word.isdecimal():
+            mapping.append(PdoMappingEntry({1: 1, 8: 5, 16: 6, 32: 7}[int(word)], 0, int(word)))
+            continue
+        kind = BY_SHORT_NAME[word]
+        entry = OdEntry(base + number, 0, f"{pdo} {number}", kind, pdo_mapping=True)
+        objects[entry.index] = OdObject(entry.index, entry.name, ObjectType.VAR, {0: entry})
+        mapping.append(PdoMappingEntry(entry.index, 0, kind.bits or 0))
+    dictionary = ObjectDictionary(objects, DeviceInfo(dummies=dummies), f"{pdo}.eds")
+    return LinkSide(Endpoint(node_id, Pdo.parse(pdo)), PdoConfig(OFF, tuple(mapping)), GENERIC, dictionary)
+
+
+def link(sent: str, heard: str, dummies: frozenset[int] = ALL_DUMMIES) -> Linked:
+    return linked(side(1, "tpdo1", sent), side(5, "rpdo2", heard, dummies))
+
+
+def layout(one: Linked) -> str:
+    """The mapping by its own words: the number of a consumer's object, or of skipped bits in brackets."""
+    return " ".join(f"({entry.bits})" if entry.is_dummy else str(entry.index - HEARD) for entry in one.mapping)
+
+
+@pytest.mark.parametrize(
+    ("sent", "heard", "expected"),
+    [
+        ("i16 i32 u16", "i16 i32 u16", "0 1 2"),
+        ("i16 i32 u16", "i32", "(16) 0 (16)"),
+        ("i16 i32 u16", "u16", "(32) (16) 0"),  # by type, which tells the two of 16 bits apart
+        ("i16 i32 u16", "u16 i16", "1 (32) 0"),  # in another order, where types leave no doubt
+        ("i16 i32 u16", "16 i32 16", "(16) 1 (16)"),
+        ("i32 i32", "32 i32", "(32) 1"),
+        ("i32 i32", "i32 i32", "0 1"),
+        ("bool bool u8", "u8", "(1) (1) 0"),
+    ],
+)
+def test_objects_find_their_places(sent: str, heard: str, expected: str) -> None:
+    found = link(sent, heard)
+    assert (layout(found), found.findings) == (expected, ())
+
+
+@pytest.mark.parametrize(
+    ("sent", "heard", "rule"),
+    [
+        ("i32 i32", "i32", "link-place"),
+        ("u16 u16 u16", "u16 u16", "link-place"),
+        ("i16", "i32", "link-length"),
+        ("i16 i16", "i16 i16 i16", "link-length"),
+        ("", "i16", "link-producer"),
+        ("i16", "", "link-consumer"),
+        ("i16", "16", "link-consumer"),
+        ("u64 u64", "u64", "link-producer"),
+    ],
+)
+def test_what_is_not_clear_is_refused(sent: str, heard: str, rule: str) -> None:
+    found = link(sent, heard)
+    assert [one.rule for one in found.findings] == [rule]
+    assert found.mapping == ()
+
+
+def test_a_node_does_not_hear_itself() -> None:
+    found = linked(side(5, "tpdo1", "u8"), side(5, "rpdo1", "u8"))
+    assert [one.rule for one in found.findings] == ["link-self"]
+
+
+def test_a_multiplexed_or_half_pdo_is_no_side_of_a_link() -> None:
+    good = side(1, "tpdo1", "u8")
+    for config in (
+        PdoConfig(OFF, (), mpdo=0xFE),
+        PdoConfig(OFF, good.config.mapping, held_count=2, unread=((0x1A00, 2),)),
+    ):
+        odd = LinkSide(good.end, config, GENERIC)
+        assert [one.rule for one in linked(odd, side(5, "rpdo1", "u8")).findings] == ["link-producer"]
+
+
+def test_types_that_differ_and_parts_are_said() -> None:
+    assert [(one.rule, one.text) for one in link("i16 i32", "u16").findings] == [
+        ("link-type", '2200:00 "rpdo2 0" of 5:rpdo2 is u16 and hears 2100:00 "tpdo1 0", i16')
+    ]
+    found = link("i16 u16", "16 u8 8")
+    assert [(one.rule, one.text) for one in found.findings] == [
+        ("link-part", '2201:00 "rpdo2 1" of 5:rpdo2 hears 8 of the 16 bits of 2101:00 "tpdo1 1"')
+    ]
+
+
+def test_what_cannot_be_skipped_is_refused() -> None:
+    assert layout(link("u32 u8", "u8", frozenset({5}))) == "(8) (8) (8) (8) 0"
+    assert [one.rule for one in link("u8 u32", "u8", frozenset()).findings] == ["link-skip"]
+    assert [one.rule for one in link("bool u8", "u8", frozenset({5})).findings] == ["link-skip"]
+
+
+WORDS = st.sampled_from(["bool", "u8", "i8", "u16", "i16", "u32", "i32", "r32", "u64"])
+
+
+@st.composite
+def frames(draw: st.DrawFn) -> tuple[str, str]:
+    """What a TPDO sends, up to 64 bits, and what an RPDO wants to hear, with or without dummies."""
+    sent = [word for word in draw(st.lists(WORDS, min_size=1, max_size=10))]  # noqa: C416
+    sizes = accumulate(BY_SHORT_NAME[word].bits or 0 for word in sent)
+    sent = [word for word, end in zip(sent, sizes, strict=True) if end <= MAX_PDO_BITS]
+    heard = draw(st.lists(st.one_of(st.sampled_from(sent), WORDS, st.sampled_from(["8", "16"])), max_size=6))
+    return " ".join(sent), " ".join(heard)
+
+
+def starts(mapping: tuple[PdoMappingEntry, ...]) -> Iterator[tuple[int, PdoMappingEntry]]:
+    """Each entry with its first bit."""
+    return zip(accumulate((entry.bits for entry in mapping), initial=0), mapping, strict=False)
+
+
+@given(frames(), st.frozensets(st.integers(1, 7)))
+def test_every_bit_that_is_heard_lies_where_it_is_sent(pair: tuple[str, str], dummies: frozenset[int]) -> None:
+    producer, consumer = side(1, "tpdo1", pair[0]), side(5, "rpdo2", pair[1], dummies)
+    found = linked(producer, consumer)
+    if not found.mapping:
+        assert len(found.findings) >= 1
+        return
+    sent, wanted = producer.config.mapping, consumer.config.mapping
+    assert total_bits(found.mapping) == total_bits(sent) <= MAX_PDO_BITS
+    assert agrees(sent, found.mapping)
+    heard = [entry for entry in found.mapping if not entry.is_dummy]
+    assert sorted(heard) == sorted(entry for entry in wanted if not entry.is_dummy)
+    if found.mapping != wanted:  # placed by us: whole values only, and only dummies that the device has
+        spans = {(start, entry.bits) for start, entry in starts(sent)}
+        placed = list(starts(found.mapping))
+        assert {(start, entry.bits) for start, entry in placed if not entry.is_dummy} <= spans
+        assert {entry.index for _, entry in placed if entry.is_dummy} <= dummies
+    assert linked(producer, LinkSide(consumer.end, PdoConfig(OFF, found.mapping), GENERIC)).mapping == found.mapping
+
+
+@given(st.lists(st.tuples(st.integers(1, 127), st.integers(1, 512)), min_size=1, max_size=60, unique=True))
+def test_no_can_id_is_given_twice_and_no_reserved_one(tpdos: list[tuple[int, int]]) -> None:
+    used: set[int] = {0x080}
+    for node_id, number in tpdos:
+        end = Endpoint(node_id, Pdo.parse(f"tpdo{number}"))
+        can_id = free_can_id(end, used)
+        assert can_id is not None
+        assert can_id not in used
+        assert restricted_use(can_id) is None
+        assert not 0x080 <= can_id <= 0x100
+        if number <= 4 and 0x180 + 0x100 * (number - 1) + node_id not in used:
+            assert can_id == end.pdo.default_can_id(node_id)
+        used.add(can_id)
+
+
+def test_where_every_can_id_is_in_use_there_is_none() -> None:
+    end = Endpoint(1, Pdo.parse("tpdo1"))
+    assert free_can_id(end, set(range(0x800)) - {0x6E5, 0x57F}) == 0x57F
+    assert free_can_id(end, range(0x800)) is None
+
+
+@pytest.mark.parametrize(
+    ("cob_id", "keeps"),
+    [(CobId(0x181), True), (CobId(0), False), (CobId(0x80), False), (CobId(0x601), False), (CobId(0x2A0), False),
+     (CobId(0x601, extended=True), True), (CobId(0x801), False)],
+)  # fmt: skip
+def test_a_can_id_that_may_be_kept(cob_id: CobId, keeps: bool) -> None:
+    assert may_keep(cob_id, {0x2A0}) is keeps
+
+
+def test_a_heartbeat_is_late_after_three() -> None:
+    assert (watch_time_ms(100), watch_time_ms(30000), watch_time_ms(0xFFFF)) == (300, 0xFFFF, None)
+    slots = {1: 0x0005_0000, 2: 0x0001_012C}
+    assert (watched_ms(slots, 1), watched_ms(slots, 5), has_free_slot(slots)) == (300, 0, True)
+    assert not has_free_slot({1: 0x0001_012C})
