@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import re
 import shlex
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
 
 from dvtcli.domain.network.wanted_state import FileWord, NetworkWish, NodeWish, PdoWish, WantedIdentity
 from dvtcli.domain.object_dictionary import normalised
@@ -17,12 +19,60 @@ from dvtcli.operations.results import Facts
 from dvtcli.operations.save_script import ask_before_overwriting, place_of, write_whole
 
 if TYPE_CHECKING:
-    from dvtcli.device.node import Node
+    from pathlib import Path
+
     from dvtcli.domain.mapping import PdoMappingEntry
+    from dvtcli.domain.object_dictionary import ObjectDictionary
     from dvtcli.domain.pdo import Pdo, PdoConfig
+    from dvtcli.domain.profile import DeviceProfile
     from dvtcli.operations.session import Session
 
 SUFFIXES = (".yaml", ".yml")
+
+
+class Holder(Protocol):
+    """What holds PDOs: a node, or a file that says what one holds."""
+
+    @property
+    def node_id(self) -> int:
+        """Its node-ID."""
+        ...
+
+    @property
+    def title(self) -> str:
+        """What the device is called."""
+        ...
+
+    @property
+    def dictionary(self) -> ObjectDictionary | None:
+        """Its object dictionary."""
+        ...
+
+    @property
+    def profile(self) -> DeviceProfile:
+        """Its family's profile."""
+        ...
+
+    def identity(self) -> dict[str, int | None]:
+        """What 0x1018 says of it."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Exported:
+    """A node as a network file has it: what its PDOs say, what is remarked of their words, and what is no whole PDO."""
+
+    wish: NodeWish
+    remarks: dict[tuple[int, str], str]
+    left_out: tuple[str, ...]
+
+    @property
+    def left_out_note(self) -> str:
+        """What is to be said of what was left out; empty for nothing."""
+        if not self.left_out:
+            return ""
+        verb = "is no whole PDO" if len(self.left_out) == 1 else "are no whole PDOs"
+        return f"left out: {several(self.left_out)} {verb}, or multiplexed; `pdo` shows what is held"
 
 
 def export_node(session: Session, file: str, node_id: int | None = None) -> Facts:
@@ -31,46 +81,57 @@ def export_node(session: Session, file: str, node_id: int | None = None) -> Fact
     Asks before it overwrites. What is no whole PDO, or an MPDO, is left out and said. UsageError for another suffix,
     or where the file cannot be written.
     """
-    if not file.lower().endswith(SUFFIXES):
-        raise UsageError(f"{file}: a network file ends in .yaml", hint="`save FILE.dvt --all` writes a script")
-    path = place_of(file, "export {}/NAME.yaml")
+    path = network_place(file, "export {}/NAME.yaml")
     node = session.node(node_id)
-    held = node.pdos()
-    left_out = [pdo.label for pdo, config in held.items() if not _is_whole(config)]
-    remarks: dict[str, str] = {}
-    wishes = tuple(_pdo(node, pdo, config, remarks) for pdo, config in held.items() if _is_whole(config))
+    found = exported(node, node.pdos())
     ask_before_overwriting(session, path)
-    wish = NodeWish(_name(node), node.node_id, _identity(node), pdos=wishes)
-    write_whole(path, write_network(NetworkWish((wish,)), f"What node {node.node_id} held", remarks))
-    said = [f"{file}: node {node.node_id}, {plural(len(wishes), 'PDO')}. Check it: dvtcli check {shlex.quote(file)}"]
-    if left_out:
-        verb = "is no whole PDO" if len(left_out) == 1 else "are no whole PDOs"
-        said.append(f"note: left out: {several(left_out)} {verb}, or multiplexed; `pdo` shows what is held")
-    rows = (("file", file), ("node", node.node_id), ("pdos", len(wishes)), ("left_out", left_out))
+    write_whole(path, write_network(NetworkWish((found.wish,)), f"What node {node.node_id} held", found.remarks))
+    count = len(found.wish.pdos)
+    said = [f"{file}: node {node.node_id}, {plural(count, 'PDO')}. Check it: dvtcli check {shlex.quote(file)}"]
+    if note := found.left_out_note:
+        said.append(f"note: {note}")
+    rows = (("file", file), ("node", node.node_id), ("pdos", count), ("left_out", list(found.left_out)))
     return Facts("export", rows, tuple(said))
 
 
-def _is_whole(config: PdoConfig) -> bool:
+def network_place(file: str, example: str) -> Path:
+    """Where the network file *file* is to be; UsageError for another suffix, or where it cannot be."""
+    if not file.lower().endswith(SUFFIXES):
+        raise UsageError(f"{file}: a network file ends in .yaml", hint="`save FILE.dvt --all` writes a script")
+    return place_of(file, example)
+
+
+def exported(holder: Holder, held: Mapping[Pdo, PdoConfig]) -> Exported:
+    """The PDOs that *holder* has, *held*, as a network file has them."""
+    remarks: dict[str, str] = {}
+    wishes = tuple(_pdo(holder, pdo, config, remarks) for pdo, config in held.items() if is_whole(config))
+    wish = NodeWish(_name(holder), holder.node_id, _identity(holder), pdos=wishes)
+    left_out = tuple(pdo.label for pdo, config in held.items() if not is_whole(config))
+    return Exported(wish, {(holder.node_id, word): text for word, text in remarks.items()}, left_out)
+
+
+def is_whole(config: PdoConfig) -> bool:
+    """Whether a network file can say all of it: it is no MPDO, and nothing of it is unknown."""
     return config.mpdo is None and not config.inconsistency
 
 
-def _name(node: Node) -> str:
+def _name(holder: Holder) -> str:
     """The node's name in the file: what its device is called, and its node-ID, so that two of a kind differ."""
-    word = re.sub(r"[^a-z0-9_]", "", normalised(node.title).replace(".", "_"))
-    return f"{word}_{node.node_id}" if word and word[0].isalpha() else f"node_{node.node_id}"
+    word = re.sub(r"[^a-z0-9_]", "", normalised(holder.title).replace(".", "_"))
+    return f"{word}_{holder.node_id}" if word and word[0].isalpha() else f"node_{holder.node_id}"
 
 
-def _identity(node: Node) -> WantedIdentity:
+def _identity(holder: Holder) -> WantedIdentity:
     """Which kind of device it is: another one of the same kind may have the file, too."""
-    found = node.identity()
-    return WantedIdentity(found["vendor"], found["product"])
+    found = holder.identity()
+    return WantedIdentity(found["vendor"] or None, found["product"] or None)
 
 
-def _pdo(node: Node, pdo: Pdo, config: PdoConfig, remarks: dict[str, str]) -> PdoWish:
+def _pdo(holder: Holder, pdo: Pdo, config: PdoConfig, remarks: dict[str, str]) -> PdoWish:
     held = config.communication
     cob_id = held.cob_id
     named = bool(cob_id.can_id)  # a COB-ID of 0 that is off is no CAN-ID
-    unlike_others = cob_id.rtr_allowed and node.profile.rtr_bit[pdo.direction] is BitPolicy.SET
+    unlike_others = cob_id.rtr_allowed and holder.profile.rtr_bit[pdo.direction] is BitPolicy.SET
     return PdoWish(
         pdo,
         enabled=cob_id.valid,
@@ -81,27 +142,27 @@ def _pdo(node: Node, pdo: Pdo, config: PdoConfig, remarks: dict[str, str]) -> Pd
         inhibit_time=held.inhibit_time if pdo.is_tpdo else None,
         event_timer=held.event_timer,
         sync_start_value=held.sync_start_value if pdo.is_tpdo else None,
-        mapping=tuple(_entry(node, entry, remarks) for entry in config.mapping),
+        mapping=tuple(_entry(holder, entry, remarks) for entry in config.mapping),
     )
 
 
-def _entry(node: Node, entry: PdoMappingEntry, remarks: dict[str, str]) -> FileWord:
+def _entry(holder: Holder, entry: PdoMappingEntry, remarks: dict[str, str]) -> FileWord:
     """The entry by its object's name where that means it alone, else by its number; the other one is its remark."""
-    name = "" if node.dictionary is None else node.dictionary.display_name(entry.index, entry.sub_index)
-    word = "" if entry.is_dummy else _named(node, name, entry)
+    name = "" if holder.dictionary is None else holder.dictionary.display_name(entry.index, entry.sub_index)
+    word = "" if entry.is_dummy else _named(holder, name, entry)
     remarks[word or str(entry)] = f"skips {entry.bits} bits" if entry.is_dummy else str(entry) if word else name
     return FileWord(word or str(entry))
 
 
-def _named(node: Node, name: str, entry: PdoMappingEntry) -> str:
+def _named(holder: Holder, name: str, entry: PdoMappingEntry) -> str:
     """The name as one word, where the device's file knows the object by it, with the length that is mapped."""
     word = normalised(name)
-    if not re.fullmatch(r"[a-z_][a-z0-9_]*", word) or node.dictionary is None:
+    if not re.fullmatch(r"[a-z_][a-z0-9_]*", word) or holder.dictionary is None:
         return ""
     try:
-        found = resolve_entry(word, node.dictionary, node.profile.aliases)
+        found = resolve_entry(word, holder.dictionary, holder.profile.aliases)
     except ValueError:
         return ""  # the name of several objects
     alone = found == MappedObject(entry.index, entry.sub_index)
-    described = node.dictionary.entry(entry.index, entry.sub_index)
+    described = holder.dictionary.entry(entry.index, entry.sub_index)
     return word if alone and described is not None and described.bits == entry.bits else ""

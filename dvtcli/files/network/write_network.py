@@ -20,15 +20,18 @@ _NUMBER = re.compile(r"-?(0|[1-9][0-9]{0,18}|0x[0-9A-F]{1,16})")
 _WORDS = {"true", "false", "yes", "no", "on", "off", "null", "y", "n", "auto"}
 _REMARK_AT = 40
 Remarks = Mapping[str, str]
+#: what is said behind a word of the node with that ID
+NodeRemarks = Mapping[tuple[int, str], str]
 
 
-def write_network(wish: NetworkWish, title: str = "", remarks: Remarks | None = None) -> str:
+def write_network(wish: NetworkWish, title: str = "", remarks: NodeRemarks | None = None) -> str:
     """The text of *wish*; *title* is its first line, *remarks* what is said behind a word, as the name of an object."""
     names = {node.node_id: node.name for node in wish.nodes}
     lines = [f"# {_one_line(title)}"] if title else []
     lines += [*_master(wish.master), "nodes:"]
     for node in wish.nodes:
-        lines += [f"  {_word(node.name)}:", *(f"    {line}" for line in _node(node, names, remarks or {}))]
+        here = {word: text for (node_id, word), text in (remarks or {}).items() if node_id == node.node_id}
+        lines += [f"  {_word(node.name)}:", *(f"    {line}" for line in _node(node, names, here))]
     if wish.links:
         lines += ["links:", *(line for link in wish.links for line in _link(link, names))]
     return "\n".join([*lines, ""])

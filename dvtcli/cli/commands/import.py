@@ -1,0 +1,38 @@
+"""Write a whole network, or a folder of EDS files, to a network file."""
+
+# ruff: noqa: N999 - the file is called as its command is
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.effect import Effect
+from dvtcli.cli.params import FILE
+
+if TYPE_CHECKING:
+    from dvtcli.operations.results import Facts
+    from dvtcli.operations.session import Session
+
+TASK = ("Scripts and files", 55)
+
+
+@click.command("import", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
+@click.argument("file", type=FILE)
+@click.argument("folder", type=FILE, required=False)
+@click.pass_obj
+def command(session: Session, /, file: str, folder: str | None) -> Facts:
+    """Write every PDO of every node that answers, as it is now, and what joins them, to FILE (.yaml).
+
+    With `-n` one node only. With FOLDER its EDS and DCF files count instead of a bus: a DCF's node-ID, else the next
+    that is free. An RPDO that hears an enabled TPDO of another node, with a layout that agrees, is a link.
+
+    \b
+    import press.yaml
+    import press.yaml eds-files/     no bus is needed
+    """
+    from dvtcli.operations.import_network import import_network
+
+    return import_network(session, file, folder)

@@ -1,0 +1,31 @@
+"""What a node says of heartbeats: how often it sends one, whose it waits for, whether it is guarded. Writes nothing."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from dvtcli.device.read_pdos import read_optional
+from dvtcli.device.seen_state import HEARTBEAT_TIME
+
+if TYPE_CHECKING:
+    from dvtcli.domain.ports import SdoReader
+
+_CONSUMER = 0x1016
+_GUARD_TIME, _LIFE_TIME_FACTOR = 0x100C, 0x100D
+
+
+def heartbeat_ms(sdo: SdoReader) -> int | None:
+    """How often the node sends a heartbeat, in ms (0x1017); 0 for never, None where it has no such object."""
+    return read_optional(sdo, HEARTBEAT_TIME, 0, 2)
+
+
+def heartbeat_slots(sdo: SdoReader) -> dict[int, int]:
+    """The entries of the node's 0x1016 by sub-index; none where it has no such object."""
+    count = read_optional(sdo, _CONSUMER, 0, 1) or 0
+    held = {sub_index: read_optional(sdo, _CONSUMER, sub_index, 4) for sub_index in range(1, count + 1)}
+    return {sub_index: value for sub_index, value in held.items() if value is not None}
+
+
+def is_guarded(sdo: SdoReader) -> bool:
+    """Whether the node is guarded: 0x100C times 0x100D, its life time, is not 0 (CiA 301, 7.5.2.11 and 7.5.2.12)."""
+    return bool((read_optional(sdo, _GUARD_TIME, 0, 2) or 0) * (read_optional(sdo, _LIFE_TIME_FACTOR, 0, 1) or 0))
