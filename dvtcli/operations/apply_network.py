@@ -31,10 +31,13 @@ if TYPE_CHECKING:
     from dvtcli.operations.session import Session
 
 
-def apply_network(session: Session, plan: NetworkPlan, *, prove: str | None = None) -> NetworkApplied:
+def apply_network(
+    session: Session, plan: NetworkPlan, *, prove: str | None = None, name: str = "", asks: bool = True
+) -> NetworkApplied:
     """Carry *plan* out on all its nodes, in phases; with a fault on one of them every node is brought back.
 
-    Asks first. Once all nodes were read back equal those store whose file says so; with *prove* each is restarted then
+    *name* is what it is called, `apply FILE` unless it is given. Asks first; without *asks* only where a node is
+    OPERATIONAL. Once all nodes were read back equal those store whose file says so; with *prove* each is restarted then
     and compared (`reset`, `power`). SafetyRefusal where a node is not as it was planned from, or another master is
     heard; any error of a node with state `rolled_back`; LeftChanged where a node could not be brought back, or not all
     of them stored.
@@ -43,7 +46,8 @@ def apply_network(session: Session, plan: NetworkPlan, *, prove: str | None = No
     planned = [one for one in plan.nodes if len(one.plan) or one.stores]
     nodes = {one.node_id: session.node(one.node_id) for one in plan.nodes}
     if planned:
-        session.consent(_question(nodes, planned))
+        if asks or any(nodes[one.node_id].access.state() is NmtState.OPERATIONAL for one in planned):
+            session.consent(_question(nodes, planned, f"{name}:" if name else "apply"))
         refuse_other_master(session)
     with session.cancellation.guard(), session.agreed():
         found = {node_id: node.claim() for node_id, node in sorted(nodes.items())}
@@ -51,17 +55,17 @@ def apply_network(session: Session, plan: NetworkPlan, *, prove: str | None = No
             return NetworkApplied(plan, session.dry_run, 0.0)
         for one in planned:
             refuse_stale(nodes[one.node_id], one)
-        course = _carried_out(session, nodes, planned, found, f"apply {plan.file}")
+        course = _carried_out(session, nodes, planned, found, name or f"apply {plan.file}")
         stored = store_network(session, course, [one for one in planned if one.stores], prove)
         _complete(course)
     return NetworkApplied(plan, session.dry_run, time.monotonic() - started, stored)
 
 
-def _question(nodes: Mapping[int, Node], planned: list[NodePlan]) -> str:
+def _question(nodes: Mapping[int, Node], planned: list[NodePlan], name: str) -> str:
     writes = plural(sum(len(one.plan) for one in planned), "write")
     stores = [str(one.node_id) for one in planned if one.stores]
     store = f", and store on node {', '.join(stores)}" if stores else ""
-    text = f"apply {writes} to node {', '.join(str(one.node_id) for one in planned)}{store}?"
+    text = f"{name} {writes} to node {', '.join(str(one.node_id) for one in planned)}{store}?"
     running = [str(one.node_id) for one in planned if _leaves_operational(nodes[one.node_id])]
     if running:
         text = f"node {', '.join(running)} goes from OPERATIONAL to PRE-OPERATIONAL and back; {text}"

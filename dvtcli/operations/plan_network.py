@@ -6,6 +6,7 @@ Writes nothing. Does not know how a plan is carried out.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -21,12 +22,14 @@ from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.network.consumers import length_findings
 from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
 from dvtcli.domain.plan import PdoChange, Plan, Step, ValueChange, plan_pdo
+from dvtcli.domain.profile import Severity
 from dvtcli.domain.rules import check_pdo, errors_in
 from dvtcli.domain.several import several
-from dvtcli.errors import NoAnswer, RuleError, SafetyRefusal, SdoProtocolError, UsageError
+from dvtcli.errors import NoAnswer, RuleError, SafetyRefusal, SdoProtocolError
 from dvtcli.files.network.file_log import FileLog
 from dvtcli.operations.change import names
 from dvtcli.operations.check_networks import read_wish
+from dvtcli.operations.linked_wishes import with_links
 from dvtcli.operations.wanted_words import NodeWants, node_wants
 
 if TYPE_CHECKING:
@@ -46,15 +49,36 @@ def plan_network(session: Session, file: str) -> NetworkPlan:
     wish = read_wish(file)
     for note in wish.notes:
         session.tell.note(f"{file}:{note.mark.line}:{note.mark.column}: {note.text}")
-    if wish.links:
-        raise UsageError(f"{file}: links are not planned yet", place=file, hint="write the PDOs of both sides")
+    return plan_wish(session, wish, FileLog(file, Path(file).read_text("utf-8-sig")))
+
+
+def plan_wish(session: Session, wish: NetworkWish, log: FileLog) -> NetworkPlan:
+    """What has to be written for the nodes of *wish* to hold what it says; what it cannot mean is told to *log*.
+
+    Raises as `plan_network`.
+    """
+    file = log.file
     nodes = _met(session, file, wish)
     _refuse_other_devices(nodes, {node.node_id: node.identity for node in wish.nodes}, force=session.options.force)
-    log = FileLog(file, Path(file).read_text("utf-8-sig"))
+    if wish.links:
+        found = with_links(nodes, _known(session, nodes), wish)
+        wish = found.wish
+        for finding in found.findings:
+            say = session.tell.warning if finding.severity is Severity.WARNING else session.tell.note
+            say(finding.text)
     wants = {node.node_id: node_wants(nodes[node.node_id], node, log) for node in wish.nodes}
     log.end()
     planned = _planned(nodes, wish, wants)
     return NetworkPlan(file, tuple(checked(nodes, planned, force=session.options.force)))
+
+
+def _known(session: Session, nodes: Mapping[int, Node]) -> Iterator[Node]:
+    """The other nodes that this session knows and that answer: what they use is not free."""
+    for node_id in session.known_ids():
+        with suppress(NoAnswer, SdoProtocolError):  # a node that is off hinders no change of another one
+            if node_id not in nodes:
+                session.network.node(node_id).known_cob_ids()
+                yield session.network.node(node_id)
 
 
 def _met(session: Session, file: str, wish: NetworkWish) -> dict[int, Node]:

@@ -41,7 +41,7 @@ def node_wants(node: Node, wish: NodeWish, log: FileLog) -> NodeWants:
     """What *wish* means on *node*; what it cannot mean there is told to *log*."""
     wants = NodeWants()
     for pdo in wish.pdos:
-        wants.pdos[pdo.pdo] = _request(node, pdo, log)
+        wants.pdos[pdo.pdo] = pdo_request(node, pdo, log)
     if wish.prune:
         others = {pdo: cob_id for pdo, cob_id in node.known_cob_ids().items() if pdo not in wants.pdos}
         wants.pruned = frozenset(pdo for pdo, cob_id in others.items() if cob_id.valid)
@@ -56,7 +56,8 @@ def node_wants(node: Node, wish: NodeWish, log: FileLog) -> NodeWants:
     return wants
 
 
-def _request(node: Node, wish: PdoWish, log: FileLog) -> PdoRequest:
+def pdo_request(node: Node, wish: PdoWish, log: FileLog) -> PdoRequest:
+    """What *wish* asks of a PDO of *node*; entries that mean nothing there are told to *log*, and left out."""
     objects = None if wish.mapping is None else tuple(_entries(node, wish.mapping, log))
     return PdoRequest(
         cob_id=wish.cob_id, transmission_type=wish.transmission_type, inhibit_time=wish.inhibit_time,

@@ -41,6 +41,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "scripts").symlink_to(ROOT / "scripts")
     for name in ("drive.eds", "press.dcf"):
         shutil.copy(family_eds("gen4"), tmp_path / name)
+    (tmp_path / "eds-files").mkdir()
+    shutil.copy(family_eds("gen4"), tmp_path / "eds-files")
     for name in ("press.yaml", "bus.yml"):
         shutil.copy(ROOT / "examples" / name, tmp_path / name)
     (tmp_path / "drive.dbc").write_text(DBC, encoding="utf-8")

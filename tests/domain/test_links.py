@@ -13,7 +13,7 @@ from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.datatypes import BY_SHORT_NAME
 from dvtcli.domain.mapping import MAX_PDO_BITS, PdoMappingEntry, total_bits
 from dvtcli.domain.network.can_ids import free_can_id, may_keep
-from dvtcli.domain.network.heartbeats import has_free_slot, watch_time_ms, watched_ms
+from dvtcli.domain.network.heartbeats import slot_for, watch_time_ms, watched_ms
 from dvtcli.domain.network.links import Linked, LinkSide, agrees, linked
 from dvtcli.domain.network.wanted_state import Endpoint
 from dvtcli.domain.object_dictionary import DeviceInfo, ObjectDictionary, ObjectType, OdEntry, OdObject
@@ -190,5 +190,5 @@ def test_a_can_id_that_may_be_kept(cob_id: CobId, keeps: bool) -> None:
 def test_a_heartbeat_is_late_after_three() -> None:
     assert (watch_time_ms(100), watch_time_ms(30000), watch_time_ms(0xFFFF)) == (300, 0xFFFF, None)
     slots = {1: 0x0005_0000, 2: 0x0001_012C}
-    assert (watched_ms(slots, 1), watched_ms(slots, 5), has_free_slot(slots)) == (300, 0, True)
-    assert not has_free_slot({1: 0x0001_012C})
+    assert (watched_ms(slots, 1), watched_ms(slots, 5)) == (300, 0)
+    assert (slot_for(slots, 1), slot_for(slots, 5), slot_for({1: 0x0001_012C}, 5)) == (2, 1, None)

@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.commands._network_plan import show_plan
 from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import FILE
 
 if TYPE_CHECKING:
-    from dvtcli.cli.view.output import Output
-    from dvtcli.domain.network.network_plan import NetworkPlan
     from dvtcli.operations.results import NetworkApplied
 
 TASK = ("Networks", 30)
@@ -36,11 +35,4 @@ def command(ctx: click.Context, /, file: str, prove: bool) -> NetworkApplied:
     """
     from dvtcli.operations.network_files import applied
 
-    return applied(ctx.obj, file, prove="reset" if prove else None, on_plan=partial(_show, ctx.obj.output))
-
-
-def _show(output: Output, plan: NetworkPlan) -> None:
-    from dvtcli.cli.view.network_lines import plan_lines
-
-    if not output.json:
-        output.said(plan_lines(plan, output.width), error=False)
+    return applied(ctx.obj, file, prove="reset" if prove else None, on_plan=partial(show_plan, ctx.obj.output))

@@ -81,8 +81,9 @@ def _counted(plan: NetworkPlan) -> str:
 
 def _node(plan: NetworkPlan, node: NodePlan, width: int) -> Iterator[Line]:
     place = f"  {plan.file}:{node.line}" if node.line else ""
-    title = f" ({node.title})" if node.title else ""
-    yield [Cell(f"node {node.node_id}  {node.name}{title}", "bold"), Cell(place, "dim")]
+    title = f"({node.title})" if node.title else ""
+    said = " ".join(filter(None, (node.name, title)))
+    yield [Cell(f"node {node.node_id}  {said}", "bold"), Cell(place, "dim")]
     for change in node.plan.changes:
         if isinstance(change, PdoChange):
             yield from _pdo(node, change, width)

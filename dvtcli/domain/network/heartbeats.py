@@ -35,6 +35,11 @@ def watched_ms(slots: Mapping[int, int], producer: int) -> int:
     return next((value & 0xFFFF for value in slots.values() if value >> 16 & 0xFF == producer and value & 0xFFFF), 0)
 
 
-def has_free_slot(slots: Mapping[int, int]) -> bool:
-    """Whether an entry of 0x1016 watches nobody: its node-ID or its time is 0 (CiA 301, 7.5.2.17)."""
-    return any(not (value & 0xFFFF and value >> 16 & 0xFF) for value in slots.values())
+def slot_for(slots: Mapping[int, int], producer: int) -> int | None:
+    """The sub-index of 0x1016 that watches node *producer*, else a free one, else None.
+
+    An entry is free where its node-ID or its time is 0 (CiA 301, 7.5.2.17).
+    """
+    used = {sub_index: value for sub_index, value in slots.items() if value & 0xFFFF and value >> 16 & 0xFF}
+    own = (sub_index for sub_index, value in used.items() if value >> 16 & 0xFF == producer)
+    return next(own, next((sub_index for sub_index in slots if sub_index not in used), None))

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from dvtcli.errors import UsageError
 from dvtcli.operations.api.calls import Calls
 from dvtcli.operations.api.checks import flags, number, path, seconds, whole, word
+from dvtcli.operations.api.link_ends import endpoints, heartbeat_of
 from dvtcli.operations.api.python_node import Node
 from dvtcli.operations.session import Session
 from dvtcli.operations.simulated_nodes import read_dictionary
@@ -160,6 +161,34 @@ class Bus:
         chosen = str(path("file", file))
         flags(prove=prove)
         return self._calls.run(lambda: applied(self._session, chosen, prove="reset" if prove else None))
+
+    def link(
+        self, producer: str, *consumers: str, heartbeat_ms: int | None = None, heartbeat: bool = True
+    ) -> NetworkApplied:
+        """Let the RPDOs *consumers* hear the TPDO *producer* (`1:tpdo1`, `5:rpdo2`): on all nodes, or on none.
+
+        What an RPDO maps is what it is to hear, at the places where the TPDO sends it; dummies skip the rest. The TPDO
+        keeps its CAN-ID where it may. The consumers watch the producer's heartbeat, which *heartbeat_ms* (1…65535)
+        sets, unless *heartbeat* is False. RuleError where the layouts do not fit, else as `apply`.
+        """
+        from dvtcli.operations.link_pdos import link_pdos
+
+        sender, *hearers = endpoints(producer, *consumers)
+        flags(heartbeat=heartbeat)
+        asked = heartbeat_of(heartbeat_ms, watched=heartbeat)
+        return self._calls.run(lambda: link_pdos(self._session, sender, hearers, heartbeat=asked))
+
+    def unlink(self, producer: str, *consumers: str, heartbeat: bool = True) -> NetworkApplied:
+        """Disable the RPDOs *consumers* that hear the TPDO *producer*, which goes on: others may hear it.
+
+        A node that hears nothing of the producer's node any more stops watching its heartbeat, unless *heartbeat* is
+        False. UsageError where an RPDO does not hear the TPDO.
+        """
+        from dvtcli.operations.link_pdos import unlink_pdos
+
+        sender, *hearers = endpoints(producer, *consumers)
+        flags(heartbeat=heartbeat)
+        return self._calls.run(lambda: unlink_pdos(self._session, sender, hearers, heartbeat=heartbeat))
 
     def script(self, *, history: bool = False) -> str:
         """What this program's changes come to, as the text of a script that `dvtcli run` takes.

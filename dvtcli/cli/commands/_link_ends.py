@@ -1,0 +1,18 @@
+"""The ends of a link as words: a PDO without a node is one of the selected node."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from dvtcli.cli.pdo_params import NodePdo
+    from dvtcli.domain.network.wanted_state import Endpoint
+    from dvtcli.operations.session import Session
+
+
+def endpoints(session: Session, words: Iterable[NodePdo]) -> list[Endpoint]:
+    """The PDOs that *words* mean, each with its node."""
+    from dvtcli.domain.network.wanted_state import Endpoint
+
+    return [Endpoint(session.node_id() if word.node_id is None else word.node_id, word.pdo) for word in words]

@@ -1,0 +1,57 @@
+"""Let RPDOs hear a TPDO of another node."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING, Literal
+
+import click
+
+from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.commands._link_ends import endpoints
+from dvtcli.cli.commands._network_plan import show_plan
+from dvtcli.cli.effect import Effect
+from dvtcli.cli.params import NumberType
+from dvtcli.cli.pdo_params import PDO, NodePdo
+from dvtcli.errors import UsageError
+
+if TYPE_CHECKING:
+    from dvtcli.operations.results import NetworkApplied
+
+TASK = ("Networks", 40)
+_HEARTBEAT_MS = NumberType(1, 0xFFFF, "a heartbeat in ms")
+
+
+@click.command("link", cls=DvtCommand, short_help=__doc__, effect=Effect.CHANGES)
+@click.argument("producer", type=PDO, metavar="NODE:TPDO")
+@click.argument("consumers", type=PDO, nargs=-1, required=True, metavar="NODE:RPDO...")
+@click.option(
+    "--heartbeat", type=_HEARTBEAT_MS, metavar="MS", help="How often the producer sends its heartbeat (0x1017)."
+)
+@click.option("--no-heartbeat", "silent", is_flag=True, help="Leave 0x1016 and 0x1017 alone.")
+@click.pass_context
+def command(
+    ctx: click.Context,
+    /,
+    producer: NodePdo,
+    consumers: tuple[NodePdo, ...],
+    heartbeat: int | None,
+    silent: bool,
+) -> NetworkApplied:
+    """Let each RPDO hear the TPDO: its objects at the places of what is sent, dummies for the rest, one CAN-ID.
+
+    What an RPDO maps is what it is to hear; map it with --off before. Both are written and read back before the RPDOs
+    go on, then the TPDO; with a fault on one node, none is changed. A consumer watches the producer's heartbeat, too.
+
+    \b
+    link 1:tpdo1 5:rpdo2
+    link 1:tpdo1 5:rpdo2 6:rpdo1
+    link 1:tpdo1 5:rpdo2 --heartbeat 200
+    """
+    from dvtcli.operations.link_pdos import link_pdos
+
+    if silent and heartbeat is not None:
+        raise UsageError("--heartbeat and --no-heartbeat exclude each other: give one")
+    asked: int | Literal[False] | None = False if silent else heartbeat
+    sender, *hearers = endpoints(ctx.obj, (producer, *consumers))
+    return link_pdos(ctx.obj, sender, hearers, heartbeat=asked, on_plan=partial(show_plan, ctx.obj.output))

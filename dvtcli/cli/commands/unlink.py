@@ -1,0 +1,38 @@
+"""Let RPDOs hear a TPDO no more."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+import click
+
+from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.commands._link_ends import endpoints
+from dvtcli.cli.commands._network_plan import show_plan
+from dvtcli.cli.effect import Effect
+from dvtcli.cli.pdo_params import PDO, NodePdo
+
+if TYPE_CHECKING:
+    from dvtcli.operations.results import NetworkApplied
+
+TASK = ("Networks", 50)
+
+
+@click.command("unlink", cls=DvtCommand, short_help=__doc__, effect=Effect.CHANGES)
+@click.argument("producer", type=PDO, metavar="NODE:TPDO")
+@click.argument("consumers", type=PDO, nargs=-1, required=True, metavar="NODE:RPDO...")
+@click.option("--no-heartbeat", "silent", is_flag=True, help="Leave 0x1016 alone.")
+@click.pass_context
+def command(ctx: click.Context, /, producer: NodePdo, consumers: tuple[NodePdo, ...], silent: bool) -> NetworkApplied:
+    """Disable each RPDO that hears the TPDO, and keep its mapping; the TPDO goes on: others may hear it.
+
+    A node that hears nothing of the producer's node any more stops watching its heartbeat.
+
+    \b
+    unlink 1:tpdo1 5:rpdo2
+    """
+    from dvtcli.operations.link_pdos import unlink_pdos
+
+    sender, *hearers = endpoints(ctx.obj, (producer, *consumers))
+    return unlink_pdos(ctx.obj, sender, hearers, heartbeat=not silent, on_plan=partial(show_plan, ctx.obj.output))

@@ -1,0 +1,95 @@
+"""`import`: what was imported reads back, and plans empty; links are found; files are never overwritten unasked."""
+
+from __future__ import annotations
+
+import shutil
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from dvtcli.files.network.read_network import read_network_file
+from tests.commands.bench import Bench
+from tests.house.source import PACKAGE
+
+FAMILIES = ("gen4", "tmcm", "roboteq", "espac", "canopennode", "generic", "lely")
+
+
+@pytest.mark.parametrize("pair", list(pairwise(FAMILIES)))
+def test_what_was_imported_plans_empty(pair: tuple[str, str], tmp_path: Path) -> None:
+    file = tmp_path / "net.yaml"
+    with Bench((f"{pair[0]}@3", f"{pair[1]}@7")) as bench:
+        ran = bench.run(f"import {file} --json")
+        assert (ran.code, [one["node"] for one in ran.document["nodes"]]) == (0, [3, 7])
+        wish = read_network_file(file)
+        assert [len(node.pdos) for node in wish.nodes] == [one["pdos"] for one in ran.document["nodes"]]
+        pinned = [family for family, node in zip(pair, wish.nodes, strict=True) if node.identity.vendor]
+        assert pinned == [family for family in pair if family != "canopennode"]  # which has no identity of its own
+        planned = bench.run(f"plan {file} --exit-code --json")
+        assert (planned.code, planned.document["writes"]) == (0, 0), planned
+
+
+def test_links_are_found_and_plan_empty(tmp_path: Path) -> None:
+    file = tmp_path / "net.yaml"
+    with Bench(("gen4@1", "tmcm@5", "generic@6")) as bench:
+        for line in ("map 1:tpdo1 6041 606C", "map 5:rpdo2 6040 60FF --off", "map 6:rpdo1 60FF --off",
+                     "link 1:tpdo1 5:rpdo2 --no-heartbeat", "link 1:tpdo1 6:rpdo1",
+                     "set 6:rpdo2 --cob-id 0x281"):  # fmt: skip
+            assert bench.run(line).code == 0, line
+        ran = bench.run(f"import {file} --json")
+        assert ran.document["links"] == 1
+        assert any("6:rpdo2 hears 1:tpdo2, and their layouts differ: no link" in one for one in ran.document["notes"])
+        assert bench.run(f"plan {file} --exit-code").code == 0
+    (link,) = read_network_file(file).links
+    assert [(end.node_id, str(end.pdo)) for end in (link.producer, *link.consumers)] == [
+        (1, "tpdo1"), (5, "rpdo2"), (6, "rpdo1"),
+    ]  # fmt: skip
+    assert link.heartbeat is False  # node 5 does not watch
+
+
+def test_one_node_of_several(tmp_path: Path) -> None:
+    with Bench(("gen4@1", "tmcm@5"), {"node": 5}) as bench:
+        ran = bench.run(f"import {tmp_path / 'net.yaml'} --json")
+        assert [one["node"] for one in ran.document["nodes"]] == [5]
+    with Bench(("gen4@1",), {"node": 9}) as bench:
+        assert bench.run(f"import {tmp_path / 'none.yaml'}").code == 5
+        assert not (tmp_path / "none.yaml").exists()
+
+
+def test_a_folder_of_files_needs_no_bus(tmp_path: Path) -> None:
+    folder, file = tmp_path / "eds", tmp_path / "net.yaml"
+    folder.mkdir()
+    for family in ("gen4", "tmcm"):
+        shutil.copy(PACKAGE / "families" / family / f"{family}.eds", folder)
+    text = (folder / "tmcm.eds").read_text("latin-1")
+    (folder / "tmcm.eds").unlink()
+    (folder / "motor.dcf").write_text(f"{text}\n[DeviceCommissioning]\nNodeID=0x01\n", "latin-1")
+    with Bench(()) as bench:
+        ran = bench.run(f"import {file} {folder} --json")
+        assert ran.code == 0, ran
+        assert [(one["node"], one["name"]) for one in ran.document["nodes"]] == [(1, "tmcm_1"), (2, "gen4_2")]
+        assert ran.document["notes"] == ["gen4.eds names no node-ID of its own: it is node 2"]
+        assert not bench.session.is_open
+        assert bench.run(f"import {file} {tmp_path / 'none'}").code == 6  # the file is there by now
+        assert bench.run(f"import {tmp_path / 'b.yaml'} {tmp_path / 'none'}").code == 2
+    wish = read_network_file(file)
+    assert [node.dcf.text if node.dcf else "" for node in wish.nodes] == ["eds/motor.dcf", "eds/gen4.eds"]
+    with Bench(("tmcm@1", "gen4@2")) as bench:
+        planned = bench.run(f"plan {file} --exit-code --json")
+        assert (planned.code, planned.document["writes"]) == (0, 0), planned
+
+
+def test_a_file_is_overwritten_with_consent_only(tmp_path: Path) -> None:
+    file = tmp_path / "net.yaml"
+    file.write_text("mine", "utf-8")
+    with Bench(("gen4",)) as bench:
+        assert bench.run(f"import {file}").code == 6
+        assert file.read_text("utf-8") == "mine"
+        assert bench.run(f"import {file} --yes").code == 0
+        assert bench.run(f"import {tmp_path / 'net.dcf'}").code == 2
+
+
+def test_a_network_without_nodes_is_no_answer(tmp_path: Path) -> None:
+    with Bench((), {"interface": "virtual", "channel": "nobody", "timeout": 0.05}) as bench:
+        assert bench.run(f"import {tmp_path / 'net.yaml'}").code == 5
+        assert not (tmp_path / "net.yaml").exists()

@@ -1,0 +1,206 @@
+"""`link`, `unlink` and links of a network file, on simulated nodes of three families."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import dvtcli
+from dvtcli.errors import UsageError
+from tests.commands.bench import Bench
+
+#: gen4 can skip and watch a heartbeat, tmcm neither.
+NODES = ("gen4@1", "tmcm@5", "generic@6")
+
+
+@pytest.fixture
+def bench() -> Iterator[Bench]:
+    with Bench(NODES, {"yes": True}) as made:
+        yield made
+
+
+def pdos(bench: Bench, node_id: int) -> dict[str, Any]:
+    """Every PDO of a node, by name."""
+    assert bench.run(f"node {node_id}").code == 0
+    return {one["pdo"]: one for one in bench.run("pdo --all --json").document["pdos"]}
+
+
+def held(bench: Bench) -> list[Any]:
+    """Every PDO of all nodes, and what they say of heartbeats."""
+    rows = [pdos(bench, node_id) for node_id in (1, 5, 6)]
+    words = ("1:1017", "6:1017", "6:1016:01")
+    return [*rows, *(value(bench, word) for word in words)]
+
+
+def value(bench: Bench, word: str) -> int:
+    node_id, _, place = word.partition(":")
+    assert bench.run(f"node {node_id}").code == 0
+    return int(bench.run(f"read {place} --json").document["value"])
+
+
+def mapped(pdo: dict[str, Any]) -> list[str]:
+    return [f"{one['object']}/{one['bits']}" for one in pdo["mapping"]]
+
+
+def test_consumers_hear_the_producer_at_its_places_and_watch_it(bench: Bench) -> None:
+    assert bench.run("map 1:tpdo1 6041 606C --cob-id 0x201").code == 0
+    assert bench.run("map 5:rpdo2 6040 60FF --off").code == 0
+    assert bench.run("map 6:rpdo1 60FF --off").code == 0
+    before = held(bench)
+    ran = bench.run("link 1:tpdo1 5:rpdo2 6:rpdo1 --json")
+    assert ran.code == 0, ran
+    assert ran.document["schema"] == "dvtcli.apply/1"
+    assert "node 5 does not watch node 1: it has no 0x1016" in ran.stderr
+    one, two, three = pdos(bench, 1)["tpdo1"], pdos(bench, 5)["rpdo2"], pdos(bench, 6)["rpdo1"]
+    assert [pdo["cob_id"] for pdo in (one, two, three)] == [0x201] * 3
+    assert all(pdo["enabled"] for pdo in (one, two, three))
+    assert (mapped(two), mapped(three)) == (["6040:00/16", "60FF:00/32"], ["0003:00/16", "60FF:00/32"])
+    assert value(bench, "6:1016:01") == 1 << 16 | 3 * value(bench, "1:1017")
+    again = bench.run("link 1:tpdo1 5:rpdo2 6:rpdo1 --json").document
+    assert (again["changed"], again["writes"]) == (False, 0)
+    assert bench.run("undo --all").code == 0
+    assert bench.run("map 1:tpdo1 6041 606C --cob-id 0x201").code == 0
+    assert bench.run("map 5:rpdo2 6040 60FF --off").code == 0
+    assert bench.run("map 6:rpdo1 60FF --off").code == 0
+    assert held(bench) == before
+
+
+def test_consumers_go_on_before_the_producer(bench: Bench) -> None:
+    assert bench.run("map 1:tpdo1 6041 606C --off").code == 0
+    assert bench.run("map 5:rpdo2 6040 60FF --off").code == 0
+    enabled: list[tuple[int, int]] = []
+
+    def note(frame: Any, sent: bool) -> None:
+        index = int.from_bytes(frame.data[1:3], "little")
+        is_cob_id = sent and 0x600 < frame.can_id < 0x680 and frame.data[0] == 0x23 and frame.data[3] == 1
+        if is_cob_id and index in (0x1401, 0x1800) and not frame.data[7] & 0x80:
+            enabled.append((frame.can_id - 0x600, index))
+
+    bench.session.open_network().bus.tap(note)
+    assert bench.run("link 1:tpdo1 5:rpdo2").code == 0
+    assert enabled == [(5, 0x1401), (1, 0x1800)]
+
+
+@pytest.mark.parametrize("place", ["1:refuse@1", "5:refuse@1", "6:refuse@1", "6:refuse@2"])
+def test_a_fault_on_one_node_brings_all_of_them_back(place: str) -> None:
+    with Bench(NODES, {"yes": True, "fault": (f"{place}=0x08000021",)}) as bench:
+        before = held(bench)
+        ran = bench.run("link 1:tpdo1 5:rpdo1 6:rpdo1 --heartbeat 300 --json")
+        assert (ran.code, ran.documents[-1]["state"]) in ((1, "rolled_back"), (1, "unchanged")), ran
+        assert held(bench) == before
+
+
+def test_a_dry_run_changes_nothing(bench: Bench) -> None:
+    before = held(bench)
+    assert bench.run("map 6:rpdo1 60FF --off").code == 0
+    ran = bench.run("link 1:tpdo2 6:rpdo1 --dry-run")
+    assert ran.code == 0, ran
+    assert "Nothing was sent" in ran.stdout
+    assert bench.run("undo").code == 0
+    assert held(bench) == before
+
+
+def test_a_can_id_that_another_node_sends_is_not_taken(bench: Bench) -> None:
+    assert bench.run("set 1:tpdo2 --cob-id 0x2A0 --off").code == 0
+    assert bench.run("set 5:tpdo1 --cob-id 0x2A0 --force").code == 0
+    assert bench.run("map 6:rpdo1 60FF --off").code == 0
+    assert bench.run("link 1:tpdo2 6:rpdo1").code == 0
+    assert pdos(bench, 1)["tpdo2"]["cob_id"] == pdos(bench, 6)["rpdo1"]["cob_id"] == 0x281
+
+
+def test_the_heartbeat_is_set_and_watched_or_left_alone(bench: Bench) -> None:
+    assert bench.run("map 6:rpdo1 60FF --off").code == 0
+    assert bench.run("link 1:tpdo2 6:rpdo1 --no-heartbeat").code == 0
+    assert value(bench, "6:1016:01") & 0xFFFF == 0
+    assert bench.run("link 1:tpdo2 6:rpdo1 --heartbeat 250").code == 0
+    assert (value(bench, "1:1017"), value(bench, "6:1016:01")) == (250, 1 << 16 | 750)
+    assert bench.run("link 1:tpdo2 6:rpdo1 --heartbeat 250 --no-heartbeat").code == 2
+    assert bench.run("unlink 1:tpdo2 6:rpdo1").code == 0
+    assert value(bench, "6:1016:01") == 0
+    assert not pdos(bench, 6)["rpdo1"]["enabled"]
+    assert pdos(bench, 1)["tpdo2"]["enabled"]
+
+
+def test_a_producer_without_heartbeat_is_said(bench: Bench) -> None:
+    assert bench.run("map 6:rpdo1 60FF --off").code == 0
+    assert bench.run("node 1").code == 0
+    assert bench.run("write 1017 0").code == 0
+    ran = bench.run("link 1:tpdo2 6:rpdo1")
+    assert ran.code == 0
+    assert "node 1 sends no heartbeat" in ran.stderr
+    assert value(bench, "6:1016:01") & 0xFFFF == 0
+
+
+def test_nodes_that_run_are_asked_for() -> None:
+    with Bench(("gen4@1", "generic@6")) as bench:
+        assert bench.run("map 6:rpdo1 60FF --off").code == 0
+        assert bench.run("nmt start 6").code == 0
+        ran = bench.run("link 1:tpdo2 6:rpdo1 --json")
+        assert (ran.code, ran.documents[-1]["state"]) == (6, "unchanged")
+        assert not pdos(bench, 6)["rpdo1"]["enabled"]
+        assert bench.run("nmt preop 6").code == 0
+        assert bench.run("link 1:tpdo2 6:rpdo1").code == 0
+
+
+@pytest.mark.parametrize(
+    ("line", "code"),
+    [
+        ("link 1:tpdo1", 2),
+        ("link 5:rpdo2 1:tpdo1", 2),
+        ("link 1:tpdo1 5:tpdo1", 2),
+        ("link 1:tpdo1 5:rpdo2 5:rpdo2", 2),
+        ("link 1:tpdo1 5:rpdo99", 1),
+        ("link 1:tpdo1 1:rpdo2", 1),
+        ("link 1:tpdo1 5:rpdo1", 0),
+        ("link 1:tpdo1 5:rpdo2", 1),
+        ("link 1:tpdo1 9:rpdo1", 5),
+        ("unlink 1:tpdo1 5:rpdo1", 2),
+        ("unlink 5:rpdo1 5:rpdo1", 2),
+    ],
+)
+def test_what_is_no_link(bench: Bench, line: str, code: int) -> None:
+    before = held(bench)
+    ran = bench.run(f"{line} --json")
+    assert ran.code == code, ran
+    if code:
+        assert [one["state"] for one in ran.documents] in ([], ["unchanged"])  # click's own errors are text
+        assert held(bench) == before
+
+
+FILE = """
+nodes:
+  drive: {node_id: 1, tpdo: {1: {cob_id: 0x201, mapping: [statusword, velocity_actual_value]}}}
+  motor: {node_id: 5, rpdo: {2: {mapping: [controlword, target_velocity]}}}
+  other: {node_id: 6, rpdo: {1: {mapping: [60FF:00]}}}
+links:
+  - {from: drive:tpdo1, to: [motor:rpdo2, other:rpdo1], heartbeat: 400}
+"""
+
+
+def test_links_of_a_file_are_planned_and_applied(bench: Bench, tmp_path: Path) -> None:
+    file = tmp_path / "net.yaml"
+    file.write_text(FILE)
+    assert bench.run(f"diff {file}").code == 3
+    assert bench.run(f"apply {file}").code == 0
+    assert bench.run(f"diff {file}").code == 0
+    assert mapped(pdos(bench, 6)["rpdo1"]) == ["0003:00/16", "60FF:00/32"]
+    assert (value(bench, "1:1017"), value(bench, "6:1016:01")) == (400, 1 << 16 | 1200)
+    file.write_text(FILE.replace("{2: {mapping", "{2: {cob_id: 0x301, mapping"))
+    ran = bench.run(f"plan {file} --json")
+    assert (ran.code, ran.documents[-1]["findings"][0]["rule"]) == (1, "link-can-id")
+
+
+def test_programs_link_and_unlink() -> None:
+    with dvtcli.simulate("gen4@1", "tmcm@5") as bus:
+        bus.node(5).map("rpdo2", "60FF", "6040", enabled=False)
+        bus.node(1).map("tpdo1", "606C", "6041")
+        done = bus.link("1:tpdo1", "5:rpdo2", heartbeat=False)
+        assert done
+        assert [one.node_id for one in done.plan.nodes if len(one.plan)] == [5]
+        assert bus.unlink("1:tpdo1", "5:rpdo2")
+        for wrong in (("tpdo1", "5:rpdo2"), ("1:tpdo1",), ("1:tpdo1", "5:xpdo2"), ("200:tpdo1", "5:rpdo2")):
+            with pytest.raises(UsageError):
+                bus.link(*wrong)
