@@ -16,7 +16,7 @@ from dvtcli.bus.node_watch import EMERGENCY, HEARTBEAT
 from dvtcli.bus.receiver import Wake, bus_closed
 from dvtcli.bus.sdo.channel import SdoChannel
 from dvtcli.bus.sdo.channels import SdoChannels
-from dvtcli.bus.sdo.link import ANSWER_ID, DEFAULT_RETRIES, DEFAULT_TIMEOUT_S, REQUEST_ID, DroppedAnswers, Inbox
+from dvtcli.bus.sdo.sdo_link import ANSWER_ID, DEFAULT_RETRIES, DEFAULT_TIMEOUT_S, REQUEST_ID, DroppedAnswers, Inbox
 from dvtcli.bus.traffic import Tap, Traffic
 from dvtcli.bus.watched_bus import WatchedBus
 from dvtcli.domain.nmt import NmtState

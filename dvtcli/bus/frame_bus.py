@@ -13,7 +13,7 @@ from dvtcli.bus.node_watch import EMERGENCY, HEARTBEAT
 from dvtcli.bus.read_bus import ReadBus
 from dvtcli.bus.sdo.channel import SdoChannel
 from dvtcli.bus.sdo.channels import SdoChannels
-from dvtcli.bus.sdo.link import ANSWER_ID, DEFAULT_RETRIES, DEFAULT_TIMEOUT_S, REQUEST_ID, DroppedAnswers
+from dvtcli.bus.sdo.sdo_link import ANSWER_ID, DEFAULT_RETRIES, DEFAULT_TIMEOUT_S, REQUEST_ID, DroppedAnswers
 from dvtcli.bus.watched_bus import NMT_CAN_ID
 from dvtcli.domain.ports import Frame
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from dvtcli.domain.nmt import NmtCommand
 
 if TYPE_CHECKING:
-    from dvtcli.bus.sdo.link import DroppedAnswers
+    from dvtcli.bus.sdo.sdo_link import DroppedAnswers
 
 #: One doubled answer may be the bus's; from this many on they mean a second node.
 SECOND_ANSWERS = 3

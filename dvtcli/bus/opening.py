@@ -18,7 +18,7 @@ from can import util
 from dvtcli.bus.carrier import Carrier
 from dvtcli.bus.kernel_carrier import KernelCarrier, check_link
 from dvtcli.bus.python_can import CanBus
-from dvtcli.bus.sdo.link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S
+from dvtcli.bus.sdo.sdo_link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S
 from dvtcli.bus.server_carrier import ServerCarrier, probe
 from dvtcli.bus.slcan_carrier import SlcanCarrier
 from dvtcli.bus.transports import transports

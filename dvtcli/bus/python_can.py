@@ -17,7 +17,7 @@ from dvtcli.bus.echoes import Echoes
 from dvtcli.bus.error_frames import ErrorFrames
 from dvtcli.bus.frame_bus import FrameBus
 from dvtcli.bus.receiver import bus_closed
-from dvtcli.bus.sdo.link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S, REQUEST_ID
+from dvtcli.bus.sdo.sdo_link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S, REQUEST_ID
 from dvtcli.errors import BusUnavailable
 
 #: what python-can's drivers raise when a bus fails in use; a closed socket is a ValueError in select(), a serial line

@@ -14,7 +14,7 @@ from typing import Generic, TypeVar
 from weakref import WeakSet
 
 from dvtcli.bus.receiver import Receiver, Wake
-from dvtcli.bus.sdo.link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S
+from dvtcli.bus.sdo.sdo_link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S
 from dvtcli.bus.traffic import Tap, Traffic
 from dvtcli.bus.watched_bus import WatchedBus
 from dvtcli.domain.ports import Frame

@@ -12,7 +12,7 @@ from contextlib import suppress
 
 from dvtcli.bus.node_watch import NodeWatch
 from dvtcli.bus.oddities import Oddities
-from dvtcli.bus.sdo.link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S, DroppedAnswers, SdoSettings
+from dvtcli.bus.sdo.sdo_link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S, DroppedAnswers, SdoSettings
 from dvtcli.bus.traffic import Tap
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.node_events import Emergency, NodeEvent

@@ -14,7 +14,7 @@ from heapq import heappop, heappush
 from dvtcli.bus.receiver import Wake
 from dvtcli.bus.sdo.channel import SdoChannel
 from dvtcli.bus.sdo.client import StrictSdoClient
-from dvtcli.bus.sdo.link import ANSWER_ID, REQUEST_ID, Inbox, SdoSettings
+from dvtcli.bus.sdo.sdo_link import ANSWER_ID, REQUEST_ID, Inbox, SdoSettings
 from dvtcli.errors import DvtcliError, NoAnswer, SdoAborted, SdoProtocolError
 
 NODE, INDEX, SUB_INDEX = 5, 0x1A00, 1

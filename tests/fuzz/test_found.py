@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from dvtcli.bus.sdo.client import StrictSdoClient
-from dvtcli.bus.sdo.link import SdoSettings
+from dvtcli.bus.sdo.sdo_link import SdoSettings
 from dvtcli.cli.lexer import split
 from dvtcli.cli.script import MOST_COMMANDS, script_lines
 from dvtcli.cli.view.output import Output

@@ -12,7 +12,7 @@ from typing import TypeVar
 from canopen.sdo.exceptions import SdoError
 
 from dvtcli.bus.sdo.client import StrictSdoClient
-from dvtcli.bus.sdo.link import DroppedAnswers
+from dvtcli.bus.sdo.sdo_link import DroppedAnswers
 from dvtcli.errors import BusUnavailable, NoAnswer, SdoProtocolError
 
 T = TypeVar("T")

@@ -9,7 +9,7 @@ import threading
 
 from dvtcli.bus.sdo.channel import SdoChannel
 from dvtcli.bus.sdo.client import StrictSdoClient
-from dvtcli.bus.sdo.link import RESTARTED, DroppedAnswers, SdoLink, SdoSettings
+from dvtcli.bus.sdo.sdo_link import RESTARTED, DroppedAnswers, SdoLink, SdoSettings
 
 
 class SdoChannels:

@@ -15,7 +15,7 @@ from canopen.sdo.client import SdoClient
 from canopen.sdo.constants import SDO_STRUCT
 
 from dvtcli.bus.receiver import Wake
-from dvtcli.bus.sdo.link import ANSWER_ID, REQUEST_ID, RESTARTED, DroppedAnswers, Inbox, SdoLink, SdoSettings
+from dvtcli.bus.sdo.sdo_link import ANSWER_ID, REQUEST_ID, RESTARTED, DroppedAnswers, Inbox, SdoLink, SdoSettings
 from dvtcli.bus.sdo.silence import no_answer
 from dvtcli.domain.abort import Abort
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.bus.frame_bus import FrameBus
 from dvtcli.bus.receiver import bus_closed
-from dvtcli.bus.sdo.link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S
+from dvtcli.bus.sdo.sdo_link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import BusUnavailable
 from dvtcli.simulator.device.strict_device import StrictDevice
