@@ -97,6 +97,7 @@ def networks(draw: DrawFn) -> NetworkWish:
 
 @given(networks(), TEXT)
 def test_what_is_written_is_read_again(wish: NetworkWish, title: str) -> None:
-    text = write_network(wish, title, {"6041:00": title})
+    remarks = {(node.node_id, "6041:00"): title for node in wish.nodes}
+    text = write_network(wish, title, remarks)
     assert read_network(text, "net.yaml") == wish, text
-    assert write_network(read_network(text, "net.yaml"), title, {"6041:00": title}) == text
+    assert write_network(read_network(text, "net.yaml"), title, remarks) == text
