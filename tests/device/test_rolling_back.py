@@ -211,3 +211,42 @@ def test_what_is_refused_and_has_no_other_way_is_raised_as_it_was_said() -> None
     with pytest.raises(SdoAborted) as caught:
         restore(FaultySdo(sdo, refuse, 1), [change], settles=True)
     assert (caught.value.place, sdo.writes) == ("1800:01", [])
+
+
+class FixedEntries(DirectSdo):
+    """A device whose mappings have a count that can be written, and entries that cannot, whatever its file says."""
+
+    def download(self, index: int, sub_index: int, data: bytes, *, timeout_s: float | None = None) -> None:
+        if index == TPDO1.mapping_index and sub_index:
+            self.writes.append((index, sub_index, bytes(data)))
+            raise SdoAborted(index, sub_index, Abort.READ_ONLY, node=NODE)
+        super().download(index, sub_index, data, timeout_s=timeout_s)
+
+
+def test_entries_that_take_nothing_are_put_back_by_the_count_alone() -> None:
+    device = booted()
+    channel = FixedEntries(device)
+    node = Node(DirectBus(device, channel), NODE, dictionary("generic"))
+    before = node.pdos()
+    with pytest.raises(DeviceRefused) as caught:
+        node.configure({TPDO1: replace(before[TPDO1], mapping=(PdoMappingEntry(0x6064, 0, 32),))})
+    assert (caught.value.state, caught.value.abort) == ("rolled_back", Abort.READ_ONLY)
+    assert node.pdos() == before
+    assert (0x1A00, 0, b"\1") in channel.writes, "its count was 0 meanwhile"
+
+
+class Amnesiac(FixedEntries):
+    """Such a device that forgets its entries when the count becomes 0, so that nothing brings them back."""
+
+    def download(self, index: int, sub_index: int, data: bytes, *, timeout_s: float | None = None) -> None:
+        super().download(index, sub_index, data, timeout_s=timeout_s)
+        if (index, sub_index, data) == (TPDO1.mapping_index, 0, b"\0"):
+            self.device.set_value(TPDO1.mapping_index, 1, bytes(4))
+
+
+def test_entries_that_are_gone_are_not_taken_for_put_back() -> None:
+    device = booted()
+    node = Node(DirectBus(device, Amnesiac(device)), NODE, dictionary("generic"))
+    wanted = replace(node.pdos()[TPDO1], mapping=(PdoMappingEntry(0x6064, 0, 32),))
+    with pytest.raises(LeftChanged):
+        node.configure({TPDO1: wanted})

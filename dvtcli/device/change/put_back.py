@@ -108,7 +108,7 @@ def _put_one_back(
     """Put back what *change* replaced; where the device refuses that, and that was foreseen, what it takes."""
     try:
         for step in _steps_back(sdo, change, fillers):
-            sdo.download(step.index, step.sub_index, step.after)
+            _bring(sdo, step)
     except SdoAborted as refused:
         if not isinstance(change, PdoChange) or not _otherwise_put_back(sdo, change, refused, settles=settles):
             raise
@@ -128,8 +128,24 @@ def _otherwise_put_back(sdo: SdoTransport, change: PdoChange, refused: SdoAborte
     else:
         return False
     for step in steps:
-        sdo.download(step.index, step.sub_index, step.after)
+        _bring(sdo, step)
     return True
+
+
+def _bring(sdo: SdoTransport, step: Step) -> None:
+    """Write *step*; refusing what is held already is no refusal: a count may be writable, and its entries not."""
+    try:
+        sdo.download(step.index, step.sub_index, step.after)
+    except SdoAborted:
+        if not _holds(sdo, step):
+            raise
+
+
+def _holds(sdo: SdoTransport, step: Step) -> bool:
+    try:
+        return sdo.upload(step.index, step.sub_index) == step.after
+    except SdoAborted:
+        return False
 
 
 def _fillers(changes: Sequence[Change]) -> dict[Pdo, list[ValueChange]]:

@@ -135,8 +135,6 @@ def _ask_one(asking: Asking, answers: dict[str, Answer], terms: Terms) -> Known:
                 answers[probe.name] = Answer(probe, None, why="only with --isolated")
                 continue
             answers[probe.name] = asking.ask(probe)
-            if asking.fit is None and known.fits:
-                asking.fit = known.fits[0].raw
         if known.fits:
             asking.fit = known.fits[0].raw
     return known
