@@ -11,6 +11,7 @@ import pytest
 import dvtcli
 from dvtcli.errors import UsageError
 from tests.commands.bench import Bench
+from tests.house.source import PACKAGE
 
 #: gen4 can skip and watch a heartbeat, tmcm neither.
 NODES = ("gen4@1", "tmcm@5", "generic@6")
@@ -204,3 +205,38 @@ def test_programs_link_and_unlink() -> None:
         for wrong in (("tpdo1", "5:rpdo2"), ("1:tpdo1",), ("1:tpdo1", "5:xpdo2"), ("200:tpdo1", "5:rpdo2")):
             with pytest.raises(UsageError):
                 bus.link(*wrong)
+
+
+GUARDED = """
+[100C]
+ParameterName=Guard time
+ObjectType=0x7
+DataType=0x0006
+AccessType=rw
+DefaultValue=100
+PDOMapping=0
+
+[100D]
+ParameterName=Life time factor
+ObjectType=0x7
+DataType=0x0005
+AccessType=rw
+DefaultValue=3
+PDOMapping=0
+"""
+
+
+def test_a_guarded_node_gets_no_heartbeat(tmp_path: Path) -> None:
+    eds = tmp_path / "guarded.eds"
+    text = (PACKAGE / "families" / "generic" / "generic.eds").read_text("latin-1")
+    text = text.replace("SupportedObjects=51\n", "SupportedObjects=53\n52=0x100C\n53=0x100D\n")
+    eds.write_text(text.replace("\n[1017]\n", f"{GUARDED}\n[1017]\n"), "latin-1")
+    with Bench((f"{eds}@1", "generic@6")) as bench:
+        before = value(bench, "1:1017")
+        ran = bench.run("link 1:tpdo1 6:rpdo1 --heartbeat 100 --json")
+        assert (ran.code, [one["rule"] for one in ran.documents[-1]["findings"]]) == (1, ["link-guarded"])
+        assert value(bench, "1:1017") == before
+        assert bench.run("node 1").code == 0
+        assert bench.run("write 100D 0").code == 0
+        assert bench.run("link 1:tpdo1 6:rpdo1 --heartbeat 100").code == 0
+        assert value(bench, "1:1017") == 100
