@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.files.eds.reader import read_eds
 from dvtcli.simulator.device.family import Family
 from dvtcli.simulator.device.strict_device import StrictDevice
@@ -32,18 +33,20 @@ def dump(bench: Bench) -> dict[tuple[int, int], bytes]:
     return held
 
 
-def booted(eds: Path, family: Family) -> StrictDevice:
-    device = StrictDevice(read_eds(eds).dictionary, family, 1)
+def booted(eds: Path | ObjectDictionary, family: Family) -> StrictDevice:
+    """A device of *family* that has just booted; an EDS that many are made of is read once by who makes them."""
+    device = StrictDevice(read_eds(eds).dictionary if isinstance(eds, Path) else eds, family, 1)
     device.boot_up()
     return device
 
 
 def differing(eds: Path, original: Family, learnt: Family) -> tuple[list[str], int]:
     """The questions that both answer differently, and how many were put."""
-    asked = questions(read_eds(eds).dictionary)
+    dictionary = read_eds(eds).dictionary
+    asked = questions(dictionary)
     found = []
     for question in asked:
-        said, now = (put(booted(eds, family), question) for family in (original, learnt))
+        said, now = (put(booted(dictionary, family), question) for family in (original, learnt))
         if said != now:
             found.append(f"{question.name}: {said} became {now}")
     return found, len(asked)
