@@ -102,3 +102,12 @@ def test_what_others_left_is_named_before_our_own_and_once() -> None:
     pending.changed("TPDO2", 0x1801)
     pending.of_others({"1017:00": 0x1017, "TPDO2": 0x1801})
     assert list(pending.unstored.items()) == [("1017:00", 0x1017), ("TPDO2", 0x1801), ("TPDO1", 0x1800)]
+
+
+def test_after_its_defaults_were_restored_no_number_of_changes_stands_for_what_it_holds() -> None:
+    pending = Pending()
+    pending.was_stored(EVERYTHING, 1)
+    assert pending.is_as_stored(1)
+    pending.was_restored(2)
+    assert [pending.is_as_stored(changes) for changes in (0, 1, 2)] == [False] * 3
+    assert (pending.stored_at, pending.lost_until) == (0, 2)

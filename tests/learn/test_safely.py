@@ -69,7 +69,7 @@ def test_all_is_as_it_was_and_what_was_read_is_read_anew() -> None:
     assert all(answer.why != "nothing is known that it maps" for answer in asked.known[0].answers.values())
     assert node.cancellation.active, "a Ctrl-C comes too late by now"
     assert node.pdos() == before
-    asked = ask(node)
+    ask(node)
     channel.device.set_value(*OTHERS_TIMER, b"\7\0")
     assert node.known_pdo(TPDO1).communication.event_timer == 7
 
