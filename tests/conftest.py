@@ -72,8 +72,10 @@ def pytest_configure(config: pytest.Config) -> None:
     """In every worker, before any test is read: nobody's wishes for dvtcli, Python or a terminal count."""
     process.FRESH_PYTHON |= config.getoption("--fresh-python")
     set_environment(clean_environment() | _for_workers(config))
-    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # so a shell starts what it does not wait for
-        signal.signal(signal.SIGINT, signal.default_int_handler)
+    # A shell starts what it does not wait for without SIGINT, nohup without SIGHUP: dvtcli would start so, too.
+    for number, usual in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
+        if signal.getsignal(number) is signal.SIG_IGN:
+            signal.signal(number, usual)
     sys.dont_write_bytecode = False  # hundreds of processes start, and would compile all of it again each
 
 

@@ -144,7 +144,7 @@ def test_menus_say_what_each_word_is(open_terminal: Open) -> None:
     terminal = open_terminal("--sim", "gen4", columns=120, rows=40)
     terminal.wait_prompt()
     terminal.type(TAB)
-    terminal.wait("Map objects into a PDO")
+    terminal.wait("Clear PDOs: no mapping, and disabled.")
     terminal.type(ESCAPE)
     terminal.type("map ")
     terminal.wait("0x281, event-driven, 0 bits free")
