@@ -198,7 +198,11 @@ class _Template:
         for place, item in enumerate(items):
             _end_after(_TIMES * self.known.seconds[item.nodeid] + _MORE_S / 2)
             following = items[place + 1] if place + 1 < len(items) else None
-            config.hook.pytest_runtest_protocol(item=item, nextitem=following)
+            try:
+                config.hook.pytest_runtest_protocol(item=item, nextitem=following)
+            except KeyboardInterrupt:  # a Ctrl-C of the test's went further than it should
+                noted.write_text(item.nodeid)
+                os._exit(1)
         os._exit(0 if given == "code" else _VALUES)
 
 

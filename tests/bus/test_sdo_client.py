@@ -389,7 +389,9 @@ def test_a_read_whose_segment_is_lost_is_begun_anew(serve: Serve) -> None:
     announced, segment = frame("41 08 10 00 07 00 00 00"), frame("01 01 02 03 04 05 06 07")
     bus, server = serve(Steps([announced], [], [DEVICE_TYPE], [announced], [segment]), retries=1)
     assert bus.upsets(NODE) == 0
-    assert bus.sdo(NODE).upload(0x1008, 0) == bytes(range(1, 8))
+    channel = bus.sdo(NODE)
+    assert bus.upsets(NODE) == 0
+    assert channel.upload(0x1008, 0) == bytes(range(1, 8))
     assert bus.upsets(NODE) == 1
     assert [request[0] for request in server.ended()] == [0x40, 0x60, 0x80, 0x40, 0x40, 0x60]
 
@@ -502,6 +504,21 @@ def test_a_second_answer_to_the_fence_is_no_stranger_s(serve: Serve) -> None:
     assert bus.sdo(NODE).upload(0x2000, 0) == b"\7"
     dropped = bus.sdo(NODE).dropped
     assert (dropped.stale, dropped.foreign) == (1, 0)
+
+
+def test_a_read_that_is_asked_again_counts_once_and_a_silent_node_is_no_unknown_one(
+    serve: Serve,
+) -> None:
+    bus, _ = serve(Steps(), retries=1)
+    with pytest.raises(NoAnswer) as never:
+        bus.sdo(NODE).upload(0x2000, 0)
+    assert (never.value.hint or "").startswith("power, node-ID, bit rate?")
+    assert bus.upsets(NODE) == 1
+    other, _ = serve(Steps([frame("4F 00 20 00 07")], []))
+    assert other.sdo(NODE).upload(0x2000, 0) == b"\7"
+    with pytest.raises(NoAnswer) as silent:
+        other.sdo(NODE).upload(0x2000, 0)
+    assert (silent.value.hint or "").startswith("it answered before")
 
 
 def test_silence_says_which_answers_did_not_count(serve: Serve) -> None:

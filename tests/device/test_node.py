@@ -115,6 +115,14 @@ def test_a_reset_that_was_asked_for_takes_it_too(node: Node, bus: DirectBus) -> 
     assert (node.last_seen, node.unstored, held_plans(node)) == ({}, {}, [])
 
 
+def test_a_reset_of_the_communication_takes_communication_objects_only(node: Node, bus: DirectBus) -> None:
+    set_timer(node, TPDO1, 70)
+    node.pending.changed("6060:00", 0x6060)
+    bus.send_nmt(NmtCommand.RESET_COMMUNICATION, NODE)
+    assert node.was_reset(communication=True) == ("TPDO1",)
+    assert node.unstored == {"6060:00": 0x6060}
+
+
 def test_after_a_restore_no_number_of_changes_stands_for_what_is_held(node: Node) -> None:
     set_timer(node, TPDO1, 70)
     set_timer(node, TPDO2, 80)

@@ -124,6 +124,15 @@ def test_what_goes_wrong_says_first_that_the_store_was_acknowledged() -> None:
     assert bench.node.pdos() == before.pdos
 
 
+def test_a_pdo_that_is_gone_after_the_restart_is_no_proof() -> None:
+    bench = Bench()
+    held = Held.now(bench.node)
+    before = replace(held, pdos={**held.pdos, Pdo.parse("tpdo400"): held.pdos[TPDO1]})
+    bench.store()
+    proof = prove_store(bench.node, before, STORED, bench.restart(bench.reset))
+    assert (proof.holds, proof.differences) == (False, ("TPDO400 is gone",))
+
+
 def test_why_nothing_could_be_changed_to_find_out() -> None:
     bench = Bench()
     bench.node.profile = replace(GENERIC, store=StorePolicy(covers=(0x2000, 0xFFFF)))
