@@ -122,3 +122,13 @@ def test_what_somebody_else_changed_is_not_taken_for_what_a_reset_took(node: Nod
     with pytest.raises(SafetyRefusal) as alone:
         refuse_unless_left(node, made[:1], 1)
     assert alone.value.why is None
+
+
+def test_single_objects_are_looked_at_too(node: Node) -> None:
+    made = plans(written(30, 40), written(40, 50))
+    for held, gone in ((50, 1), (40, 1), (30, 2)):
+        node.sdo.download(*HEARTBEAT, held.to_bytes(2, "little"))
+        assert refuse_unless_left(node, made, 1) == gone
+    node.sdo.download(*HEARTBEAT, b"\x09\0")
+    with pytest.raises(SafetyRefusal, match="1017:00 is 0x0009, expected 0x0032"):
+        refuse_unless_left(node, made, 1)
