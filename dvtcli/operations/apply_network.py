@@ -8,6 +8,7 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING
 
+from dvtcli.device.change.course import combined
 from dvtcli.device.change.put_back import first_difference
 from dvtcli.device.change.taken_back import with_way_back
 from dvtcli.domain.network.phases import phases
@@ -16,14 +17,14 @@ from dvtcli.domain.plan import Plan
 from dvtcli.domain.profile import PreOperational
 from dvtcli.domain.script_line import change_lines
 from dvtcli.domain.several import plural, several
-from dvtcli.errors import Interrupted, JournalKept, Restarted, SafetyRefusal
+from dvtcli.errors import DeviceRefused, Interrupted, JournalKept, Restarted, SafetyRefusal
 from dvtcli.operations.other_master import refuse_other_master
 from dvtcli.operations.results.networks import NetworkApplied
 from dvtcli.operations.store_network import store_network
 from dvtcli.operations.take_back_network import Course
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
 
     from dvtcli.device.node import Node
     from dvtcli.device.observe import Found
@@ -112,7 +113,10 @@ def _carried_out(
                     part, findings[part.node_id], force=session.options.force, kept=False, found=found[part.node_id]
                 )
                 course.done.append(applied.plan)
-        _refuse_restarted({one.node_id: nodes[one.node_id] for one in planned}, found)
+        changed = {one.node_id: nodes[one.node_id] for one in planned}
+        _refuse_restarted(changed, found)
+        _refuse_lost(nodes, course)
+        _refuse_restarted(changed, found)  # once more: what was read of the first ones may be lost by now
     except BaseException as fault:  # a bug of ours must not leave a network half configured either
         course.take_back(fault)
         raise
@@ -128,6 +132,29 @@ def _stop_if_cancelled(session: Session, part: Plan) -> None:
         stopped = Interrupted(f"stopped before {several(change.label for change in part.changes)}", node=part.node_id)
         stopped.exit_code = session.cancellation.exit_code
         raise stopped
+
+
+def _refuse_lost(nodes: Mapping[int, Node], course: Course) -> None:
+    """DeviceRefused where a node does not hold any more what was verified, while another one was changed.
+
+    A node that restarts does not always say so: after the last write each is read back once more.
+    """
+    for node_id in course.plans:
+        node, plan = nodes[node_id], combined(node_id, [part for part in course.done if part.node_id == node_id])
+        differences = node.observed(lambda node=node, plan=plan: list(_lost(node, plan)))  # type: ignore[misc]
+        if differences:
+            raise DeviceRefused(
+                f"node {node_id} lost what was set, while the network was changed",
+                node=node_id,
+                why="; ".join(differences),
+                hint="it may have restarted: look at its supply, then try again",
+            )
+
+
+def _lost(node: Node, plan: Plan) -> Iterator[str]:
+    for change in plan.changes:
+        if difference := first_difference(node.sdo, change):
+            yield f"{change.label}: {difference}"
 
 
 def _refuse_restarted(nodes: Mapping[int, Node], found: Mapping[int, Found]) -> None:

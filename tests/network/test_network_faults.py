@@ -91,6 +91,27 @@ def test_a_node_that_dies_leaves_its_journal_and_the_others_as_they_were(
     assert heard <= ideal()[1]
 
 
+TWO = """nodes:
+  first: {node_id: 5, tpdo: {1: {transmission: 1}}}
+  second: {node_id: 6, tpdo: {1: {transmission: 1, event_timer: 100, mapping: [6041, 6064]}}}
+"""
+
+
+@pytest.mark.parametrize("silently", [[], ["5:no-boot-up"]])
+@pytest.mark.parametrize("read", range(5, 14))
+def test_a_node_that_restarts_once_it_was_verified_takes_every_node_back(
+    read: int, silently: list[str], tmp_path: Path
+) -> None:
+    file = tmp_path / "two.yaml"
+    file.write_text(TWO)
+    chain = Chain(tmp_path, [f"5:reset-after-read@{read}", *silently], families={5: "generic", 6: "generic"})
+    before, stored = chain.held(), chain.stored()
+    with pytest.raises(DvtcliError) as raised:
+        chain.apply(file)
+    assert (raised.value.exit_code, raised.value.state) == (1, "rolled_back")
+    assert (chain.held(), chain.stored(), chain.journals()) == (before, stored, [])
+
+
 def storing(folder: Path) -> Path:
     """The example, with a store on every node."""
     file = folder / "stores.yaml"
