@@ -97,3 +97,26 @@ def test_rules_that_hold_in_operational_only_are_learnt() -> None:
             assert put(booted(EDS, family), question) == put(booted(EDS, learnt), question), question
         question = Question("type", ((0x1803, 2, 241, 1),), operational=state)
         assert put(booted(EDS, family), question) == put(booted(EDS, learnt), question), question
+
+
+@pytest.mark.parametrize("step", [1, 3, 40])
+def test_a_node_that_restarts_while_it_is_asked_in_operational_is_operational_again(step: int) -> None:
+    node = StrictDevice(read_eds(EDS).dictionary, load_family("generic"), 1)
+    with Wire(node, faults=(f"reset@{step}=0.05",)) as wire, Bench((), wire.options | {"eds": str(EDS)}) as bench:
+        bench.run("nmt start")
+        before = values(node)
+        ran = bench.run("learn --isolated --yes --json")
+        assert (ran.code in (1, 5), ran.document["state"]) == (True, "rolled_back"), ran
+        bench.session.end_line(ran.code)
+        assert node.state is NmtState.OPERATIONAL
+        assert values(node) == before
+
+
+def test_a_node_that_restarted_there_in_a_script_stays_pre_operational_and_that_is_told() -> None:
+    node = StrictDevice(read_eds(EDS).dictionary, load_family("generic"), 1)
+    with Wire(node, faults=("reset@1=0.05",)) as wire, Bench((), wire.options | {"eds": str(EDS)}) as bench:
+        ran = bench.script("nmt start", "learn --isolated --yes")
+        assert ran.code in (1, 5), ran
+        assert node.state is NmtState.PRE_OPERATIONAL
+        told = " ".join(ran.stderr.split())
+        assert "was OPERATIONAL and is PRE-OPERATIONAL now; when it is right: nmt start 1" in told

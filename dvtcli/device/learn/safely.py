@@ -104,6 +104,7 @@ def _ask(node: Node, subjects: Sequence[Subject], found: Found, terms: Terms, on
     askings = [Asking(node, subject, terms.limit, on_write) for subject in subjects]
     answers: list[dict[str, Answer]] = [{} for _ in subjects]
     if terms.isolated and found.state is NmtState.OPERATIONAL:
+        node.gate.found = found.state  # before it is asked: a restart must not hide where it was
         for asking, first in zip(askings, answers, strict=True):
             _keep_to(terms, askings, asking)
             first |= {probe.name: asking.ask(probe) for probe in while_operational(asking.subject)}
