@@ -27,6 +27,11 @@ def final(ctx: click.Context) -> Final | None:
     return None if is_rehearsal(ctx) else of_line(ctx).final(ctx.params)
 
 
+def stores(ctx: click.Context) -> Final | None:
+    """What the parsed line may store once its changes are made; None where it stores nothing, or nothing else."""
+    return None if is_rehearsal(ctx) else of_line(ctx).stores(ctx.params)
+
+
 def is_changing(ctx: click.Context) -> bool:
     """Whether the parsed line changes what a node holds, in a way that can be undone."""
     return not is_rehearsal(ctx) and of_line(ctx).effect is Effect.CHANGES and final(ctx) is None
@@ -53,7 +58,7 @@ class Reach:
         """Take the line at *place* (`FILE:LINE`) in."""
         if is_changing(ctx):
             self._change(place)
-        found = final(ctx)
+        found = final(ctx) or stores(ctx)
         if found is not None and self.final is None:
             self.final = (place, found.words)
 

@@ -29,8 +29,8 @@ class DvtCommand(click.Command):
     """A command that also takes the global options, and negative numbers as values.
 
     *effect* is what it does to nodes; where that depends on a line's parameters, *final* says of them what no undo
-    reverts. With *needs_settings* it does not run where a settings file is wrong. *formats* are those of its answers
-    that not every command has (`sarif`).
+    reverts, and *stores* what the line may store beside its changes. With *needs_settings* it does not run where a
+    settings file is wrong. *formats* are those of its answers that not every command has (`sarif`).
     """
 
     def __init__(
@@ -38,13 +38,14 @@ class DvtCommand(click.Command):
         *args: Any,
         effect: Effect,
         final: Callable[[Mapping[str, Any]], Final | None] | None = None,
+        stores: Callable[[Mapping[str, Any]], Final | None] = lambda _params: None,
         needs_settings: bool = True,
         formats: Sequence[str] = (),
         **kwargs: Any,
     ) -> None:
         super().__init__(*args, **kwargs)
         self.effect, self.needs_settings, self._final = effect, needs_settings, final
-        self.formats = formats
+        self.stores, self.formats = stores, formats
         self.params.extend(global_options(hidden=True))
 
     def final(self, params: Mapping[str, Any]) -> Final | None:

@@ -37,6 +37,7 @@ class ScriptChanges:
         self._before = {id(node): len(node.history) for node in session.met_nodes()}
         #: how many changes of earlier processes had been put back on each node, which no history holds
         self._unkept = {id(node): node.unkept for node in session.met_nodes()}
+        self._stores = {id(node): node.pending.stores for node in session.met_nodes()}
         self._executed, self._selected = len(session.record.lines), session.selected
         #: each plan of the script's with its line; kept, so that no other plan gets its id
         self._plans: dict[int, tuple[Plan, str]] = {}
@@ -61,7 +62,8 @@ class ScriptChanges:
                 self._before[id(node)], final = len(node.history), True
             if node.unkept > self._unkept.get(id(node), 0):
                 self._unkept[id(node)], final = node.unkept, True
-            final = final or (self.final is None and bool(made) and node.pending.stored_at > before)
+            if node.pending.stores > self._stores.get(id(node), 0):
+                self._stores[id(node)], final = node.pending.stores, True
         if other or final:
             self._others.append(place)
         if final:

@@ -13,6 +13,7 @@ from dvtcli.domain.network.network_plan import NetworkPlan
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.plan_file import is_network_plan, read_network_plan
 from dvtcli.operations.change import names
+from dvtcli.operations.check_networks import read_wish
 from dvtcli.operations.plan_network import checked, plan_network
 from dvtcli.operations.results.networks import NetworkPlanned
 
@@ -55,6 +56,18 @@ def applied(
     if any(len(one.plan) or one.stores for one in plan.nodes):
         on_plan(plan)
     return apply_network(session, plan, prove=prove)
+
+
+def may_store(file: str) -> bool:
+    """Whether *file*, a network file or a saved plan, says that a node stores, or is yet to be written."""
+    try:
+        if is_network_plan(Path(file)):
+            return any(one.stores for one in read_network_plan(Path(file)).nodes)
+        return any(one.store for one in read_wish(file).nodes)
+    except OSError:
+        return True
+    except InputFileError:
+        return False  # nothing of it is carried out
 
 
 def _plan_of(session: Session, file: str) -> NetworkPlan:

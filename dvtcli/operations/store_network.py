@@ -33,6 +33,7 @@ def store_network(
     for one in planned:
         for journal in course.journals():
             journal.final(_final(course.name, done, one))
+        course.nodes[one.node_id].pending.stores += 1  # whatever becomes of it, no script takes its lines back any more
         group = _GROUPS[one.store] if one.store in _GROUPS else int(one.store)
         try:
             done.append(store_settings(session, course.nodes[one.node_id], group, prove=prove))

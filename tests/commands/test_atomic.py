@@ -162,6 +162,36 @@ def test_a_line_that_fails_behind_a_store_is_left_changed(bench: Bench, tmp_path
     assert ran.documents[-1]["stays"] == [f"{tmp_path}/x.dvt:1", f"{tmp_path}/x.dvt:2"]
 
 
+STORES = "nodes: {{a: {{node_id: 1, store: {store}, tpdo: {{1: {{event_timer: 77}}}}}}}}"
+
+
+def test_an_apply_that_stores_stands_behind_the_last_change(bench: Bench, tmp_path: Path) -> None:
+    file, saved = tmp_path / "net.yaml", tmp_path / "p.json"
+    file.write_text(STORES.format(store="communication"))
+    assert bench.run(f"plan {file} -o {saved}").code == 0
+    before = held(bench)
+    for name in (file, saved, tmp_path / "none.json"):
+        ran = atomic(bench, tmp_path, f"apply {name} --yes", LINES[0])
+        assert (ran.code, held(bench)) == (2, before)
+        assert f"`store of apply {name}` cannot be taken back" in ran.stderr
+    assert atomic(bench, tmp_path, LINES[2], f"apply {file} --yes").code == 0
+    file.write_text(STORES.format(store="false"))
+    assert atomic(bench, tmp_path, f"apply {file} --yes", LINES[0]).code == 0
+
+
+@pytest.mark.parametrize("store", ["communication", "true"])
+@pytest.mark.parametrize("already", [True, False])
+def test_what_an_apply_stored_is_not_called_taken_back(bench: Bench, tmp_path: Path, store: str, already: bool) -> None:
+    file = tmp_path / "net.yaml"
+    file.write_text(STORES.format(store=store))
+    assert not already or bench.run("set 1:tpdo1 --timer 77").code == 0
+    assert bench.run("write 6081 5 --as u32").code == 0  # in RAM only, and no part of `communication`
+    ran = atomic(bench, tmp_path, LINES[2], f"apply {file} --yes", "read 5FFF", options="--json")
+    assert (ran.code, ran.documents[-1]["state"]) == (7, "left_changed")
+    assert bench.run("nmt reset-node all").code == 0
+    assert bench.run("read 1800:05 --json").document["value"] == 77
+
+
 @pytest.mark.long
 def test_a_node_that_cannot_be_taken_back_is_7(tmp_path: Path) -> None:
     with Bench(("generic@1",), {"fault": ("silent@9",)}) as bench:

@@ -3,22 +3,30 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.commands._network_plan import show_plan
-from dvtcli.cli.effect import Effect
+from dvtcli.cli.effect import Effect, Final
 from dvtcli.cli.params import FILE
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from dvtcli.operations.results import NetworkApplied
 
 TASK = ("Networks", 30)
 
 
-@click.command("apply", cls=DvtCommand, short_help=__doc__, effect=Effect.CHANGES)
+def _stores(params: Mapping[str, Any]) -> Final | None:
+    from dvtcli.operations.network_files import may_store
+
+    return Final(f"store of apply {params['file']}") if may_store(params["file"]) else None
+
+
+@click.command("apply", cls=DvtCommand, short_help=__doc__, effect=Effect.CHANGES, stores=_stores)
 @click.argument("file", type=FILE)
 @click.option("--prove", is_flag=True, help="Restart each node that stored, and compare what it comes up with.")
 @click.pass_context

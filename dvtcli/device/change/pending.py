@@ -23,6 +23,8 @@ class Pending:
     suspicions: dict[str, str] = field(default_factory=dict)
     #: how many changes of this session were made before the last store
     stored_at: int = 0
+    #: how often it stored, or was about to, whatever there was to store
+    stores: int = 0
     #: a part was stored since then, so that no number of changes stands for what is stored
     partly_stored: bool = False
     #: how many had been made when a reset took what was not stored of them
@@ -53,6 +55,7 @@ class Pending:
 
     def was_stored(self, group: int, changes: int) -> tuple[str, ...]:
         """*group* was stored after *changes* of this session. Returns the labels of what was pending of it."""
+        self.stores += 1
         labels = self.forget(group)
         if not self.unstored:
             self.stored_at, self.partly_stored = changes, False
