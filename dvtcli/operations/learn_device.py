@@ -107,6 +107,7 @@ def learn(
         learnt, asked.writes, asked.saved.writes, time.monotonic() - started,
         () if save is None else save_learnt(session, node, save, learnt, pdos, asked.known),
         None if known is None else (compare or "", differences(known, learnt)),
+        save is None or bool(node.identity().get("vendor")),
     )  # fmt: skip
 
 

@@ -101,3 +101,15 @@ def test_an_object_of_the_other_direction_is_asked_for(both: bool) -> None:
     assert (access[0x6041] is access[0x6040]) is both
     codes = {row["key"]: row["value"] for row in ran.document["family"] if "wrong-direction" in row["key"]}
     assert set(codes.values()) == (set() if both else {0x06040041})
+
+
+@pytest.mark.parametrize(
+    ("family", "said"), [("tmcm", "nodes of its identity use the last one"), ("canopennode", "-p pump")]
+)
+def test_who_uses_what_was_saved_is_told(family: str, said: str) -> None:
+    with Bench((family,)) as bench:
+        told = " ".join(bench.run("learn --save pump --yes").stdout.split())
+    assert said in told
+    assert ("of its identity" in told) == ("-p pump" not in told)
+    with Bench((family,), {"profile": "pump"} if "-p" in said else {}) as bench:
+        assert bench.run("node --json").document["nodes"][0]["profile"] == "pump"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 
 from dvtcli.cli.view.lines import Cell, Line, Table
 from dvtcli.domain.abort import abort_text
@@ -35,7 +36,15 @@ def learnt_lines(result: LearntDevice, width: int) -> Iterator[Line]:
     for path in result.saved:
         yield f"written: {path}"
     if result.saved:
-        yield "nodes of its identity use the last one from now on; delete that file to take it back"
+        yield _use(result)
+
+
+def _use(result: LearntDevice) -> str:
+    """Which nodes use what was saved."""
+    if result.identified:
+        return "nodes of its identity use the last one from now on; delete that file to take it back"
+    name = Path(result.saved[-1]).stem
+    return f"it has no vendor-ID (0x1018:01), so no node uses the last one by itself: -p {name} says which one does"
 
 
 def _answer_lines(result: LearntDevice, width: int) -> Iterator[Line]:

@@ -32,7 +32,8 @@ class LearntDevice(Answered):
     """What a device takes: *pdos* were asked, with *answers*; *writes* downloads, all put back and read back equal.
 
     *saves* is how many signatures 0x1010 was sent.
-    *saved* are the files, *compared* the profile's name and what differs from it.
+    *saved* are the files, *compared* the profile's name and what differs from it. *identified* is false of a device
+    without a vendor-ID, by which no node is known to be one of its kind.
     """
 
     renderer: ClassVar = "learn_lines:learnt_lines"
@@ -47,6 +48,7 @@ class LearntDevice(Answered):
     seconds: float
     saved: Sequence[str] = ()
     compared: tuple[str, Sequence[Difference]] | None = None
+    identified: bool = True
 
     @property
     def exit_code(self) -> int:
