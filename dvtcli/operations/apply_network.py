@@ -109,10 +109,11 @@ def _carried_out(
             for part in phase:
                 _stop_if_cancelled(session, part)
                 node = nodes[part.node_id]
-                applied = node.apply(
+                # noted before it is done: what fails once it was verified must be taken back, too
+                course.done.append(with_way_back(node, part)[0])
+                node.apply(
                     part, findings[part.node_id], force=session.options.force, kept=False, found=found[part.node_id]
                 )
-                course.done.append(applied.plan)
         changed = {one.node_id: nodes[one.node_id] for one in planned}
         _refuse_restarted(changed, found)
         _refuse_lost(nodes, course)

@@ -30,7 +30,10 @@ _ALL_BACK = "rolled back: every node is as it was, read back equal; nothing was 
 
 @dataclass(slots=True)
 class Course:
-    """The plan called *name* on its way: *done* are the parts that *nodes* took, *plans* what each is to hold."""
+    """The plan called *name* on its way: *done* are the parts that *nodes* took, *plans* what each is to hold.
+
+    Where it ended with a fault the last one of *done* may not be taken: putting it back writes nothing then.
+    """
 
     session: Session
     nodes: Mapping[int, Node]
@@ -77,8 +80,12 @@ class Course:
             left = self._all_left(failures)
             if left is not fault:
                 raise left from fault
-        elif isinstance(fault, DvtcliError) and fault.state in ("unchanged", "rolled_back") and self.done:
-            fault.state, fault.state_text = "rolled_back", _ALL_BACK
+        elif isinstance(fault, DvtcliError) and fault.state != "left_changed" and self._may_have_written(fault):
+            unseen = f"; look at the NMT state of node {fault.node}" if fault.state == "unknown" else ""
+            fault.state, fault.state_text = "rolled_back", f"{_ALL_BACK}{unseen}"
+
+    def _may_have_written(self, fault: DvtcliError) -> bool:
+        return len(self.done) > 1 or (bool(self.done) and fault.state != "unchanged")
 
     def _all_left(self, failures: Mapping[int, LeftChanged]) -> LeftChanged:
         """The first of *failures*, with what became of the other nodes."""

@@ -9,7 +9,7 @@ from tempfile import TemporaryDirectory
 import pytest
 
 from dvtcli.domain.nmt import NmtCommand, NmtState
-from dvtcli.errors import DvtcliError, LeftChanged
+from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged
 from tests.network.bench import CHAIN, FILE, Chain
 
 OPERATIONAL = dict.fromkeys(CHAIN, NmtState.OPERATIONAL)
@@ -110,6 +110,24 @@ def test_a_node_that_restarts_once_it_was_verified_takes_every_node_back(
         chain.apply(file)
     assert (raised.value.exit_code, raised.value.state) == (1, "rolled_back")
     assert (chain.held(), chain.stored(), chain.journals()) == (before, stored, [])
+
+
+#: The download of node 9 after whose read it restarts, once verified: it saves by itself, and refuses to start again.
+@pytest.mark.parametrize("step", [4, 5])
+def test_a_part_that_was_verified_is_taken_back_where_its_nmt_state_is_not_to_be_had(step: int, tmp_path: Path) -> None:
+    faults = ["9:saves-itself", f"9:reset-after-read@{step}=0.001"]
+    chain = Chain(tmp_path, faults, families={5: "generic", 9: "generic"})
+    chain.devices[9].ignores_nmt = True
+    file = tmp_path / "both.yaml"
+    file.write_text("defaults: {tpdo: {1: {transmission: 1}}}\nnodes: {a: {node_id: 5}, b: {node_id: 9}}\n")
+    before = {node_id: one.value(0x1800, 2) for node_id, one in chain.devices.items()}
+    with pytest.raises(DeviceRefused) as raised:
+        chain.apply(file)
+    assert {node_id: one.value(0x1800, 2) for node_id, one in chain.devices.items()} == before
+    assert chain.states()[9] is NmtState.PRE_OPERATIONAL, "the fault that is told"
+    assert (raised.value.exit_code, raised.value.node, raised.value.state) == (1, 9, "rolled_back")
+    assert "NMT state of node 9" in (raised.value.state_text or "")
+    assert chain.journals() == []
 
 
 def storing(folder: Path) -> Path:
