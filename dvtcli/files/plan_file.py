@@ -10,9 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from dvtcli.device.change.journal import MOST_BYTES
-from dvtcli.device.change.plan_document import read_identity, read_number, read_plan
+from dvtcli.device.change.plan_document import MOST_CHANGES, read_change, read_identity, read_number, read_plan
 from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
-from dvtcli.domain.plan import Plan
+from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.plan import Change, PdoChange, Plan, ValueChange
 from dvtcli.errors import InputFileError
 
 SCHEMA = "dvtcli.plan/1"
@@ -60,4 +61,22 @@ def _node(document: Any) -> NodePlan:
         identity, plan = read_identity(document), Plan(node_id, ())
     else:
         identity, plan = read_plan(document)
-    return NodePlan(name, plan, identity, store=str(store), unstored=tuple(map(str, unstored)))
+    wanted, values = _wanted([*_holds(document), *plan.changes])
+    return NodePlan(
+        name, plan, identity, store=str(store), wanted=wanted, values=values, unstored=tuple(map(str, unstored))
+    )
+
+
+def _holds(document: dict[str, Any]) -> list[Change]:
+    """What the node held as wanted when the plan was made."""
+    holds = document.get("holds")
+    if not isinstance(holds, list) or len(holds) > MOST_CHANGES:
+        raise ValueError("it does not say what is not to be changed")
+    return list(map(read_change, holds))
+
+
+def _wanted(changes: list[Change]) -> tuple[dict[Pdo, PdoConfig], dict[tuple[int, int], bytes]]:
+    """What every PDO and every single object of *changes* is to be."""
+    pdos = {change.pdo: change.after for change in changes if isinstance(change, PdoChange)}
+    steps = [change.step for change in changes if isinstance(change, ValueChange)]
+    return pdos, {(step.index, step.sub_index): step.after for step in steps}

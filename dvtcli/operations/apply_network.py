@@ -13,7 +13,7 @@ from dvtcli.device.change.put_back import first_difference
 from dvtcli.device.change.taken_back import with_way_back
 from dvtcli.domain.network.phases import phases
 from dvtcli.domain.nmt import NmtState
-from dvtcli.domain.plan import Plan
+from dvtcli.domain.plan import Change, Plan
 from dvtcli.domain.profile import PreOperational
 from dvtcli.domain.script_line import change_lines
 from dvtcli.domain.several import plural, several
@@ -24,7 +24,7 @@ from dvtcli.operations.store_network import store_network
 from dvtcli.operations.take_back_network import Course
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterable, Iterator, Mapping
 
     from dvtcli.device.node import Node
     from dvtcli.device.observe import Found
@@ -55,7 +55,7 @@ def apply_network(
         if not planned:  # what is as wanted may be what an interrupted change left
             return NetworkApplied(plan, session.dry_run, 0.0)
         for one in planned:
-            refuse_stale(nodes[one.node_id], one)
+            refuse_stale(nodes[one.node_id], one, one.plan.changes)
         course = _carried_out(session, nodes, planned, found, name or f"apply {plan.file}")
         stored = store_network(session, course, [one for one in planned if one.stores], prove)
         _complete(course)
@@ -78,12 +78,12 @@ def _leaves_operational(node: Node) -> bool:
     return required and node.access.state() is NmtState.OPERATIONAL
 
 
-def refuse_stale(node: Node, planned: NodePlan) -> None:
-    """SafetyRefusal where *node* is another device than *planned* was made for, or holds something else by now."""
+def refuse_stale(node: Node, planned: NodePlan, changes: Iterable[Change]) -> None:
+    """SafetyRefusal where *node* is another device than *planned* is for, or *changes* would replace something else."""
     hint = "plan again, and look at what has changed"
     if node.identity() != planned.identity:
         raise SafetyRefusal(f"node {node.node_id} is another device than the plan is for", node=node.node_id, hint=hint)
-    for change in planned.plan.changes:
+    for change in changes:
         difference = first_difference(node.sdo, change, wanted_before=True)
         if difference:
             raise SafetyRefusal(

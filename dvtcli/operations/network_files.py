@@ -75,12 +75,12 @@ def _plan_of(session: Session, file: str) -> NetworkPlan:
         saved = read_network_plan(Path(file)) if is_network_plan(Path(file)) else None
     if saved is None:
         return plan_network(session, file)
-    nodes = {one.node_id: session.node(one.node_id) for one in saved.nodes if len(one.plan) or one.stores}
+    nodes = {one.node_id: session.node(one.node_id) for one in saved.nodes}
     for one in saved.nodes:
         if not len(one.plan) and one.plan.changes:
             raise InputFileError(f"{file}: node {one.node_id} changes nothing", place=file)
-    changing = [_known(nodes[one.node_id], one) for one in saved.nodes if one.node_id in nodes]
-    return NetworkPlan(saved.file, tuple(checked(nodes, changing, force=session.options.force)))
+    known = [_known(nodes[one.node_id], one) for one in saved.nodes]
+    return NetworkPlan(saved.file, tuple(checked(nodes, known, force=session.options.force)))
 
 
 def _known(node: Node, planned: NodePlan) -> NodePlan:
@@ -88,7 +88,7 @@ def _known(node: Node, planned: NodePlan) -> NodePlan:
     from dvtcli.operations.apply_network import refuse_stale
 
     node.read_anew()
-    refuse_stale(node, planned)
+    refuse_stale(node, planned, (*planned.plan.changes, *planned.holds))
     return replace(planned, title=node.title, names=names(node, planned.plan.changes))
 
 

@@ -88,6 +88,32 @@ def test_a_saved_plan_is_applied_once_and_refused_where_it_is_stale(bench: Bench
     assert bench.run(f"diff {file}").code == 0
 
 
+BESIDE = """nodes:
+  first: {node_id: 5, tpdo: {1: {cob_id: 0x1A0}}}
+  second: {node_id: 6, heartbeat_producer: 700, tpdo: {1: {transmission: 255}}}
+"""
+
+
+_MOVED, _SLOWER = "set 6:tpdo1 --cob-id 0x1A0", "write 1017 800 --as u16"
+
+
+@pytest.mark.parametrize(("line", "nothing"), [(_MOVED, False), (_SLOWER, False), (_SLOWER, True)])
+def test_a_saved_plan_is_stale_where_a_node_that_it_does_not_change_has_changed(
+    line: str, nothing: bool, tmp_path: Path
+) -> None:
+    file, saved = tmp_path / "beside.yaml", tmp_path / "plan.json"
+    file.write_text(BESIDE)
+    with Bench(("generic@5", "generic@6"), {"yes": True}) as bench:
+        assert bench.run("node 6").code == bench.run("write 1017 700 --as u16").code == 0
+        assert not nothing or bench.run("set 5:tpdo1 --cob-id 0x1A0").code == 0
+        assert bench.run(f"plan {file} -o {saved}").code == 0
+        assert bench.run(line).code == 0
+        ran = bench.run(f"apply {saved} --json")
+        assert (ran.code, ran.documents[-1]["node"], ran.documents[-1]["state"]) == (6, 6, "unchanged")
+        assert bench.run("undo").code == 0
+        assert bench.run(f"apply {saved}").code == 0
+
+
 def test_a_plan_for_another_device_is_refused(bench: Bench, file: Path, tmp_path: Path) -> None:
     saved = tmp_path / "plan.json"
     assert bench.run(f"plan {file} -o {saved}").code == 0

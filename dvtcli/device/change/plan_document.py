@@ -51,7 +51,7 @@ def read_plan(document: Any) -> tuple[Identity, Plan]:
     changes = document.get("changes") if isinstance(document, dict) else None
     if not isinstance(changes, list) or not changes or len(changes) > MOST_CHANGES:
         raise ValueError("it names no changes")
-    plan = Plan(read_number(document, "node", 127, least=1), tuple(_change(change) for change in changes))
+    plan = Plan(read_number(document, "node", 127, least=1), tuple(map(read_change, changes)))
     return read_identity(document), plan
 
 
@@ -65,7 +65,8 @@ def read_identity(document: dict[str, Any]) -> Identity:
     return identity
 
 
-def _change(document: Any) -> Change:
+def read_change(document: Any) -> Change:
+    """The change that `change_document` told; ValueError says what is wrong."""
     if not isinstance(document, dict):
         raise ValueError("a change is malformed")
     if "pdo" in document:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.domain.plan import Plan
+from dvtcli.domain.plan import Change, Plan, Step, ValueChange, plan_pdo
 from dvtcli.domain.rules.finding import Finding
 
 Identity = dict[str, int | None]
@@ -48,6 +48,14 @@ class NodePlan:
     def stores(self) -> bool:
         """Whether it stores once all nodes are verified: where it should, and there is something to store."""
         return bool(self.store) and bool(len(self.plan) or self.unstored)
+
+    @property
+    def holds(self) -> tuple[Change, ...]:
+        """What the file says and is so already, each as a change to what it is."""
+        held: list[Change] = [ValueChange(Step(*place, data, data, "write")) for place, data in self.values.items()]
+        held += [plan_pdo(pdo, config, config) for pdo, config in self.wanted.items()]
+        changed = {change.label for change in self.plan.changes}
+        return tuple(change for change in held if change.label not in changed)
 
     @property
     def unchanged(self) -> int:

@@ -75,6 +75,7 @@ def _node_document(node: NodePlan) -> Document:
         "objects": [_object_document(change) for change in changes if isinstance(change, ValueChange)],
         "findings": [finding_document(finding) for finding in node.findings],
         "changes": [change_document(change) for change in changes],
+        "holds": [change_document(change) for change in node.holds],
     }
 
 
