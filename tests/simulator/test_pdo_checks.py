@@ -62,6 +62,37 @@ NEEDS = {
 }
 
 
+#: what may have limits in a file: name of its checks → object, sub-index, its size (bytes), and a value
+LIMITED = {
+    "cob-id": (OFF, 1, 4, 0x80000381), "type": (OFF, 2, 1, 9), "inhibit": (OFF, 3, 2, 9), "event": (OFF, 5, 2, 9),
+    "sync-start": (OFF, 6, 1, 9), "count": (0x1A02, 0, 1, 2), "entry": (0x1A02, 1, 4, 0x60410010),
+}  # fmt: skip
+LIMITS = [f"{name}-{side}-limit" for name in LIMITED for side in ("above", "below")]
+
+
+def limited(check: str, folder: Path, answer: int) -> int:
+    """What a download outside a limit that only the file states is answered."""
+    name, side = check.removesuffix("-limit").rsplit("-", 1)
+    index, sub_index, size, value = LIMITED[name]
+    limit = f"HighLimit={value - 1}" if side == "above" else f"LowLimit={value + 1}"
+    header = f"[{index:X}sub{sub_index:X}]\n"
+    text = family_eds("generic").read_text().replace("\r\n", "\n")
+    assert header in text
+    (folder / "limited.eds").write_text(text.replace(header, f"{header}{limit}\n"))
+    own = "\n".join(f'[answers.{way}]\n"{check}" = {answer}' for way in ("tpdo", "rpdo"))
+    family = read_family("own", f'like = "generic"\n{own}', "own")
+    device = StrictDevice(read_eds(folder / "limited.eds").dictionary, family, 1)
+    device.boot_up()
+    client = Client.on(device)
+    try:
+        if name == "entry":
+            client.write(index, 0, 0, 1)
+        client.write(index, sub_index, value, size)
+    except Aborted as aborted:
+        return aborted.code
+    return 0
+
+
 def answered(text: str, downloads: list[tuple[int, int, int, int]]) -> int:
     """What the last of *downloads* answers on a generic device that *text* makes another one, 0 for accepted."""
     device = StrictDevice(
@@ -79,15 +110,20 @@ def answered(text: str, downloads: list[tuple[int, int, int, int]]) -> int:
 
 
 def test_every_check_is_asked() -> None:
-    assert {*ASKED, *NEEDS} == set(CHECKS)
+    assert {*ASKED, *NEEDS, *LIMITS} == set(CHECKS)
 
 
-@pytest.mark.parametrize("check", CHECKS)
+@pytest.mark.parametrize("check", [*ASKED, *NEEDS])
 def test_a_family_answers_in_its_own_way(check: str) -> None:
     text, downloads = NEEDS.get(check) or ("", ASKED[check])
     for code in (OWN, 0):
         own = "\n".join(f'[answers.{way}]\n"{check}" = {code}' for way in ("tpdo", "rpdo"))
         assert answered(f"{text}\n{own}", downloads) == code
+
+
+@pytest.mark.parametrize("check", LIMITS)
+def test_a_family_answers_its_own_way_outside_a_limit_of_the_file(check: str, tmp_path: Path) -> None:
+    assert limited(check, tmp_path, OWN) == OWN
 
 
 def test_types_by_direction() -> None:
