@@ -130,7 +130,7 @@ class _Told:
         try:
             return read_number(self.sdo, index, sub_index, size)
         except SdoAborted as aborted:
-            if aborted.code not in self.passing:
+            if int(aborted.code) not in self.passing:  # `in` counts up to an IntEnum in a range
                 raise
             self.first = self.first or aborted
             self.unread.append((index, sub_index))
@@ -141,7 +141,7 @@ class _Told:
         try:
             return read_number(self.sdo, index, sub_index, size)
         except SdoAborted as aborted:
-            if aborted.code not in self.passing:
+            if int(aborted.code) not in self.passing:  # `in` counts up to an IntEnum in a range
                 raise
             return None
 

@@ -16,7 +16,10 @@ from tests.process import ROOT, environment
 
 PUBLIC = {
     "dvtcli": ["Bus", "Node", "__version__", "connect", "errors", "results", "simulate"],
-    "Bus": ["apply", "check_sync", "close", "dry_run", "is_dry_run", "name", "node", "plan", "scan", "script", "sync"],
+    "Bus": [
+        "apply", "check_sync", "close", "dry_run", "is_dry_run", "link", "name", "node", "plan", "scan", "script",
+        "sync", "unlink",
+    ],
     "Node": [
         "canopen", "clear", "disable", "enable", "identity", "login", "map", "nmt", "node_id", "objects", "pdo", "pdos",
         "read", "recover", "require", "restore", "script", "set", "store", "undo", "verify", "write",

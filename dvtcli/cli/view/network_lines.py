@@ -52,8 +52,7 @@ def applied_lines(result: NetworkApplied, _width: int) -> Iterator[Line]:
         return
     if plan.changed:
         yield f"{nodes} set: {writes}, read back equal, {result.seconds:.2f} s."
-    if result.stored:
-        yield f"Stored on node {', '.join(str(one.node) for one in result.stored)}{_proved(result)}."
+    yield from _stored(result)
     kept = {one.node for one in result.stored}
     volatile = [str(one.node_id) for one in plan.nodes if len(one.plan) and one.node_id not in kept]
     if volatile:
@@ -61,8 +60,19 @@ def applied_lines(result: NetworkApplied, _width: int) -> Iterator[Line]:
         yield [Cell(text, "dim")]
 
 
-def _proved(result: NetworkApplied) -> str:
-    return ", and proved by a restart" if all(one.proof and one.proof.holds for one in result.stored) else ""
+def _stored(result: NetworkApplied) -> Iterator[Line]:
+    """Who acknowledged the store, and of whom a restart has shown more than that."""
+    told: dict[str, list[str]] = {}
+    for one in result.stored:
+        if one.proof is None:
+            text = "Stored, as acknowledged by node {}. To check: apply --prove"
+        elif one.proof.holds:
+            text = "Stored on node {}, and proved by a restart."
+        else:
+            text = "Acknowledged by node {}, and not proved by the restart."
+        told.setdefault(text, []).append(str(one.node))
+    for text, nodes in told.items():
+        yield text.format(", ".join(nodes))
 
 
 def _counted(plan: NetworkPlan) -> str:

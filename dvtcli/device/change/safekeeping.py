@@ -67,7 +67,14 @@ class Keeper:
         """The journal of a change that nobody is working on any more, or None; InputFileError where it is damaged."""
         with self._files("read"):
             path = self.open_journal()
-            return read_journal(path) if path is not None and self.lock.is_free() else None
+            if path is None or not self.lock.is_free():
+                return None
+            try:
+                return read_journal(path)
+            except InputFileError:
+                if path.exists():
+                    raise
+                return None  # who was at work a moment ago has ended its change
 
     def held_journal(self) -> Path | None:
         """As `open_journal`, with the lock taken first: a change that is under way is not an interrupted one.
