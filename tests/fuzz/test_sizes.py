@@ -60,6 +60,16 @@ def _journal(name: str, text: Callable[[], str]) -> Case:
     return Case(f"journal: {name}", ("--sim", "gen4", "recover", "j.json", "--yes"), {"j.json": text}, (4,))
 
 
+def _network(name: str, text: Callable[[], str]) -> Case:
+    return Case(f"network: {name}", ("--sim", "gen4", "plan", "x.yaml"), {"x.yaml": text}, (4,))
+
+
+def _shared(keys: int, nodes: int) -> str:
+    """Keys that nobody knows, which defaults bring to every node."""
+    own = "".join(f"  n{number}: {{node_id: {number}}}\n" for number in range(1, nodes + 1))
+    return "defaults:\n" + "".join(f"  heartbeat_pro{number}: 1\n" for number in range(keys)) + "nodes:\n" + own
+
+
 def _sections(count: int, body: str = "") -> str:
     return _EDS + "".join(f"[{0x2000 + n // 256:04X}sub{n % 256:X}]\n{body}" for n in range(count))
 
@@ -132,6 +142,8 @@ CASES = [
     _journal("100 MB", lambda: " " * (100 * _MB)),
     _journal("a number of a million digits", lambda: f'{{"schema": "{SCHEMA}", "node": {"9" * 1_000_000}}}'),
     _journal("a million changes", lambda: f'{{"schema": "{SCHEMA}", "node": 1, "changes": [{"0," * 1_000_000}0]}}'),
+    _network("2,000 unknown keys for 127 nodes", lambda: _shared(2_000, 127) + "  n1: {}\n"),
+    _network("a number of 5,000 digits", lambda: f"nodes: {{a: {{node_id: 0{'1' * 5_000}}}}}\n"),
     Case("20,000 times --bus-kwargs", ("-ivirtual", "-n1", *_FLOOD, "pdo"), {}, (5,)),
     Case("5,000 times --sim", (*["--sim=gen4"] * 5_000, "pdo"), {}, (2,)),
 ]  # fmt: skip

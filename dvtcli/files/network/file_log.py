@@ -22,6 +22,7 @@ class FileLog:
         self._lines = text.split("\n")
         self._complaints: dict[FileComplaint, None] = {}
         self._notes: dict[str, list[Mark]] = {}
+        self._nearest: dict[tuple[str, tuple[str, ...], float], str | None] = {}
 
     def complain(self, mark: Mark, text: str) -> None:
         """Something at *mark* is wrong."""
@@ -40,9 +41,17 @@ class FileLog:
 
     def unknown(self, mark: Mark, key: str, where: str, known: Iterable[str]) -> None:
         """The key *key* of *where* is not one of *known*."""
-        near = nearest(key, known)
+        known = tuple(known)
+        near = self.nearest(key, known)
         said = f"did you mean {near!r}?" if near else f"known are {', '.join(known)}"
         self.complain(mark, f"unknown key {key[:40]!r} in {where}, {said}")
+
+    def nearest(self, key: str, known: Iterable[str], cutoff: float = 0.6) -> str | None:
+        """The one of *known* that *key* may be a slip of; searched once, however many nodes have it by defaults."""
+        asked = (key, tuple(known), cutoff)
+        if asked not in self._nearest:
+            self._nearest[asked] = nearest(*asked)
+        return self._nearest[asked]
 
     def note(self, mark: Mark, text: str) -> None:
         """Something at *mark* is no fault, and is not carried out."""

@@ -7,7 +7,7 @@ from typing import Any
 
 from dvtcli.domain.network.wanted_state import Mark
 from dvtcli.files.network import leaves
-from dvtcli.files.network.file_log import FileLog, nearest
+from dvtcli.files.network.file_log import FileLog
 from dvtcli.files.network.network_keys import OF, Kind, NetworkKey, Where
 from dvtcli.files.network.yaml_tree import Branch, Leaf, Row, Tree
 
@@ -81,7 +81,7 @@ def read_keys(branch: Branch, where: Where, title: str, log: FileLog) -> dict[st
 def unknown_key(leaf: Leaf, where: Where, title: str, log: FileLog) -> None:
     """A key that the table does not have: another tool's is noted, a slip or one where no others may be complained."""
     name, known = leaf.text, OF[where]
-    if where not in _OPEN or (where is Where.NODE and is_slip(name, where)):
+    if where not in _OPEN or (where is Where.NODE and is_slip(name, where, log)):
         log.unknown(leaf.mark, name, title, known)
     elif where is Where.MASTER and name == "baud_rate":
         log.note(leaf.mark, "baud_rate of master is left alone: dcfgen calls it baudrate, and takes 1000 without it")
@@ -89,9 +89,9 @@ def unknown_key(leaf: Leaf, where: Where, title: str, log: FileLog) -> None:
         log.note(leaf.mark, f"{name[:40]} is left alone: a key of another tool")
 
 
-def is_slip(name: str, where: Where) -> bool:
+def is_slip(name: str, where: Where, log: FileLog) -> bool:
     """Whether *name*, which no table has, is meant for a key of *where*: close to it, or its beginning."""
-    return nearest(name, OF[where], _SLIP) is not None
+    return log.nearest(name, OF[where], _SLIP) is not None
 
 
 def number_key(leaf: Leaf, low: int, high: int, what: str, log: FileLog) -> int | None:

@@ -17,6 +17,8 @@ from dvtcli.files.network.yaml_tree import Branch, Leaf, Tree
 _INTEGER = re.compile(r"-?(?:0[xX][0-9A-Fa-f]+|[0-9]+)")
 _LENGTH = re.compile(r"(.+)/([0-9]{1,3})", re.S)
 _HEX_FROM = 0x1000
+#: 2**64 - 1 in decimal
+_MOST_DIGITS = 20
 
 
 def integer(tree: Tree, key: NetworkKey, log: FileLog) -> int | None:
@@ -44,15 +46,15 @@ def as_number(leaf: Leaf, log: FileLog) -> int | None:
         log.complain(leaf.mark, f"{leaf.text[:40]!r} is no number; write it decimal or 0x…")
         return None
     digits = leaf.text.removeprefix("-")
+    if len(digits) > _MOST_DIGITS:
+        log.complain(leaf.mark, f"a number of {len(digits)} characters is longer than any of 64 bits")
+        return None
     if digits[:2] in ("0x", "0X"):
         return int(leaf.text, 16)
     if len(digits) > 1 and digits[0] == "0" and set(digits) <= set("01234567") and int(digits, 8) != int(digits):
         log.complain(
             leaf.mark, f"{leaf.text} is {int(digits, 8)} for some readers and {int(digits)} for others; write one"
         )
-        return None
-    if len(digits) > 20:
-        log.complain(leaf.mark, "a number of more than 64 bits")
         return None
     return int(leaf.text)
 

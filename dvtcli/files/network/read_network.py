@@ -83,7 +83,7 @@ def _nodes(root: Branch, found: dict[str, Branch], log: FileLog) -> Named:
 def _top_level(leaf: Leaf, value: Tree, nodes: Named, log: FileLog, *, only_nodes: bool) -> None:
     """A key at the top level that is none of ours: a node, a slip, or another tool's."""
     has_id = isinstance(value, Branch) and "node_id" in value.items
-    if not has_id and is_slip(leaf.text, Where.FILE):
+    if not has_id and is_slip(leaf.text, Where.FILE, log):
         log.unknown(leaf.mark, leaf.text, "this file", OF[Where.FILE])
     elif has_id or (only_nodes and isinstance(value, Branch)):
         _take(leaf, value, nodes, log)

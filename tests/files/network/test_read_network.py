@@ -277,3 +277,13 @@ def test_any_text_is_a_wish_or_an_input_file_error(keys: dict[str, str], noise: 
     assert bool(found) != bool(wish and wish.nodes)
     assert found == tuple(sorted(found))
     assert all(one.line >= 1 and one.column >= 1 and one.width >= 1 for one in found)
+
+
+@pytest.mark.parametrize("digits", ["0", "", "0x", "-0"])
+@pytest.mark.parametrize(
+    "key", ["heartbeat_producer: {}", "tpdo: {{{}: {{}}}}", "tpdo: {{1: {{inhibit_ms: {}}}}}", "store: {}"]
+)
+def test_a_number_of_any_length_is_a_complaint(key: str, digits: str) -> None:
+    """Python turns no more than 4300 digits into a number."""
+    text = in_node(key.format(digits + "1" * 5001))
+    assert wrong(text)
