@@ -3,14 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
 
+from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.request import PdoRequest
+from dvtcli.errors import NoAnswer
 from dvtcli.files.eds.reader import read_eds
 from dvtcli.files.profile.library import load_folder_profile
+from dvtcli.operations.learn_device import learn
+from dvtcli.operations.options import Options
+from dvtcli.operations.session import Session
 from dvtcli.simulator.device.family import Family
+from dvtcli.simulator.device.faults import Fault
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family, load_family_folder
 from tests.commands.bench import Bench, Ran
@@ -18,9 +27,11 @@ from tests.commands.bus import Wire
 from tests.learn.questions import Question, put
 from tests.learn.test_consent import sent
 from tests.learn.test_learnt_families import booted
+from tests.virtual_time import VirtualTimeBus
 
 SAVE = int.from_bytes(b"save", "little")
 EDS = family_eds("generic")
+TPDO1 = Pdo.parse("tpdo1")
 
 
 def made(**behaviour: object) -> StrictDevice:
@@ -115,7 +126,7 @@ def test_how_a_device_that_saves_by_itself_is_asked_about() -> None:
 
 
 @pytest.mark.parametrize("signature", [1, 2])
-def test_a_device_that_restarts_at_a_signature_is_as_it_was(signature: int) -> None:
+def test_a_device_that_restarts_at_a_signature_is_as_it_was_and_may_have_saved(signature: int) -> None:
     with Wire(made()) as wire, Bench((), wire.options | {"eds": str(EDS)}) as bench:
         bench.run("learn --yes --json")
         ahead = len(sent(wire.frames()))
@@ -124,6 +135,37 @@ def test_a_device_that_restarts_at_a_signature_is_as_it_was(signature: int) -> N
         node = bench.session.node(1)
         before = {pdo: node.pdo(pdo) for pdo in node.present()}
         ran = bench.run("learn --with-store --yes --json")
-        assert (ran.code in (1, 5), ran.document["state"]) == (True, "rolled_back"), ran
+        assert (ran.code in (1, 5), ran.document["state"]) == (True, "unknown"), ran
         assert len(signatures(wire)) == signature
         assert {pdo: node.pdo(pdo) for pdo in node.present()} == before
+
+
+@contextmanager
+def opened(node: StrictDevice, *faults: str) -> Iterator[Session]:
+    """A session with *node*, in virtual time; TPDO1 has a transmission type of its own that is not stored."""
+    bus = VirtualTimeBus([node], faults=[Fault.parse(word) for word in faults])
+    with TemporaryDirectory() as folder:
+        options = Options(yes=True, journal=folder, node=1)
+        with Session(options, open_bus=lambda _options: bus) as session:
+            session.open_network().files.own_eds[1] = EDS
+            session.open_network().files.own_profile[1] = "generic"
+            session.node(1).configure({TPDO1: PdoRequest(transmission_type=1)})
+            session.node(1).let_go()
+            yield session
+
+
+def test_where_no_answer_to_save_came_in_time_nobody_says_that_nothing_was_stored() -> None:
+    node = made()
+    with opened(node, "slow-store=25") as session, pytest.raises(NoAnswer) as raised:
+        learn(session, with_store=True)
+    assert raised.value.state == "unknown"
+    assert "nothing was stored" not in (raised.value.state_text or "")
+    assert node.value(0x1800, 2) == b"\x01"
+
+
+@pytest.mark.parametrize(("answer", "unstored"), [(0, ["TPDO1"]), (0x08000020, [])])
+def test_only_save_stores_what_was_not_stored(answer: int, unstored: list[str]) -> None:
+    with opened(made(wrong_signature=answer)) as session:
+        assert list(session.node(1).unstored) == ["TPDO1"]
+        learn(session, with_store=True)
+        assert list(session.node(1).unstored) == unstored

@@ -84,20 +84,31 @@ def ask_safely(
     with node.cancellation.guard():
         if node.keeper is not None:
             node.keeper.begin(plan, node.identity(), found.state, node.known_pdos, pdos)
+        saves = False
         try:
             asked = _ask(node, subjects, found, terms, on_write)
             if terms.saves:  # what it saves is what it was found with
                 if altered := _restore(node, plan, pdos):
                     raise _beside(altered)
+                saves = True
                 asked = replace(asked, saved=ask_to_save(node, terms.saves))
         except BaseException as fault:
             _put_back(node, plan, pdos, fault)
             if isinstance(fault, DvtcliError):
-                fault.state, fault.node = "rolled_back", node.node_id
+                _told(fault, may_have_saved=saves and fault.state == "unknown")
+                fault.node = node.node_id
             raise
         _put_back(node, plan, pdos, None)
     node.cancellation.hold()
     return asked
+
+
+def _told(fault: DvtcliError, *, may_have_saved: bool) -> None:
+    """Say in *fault* that everything is put back, and what is known of a save."""
+    fault.state = "rolled_back"
+    if may_have_saved:
+        fault.state = "unknown"
+        fault.state_text = "unknown: everything is put back, read back equal; nobody knows what it has stored"
 
 
 def _ask(node: Node, subjects: Sequence[Subject], found: Found, terms: Terms, on_write: Callable[[], None]) -> Asked:

@@ -13,7 +13,7 @@ from dvtcli.device.change.failed_change import TRY_AGAIN
 from dvtcli.device.read_pdos import ABSENT, read_number
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.learning.probe import ACCEPTED, Answer, Probe
-from dvtcli.domain.learning.storage import RESTORE, STORE, Storage
+from dvtcli.domain.learning.storage import RESTORE, SAVE, STORE, Storage
 from dvtcli.errors import DeviceRefused, Interrupted, NoAnswer, SdoAborted
 
 if TYPE_CHECKING:
@@ -37,8 +37,9 @@ class Saved:
 
     @property
     def sub_index(self) -> int | None:
-        """The sub-index of 0x1010 that took a signature, whichever it was; None where none was taken."""
-        return next((one.probe.asked.sub_index for one in self.answers if one.accepted), None)
+        """The sub-index of 0x1010 that took `save`; None where none did: a wrong signature may have saved nothing."""
+        took = (one.probe for one in self.answers if one.probe.name == SAVE and one.accepted)
+        return next((probe.asked.sub_index for probe in took), None)
 
 
 def read_storage(node: Node) -> Storage:
@@ -64,7 +65,8 @@ def _capabilities(node: Node, index: int) -> tuple[dict[int, int], int]:
 def ask_to_save(node: Node, probes: Sequence[Probe]) -> Saved:
     """Send each of *probes*, what must be refused first, and nothing more once a signature was taken.
 
-    DeviceRefused where the node restarts, Interrupted after a request to stop, NoAnswer where it falls silent.
+    DeviceRefused where the node restarts, Interrupted after a request to stop, NoAnswer where it falls silent; with the
+    state `unknown` where it may have saved.
     """
     answers: list[Answer] = []
     seconds = 0.0
@@ -94,6 +96,6 @@ def _asked(node: Node, probe: Probe) -> Answer:
     if node.bus.boot_ups(node.node_id) != boot_ups:
         raise DeviceRefused(
             f"node {node.node_id} restarted when {write} was written", node=node.node_id,
-            place=f"{write.index:04X}:{write.sub_index:02X}", hint=TRY_AGAIN,
+            place=f"{write.index:04X}:{write.sub_index:02X}", hint=TRY_AGAIN, state="unknown",
         )  # fmt: skip
     return Answer(probe, code)
