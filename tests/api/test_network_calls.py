@@ -19,5 +19,8 @@ def test_a_program_plans_and_applies_a_network_file(tmp_path: Path) -> None:
         assert bus.apply(file)
         assert bus.plan(file)
         assert [bus.node(one).pdos()["tpdo1"].config.communication.event_timer for one in (1, 5)] == [70, 80]
-    with dvtcli.simulate("generic@1", "generic@5") as bus, pytest.raises(SafetyRefusal):
-        bus.apply(file)
+    with dvtcli.simulate("generic@1", "generic@5") as bus:
+        with pytest.raises(SafetyRefusal):
+            bus.apply(file)
+        assert bus.apply(file, yes=True).exit_code == 0
+        assert bus.node(5).pdos()["tpdo1"].config.communication.event_timer == 80

@@ -149,21 +149,31 @@ class Bus:
         chosen = str(path("file", file))
         return self._calls.run(lambda: planned(self._session, chosen))
 
-    def apply(self, file: str | Path, *, prove: bool = False) -> NetworkApplied:
+    def apply(self, file: str | Path, *, prove: bool = False, yes: bool = False, force: bool = False) -> NetworkApplied:
         """Make the nodes what the network *file* says, or a plan that `dvtcli plan -o` saved: all of them, or none.
 
-        Asks first. Nodes store where the file says so, once all of them were read back; with *prove* each is restarted
-        then, and compared. A fault on one node brings every node back; LeftChanged where one could not be, or where not
-        all have stored. SafetyRefusal where a node has changed since the plan was saved.
+        Asks first, unless *yes*; *force* is as for a node's changes. Nodes store where the file says so, once all of
+        them were read back; with *prove* each is restarted then, and compared. A fault on one node brings every node
+        back; LeftChanged where one could not be, or where not all have stored. SafetyRefusal where a node has changed
+        since the plan was saved.
         """
         from dvtcli.operations.network_files import applied
 
         chosen = str(path("file", file))
         flags(prove=prove)
-        return self._calls.run(lambda: applied(self._session, chosen, prove="reset" if prove else None))
+        prove_by = "reset" if prove else None
+        return self._calls.run(
+            lambda: applied(self._session, chosen, prove=prove_by), changes=True, yes=yes, force=force
+        )
 
     def link(
-        self, producer: str, *consumers: str, heartbeat_ms: int | None = None, heartbeat: bool = True
+        self,
+        producer: str,
+        *consumers: str,
+        heartbeat_ms: int | None = None,
+        heartbeat: bool = True,
+        yes: bool = False,
+        force: bool = False,
     ) -> NetworkApplied:
         """Let the RPDOs *consumers* hear the TPDO *producer* (`1:tpdo1`, `5:rpdo2`): on all nodes, or on none.
 
@@ -176,9 +186,11 @@ class Bus:
         sender, *hearers = endpoints(producer, *consumers)
         flags(heartbeat=heartbeat)
         asked = heartbeat_of(heartbeat_ms, watched=heartbeat)
-        return self._calls.run(lambda: link_pdos(self._session, sender, hearers, heartbeat=asked))
+        return self._calls.run(lambda: link_pdos(self._session, sender, hearers, heartbeat=asked), yes=yes, force=force)
 
-    def unlink(self, producer: str, *consumers: str, heartbeat: bool = True) -> NetworkApplied:
+    def unlink(
+        self, producer: str, *consumers: str, heartbeat: bool = True, yes: bool = False, force: bool = False
+    ) -> NetworkApplied:
         """Disable the RPDOs *consumers* that hear the TPDO *producer*, which goes on: others may hear it.
 
         A node that hears nothing of the producer's node any more stops watching its heartbeat, unless *heartbeat* is
@@ -188,7 +200,12 @@ class Bus:
 
         sender, *hearers = endpoints(producer, *consumers)
         flags(heartbeat=heartbeat)
-        return self._calls.run(lambda: unlink_pdos(self._session, sender, hearers, heartbeat=heartbeat))
+        return self._calls.run(
+            lambda: unlink_pdos(self._session, sender, hearers, heartbeat=heartbeat),
+            changes=True,
+            yes=yes,
+            force=force,
+        )
 
     def script(self, *, history: bool = False) -> str:
         """What this program's changes come to, as the text of a script that `dvtcli run` takes.
