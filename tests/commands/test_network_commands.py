@@ -233,3 +233,10 @@ def test_a_consumer_that_is_mapped_for_another_length_is_warned_of(tmp_path: Pat
         assert all(text.endswith(warned) and "of node 1 sends 48" in text for text in texts)
         assert bench.run(f"apply {path}").code == 0
         assert bench.run(f"plan {path} --json").document["nodes"][1]["findings"] == []
+
+
+def test_how_many_of_which_differ_is_said(bench: Bench, tmp_path: Path) -> None:
+    path = tmp_path / "net.yaml"
+    path.write_text("nodes: {motor: {node_id: 5, heartbeat_producer: 700, tpdo: {1: {transmission: 7}}}}")
+    ran = bench.run(f"verify {path}")
+    assert (ran.code, f"2 of 2 (1 PDO and 1 object) of node 5 differ from {path}") == (3, ran.stdout.splitlines()[-1])

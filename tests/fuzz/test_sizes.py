@@ -142,7 +142,7 @@ CASES = [
     _journal("100 MB", lambda: " " * (100 * _MB)),
     _journal("a number of a million digits", lambda: f'{{"schema": "{SCHEMA}", "node": {"9" * 1_000_000}}}'),
     _journal("a million changes", lambda: f'{{"schema": "{SCHEMA}", "node": 1, "changes": [{"0," * 1_000_000}0]}}'),
-    _network("2,000 unknown keys for 127 nodes", lambda: _shared(2_000, 127) + "  n1: {}\n"),
+    _network("5,000 unknown keys for 127 nodes", lambda: _shared(5_000, 127) + "  n1: {}\n"),
     _network("a number of 5,000 digits", lambda: f"nodes: {{a: {{node_id: 0{'1' * 5_000}}}}}\n"),
     Case("20,000 times --bus-kwargs", ("-ivirtual", "-n1", *_FLOOD, "pdo"), {}, (5,)),
     Case("5,000 times --sim", (*["--sim=gen4"] * 5_000, "pdo"), {}, (2,)),

@@ -26,6 +26,8 @@ def compared_lines(result: Compared, _width: int) -> Iterator[Line]:
     what = _compared_text(result)
     if result.differences:
         differing = len({label for label, _ in result.differences})
+        if result.pdos and result.objects:
+            what = f"{result.pdos + result.objects} ({what})"
         yield f"{differing} of {what}{where} differ{'s' if differing == 1 else ''} from {result.against}"
     else:
         yield f"read back   {plural(result.parameters, 'parameter')} of {what}{where} equal to {result.against}"
