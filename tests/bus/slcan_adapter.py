@@ -49,11 +49,14 @@ class Line:
 
 @dataclass
 class SlcanAdapter:
-    """The adapter; its bus is the virtual *channel*. Each *refusing*-th frame to send gets BEL for an answer."""
+    """The adapter; its bus is the virtual *channel*. Each *refusing*-th frame to send gets BEL for an answer,
+    and so does each whose data begin with *refused*.
+    """
 
     channel: str
     line: Line = field(default_factory=Line)
     refusing: int = 0
+    refused: bytes | None = None
     #: what it was asked that it did not understand, or not now
     complaints: list[bytes] = field(default_factory=list)
     bit_rate_kbit: int | None = None
@@ -136,6 +139,8 @@ class SlcanAdapter:
             return ERROR
         self.sent += 1
         if self.refusing and self.sent % self.refusing == 0:
+            return ERROR
+        if self.refused is not None and data.upper().startswith(self.refused.hex().upper().encode()):
             return ERROR
         self._bus.send(
             can.Message(

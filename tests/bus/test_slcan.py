@@ -95,10 +95,10 @@ def test_what_the_adapter_does_not_send_is_no_success(plug: Plug) -> None:
     adapter = plug()
     with Bench((), options(adapter)) as bench:
         before = bench.run("pdo tpdo1 --json").document
-        bench.session.wire.tap(lambda frame, sent: setattr(adapter, "refusing", int(sent and frame.data[:3] == WRITE)))
+        adapter.refused = WRITE
         ran = bench.run("map tpdo1 6041 606C/32 --sync 1")
         assert ran.code == 5, ran.stderr
-        adapter.refusing = 0
+        adapter.refused = None
         assert bench.run("pdo tpdo1 --json").document == before
     assert adapter.complaints
 

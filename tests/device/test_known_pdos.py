@@ -199,3 +199,12 @@ def test_a_neighbour_that_no_longer_tells_a_cob_id_sends_what_it_was_known_to() 
     node.pdos()
     channel.is_shy = True
     assert producers([node])[:2] == sent
+
+
+def test_of_what_is_unknown_nothing_that_was_read_before_is_believed() -> None:
+    drive = Drive.of()
+    before = drive.timer_ms
+    drive.alters_itself(78)
+    assert drive.timer_ms == before
+    drive.node.is_unknown_now()
+    assert drive.timer_ms == 78

@@ -125,3 +125,12 @@ def test_a_state_that_only_heartbeats_tell_is_waited_for(family: str) -> None:
     assert access.state(1.0) is NmtState.PRE_OPERATIONAL
     heard = Access(DirectBus(booted(), Table({})), NODE, profile(family))
     assert heard.state() is NmtState.PRE_OPERATIONAL
+
+
+def test_a_node_of_which_nobody_knows_whether_it_is_a_master_takes_nmt_commands() -> None:
+    device = booted("gen4")
+    device.nmt(NmtCommand.START)
+    bus = DirectBus.of(device)
+    Access(bus, NODE, replace(profile("gen4"), master_object=None)).request(NmtState.PRE_OPERATIONAL)
+    assert device.state is NmtState.PRE_OPERATIONAL
+    assert bus.sdo(NODE).writes == []  # type: ignore[attr-defined]

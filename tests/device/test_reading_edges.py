@@ -180,3 +180,9 @@ def test_lengths_are_learnt_of_objects_and_not_of_gaps() -> None:
 
     assert learnt_lengths(map(PdoMappingEntry.from_raw, words), length_of) == {(0x6041, 0): 16}
     assert asked == [(0x6041, 0), (0x2345, 1)]
+
+
+def test_an_entry_of_a_mapping_has_four_bytes() -> None:
+    values = {(0x1800, 1): b"\x81\1\0\0", (0x1A00, 0): b"\1", (0x1A00, 1): b"\x10\0\x41\x60\1"}
+    with pytest.raises(SdoProtocolError, match="0x1A00:01 answered 5 bytes"):
+        read_pdo(Table(values), TPDO1)

@@ -65,3 +65,11 @@ def test_what_is_refused_while_it_is_on_is_made_with_it_off_and_asked_for_right_
 def test_a_device_of_which_nothing_was_found_out_is_not_asked_who_it_is(node: Node, channel: Strict) -> None:
     node.configure({TPDO1: PdoRequest(event_timer=50)})
     assert not [place for place in channel.reads if place[0] == 0x1018]
+
+
+def test_it_is_told_which_of_several_parameters_was_refused(node: Node, channel: Strict) -> None:
+    channel.only_off = 5
+    applied = node.configure({TPDO1: PdoRequest(transmission_type=1, event_timer=50)})
+    (told,) = [finding for finding in applied.findings if finding.rule == "off-first"]
+    assert "1800:05" in told.place
+    assert node.pdo(TPDO1).communication.event_timer == 50
