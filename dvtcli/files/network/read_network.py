@@ -49,6 +49,8 @@ def _network(root: Branch, log: FileLog) -> NetworkWish:
     known = {name: pair for name, pair in root.items.items() if name in OF[Where.FILE]}
     found = read_keys(Branch(root.mark, known), Where.FILE, "this file", log)
     defaults = found.get("defaults") or Branch(root.mark, {})
+    if "node_id" in defaults.items:
+        log.complain(defaults.items["node_id"][0].mark, "a node-ID is each node's own, no default")
     options = read_keys(found["options"], Where.OPTIONS, "options", log) if "options" in found else {}
     master, multiplier = _master(found.get("master"), options.get("heartbeat_multiplier", _MULTIPLIER), log)
     named = {name: (leaf, overlaid(defaults, own, INSTEAD)) for name, (leaf, own) in _nodes(root, found, log).items()}

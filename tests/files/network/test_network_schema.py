@@ -113,6 +113,11 @@ def test_reader_and_schema_agree_about_every_value(key: NetworkKey) -> None:
         assert (fits, read) == (True, False) if reader_only else fits == read, (text, value, fits, read)
 
 
+def test_a_node_id_is_no_default() -> None:
+    assert not is_read(f"{in_node('')}defaults: {{node_id: true}}\n")
+    assert not is_read(f"{in_node('')}defaults: {{node_id: 7}}\n")
+
+
 @given(TREES)
 def test_whatever_is_read_fits_the_schema(tree: str) -> None:
     text = f"{in_node('')}defaults: {tree}\n"
