@@ -106,7 +106,7 @@ def _restart(session: Session, node: Node, way: str, wait_s: float) -> Restart |
         session.consent(
             f"node {node.node_id} must be switched off and on once it has stored; will you do that?", node.node_id
         )
-        return Restart(POWER, lambda: _power_cycle(session, node, wait_s), certain=True)
+        return Restart(POWER, lambda: _power_cycle(session, node, wait_s))
     consent_to_reset(session, [node.node_id])
     return Restart(RESET_NODE, lambda: _reset(node, NmtCommand.RESET_NODE))
 

@@ -133,6 +133,7 @@ def test_a_refusal_leaves_no_journal_and_no_suspicion(bench: Bench) -> None:
 def test_what_could_not_be_put_back_is_left_to_recover_and_never_stored(bench: Bench) -> None:
     bench.fault("silent", 2)
     step = Step(0x1006, 0, bench.device.upload(0x1006, 0), bytes.fromhex("204E0000"), "SYNC every 20 ms")
+    bench.node.pdos()
     with pytest.raises(LeftChanged) as caught:
         carry_out(bench.node, Plan(NODE, (*bench.plan().changes, ValueChange(step))))
     error = caught.value
@@ -140,6 +141,7 @@ def test_what_could_not_be_put_back_is_left_to_recover_and_never_stored(bench: B
     assert error.hint == f"{BRING_BACK}; then `recover` finishes it, from {bench.journal}"
     assert bench.journal.exists()
     assert bench.node.pending.suspicions == {CHANGE: "1017:00, 1006:00 of node 1 could not be put back"}
+    assert bench.node.last_seen == {}, "nobody knows what it holds, so nothing is shown of it"
 
 
 def test_a_node_that_restarted_is_started_again_where_it_was_found_operational(bench: Bench) -> None:
@@ -248,6 +250,13 @@ def test_what_a_backup_read_beside_a_change_is_expected_to_stay(bench: Bench) ->
     bench.node.configure({TPDO1: PdoRequest(event_timer=50)})
     assert {**bench.node.expected.pdos, TPDO1: held[TPDO1]} == held
     assert bench.node.expected.pdos[TPDO1].communication.event_timer == 50
+
+
+def test_beside_a_change_whose_program_goes_on_the_others_are_read_for_a_store() -> None:
+    node = Node(DirectBus.of(booted()), NODE, dictionary("generic"))
+    held = node.pdos()
+    node.configure({TPDO1: PdoRequest(event_timer=50)})
+    assert (node.expected.pdos.keys(), node.expected.is_whole) == (held.keys(), True)
 
 
 def test_beside_a_moved_pdo_the_others_are_expected_to_stay(bench: Bench) -> None:

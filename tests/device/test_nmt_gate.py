@@ -134,3 +134,37 @@ def test_a_node_of_which_nobody_knows_whether_it_is_a_master_takes_nmt_commands(
     Access(bus, NODE, replace(profile("gen4"), master_object=None)).request(NmtState.PRE_OPERATIONAL)
     assert device.state is NmtState.PRE_OPERATIONAL
     assert bus.sdo(NODE).writes == []  # type: ignore[attr-defined]
+
+
+@dataclass
+class Odd(DirectBus):
+    """A device that obeys no NMT command before the *obeys*-th, and restarts where it *restarts* instead of obeying."""
+
+    obeys: int = 99
+    restarts: bool = False
+
+    def send_nmt(self, command: NmtCommand, node_id: int) -> None:
+        self.commands.append(command)
+        if len(self.commands) >= self.obeys:
+            self.device.nmt(command)
+        elif self.restarts:
+            self.heard_boot_ups += 1
+
+
+def odd(obeys: int, *, restarts: bool) -> tuple[Access, Odd]:
+    device = booted()
+    bus = Odd(device, DirectSdo(device), obeys=obeys, restarts=restarts)
+    return Access(bus, NODE, profile("generic")), bus
+
+
+def test_one_that_stays_where_it_is_is_not_asked_again() -> None:
+    access, bus = odd(99, restarts=False)
+    with pytest.raises(DeviceRefused, match="did not reach OPERATIONAL"):
+        access.insist(NmtState.OPERATIONAL)
+    assert bus.commands == [NmtCommand.START]
+
+
+def test_one_that_restarted_after_it_was_asked_is_asked_again() -> None:
+    access, bus = odd(3, restarts=True)
+    access.insist(NmtState.OPERATIONAL)
+    assert (bus.device.state, bus.commands) == (NmtState.OPERATIONAL, [NmtCommand.START] * 3)

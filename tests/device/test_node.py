@@ -13,10 +13,10 @@ from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Plan, Step, ValueChange, plan_pdo
 from dvtcli.domain.request import PdoRequest
-from dvtcli.errors import RuleError, SafetyRefusal
+from dvtcli.errors import DeviceRefused, RuleError, SafetyRefusal
 from dvtcli.files.eds.reader import read_eds
 from tests.device.test_rolling_back import odd_device
-from tests.laws.bench import NODE, DirectBus, booted, dictionary
+from tests.laws.bench import NODE, DirectBus, FaultySdo, booted, dictionary, refuse
 from tests.small_eds import INPUTS, OUTPUTS, plain
 
 TPDO1, TPDO2 = Pdo.parse("tpdo1"), Pdo.parse("tpdo2")
@@ -165,6 +165,14 @@ def test_an_undo_that_the_device_takes_otherwise_is_no_change_to_undo() -> None:
     assert [finding.rule for finding in applied.not_put_back] == ["way-back"]
     assert (node.pdo(TPDO1).enabled, node.pdo(TPDO1).count, node.history) == (False, 0, [])
     assert node.unstored != {}
+
+
+def test_an_undo_that_is_refused_once_is_not_tried_another_way(node: Node, bus: DirectBus) -> None:
+    set_timer(node, TPDO1, 70)
+    bus.channel = FaultySdo(bus.channel, refuse, 1)
+    with pytest.raises(DeviceRefused) as caught:
+        node.undo()
+    assert (caught.value.state, timers(node)[0], len(node.history)) == ("rolled_back", 70, 1)
 
 
 def test_half_a_pdo_is_changed_with_force_and_one_that_is_so_already_is_not_said_to_be() -> None:

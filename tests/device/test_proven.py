@@ -44,7 +44,7 @@ class Bench:
         self.bus.device.nmt(NmtCommand.START)
 
     def restart(self, run: Callable[[], None], *, certain: bool = False) -> Restart:
-        return Restart(POWER if certain else RESET_NODE, run, certain)
+        return Restart(POWER if certain else RESET_NODE, run)
 
 
 def test_a_store_that_stored_is_proved_by_what_the_restart_took() -> None:

@@ -19,7 +19,7 @@ from dvtcli.device.held import Held
 from dvtcli.device.store_parameters import Signed, return_to, word_of
 from dvtcli.device.wish import unlike_values
 from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.domain.proof import Proof
+from dvtcli.domain.proof import POWER, Proof
 from dvtcli.domain.several import several
 from dvtcli.errors import DvtcliError
 
@@ -40,15 +40,16 @@ _OFF_FOR_LONGER = "switch it off until nothing of it is lit, and `store --prove 
 
 @dataclass(frozen=True, slots=True)
 class Restart:
-    """A way to make a node forget its RAM, *by* one of `domain.proof`: *run* returns once its boot-up was heard.
-
-    *certain* says that RAM had no power, so that nothing can be in it that was not stored.
-    """
+    """A way to make a node forget its RAM, *by* one of `domain.proof`: *run* returns once its boot-up was heard."""
 
     by: str
     run: Callable[[], None]
-    certain: bool = False
     communication: bool = False
+
+    @property
+    def certain(self) -> bool:
+        """Whether RAM had no power, so that nothing can be in it that was not stored."""
+        return self.by == POWER
 
 
 def prepare_proof(node: Node, before: Pdos) -> None:
