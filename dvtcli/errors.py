@@ -86,12 +86,13 @@ class UsageError(DvtcliError):
 class InputFileError(DvtcliError):
     """A file's content is invalid; *place* is `FILE:LINE` or `FILE:LINE:COLUMN`.
 
-    *complaints* are all that is wrong in it, where more than the first was looked for.
+    *complaints* are all that is wrong in it, where more than the first was looked for; *outcome*: what was not done.
     """
 
     exit_code = 4
     slug = "input_file"
     complaints: tuple[FileComplaint, ...] = ()
+    outcome = "nothing was sent"
 
 
 class RuleError(DvtcliError):

@@ -12,7 +12,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dvtcli.device.file_fits import refuse_unlike_file
 from dvtcli.device.proposal import proposal
 from dvtcli.device.raw_write_check import raw_write_findings
 from dvtcli.device.resolve import resolve, untyped_lengths
@@ -25,16 +24,17 @@ from dvtcli.domain.plan import PdoChange, Plan, Step, ValueChange, plan_pdo
 from dvtcli.domain.profile import Severity
 from dvtcli.domain.rules import check_pdo, errors_in
 from dvtcli.domain.several import several
-from dvtcli.errors import NoAnswer, RuleError, SafetyRefusal, SdoProtocolError
+from dvtcli.errors import InputFileError, NoAnswer, RuleError, SdoProtocolError
 from dvtcli.files.network.file_log import FileLog
 from dvtcli.operations.change import names
 from dvtcli.operations.check_networks import read_wish
 from dvtcli.operations.linked_wishes import with_links
+from dvtcli.operations.meet_network import meet
 from dvtcli.operations.wanted_words import NodeWants, node_wants
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
-    from dvtcli.domain.network.wanted_state import NetworkWish, NodeWish, PdoWish, WantedIdentity
+    from dvtcli.domain.network.wanted_state import NetworkWish, NodeWish, PdoWish
     from dvtcli.domain.pdo import Pdo, PdoConfig
     from dvtcli.domain.rules import Finding
     from dvtcli.operations.session import Session
@@ -43,8 +43,9 @@ if TYPE_CHECKING:
 def plan_network(session: Session, file: str) -> NetworkPlan:
     """What has to be written for the nodes of the network *file* to hold what it says; reads them, writes nothing.
 
-    InputFileError with everything that is wrong in the file, also what only a node's dictionary knows; NoAnswer where
-    nodes are silent, SafetyRefusal where one is another device, RuleError with all that the rules refuse.
+    SafetyRefusal where a node is another device, InputFileError with everything that is wrong in the file, also what
+    only a node's dictionary knows, RuleError with all that the rules refuse, NoAnswer where nodes are silent: the first
+    of these that there is, with all else that is wrong among its details.
     """
     wish = read_wish(file)
     for note in wish.notes:
@@ -57,9 +58,18 @@ def plan_wish(session: Session, wish: NetworkWish, log: FileLog) -> NetworkPlan:
 
     Raises as `plan_network`.
     """
-    file = log.file
-    nodes = _met(session, file, wish)
-    _refuse_other_devices(nodes, {node.node_id: node.identity for node in wish.nodes}, force=session.options.force)
+    met = meet(session, log.file, wish)
+    planned: list[NodePlan] = []
+    try:
+        planned = _judged(session, met.nodes, met.of(wish), log)
+    except (InputFileError, RuleError, NoAnswer, SdoProtocolError) as failed:
+        met.failures.append(failed)
+    met.end()
+    return NetworkPlan(log.file, tuple(planned))
+
+
+def _judged(session: Session, nodes: dict[int, Node], wish: NetworkWish, log: FileLog) -> list[NodePlan]:
+    """The plan of each of *nodes*, as far as they were met; raises with all that is wrong of a kind."""
     if wish.links:
         found = with_links(nodes, _known(session, nodes), wish)
         wish = found.wish
@@ -67,9 +77,9 @@ def plan_wish(session: Session, wish: NetworkWish, log: FileLog) -> NetworkPlan:
             say = session.tell.warning if finding.severity is Severity.WARNING else session.tell.note
             say(finding.text)
     wants = {node.node_id: node_wants(nodes[node.node_id], node, log) for node in wish.nodes}
-    log.end()
+    log.end(read=True)
     planned = _planned(nodes, wish, wants)
-    return NetworkPlan(file, tuple(checked(nodes, planned, force=session.options.force)))
+    return list(checked(nodes, planned, force=session.options.force))
 
 
 def _known(session: Session, nodes: Mapping[int, Node]) -> Iterator[Node]:
@@ -79,66 +89,6 @@ def _known(session: Session, nodes: Mapping[int, Node]) -> Iterator[Node]:
             if node_id not in nodes:
                 session.network.node(node_id).known_cob_ids()
                 yield session.network.node(node_id)
-
-
-def _met(session: Session, file: str, wish: NetworkWish) -> dict[int, Node]:
-    """The nodes of *wish*, each with the files that it names; NoAnswer naming all that are silent."""
-    network = session.network
-    for node in wish.nodes:
-        _choose_files(session, file, node)
-    met: dict[int, Node] = {}
-    silent: dict[int, NoAnswer | SdoProtocolError] = {}
-    for node in wish.nodes:
-        try:
-            met[node.node_id] = network.node(node.node_id)
-            met[node.node_id].read_anew()
-            met[node.node_id].identity()
-        except (NoAnswer, SdoProtocolError) as failed:
-            silent[node.node_id] = failed
-    if silent:
-        first = next(iter(silent.values()))
-        if len(silent) > 1:
-            first.text = f"nodes {', '.join(map(str, silent))} do not answer"
-        raise first
-    return met
-
-
-def _choose_files(session: Session, file: str, node: NodeWish) -> None:
-    files, met = session.network.files, session.network.nodes
-    if node.node_id in met:
-        return
-    if node.profile is not None and session.options.profile is None:
-        files.own_profile[node.node_id] = node.profile
-    if node.dcf is None or session.options.eds is not None:
-        return
-    path = Path(file).parent / node.dcf.text
-    if path.is_file():
-        files.own_eds[node.node_id] = path
-    else:
-        place = f"{file}:{node.dcf.mark.line}:{node.dcf.mark.column}"
-        session.tell.note(f"{place}: there is no {path}: what is known of node {node.node_id} otherwise counts")
-
-
-def _refuse_other_devices(nodes: Mapping[int, Node], wanted: Mapping[int, WantedIdentity], *, force: bool) -> None:
-    """SafetyRefusal, naming all of them, where nodes are not the devices that are *wanted*, or their EDS is about."""
-    unlike = [text for node_id, node in nodes.items() for text in _unlike(node, wanted[node_id])]
-    if unlike:
-        raise SafetyRefusal(
-            f"another device than the file is about: {unlike[0]}",
-            why="; ".join(unlike[1:]) or None,
-            hint="attach the device that is meant, or say in the file which one it is",
-        )
-    for node_id, node in nodes.items():
-        refuse_unlike_file(node_id, node.unlike_file, force=force)
-
-
-def _unlike(node: Node, wanted: WantedIdentity) -> Iterator[str]:
-    held = node.identity()
-    for name in ("vendor", "product", "revision", "serial"):
-        number = getattr(wanted, name)
-        if number is not None and held[name] != number:
-            is_now = "none" if held[name] is None else f"0x{held[name]:08X}"
-            yield f"node {node.node_id} has {name} {is_now}, not 0x{number:08X}"
 
 
 def _planned(nodes: Mapping[int, Node], wish: NetworkWish, wants: Mapping[int, NodeWants]) -> list[NodePlan]:

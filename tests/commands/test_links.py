@@ -99,7 +99,7 @@ def test_a_dry_run_changes_nothing(bench: Bench) -> None:
     assert bench.run("map 6:rpdo1 60FF --off").code == 0
     ran = bench.run("link 1:tpdo2 6:rpdo1 --dry-run")
     assert ran.code == 0, ran
-    assert "Nothing was sent" in ran.stdout
+    assert "Nothing was written." in ran.stdout
     assert bench.run("undo").code == 0
     assert held(bench) == before
 

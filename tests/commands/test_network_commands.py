@@ -173,7 +173,7 @@ def test_a_dry_run_reaches_the_twins_only(bench: Bench, file: Path) -> None:
     before = held(bench)
     ran = bench.run(f"apply {file} --dry-run")
     assert ran.code == 0
-    assert "Nothing was sent" in ran.stdout
+    assert "Nothing was written." in ran.stdout
     assert held(bench) == before
 
 
@@ -240,3 +240,34 @@ def test_how_many_of_which_differ_is_said(bench: Bench, tmp_path: Path) -> None:
     path.write_text("nodes: {motor: {node_id: 5, heartbeat_producer: 700, tpdo: {1: {transmission: 7}}}}")
     ran = bench.run(f"verify {path}")
     assert (ran.code, f"2 of 2 (1 PDO and 1 object) of node 5 differ from {path}") == (3, ran.stdout.splitlines()[-1])
+
+
+ALL_WRONG = """
+a: {node_id: 1, tpdo: {1: {mapping: [nothing_like_it]}}}
+b: {node_id: 5, identity: {vendor: 0x99}, tpdo: {1: {mapping: [nothing_like_it]}}}
+c: {node_id: 7}
+d: {node_id: 8}
+"""
+
+
+def test_all_that_is_wrong_with_any_node_is_said_at_once(bench: Bench, tmp_path: Path) -> None:
+    path = tmp_path / "wrong.yaml"
+    path.write_text(ALL_WRONG)
+    ran = bench.run(f"plan {path}")
+    assert ran.code == 6
+    assert "node 5 has vendor 0x00000286, not 0x00000099" in ran.stderr.splitlines()[0]
+    assert f"  also    {path}:2:38: " in ran.stderr
+    assert "  also    nodes 7, 8 do not answer" in ran.stderr
+    path.write_text(ALL_WRONG.replace("0x99", "0x286"))
+    ran = bench.run(f"plan {path} --json")
+    assert (ran.code, [one["line"] for one in ran.document["complaints"]]) == (4, [2, 3])
+    assert ran.document["also"] == ["nodes 7, 8 do not answer"]
+    shown = bench.run(f"plan {path}").stderr.splitlines()
+    assert shown[-2:] == ["2 errors. Nothing was written.", "  also    nodes 7, 8 do not answer"]
+    path.write_text(ALL_WRONG.replace("0x99", "0x286").replace("nothing_like_it", "1018:01"))
+    ran = bench.run(f"plan {path}")
+    assert (ran.code, ran.stderr.count("is not mappable")) == (1, 2)
+    assert "  also    nodes 7, 8 do not answer" in ran.stderr
+    path.write_text(ALL_WRONG.replace("0x99", "0x286").replace("nothing_like_it", "statusword"))
+    ran = bench.run(f"plan {path} --json")
+    assert (ran.code, ran.document["error"], ran.document["also"]) == (5, "no_answer", [])

@@ -15,13 +15,13 @@ _LONGEST = 90
 _AHEAD = 40
 
 
-def complaint_lines(complaints: Sequence[FileComplaint], most: int) -> Iterator[Line]:
-    """Each complaint with its line and the one above; *most* of them are shown."""
+def complaint_lines(complaints: Sequence[FileComplaint], most: int, outcome: str) -> Iterator[Line]:
+    """Each complaint with its line and the one above, *most* of them; *outcome* says what was not done."""
     for complaint in complaints[:most]:
         yield [Cell(f"{complaint.place}: "), Cell("error: ", "red"), Cell(complaint.text, "bold")]
         yield from _source(complaint)
     more = f" ({most} shown)" if len(complaints) > most else ""
-    yield f"{plural(len(complaints), 'error')}{more}. Nothing was sent."
+    yield f"{plural(len(complaints), 'error')}{more}. {outcome[:1].upper()}{outcome[1:]}."
 
 
 def _source(complaint: FileComplaint) -> Iterator[Line]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from dvtcli.cli.view.complaint_lines import complaint_lines
 from dvtcli.cli.view.lines import Cell, Line
@@ -51,6 +51,7 @@ def error_document(error: DvtcliError, at: str | None = None) -> Document:
         "state": error.state,
         "at": at,
         "stays": list(error.stays),
+        "also": [text for label, text in error.details if label == "also"],
     }
     if isinstance(error, RuleError):
         document["findings"] = [finding_document(finding) for finding in error.findings]
@@ -70,7 +71,8 @@ def _file(error: DvtcliError) -> str | None:
 def error_lines(error: DvtcliError, at: str | None = None) -> Iterator[Line]:
     """The error's screen, most telling line first; *at* is the `FILE:LINE` of the script line that failed."""
     if isinstance(error, InputFileError) and error.complaints:
-        yield from complaint_lines(error.complaints, _MOST_COMPLAINTS)
+        yield from complaint_lines(error.complaints, _MOST_COMPLAINTS, error.outcome)
+        yield from _rows(error.details)
         return
     yield [Cell(f"{at}: " if at else ""), Cell("error: ", "red"), Cell(error.text, "bold")]
     if isinstance(error, RuleError):
@@ -85,6 +87,10 @@ def error_lines(error: DvtcliError, at: str | None = None) -> Iterator[Line]:
     rows += [(label, text) for label, text in (("why", error.why), ("hint", error.hint)) if text]
     if error.exit_code not in (2, 4) or error.stays or error.state_text or error.state != "unchanged":
         rows.append(("state", _state(error, at)))
+    yield from _rows(rows)
+
+
+def _rows(rows: Iterable[tuple[str, str]]) -> Iterator[Line]:
     for label, text in rows:
         yield [Cell(f"  {label:<7} ", "dim"), Cell(text)]
 
@@ -104,6 +110,7 @@ def _rule_lines(error: RuleError, at: str | None) -> Iterator[Line]:
         yield [Cell("  rule    ", "dim"), Cell(_rule_text(finding))]
         if finding.hint:
             yield [Cell("  hint    ", "dim"), Cell(finding.hint)]
+    yield from _rows(row for row in error.details if row[0] == "also")
     forced = "" if error.rehearsed or not error.can_force else "; --force sends it anyway"
     yield [Cell("  state   ", "dim"), Cell(_state(error, at) + forced)]
 

@@ -48,7 +48,8 @@ def applied_lines(result: NetworkApplied, _width: int) -> Iterator[Line]:
         return
     writes, nodes = plural(plan.writes, "write"), plural(sum(bool(len(one.plan)) for one in plan.nodes), "node")
     if result.dry_run:
-        yield [Cell("dry run: ", "cyan"), Cell(f"{writes} on the twins of {nodes}, read back equal. Nothing was sent.")]
+        text = f"{writes} on the twins of {nodes}, read back equal. Nothing was written."
+        yield [Cell("dry run: ", "cyan"), Cell(text)]
         return
     if plan.changed:
         yield f"{nodes} set: {writes}, read back equal, {result.seconds:.2f} s."

@@ -156,6 +156,11 @@ class LinkWish:
     heartbeat: int | Literal[False] | None = None
     mark: Mark = field(default=NOWHERE, compare=False)
 
+    @property
+    def ends(self) -> tuple[Endpoint, ...]:
+        """The producer and its consumers."""
+        return (self.producer, *self.consumers)
+
 
 @dataclass(frozen=True, slots=True)
 class FileNote:

@@ -65,13 +65,14 @@ class FileLog:
             sorted((FileNote(text, min(marks), len(marks)) for text, marks in self._notes.items()), key=_place)
         )
 
-    def end(self) -> None:
-        """InputFileError with every complaint, where there is one."""
+    def end(self, *, read: bool = False) -> None:
+        """InputFileError with every complaint, where there is one; *read*: nodes were asked to find it."""
         if not self._complaints:
             return
         found = sorted(self._complaints)
-        text = f"{self.file}: {plural(len(found), 'error')}; nothing was sent"
-        error = InputFileError(text, place=found[0].place)
+        outcome = "nothing was written" if read else "nothing was sent"
+        error = InputFileError(f"{self.file}: {plural(len(found), 'error')}; {outcome}", place=found[0].place)
+        error.outcome = outcome
         error.complaints = tuple(found[:MOST_COMPLAINTS])
         raise error
 

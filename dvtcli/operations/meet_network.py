@@ -1,0 +1,117 @@
+"""The nodes of a network file, met: those that answer and are who the file means; of the others, why not.
+
+Writes nothing. Does not know what the nodes should hold.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dvtcli.device.file_fits import refuse_unlike_file
+from dvtcli.errors import DvtcliError, InputFileError, NoAnswer, RuleError, SafetyRefusal, SdoProtocolError
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+    from dvtcli.domain.network.wanted_state import NetworkWish, NodeWish, WantedIdentity
+    from dvtcli.operations.session import Session
+
+_ATTACH = "attach the device that is meant, or say in the file which one it is"
+
+
+@dataclass(slots=True)
+class Met:
+    """The *nodes* that are as the file means them, by node-ID, and what speaks against going on."""
+
+    nodes: dict[int, Node] = field(default_factory=dict)
+    failures: list[DvtcliError] = field(default_factory=list)
+
+    def of(self, wish: NetworkWish) -> NetworkWish:
+        """What *wish* says of the nodes that were met."""
+        nodes = tuple(node for node in wish.nodes if node.node_id in self.nodes)
+        links = (link for link in wish.links if all(end.node_id in self.nodes for end in link.ends))
+        return replace(wish, nodes=nodes, links=tuple(links))
+
+    def end(self) -> None:
+        """One error for all failures, where there is one: what trying again does not mend comes first."""
+        if not self.failures:
+            return
+        first, *others = sorted(self.failures, key=_weight)
+        first.details += [("also", text) for other in others for text in _texts(other)]
+        raise first
+
+
+def meet(session: Session, file: str, wish: NetworkWish) -> Met:
+    """The nodes of *wish*, each with the files that it names."""
+    met = Met()
+    for node in wish.nodes:
+        _choose_files(session, file, node)
+    for node in wish.nodes:
+        try:
+            found = session.network.node(node.node_id)
+            found.read_anew()
+            failures = list(_unlike(found, node.identity, force=session.options.force))
+        except (NoAnswer, SdoProtocolError) as failed:
+            failures = [failed]
+        met.failures += failures
+        if not failures:
+            met.nodes[node.node_id] = found
+    _joined(met.failures)
+    return met
+
+
+def _joined(failures: list[DvtcliError]) -> None:
+    """Nodes that are silent are one failure."""
+    silent = [one for one in failures if isinstance(one, NoAnswer) and one.node is not None]
+    if len(silent) > 1:
+        silent[0].text = f"nodes {', '.join(str(one.node) for one in silent)} do not answer"
+        for one in silent[1:]:
+            failures.remove(one)
+
+
+def _choose_files(session: Session, file: str, node: NodeWish) -> None:
+    files, met = session.network.files, session.network.nodes
+    if node.node_id in met:
+        return
+    if node.profile is not None and session.options.profile is None:
+        files.own_profile[node.node_id] = node.profile
+    if node.dcf is None or session.options.eds is not None:
+        return
+    path = Path(file).parent / node.dcf.text
+    if path.is_file():
+        files.own_eds[node.node_id] = path
+    else:
+        place = f"{file}:{node.dcf.mark.line}:{node.dcf.mark.column}"
+        session.tell.note(f"{place}: there is no {path}: what is known of node {node.node_id} otherwise counts")
+
+
+def _unlike(node: Node, wanted: WantedIdentity, *, force: bool) -> Iterator[DvtcliError]:
+    """What says that *node* is another device than the one *wanted*, or than its EDS is about."""
+    held = node.identity()
+    for name in ("vendor", "product", "revision", "serial"):
+        number = getattr(wanted, name)
+        if number is not None and held[name] != number:
+            is_now = "none" if held[name] is None else f"0x{held[name]:08X}"
+            what = f"node {node.node_id} has {name} {is_now}, not 0x{number:08X}"
+            text = f"another device than the file is about: {what}"
+            yield SafetyRefusal(text, node=node.node_id, hint=_ATTACH)
+    try:
+        refuse_unlike_file(node.node_id, node.unlike_file, force=force)
+    except SafetyRefusal as refused:
+        yield refused
+
+
+def _weight(failure: DvtcliError) -> int:
+    kinds = (SafetyRefusal, InputFileError, RuleError)
+    return next((number for number, kind in enumerate(kinds) if isinstance(failure, kind)), len(kinds))
+
+
+def _texts(failure: DvtcliError) -> Iterator[str]:
+    if isinstance(failure, RuleError):
+        yield from (finding.text for finding in failure.findings)
+    elif isinstance(failure, InputFileError) and failure.complaints:
+        yield from (f"{one.place}: {one.text}" for one in failure.complaints)
+    else:
+        yield failure.text
