@@ -1,0 +1,140 @@
+#!/usr/bin/python
+"""`plan` and `apply` of a network file as one task that says what it changed."""
+
+from __future__ import annotations
+
+DOCUMENTATION = r"""
+module: network
+short_description: Make a CANopen network hold what a network file says, all or nothing
+description:
+  - Runs C(dvtcli plan) and, where something differs, C(dvtcli apply) on the host that has the bus.
+  - In check mode nodes are read and nothing is written.
+  - A fault on one node brings every node of the bus back to what it held; the task fails and says so.
+  - A bus or a node that does not answer makes the host unreachable.
+options:
+  file:
+    description: The network file, or a plan that C(dvtcli plan -o) saved, on the host.
+    type: path
+    required: true
+  bus:
+    description: The bus, with the names of python-can. Left out, the host's own dvtcli.toml or environment chooses.
+    type: dict
+    default: {}
+    suboptions:
+      interface: {description: Interface of python-can, type: str}
+      channel: {description: Its channel, type: str}
+      bitrate: {description: Bit rate in bit/s, type: int}
+      kwargs: {description: Further keys of the interface, type: dict, default: {}}
+      sim: {description: Simulated nodes instead of a bus, type: list, elements: str, default: []}
+  prove:
+    description: Restart each node that stored, and compare what it comes up with.
+    type: bool
+    default: false
+  force:
+    description: Go on where dvtcli's rules refuse, or another master is heard.
+    type: bool
+    default: false
+  timeout:
+    description: SDO time-out in seconds.
+    type: float
+  executable:
+    description: The dvtcli to run.
+    type: str
+    default: dvtcli
+attributes:
+  check_mode: {support: full, description: Nodes are read and compared.}
+  diff_mode: {support: full, description: Each parameter before and after.}
+author:
+  - the authors of dvtcli
+"""
+
+EXAMPLES = r"""
+- name: The traction chain is as traction.yaml says
+  dvtcli.canopen.network:
+    file: /etc/dvtcli/traction.yaml
+    bus: {interface: socketcan, channel: can0}
+    prove: true
+
+- name: Rehearse it without a bus
+  dvtcli.canopen.network:
+    file: /etc/dvtcli/traction.yaml
+    bus: {sim: [gen4@1, generic@5, generic@9]}
+"""
+
+RETURN = r"""
+writes:
+  description: SDO downloads that were made; in check mode, that would be.
+  type: int
+  returned: success
+stored:
+  description: The node-IDs that stored.
+  type: list
+  elements: int
+  returned: success
+nodes:
+  description: The nodes of the file with what differed.
+  type: list
+  elements: dict
+  returned: success
+exit_code:
+  description: The exit code of dvtcli.
+  type: int
+  returned: failure
+state:
+  description: In which state the nodes are, C(unchanged), C(rolled_back), C(left_changed) or C(unknown).
+  type: str
+  returned: failure
+"""
+
+from ansible.module_utils.basic import AnsibleModule
+from ansible_collections.dvtcli.canopen.plugins.module_utils.dvtcli_command import ARGUMENTS, DIFFERS, DONE, Ended
+
+#: what a plan is carried out by, and of no use to who reads a task's result
+_INNER = ("changes", "holds")
+
+
+def main():
+    """Plan; carry it out where something differs and this is no check."""
+    module = AnsibleModule(
+        argument_spec=dict(
+            ARGUMENTS,
+            file={"type": "path", "required": True},
+            prove={"type": "bool", "default": False},
+            force={"type": "bool", "default": False},
+        ),
+        supports_check_mode=True,
+    )
+    force = ["--force"] if module.params["force"] else []
+    if module.check_mode:
+        document = Ended(module, [*force, "plan", "--exit-code", module.params["file"]]).unless(DONE, DIFFERS)
+    else:
+        prove = ["--prove"] if module.params["prove"] else []
+        document = Ended(module, [*force, "--yes", "apply", *prove, module.params["file"]]).unless(DONE)
+    stored = [one["node"] for one in document.get("stored") or []]
+    module.exit_json(
+        changed=bool(document["changed"] or stored),
+        writes=document["writes"],
+        stored=stored,
+        nodes=[{key: value for key, value in node.items() if key not in _INNER} for node in document["nodes"]],
+        diff=[{"before": text(document, 0), "after": text(document, 1)}],
+    )
+
+
+def text(document, side):
+    """What nodes hold before (*side* 0) or after (1), a parameter a line."""
+    lines = []
+    for node in document["nodes"]:
+        for pdo in node["pdos"]:
+            pairs = ((key, value) for key, value in pdo.items() if isinstance(value, list) and len(value) == 2)
+            lines += [f"node {node['node']} {pdo['pdo']} {key}: {_written(value[side])}" for key, value in pairs]
+        for one in node["objects"]:
+            lines.append(f"node {node['node']} {one['object']}: {one['after' if side else 'before']}")
+    return "".join(line + "\n" for line in lines)
+
+
+def _written(value):
+    return " ".join(map(str, value)) if isinstance(value, list) else value
+
+
+if __name__ == "__main__":
+    main()
