@@ -49,4 +49,6 @@ class CameUp:
         gone = [pdo.label for pdo in self.pdos if pdo not in now]
         if gone:
             return f"{several(gone)} came up with it and cannot be read any more"
+        if any(config.untold for config in now.values()):
+            return "not all of its PDOs could be read"
         return "" if self.pdos == now else "it is not what came up"

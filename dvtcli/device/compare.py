@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.plan import EVENT_TIMER, INHIBIT_TIME, SYNC_START, TRANSMISSION_TYPE
 
 
 def differences(pdo: Pdo, wanted: PdoConfig, held: PdoConfig) -> list[str]:
     """Every parameter of *pdo* in which *held* is not *wanted*, in a person's words.
 
-    Half a PDO, as a file may list one, wishes nothing of the other half.
+    Half a PDO, as a file may list one, wishes nothing of the other half; nor does one of which a parameter could not be
+    read wish anything of that.
     """
     return [
         *(_in_communication(pdo, wanted, held) if wanted.has_cob_id else ()),
@@ -22,16 +24,22 @@ def _in_communication(pdo: Pdo, wanted: PdoConfig, held: PdoConfig) -> Iterator[
     if not held.has_cob_id:
         yield f"its COB-ID 0x{pdo.communication_index:04X}:01 cannot be read"
         return
+    is_now, should = held.communication, wanted.communication
     rows = (
-        ("COB-ID", f"0x{held.communication.cob_id.raw:08X}", f"0x{wanted.communication.cob_id.raw:08X}"),
-        ("transmission type", held.communication.transmission_type, wanted.communication.transmission_type),
-        ("inhibit time", held.communication.inhibit_time, wanted.communication.inhibit_time),
-        ("event timer", held.communication.event_timer, wanted.communication.event_timer),
-        ("SYNC start value", held.communication.sync_start_value, wanted.communication.sync_start_value),
+        (1, "COB-ID", f"0x{is_now.cob_id.raw:08X}", f"0x{should.cob_id.raw:08X}"),
+        (TRANSMISSION_TYPE, "transmission type", is_now.transmission_type, should.transmission_type),
+        (INHIBIT_TIME, "inhibit time", is_now.inhibit_time, should.inhibit_time),
+        (EVENT_TIMER, "event timer", is_now.event_timer, should.event_timer),
+        (SYNC_START, "SYNC start value", is_now.sync_start_value, should.sync_start_value),
     )
-    for name, is_now, should in rows:
-        if is_now != should:
-            yield f"{name} is {is_now}, expected {should}"
+    for sub_index, name, value, wish in rows:
+        place = (pdo.communication_index, sub_index)
+        if place in wanted.unread:
+            continue
+        if place in held.unread:
+            yield f"{name} 0x{place[0]:04X}:{sub_index:02X} cannot be read"
+        elif value != wish:
+            yield f"{name} is {value}, expected {wish}"
 
 
 def _in_mapping(pdo: Pdo, wanted: PdoConfig, held: PdoConfig) -> Iterator[str]:

@@ -83,7 +83,8 @@ def read_pdo(sdo: SdoReader, pdo: Pdo, passing: Container[int] = UNREADABLE) -> 
 
     Sub-index 4 is never touched; sub-indices 2, 3, 5 and 6 are each optional (CiA 301, 7.5.2.35/37). Entries
     are read up to the count only, since what lies behind is filler. Where an abort code of *passing* is the answer,
-    the PDO lacks that and is inconsistent; the SdoAborted is raised where it has neither COB-ID nor mapping.
+    the PDO lacks that and is inconsistent, but for an optional one that is absent or can never be read; the SdoAborted
+    is raised where it has neither COB-ID nor mapping.
     """
     told = _Told(sdo, passing)
     cob_id = told.number(pdo.communication_index, 1, 4)
@@ -137,12 +138,14 @@ class _Told:
             return None
 
     def optional(self, index: int, sub_index: int, size: int) -> int | None:
-        """A number that a PDO need not have."""
+        """A number that a PDO need not have; one that it may tell at another time is *unread*."""
         try:
             return read_number(self.sdo, index, sub_index, size)
         except SdoAborted as aborted:
             if int(aborted.code) not in self.passing:  # `in` counts up to an IntEnum in a range
                 raise
+            if aborted.code not in UNREADABLE:
+                self.unread.append((index, sub_index))
             return None
 
 

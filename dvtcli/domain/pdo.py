@@ -30,6 +30,8 @@ class Direction(StrEnum):
 _COMMUNICATION = {Direction.RPDO: 0x1400, Direction.TPDO: 0x1800}
 _MAPPING = {Direction.RPDO: 0x1600, Direction.TPDO: 0x1A00}
 _DIRECTIONS = {base: direction for bases in (_COMMUNICATION, _MAPPING) for direction, base in bases.items()}
+#: the parameters that a PDO need not have, by the sub-index of its communication parameter
+_OPTIONAL = {2: "transmission type", 3: "inhibit time", 5: "event timer", 6: "SYNC start value"}
 _FIRST_INDEX, _LAST_INDEX = 0x1400, 0x1BFF
 _DEFAULT_CAN_ID = {Direction.RPDO: 0x200, Direction.TPDO: 0x180}
 
@@ -113,7 +115,7 @@ class PdoConfig:
     *count* is the mapping's sub-index 0; it differs from the number of entries for MPDOs (0xFE, 0xFF), which are
     shown and never written, and for an inconsistent PDO: *held_count* is what that says, *unread* the objects (index,
     sub-index) that it lacks or does not tell: its COB-ID (which counts as off then), its count, or the first entry
-    behind *mapping*.
+    behind *mapping*; or an optional parameter, which is None then, that it refused for a reason that may pass.
     """
 
     communication: PdoCommunicationParameter
@@ -136,7 +138,7 @@ class PdoConfig:
     @property
     def has_cob_id(self) -> bool:
         """Whether the device tells its COB-ID; one without is no PDO on the bus."""
-        return all(is_mapping_index(index) for index, _ in self.unread)
+        return not any(sub_index == 1 and not is_mapping_index(index) for index, sub_index in self.unread)
 
     @property
     def has_mapping(self) -> bool:
@@ -145,8 +147,13 @@ class PdoConfig:
 
     @property
     def lacking(self) -> tuple[tuple[int, int], ...]:
-        """Those of *unread* without which it is no whole PDO, whatever it maps: its COB-ID, and its mapping's count."""
+        """Those of *unread* without which it is no whole PDO, whatever it maps: parameters, and its mapping's count."""
         return tuple(place for place in self.unread if not _is_entry(*place))
+
+    @property
+    def untold(self) -> tuple[tuple[int, int], ...]:
+        """Those of *unread* that it need not have: nobody knows whether, nor what they hold."""
+        return tuple(place for place in self.lacking if place[1] in _OPTIONAL)
 
     @property
     def inconsistency(self) -> str:
@@ -169,10 +176,11 @@ def _is_entry(index: int, sub_index: int) -> bool:
 
 
 def _inconsistencies(config: PdoConfig) -> Iterator[str]:
-    for index, sub_index in config.unread:
+    without_cob_id = () if config.has_cob_id else config.untold  # what else of it is missing is not worth a word
+    for index, sub_index in (place for place in config.unread if place not in without_cob_id):
         place = f"0x{index:04X}:{sub_index:02X}"
         if not is_mapping_index(index):
-            yield f"its COB-ID {place} cannot be read"
+            yield f"its {_OPTIONAL.get(sub_index, 'COB-ID')} {place} cannot be read"
         elif sub_index == 0:
             yield f"its mapping {place} cannot be read"
         else:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
+from dvtcli.domain.pdo import Pdo
 from dvtcli.files.eds.reader import read_eds
 from dvtcli.simulator.device.refusal import Refusal
 from dvtcli.simulator.device.strict_device import StrictDevice
@@ -12,18 +15,18 @@ from tests.commands.bench import Bench
 from tests.commands.bus import Wire
 from tests.small_eds import U32, communication, plain, var
 
-NOT_NOW, COUNT = 0x08000022, (0x1A00, 0)
+NOT_NOW, COUNT, TIMER = 0x08000022, (0x1A00, 0), (0x1800, 5)
 
 
 class BusyDevice(StrictDevice):
-    """Does not tell how many objects TPDO1 maps while it is busy, as it is after some of its *boots*."""
+    """Does not tell *untold* (how many objects TPDO1 maps) while it is busy, as it is after some of its *boots*."""
 
-    def __init__(self, *boots: int) -> None:
+    def __init__(self, *boots: int, untold: tuple[int, int] = COUNT) -> None:
         super().__init__(read_eds(family_eds("generic")).dictionary, load_family("generic"), 1)
-        self.boots, self.booted, self.is_busy = boots, 0, False
+        self.boots, self.booted, self.is_busy, self.untold = boots, 0, False, untold
 
     def upload(self, index: int, sub_index: int) -> bytes:
-        if self.is_busy and (index, sub_index) == COUNT:
+        if self.is_busy and (index, sub_index) == self.untold:
             raise Refusal(NOT_NOW)
         return super().upload(index, sub_index)
 
@@ -63,6 +66,57 @@ def test_a_restore_beside_an_eds_is_not_proved_either_where_the_mapping_is_not_r
         ran = bench.run("restore --prove --yes --json")
     assert ran.code == 1, ran
     assert "TPDO1: 0x1A00:00 cannot be read, its default is 0x01" in ran.stdout
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "said"),
+    [
+        (True, True, "not compared: 0x1800:05 cannot be read"),
+        (True, False, "TPDO1: 0x1800:05 could not be read before"),
+        (False, True, "TPDO1: event timer 0x1800:05 cannot be read"),
+    ],
+)
+def test_a_timer_that_a_device_does_not_tell_for_a_moment_is_not_proved(before: bool, after: bool, said: str) -> None:
+    device = BusyDevice(*((2,) if after else ()), untold=TIMER)
+    device.is_busy = before
+    with Wire(device) as wire, Bench((), wire.options) as bench:
+        device.is_busy = before
+        ran = bench.run("store --prove --yes --json")
+    assert (ran.code, ran.document["proved"]) == (1, False), ran
+    assert said in ran.stdout
+
+
+def test_nor_is_a_restore_that_does_not_tell_a_timer() -> None:
+    device = BusyDevice(2, untold=TIMER)
+    options = {"eds": str(family_eds("generic"))}
+    with Wire(device, faults=("restores-nothing",)) as wire, Bench((), {**wire.options, **options}) as bench:
+        ran = bench.run("restore --prove --yes --json")
+    assert ran.code == 1, ran
+    assert "TPDO1: 0x1800:05 cannot be read, its default is 0x" in ran.stdout
+
+
+def test_a_timer_that_could_not_be_read_is_neither_saved_nor_changed_nor_expected() -> None:
+    device = BusyDevice(untold=TIMER)
+    with Wire(device) as wire, Bench((), wire.options) as bench:
+        bench.session.node(1)
+        device.is_busy = True
+        shown = bench.run("pdo --json").document["pdos"][0]
+        assert (shown["event_timer_ms"], shown["enabled"]) == (None, True)
+        assert shown["inconsistent"] == "its event timer 0x1800:05 cannot be read"
+        assert bench.run("pdo").stdout.count("TPDO1 is inconsistent: its event timer 0x1800:05 cannot be read\n") == 1
+        assert bench.run("set tpdo2 --timer 30").code == 0
+        (backup,) = (Path.home() / ".local" / "state" / "dvtcli" / "backups").glob("*.dvt")
+        (line,) = (line for line in backup.read_text().splitlines() if "tpdo1 is inconsistent" in line)
+        assert line.startswith("# ")
+        refused = bench.run("set tpdo1 --timer 40")
+        assert (refused.code, "0x08000022" in refused.stderr) == (1, True)
+        node = bench.session.node(1)
+        assert (Pdo.parse("tpdo1") in node.expected.pdos, node.expected.is_whole) == (False, False)
+        device.is_busy = False
+        assert bench.run("set tpdo2 --timer 31").code == 0
+        assert (Pdo.parse("tpdo1") in node.expected.pdos, node.expected.is_whole) == (True, True)
+        assert bench.run("verify").code == 0
+    assert device.value(*TIMER) == bytes(2)
 
 
 def test_what_an_eds_tells_no_default_of_is_said_and_the_rest_compared(tmp_path: Path) -> None:

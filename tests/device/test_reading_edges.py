@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass, field
 
 import pytest
 
+from dvtcli.device.compare import differences
 from dvtcli.device.read_pdos import (
+    WHATEVER,
     exists,
     learnt_lengths,
     present_pdos,
@@ -186,3 +189,38 @@ def test_an_entry_of_a_mapping_has_four_bytes() -> None:
     values = {(0x1800, 1): b"\x81\1\0\0", (0x1A00, 0): b"\1", (0x1A00, 1): b"\x10\0\x41\x60\1"}
     with pytest.raises(SdoProtocolError, match="0x1A00:01 answered 5 bytes"):
         read_pdo(Table(values), TPDO1)
+
+
+@dataclass
+class Choosy(Table):
+    """A table that refuses what *refused* says, with its code."""
+
+    refused: dict[tuple[int, int], int] = field(default_factory=dict)
+
+    def upload(
+        self, index: int, sub_index: int, *, timeout_s: float | None = None, retries: int | None = None
+    ) -> bytes:
+        if (index, sub_index) in self.refused:
+            raise SdoAborted(index, sub_index, self.refused[index, sub_index])
+        return super().upload(index, sub_index, timeout_s=timeout_s, retries=retries)
+
+
+@pytest.mark.parametrize("sub_index", [2, 3, 5, 6])
+@pytest.mark.parametrize("code", [0x0800_0022, 0x0800_0000, 0x0504_0000, 0x0609_0011, 0x0602_0000, 0x0601_0001])
+def test_an_optional_parameter_that_is_refused_for_a_moment_is_not_one_that_is_not_there(
+    sub_index: int, code: int
+) -> None:
+    device = Choosy(pdo_of(0).values, refused={(0x1800, sub_index): code})
+    config, whole = read_pdo(device, TPDO1, WHATEVER), read_pdo(pdo_of(0), TPDO1)
+    may_pass = code >> 24 != 6
+    assert config.unread == (((0x1800, sub_index),) if may_pass else ())
+    assert config != whole
+    assert bool(config.inconsistency) is bool(config.untold) is may_pass
+    assert (config.has_cob_id, config.has_mapping, config.enabled) == (True, True, True)
+    assert any(f"0x1800:{sub_index:02X} cannot be read" in text for text in differences(TPDO1, whole, config)) is (
+        may_pass
+    )
+    assert bool(differences(TPDO1, config, whole)) is not may_pass, "what could not be read wishes nothing"
+    if may_pass:
+        with pytest.raises(SdoAborted):
+            read_pdo(device, TPDO1)

@@ -47,7 +47,7 @@ def _inconsistency(row: PdoRow) -> Iterator[Line]:
     yield from _impossible(row)
     if not row.config.inconsistency:
         return
-    way = "map or clear repairs it" if row.config.has_cob_id and row.config.has_mapping else ""
+    way = "map or clear repairs it" if not row.config.lacking else ""
     if not row.config.has_mapping and row.config.enabled:
         way = f"disable {row.pdo} switches it off"
     yield [

@@ -71,6 +71,7 @@ def _carry_out(
         node.keeper.begin(plan, node.identity(), found.state, node.known_pdos, node.last_read)
     try:
         beside = wholes_beside(node, plan, found)
+        untold = any(config.untold for config in node.last_read.values())
         node.gate.enter()
         boot_ups = run(node, plan, OtherPdos(cob_ids, beside))
     except LeftChanged as left:
@@ -81,7 +82,7 @@ def _carry_out(
             _explain(node, error, findings)
         _settle_after(node, error, found)
         raise
-    node.expected.seen(beside, whole=is_watched)
+    node.expected.seen(beside, whole=is_watched and not untold)
     if node.keeper is not None:
         node.keeper.own_journal.carried_out()
     done(boot_ups)

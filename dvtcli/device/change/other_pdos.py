@@ -87,12 +87,12 @@ def cob_ids_beside(node: Changeable, plan: Plan) -> dict[Pdo, CobId]:
 
 
 def wholes_beside(node: Changeable, plan: Plan, found: Found) -> dict[Pdo, PdoConfig]:
-    """The PDOs that *plan* leaves alone, to be compared before a store: those that were read since *found*."""
+    """The PDOs that *plan* leaves alone, to be compared before a store: those that were read whole since *found*."""
     if not is_of_pdo(plan) or node.bus.boot_ups(node.node_id) != found.boot_ups:
         return {}
     own = set(_own(plan))
     movable = {pdo: config for pdo, config in node.last_read.items() if config.mpdo is None and config.has_cob_id}
-    return {pdo: config for pdo, config in movable.items() if pdo not in own}
+    return {pdo: config for pdo, config in movable.items() if pdo not in own and not config.untold}
 
 
 def is_of_pdo(plan: Plan) -> bool:

@@ -80,7 +80,7 @@ def prove_store(node: Node, before: Held, signed: Signed, restart: Restart) -> P
             blind, hint = "RAM was kept, so this was no power cycle, or it was saved by itself", _OFF_FOR_LONGER
     elif restart.certain:
         blind = ""
-    uncovered, unread = _uncovered(signed.sub_index), _unread(before, signed)
+    uncovered, unread = _uncovered(signed.sub_index), _unread(before, signed, after)
     return Proof(
         restart.by,
         len(before.pdos),
@@ -165,9 +165,19 @@ def _uncovered(sub_index: int) -> str:
     return f"PDOs are what is compared, and nobody says that group {sub_index} has them"
 
 
-def _unread(held: Held, signed: Signed) -> str:
-    """What of *held* could not be compared, since it could not be read at that moment; empty where all could."""
-    unread = held.unread_of_group(signed.sub_index)
+def _unread(held: Held, signed: Signed, after: Pdos | None = None) -> str:
+    """What of *held* could not be compared, since it could not be read at that moment; empty where all could.
+
+    Of the PDOs *after* a restart that is what they told neither before it.
+    """
+    objects = held.unread_of_group(signed.sub_index)
+    untold = [
+        f"0x{index:04X}:{sub_index:02X} cannot be read"
+        for pdo, config in (after or {}).items()
+        for index, sub_index in config.untold
+        if pdo in held.pdos and (index, sub_index) in held.pdos[pdo].untold
+    ]
+    unread = several([*untold, *filter(None, [objects])])
     return unread and f"not compared: {unread}"
 
 
