@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
 from dvtcli.device.applied import Applied, refuse
@@ -49,6 +49,18 @@ def _values(node: Node, group: VpdoGroup) -> Iterable[int]:
         if held is None:
             return
         yield held
+
+
+def tie_findings(node: Node, index: int, sub_index: int, data: bytes) -> Iterator[Finding]:
+    """What speaks against *data* at *index*:*sub_index* where that is a pin of a group of virtual PDOs."""
+    for name, group in node.profile.vpdo.items():
+        if group.index == index and sub_index and len(data) == 2:
+            yield from Pins(name, group, 0, ()).findings(sub_index, int.from_bytes(data, "little"), node.dictionary)
+
+
+def names_objects(node: Node, index: int, sub_index: int) -> bool:
+    """Whether a value at *index*:*sub_index* is the index of another object, as that of a pin is."""
+    return bool(sub_index) and any(group.index == index for group in node.profile.vpdo.values())
 
 
 def apply(node: Node, changes: Iterable[ValueChange], findings: Iterable[Finding], *, force: bool) -> Applied:

@@ -5,7 +5,7 @@ Knows what a group may hold. Reads no device, and does not know what a pin is wi
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from dvtcli.domain.abort import Abort
@@ -66,8 +66,7 @@ class Pins:
         wanted[pin - 1] = value
         for number, after in enumerate(wanted, 1):
             if number >= min(pin, self.active + 1) and self.values[number - 1] != after:
-                said = "tied to nothing" if after == none else f"{after:04X} {name}".rstrip()
-                yield self._write(number, self.values[number - 1], after, f"{self.name} pin {number}: {said}")
+                yield self._write(number, self.values[number - 1], after, self.said(number, after, name))
         count = len(wanted)
         while count and wanted[count - 1] == none:
             count -= 1
@@ -77,7 +76,26 @@ class Pins:
         """The write that makes *count* pins active, none where they are."""
         if count != self.active:
             before, after = bytes([self.active]), bytes([count])
-            yield ValueChange(Step(self.group.index, 0, before, after, f"{self.name}: {count} active"))
+            yield ValueChange(Step(self.group.index, 0, before, after, self.said(0, count)))
+
+    def with_ties(self, ties: Mapping[int, int]) -> dict[int, int]:
+        """What the group holds by sub-index with *ties*, object indices by pin (1…), and 0, how many are active, last.
+
+        Pins in between that were not active are untied; of those at the end, untied ones of *ties* are not counted.
+        """
+        none = self.group.none
+        count = max(self.active, *(pin for pin, index in ties.items() if index != none), 0)
+        while ties.get(count) == none:
+            count -= 1
+        between = dict.fromkeys(range(self.active + 1, count + 1), none)
+        return {**dict(sorted({**between, **ties}.items())), 0: count}
+
+    def said(self, sub_index: int, value: int, name: str = "") -> str:
+        """What *value* at a sub-index means, with the *name* of the object: `digital-in pin 1: 2121 Forward switch`."""
+        if not sub_index:
+            return f"{self.name}: {value} active"
+        said = "tied to nothing" if value == self.group.none else f"{value:04X} {name}".rstrip()
+        return f"{self.name} pin {sub_index}: {said}"
 
     def _write(self, pin: int, before: int, after: int, reason: str) -> ValueChange:
         return ValueChange(

@@ -17,6 +17,7 @@ from dvtcli.device.raw_write_check import raw_write_findings
 from dvtcli.device.resolve import resolve, untyped_lengths
 from dvtcli.device.senders import Senders
 from dvtcli.device.unstored import held_unstored
+from dvtcli.device.virtual_pdos import names_objects, tie_findings
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.network.consumers import length_findings
 from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
@@ -120,7 +121,11 @@ def _node_plan(node: Node, wish: NodeWish, wants: NodeWants, senders: Senders) -
     wanted = {pdo: resolve(node, pdo, now[pdo], want, lengths, elsewhere) for pdo, want in wants.pdos.items()}
     senders.after[node.node_id] = {pdo: config.communication.cob_id for pdo, config in wanted.items()}
     held = node.observed(lambda: {place: node.known_value(*place) for place in wants.values})
-    values = [_value(place, held[place], data) for place, data in wants.values.items() if held[place] != data]
+    values = [
+        _value(node, place, held[place], data, wants.reasons.get(place, "write"))
+        for place, data in wants.values.items()
+        if held[place] != data
+    ]
     changes = [plan_pdo(pdo, now[pdo], want) for pdo, want in wanted.items()]
     plan = Plan(node.node_id, (*values, *(change for change in changes if change.steps)))
     return NodePlan(
@@ -135,8 +140,8 @@ def _unstored(node: Node) -> tuple[str, ...]:
     return tuple({**remembered, **node.unstored})
 
 
-def _value(place: tuple[int, int], held: bytes, data: bytes) -> ValueChange:
-    return ValueChange(Step(*place, held, data, "write"))
+def _value(node: Node, place: tuple[int, int], held: bytes, data: bytes, reason: str) -> ValueChange:
+    return ValueChange(Step(*place, held, data, reason, names_object=names_objects(node, *place)))
 
 
 def checked(nodes: Mapping[int, Node], planned: Iterable[NodePlan], *, force: bool) -> Iterator[NodePlan]:
@@ -174,6 +179,7 @@ def _findings(node: Node, planned: NodePlan, senders: Senders) -> Iterator[Findi
         else:
             step = change.step
             yield from raw_write_findings(node, step.index, step.sub_index, step.after)
+            yield from tie_findings(node, step.index, step.sub_index, step.after)
 
 
 def _together(refused: list[RuleError]) -> RuleError:

@@ -37,7 +37,7 @@ def tie_pin(session: Session, group: str, pin: int, object_: str | None = None) 
     node = session.node()
     node.claim()
     pins = read_pins(node, group)
-    value = pins.group.none if object_ is None else _index(node, object_)
+    value = pins.group.none if object_ is None else object_index(node, object_)
     changes, findings = _wanted(node, pins, pin, value)
     if not changes:
         return _listing(node, [group], f"{group} is as wanted already; nothing was written.")
@@ -55,17 +55,18 @@ def _wanted(node: Node, pins: Pins, pin: int, value: int) -> tuple[list[ValueCha
     if pin > len(pins.values):
         have = f"it has 1…{len(pins.values)}" if pins.values else "it has none"
         raise DvtcliError(f"node {node.node_id} has no {pins.name} pin {pin}: {have}", node=node.node_id)
-    return list(pins.tie(pin, value, _name(node, value))), list(pins.findings(pin, value, node.dictionary))
+    return list(pins.tie(pin, value, tied_name(node, value))), list(pins.findings(pin, value, node.dictionary))
 
 
-def _index(node: Node, text: str) -> int:
+def object_index(node: Node, text: str) -> int:
+    """The index of the object *text* that a pin can be tied to; UsageError where it is none, or a part of one."""
     index, sub_index = object_at(node, text)
     if sub_index:
         raise UsageError(f"a pin is tied to a whole object: {index:04X}, without a sub-index", node=node.node_id)
     return index
 
 
-def _name(node: Node, index: int) -> str:
+def tied_name(node: Node, index: int) -> str:
     """What the EDS calls an object, else a name that the profile has for it."""
     if node.dictionary is not None and index in node.dictionary:
         return node.dictionary[index].name
@@ -78,7 +79,7 @@ def _listing(node: Node, names: list[str], said: str = "") -> VpdoListing:
 
 def _row(node: Node, pins: Pins) -> VpdoRow:
     rows = [
-        PinRow(number, index, "" if index is None else _name(node, index))
+        PinRow(number, index, "" if index is None else tied_name(node, index))
         for number, index in enumerate(pins.tied(), 1)
     ]
     return VpdoRow(pins.name, pins.group.index, len(pins.values), tuple(rows))

@@ -15,11 +15,12 @@ from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.request import PdoRequest, Switched
 from dvtcli.errors import DvtcliError, SdoAborted, UsageError
 from dvtcli.operations.named_objects import entry_at, object_at
+from dvtcli.operations.wanted_pins import WantedValue, wanted_pins
 from dvtcli.operations.write_object import object_type
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
-    from dvtcli.domain.network.wanted_state import FileWord, Mark, NodeWish, PdoWish
+    from dvtcli.domain.network.wanted_state import FileWord, NodeWish, PdoWish
     from dvtcli.domain.object_syntax import MappedObject, Skipped
     from dvtcli.domain.request import PdoWant
     from dvtcli.files.network.file_log import FileLog
@@ -30,10 +31,11 @@ _CONSUMER_HEARTBEAT = 0x1016
 
 @dataclass(slots=True)
 class NodeWants:
-    """What a node should hold: PDOs, and single objects in their order; *pruned* are those that no file names."""
+    """What a node should hold: PDOs, single objects in their order, with reasons; *pruned*: PDOs that no file names."""
 
     pdos: dict[Pdo, PdoWant] = field(default_factory=dict)
     values: dict[Place, bytes] = field(default_factory=dict)
+    reasons: dict[Place, str] = field(default_factory=dict)
     pruned: frozenset[Pdo] = frozenset()
 
 
@@ -46,13 +48,12 @@ def node_wants(node: Node, wish: NodeWish, log: FileLog) -> NodeWants:
         others = {pdo: cob_id for pdo, cob_id in node.known_cob_ids().items() if pdo not in wants.pdos}
         wants.pruned = frozenset(pdo for pdo, cob_id in others.items() if cob_id.valid)
         wants.pdos.update({pdo: Switched(enabled=False) for pdo in sorted(wants.pruned)})
-    for place, data, mark in (*_objects(wish), *_values(node, wish, log), *_watches(node, wish, log)):
-        if wrong := _why_not(node, place):
-            log.complain(mark, wrong)
+    pins = wanted_pins(node, wish.pins, log)
+    for want in (*_objects(wish), *_values(node, wish, log), *_watches(node, wish, log), *pins):
+        if wrong := _why_not(node, want.place):
+            log.complain(want.mark, wrong)
         else:
-            wants.values[place] = data
-    for pin in wish.pins:
-        log.complain(pin.mark, "virtual PDOs are not planned yet: `vpdo` sets them")
+            wants.values[want.place], wants.reasons[want.place] = want.data, want.reason
     return wants
 
 
@@ -78,11 +79,11 @@ def _text(wrong: DvtcliError) -> str:
     return f"{wrong.text}; {wrong.hint}" if wrong.hint else wrong.text
 
 
-def _objects(wish: NodeWish) -> Iterator[tuple[Place, bytes, Mark]]:
-    yield from (((one.index, one.sub_index), one.data, one.mark) for one in wish.objects)
+def _objects(wish: NodeWish) -> Iterator[WantedValue]:
+    yield from (WantedValue((one.index, one.sub_index), one.data, one.key, one.mark) for one in wish.objects)
 
 
-def _values(node: Node, wish: NodeWish, log: FileLog) -> Iterator[tuple[Place, bytes, Mark]]:
+def _values(node: Node, wish: NodeWish, log: FileLog) -> Iterator[WantedValue]:
     for one in wish.values:
         try:
             place = object_at(node, one.object.text)
@@ -94,11 +95,15 @@ def _values(node: Node, wish: NodeWish, log: FileLog) -> Iterator[tuple[Place, b
             continue
         try:
             kind = object_type(node, *place)
-            yield place, kind.parse(one.value.text), one.value.mark
+            yield WantedValue(place, kind.parse(one.value.text), _name(node, place), one.value.mark)
         except ValueError as unfit:
             log.complain(one.value.mark, f"{one.value.text!r} for 0x{place[0]:04X}:{place[1]:02X}: {unfit}")
         except SdoAborted as aborted:
             log.complain(one.object.mark, aborted.text)
+
+
+def _name(node: Node, place: Place) -> str:
+    return "write" if node.dictionary is None else node.dictionary.display_name(*place) or "write"
 
 
 def _why_not(node: Node, place: Place) -> str:
@@ -119,7 +124,7 @@ def _why_not(node: Node, place: Place) -> str:
     return ""
 
 
-def _watches(node: Node, wish: NodeWish, log: FileLog) -> Iterator[tuple[Place, bytes, Mark]]:
+def _watches(node: Node, wish: NodeWish, log: FileLog) -> Iterator[WantedValue]:
     """The entries of 0x1016 that *wish* means: that of the producer where it has one, else a free one.
 
     Source: CiA 301, 7.5.2.17: node-ID in bits 16..23, time in ms below; an entry with 0 in one of them is not used.
@@ -138,7 +143,9 @@ def _watches(node: Node, wish: NodeWish, log: FileLog) -> Iterator[tuple[Place, 
             log.complain(watch.mark, f"0x1016 of node {node.node_id} has no free entry ({count} in all)")
             continue
         slots[sub] = watch.producer << 16 | watch.time_ms if watch.time_ms else 0
-        yield (_CONSUMER_HEARTBEAT, sub), slots[sub].to_bytes(4, "little"), watch.mark
+        late = f"late after {watch.time_ms} ms" if watch.time_ms else "watched no more"
+        reason = f"node {watch.producer} is {late}"
+        yield WantedValue((_CONSUMER_HEARTBEAT, sub), slots[sub].to_bytes(4, "little"), reason, watch.mark)
 
 
 def _used(value: int) -> bool:

@@ -151,3 +151,73 @@ def test_a_family_without_virtual_pdos_says_so() -> None:
         ran = bench.run("vpdo")
         assert ran.code == 1
         assert "has no virtual PDOs" in ran.stderr
+
+
+PINS = """
+drive:
+  node_id: 1
+  vpdo:
+    motor: {1: 2020}
+    digital-out: {1: none}
+    analogue-out: {1: line_contactor}
+    digital-in: {1: fwd_switch, 2: reverse_switch, 3: fs1, 4: seat_switch, 5: none, 6: none}
+    analogue-in: {1: throttle}
+"""
+
+
+@pytest.mark.parametrize("family", ["gen4", "espac"])
+def test_pins_of_a_network_file_are_planned_applied_and_taken_back(family: str, tmp_path: Path) -> None:
+    path = tmp_path / "net.yaml"
+    path.write_text(PINS)
+    with Bench((family,), {"yes": True}) as bench:
+        run(bench, *OTHERWISE)
+        run(bench, "vpdo analogue-out 2 none")
+        before = held(bench)
+        shown = bench.run(f"plan {path}").stdout
+        assert "~ 0x3300:01  0x2129 -> 0x2121  digital-in pin 1: 2121 " in shown
+        assert "~ 0x3300:00  6 -> 4  digital-in: 4 active" in shown
+        run(bench, f"apply {path}")
+        assert held(bench) == TRACTION | {"3100:00": 2}  # a pin that the file does not name stays active
+        assert bench.run(f"diff {path}").code == 0
+        run(bench, "undo --all")
+        run(bench, *OTHERWISE, "vpdo analogue-out 2 none")
+        assert held(bench) == before
+
+
+def test_a_pin_that_the_file_leaves_alone_stays(tmp_path: Path) -> None:
+    path = tmp_path / "net.yaml"
+    path.write_text("drive: {node_id: 1, vpdo: {digital-in: {2: 2130}}}")
+    with Bench(("gen4",), {"yes": True}) as bench:
+        before = held(bench)
+        run(bench, f"apply {path}")
+        assert held(bench) == before | {"3300:02": 0x2130}
+        path.write_text("drive: {node_id: 1, vpdo: {digital-in: {4: none}}}")
+        run(bench, f"apply {path}")
+        assert held(bench) == before | {"3300:02": 0x2130, "3300:04": 0x21FF, "3300:00": 3}
+        assert bench.run(f"diff {path}").code == 0
+
+
+@pytest.mark.parametrize(
+    ("pins", "code", "said"),
+    [
+        ("{digital-inn: {1: 2120}}", 4, "has no 'digital-inn', but motor, digital-out"),
+        ("{digital-in: {99: 2120}}", 4, "has no digital-in pin 99: it has 1…"),
+        ("{digital-in: {1: nothing_like_it}}", 4, "nothing_like_it"),
+        ("{digital-in: {1: 1018:01}}", 4, "a pin is tied to a whole object"),
+        ("{digital-in: {1: 2220}}", 1, "digital-in takes objects 2100-21FE"),
+        ("{digital-in: {1: 21FD}}", 1, "is not in gen4.eds"),
+    ],
+)
+def test_pins_of_a_file_that_cannot_be_tied_are_said(pins: str, code: int, said: str, tmp_path: Path) -> None:
+    path = tmp_path / "net.yaml"
+    path.write_text(f"drive: {{node_id: 1, vpdo: {pins}}}")
+    with Bench(("gen4",), {"yes": True}) as bench:
+        before = held(bench)
+        ran = bench.run(f"apply {path}")
+        assert ran.code == code, ran.stderr
+        assert said in ran.stderr
+        assert held(bench) == before
+    with Bench(("generic",)) as bench:
+        ran = bench.run(f"plan {path}")
+        assert ran.code == 4
+        assert "but no virtual PDOs" in ran.stderr

@@ -34,7 +34,7 @@ def change_lines(result: Changed, width: int) -> Iterator[Line]:
     table = Table(right=frozenset({0, 2, 4}), shrink=5)
     for number, step in enumerate(result.plan.steps, 1):
         table.add(
-            str(number), f"0x{step.object}", _value(step, step.before), "->", _value(step, step.after),
+            str(number), f"0x{step.object}", step_value(step, step.before), "->", step_value(step, step.after),
             Cell(_reason(step, result), "dim"), Cell("ok", "green"),
         )  # fmt: skip
     yield from table.lines(width)
@@ -72,7 +72,7 @@ def _counted(result: Changed, labels: str, verb: str) -> str:
     return f"{plural(len(changes), noun)} {verb} ({labels})"
 
 
-def _value(step: Step, data: bytes | None) -> str:
+def step_value(step: Step, data: bytes | None) -> str:
     """A step's value; one that is an object's index in hexadecimal, as the field writes it."""
     if data is None:
         return "-"

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
-from dvtcli.cli.view.change_lines import shown
+from dvtcli.cli.view.change_lines import step_value
 from dvtcli.cli.view.lines import Cell, Line, Table
 from dvtcli.domain.pdo import transmission_type_text
-from dvtcli.domain.plan import PdoChange
+from dvtcli.domain.plan import PdoChange, Step
 from dvtcli.domain.several import plural, several
 from dvtcli.operations.results.networks import action, differing
 
@@ -99,13 +99,18 @@ def _node(plan: NetworkPlan, node: NodePlan, width: int) -> Iterator[Line]:
         if isinstance(change, PdoChange):
             yield from _pdo(node, change, width)
         else:
-            step, before = change.step, change.step.before
-            held = "-" if before is None else shown(before)
-            yield [Cell("  ~ ", "yellow"), Cell(f"0x{step.object}  {held} -> {shown(step.after)}")]
+            yield _object(change.step)
     if node.store and node.unstored:
         yield [Cell("  ! ", "yellow"), Cell(f"not stored yet: {several(node.unstored)}")]
     if node.unchanged > 0:
         yield [Cell(f"  = {node.unchanged} as wanted", "dim")]
+
+
+def _object(step: Step) -> Line:
+    """A single object: what it holds, what it is to hold, and what that means."""
+    before, after = step_value(step, step.before), step_value(step, step.after)
+    said = "" if step.reason == "write" else f"  {step.reason}"
+    return [Cell("  ~ ", "yellow"), Cell(f"0x{step.object}  {before} -> {after}"), Cell(said)]
 
 
 def _pdo(node: NodePlan, change: PdoChange, width: int) -> Iterator[Line]:
