@@ -1,4 +1,4 @@
-"""What the nodes of a network send once a plan for all of them is carried out. Reads COB-IDs when first asked."""
+"""What the nodes of a network send and hear once a plan for all of them is carried out. Reads COB-IDs when asked."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.neighbours import producers
 from dvtcli.domain.rules.finding import Producer
+from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
 
 if TYPE_CHECKING:
     from dvtcli.device.known_pdos import KnownPdos
@@ -34,6 +35,23 @@ class Senders:
             if other.node_id != node_id
             for one in self._of(other)
         )
+
+    def sent(self) -> Iterator[Producer]:
+        """What all nodes will send."""
+        for node in (*self.nodes.values(), *self._strangers()):
+            yield from self._of(node)
+
+    def heard(self) -> Iterator[Producer]:
+        """Every RPDO that will be enabled, of nodes that answer."""
+        for node in (*self.nodes.values(), *self._strangers()):
+            after = self.after.get(node.node_id, {})
+            try:
+                held = node.known_cob_ids()
+            except (NoAnswer, SdoAborted, SdoProtocolError):
+                continue  # a node that is off hinders no change of another one
+            for pdo, cob_id in {**held, **after}.items():
+                if cob_id is not None and cob_id.valid and not pdo.is_tpdo:
+                    yield Producer(node.node_id, pdo, cob_id)
 
     def _strangers(self) -> Iterator[KnownPdos]:
         first = next(iter(self.nodes.values()), None)

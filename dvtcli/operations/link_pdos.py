@@ -112,6 +112,5 @@ def _carried_out(session: Session, name: str, wish: NetworkWish, on_plan: OnPlan
     from dvtcli.operations.apply_network import apply_network
 
     plan = plan_wish(session, wish, FileLog(name, ""))
-    if plan.changed:
-        on_plan(plan)
+    on_plan(plan)
     return apply_network(session, plan, name=name, asks=False)

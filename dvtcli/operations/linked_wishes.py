@@ -13,8 +13,8 @@ from dvtcli.device.heartbeat_slots import heartbeat_ms, heartbeat_slots, is_guar
 from dvtcli.device.read_pdos import service_can_ids
 from dvtcli.device.resolve import resolve, untyped_lengths
 from dvtcli.domain.network.can_ids import free_can_id, may_keep
-from dvtcli.domain.network.heartbeats import slot_for, watch_time_ms, watched_ms
-from dvtcli.domain.network.links import LinkSide, agrees, linked
+from dvtcli.domain.network.heartbeats import MISSED, slot_for, watch_time_ms, watched_ms
+from dvtcli.domain.network.links import LinkSide, agrees, linked, object_remarks
 from dvtcli.domain.network.wanted_state import (
     Endpoint,
     FileWord,
@@ -46,10 +46,10 @@ _HEARTBEAT = "heartbeat_producer"
 
 @dataclass(frozen=True, slots=True)
 class LinkedWish:
-    """A *wish* with what its links come to, and what there is to say of them."""
+    """A *wish* with what its links come to, and what there is to say of them, by node-ID."""
 
     wish: NetworkWish
-    findings: tuple[Finding, ...] = ()
+    findings: Mapping[int, tuple[Finding, ...]]
 
 
 def with_links(nodes: Mapping[int, Node], known: Iterable[Node], wish: NetworkWish) -> LinkedWish:
@@ -60,10 +60,10 @@ def with_links(nodes: Mapping[int, Node], known: Iterable[Node], wish: NetworkWi
     linking = _Linking(nodes, [*nodes.values(), *(node for node in known if node.node_id not in nodes)], wish)
     for link in wish.links:
         linking.link(link)
-    errors = errors_in(tuple(linking.findings))
+    errors = errors_in(tuple(finding for found in linking.findings.values() for finding in found))
     if errors:
         raise RuleError(f"not linked: {errors[0].text}", errors, can_force=False)
-    return LinkedWish(linking.wish(), tuple(linking.findings))
+    return LinkedWish(linking.wish(), {node_id: tuple(found) for node_id, found in linking.findings.items()})
 
 
 @dataclass(slots=True)
@@ -73,7 +73,7 @@ class _Linking:
     nodes: Mapping[int, Node]
     known: list[Node]
     before: NetworkWish
-    findings: list[Finding] = field(default_factory=list)
+    findings: dict[int, dict[Finding, None]] = field(default_factory=dict)
     _pdos: dict[Endpoint, PdoWish] = field(default_factory=dict)
     _heartbeats: dict[int, int] = field(default_factory=dict)
     _watches: dict[int, list[HeartbeatWatch]] = field(default_factory=dict)
@@ -88,13 +88,17 @@ class _Linking:
         producer = self._side(link.producer)
         cob_id = self._cob_id(link, producer)
         if cob_id is None:
-            self.findings.append(error("link-can-id", str(producer), f"no CAN-ID is free for {producer}"))
+            self._say(link.producer.node_id, error("link-can-id", str(producer), f"no CAN-ID is free for {producer}"))
             return
+        self._say(link.producer.node_id, *object_remarks(producer))
         self._set(link.producer, cob_id, None)
         for end in link.consumers:
             self._hear(producer, cob_id, end)
         if link.heartbeat is not False:
             self._watch(link, link.heartbeat)
+
+    def _say(self, node_id: int, *findings: Finding) -> None:
+        self.findings.setdefault(node_id, {}).update(dict.fromkeys(findings))
 
     def _side(self, end: Endpoint) -> LinkSide:
         """A PDO as the wish has it, and as the node holds what that does not say."""
@@ -147,12 +151,13 @@ class _Linking:
         said = self._pdos.get(end)
         if said is not None and isinstance(said.cob_id, int) and said.cob_id != cob_id.can_id:
             text = f"{consumer} is to have CAN-ID 0x{said.cob_id:03X}, and {producer} sends {cob_id}"
-            self.findings.append(error("link-can-id", str(consumer), text, hint="leave one of both out"))
+            self._say(end.node_id, error("link-can-id", str(consumer), text, hint="leave one of both out"))
             return
         found = linked(producer, consumer)
-        self.findings += found.findings
+        stays = found.mapping == consumer.config.mapping
+        self._say(end.node_id, *found.findings, *(object_remarks(consumer) if stays else ()))
         mapping = tuple(FileWord(str(entry)) for entry in found.mapping)
-        self._set(end, cob_id, None if found.mapping == consumer.config.mapping else mapping)
+        self._set(end, cob_id, None if stays else mapping)
 
     def _set(self, end: Endpoint, cob_id: CobId, mapping: tuple[FileWord, ...] | None) -> None:
         """The PDO at *end* has this CAN-ID, and this mapping (None: as it is), and is on unless the wish says off."""
@@ -168,7 +173,7 @@ class _Linking:
         time_ms = self._heartbeat(node_id, asked_ms)
         if not time_ms:
             text = f"node {node_id} sends no heartbeat: nobody notices when it is gone"
-            self.findings.append(note("link-silent", f"node {node_id}", text))
+            self._say(node_id, note("link-silent", f"node {node_id}", text))
             return
         for consumer in dict.fromkeys(end.node_id for end in link.consumers):
             self._watch_one(consumer, node_id, time_ms)
@@ -181,10 +186,10 @@ class _Linking:
         place = f"node {node_id}"
         if heartbeat_ms(node.memory) is None:
             text = f"node {node_id} has no 0x1017: it cannot send a heartbeat"
-            self.findings.append(error("link-no-heartbeat", place, text, hint="--no-heartbeat leaves it alone"))
+            self._say(node_id, error("link-no-heartbeat", place, text, hint="--no-heartbeat leaves it alone"))
         elif is_guarded(node.memory):
             text = f"node {node_id} is guarded (0x100C and 0x100D are not 0), which excludes a heartbeat"
-            self.findings.append(error("link-guarded", place, text, hint="--no-heartbeat leaves it alone"))
+            self._say(node_id, error("link-guarded", place, text, hint="--no-heartbeat leaves it alone"))
         self._heartbeats[node_id] = asked_ms
         return asked_ms
 
@@ -194,10 +199,11 @@ class _Linking:
         slots = self._slots.setdefault(consumer, heartbeat_slots(self.nodes[consumer].memory))
         if watched_ms(slots, producer) > time_ms:
             return
-        late_ms, sub_index = watch_time_ms(time_ms), slot_for(slots, producer)
+        multiplier = MISSED if self.before.multiplier is None else self.before.multiplier
+        late_ms, sub_index = watch_time_ms(time_ms, multiplier), slot_for(slots, producer)
         if late_ms is None or sub_index is None:
             text = f"node {consumer} does not watch node {producer}: {_why_not(slots, sub_index, time_ms)}"
-            self.findings.append(warning("link-unwatched", f"node {consumer}", text))
+            self._say(consumer, warning("link-unwatched", f"node {consumer}", text))
             return
         slots[sub_index] = producer << 16 | late_ms
         self._watches.setdefault(consumer, []).append(HeartbeatWatch(producer, late_ms))
@@ -219,7 +225,7 @@ class _Linking:
 def _why_not(slots: Mapping[int, int], sub_index: int | None, time_ms: int) -> str:
     if not slots:
         return "it has no 0x1016"
-    return "0x1016 has no free entry" if sub_index is None else f"a heartbeat of {time_ms} ms is too slow"
+    return "0x1016 has no free entry" if sub_index is None else f"no time that 0x1016 takes is longer than {time_ms} ms"
 
 
 def _order(end: Endpoint) -> tuple[bool, Endpoint | object]:

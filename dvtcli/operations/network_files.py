@@ -53,8 +53,7 @@ def applied(
     from dvtcli.operations.apply_network import apply_network
 
     plan = _plan_of(session, file)
-    if any(len(one.plan) or one.stores for one in plan.nodes):
-        on_plan(plan)
+    on_plan(plan)
     return apply_network(session, plan, prove=prove)
 
 

@@ -19,10 +19,9 @@ from dvtcli.device.senders import Senders
 from dvtcli.device.unstored import held_unstored
 from dvtcli.device.virtual_pdos import names_objects, tie_findings
 from dvtcli.domain.cob_id import CobId
-from dvtcli.domain.network.consumers import length_findings
+from dvtcli.domain.network.consumers import left_findings, length_findings, moved_tpdos
 from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
 from dvtcli.domain.plan import PdoChange, Plan, Step, ValueChange, plan_pdo
-from dvtcli.domain.profile import Severity
 from dvtcli.domain.rules import check_pdo, errors_in
 from dvtcli.domain.several import several
 from dvtcli.errors import InputFileError, NoAnswer, RuleError, SdoProtocolError
@@ -71,15 +70,13 @@ def plan_wish(session: Session, wish: NetworkWish, log: FileLog) -> NetworkPlan:
 
 def _judged(session: Session, nodes: dict[int, Node], wish: NetworkWish, log: FileLog) -> list[NodePlan]:
     """The plan of each of *nodes*, as far as they were met; raises with all that is wrong of a kind."""
+    said: Mapping[int, tuple[Finding, ...]] = {}
     if wish.links:
         found = with_links(nodes, _known(session, nodes), wish)
-        wish = found.wish
-        for finding in found.findings:
-            say = session.tell.warning if finding.severity is Severity.WARNING else session.tell.note
-            say(finding.text)
+        wish, said = found.wish, found.findings
     wants = {node.node_id: node_wants(nodes[node.node_id], node, log) for node in wish.nodes}
     log.end(read=True)
-    planned = _planned(nodes, wish, wants)
+    planned = [replace(one, findings=said.get(one.node_id, ())) for one in _planned(nodes, wish, wants)]
     return list(checked(nodes, planned, force=session.options.force))
 
 
@@ -149,10 +146,7 @@ def checked(nodes: Mapping[int, Node], planned: Iterable[NodePlan], *, force: bo
     planned = list(planned)
     after = {one.node_id: _cob_ids(one) for one in planned}
     senders = Senders(nodes, after)
-    judged = [
-        replace(one, findings=(*_findings(nodes[one.node_id], one, senders), *length_findings(one, planned)))
-        for one in planned
-    ]
+    judged = [replace(one, findings=(*one.findings, *_all_findings(nodes, one, planned, senders))) for one in planned]
     refused = [
         RuleError(f"node {one.node_id} not changed: {errors[0].text}", errors, node=one.node_id)
         for one in judged
@@ -161,6 +155,15 @@ def checked(nodes: Mapping[int, Node], planned: Iterable[NodePlan], *, force: bo
     if refused and not force:
         raise _together(refused)
     return iter(judged)
+
+
+def _all_findings(
+    nodes: Mapping[int, Node], one: NodePlan, planned: list[NodePlan], senders: Senders
+) -> Iterator[Finding]:
+    yield from _findings(nodes[one.node_id], one, senders)
+    yield from length_findings(one, planned)
+    if moved := moved_tpdos(one):
+        yield from left_findings(one, moved, senders.sent(), senders.heard())
 
 
 def _cob_ids(plan: NodePlan) -> dict[Pdo, CobId | None]:

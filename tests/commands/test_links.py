@@ -54,7 +54,8 @@ def test_consumers_hear_the_producer_at_its_places_and_watch_it(bench: Bench) ->
     ran = bench.run("link 1:tpdo1 5:rpdo2 6:rpdo1 --json")
     assert ran.code == 0, ran
     assert ran.document["schema"] == "dvtcli.apply/1"
-    assert "node 5 does not watch node 1: it has no 0x1016" in ran.stderr
+    said = [(node["node"], one["rule"], one["text"]) for node in ran.document["nodes"] for one in node["findings"]]
+    assert (5, "link-unwatched", "node 5 does not watch node 1: it has no 0x1016") in said
     one, two, three = pdos(bench, 1)["tpdo1"], pdos(bench, 5)["rpdo2"], pdos(bench, 6)["rpdo1"]
     assert [pdo["cob_id"] for pdo in (one, two, three)] == [0x201] * 3
     assert all(pdo["enabled"] for pdo in (one, two, three))
@@ -205,6 +206,55 @@ def test_programs_link_and_unlink() -> None:
         for wrong in (("tpdo1", "5:rpdo2"), ("1:tpdo1",), ("1:tpdo1", "5:xpdo2"), ("200:tpdo1", "5:rpdo2")):
             with pytest.raises(UsageError):
                 bus.link(*wrong)
+
+
+def test_the_file_says_after_how_many_heartbeats_one_is_late(bench: Bench, tmp_path: Path) -> None:
+    file = tmp_path / "net.yaml"
+    file.write_text("options: {heartbeat_multiplier: 2.5}\n" + FILE)
+    assert bench.run(f"apply {file}").code == 0
+    assert value(bench, "6:1016:01") == 1 << 16 | 1000
+
+
+def test_who_goes_on_hearing_a_can_id_that_is_given_up_is_named(bench: Bench, tmp_path: Path) -> None:
+    assert bench.run("map 1:tpdo1 6041 606C --cob-id 0x2A1").code == 0
+    assert bench.run("map 6:rpdo1 60FF --off").code == 0
+    assert bench.run("map 6:rpdo2 dummy/16 60FF --cob-id 0x2A1").code == 0
+    moves, stays = "cob_id: 0x2A2", "enabled: true"
+    file = tmp_path / "net.yaml"
+    text = "a: {{node_id: 1, tpdo: {{1: {{{}}}}}}}\n"
+    for node_6 in ("", "b: {node_id: 6}\n"):  # known to the session, or in the file
+        file.write_text(text.format(moves) + node_6)
+        document = bench.run(f"plan {file} --json").document
+        found = [one["text"] for one in document["nodes"][0]["findings"] if one["rule"] == "consumer-left"]
+        assert found == ["6:rpdo2 goes on hearing 0x2A1, which 1:tpdo1 sends no more"]
+    others = "b: {node_id: 6, rpdo: {2: {cob_id: 0x2A2}}}\n", "c: {node_id: 5, tpdo: {1: {cob_id: 0x2A1}}}\n"
+    for text_ in (text.format(stays), *(text.format(moves) + one for one in others)):
+        file.write_text(text_)
+        assert "goes on hearing" not in bench.run(f"plan {file}").stderr
+
+
+def test_a_node_without_0x1017_gets_no_heartbeat(tmp_path: Path) -> None:
+    eds = tmp_path / "silent.eds"
+    text = (PACKAGE / "families" / "generic" / "generic.eds").read_text("latin-1")
+    eds.write_text(text.replace("=0x1017\n", "=0x1019\n").replace("\n[1017]\n", "\n[1019]\n"), "latin-1")
+    with Bench((f"{eds}@1", "generic@6"), {"yes": True}) as bench:
+        ran = bench.run("link 1:tpdo1 6:rpdo1 --heartbeat 100 --json")
+        assert (ran.code, [one["rule"] for one in ran.documents[-1]["findings"]]) == (1, ["link-no-heartbeat"])
+        assert bench.run("link 1:tpdo1 6:rpdo1").code == 0
+
+
+def test_objects_that_stay_are_judged_by_the_device_s_file(tmp_path: Path) -> None:
+    eds, file = tmp_path / "other.eds", tmp_path / "net.yaml"
+    text = (PACKAGE / "families" / "generic" / "generic.eds").read_text("latin-1")
+    head, _, behind = text.partition("\n[6040]\n")
+    eds.write_text(head + "\n[6040]\n" + behind.replace("AccessType=rww", "AccessType=ro", 1), "latin-1")
+    file.write_text(
+        "a: {node_id: 1}\nb: {node_id: 6, dcf: other.eds}\nlinks: [{from: a:tpdo1, to: b:rpdo1, heartbeat: false}]\n"
+    )
+    with Bench(("gen4@1", "generic@6")) as bench:
+        findings = bench.run(f"plan {file} --json").document["nodes"][1]["findings"]
+        (found,) = [one for one in findings if one["rule"] == "link-object"]
+        assert "6:rpdo1 maps what it cannot: 6040:00" in found["text"]
 
 
 GUARDED = """

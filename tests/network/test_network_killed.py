@@ -60,8 +60,12 @@ def held(nodes: Served) -> list[object]:
 def killed(nodes: Served, text: str, at: int, which: Callable[[can.Message], bool]) -> int:
     """Apply a file of *text* and kill that at the *at*-th of the frames that *which* tells; the exit code."""
     (nodes.folder / "net.yaml").write_text(text)
-    words = [*bus_words(nodes.port), "--yes", "apply", str(nodes.folder / "net.yaml")]
-    child = start(words, env=own_environment(nodes.folder))
+    return killed_in(nodes, ["apply", str(nodes.folder / "net.yaml")], at, which)
+
+
+def killed_in(nodes: Served, line: list[str], at: int, which: Callable[[can.Message], bool]) -> int:
+    """Run *line* and kill it at the *at*-th of the frames that *which* tells; the exit code."""
+    child = start([*bus_words(nodes.port), "--yes", *line], env=own_environment(nodes.folder))
     bus, stop = nodes.attach(), threading.Event()
 
     def watch() -> None:
@@ -106,3 +110,18 @@ def test_a_kill_while_nodes_store_is_said_and_goes_back_or_on(nodes: Served) -> 
     assert recovered.returncode == 0, recovered.stderr
     assert "store on node 3; stored on node 1 had begun" in recovered.stderr
     assert held(nodes) == before
+
+
+@pytest.mark.parametrize("kill_at", [2, 7])
+def test_both_ends_of_a_link_are_recovered(nodes: Served, kill_at: int) -> None:
+    assert nodes.dvtcli("-n", "1", "map", "tpdo1", "6041", "606C").returncode == 0
+    assert nodes.dvtcli("-n", "3", "map", "rpdo1", "60FF", "--off").returncode == 0
+    line = ["link", "1:tpdo1", "3:rpdo1", "--heartbeat", "300"]
+    before = held(nodes)
+    assert killed_in(nodes, line, kill_at, is_download) == -signal.SIGKILL
+    assert nodes.dvtcli("recover", "--yes").returncode == 0
+    assert held(nodes) == before
+    assert journals(nodes) == []
+    assert nodes.dvtcli("--yes", *line).returncode == 0
+    again = nodes.dvtcli("--yes", *line, "--json")
+    assert json.loads(again.stdout)["writes"] == 0

@@ -10,8 +10,16 @@ if TYPE_CHECKING:
 
 
 def show_plan(output: Output, plan: NetworkPlan) -> None:
-    """Say what is about to be written, as a part of the answer; with JSON that says it."""
+    """Say what is about to be written and what speaks against it, as a part of the answer; with JSON that says it."""
+    if output.json:
+        return
+    from dvtcli.cli.view.error_lines import finding_line
     from dvtcli.cli.view.network_lines import plan_lines
+    from dvtcli.domain.profile import Severity
+    from dvtcli.operations.results.networks import network_findings
 
-    if not output.json:
+    findings = network_findings(plan)
+    shown = (one for one in findings if not output.quiet or one.severity is not Severity.NOTE)
+    output.lines(map(finding_line, shown))
+    if plan.to_do:
         output.said(plan_lines(plan, output.width), error=False)

@@ -21,9 +21,12 @@ MISSED = 3
 LONGEST_MS = 0xFFFF
 
 
-def watch_time_ms(producer_ms: int) -> int | None:
-    """After how many ms a heartbeat that is sent every *producer_ms* (1..65535) is late; None where none is longer."""
-    time_ms = min(MISSED * producer_ms, LONGEST_MS)
+def watch_time_ms(producer_ms: int, multiplier: float = MISSED) -> int | None:
+    """After how many ms a heartbeat that is sent every *producer_ms* (1..65535) is late; None where none is longer.
+
+    That is *multiplier* (1 and up) times its time.
+    """
+    time_ms = min(int(multiplier * producer_ms), LONGEST_MS)
     return time_ms if time_ms > producer_ms else None
 
 

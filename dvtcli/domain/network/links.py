@@ -13,9 +13,10 @@ from dvtcli.domain.mapping import DUMMY_BITS, MAX_PDO_BITS, PdoMappingEntry, spl
 from dvtcli.domain.network.wanted_state import Endpoint
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import PdoConfig
-from dvtcli.domain.profile import DeviceProfile
-from dvtcli.domain.rules.finding import Finding, error, warning
+from dvtcli.domain.profile import DeviceProfile, Severity
+from dvtcli.domain.rules.finding import Finding, Proposal, error, warning
 from dvtcli.domain.rules.mappable import known_dummies
+from dvtcli.domain.rules.mapped_object import object_findings
 from dvtcli.domain.rules.rule import ERROR, WARNING, Rule
 from dvtcli.domain.several import several
 
@@ -29,6 +30,7 @@ RULES = (
     Rule("link-skip", ERROR, "the consumer of a link has no dummies for what it does not hear", _LAYOUT),
     Rule("link-type", WARNING, "an object hears one of another data type", "both devices' files"),
     Rule("link-part", WARNING, "an object hears some bits of a longer one", "ours"),
+    Rule("link-object", WARNING, "a PDO of a link maps what its device's file says it cannot", "both devices' files"),
 )  # fmt: skip
 
 
@@ -83,6 +85,18 @@ def agrees(sent: Sequence[PdoMappingEntry], heard: Sequence[PdoMappingEntry]) ->
     if not sent or total_bits(sent) != total_bits(heard):
         return False
     return all(_over(sent, start, entry.bits) is not None for start, entry in _starts(heard) if not entry.is_dummy)
+
+
+def object_remarks(side: LinkSide) -> Iterator[Finding]:
+    """What the device's file says against objects that *side* maps already: rules judge only what changes."""
+    config = side.config
+    proposal = Proposal(side.end.node_id, side.end.pdo, config, config, {}, side.profile, side.dictionary)
+    for number, entry in enumerate(config.mapping, 1):
+        place = proposal.mapping_place(number)
+        found = () if entry.is_dummy else object_findings(proposal, place, entry)
+        for one in found:
+            if one.severity is Severity.ERROR:
+                yield warning("link-object", str(side), f"{side} maps what it cannot: {one.text}")
 
 
 def _starts(mapping: Sequence[PdoMappingEntry]) -> Iterator[tuple[int, PdoMappingEntry]]:

@@ -76,6 +76,11 @@ class NetworkPlan:
         return any(len(node.plan) for node in self.nodes)
 
     @property
+    def to_do(self) -> bool:
+        """Whether anything is to be written or stored."""
+        return any(len(node.plan) or node.stores for node in self.nodes)
+
+    @property
     def writes(self) -> int:
         """How many SDO downloads it takes."""
         return sum(len(node.plan) for node in self.nodes)

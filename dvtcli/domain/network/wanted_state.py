@@ -173,9 +173,13 @@ class FileNote:
 
 @dataclass(frozen=True, slots=True)
 class NetworkWish:
-    """The nodes in order of node-ID, and what joins them."""
+    """The nodes in order of node-ID, and what joins them.
+
+    *multiplier* is after how many of a producer's heartbeats those that watch it find it late, None for 3.
+    """
 
     nodes: tuple[NodeWish, ...] = ()
     links: tuple[LinkWish, ...] = ()
     master: MasterRole | None = None
+    multiplier: float | None = None
     notes: tuple[FileNote, ...] = field(default=(), compare=False)

@@ -52,7 +52,8 @@ def _network(root: Branch, log: FileLog) -> NetworkWish:
     if "node_id" in defaults.items:
         log.complain(defaults.items["node_id"][0].mark, "a node-ID is each node's own, no default")
     options = read_keys(found["options"], Where.OPTIONS, "options", log) if "options" in found else {}
-    master, multiplier = _master(found.get("master"), options.get("heartbeat_multiplier", _MULTIPLIER), log)
+    said = options.get("heartbeat_multiplier")
+    master, multiplier = _master(found.get("master"), _MULTIPLIER if said is None else said, log)
     named = {name: (leaf, overlaid(defaults, own, INSTEAD)) for name, (leaf, own) in _nodes(root, found, log).items()}
     node_ids = _node_ids(named, master, log)
     around = Surroundings(node_ids, master, multiplier)
@@ -60,7 +61,7 @@ def _network(root: Branch, log: FileLog) -> NetworkWish:
     if not named:
         log.complain(root.mark, "no node is in this file")
     links = tuple(read_links(found["links"], node_ids, log)) if "links" in found else ()
-    return NetworkWish(tuple(sorted(nodes, key=lambda node: node.node_id)), links, master, log.notes())
+    return NetworkWish(tuple(sorted(nodes, key=lambda node: node.node_id)), links, master, said, log.notes())
 
 
 def _read_all(named: Named, around: Surroundings, log: FileLog) -> Iterator[NodeWish]:

@@ -28,6 +28,8 @@ def write_network(wish: NetworkWish, title: str = "", remarks: NodeRemarks | Non
     """The text of *wish*; *title* is its first line, *remarks* what is said behind a word, as the name of an object."""
     names = {node.node_id: node.name for node in wish.nodes}
     lines = [f"# {_one_line(title)}"] if title else []
+    if wish.multiplier is not None:
+        lines += ["options:", f"  heartbeat_multiplier: {wish.multiplier:.12g}"]
     lines += [*_master(wish.master), "nodes:"]
     for node in wish.nodes:
         here = {word: text for (node_id, word), text in (remarks or {}).items() if node_id == node.node_id}

@@ -42,11 +42,7 @@ class NetworkPlanned(Answer):
     @property
     def findings(self) -> tuple[Finding, ...]:
         """What the rules said, of every node."""
-        return tuple(
-            replace(finding, text=f"node {node.node_id}: {finding.text}")
-            for node in self.plan.nodes
-            for finding in node.findings
-        )
+        return network_findings(self.plan)
 
     def document(self) -> Document:
         """`dvtcli.plan/1`: what `plan -o` saves, and `apply` takes."""
@@ -58,6 +54,16 @@ class NetworkPlanned(Answer):
             "writes": plan.writes,
             "nodes": [_node_document(node) for node in plan.nodes],
         }
+
+
+def network_findings(plan: NetworkPlan) -> tuple[Finding, ...]:
+    """What the rules said of every node of *plan*, each with its node."""
+    return tuple(_named(node.node_id, finding) for node in plan.nodes for finding in node.findings)
+
+
+def _named(node_id: int, finding: Finding) -> Finding:
+    """*finding* with its node, which that of a link names itself."""
+    return replace(finding, text=f"node {node_id}: {finding.text}") if finding.place.startswith("0x") else finding
 
 
 def _node_document(node: NodePlan) -> Document:

@@ -92,7 +92,8 @@ def networks(draw: DrawFn) -> NetworkWish:
     master = draw(
         st.none() | st.builds(MasterRole, st.none() | st.integers(121, 127), st.none() | U32, st.none() | U16)
     )
-    return NetworkWish(nodes, (LinkWish(producer, consumers, heartbeat),) if consumers else (), master)
+    links = (LinkWish(producer, consumers, heartbeat),) if consumers else ()
+    return NetworkWish(nodes, links, master, draw(st.none() | st.sampled_from([1.0, 2.5, 100.0])))
 
 
 @given(networks(), TEXT)
