@@ -41,6 +41,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--hosts", type=int, default=4, metavar="N", help="hosts of a fleet, three of them faulty [4]")
     parser.addoption("--kills", type=int, default=4, metavar="N", help="kills in the middle of an atomic script [4]")
     parser.addoption("--learn-faults", type=int, default=4, metavar="N", help="faults, and kills, in learn [4]")
+    parser.addoption("--elsewhere", type=int, default=4, metavar="N", help="tests as on Windows or macOS [4]")
     parser.addoption("--signals", type=int, default=8, metavar="N", help="signals in the middle of a change [8]")
 
 
@@ -74,8 +75,9 @@ def pytest_configure(config: pytest.Config) -> None:
     process.FRESH_PYTHON |= config.getoption("--fresh-python")
     set_environment(clean_environment() | _for_workers(config))
     # A shell starts what it does not wait for without SIGINT, nohup without SIGHUP: dvtcli would start so, too.
-    for number, usual in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
-        if signal.getsignal(number) is signal.SIG_IGN:
+    for name, usual in (("SIGINT", signal.default_int_handler), ("SIGHUP", signal.SIG_DFL)):
+        number = getattr(signal, name, None)  # Windows has no SIGHUP
+        if number is not None and signal.getsignal(number) is signal.SIG_IGN:
             signal.signal(number, usual)
     sys.dont_write_bytecode = False  # hundreds of processes start, and would compile all of it again each
 
@@ -83,7 +85,8 @@ def pytest_configure(config: pytest.Config) -> None:
 def _for_workers(config: pytest.Config) -> dict[str, str]:
     """Options from a variable, which a worker has to read too: `--cov` counts where the tests are."""
     has_workers = bool(getattr(config.option, "numprocesses", None)) and not hasattr(config, "workerinput")
-    return {key: os.environ[key] for key in ("PYTEST_ADDOPTS",) if has_workers and key in os.environ}
+    kept = ["PYTEST_ADDOPTS"] + ["PYTHONPATH"] * ("TESTS_ELSEWHERE" in os.environ)  # which is where its double is
+    return {key: os.environ[key] for key in kept if has_workers and key in os.environ}
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -8,7 +8,6 @@ Does not know what dvtcli is told to do.
 
 from __future__ import annotations
 
-import fcntl
 import multiprocessing
 import os
 import shutil
@@ -16,7 +15,6 @@ import signal
 import subprocess
 import sys
 import tempfile
-import termios
 import threading
 import time
 import weakref
@@ -121,7 +119,7 @@ class Forked:
                 os.kill(self.pid, number)
 
     def kill(self) -> None:
-        self.send_signal(signal.SIGKILL)
+        self.send_signal(getattr(signal, "SIGKILL", signal.SIGTERM))  # on Windows each ends it at once
 
     def communicate(self, timeout: float | None = None) -> tuple[str, str]:
         """Wait for its end; what it wrote to standard output and to standard error, once."""
@@ -183,6 +181,9 @@ def _take_streams(streams: list[Path]) -> None:
         os.dup2(opened, number)
         os.close(opened)
     if at_terminal:
+        import fcntl
+        import termios
+
         fcntl.ioctl(0, termios.TIOCSCTTY, 0)
     sys.stdin = sys.__stdin__ = open(0, encoding="utf-8", closefd=False)  # noqa: SIM115 - to the process's end
     sys.stdout = sys.__stdout__ = open(1, "w", encoding="utf-8", closefd=False)  # noqa: SIM115

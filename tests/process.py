@@ -40,7 +40,13 @@ def environment() -> dict[str, str]:
     """
     tested = "PYTEST_VERSION" in os.environ
     variables = dict(os.environ) if tested else clean_environment() | {"HOME": str(home())}
-    return variables | {"PYTHONIOENCODING": "utf-8", "PYTHONPATH": str(ROOT)}
+    return variables | {"PYTHONIOENCODING": "utf-8", "PYTHONPATH": _path()}
+
+
+def _path() -> str:
+    """Where a Python finds this tree, and another system's double where this one is one."""
+    double = [str(ROOT / "tests/elsewhere/start")] if "TESTS_ELSEWHERE" in os.environ else []
+    return os.pathsep.join([*double, str(ROOT)])
 
 
 def dvtcli(*words: str, stdin: str = "", cwd: Path | None = None, merge: bool = False) -> Ran:

@@ -6,6 +6,7 @@ Does not know what dvtcli does with them.
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,7 +15,7 @@ ROOT = Path(__file__).resolve().parents[1]
 #: what a machine needs to start programs at all; every other variable of whoever runs the tests is dropped
 _KEPT = ("PATH", "PATHEXT", "SYSTEMROOT", "TEMP", "TMP", "TMPDIR", "LD_LIBRARY_PATH", "VIRTUAL_ENV")
 _KEPT_BEGINNINGS = ("PYTEST_VERSION", "PYTEST_XDIST_", "PYTEST_CURRENT_TEST", "PYTEST_MUTATION_")
-_KEPT_BEGINNINGS += ("COVERAGE_", "COV_CORE_")
+_KEPT_BEGINNINGS += ("COVERAGE_", "COV_CORE_", "TESTS_")
 
 
 def clean_environment() -> dict[str, str]:
@@ -39,6 +40,17 @@ def own_ground(folder: Path) -> Path:
     return folder
 
 
+def _at_home(home: Path) -> dict[str, str]:
+    """The variables that make *home* the user's home, and the place of the user's settings and state."""
+    variables = {"HOME": str(home)}
+    if sys.platform == "win32":
+        local, roaming = str(home / "AppData" / "Local"), str(home / "AppData" / "Roaming")
+        variables |= {"USERPROFILE": str(home), "LOCALAPPDATA": local, "APPDATA": roaming}
+        # platformdirs asks Windows itself, unless it is told
+        variables |= {"WIN_PD_OVERRIDE_LOCAL_APPDATA": local, "WIN_PD_OVERRIDE_APPDATA": roaming}
+    return variables
+
+
 @contextmanager
 def own_place(folder: Path) -> Iterator[Path]:
     """A new *folder* with a home and a working folder, and this process in it; afterwards all is as it was.
@@ -51,7 +63,7 @@ def own_place(folder: Path) -> Iterator[Path]:
     for name in ("scripts", "tests"):
         (work / name).symlink_to(ROOT / name)
     before, variables = Path.cwd(), dict(os.environ)
-    os.environ["HOME"] = str(home)
+    os.environ |= _at_home(home)
     os.chdir(work)
     try:
         yield work

@@ -18,6 +18,7 @@ from dvtcli.bus.kernel_links import kernel_links
 
 #: How long drivers may take to look for their adapters, in seconds.
 PATIENCE_S = 8.0
+_PERHAPS = "a serial port: only if an slcan adapter is on it"
 _SERIAL_PORTS = ("ttyUSB*", "ttyACM*", "cu.usbmodem*", "cu.usbserial*")
 
 
@@ -62,8 +63,25 @@ def _output(command: Sequence[str], patience_s: float) -> str | None:
 
 
 def serial_ports(folder: str = "/dev") -> list[Found]:
-    """USB serial ports, which may be slcan adapters."""
+    """USB serial ports, which may be slcan adapters; on Windows all serial ports."""
+    if sys.platform == "win32":
+        return [Found("slcan", name, _PERHAPS) for name in _named_ports()]
     return [_port(path) for path in _ports(folder)]
+
+
+def _named_ports() -> list[str]:
+    """The serial ports that Windows names in its registry, by number."""
+    if sys.platform != "win32":
+        return []
+    import winreg
+
+    names: list[str] = []
+    try:
+        with winreg.OpenKey(winreg.HKEY_LOCAL_MACHINE, r"HARDWARE\DEVICEMAP\SERIALCOMM") as key:
+            while True:
+                names.append(str(winreg.EnumValue(key, len(names))[1]))
+    except OSError:  # behind the last one; or there never was one
+        return sorted(names, key=lambda name: (len(name), name))
 
 
 def _ports(folder: str) -> Iterator[str]:
@@ -73,5 +91,6 @@ def _ports(folder: str) -> Iterator[str]:
 
 def _port(path: str) -> Found:
     allowed = os.access(path, os.R_OK | os.W_OK)
-    problem = None if allowed else "no permission: sudo usermod -aG dialout $USER, then log in again"
-    return Found("slcan", path, "a serial port: only if an slcan adapter is on it", problem)
+    cure = "sudo usermod -aG dialout $USER, then log in again" if sys.platform == "linux" else f"ls -l {path}"
+    problem = None if allowed else f"no permission: {cure}"
+    return Found("slcan", path, _PERHAPS, problem)

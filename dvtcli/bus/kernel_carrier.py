@@ -8,6 +8,7 @@ from __future__ import annotations
 import errno
 import socket
 import struct
+import sys
 from contextlib import suppress
 
 import can
@@ -31,15 +32,17 @@ def check_link(channel: object) -> None:
 
     A socket on a link that is down opens like any other, and python-can leaves one open on a link that is not there.
     """
+    if sys.platform != "linux":
+        hint = "which interface has the adapter? `dvtcli doctor` lists what is there; slcan adapters have a serial port"
+        raise BusUnavailable("cannot open socketcan", why="only Linux has SocketCAN", hint=hint)
     if not channel:
         raise BusUnavailable("cannot open socketcan", why=_NO_CHANNEL, hint=f"which channel? {which(kernel_links())}")
-    if hasattr(socket, "AF_CAN"):
-        socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW).close()
-        try:
-            socket.if_nametoindex(str(channel))
-        except OSError as failed:
-            hint = f"no such channel: {which(kernel_links())}"
-            raise BusUnavailable(f"cannot open socketcan:{channel}", why=failed.strerror, hint=hint) from failed
+    socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW).close()
+    try:
+        socket.if_nametoindex(str(channel))
+    except OSError as failed:
+        hint = f"no such channel: {which(kernel_links())}"
+        raise BusUnavailable(f"cannot open socketcan:{channel}", why=failed.strerror, hint=hint) from failed
     link = kernel_link(str(channel))
     if link is not None and not link.up:
         raise BusUnavailable(f"cannot open socketcan:{channel}", why="it is down", hint=link.way_up())

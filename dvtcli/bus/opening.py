@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import errno
 import logging
+import sys
 from collections.abc import Mapping
 from difflib import get_close_matches
 from pathlib import Path
@@ -54,7 +55,10 @@ _DRIVER_PACKAGES = {
 #: interfaces that hand our own frames back only with receive_own_messages
 _NO_ECHO_UNASKED = frozenset({"socketcan", "virtual"})
 _NO_CHANNEL = "is the adapter plugged in, and the channel's name right? `dvtcli doctor` lists what is there"
-_NO_PERMISSION = "no permission: sudo usermod -aG dialout $USER, then log in again (`ls -l` shows the port's group)"
+_NO_PERMISSION = {
+    "linux": "no permission: sudo usermod -aG dialout $USER, then log in again (`ls -l` shows the port's group)",
+    "win32": "another program has it open, or this user may not use it",
+}.get(sys.platform, "no permission: `ls -l` shows whose it is")
 _ERRNO_HINTS = {
     errno.ENODEV: _NO_CHANNEL,
     errno.ENXIO: _NO_CHANNEL,

@@ -1,4 +1,4 @@
-"""What Ctrl-C, SIGTERM and SIGHUP do: stop at once, except while a device is being written.
+"""What Ctrl-C, SIGTERM, SIGHUP and Ctrl-Break do: stop at once, except while a device is being written.
 
 Does not know what is written, nor how a stopped command is told of.
 """
@@ -29,7 +29,8 @@ def catch_signals(cancellation: Cancellation) -> None:
             raise KeyboardInterrupt
         _say(_WAITS)
 
-    for name in ("SIGINT", "SIGTERM", "SIGHUP"):  # Windows has no SIGHUP
+    # Windows has no SIGHUP: there a console that is closed says SIGBREAK, as Ctrl-Break does
+    for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK"):
         number = getattr(signal, name, None)
         if number is None or (name == "SIGHUP" and signal.getsignal(number) is signal.SIG_IGN):
             continue

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from dvtcli.device.change.private_file import put_in_place, to_disk
 from dvtcli.errors import InputFileError
 
 SCHEMA = "dvtcli.sim-state/1"
@@ -73,8 +74,8 @@ def write_state(path: Path, node_id: int, values: Mapping[tuple[int, int], bytes
         with draft.open("w", encoding="ascii") as file:
             file.write(json.dumps(document, indent=1) + "\n")
             file.flush()
-            os.fsync(file.fileno())
-        draft.replace(path)
+            to_disk(file.fileno())
+        put_in_place(draft, path)
     finally:
         draft.unlink(missing_ok=True)
 

@@ -10,6 +10,7 @@ from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dvtcli.device.change.private_file import put_in_place
 from dvtcli.device.read_pdos import read_identity
 from dvtcli.domain.end_state import end_state, touched
 from dvtcli.domain.plan import PdoChange
@@ -188,7 +189,7 @@ def write_whole(path: Path, text: str) -> None:
 
 def _put_in_place(made: str, path: Path) -> None:
     try:
-        os.replace(made, path)  # noqa: PTH105 - atomic on every platform
+        put_in_place(made, path)
     except OSError:
         os.unlink(made)  # noqa: PTH108 - beside the line above
         raise

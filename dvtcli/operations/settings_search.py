@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import stat
+import sys
 from typing import NamedTuple
 
 from dvtcli.device.trust import replaceable, stranger, sudo_user
@@ -83,7 +84,7 @@ def _homes() -> set[str]:
     """The user's home, and that of the one who called sudo."""
     homes = {os.path.realpath(os.path.expanduser("~"))}  # noqa: PTH111
     caller = sudo_user()
-    if caller is not None:
+    if caller is not None and sys.platform != "win32":
         import pwd
 
         try:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 import subprocess
 import sys
 import threading
@@ -20,6 +19,7 @@ from dvtcli.results import Changed, Message, Pdo, Progress, Synced
 from dvtcli.simulator.network.family_file import family_eds
 from dvtcli.testing import ServedBus
 from tests.commands.bench import Bench
+from tests.posix import SIGKILL
 from tests.process import environment
 
 
@@ -89,7 +89,7 @@ bus.node(5).map("tpdo1", "6041/16", "606C/32")
     done = subprocess.run(
         [sys.executable, "-c", killed.format(settings=served.settings)], env=environment(), check=False
     )
-    assert done.returncode == -signal.SIGKILL
+    assert done.returncode == -SIGKILL
     with served.connect() as bus:
         node = bus.node(5)
         with pytest.raises(errors.SafetyRefusal, match="interrupted"):

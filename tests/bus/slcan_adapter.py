@@ -12,11 +12,13 @@ import re
 import select
 import threading
 import time
-import tty
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import can
+import pytest
+
+from tests.posix import NO_TERMINAL
 
 OK, ERROR = b"\r", b"\a"
 _FRAME = re.compile(rb"(?:[tr]([0-7][0-9A-F]{2})|[TR]([01][0-9A-F]{7}))([0-8])((?:[0-9A-F]{2})*)", re.IGNORECASE)
@@ -64,6 +66,7 @@ class SlcanAdapter:
     sent: int = 0
 
     def __enter__(self) -> SlcanAdapter:
+        tty = pytest.importorskip("tty", reason=NO_TERMINAL)
         self._master, slave = os.openpty()
         tty.setraw(slave)
         self.port = os.ttyname(slave)

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import io
 import os
-import pty
 import re
-import sys
 from typing import TextIO
 
 import pytest
@@ -21,8 +19,9 @@ from dvtcli.operations.options import Options
 from dvtcli.operations.results import LearntDevice
 from dvtcli.operations.session import Session
 from dvtcli.operations.telling import Silent
+from tests.posix import NO_TERMINAL
 
-pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals")
+pty = pytest.importorskip("pty", reason=NO_TERMINAL)
 
 
 def said_at_once(stderr: TextIO) -> Output:

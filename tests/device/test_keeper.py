@@ -19,6 +19,7 @@ from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Plan, Step, ValueChange
 from dvtcli.errors import SafetyRefusal
 from tests.laws.bench import DirectSdo, booted
+from tests.posix import SIGALRM
 
 IDENTITY: Identity = {"vendor": 1, "product": 2, "revision": 3, "serial": 4}
 PLAN = Plan(5, (ValueChange(Step(0x1017, 0, b"\0\0", b"\1\0", "write")),))
@@ -260,14 +261,14 @@ def test_who_waits_for_the_lock_can_be_interrupted(keep: Keep) -> None:
 
     first, second = keep(), keep("elsewhere")
     first.lock.take()
-    before = signal.signal(signal.SIGALRM, interrupt)
+    before = signal.signal(SIGALRM, interrupt)
     signal.setitimer(signal.ITIMER_REAL, 0.05)
     try:
         with pytest.raises(KeyboardInterrupt):
             second.lock.take(60)
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0)
-        signal.signal(signal.SIGALRM, before)
+        signal.signal(SIGALRM, before)
     assert not second.lock.held
     assert first.lock.path.read_text().splitlines()[0] == str(os.getpid())
 

@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from tests.dvt.children import children, descriptors, is_running, started, wait_until_gone
+from tests.posix import SIGHUP, SIGKILL
 from tests.process import environment
 from tests.recovery.test_killed import MAP, STEPS, Bench
 
@@ -64,7 +65,7 @@ def test_a_change_is_whole_after_tcls_process_was_killed_within_it(
 
     def kill() -> None:
         (child,) = children(process.pid)
-        os.kill(child, signal.SIGKILL)
+        os.kill(child, SIGKILL)
         wait_until_gone(child)
 
     bench.wire.at_download = at(step, kill)
@@ -79,7 +80,7 @@ def test_a_change_is_whole_after_tcls_process_was_killed_within_it(
     assert not bench.journals()
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, SIGHUP])
 def test_a_signal_rolls_back_also_where_tcls_process_is_dead(
     number: signal.Signals, bench: Bench, tmp_path: Path
 ) -> None:
@@ -87,7 +88,7 @@ def test_a_signal_rolls_back_also_where_tcls_process_is_dead(
     process = bench.start("run", script(tmp_path))
 
     def kill_and_signal() -> None:
-        os.kill(children(process.pid)[0], signal.SIGKILL)
+        os.kill(children(process.pid)[0], SIGKILL)
         process.send_signal(number)
 
     bench.wire.at_download = at(3, kill_and_signal)
@@ -109,7 +110,7 @@ def test_tcls_process_dies_with_ours_and_recover_finishes(bench: Bench, tmp_path
 
     bench.wire.at_download = at(4, kill)
     process.communicate(timeout=60)
-    assert process.returncode == -signal.SIGKILL
+    assert process.returncode == -SIGKILL
     wait_until_gone(left[0])
     assert len(bench.journals()) == 1
     assert bench.run("recover", "--yes")[0] == 0
@@ -117,7 +118,7 @@ def test_tcls_process_dies_with_ours_and_recover_finishes(bench: Bench, tmp_path
 
 
 @pytest.mark.parametrize("busy", ["while 1 {}", "expr {3**[set n 200000000]}", "after 100000000", "vwait x"])
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [SIGKILL, signal.SIGINT, signal.SIGTERM])
 def test_nobody_is_left_computing(busy: str, number: signal.Signals, tmp_path: Path) -> None:
     path = tmp_path / "x.tcl"
     path.write_text(f"puts [sdo_rnx 1 0x1018 1]\n{busy}\n")
@@ -128,11 +129,11 @@ def test_nobody_is_left_computing(busy: str, number: signal.Signals, tmp_path: P
     assert is_running(child)
     process.send_signal(number)
     process.communicate(timeout=60)
-    assert process.returncode == (-9 if number is signal.SIGKILL else 128 + number)
+    assert process.returncode == (-9 if number is SIGKILL else 128 + number)
     wait_until_gone(child)
 
 
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSEGV, signal.SIGTERM])
+@pytest.mark.parametrize("number", [SIGKILL, signal.SIGSEGV, signal.SIGTERM])
 def test_tcls_process_killed_while_it_computes_is_an_error(number: signal.Signals, tmp_path: Path) -> None:
     path = tmp_path / "x.tcl"
     path.write_text("puts [sdo_rnx 1 0x1018 1]\nwhile 1 {}\n")
@@ -155,7 +156,7 @@ def test_it_has_its_pipes_only_and_no_terminal(bench: Bench, tmp_path: Path) -> 
         (child,) = children(process.pid)
         seen.extend([descriptors(child), descriptors(process.pid)])
         sessions.extend([os.getsid(child), child])
-        os.kill(child, signal.SIGKILL)
+        os.kill(child, SIGKILL)
 
     bench.wire.at_download = at(5, look)
     process.communicate(timeout=60)

@@ -14,6 +14,7 @@ from dvtcli.cli.dvt.tcl import LIMITS, run_tcl
 from tests.commands.bench import Bench
 from tests.dvt.children import started
 from tests.dvt.test_tcl import tcl
+from tests.posix import SIGHUP
 from tests.process import documents, dvtcli
 
 pytestmark = pytest.mark.skipif(
@@ -79,7 +80,7 @@ def test_a_constant_that_is_computed_before_the_first_line_is_stopped_too(tmp_pa
         assert not bench.session.is_open
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, SIGHUP])
 @pytest.mark.parametrize("endless", ENDLESS)
 def test_one_long_call_is_stopped_by_a_signal(endless: str, number: signal.Signals, tmp_path: Path) -> None:
     script = tmp_path / "x.tcl"
@@ -127,7 +128,7 @@ def test_long_texts_and_all_characters_come_as_they_are(tmp_path: Path) -> None:
         assert "\U0001f600" in ran.stdout
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, SIGHUP])
 @pytest.mark.parametrize("word", ["dvtcli set tpdo1 --timer 5", "dvtcli read 1018:1"])
 def test_a_script_that_computes_after_a_line_is_stopped_by_a_signal(
     word: str, number: signal.Signals, tmp_path: Path

@@ -7,7 +7,6 @@ left.
 from __future__ import annotations
 
 import json
-import signal
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -15,6 +14,7 @@ from pathlib import Path
 import can
 import pytest
 
+from tests.posix import SIGKILL
 from tests.process import start
 from tests.serve.served import Served, bus_words, own_environment, served
 
@@ -74,7 +74,7 @@ def killed_in(nodes: Served, line: list[str], at: int, which: Callable[[can.Mess
             frame = bus.recv(0.05)
             seen += frame is not None and which(frame)
             if frame is not None and which(frame) and seen == at:
-                child.send_signal(signal.SIGKILL)
+                child.send_signal(SIGKILL)
 
     thread = threading.Thread(target=watch)
     thread.start()
@@ -91,7 +91,7 @@ def journals(nodes: Served) -> list[Path]:
 @pytest.mark.parametrize("kill_at", [1, 4, 8, 12])
 def test_every_node_is_recovered(nodes: Served, kill_at: int) -> None:
     before = held(nodes)
-    assert killed(nodes, FILE, kill_at, is_download) == -signal.SIGKILL
+    assert killed(nodes, FILE, kill_at, is_download) == -SIGKILL
     refused = nodes.dvtcli("--yes", "apply", str(nodes.folder / "net.yaml"))
     assert refused.returncode == 6
     assert "recover" in refused.stderr
@@ -105,7 +105,7 @@ def test_every_node_is_recovered(nodes: Served, kill_at: int) -> None:
 
 def test_a_kill_while_nodes_store_is_said_and_goes_back_or_on(nodes: Served) -> None:
     before = held(nodes)
-    assert killed(nodes, "defaults: {store: true}\n" + FILE, 2, is_save) == -signal.SIGKILL
+    assert killed(nodes, "defaults: {store: true}\n" + FILE, 2, is_save) == -SIGKILL
     recovered = nodes.dvtcli("recover", "--yes")
     assert recovered.returncode == 0, recovered.stderr
     assert "store on node 3; stored on node 1 had begun" in recovered.stderr

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-import fcntl
 import os
 import struct
 import sys
-import termios
 import time
 from collections.abc import Callable
 from pathlib import Path
 
 import pexpect
 import pyte
+import pytest
 from pexpect.fdpexpect import fdspawn
 
 from tests import process
 from tests.forked import Forked
+from tests.posix import NO_TERMINAL
 from tests.process import environment as clean
 from tests.process import start
 
@@ -44,6 +44,7 @@ class Child(fdspawn):  # type: ignore[type-arg]
     """dvtcli at a terminal of *dimensions* (rows, columns); used as pexpect.spawn is."""
 
     def __init__(self, process: Callable[[Path], Forked], dimensions: tuple[int, int]) -> None:
+        pytest.importorskip("fcntl", reason=NO_TERMINAL)
         master, self._other_end = os.openpty()
         super().__init__(master)
         self.setwinsize(*dimensions)
@@ -51,6 +52,9 @@ class Child(fdspawn):  # type: ignore[type-arg]
         self.exitstatus: int | None = None
 
     def setwinsize(self, rows: int, columns: int) -> None:
+        import fcntl
+        import termios
+
         fcntl.ioctl(self.child_fd, termios.TIOCSWINSZ, struct.pack("HHHH", rows, columns, 0, 0))
 
     def eof(self) -> bool:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.posix import SIGHUP
 from tests.prompt.conftest import Open
 from tests.prompt.terminal import CTRL_C, CTRL_D, CTRL_R, DOWN, ENTER, ESCAPE, F1, TAB, UP, Terminal
 
@@ -202,7 +203,7 @@ def test_an_interrupt_from_outside_throws_the_line_away(gen4: Terminal) -> None:
     gen4.wait_prompt()
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("number", [signal.SIGTERM, SIGHUP])
 def test_a_termination_ends_the_prompt_without_a_question(gen4: Terminal, number: int) -> None:
     gen4.run(MAP)
     gen4.wait_prompt("sim/1 PRE-OP*> ")

@@ -10,11 +10,12 @@ from collections.abc import Iterator
 import pytest
 
 from dvtcli.domain.nmt import NmtState
+from tests.posix import SIGHUP
 from tests.prompt.conftest import Open
 from tests.prompt.test_real_bus import opened, prompt
 from tests.prompt.wire import Wire
 
-CODES = {signal.SIGINT: 130, signal.SIGTERM: 143, signal.SIGHUP: 129}
+CODES = {signal.SIGINT: 130, signal.SIGTERM: 143, SIGHUP: 129}
 MAP = "map tpdo1 6C01:1 606C 6041 --cob-id 0x201 --sync 1"
 #: what is typed, and the SDO download of it that brings the signal; none: it comes where nothing runs
 STRUCK = (*((MAP, step) for step in range(2, 9)), ("store", 1), ("store --prove", 1), ("store --prove", 2), ("", 0))

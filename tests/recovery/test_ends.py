@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import pty
-import resource
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -13,9 +11,13 @@ from pathlib import Path
 
 import pytest
 
+from tests.posix import NO_TERMINAL
 from tests.process import ROOT, documents, environment
 from tests.recovery.test_killed import MAP, STEPS, Bench
 from tests.recovery.test_signals import PRE_OPERATIONAL, STATE, held, start
+
+pty = pytest.importorskip("pty", reason=NO_TERMINAL)
+resource = pytest.importorskip("resource", reason="limits of a process are set this way on POSIX only")
 
 NEW_COB_ID = bytes.fromhex("01020000")
 _DRIVER = """

@@ -6,7 +6,6 @@ Real processes: the nodes are served by one, dvtcli runs in another that is kill
 from __future__ import annotations
 
 import json
-import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -17,6 +16,7 @@ import canopen
 import pytest
 
 from tests.forked import Forked
+from tests.posix import SIGKILL
 from tests.process import start
 from tests.serve.served import Served, bus_words, own_environment, served
 
@@ -81,7 +81,7 @@ def _kill(nodes: Served, child: Forked, at: int, which: Callable[[can.Message], 
             frame = bus.recv(0.05)
             seen += frame is not None and which(frame)
             if frame is not None and which(frame) and seen == at:
-                child.send_signal(signal.SIGKILL)
+                child.send_signal(SIGKILL)
 
     thread = threading.Thread(target=watch)
     thread.start()
@@ -134,7 +134,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 @pytest.mark.counted
 def test_every_line_of_every_node_is_recovered(nodes: Served, kill_at: int) -> None:
     before = held(nodes)
-    assert killed(nodes, [*LINES, *AFTERWARDS], kill_at) == -signal.SIGKILL
+    assert killed(nodes, [*LINES, *AFTERWARDS], kill_at) == -SIGKILL
     left, ids = held(nodes), waiting(nodes)
     assert left != before
     assert ids == [node_id for node_id in NODES if left[node_id] != before[node_id]]
@@ -151,7 +151,7 @@ def test_every_line_of_every_node_is_recovered(nodes: Served, kill_at: int) -> N
 def test_a_kill_between_two_lines_is_said_and_recovered_from_either_node(nodes: Served) -> None:
     before = held(nodes)
     lines = [*LINES[:3], "read 1009", LINES[4]]
-    assert killed(nodes, lines, 1, is_upload_of(0x1009)) == -signal.SIGKILL
+    assert killed(nodes, lines, 1, is_upload_of(0x1009)) == -SIGKILL
     assert waiting(nodes) == [1, 3]
     script = nodes.folder / "x.dvt"
     for node_id in NODES:
@@ -187,13 +187,13 @@ def test_a_script_that_is_complete_leaves_nothing_to_recover(nodes: Served) -> N
 def test_a_kill_while_it_stores_says_that_it_may_be_stored(nodes: Served) -> None:
     before = held(nodes)
     lines = [*LINES[:2], "store", *AFTERWARDS]
-    assert killed(nodes, lines, 1, is_upload_of(0x1010)) == -signal.SIGKILL
+    assert killed(nodes, lines, 1, is_upload_of(0x1010)) == -SIGKILL
     assert waiting(nodes) == [1, 3]
     recovered = nodes.dvtcli("recover", "--yes")
     assert recovered.returncode == 0, recovered.stderr
     assert "x.dvt:3 store had begun: node 1 may have stored what was taken back" in recovered.stderr
     assert held(nodes) == before
-    assert killed(nodes, lines, 1, is_upload_of(0x1009)) == -signal.SIGKILL
+    assert killed(nodes, lines, 1, is_upload_of(0x1009)) == -SIGKILL
     assert nodes.dvtcli("recover", "--yes").stdout.startswith("nothing to recover"), (
         "what is stored cannot be taken back"
     )
@@ -203,7 +203,7 @@ def test_a_kill_while_it_stores_says_that_it_may_be_stored(nodes: Served) -> Non
 def test_what_a_kill_leaves_of_the_journals_of_a_complete_script_counts_no_longer(nodes: Served) -> None:
     """Journals are removed one by one: their end is a single step all the same."""
     lines = [*LINES[:3], *AFTERWARDS]
-    assert killed(nodes, lines, 1, is_upload_of(0x1009)) == -signal.SIGKILL
+    assert killed(nodes, lines, 1, is_upload_of(0x1009)) == -SIGKILL
     assert waiting(nodes) == [1, 3]
     (marker,) = (nodes.folder / "state-home" / "dvtcli" / "journals").glob("*.whole")
     marker.unlink()
@@ -216,7 +216,7 @@ def test_what_a_kill_leaves_of_the_journals_of_a_complete_script_counts_no_longe
 
 def test_a_script_that_is_not_atomic_leaves_the_line_in_hand_alone(nodes: Served) -> None:
     before = held(nodes)
-    assert killed(nodes, ["set 1:tpdo3 --timer 9", LINES[1]], 4, words=()) == -signal.SIGKILL
+    assert killed(nodes, ["set 1:tpdo3 --timer 9", LINES[1]], 4, words=()) == -SIGKILL
     assert waiting(nodes) == [3]
     assert nodes.dvtcli("recover", "--yes").returncode == 0
     after = held(nodes)

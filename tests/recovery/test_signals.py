@@ -22,13 +22,14 @@ import canopen
 import pytest
 
 from tests import process
+from tests.posix import SIGHUP
 from tests.process import environment
 from tests.recovery.test_killed import MAP, STEPS, Bench
 from tests.serve.served import wait_for
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
 
-CODES = {signal.SIGINT: 130, signal.SIGTERM: 143, signal.SIGHUP: 129}
+CODES = {signal.SIGINT: 130, signal.SIGTERM: 143, SIGHUP: 129}
 CLOSED = ((), ("stdout",), ("stderr",), ("stdout", "stderr"))
 #: the state object of a Gen4, and what it says (the published Gen4 manual)
 STATE, PRE_OPERATIONAL, OPERATIONAL = 0x5110, 0x7F, 0x05
@@ -183,7 +184,7 @@ def test_another_script_keeps_them_and_says_so(bench: Bench, tmp_path: Path) -> 
 
 def test_a_hang_up_that_comes_twice_insists_on_nothing(bench: Bench) -> None:
     before = start(bench)
-    code, stderr = stopped(bench, signal.SIGHUP, ("stdout", "stderr"), 4, *MAP, times=3)
+    code, stderr = stopped(bench, SIGHUP, ("stdout", "stderr"), 4, *MAP, times=3)
     assert code == 129, stderr
     assert held(bench) == before
     assert not bench.journals()

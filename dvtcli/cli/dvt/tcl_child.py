@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import re
+import sys
 import threading
 import time
 from collections.abc import Sequence
@@ -94,10 +95,10 @@ def _serve(parent: Parent) -> None:
 
 def _limit_memory(most_bytes: int) -> None:
     """Let this process take no more than *most_bytes*, where the system has such a limit; and leave no core file."""
-    try:
-        import resource
-    except ImportError:  # Windows
+    if sys.platform == "win32":
         return
+    import resource
+
     for what, most in ((resource.RLIMIT_AS, most_bytes), (resource.RLIMIT_CORE, 0)):
         _, hard = resource.getrlimit(what)
         lower = most if hard == resource.RLIM_INFINITY else min(most, hard)

@@ -24,6 +24,8 @@ _BOOT = "import sys; sys.path[:] = sys.argv[1:]; from dvtcli.cli.dvt.tcl_child i
 #: How Tcl ends where there is no memory left, or a value would be longer than it can count.
 _PANIC = re.compile("alloc|max size for a Tcl value|max length of a Tcl|MemoryError")
 _WATCH_S = 0.05
+#: what keeps a Ctrl-C from it on Windows; elsewhere its own session does
+_OWN_GROUP: int = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
 #: A process that has closed its pipe is about to end; one that does not in this time (s) is killed.
 _END_S = 2.0
 _MOST_SAID = 4_000
@@ -109,7 +111,7 @@ def _started(command: Sequence[str]) -> subprocess.Popen[bytes]:
     environment = {key: value for key, value in os.environ.items() if not key.startswith("DVTCLI_")}  # no passcode
     try:
         return subprocess.Popen(  # noqa: S603 - our own words
-            command, env=environment, start_new_session=True,
+            command, env=environment, start_new_session=True, creationflags=_OWN_GROUP,
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
         )  # fmt: skip
     except OSError as failed:

@@ -12,4 +12,22 @@ _ASCII = str.maketrans(
 
 def ascii_only(text: str) -> str:
     """*text* without characters beyond ASCII: known ones by their look-alike, others as `?`."""
-    return text.translate(_ASCII).encode("ascii", "replace").decode("ascii")
+    return in_encoding(text, "ascii")
+
+
+def in_encoding(text: str, encoding: str) -> str:
+    """*text* in the characters of *encoding*: those that it lacks by their look-alike, else as `?`."""
+    return "".join(
+        char
+        if char.isascii() or _has(encoding, char)
+        else char.translate(_ASCII).encode(encoding, "replace").decode(encoding)
+        for char in text
+    )
+
+
+def _has(encoding: str, char: str) -> bool:
+    try:
+        char.encode(encoding)
+    except UnicodeEncodeError:
+        return False
+    return True

@@ -8,7 +8,7 @@ from typing import TextIO
 import click
 
 from dvtcli.cli.view.columns import columns
-from dvtcli.cli.view.glyphs import ascii_only
+from dvtcli.cli.view.glyphs import ascii_only, in_encoding
 from dvtcli.cli.view.lines import Cell, Line
 from dvtcli.cli.view.safe import safe
 from dvtcli.cli.view.wrap import wrapped
@@ -21,7 +21,7 @@ def painted(line: Line, stream: TextIO, *, colored: bool, plain: bool, width: in
         broken = wrapped([Cell(safe(cell.text), cell.style) for cell in cells], width)
         return "\n".join(painted(part, stream, colored=colored, plain=plain) for part in broken)
     text = "".join(_styled(cell) if colored else safe(cell.text) for cell in cells).rstrip()
-    return ascii_only(text) if plain or not _carries(stream, text) else text
+    return ascii_only(text) if plain else _carried(stream, text)
 
 
 def _styled(cell: Cell) -> str:
@@ -32,10 +32,11 @@ def _styled(cell: Cell) -> str:
     return click.style(safe(cell.text), fg=cell.style)
 
 
-def _carries(stream: TextIO, text: str) -> bool:
-    """Whether the stream's encoding has every character; a Windows pipe often has not."""
+def _carried(stream: TextIO, text: str) -> str:
+    """*text* as the stream's encoding has it, which on Windows often lacks characters where a file or pipe is."""
+    encoding = getattr(stream, "encoding", None) or "utf-8"
     try:
-        text.encode(getattr(stream, "encoding", None) or "utf-8")
+        text.encode(encoding)
     except UnicodeEncodeError:
-        return False
-    return True
+        return in_encoding(text, encoding)
+    return text

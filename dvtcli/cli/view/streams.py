@@ -24,6 +24,8 @@ def nobody_reads(stream: TextIO, failed: OSError) -> bool:
     """Whether *failed*, which writing to *stream* ended with, says that its reader or its terminal is gone."""
     if failed.errno in _LEFT:
         return True
+    if sys.platform == "win32" and failed.errno == errno.EINVAL:  # what Windows says of a pipe whose reader is gone
+        return not stream.isatty()
     return failed.errno == errno.EIO and _is_terminal(stream)
 
 
@@ -47,7 +49,7 @@ def is_abandoned(stream: TextIO) -> bool:
     """Whether the reader of *stream* is gone, asked without writing."""
     import select
 
-    if not hasattr(select, "poll"):
+    if sys.platform == "win32":
         return True  # Windows: whoever asks has seen a broken pipe already
     with suppress(OSError, ValueError):
         poll = select.poll()

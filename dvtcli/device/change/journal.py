@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from dvtcli.device.change.plan_document import MOST_CHANGES, Identity, change_document, read_number, read_plan
-from dvtcli.device.change.private_file import file_name, sync_folder, write_private
+from dvtcli.device.change.private_file import file_name, remove, sync_folder, write_private
 from dvtcli.device.change.whole import Part
 from dvtcli.device.trust import stranger
 from dvtcli.domain.plan import Plan
@@ -71,7 +71,7 @@ class Journals:
     def close_whole(self, whole: str) -> None:
         """The *whole* is complete, or put back: what is left of its journals counts no longer, at one stroke."""
         if self._marker(whole).exists():
-            self._marker(whole).unlink()
+            remove(self._marker(whole))
             sync_folder(self.folder)
 
     def tidy(self, whole: str | None) -> None:
@@ -125,7 +125,7 @@ class Journals:
     def remove(self, node_id: int) -> None:
         """Forget the journal of *node_id*: its change is verified, or undone and verified."""
         path = self.path(node_id)
-        path.unlink(missing_ok=True)
+        remove(path)
         sync_folder(path.parent)
 
 

@@ -14,7 +14,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import IO
 
-from dvtcli.device.change.private_file import file_name
+from dvtcli.device.change.private_file import file_name, to_disk
 from dvtcli.device.trust import check_folder, open_private, private_folder
 from dvtcli.errors import SafetyRefusal
 
@@ -148,7 +148,7 @@ class NodeLock:
         self._file.seek(0)
         self._file.write(text)  # over the old text: a disk that takes nothing leaves that as it is
         self._file.truncate(len(text))
-        os.fsync(self._file.fileno())
+        to_disk(self._file.fileno())
 
     def noted(self) -> Path | None:
         """The journal that the last holder noted, or None."""

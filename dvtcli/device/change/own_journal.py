@@ -14,6 +14,7 @@ from dvtcli.device.change.course import Course
 from dvtcli.device.change.journal import Journals
 from dvtcli.device.change.lock import NodeLock
 from dvtcli.device.change.plan_document import Identity
+from dvtcli.device.change.private_file import remove
 from dvtcli.device.change.whole import Whole
 from dvtcli.domain.plan import Plan
 from dvtcli.errors import JournalKept, SafetyRefusal
@@ -60,7 +61,7 @@ class OwnJournal:
             except OSError:  # nothing of this is written to the device: there is nothing to recover
                 self._course.in_hand = None
                 if not self._course.made:
-                    self.path.unlink(missing_ok=True)
+                    remove(self.path)
                 raise
 
     def _write(self) -> Path:
@@ -129,7 +130,7 @@ class OwnJournal:
         self.is_over()
         path = self.path
         try:
-            path.unlink(missing_ok=True)
+            remove(path)
         except OSError as failed:
             raise self._kept(failed) from failed
         try:

@@ -4,11 +4,19 @@ from __future__ import annotations
 
 import os
 import re
+import sys
 import tempfile
+import time
+from collections.abc import Callable
+from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 
 from dvtcli.device.trust import private_folder
+
+#: how long another program may have a file open that is to be replaced or removed, on Windows (s)
+BUSY_S = 2.0
+_BUSY_RETRY_S = 0.02
 
 
 def file_name(text: str) -> str:
@@ -29,8 +37,8 @@ def write_private(path: Path, text: str) -> None:
         with os.fdopen(descriptor, "w", encoding="utf-8") as file:
             file.write(text)
             file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, path)  # noqa: PTH105 - atomic on every platform
+            to_disk(file.fileno())
+        put_in_place(temporary, path)
     except BaseException:
         Path(temporary).unlink(missing_ok=True)
         raise
@@ -41,9 +49,44 @@ def set_aside(path: Path, word: str) -> Path:
     """Give *path* a name that nobody looks for, with *word* and the time in it; returns that name."""
     stamp = datetime.now(UTC).strftime("%Y%m%dT%H%M%S.%fZ")
     aside = path.with_name(f"{path.name}.{word}-{stamp}")
-    os.replace(path, aside)  # noqa: PTH105 - atomic on every platform
+    put_in_place(path, aside)
     sync_folder(path.parent)
     return aside
+
+
+def put_in_place(source: str | Path, target: Path) -> None:
+    """Give *source* the name *target*, at one stroke on every platform; OSError where that cannot be."""
+    _when_free(lambda: os.replace(source, target))  # noqa: PTH105 - as it is documented: atomic
+
+
+def remove(path: Path) -> None:
+    """Take *path* away where it is there; OSError where that cannot be."""
+    _when_free(lambda: path.unlink(missing_ok=True))
+
+
+def _when_free(act: Callable[[], object]) -> None:
+    """Do *act*. On Windows nothing that is open can be moved or removed, and scanners open what was just written."""
+    deadline_s = time.monotonic() + BUSY_S
+    while True:
+        try:
+            act()
+        except PermissionError:
+            if sys.platform != "win32" or time.monotonic() >= deadline_s:
+                raise
+            time.sleep(_BUSY_RETRY_S)
+        else:
+            return
+
+
+def to_disk(descriptor: int) -> None:
+    """Wait until what was written to *descriptor* is on the disk; on macOS fsync leaves it in the drive's memory."""
+    if sys.platform == "darwin":
+        import fcntl
+
+        with suppress(OSError):  # a network's file system may not have it: then fsync is what there is
+            fcntl.fcntl(descriptor, fcntl.F_FULLFSYNC)
+            return
+    os.fsync(descriptor)
 
 
 def sync_folder(folder: Path) -> None:

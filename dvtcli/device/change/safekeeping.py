@@ -15,7 +15,7 @@ from dvtcli.device.change.journal import Journal, Journals, read_journal
 from dvtcli.device.change.lock import NodeLock
 from dvtcli.device.change.own_journal import OwnJournal, journal_files
 from dvtcli.device.change.plan_document import Identity
-from dvtcli.device.change.private_file import set_aside
+from dvtcli.device.change.private_file import remove, set_aside
 from dvtcli.device.change.whole import Whole
 from dvtcli.device.past import Past
 from dvtcli.domain.pdo import Pdo, PdoConfig
@@ -142,7 +142,7 @@ class Keeper:
     def forget(self, journal: Journal) -> None:
         """After *journal* was recovered, wherever it was kept; that of another change of the node stays."""
         with self._files("removed"):
-            journal.path.unlink(missing_ok=True)
+            remove(journal.path)
         self.past.drop(self.node_id, journal.identity, journal.part.entries)
         self.own_journal.is_over()
         with self._files("removed"):
