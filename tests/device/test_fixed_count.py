@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from platformdirs import user_config_dir
 
 from dvtcli.device.node import Node
 from dvtcli.domain.mapping import PdoMappingEntry
@@ -22,7 +23,7 @@ from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds
 from dvtcli.simulator.network.twin_bus import TwinBus
 from tests.laws.bench import NODE, DirectBus, DirectSdo, FaultySdo, refuse
-from tests.process import environment, run
+from tests.process import run
 
 TPDO1 = Pdo.parse("tpdo1")
 ENTRIES = tuple(PdoMappingEntry(index, 0, bits) for index, bits in ((0x6041, 16), (0x606C, 32), (0x6061, 8)))
@@ -129,13 +130,13 @@ def test_a_twin_takes_entries_and_the_device_keeps_its_own(folder: Path) -> None
 
 
 def test_a_users_profile_makes_such_a_device_mappable(tmp_path: Path) -> None:
-    eds, own = tmp_path / "fixed.eds", tmp_path / "dvtcli" / "profiles" / "mine.toml"
+    eds, own = tmp_path / "fixed.eds", Path(user_config_dir("dvtcli")) / "profiles" / "mine.toml"
     eds.write_text(text_of_eds(0), "utf-8")
     own.parent.mkdir(parents=True)
     own.write_text('name = "mine"  # ours\ntitle = "Fixed count"  # ours\nfiller = 0  # ours\n', "utf-8")
 
     def mapped(*words: str) -> int:
         words = ("--sim", str(eds), *words, "map", "tpdo1", "6041", "606C")
-        return run(words, env=environment() | {"XDG_CONFIG_HOME": str(tmp_path)}).returncode
+        return run(words).returncode
 
     assert [mapped("-p", "mine"), mapped("-p", "mine", "--dry-run"), mapped()] == [0, 0, 1]

@@ -118,7 +118,7 @@ def test_both_ends_of_a_link_are_recovered(nodes: Served, kill_at: int) -> None:
     assert nodes.dvtcli("-n", "3", "map", "rpdo1", "60FF", "--off").returncode == 0
     line = ["link", "1:tpdo1", "3:rpdo1", "--heartbeat", "300"]
     before = held(nodes)
-    assert killed_in(nodes, line, kill_at, is_download) == -signal.SIGKILL
+    assert killed_in(nodes, line, kill_at, is_download) == -SIGKILL
     assert nodes.dvtcli("recover", "--yes").returncode == 0
     assert held(nodes) == before
     assert journals(nodes) == []
