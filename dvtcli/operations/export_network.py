@@ -15,6 +15,7 @@ from dvtcli.domain.profile import BitPolicy
 from dvtcli.domain.several import plural, several
 from dvtcli.errors import UsageError
 from dvtcli.files.network.write_network import write_network
+from dvtcli.operations.exported_objects import exported_objects, exported_watches
 from dvtcli.operations.results import Facts
 from dvtcli.operations.save_script import ask_before_overwriting, place_of, write_whole
 
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.mapping import PdoMappingEntry
     from dvtcli.domain.object_dictionary import ObjectDictionary
     from dvtcli.domain.pdo import Pdo, PdoConfig
+    from dvtcli.domain.ports import SdoReader
     from dvtcli.domain.profile import DeviceProfile
     from dvtcli.operations.session import Session
 
@@ -83,13 +85,15 @@ def export_node(session: Session, file: str, node_id: int | None = None) -> Fact
     """
     path = network_place(file, "export {}/NAME.yaml")
     node = session.node(node_id)
-    found = exported(node, node.pdos())
+    found = exported(node, node.pdos(), node.memory)
     ask_before_overwriting(session, path)
     write_whole(path, write_network(NetworkWish((found.wish,)), f"What node {node.node_id} held", found.remarks))
     count = len(found.wish.pdos)
     said = [f"{file}: node {node.node_id}, {plural(count, 'PDO')}. Check it: dvtcli check {shlex.quote(file)}"]
     if note := found.left_out_note:
         said.append(f"note: {note}")
+    if others := [str(one) for one in session.known_ids() if one != node.node_id]:
+        said.append(f"This is node {node.node_id} only: -n {others[0]} exports another, `import FILE.yaml` all nodes.")
     rows = (("file", file), ("node", node.node_id), ("pdos", count), ("left_out", list(found.left_out)))
     return Facts("export", rows, tuple(said))
 
@@ -101,11 +105,15 @@ def network_place(file: str, example: str) -> Path:
     return place_of(file, example)
 
 
-def exported(holder: Holder, held: Mapping[Pdo, PdoConfig]) -> Exported:
-    """The PDOs that *holder* has, *held*, as a network file has them."""
+def exported(holder: Holder, held: Mapping[Pdo, PdoConfig], values: SdoReader) -> Exported:
+    """The PDOs that *holder* has, *held*, as a network file has them, and what *values* say of heartbeat and SYNC."""
     remarks: dict[str, str] = {}
     wishes = tuple(_pdo(holder, pdo, config, remarks) for pdo, config in held.items() if is_whole(config))
-    wish = NodeWish(_name(holder), holder.node_id, _identity(holder), pdos=wishes)
+    objects = sorted(exported_objects(values, holder.dictionary), key=lambda one: (one.index, one.sub_index))
+    wish = NodeWish(
+        _name(holder), holder.node_id, _identity(holder), pdos=wishes, objects=tuple(objects),
+        watches=tuple(exported_watches(values)),
+    )  # fmt: skip
     left_out = tuple(pdo.label for pdo, config in held.items() if not is_whole(config))
     return Exported(wish, {(holder.node_id, word): text for word, text in remarks.items()}, left_out)
 

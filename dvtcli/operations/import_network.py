@@ -73,7 +73,7 @@ class _Described:
 
 
 def import_network(session: Session, file: str, folder: str | None = None) -> Facts:
-    """Write the nodes that answer, and what joins them, to the network file *file*: a scan, or the node of `-n`.
+    """Write the nodes that answer, and what joins them, to the network file *file*: a scan, or the nodes of `-n`.
 
     With *folder* its EDS and DCF files instead, which needs no bus: a DCF's node-ID counts, others are numbered. Asks
     before it overwrites. NoAnswer where no node answers, UsageError where there is no such file or nothing in it.
@@ -139,13 +139,13 @@ def _live(session: Session, path: Path, notes: list[str]) -> Iterator[_Found]:
         try:
             node = session.node(node_id)
             held = node.pdos()
-            found = exported(node, held)
+            found = exported(node, held, _memory(node))
         except (NoAnswer, SdoProtocolError, SdoAborted) as failed:
-            if session.base.node is not None:
+            if session.base.nodes:
                 raise
             notes.append(f"node {node_id} is left out: {failed.text}")
             continue
-        yield _Found(_with_file(session, found, path), held, _memory(node))
+        yield _Found(_as_chosen(session, found, path), held, _memory(node))
 
 
 def _memory(node: Node) -> SdoReader:
@@ -153,8 +153,8 @@ def _memory(node: Node) -> SdoReader:
 
 
 def _ids(session: Session, notes: list[str]) -> Iterator[int]:
-    if session.base.node is not None:
-        yield session.base.node
+    if session.base.nodes:
+        yield from session.base.nodes
         return
     for row in find_nodes(session).rows:
         if row.note:
@@ -163,10 +163,11 @@ def _ids(session: Session, notes: list[str]) -> Iterator[int]:
             yield row.node
 
 
-def _with_file(session: Session, found: Exported, path: Path) -> Exported:
-    """*found*, with the EDS that somebody chose with `--eds`, so that names are looked up in it again."""
+def _as_chosen(session: Session, found: Exported, path: Path) -> Exported:
+    """*found*, with the EDS and the profile that somebody chose, so that names are looked up as they were."""
     eds = session.options.eds
-    return found if eds is None else replace(found, wish=replace(found.wish, dcf=_beside(Path(eds), path)))
+    dcf = None if eds is None else _beside(Path(eds), path)
+    return replace(found, wish=replace(found.wish, dcf=dcf, profile=session.options.profile))
 
 
 def _beside(eds: Path, path: Path) -> FileWord:
@@ -184,7 +185,7 @@ def _of_file(one: _Described, path: Path) -> _Found:
             held[pdo] = read_pdo(one.values, pdo, WHATEVER)
         except SdoAborted:
             continue  # it has neither COB-ID nor mapping: no such PDO
-    found = exported(one, held)
+    found = exported(one, held, one.values)
     return _Found(replace(found, wish=replace(found.wish, dcf=_beside(one.path, path))), held, one.values)
 
 

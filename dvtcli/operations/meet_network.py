@@ -6,7 +6,7 @@ Writes nothing. Does not know what the nodes should hold.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,12 +27,6 @@ class Met:
 
     nodes: dict[int, Node] = field(default_factory=dict)
     failures: list[DvtcliError] = field(default_factory=list)
-
-    def of(self, wish: NetworkWish) -> NetworkWish:
-        """What *wish* says of the nodes that were met."""
-        nodes = tuple(node for node in wish.nodes if node.node_id in self.nodes)
-        links = (link for link in wish.links if all(end.node_id in self.nodes for end in link.ends))
-        return replace(wish, nodes=nodes, links=tuple(links))
 
     def end(self) -> None:
         """One error for all failures, where there is one: what trying again does not mend comes first."""

@@ -135,7 +135,7 @@ class Opened(Said):
         from dvtcli.operations.keeping import Keeping, state_folder
 
         folder = state_folder(self.base)
-        return Keeping(bus.name, folder, self.base.node, self.tell.note, self.tell.warning, self.doing, self.whole)
+        return Keeping(bus.name, folder, self.base.one_node, self.tell.note, self.tell.warning, self.doing, self.whole)
 
     @contextmanager
     def _chooser_said(self) -> Iterator[None]:

@@ -49,7 +49,7 @@ class Options(NamedTuple):
     bitrate: int | None = None
     bus_kwargs: tuple[str, ...] = ()
     bus: str | None = None
-    node: int | None = None
+    node: int | tuple[int, ...] | None = None
     sim: tuple[str, ...] = ()
     fault: tuple[str, ...] = ()
     signal: tuple[str, ...] = ()
@@ -72,6 +72,16 @@ class Options(NamedTuple):
         """Whether results are JSON documents."""
         return self.format in ("json", "jsonl")
 
+    @property
+    def nodes(self) -> tuple[int, ...]:
+        """Every node-ID that `--node` names, in order; none where it is not given."""
+        return self.node if isinstance(self.node, tuple) else () if self.node is None else (self.node,)
+
+    @property
+    def one_node(self) -> int | None:
+        """The node-ID of `--node` where it names one."""
+        return self.nodes[0] if len(self.nodes) == 1 else None
+
 
 def options_of(given: Mapping[str, Any]) -> Options:
     """The options *given* by name, the others as they come; UsageError for an unknown name or a wrong value."""
@@ -89,7 +99,7 @@ def is_repeated(name: str) -> bool:
 def checked(name: str, value: Any) -> Any:
     """*value* of the option *name*, which may still be text, as the option holds it; UsageError where it is wrong."""
     if name == "node":
-        return node_id(str(value))
+        return _node_ids(value)
     if name == "timeout":
         return _seconds(str(value))
     if name == "bitrate":
@@ -102,6 +112,13 @@ def checked(name: str, value: Any) -> Any:
         return tuple(map(str, value))
     default = getattr(Options(), name)
     return value if isinstance(default, int) else str(value)
+
+
+def _node_ids(value: Any) -> int | tuple[int, ...]:
+    """A node-ID, or several of them: `1,3,5`."""
+    words = [str(one) for one in value] if isinstance(value, list | tuple) else str(value).split(",")
+    found = sorted({node_id(word.strip()) for word in words})
+    return found[0] if len(words) == 1 else tuple(found)
 
 
 def node_id(text: str) -> int:

@@ -23,8 +23,8 @@ from dvtcli.domain.network.consumers import left_findings, length_findings, move
 from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
 from dvtcli.domain.plan import PdoChange, Plan, Step, ValueChange, plan_pdo
 from dvtcli.domain.rules import check_pdo, errors_in
-from dvtcli.domain.several import several
-from dvtcli.errors import InputFileError, NoAnswer, RuleError, SdoProtocolError
+from dvtcli.domain.several import plural, several
+from dvtcli.errors import InputFileError, NoAnswer, RuleError, SdoProtocolError, UsageError
 from dvtcli.files.network.file_log import FileLog
 from dvtcli.operations.change import names
 from dvtcli.operations.check_networks import read_wish
@@ -50,7 +50,21 @@ def plan_network(session: Session, file: str) -> NetworkPlan:
     wish = read_wish(file)
     for note in wish.notes:
         session.tell.note(f"{file}:{note.mark.line}:{note.mark.column}: {note.text}")
+    wish = _of_nodes(session, file, wish, session.base.nodes)
     return plan_wish(session, wish, FileLog(file, Path(file).read_text("utf-8-sig")))
+
+
+def _of_nodes(session: Session, file: str, wish: NetworkWish, ids: tuple[int, ...]) -> NetworkWish:
+    """What *wish* says of the nodes *ids* where several were named (`-n 1,3`); UsageError for one that it has not."""
+    if len(ids) < 2:
+        return wish
+    if unknown := [one for one in ids if one not in {node.node_id for node in wish.nodes}]:
+        raise UsageError(f"{file} has no node {', '.join(map(str, unknown))}", place=file)
+    chosen = wish.of(ids)
+    left_out = len(wish.links) - len(chosen.links)
+    if left_out:
+        session.tell.note(f"{plural(left_out, 'link')} of {file} left out: not both ends are among -n")
+    return chosen
 
 
 def plan_wish(session: Session, wish: NetworkWish, log: FileLog) -> NetworkPlan:
@@ -61,7 +75,7 @@ def plan_wish(session: Session, wish: NetworkWish, log: FileLog) -> NetworkPlan:
     met = meet(session, log.file, wish)
     planned: list[NodePlan] = []
     try:
-        planned = _judged(session, met.nodes, met.of(wish), log)
+        planned = _judged(session, met.nodes, wish.of(met.nodes), log)
     except (InputFileError, RuleError, NoAnswer, SdoProtocolError) as failed:
         met.failures.append(failed)
     met.end()

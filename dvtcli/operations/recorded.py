@@ -23,8 +23,8 @@ def decoder_for(session: Session, nodes: tuple[int, ...] | None, dbc: str | None
     if dbc is not None:
         return Decoder(read_dbc(dbc))
     if base.eds is not None:
-        return _file_decoder(Path(base.eds), nodes or ((base.node,) if base.node is not None else ()))
-    if base.sim or base.node is not None or nodes or session.is_open:
+        return _file_decoder(Path(base.eds), nodes or base.nodes)
+    if base.sim or base.nodes or nodes or session.is_open:
         return live_decoder(session, nodes or ())
     return Decoder()
 

@@ -63,8 +63,13 @@ class Session(Opened):
 
     def default_id(self) -> int:
         """The node-ID that is selected before any `node ID`."""
-        if self.base.node is not None:
-            return self.base.node
+        if self.base.one_node is not None:
+            return self.base.one_node
+        if self.base.nodes:
+            raise UsageError(
+                f"-n {','.join(map(str, self.base.nodes))} names several nodes, and this is about one",
+                hint="`plan`, `diff`, `verify`, `apply` of a network file and `import` take several",
+            )
         if self.base.sim:
             return self.network.simulated_ids[0]
         raise UsageError(
@@ -86,7 +91,7 @@ class Session(Opened):
     def known_ids(self) -> list[int]:
         """Node-IDs that are known without asking any bus: those met, those simulated, and the selected one."""
         met = set(self._network.nodes) | set(self._network.simulated_ids) if self._network is not None else set()
-        return sorted(met | {one for one in (self.selected, self.base.node) if one is not None})
+        return sorted(met | {one for one in (self.selected, *self.base.nodes) if one is not None})
 
     def end_line(self, code: int, *, alone: bool = False) -> None:
         """A line of its own, or a whole script, ended with *code*: nodes go back to the NMT state they were found in.

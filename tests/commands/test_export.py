@@ -73,3 +73,9 @@ def test_the_answer_says_how_much(tmp_path: Path) -> None:
     assert (document["schema"], document["node"], document["pdos"], document["left_out"]) == (
         "dvtcli.export/1", 1, 10, [],
     )  # fmt: skip
+
+
+def test_with_several_nodes_it_says_which_one_it_wrote(tmp_path: Path) -> None:
+    with Bench(("gen4@1", "tmcm@5")) as bench:
+        ran = bench.run(f"export {tmp_path / 'a.yaml'}")
+    assert "This is node 1 only: -n 5 exports another, `import FILE.yaml` all nodes." in ran.stdout

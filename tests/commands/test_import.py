@@ -56,6 +56,59 @@ def test_one_node_of_several(tmp_path: Path) -> None:
         assert not (tmp_path / "none.yaml").exists()
 
 
+SET = (
+    "map 1:tpdo1 6041 606C", "map 6:rpdo1 60FF --off", "link 1:tpdo1 6:rpdo1 --heartbeat 250",
+    "write 1:1005 0x40000080 --as u32", "write 1:1006 5000 --as u32",
+)  # fmt: skip
+
+
+def test_heartbeat_and_sync_are_imported_and_carried_out_elsewhere(tmp_path: Path) -> None:
+    file = tmp_path / "net.yaml"
+    with Bench(("gen4@1", "generic@6")) as bench:
+        for line in SET:
+            node, _, word = line.partition(" ")[2].partition(":")
+            words = f"write {word}" if line.startswith("write") else line
+            assert not line.startswith("write") or bench.run(f"node {node}").code == 0
+            assert bench.run(words).code == 0, line
+        assert bench.run(f"import {file}").code == 0
+        assert bench.run(f"plan {file} --exit-code").code == 0
+    drive, other = read_network_file(file).nodes
+    said = {one.key: int.from_bytes(one.data, "little") for one in drive.objects}
+    assert said == {"heartbeat_producer": 250, "sync_cob_id": 0x40000080, "sync_period": 5000}
+    assert [(one.producer, one.time_ms) for one in other.watches] == [(1, 750)]
+    assert "    sync_period: 5000\n" in file.read_text("utf-8")
+    with Bench(("gen4@1", "generic@6"), {"yes": True}) as fresh:
+        assert fresh.run(f"diff {file}").code == 3
+        assert fresh.run(f"apply {file}").code == 0
+        assert fresh.run(f"diff {file}").code == 0
+
+
+def test_some_nodes_of_a_network(tmp_path: Path) -> None:
+    nodes, file = ("gen4@1", "tmcm@5", "generic@6"), tmp_path / "net.yaml"
+    with Bench(nodes, {"node": (1, 6)}) as bench:
+        ran = bench.run(f"import {file} --json")
+        assert [one["node"] for one in ran.document["nodes"]] == [1, 6]
+        ran = bench.run("pdo")
+        assert (ran.code, "-n 1,6 names several nodes" in ran.stderr) == (2, True)
+    links = "links: [{from: a:tpdo1, to: b:rpdo1, heartbeat: false}]\n"
+    file.write_text("a: {node_id: 1}\nb: {node_id: 5}\nc: {node_id: 6}\nd: {node_id: 9}\n" + links)
+    with Bench(nodes, {"node": (1, 6), "yes": True}) as bench:
+        for line in ("plan", "diff", "apply"):
+            ran = bench.run(f"{line} {file}")
+            assert ran.code == 0, ran.stderr
+            assert "1 link of" in ran.stderr
+    with Bench(nodes, {"node": (1, 7)}) as bench:
+        ran = bench.run(f"plan {file}")
+        assert (ran.code, "has no node 7" in ran.stderr) == (2, True)
+
+
+def test_the_profile_that_was_chosen_is_in_the_file(tmp_path: Path) -> None:
+    file = tmp_path / "net.yaml"
+    with Bench(("generic@3",), {"profile": "canopennode"}) as bench:
+        assert bench.run(f"import {file}").code == 0
+    assert read_network_file(file).nodes[0].profile == "canopennode"
+
+
 def test_a_folder_of_files_needs_no_bus(tmp_path: Path) -> None:
     folder, file = tmp_path / "eds", tmp_path / "net.yaml"
     folder.mkdir()

@@ -6,7 +6,8 @@ and no node.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Collection
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from dvtcli.domain.pdo import Pdo
@@ -183,3 +184,9 @@ class NetworkWish:
     master: MasterRole | None = None
     multiplier: float | None = None
     notes: tuple[FileNote, ...] = field(default=(), compare=False)
+
+    def of(self, ids: Collection[int]) -> NetworkWish:
+        """What it says of the nodes with the node-IDs *ids*, and of links between them."""
+        nodes = tuple(node for node in self.nodes if node.node_id in ids)
+        links = tuple(link for link in self.links if all(end.node_id in ids for end in link.ends))
+        return replace(self, nodes=nodes, links=links)

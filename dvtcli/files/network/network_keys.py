@@ -133,6 +133,14 @@ KEYS: tuple[NetworkKey, ...] = (
     NetworkKey(
         Where.NODE, "life_time_factor", Kind.INTEGER, "times `guard_time` is its life time", 0, _U8, "", (0x100D, 0, 1)
     ),
+    NetworkKey(
+        Where.NODE, "sync_cob_id", Kind.INTEGER, "COB-ID of SYNC, with bit 30 where it sends it", 0, _U32, "",
+        (0x1005, 0, 4),
+    ),
+    NetworkKey(
+        Where.NODE, "sync_period", Kind.INTEGER, "how often SYNC comes, or is sent by this node", 0, _U32, "µs",
+        (0x1006, 0, 4),
+    ),
     NetworkKey(Where.NODE, "time_cob_id", Kind.INTEGER, "COB-ID of the time stamp", 0, _U32, "", (0x1012, 0, 4)),
     NetworkKey(
         Where.NODE, "error_behavior", Kind.NUMBERS, "what it does after an error, by sub-index of 0x1029", 0, _U8

@@ -21,6 +21,7 @@ from dvtcli.files.network.yaml_tree import Branch, Leaf, Tree, overlaid, read_tr
 
 #: how many of its heartbeats may be missed unless the file says it (dcfgen's own)
 _MULTIPLIER = 3.0
+_MOST_NODES = 127
 _NODE_ID = OF[Where.NODE]["node_id"]
 Named = dict[str, tuple[Leaf, Branch]]
 
@@ -54,7 +55,11 @@ def _network(root: Branch, log: FileLog) -> NetworkWish:
     options = read_keys(found["options"], Where.OPTIONS, "options", log) if "options" in found else {}
     said = options.get("heartbeat_multiplier")
     master, multiplier = _master(found.get("master"), _MULTIPLIER if said is None else said, log)
-    named = {name: (leaf, overlaid(defaults, own, INSTEAD)) for name, (leaf, own) in _nodes(root, found, log).items()}
+    own = _nodes(root, found, log)
+    if len(own) > _MOST_NODES:  # each gets a copy of the defaults
+        log.complain(root.mark, f"{len(own)} nodes are in this file, and a network has {_MOST_NODES}")
+        log.end()
+    named = {name: (leaf, overlaid(defaults, branch, INSTEAD)) for name, (leaf, branch) in own.items()}
     node_ids = _node_ids(named, master, log)
     around = Surroundings(node_ids, master, multiplier)
     nodes = tuple(_read_all(named, around, log))

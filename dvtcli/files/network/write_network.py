@@ -114,7 +114,8 @@ def _objects(node: NodeWish) -> Iterator[str]:
     for wish in node.objects:
         if wish.key != "error_behavior":
             number = int.from_bytes(wish.data, "little")
-            yield f"{wish.key}: {f'0x{number:X}' if len(wish.data) == 4 else number}"
+            hexadecimal = len(wish.data) == 4 and not OF[Where.NODE][wish.key].unit
+            yield f"{wish.key}: {f'0x{number:X}' if hexadecimal else number}"
     if behaviour:
         yield f"error_behavior: {{{', '.join(behaviour)}}}"
 

@@ -138,6 +138,8 @@ FIXTURES: dict[tuple[Where, str], Fixture] = {
     ),
     (Where.NODE, "guard_time"): _object("guard_time: 200", 0x100C, 0, b"\xc8\x00"),
     (Where.NODE, "life_time_factor"): _object("life_time_factor: 3", 0x100D, 0, b"\x03"),
+    (Where.NODE, "sync_cob_id"): _object("sync_cob_id: 0x40000080", 0x1005, 0, b"\x80\0\0\x40"),
+    (Where.NODE, "sync_period"): _object("sync_period: 20000", 0x1006, 0, b"\x20\x4e\0\0"),
     (Where.NODE, "time_cob_id"): _object("time_cob_id: 0x80000100", 0x1012, 0, b"\x00\x01\x00\x80"),
     (Where.NODE, "error_behavior"): _node(
         "error_behavior: {1: 2}", objects=(ObjectWish("error_behavior", 0x1029, 1, b"\x02"),)

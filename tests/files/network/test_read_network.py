@@ -287,3 +287,11 @@ def test_a_number_of_any_length_is_a_complaint(key: str, digits: str) -> None:
     """Python turns no more than 4300 digits into a number."""
     text = in_node(key.format(digits + "1" * 5001))
     assert wrong(text)
+
+
+def test_more_nodes_than_a_network_has_are_refused_before_defaults_are_laid_under_them() -> None:
+    defaults = "defaults: {tpdo: {1: {event_timer: 5}}}\n"
+    text = defaults + "".join(f"n{number}: {{node_id: {number}}}\n" for number in range(1, 129))
+    with pytest.raises(InputFileError) as refused:
+        read_network(text, "net.yaml")
+    assert [one.text for one in refused.value.complaints] == ["128 nodes are in this file, and a network has 127"]
