@@ -46,8 +46,19 @@ def _in_mapping(pdo: Pdo, wanted: PdoConfig, held: PdoConfig) -> Iterator[str]:
     if not held.has_mapping:
         yield f"its mapping 0x{pdo.mapping_index:04X}:00 cannot be read"
         return
-    if held.mapping != wanted.mapping:
+    if held.mpdo != wanted.mpdo or held.multiplexed != wanted.multiplexed:
+        yield from _as_multiplexed(pdo, wanted, held)
+    elif held.mapping != wanted.mapping:
         texts = [" ".join(map(str, config.mapping)) or "nothing" for config in (held, wanted)]
         yield f"0x{pdo.mapping_index:04X} maps {texts[0]}, expected {texts[1]}"
     if held.count != wanted.count and (held.held_count, wanted.held_count) != (None, None):
         yield f"0x{pdo.mapping_index:04X}:00 (count) is {held.count}, expected {wanted.count}"
+
+
+def _as_multiplexed(pdo: Pdo, wanted: PdoConfig, held: PdoConfig) -> Iterator[str]:
+    """How an MPDO differs, or what should be one."""
+    if held.count != wanted.count:
+        yield f"0x{pdo.mapping_index:04X}:00 (count) is {held.count}, expected {wanted.count}"
+    else:
+        texts = [" ".join(map(str, config.multiplexed)) or "nothing" for config in (held, wanted)]
+        yield f"0x{pdo.mapping_index:04X}:01 holds {texts[0]}, expected {texts[1]}"

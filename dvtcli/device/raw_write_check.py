@@ -11,7 +11,7 @@ from dvtcli.device.read_pdos import read_optional
 from dvtcli.device.store_parameters import RESTORE, STORE
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.mapping import MAX_ENTRIES, PdoMappingEntry
-from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.pdo import Pdo, PdoConfig, is_mpdo
 from dvtcli.domain.plan import Change, PdoChange, Step, ValueChange
 from dvtcli.domain.rules.raw_write import (
     ParameterWrite,
@@ -61,7 +61,11 @@ def raw_change(node: KnownPdos, step: Step) -> Change:
 
 
 def _with_count(node: KnownPdos, pdo: Pdo, now: PdoConfig, count: int) -> PdoConfig:
-    """*now* with *count*, as it reads back: inconsistent where there are fewer entries."""
+    """*now* with *count*, as it reads back: an MPDO, or inconsistent where there are fewer entries."""
+    if is_mpdo(count):
+        first = _entries(node, pdo, 1)
+        return replace(now, mapping=(), mpdo=count, held_count=None, unread=now.lacking, multiplexed=first)
+    now = replace(now, mpdo=None, multiplexed=())
     entries = _entries(node, pdo, count)
     if len(entries) == count:
         return replace(now, mapping=entries, held_count=None, unread=now.lacking)

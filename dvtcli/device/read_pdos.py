@@ -93,7 +93,9 @@ def read_pdo(sdo: SdoReader, pdo: Pdo, passing: Container[int] = UNREADABLE) -> 
     if cob_id is None and count is None and told.first is not None and told.first.code in ABSENT:
         raise told.first
     if count is None or is_mpdo(count):
-        return PdoConfig(communication, (), mpdo=count, unread=tuple(told.unread))
+        first = None if count is None else told.optional(pdo.mapping_index, 1, 4)
+        entries = () if first is None else (PdoMappingEntry.from_raw(first),)
+        return PdoConfig(communication, (), mpdo=count, unread=tuple(told.unread), multiplexed=entries)
     words = list(takewhile(lambda word: word is not None, _entries(told, pdo, count)))
     mapping = tuple(PdoMappingEntry.from_raw(word) for word in words if word is not None)
     odd = None if count == len(mapping) else count

@@ -113,9 +113,10 @@ class PdoConfig:
     """What a PDO is set to: its communication parameter and its active mapping, in frame order.
 
     *count* is the mapping's sub-index 0; it differs from the number of entries for MPDOs (0xFE, 0xFF), which are
-    shown and never written, and for an inconsistent PDO: *held_count* is what that says, *unread* the objects (index,
-    sub-index) that it lacks or does not tell: its COB-ID (which counts as off then), its count, or the first entry
-    behind *mapping*; or an optional parameter, which is None then, that it refused for a reason that may pass.
+    shown and never written but with force: *multiplexed* is what their sub-index 1 holds, which is no mapping. It
+    differs for an inconsistent PDO, too: *held_count* is what that says, *unread* the objects (index, sub-index) that
+    it lacks or does not tell: its COB-ID (which counts as off then), its count, or the first entry behind *mapping*; or
+    an optional parameter, which is None then, that it refused for a reason that may pass.
     """
 
     communication: PdoCommunicationParameter
@@ -123,6 +124,12 @@ class PdoConfig:
     mpdo: int | None = None
     held_count: int | None = None
     unread: tuple[tuple[int, int], ...] = ()
+    multiplexed: tuple[PdoMappingEntry, ...] = ()
+
+    @property
+    def entries(self) -> tuple[PdoMappingEntry, ...]:
+        """What the mapping's sub-indices 1 and up hold, as far as it means anything."""
+        return self.mapping if self.mpdo is None else self.multiplexed
 
     @property
     def enabled(self) -> bool:

@@ -182,7 +182,7 @@ def disables(now: PdoConfig, want: PdoConfig) -> bool:
 
 def mapping_differs(now: PdoConfig, want: PdoConfig) -> bool:
     """Whether the way from *now* to *want* writes the mapping."""
-    return now.mapping != want.mapping or now.count != want.count
+    return now.entries != want.entries or now.count != want.count
 
 
 def _cob_id_step(index: int, before: CobId, after: CobId, reason: str) -> Step:
@@ -205,8 +205,8 @@ def _communication_steps(index: int, now: PdoCommunicationParameter, want: PdoCo
 def _mapping_steps(index: int, now: PdoConfig, want: PdoConfig) -> Iterator[Step]:
     if now.count:
         yield Step(index, 0, bytes([now.count]), b"\0", "open the mapping (count 0)")
-    for number, entry in enumerate(want.mapping, 1):
-        held = now.mapping[number - 1].raw.to_bytes(4, "little") if number <= len(now.mapping) else None
+    for number, entry in enumerate(want.entries, 1):
+        held = now.entries[number - 1].raw.to_bytes(4, "little") if number <= len(now.entries) else None
         yield Step(index, number, held, entry.raw.to_bytes(4, "little"), _entry_reason(entry))
     if want.count:
         yield Step(index, 0, b"\0", bytes([want.count]), f"close the mapping (count {want.count})")

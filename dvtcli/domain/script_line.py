@@ -45,7 +45,9 @@ def change_line(change: PdoChange) -> str:
         return ""
     before, after, pdo = change.before, change.after, change.pdo
     words = [*_parameter_words(before.communication, after.communication)]
-    if before.mapping != after.mapping:
+    if after.mpdo is not None:
+        return f"# {_remark(pdo, after)} {LEFT_ALONE}"
+    if before.mapping != after.mapping or before.mpdo is not None:
         return map_line(pdo, after) if after.mapping else "\n".join(_empty(pdo, words))
     if before.enabled != after.enabled and not words:
         return f"{'enable' if after.enabled else 'disable'} {pdo}"

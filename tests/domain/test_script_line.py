@@ -7,7 +7,8 @@ from dataclasses import replace
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
-from dvtcli.domain.script_line import backup_lines
+from dvtcli.domain.plan import plan_pdo
+from dvtcli.domain.script_line import backup_lines, change_line
 
 
 def config(raw: int, *entries: int, mpdo: int | None = None) -> PdoConfig:
@@ -53,3 +54,13 @@ def test_a_backup_leaves_off_what_no_pdo_may_be_and_alone_what_is_inconsistent()
     ]
     (kept,) = backup_lines({}, {Pdo.parse("tpdo1"): config(0x2000_0180, 0x60410010)})[3:]
     assert kept == "map tpdo1 6041:00/16 --cob-id 0x180 --extended --rtr"
+
+
+def test_a_pdo_that_became_a_multiplexed_one_is_a_comment_and_one_that_was_one_is_written_whole() -> None:
+    pdo, off = Pdo.parse("tpdo1"), PdoCommunicationParameter(CobId(0x181, valid=False))
+    empty, multiplexed = PdoConfig(off, ()), PdoConfig(off, (), mpdo=0xFE)
+    mapped = PdoConfig(off, (PdoMappingEntry(0x6041, 0, 16),))
+    became = [change_line(plan_pdo(pdo, before, multiplexed)) for before in (empty, mapped)]
+    assert became == ["# tpdo1 is a multiplexed PDO (count 0xFE) and is left alone"] * 2
+    assert change_line(plan_pdo(pdo, multiplexed, empty)) == "clear tpdo1"
+    assert change_line(plan_pdo(pdo, multiplexed, mapped)).startswith("map tpdo1 6041:00/16 ")

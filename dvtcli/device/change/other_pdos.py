@@ -81,9 +81,8 @@ def cob_ids_beside(node: Changeable, plan: Plan) -> dict[Pdo, CobId]:
     """The COB-IDs that *plan* leaves alone, to be compared right after it; none where it writes no COB-ID."""
     if not writes_cob_id(plan):
         return {}
-    multiplexed = {pdo for pdo, config in node.last_read.items() if config.mpdo is not None}
-    left_out = multiplexed | set(_own(plan))
-    return {pdo: cob_id for pdo, cob_id in node.known_cob_ids().items() if pdo not in left_out}
+    own = set(_own(plan))
+    return {pdo: cob_id for pdo, cob_id in node.known_cob_ids().items() if pdo not in own}
 
 
 def wholes_beside(node: Changeable, plan: Plan, found: Found) -> dict[Pdo, PdoConfig]:
@@ -91,8 +90,8 @@ def wholes_beside(node: Changeable, plan: Plan, found: Found) -> dict[Pdo, PdoCo
     if not is_of_pdo(plan) or node.bus.boot_ups(node.node_id) != found.boot_ups:
         return {}
     own = set(_own(plan))
-    movable = {pdo: config for pdo, config in node.last_read.items() if config.mpdo is None and config.has_cob_id}
-    return {pdo: config for pdo, config in movable.items() if pdo not in own and not config.untold}
+    movable = {pdo: config for pdo, config in node.last_read.items() if config.has_cob_id and not config.untold}
+    return {pdo: config for pdo, config in movable.items() if pdo not in own}
 
 
 def is_of_pdo(plan: Plan) -> bool:

@@ -10,7 +10,7 @@ from typing import Any
 
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.mapping import MAX_ENTRIES, PdoMappingEntry
-from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
+from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig, is_mpdo
 from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, plan_pdo
 
 #: A plan names at most 1,024 PDOs and as many single objects; anything larger is something else.
@@ -43,6 +43,7 @@ def _config_document(config: PdoConfig) -> dict[str, Any]:
         "mpdo": config.mpdo,
         "held_count": config.held_count,
         "unread": [list(place) for place in config.unread],
+        **({} if config.mpdo is None else {"multiplexed": [entry.raw for entry in config.multiplexed]}),
     }
 
 
@@ -72,8 +73,6 @@ def read_change(document: Any) -> Change:
     if "pdo" in document:
         pdo = Pdo.parse(str(document["pdo"]))
         before, after = (_config(document.get(key)) for key in ("before", "after"))
-        if (before.mpdo, after.mpdo) != (None, None):
-            raise ValueError("a multiplexed PDO is never changed")
         back = None if document.get("back") is None else _config(document["back"])
         change: PdoChange = replace(plan_pdo(pdo, before, after), back=back)
         return change
@@ -96,15 +95,20 @@ def _config(document: Any) -> PdoConfig:
     times = {
         key: None if document.get(key) is None else read_number(document, key, most) for key, most in _LIMITS.items()
     }
-    words = document.get("mapping")
-    if not isinstance(words, list) or len(words) > MAX_ENTRIES:
-        raise ValueError("a mapping is malformed")
-    entries = tuple(PdoMappingEntry.from_raw(read_number({"": word}, "", 0xFFFF_FFFF)) for word in words)
+    entries, multiplexed = _entries(document.get("mapping")), _entries(document.get("multiplexed", []))
     communication = PdoCommunicationParameter(CobId.from_raw(read_number(document, "cob_id", 0xFFFF_FFFF)), **times)
     mpdo, held = (
         None if document.get(key) is None else read_number(document, key, 0xFF) for key in ("mpdo", "held_count")
     )
-    return PdoConfig(communication, entries, mpdo, held, _unread(document.get("unread", [])))
+    if mpdo is not None and (not is_mpdo(mpdo) or entries):
+        raise ValueError("a multiplexed PDO is malformed")
+    return PdoConfig(communication, entries, mpdo, held, _unread(document.get("unread", [])), multiplexed)
+
+
+def _entries(words: Any) -> tuple[PdoMappingEntry, ...]:
+    if not isinstance(words, list) or len(words) > MAX_ENTRIES:
+        raise ValueError("a mapping is malformed")
+    return tuple(PdoMappingEntry.from_raw(read_number({"": word}, "", 0xFFFF_FFFF)) for word in words)
 
 
 def _unread(places: Any) -> tuple[tuple[int, int], ...]:
