@@ -15,6 +15,7 @@ from dvtcli.operations.results import Changed, ChangedNodes, Facts
 from dvtcli.operations.waiting_journals import waiting_paths, with_others
 
 if TYPE_CHECKING:
+    from dvtcli.device.change.finish_interrupted import Recovery
     from dvtcli.device.change.journal import Journal
     from dvtcli.device.node import Node
     from dvtcli.operations.session import Session
@@ -83,17 +84,29 @@ def _whole_text(journal: Journal, journals: list[Journal]) -> str:
 
 def _put_back(session: Session, journals: list[Journal]) -> tuple[list[Changed], DvtcliError | None]:
     """What was put back, and the first error; the other nodes are put back all the same."""
+    from dvtcli.device.change.finish_interrupted import Recovery, recover_together
+
+    started = time.monotonic()
+    begun: list[Recovery] = []
     done: list[Changed] = []
-    failed: DvtcliError | None = None
+    failures: list[DvtcliError] = []
     for journal in journals:
         try:
-            done.append(_put_one_back(session, journal))
+            begun.append(Recovery.begin(session.node(journal.plan.node_id), journal))
         except DvtcliError as error:
-            if failed is None:
-                failed = error
-            else:
-                failed.details.append(("also", error.text))
-    return done, failed or _restarted(session, done)
+            failures.append(error)
+    failed = recover_together(begun)
+    failures += failed.values()
+    for one in begun:
+        try:
+            if one.node.node_id not in failed:
+                done.append(_ended(session, one, time.monotonic() - started))
+        except DvtcliError as error:
+            failures.append(error)
+    if failures:
+        failures[0].details += [("also", other.text) for other in failures[1:]]
+        return done, failures[0]
+    return done, _restarted(session, done)
 
 
 def _restarted(session: Session, done: list[Changed]) -> Restarted | None:
@@ -114,21 +127,20 @@ def _restarted_since(node: Node) -> bool:
     return node.bus.boot_ups(node.node_id) != node.pending.boot_ups
 
 
-def _put_one_back(session: Session, journal: Journal) -> Changed:
+def _ended(session: Session, recovery: Recovery, seconds: float) -> Changed:
+    """Forget the journal of what was put back, and answer what was done."""
     from dvtcli.device.applied import Applied
-    from dvtcli.device.change.finish_interrupted import recover as put_back
     from dvtcli.device.change.way_back import unknown_before
 
-    started = time.monotonic()
-    node = session.node(journal.plan.node_id)
-    plan, not_put_back = put_back(node, journal)
+    node, journal = session.node(recovery.node.node_id), recovery.journal
+    plan, not_put_back = recovery.end()
     if journal.part.final:
         session.tell.warning(
             f"{journal.part.final} had begun: node {node.node_id} may have stored what was taken back; see what it "
             "comes up with, or `store`"
         )
     applied = Applied(plan, unknown_before([journal.plan]), not_put_back)
-    return changed(session, node, applied, time.monotonic() - started, undone=True)
+    return changed(session, node, applied, seconds, undone=True)
 
 
 def _refuse_other_bus(session: Session, journal: Journal) -> None:

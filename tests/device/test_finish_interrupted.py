@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 from dvtcli.device.change.carry_out import carry_out
-from dvtcli.device.change.finish_interrupted import recover
 from dvtcli.device.change.journal import Journal
 from dvtcli.device.change.pending import CHANGE
 from dvtcli.device.change.taken_back import put_back_findings
@@ -17,6 +16,7 @@ from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Plan, plan_pdo
 from tests.device.test_carry_out import HEARTBEAT, Bench
+from tests.faults.recovering import recover
 from tests.laws.bench import NODE
 
 TPDO1 = Pdo.parse("tpdo1")

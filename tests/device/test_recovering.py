@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from dvtcli.device.change.finish_interrupted import accepted_states, recover, refuse_other_device
+from dvtcli.device.change.finish_interrupted import accepted_states, refuse_other_device
 from dvtcli.device.change.journal import Journal
 from dvtcli.device.change.pending import CHANGE, VERIFY
 from dvtcli.device.change.plan_document import Identity
@@ -15,6 +15,7 @@ from dvtcli.device.node import Node
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Change, Plan, Step, ValueChange, plan_pdo
 from dvtcli.errors import LeftChanged, NoAnswer, SafetyRefusal
+from tests.faults.recovering import recover
 from tests.laws.bench import NODE, DirectBus, DirectSdo, booted, dictionary, silence
 
 TPDO1 = Pdo.parse("tpdo1")

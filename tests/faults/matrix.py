@@ -18,7 +18,6 @@ from dvtcli.cli.run_line import boundary, run_words
 from dvtcli.cli.script import run_script
 from dvtcli.cli.view.output import Output
 from dvtcli.cli.ways_in import install
-from dvtcli.device.change.finish_interrupted import recover
 from dvtcli.device.change.plan_document import Identity
 from dvtcli.device.change.safekeeping import Keeper
 from dvtcli.device.node import Node
@@ -32,6 +31,7 @@ from dvtcli.operations.open_network import Network
 from dvtcli.simulator.device.faults import Fault
 from dvtcli.simulator.device.refusal import Refusal
 from dvtcli.simulator.device.strict_device import StrictDevice
+from tests.faults.recovering import recover
 from tests.faults.sequences import AT_READ, FAMILIES, FAULTS, LASTING, MASTERS, SEQUENCES, STARTS, UNHEARD, Start
 from tests.laws.bench import NODE, DirectSdo, booted, dictionary, profile
 from tests.virtual_time import VirtualTimeBus

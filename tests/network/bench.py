@@ -77,6 +77,18 @@ def pdos(held: StrictDevice, *, tpdo: bool) -> list[tuple[int, tuple[int, ...]]]
     return sorted(set(found))
 
 
+def fitting(devices: list[StrictDevice]) -> set[tuple[int, int, int, Layouts]]:
+    """Of each enabled TPDO that an enabled RPDO of another one of *devices* hears, the layouts of both."""
+    sent = [(one, *pdo) for one in devices for pdo in pdos(one, tpdo=True)]
+    heard = [(one, *pdo) for one in devices for pdo in pdos(one, tpdo=False)]
+    return {
+        (can_id, producer.node_id, consumer.node_id, (layout, taken))
+        for producer, can_id, layout in sent
+        for consumer, can_id_heard, taken in heard
+        if can_id_heard == can_id and producer is not consumer
+    }
+
+
 class Chain:
     """Three nodes, a bus, a folder for journals; a session for each call, as of a process."""
 
@@ -87,10 +99,11 @@ class Chain:
         *,
         operational: bool = True,
         families: dict[int, str] = CHAIN,
+        bus: type[Heard] = Heard,
     ) -> None:
         self.folder, self._families = folder, families
         self.devices = {node_id: device(node_id, family) for node_id, family in families.items()}
-        self.bus = Heard(list(self.devices.values()), [Fault.parse(text) for text in faults or []])
+        self.bus = bus(list(self.devices.values()), [Fault.parse(text) for text in faults or []])
         if operational:
             self.bus.send_nmt(NmtCommand.START, 0)
         self.bus.sleep(2 * _HEARTBEAT_MS / 1000)
@@ -139,14 +152,7 @@ class Chain:
 
     def fitting(self) -> set[tuple[int, int, int, Layouts]]:
         """Of each enabled TPDO that an enabled RPDO of another node hears, the layouts of both, as they are now."""
-        return {
-            (can_id, producer.node_id, consumer.node_id, (sent, taken))
-            for producer in self.devices.values()
-            for can_id, sent in pdos(producer, tpdo=True)
-            for consumer in self.devices.values()
-            for heard, taken in pdos(consumer, tpdo=False)
-            if heard == can_id and producer is not consumer
-        }
+        return fitting(list(self.devices.values()))
 
     def journals(self) -> list[Path]:
         return sorted((self.folder / "journals").glob("*.json"))

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from dvtcli.device.node import Node
-from dvtcli.domain.nmt import NmtCommand
+from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Plan, plan_pdo
 from dvtcli.files.eds.reader import read_eds
@@ -24,13 +24,13 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
 
 
-def waiting(node: Node, label: str) -> Path:
-    """The journal of a change of the event timer of PDO *label* that was interrupted."""
+def waiting(node: Node, label: str, state: NmtState | None = None) -> Path:
+    """The journal of a change of the event timer of PDO *label* that was interrupted; the node was in that *state*."""
     assert node.keeper is not None
     pdo = Pdo.parse(label)
     now = node.pdo(pdo)
     after = replace(now, communication=replace(now.communication, event_timer=50))
-    path = node.keeper.journals.write(Plan(node.node_id, (plan_pdo(pdo, now, after),)), node.identity(), None)
+    path = node.keeper.journals.write(Plan(node.node_id, (plan_pdo(pdo, now, after),)), node.identity(), state)
     node.keeper.lock.take()
     node.keeper.lock.note(path)
     node.keeper.lock.release()
@@ -110,14 +110,27 @@ def test_a_node_that_restarted_is_not_listed_as_put_back() -> None:
         assert rows["done"].startswith("node 1:"), ran.stderr
 
 
+class Starter(Trigger):
+    """A device whose start restarts *victim* as well."""
+
+    def download(self, index: int, sub_index: int, data: bytes) -> None:
+        StrictDevice.download(self, index, sub_index, data)
+
+    def nmt(self, command: int) -> None:
+        super().nmt(command)
+        if command == NmtCommand.START:
+            self.victim.nmt(NmtCommand.RESET_NODE)
+
+
 def test_the_same_of_what_is_recovered() -> None:
-    trigger = Trigger(read_eds(family_eds("generic")).dictionary, load_family("generic"), 3)
-    trigger.victim = device("generic", 1)
-    with Wire(trigger.victim, trigger) as wire, Bench((), {**wire.options, "node": None, "yes": True}) as bench:
-        for node_id in (1, 3):
-            waiting(bench.session.node(node_id), "tpdo1")
+    starter = Starter(read_eds(family_eds("generic")).dictionary, load_family("generic"), 3)
+    starter.set_value(0x1017, 0, b"\x32\0")
+    starter.victim = device("generic", 1)
+    with Wire(starter.victim, starter) as wire, Bench((), {**wire.options, "node": None, "yes": True}) as bench:
+        for node_id, state in ((1, None), (3, NmtState.OPERATIONAL)):
+            waiting(bench.session.node(node_id), "tpdo1", state)
             bench.session.node(node_id).sdo.download(0x1800, 5, b"\x32\0")
-        trigger.armed = True
+        assert bench.session.wire.nmt_state(3, 10) is NmtState.PRE_OPERATIONAL
         ran = bench.run("recover")
         rows = dict(line.strip().split(None, 1) for line in ran.stderr.splitlines() if line.startswith("  "))
         assert ran.code == 1, ran.stderr

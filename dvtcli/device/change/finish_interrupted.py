@@ -1,10 +1,12 @@
 """Finishing an interrupted change: back to what its journal says was held before, or taking what is held as it is.
 
-Does not find journals, and does not know who else may have written to the device meanwhile.
+Changes of several nodes go back together, in phases (`recover_together`). Does not find journals, and does not know who
+else may have written to the device meanwhile.
 """
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -14,18 +16,34 @@ from dvtcli.device.change.taken_back import put_back_findings
 from dvtcli.device.change.way_back import plan_back
 from dvtcli.device.compare import differences
 from dvtcli.device.observe import MOST_LOOKS, BusWitness
+from dvtcli.domain.network.phases import phases
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.plan import PdoChange, Plan, Step
 from dvtcli.domain.script_line import value_line, whole_line
 from dvtcli.domain.several import several
-from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, SafetyRefusal, SdoAborted
+from dvtcli.errors import (
+    BusUnavailable,
+    DeviceRefused,
+    DvtcliError,
+    LeftChanged,
+    NoAnswer,
+    SafetyRefusal,
+    SdoAborted,
+    SdoProtocolError,
+)
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator, Sequence
+
     from dvtcli.device.change.changeable import Changeable
     from dvtcli.device.change.journal import Journal
     from dvtcli.device.change.plan_document import Identity
     from dvtcli.device.known_pdos import KnownPdos
+    from dvtcli.domain.plan import Change
     from dvtcli.domain.rules import Finding
+
+#: What a node that cannot be reached comes to, and not one that refuses.
+_SILENT = (NoAnswer, SdoProtocolError, BusUnavailable, KeyboardInterrupt)
 
 
 def refuse_other_device(node: KnownPdos, journal: Journal) -> None:
@@ -77,66 +95,139 @@ def _accepted_value(node: KnownPdos, step: Step) -> AcceptedState:
     return AcceptedState(step.object, value_line(step, held), value_line(step, step.before), found)
 
 
-def recover(node: Changeable, journal: Journal) -> tuple[Plan, tuple[Finding, ...]]:
-    """Finish an interrupted change: put back what it replaced, verify that, restore the NMT state, forget the journal.
+@dataclass(slots=True)
+class Recovery:
+    """An interrupted change of *node* on its way back to what *journal* says was held before.
 
-    Only forwards, towards what was: a failure leaves the journal for the next try (LeftChanged). Returns the plan
-    of what was to be written, and warnings of what the device did not take back. SafetyRefusal where the journal was
-    made on another device.
+    *plan* is what was to be written as the node was found, *as_taken* that with what it takes instead.
     """
-    refuse_other_device(node, journal)
-    if node.keeper is not None:
-        node.keeper.lock.take()
-    node.read_anew()
-    plan, as_taken = plan_back(node, [journal.plan]), plan_back(node, [journal.plan], as_taken=True)
-    otherwise = _put_back_for_good(node, journal)
-    if node.keeper is not None:
-        node.keeper.forget(journal)
-    node.pending.suspicions.pop(CHANGE, None)
-    return as_taken if otherwise else plan, put_back_findings(otherwise)
 
+    node: Changeable
+    journal: Journal
+    plan: Plan
+    as_taken: Plan
+    #: what was put back otherwise than it was, and boot-ups seen before it was put back
+    _otherwise: tuple[PdoChange, ...] = ()
+    _boot_ups: int = 0
 
-def _put_back_for_good(node: Changeable, journal: Journal) -> tuple[PdoChange, ...]:
-    """Put back, and start the node where it was found OPERATIONAL; again where it restarted after it was verified.
+    @classmethod
+    def begin(cls, node: Changeable, journal: Journal) -> Recovery:
+        """Take the node's lock and read it; SafetyRefusal where *journal* was made on another device."""
+        refuse_other_device(node, journal)
+        if node.keeper is not None:
+            node.keeper.lock.take()
+        node.read_anew()
+        plan, as_taken = plan_back(node, [journal.plan]), plan_back(node, [journal.plan], as_taken=True)
+        return cls(node, journal, plan, as_taken)
 
-    What it held in RAM only is lost with a restart, also with one that the start brings about.
-    """
-    for _ in range(MOST_LOOKS):
-        boot_ups = node.bus.boot_ups(node.node_id)
-        otherwise = _put_back(node, journal)
-        if journal.nmt_state == NmtState.OPERATIONAL and node.access.state() is NmtState.PRE_OPERATIONAL:
-            node.access.insist(NmtState.OPERATIONAL)
-        if node.bus.boot_ups(node.node_id) == boot_ups:
-            node.pending.boot_ups = boot_ups
-            return otherwise
-    raise LeftChanged(
-        f"node {node.node_id} restarted each of {MOST_LOOKS} times that it was put back",
-        node=node.node_id,
-        place=str(journal.path),
-        hint=f"look at its supply and its wiring; recover tries again, from {journal.path}",
-        state="left_changed",
-    )
+    def ahead(self) -> Iterator[Plan]:
+        """What goes ahead of `put_back` where other nodes are put back, too: one part for each phase but the last.
 
+        Of a device of which a refusal is foreseen PDOs go off only: `put_back` knows what that takes instead.
+        """
+        changes = self.journal.plan.changes
+        foreseen = any(isinstance(one, PdoChange) and one.back is not None for one in changes)
+        for number, phase in enumerate(phases([self.plan])[:-1]):
+            left_out = foreseen and number > 1
+            yield next((part for part in phase if not left_out), Plan(self.node.node_id, ()))
 
-def _put_back(node: Changeable, journal: Journal) -> tuple[PdoChange, ...]:
-    node.gate.enter()
-    try:
-        with node.cancellation.guard():
-            node.gate.renew()  # a try before this one may have started it
-            witness = BusWitness(node.bus, node.node_id)
-            return restore_patiently(node.sdo, journal.plan.changes, node.bus, node.gate.renew, witness)
-    except (DvtcliError, KeyboardInterrupt) as fault:
-        labels = several(change.label for change in journal.plan.changes)
+    def go_ahead(self, part: Plan) -> None:
+        """Bring the node to the end of *part*; what it refuses is left to `put_back`.
+
+        LeftChanged where it is silent.
+        """
+        if not part.changes:
+            return
+        with suppress(SdoAborted, DeviceRefused):
+            self._restore(tuple(change.reversed() for change in part.changes), given_up=_SILENT)
+
+    def put_back(self) -> None:
+        """Put everything back and verify that, whatever the node holds; LeftChanged leaves the journal."""
+        self._boot_ups = self.node.bus.boot_ups(self.node.node_id)
+        self._otherwise = self._restore(self.journal.plan.changes, given_up=(DvtcliError, KeyboardInterrupt))
+
+    def start(self) -> None:
+        """Start the node where it was found OPERATIONAL; put back anew where it restarted since it was verified.
+
+        What it held in RAM only is lost with a restart, also with one that the start brings about.
+        """
+        node = self.node
+        for look in range(MOST_LOOKS):
+            if look:
+                self.put_back()
+            if self.journal.nmt_state == NmtState.OPERATIONAL and node.access.state() is NmtState.PRE_OPERATIONAL:
+                node.access.insist(NmtState.OPERATIONAL)
+            if node.bus.boot_ups(node.node_id) == self._boot_ups:
+                node.pending.boot_ups = self._boot_ups
+                return
         raise LeftChanged(
-            f"{labels} of node {node.node_id} could not be put back",
+            f"node {node.node_id} restarted each of {MOST_LOOKS} times that it was put back",
             node=node.node_id,
-            place=str(journal.path),
-            why=_reason(fault),
-            hint=_next_step(node, fault, journal),
+            place=str(self.journal.path),
+            hint=f"look at its supply and its wiring; recover tries again, from {self.journal.path}",
             state="left_changed",
-        ) from fault
-    finally:
-        node.forget()
+        )
+
+    def end(self) -> tuple[Plan, tuple[Finding, ...]]:
+        """Forget the journal; what was to be written, and warnings of what the device did not take back."""
+        if self.node.keeper is not None:
+            self.node.keeper.forget(self.journal)
+        self.node.pending.suspicions.pop(CHANGE, None)
+        return self.as_taken if self._otherwise else self.plan, put_back_findings(self._otherwise)
+
+    def _restore(
+        self, changes: Sequence[Change], *, given_up: tuple[type[BaseException], ...]
+    ) -> tuple[PdoChange, ...]:
+        """Bring the node to what *changes* replaced; LeftChanged where it is *given_up* for what goes wrong."""
+        node = self.node
+        node.gate.enter()
+        try:
+            with node.cancellation.guard():
+                node.gate.renew()  # a try before this one may have started it
+                witness = BusWitness(node.bus, node.node_id)
+                return restore_patiently(node.sdo, changes, node.bus, node.gate.renew, witness)
+        except given_up as fault:
+            raise self._left(fault) from fault
+        finally:
+            node.forget()
+
+    def _left(self, fault: BaseException) -> LeftChanged:
+        labels = several(change.label for change in self.journal.plan.changes)
+        return LeftChanged(
+            f"{labels} of node {self.node.node_id} could not be put back",
+            node=self.node.node_id,
+            place=str(self.journal.path),
+            why=_reason(fault),
+            hint=_next_step(self.node, fault, self.journal),
+            state="left_changed",
+        )
+
+
+def recover_together(recoveries: Sequence[Recovery]) -> dict[int, DvtcliError]:
+    """Put back what interrupted changes replaced, phase by phase over all nodes; what failed, by node-ID.
+
+    Producers go off, then consumers, then everything is written; consumers go on, and at last producers: no RPDO hears
+    frames of a layout that it is not mapped for. A node that fails is left alone, the others go on. They are started
+    once all were verified.
+    """
+    failed: dict[int, DvtcliError] = {}
+    if len(recoveries) > 1:
+        for phase in zip(*(one.ahead() for one in recoveries), strict=True):
+            parts = {part.node_id: part for part in phase}
+            _each(recoveries, failed, lambda one, parts=parts: one.go_ahead(parts[one.node.node_id]))  # type: ignore[misc]
+    _each(recoveries, failed, Recovery.put_back)
+    _each(recoveries, failed, Recovery.start)
+    return failed
+
+
+def _each(recoveries: Iterable[Recovery], failed: dict[int, DvtcliError], work: Callable[[Recovery], None]) -> None:
+    """Do *work* for each but those that have *failed*; who fails now is one of them."""
+    for one in recoveries:
+        if one.node.node_id not in failed:
+            try:
+                work(one)
+            except DvtcliError as error:
+                failed[one.node.node_id] = error
 
 
 def _reason(fault: BaseException) -> str:

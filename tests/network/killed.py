@@ -1,0 +1,70 @@
+"""A dvtcli that ends in the middle of its work, as after SIGKILL: nothing of it goes on, nothing of it is tidied up.
+
+The process forks at a write: the child has the devices as they are by then and copies of all files, and is whoever
+comes after. Does not know what is looked at there.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import traceback
+from collections.abc import Callable
+from pathlib import Path
+
+from tests.network.bench import Chain, Heard, fitting
+
+
+class Watched(Heard):
+    """A bus that calls *on_write* after each SDO download that a node took, with the number of those so far.
+
+    What an RPDO could hear by then is noted, whether a frame comes or not, and whatever state its node is in.
+    """
+
+    on_write: Callable[[int], None] = staticmethod(lambda _count: None)
+    writes = 0
+
+    def fits(self) -> None:
+        """Note the layouts of each enabled TPDO, and of each enabled RPDO of another node that takes its frames."""
+        self.layouts |= fitting([node.device for node in self.nodes])
+
+    def send_sdo(self, can_id: int, data: bytes) -> None:
+        super().send_sdo(can_id, data)
+        if data[0] >> 5 == 1:
+            self.writes += 1
+            self.fits()
+            self.on_write(self.writes)
+
+
+def afterwards(chain: Chain, home: Path, look: Callable[[Chain], None]) -> str:
+    """What went wrong where this process had ended here and *look* came after, on *chain*'s devices and files.
+
+    *home* is where the files of the user are.
+    """
+    report = home.parent / "report"
+    report.unlink(missing_ok=True)
+    child = os.fork()
+    if not child:
+        try:
+            _look(chain, home, look)
+        except BaseException:  # noqa: BLE001 - the child has nobody else to tell
+            report.write_text(traceback.format_exc())
+        finally:
+            os._exit(0)
+    os.waitpid(child, 0)
+    return report.read_text() if report.exists() else ""
+
+
+def _look(chain: Chain, home: Path, look: Callable[[Chain], None]) -> None:
+    """The lock is held by the process that goes on: whoever comes after has files of its own."""
+    other = home.parent / "after"
+    for folder in (home, chain.folder):
+        shutil.copytree(folder, other / folder.name)
+    for name in ("HOME", "XDG_DATA_HOME", "XDG_STATE_HOME", "XDG_CONFIG_HOME"):
+        os.environ[name] = str(other / home.name)
+    chain.folder = other / chain.folder.name
+    layouts = chain.bus.layouts
+    chain.bus = Watched(list(chain.devices.values()), [])
+    chain.bus.layouts |= layouts
+    look(chain)
+    shutil.rmtree(other)
