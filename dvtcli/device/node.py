@@ -17,6 +17,7 @@ from dvtcli.errors import BusUnavailable, DeviceRefused, UsageError
 
 if TYPE_CHECKING:
     from dvtcli.device.applied import Applied
+    from dvtcli.device.change.way_back import WayBack
     from dvtcli.device.observe import Found
     from dvtcli.domain.plan import Change, Plan, Step
     from dvtcli.domain.request import PdoWant
@@ -100,6 +101,11 @@ class Node(Changeable):
     def undo(self, *, everything: bool = False, force: bool = False) -> Applied:
         """Put back what the last plan replaced, or all of them, in one transaction."""
         applied, count = self.put_back(self.history, everything=everything, force=force, own=True)
+        self.was_undone(applied, count)
+        return applied
+
+    def was_undone(self, applied: Applied, count: int) -> None:
+        """*applied* put back what the newest *count* plans of this session had left."""
         self.history = self.history[: len(self.history) - count]
         for _ in range(count):
             del self.order[max(number for number, node_id in enumerate(self.order) if node_id == self.node_id)]
@@ -107,7 +113,6 @@ class Node(Changeable):
             self.keeper.past.forget_own(count, applied.plan)
         if self.pending.is_as_stored(len(self.history)) and not (applied.findings or applied.not_put_back):
             self.pending.unstored.clear()  # the device holds what was stored, or found, again
-        return applied
 
     def put_back(
         self, plans: Sequence[Plan], *, everything: bool = False, force: bool = False, own: bool = False
@@ -120,11 +125,29 @@ class Node(Changeable):
         """
         from dataclasses import replace
 
-        from dvtcli.device.change.gap import unbroken
         from dvtcli.device.change.taken_back import foreseen, put_back_findings
-        from dvtcli.device.change.way_back import plan_back, refuse_unless_left, unknown_before
+        from dvtcli.device.change.way_back import plan_back
 
         found = self.claim()
+        back = self.way_back(plans, everything=everything, force=force, own=own)
+        try:
+            applied = self._apply_back(back.plan, back.unknown, found, is_patient=bool(foreseen(back.undone)))
+        except DeviceRefused:
+            if not foreseen(back.undone) or self.bus.boot_ups(self.node_id) != found.boot_ups:
+                raise
+            plan = self.observed(lambda: plan_back(self, back.undone, as_taken=True))
+            applied = self.apply(plan, back.unknown, kept=False)
+            applied = replace(applied, not_put_back=put_back_findings(foreseen(back.undone)))
+        self.unkept += not own
+        return applied, len(back.undone)
+
+    def way_back(
+        self, plans: Sequence[Plan], *, everything: bool = False, force: bool = False, own: bool = False
+    ) -> WayBack:
+        """The way back that `put_back` takes, of a node that is claimed; raises as that does, and writes nothing."""
+        from dvtcli.device.change.gap import unbroken
+        from dvtcli.device.change.way_back import WayBack, plan_back, refuse_unless_left, unknown_before
+
         chain = plans if own else unbroken(plans)
         count = len(chain) if everything else 1
         if not force:
@@ -135,16 +158,7 @@ class Node(Changeable):
             raise UsageError(
                 unknown[0].text, node=self.node_id, hint="undo --force leaves it so and forgets that change"
             )
-        try:
-            applied = self._apply_back(plan, unknown, found, is_patient=bool(foreseen(undone)))
-        except DeviceRefused:
-            if not foreseen(undone) or self.bus.boot_ups(self.node_id) != found.boot_ups:
-                raise
-            plan = self.observed(lambda: plan_back(self, undone, as_taken=True))
-            applied = self.apply(plan, unknown, kept=False)
-            applied = replace(applied, not_put_back=put_back_findings(foreseen(undone)))
-        self.unkept += not own
-        return applied, count
+        return WayBack(plan, tuple(undone), unknown)
 
     def _apply_back(self, plan: Plan, unknown: tuple[Finding, ...], found: Found, *, is_patient: bool) -> Applied:
         """Apply *plan*, the way back; with *is_patient* a refusal that may pass is waited for, as a roll-back does."""

@@ -10,7 +10,6 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
-from dvtcli.device.change.course import combined
 from dvtcli.device.change.put_back import PATIENCE_S, RETRY_S, first_difference
 from dvtcli.domain.plan import Change, PdoChange, Plan
 from dvtcli.domain.several import several
@@ -104,8 +103,11 @@ class Course:
             failures[node_id] = self._left(node, fault, failed)
 
     def _settle(self, node: Node) -> None:
-        """Once all nodes had their turn: *node* is as it was, or it is put back again, for the last time."""
-        plan = combined(node.node_id, [part for part in self.done if part.node_id == node.node_id])
+        """Once all nodes had their turn: *node* is as it was, or it is put back again, for the last time.
+
+        That is looked at of all that was planned: a restart takes what was not begun, too, back to what is stored.
+        """
+        plan = self.plans[node.node_id]
         if _difference(node, plan):
             _put_back(node, plan)
             if difference := _difference(node, plan):

@@ -16,7 +16,10 @@ from dvtcli.operations.change import changed
 from dvtcli.operations.results import Changed, ChangedNodes
 
 if TYPE_CHECKING:
+    from dvtcli.device.applied import Applied
+    from dvtcli.device.node import Node
     from dvtcli.operations.session import Session
+    from dvtcli.operations.undo_together import Undoing
 
 T = TypeVar("T")
 
@@ -25,18 +28,27 @@ def undo(session: Session, *, everything: bool = False) -> Changed | ChangedNode
     """Put back the last change of this session, or with *everything* all of them, on every node.
 
     Where it changed nothing, or has undone it all, those of earlier processes: of the selected node and what was
-    changed from there, or of every node of the bus where none is selected. SafetyRefusal where a device holds something
-    else than what was left; an error says which nodes were put back before it.
+    changed from there, or of every node of the bus where none is selected. Several nodes go back together, phase by
+    phase, all or none, unless one of them is expected to refuse what it held. SafetyRefusal where a device holds
+    something else than what was left; an error says which nodes were put back before it.
     """
+    from dvtcli.operations.undo_together import may_go_together, undo_together
+
     order = session.network.order
     if not order:
-        from dvtcli.operations.undo_remembered import put_remembered_back, remembered
+        from dvtcli.operations.undo_remembered import put_remembered_back, remembered, undoing
 
         chains = remembered(session, everything=everything)
+        together = [undoing(session, chain) for chain in chains]
+        if everything and may_go_together(together):
+            return ChangedNodes(undo_together(session, together))
         return _one_by_one(session, chains, lambda chain: put_remembered_back(session, chain, everything=everything))
     if not everything:
         return _own_put_back(session, order[-1], everything=False)
     node_ids = list(dict.fromkeys(reversed(order)))
+    together = [_undoing(session, session.node(node_id)) for node_id in node_ids]
+    if may_go_together(together):
+        return ChangedNodes(undo_together(session, together))
     return _one_by_one(session, node_ids, lambda node_id: _own_put_back(session, node_id, everything=True))
 
 
@@ -74,6 +86,20 @@ def _one_by_one(session: Session, things: Iterable[T], put_back: Callable[[T], C
             error.details.append(("done", f"node {', '.join(ids)}: put back before this"))
         raise
     return done[0] if len(done) == 1 else ChangedNodes(tuple(done))
+
+
+def _undoing(session: Session, node: Node) -> Undoing:
+    """All that this session changed on *node*, to be put back."""
+    from dvtcli.operations.undo_together import Undoing
+
+    def forget(applied: Applied, count: int) -> list[str] | None:
+        before = node.history[:]
+        node.was_undone(applied, count)
+        as_before = not applied.findings
+        forgotten = not session.dry_run and as_before and _forgotten(session, node.node_id, before[-count:])
+        return [] if forgotten else None
+
+    return Undoing(node, tuple(node.history), True, forget)
 
 
 def _own_put_back(session: Session, node_id: int, *, everything: bool) -> Changed:

@@ -16,13 +16,16 @@ from dvtcli.operations.change import changed
 from dvtcli.operations.results import Changed
 
 if TYPE_CHECKING:
+    from dvtcli.device.applied import Applied
     from dvtcli.device.change.plan_document import Identity
     from dvtcli.device.change.safekeeping import Keeper
     from dvtcli.device.node import Node
     from dvtcli.device.past import Past
     from dvtcli.device.recorded_change import Recorded
+    from dvtcli.domain.plan import Plan
     from dvtcli.operations.keeping import Keeping
     from dvtcli.operations.session import Session
+    from dvtcli.operations.undo_together import Undoing
 
 RULES = (Rule("newer-change", WARNING, "`undo` of one node: another one of the bus was changed later", "ours"),)
 
@@ -72,14 +75,34 @@ def _nothing_kept(node_id: int) -> UsageError:
 def put_remembered_back(session: Session, chain: Remembered, *, everything: bool) -> Changed:
     """Put the last change of *chain* back, or *everything*; SafetyRefusal where the device holds something else."""
     started, node = time.monotonic(), chain.node
-    plans = [replace(one.plan, node_id=node.node_id) for one in chain.entries]
-    applied, count = node.put_back(plans, everything=everything, force=session.options.force)
+    applied, count = node.put_back(_plans(chain), everything=everything, force=session.options.force)
+    _forget(session, chain, applied, count)
+    applied = replace(applied, findings=(*applied.findings, *chain.findings))
+    return changed(session, node, applied, time.monotonic() - started, undone=True)
+
+
+def undoing(session: Session, chain: Remembered) -> Undoing:
+    """Everything of *chain*, to be put back together with that of other nodes."""
+    from dvtcli.device.change.gap import unbroken
+    from dvtcli.operations.undo_together import Undoing
+
+    def forget(applied: Applied, count: int) -> None:
+        _forget(session, chain, applied, count)
+        chain.node.unkept += 1
+
+    return Undoing(chain.node, tuple(unbroken(_plans(chain))), False, forget, chain.findings)
+
+
+def _plans(chain: Remembered) -> list[Plan]:
+    return [replace(one.plan, node_id=chain.node.node_id) for one in chain.entries]
+
+
+def _forget(session: Session, chain: Remembered, applied: Applied, count: int) -> None:
+    """The newest *count* entries of *chain* were put back, as *applied* says."""
     undone = chain.entries[-count:]
     session.tell.note(_undone_text(undone, gone=count > 1 and not len(applied.plan)))
     if not session.dry_run:
         chain.keeper.past.forget(undone, applied.plan)
-    applied = replace(applied, findings=(*applied.findings, *chain.findings))
-    return changed(session, node, applied, time.monotonic() - started, undone=True)
 
 
 def _chains(session: Session, keeping: Keeping, selected: int | None, *, only_newest: bool) -> list[Remembered]:

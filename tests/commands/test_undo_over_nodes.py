@@ -125,4 +125,6 @@ def test_a_node_that_restarts_while_another_is_undone_is_not_called_put_back() -
         assert bench.run("set 2:tpdo3 --timer 44").code == bench.run("set 1:tpdo1 --timer 55").code == 0
         ran = bench.run("undo --all")
         assert ran.code == 1
-        assert "node 1 restarted after it was put back" in ran.stderr
+        assert "node 1 restarted while" in ran.stderr
+        assert "rolled back: every node is as it was" in ran.stderr
+        assert bench.session.wire.sdo(1).upload(0x1800, 5) == (55).to_bytes(2, "little")

@@ -97,7 +97,7 @@ class Trigger(StrictDevice):
             self.victim.nmt(NmtCommand.RESET_NODE)
 
 
-def test_a_node_that_restarted_is_not_listed_as_put_back() -> None:
+def test_an_undo_of_two_nodes_one_of_which_restarts_is_taken_back() -> None:
     trigger = Trigger(read_eds(family_eds("generic")).dictionary, load_family("generic"), 1)
     trigger.victim = device("generic", 3)
     with Wire(trigger, trigger.victim) as wire, Bench((), {**wire.options, "yes": True}) as bench:
@@ -106,8 +106,11 @@ def test_a_node_that_restarted_is_not_listed_as_put_back() -> None:
         ran = bench.run("undo --all")
         rows = dict(line.strip().split(None, 1) for line in ran.stderr.splitlines() if line.startswith("  "))
         assert ran.code == 1, ran.stderr
-        assert "node 3 restarted after it was put back" in ran.stderr
-        assert rows["done"].startswith("node 1:"), ran.stderr
+        assert "node 3 restarted" in ran.stderr
+        assert rows["state"].startswith("rolled back: every node is as it was"), ran.stderr
+        assert [one.value(0x1800, 5) for one in (trigger, trigger.victim)] == [b"\x28\0", b"\x28\0"]
+        assert bench.run("undo --all").code == 0
+        assert [one.value(0x1800, 5) for one in (trigger, trigger.victim)] == [b"\0\0", b"\0\0"]
 
 
 class Starter(Trigger):

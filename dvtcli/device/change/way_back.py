@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.gap import refuse_gap
@@ -21,6 +21,18 @@ if TYPE_CHECKING:
     from dvtcli.device.known_pdos import KnownPdos
 
 RULES = (Rule("write-only", WARNING, "what a write-only object held is not known, so it is not put back", "ours"),)
+
+
+@dataclass(frozen=True, slots=True)
+class WayBack:
+    """*plan* goes from what a node holds to what was before the plans *undone* (oldest first).
+
+    *unknown* warns of what stays, since nobody knows what it was.
+    """
+
+    plan: Plan
+    undone: tuple[Plan, ...]
+    unknown: tuple[Finding, ...]
 
 
 def plan_back(node: KnownPdos, plans: Iterable[Plan], *, as_taken: bool = False) -> Plan:
