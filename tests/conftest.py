@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import itertools
 import os
 import signal
@@ -12,7 +13,7 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
-from tests import process
+from tests import process, sample
 from tests.surroundings import clean_environment, own_ground, own_place, set_environment
 
 #: a machine under load is slow, and no less right for it
@@ -43,6 +44,11 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--learn-faults", type=int, default=4, metavar="N", help="faults, and kills, in learn [4]")
     parser.addoption("--elsewhere", type=int, default=4, metavar="N", help="tests as on Windows or macOS [4]")
     parser.addoption("--signals", type=int, default=8, metavar="N", help="signals in the middle of a change [8]")
+    parser.addoption(
+        "--cases",
+        choices=("lot", "rest", "all"),
+        help="of `drawn` tests: what the lot takes, the rest, or all [lot; all where a folder or file is named]",
+    )
 
 
 @pytest.hookimpl(optionalhook=True)
@@ -52,8 +58,28 @@ def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
     return 3 * cores
 
 
+def pytest_collection() -> None:
+    """What is collected stays to the end: looking for garbage meanwhile is half of the work, and finds none."""
+    gc.disable()
+
+
+def pytest_collection_finish() -> None:
+    """From here on garbage is looked for, but not in what was collected."""
+    gc.freeze()
+    gc.enable()
+
+
 @pytest.hookimpl(trylast=True)
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave out what the lot did not draw, and order the rest."""
+    left_out = sample.left_out(items, config, config.getoption("cases"))
+    if left_out:
+        items[:] = [item for item in items if item not in left_out]
+        config.hook.pytest_deselected(items=list(left_out))
+    _order(items)
+
+
+def _order(items: list[pytest.Item]) -> None:
     """What takes long begins early: `long` tests go to the heads of the parts that xdist makes of all, one a worker.
 
     Nothing else changes in the order that pytest-randomly made; a worker that is done takes from another one's tail.
@@ -73,6 +99,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def pytest_configure(config: pytest.Config) -> None:
     """In every worker, before any test is read: nobody's wishes for dvtcli, Python or a terminal count."""
     process.FRESH_PYTHON |= config.getoption("--fresh-python")
+    if config.option.cases is None:  # a worker is told what this process decides
+        config.option.cases = "all" if config.option.file_or_dir else "lot"
     set_environment(clean_environment() | _for_workers(config))
     # A shell starts what it does not wait for without SIGINT, nohup without SIGHUP: dvtcli would start so, too.
     for name, usual in (("SIGINT", signal.default_int_handler), ("SIGHUP", signal.SIG_DFL)):

@@ -1,11 +1,13 @@
 """A part of what is too much for every run: another part in another run, the same one for the same seed.
 
-`pytest --randomly-seed=N`, with the seed that the head of a run prints, takes the same part again.
+`pytest --randomly-seed=N`, with the seed that the head of a run prints, takes the same part again; with
+`--cases rest` it takes what that part left out. Where a folder or a file is named, all of it runs.
 """
 
 from __future__ import annotations
 
 import random
+from collections import defaultdict
 from collections.abc import Sequence
 from typing import TypeVar
 
@@ -24,3 +26,18 @@ def part(everything: Sequence[One], count: int, config: pytest.Config, what: obj
     """*count* of *everything*, in its order; *what* it is of makes one choice independent of another."""
     chosen = random.Random(f"{turn(config)} {what}").sample(range(len(everything)), min(count, len(everything)))
     return [everything[number] for number in sorted(chosen)]
+
+
+def left_out(items: Sequence[pytest.Item], config: pytest.Config, wanted: str) -> set[pytest.Item]:
+    """Those cases of tests marked `drawn(N)` that do not run: all but N of each test, or, of the `rest`, those N."""
+    cases: dict[tuple[str, int], list[pytest.Item]] = defaultdict(list)
+    for item in items if wanted != "all" else ():
+        marker = item.get_closest_marker("drawn")
+        if marker is not None:
+            cases[item.nodeid.partition("[")[0], marker.args[0]].append(item)
+    out: set[pytest.Item] = set()
+    for (test, count), of_test in cases.items():
+        of_test.sort(key=lambda item: item.nodeid)
+        drawn = set(part(of_test, count, config, test))
+        out |= drawn if wanted == "rest" else set(of_test) - drawn
+    return out

@@ -49,6 +49,7 @@ def told_nodes(wire: Wire) -> list[str]:
     return [str(m) for m in ours if not (0x601 <= m.arbitration_id <= 0x67F and m.data[0] >> 5 in (2, 3, 4))]
 
 
+@pytest.mark.drawn(5)
 @pytest.mark.parametrize("family", ["generic", "gen4", "tmcm"])
 @pytest.mark.parametrize("state", [NmtState.PRE_OPERATIONAL, NmtState.OPERATIONAL])
 @pytest.mark.parametrize("described", [True, False])
@@ -115,6 +116,7 @@ def states(ran: Ran) -> set[object]:
     return {document["state"] for document in ran.documents if document["schema"] == "dvtcli.error/1"}
 
 
+@pytest.mark.drawn(2)
 @pytest.mark.parametrize("family", ["generic", "gen4", "tmcm", "roboteq"])
 def test_a_dry_run_says_what_the_real_run_says(family: str) -> None:
     with Bench((family,), {"yes": True, "format": "json", "dry_run": True}) as dry:

@@ -144,6 +144,7 @@ def test_a_way_to_store_that_the_file_has_is_used_though_the_family_has_none(tmp
         assert one.run("store").code == 1, "that firmware has none"
 
 
+@pytest.mark.drawn(4)
 @pytest.mark.parametrize("family", ["generic", "gen4", "tmcm", "roboteq", "espac", "lely"])
 @pytest.mark.parametrize("direction", ["tpdo", "rpdo"])
 def test_what_is_listed_as_mappable_is_what_map_takes(family: str, direction: str) -> None:

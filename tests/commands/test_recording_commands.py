@@ -172,6 +172,7 @@ def test_plot_draws_on_the_terminal(tmp_path: Path) -> None:
     assert heights[0] > heights[1], done.stdout
 
 
+@pytest.mark.drawn(1)
 @pytest.mark.parametrize(("suffix", "begin"), [(".png", b"\x89PNG"), (".svg", b"<?xml"), (".pdf", b"%PDF")])
 def test_plot_draws_a_picture(tmp_path: Path, suffix: str, begin: bytes) -> None:
     picture = tmp_path / f"speed{suffix}"

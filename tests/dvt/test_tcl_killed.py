@@ -57,6 +57,7 @@ def mapped(tmp_path: Path) -> object:
     return pdos
 
 
+@pytest.mark.drawn(4)
 @pytest.mark.parametrize("step", range(1, STEPS + 1))
 def test_a_change_is_whole_after_tcls_process_was_killed_within_it(
     step: int, bench: Bench, mapped: object, tmp_path: Path
@@ -117,6 +118,7 @@ def test_tcls_process_dies_with_ours_and_recover_finishes(bench: Bench, tmp_path
     assert bench.pdos() == before
 
 
+@pytest.mark.drawn(4)
 @pytest.mark.parametrize("busy", ["while 1 {}", "expr {3**[set n 200000000]}", "after 100000000", "vwait x"])
 @pytest.mark.parametrize("number", [SIGKILL, signal.SIGINT, signal.SIGTERM])
 def test_nobody_is_left_computing(busy: str, number: signal.Signals, tmp_path: Path) -> None:

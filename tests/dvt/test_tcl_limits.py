@@ -80,6 +80,7 @@ def test_a_constant_that_is_computed_before_the_first_line_is_stopped_too(tmp_pa
         assert not bench.session.is_open
 
 
+@pytest.mark.drawn(2)
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, SIGHUP])
 @pytest.mark.parametrize("endless", ENDLESS)
 def test_one_long_call_is_stopped_by_a_signal(endless: str, number: signal.Signals, tmp_path: Path) -> None:
@@ -128,6 +129,7 @@ def test_long_texts_and_all_characters_come_as_they_are(tmp_path: Path) -> None:
         assert "\U0001f600" in ran.stdout
 
 
+@pytest.mark.drawn(2)
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, SIGHUP])
 @pytest.mark.parametrize("word", ["dvtcli set tpdo1 --timer 5", "dvtcli read 1018:1"])
 def test_a_script_that_computes_after_a_line_is_stopped_by_a_signal(

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import cache, cached_property
 from pathlib import Path
 
+from tests.house.draw import parsed
 from tests.process import ROOT
 
 PACKAGE = ROOT / "dvtcli"
@@ -36,7 +37,7 @@ class Module:
 
     @cached_property
     def tree(self) -> ast.Module:
-        return ast.parse(self.text)
+        return parsed(self.text)
 
     def imports(self) -> Iterator[tuple[str, int, bool]]:
         """Every imported module with its line, and whether it is for the type checker only."""

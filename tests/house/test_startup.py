@@ -80,6 +80,7 @@ def test_a_command_imports_no_prompt_and_no_other_command() -> None:
     assert {name for name in commands if not name.startswith("_")} == {"read"}
 
 
+@pytest.mark.drawn(2)
 @pytest.mark.parametrize("line", [["--help"], [], ["read", "6041"], ["pdo"], ["map", "tpdo3", "6041"]], ids=str)
 def test_a_line_imports_no_more_modules_than_it_needs(line: list[str]) -> None:
     simulated = ["--sim", "gen4"] if line and line != ["--help"] else []

@@ -69,6 +69,7 @@ def twice(objects: list[str]) -> set[str]:
     return {one for one, count in Counter(objects).items() if count > 1}
 
 
+@pytest.mark.drawn(7)
 @pytest.mark.parametrize("line", CHANGES.values(), ids=CHANGES)
 def test_nothing_is_read_twice_before_it_is_written_or_when_it_is_read_back(bench: Counted, line: str) -> None:
     for device in (bench, backed_up(bench)):
@@ -86,6 +87,7 @@ def test_an_event_timer_reads_its_own_pdo_and_who_the_device_is(bench: Counted) 
     assert len(before + after) <= 20
 
 
+@pytest.mark.drawn(4)
 @pytest.mark.parametrize("what", ["COB-ID", "mapping and COB-ID", "RPDO", "enable", "clear"])
 def test_a_new_cob_id_reads_those_of_the_others_before_and_after(bench: Counted, what: str) -> None:
     before, after = backed_up(bench).reads(CHANGES[what])
@@ -138,6 +140,7 @@ def test_another_device_of_the_same_kind_has_a_backup_of_its_own(bench: Counted)
     assert "# serial number 0x11223344" in newest.read_text("utf-8").splitlines()
 
 
+@pytest.mark.drawn(4)
 @pytest.mark.parametrize("line", ["pdo", "pdo tpdo1", "read 6041 --as u16", "undo", "store"])
 def test_other_commands_read_nothing_twice_either(bench: Counted, line: str) -> None:
     backed_up(bench)

@@ -28,6 +28,7 @@ def check(folder: Path, text: str, *words: str) -> Ran:
     return run(["eds", "check", "pump.eds", *words], cwd=folder)
 
 
+@pytest.mark.drawn(15)
 @pytest.mark.parametrize(
     ("text", "words", "code"),
     [

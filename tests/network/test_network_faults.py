@@ -60,6 +60,7 @@ def test_a_network_gets_what_its_file_says_and_stays_operational(tmp_path: Path)
 CELLS = [(FAULTS[number % len(FAULTS)], *step) for number, step in enumerate(STEPS)]
 
 
+@pytest.mark.drawn(9)
 @pytest.mark.parametrize(("fault", "node_id", "step"), [cell for cell in CELLS if cell[0] != FAULTS[-1]])
 def test_a_node_that_recovers_takes_every_node_back(fault: str, node_id: int, step: int, tmp_path: Path) -> None:
     chain = Chain(tmp_path, [f"{node_id}:{fault.format(step)}"])
@@ -73,6 +74,7 @@ def test_a_node_that_recovers_takes_every_node_back(fault: str, node_id: int, st
     assert chain.bus.layouts <= ideal()[1], "no RPDO heard a layout that it was not mapped for"
 
 
+@pytest.mark.drawn(4)
 @pytest.mark.parametrize(("node_id", "step"), [cell[1:] for cell in CELLS if cell[0] == FAULTS[-1]])
 def test_a_node_that_dies_leaves_its_journal_and_the_others_as_they_were(
     node_id: int, step: int, tmp_path: Path
@@ -97,6 +99,7 @@ TWO = """nodes:
 """
 
 
+@pytest.mark.drawn(6)
 @pytest.mark.parametrize("silently", [[], ["5:no-boot-up"]])
 @pytest.mark.parametrize("read", range(5, 14))
 def test_a_node_that_restarts_once_it_was_verified_takes_every_node_back(

@@ -88,6 +88,7 @@ def journals(nodes: Served) -> list[Path]:
     return sorted((nodes.folder / "state-home" / "dvtcli" / "journals").glob("*"))
 
 
+@pytest.mark.drawn(1)
 @pytest.mark.parametrize("kill_at", [1, 4, 8, 12])
 def test_every_node_is_recovered(nodes: Served, kill_at: int) -> None:
     before = held(nodes)

@@ -132,6 +132,7 @@ def test_a_word_with_blanks_is_quoted() -> None:
     assert [quoted(word) for word in ("6041:00", "a b", 'a "b"')] == ["6041:00", '"a b"', "'a \"b\"'"]
 
 
+@pytest.mark.drawn(3)
 @pytest.mark.parametrize("family", sorted({*family_names()} - {"generic"}))
 def test_a_mapping_is_offered_what_map_takes_and_nothing_else(family: str) -> None:
     session = Conversation(Output())

@@ -83,6 +83,7 @@ def bench(tmp_path: Path) -> Iterator[Bench]:
     made.wire.close()
 
 
+@pytest.mark.drawn(4)
 @pytest.mark.parametrize("step", range(1, STEPS + 1))
 def test_recover_finishes_what_a_killed_process_began(bench: Bench, step: int) -> None:
     before = bench.pdos()

@@ -212,6 +212,7 @@ def test_whoever_insists_leaves_it_to_recover(
     assert held(bench) == before
 
 
+@pytest.mark.drawn(2)
 @pytest.mark.parametrize("redirected", [">&-", "2>&-", ">&- 2>&-", "<&- >&- 2>&-"])
 def test_missing_streams_are_no_fault(bench: Bench, redirected: str) -> None:
     words = " ".join(f"'{word}'" for word in [sys.executable, "-m", "dvtcli", *bench.words, *MAP])
@@ -221,6 +222,7 @@ def test_missing_streams_are_no_fault(bench: Bench, redirected: str) -> None:
     assert not bench.journals()
 
 
+@pytest.mark.drawn(4)
 @pytest.mark.parametrize("closed", CLOSED[1:])
 @pytest.mark.parametrize("options", [[], ["--json"], ["-vv"]])
 def test_a_reader_that_leaves_changes_nothing_of_a_change(

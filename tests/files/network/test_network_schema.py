@@ -104,6 +104,7 @@ READER_ONLY = {
 }
 
 
+@pytest.mark.drawn(20)
 @pytest.mark.parametrize("key", KEYS, ids=lambda key: f"{key.where}-{key.name}")
 def test_reader_and_schema_agree_about_every_value(key: NetworkKey) -> None:
     for value in VALUES:

@@ -1,0 +1,39 @@
+"""A lot that draws some of a test's cases leaves the others to `--cases rest`, and none to nobody."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.sample import left_out
+
+
+@pytest.fixture
+def items(request: pytest.FixtureRequest) -> list[pytest.Item]:
+    """All tests of this file, whatever the lot has drawn of them."""
+    module = request.node.getparent(pytest.Module)
+    assert module is not None
+    return [item for item in module.collect() if isinstance(item, pytest.Item)]
+
+
+@pytest.mark.drawn(3)
+@pytest.mark.parametrize("number", range(12))
+def test_one_of_twelve(number: int) -> None:
+    assert number in range(12)
+
+
+def test_what_the_lot_leaves_out_is_the_rest(items: list[pytest.Item], pytestconfig: pytest.Config) -> None:
+    cases = {item for item in items if item.name.startswith("test_one_of_twelve")}
+    by_lot, by_rest = (left_out(items, pytestconfig, wanted) for wanted in ("lot", "rest"))
+    assert (len(by_lot), len(by_rest)) == (9, 3)
+    assert by_lot | by_rest == cases
+    assert not by_lot & by_rest
+    assert left_out(items, pytestconfig, "all") == set()
+
+
+def test_the_order_of_the_cases_changes_nothing(items: list[pytest.Item], pytestconfig: pytest.Config) -> None:
+    assert left_out(items, pytestconfig, "lot") == left_out(items[::-1], pytestconfig, "lot")
+
+
+def test_a_run_that_names_a_folder_takes_all(pytestconfig: pytest.Config) -> None:
+    named = bool(pytestconfig.option.file_or_dir) and not hasattr(pytestconfig, "workerinput")
+    assert pytestconfig.getoption("cases") in (("all",) if named else ("lot", "rest", "all"))
