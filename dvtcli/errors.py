@@ -171,6 +171,8 @@ class BusUnavailable(DvtcliError):
 
     exit_code = 5
     slug = "bus"
+    #: whether it may open later with the same options, so that it can be waited for
+    may_come = False
 
 
 class SafetyRefusal(DvtcliError):

@@ -121,6 +121,11 @@ class Forked:
     def kill(self) -> None:
         self.send_signal(getattr(signal, "SIGKILL", signal.SIGTERM))  # on Windows each ends it at once
 
+    def so_far(self) -> tuple[str, str]:
+        """What it wrote so far to standard output and to standard error."""
+        out, error = (path.read_text("utf-8") for path in self._paths[1:])
+        return out, error
+
     def communicate(self, timeout: float | None = None) -> tuple[str, str]:
         """Wait for its end; what it wrote to standard output and to standard error, once."""
         self.wait(timeout)

@@ -7,6 +7,11 @@ from __future__ import annotations
 
 import errno
 
+#: what the system says of a link, a port or a connection that is no more
+_GONE = frozenset(
+    {errno.ENETDOWN, errno.ENODEV, errno.ENXIO, errno.EIO, errno.EPIPE, errno.ECONNRESET, errno.ECONNABORTED}
+)
+
 
 class Carrier:
     """A carrier of which nothing more is known than what its driver raises."""
@@ -21,6 +26,11 @@ class Carrier:
     def is_full(self, error: Exception) -> bool:
         """Whether *error* of sending only says that a frame had to wait, so that it can be tried again."""
         return getattr(error, "error_code", None) == errno.ENOBUFS
+
+    def is_gone(self, error: Exception) -> bool:
+        """Whether *error* of sending says that the way to the bus is no more."""
+        number = getattr(error, "error_code", None) or getattr(error, "errno", None)
+        return number in _GONE or isinstance(error, ConnectionError)
 
     def is_damaged(self, _error: Exception) -> bool:
         """Whether an error of receiving is one frame that came damaged, so that the next one can be read."""
@@ -37,5 +47,5 @@ class Carrier:
     def next_step(self, error: Exception) -> str:
         """What to do after *error* of sending or receiving."""
         if isinstance(error, ConnectionError):
-            return "is the server still running? start dvtcli again when it is"
+            return "is the server still running?"
         return "is the adapter still plugged in, and the interface up?"

@@ -42,10 +42,16 @@ def check_link(channel: object) -> None:
         socket.if_nametoindex(str(channel))
     except OSError as failed:
         hint = f"no such channel: {which(kernel_links())}"
-        raise BusUnavailable(f"cannot open socketcan:{channel}", why=failed.strerror, hint=hint) from failed
+        raise _not_yet(str(channel), failed.strerror, hint) from failed
     link = kernel_link(str(channel))
     if link is not None and not link.up:
-        raise BusUnavailable(f"cannot open socketcan:{channel}", why="it is down", hint=link.way_up())
+        raise _not_yet(str(channel), "it is down", link.way_up())
+
+
+def _not_yet(channel: str, why: str | None, hint: str) -> BusUnavailable:
+    unavailable = BusUnavailable(f"cannot open socketcan:{channel}", why=why, hint=hint)
+    unavailable.may_come = True
+    return unavailable
 
 
 def which(links: list[KernelLink]) -> str:

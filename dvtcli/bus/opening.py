@@ -70,6 +70,11 @@ _ERRNO_HINTS = {
     errno.ECONNREFUSED: "nothing listens there: start the server first (`dvtcli sim NODE --listen HOST:PORT`)",
     errno.ETIMEDOUT: "nothing answers there: is the host's name and port right?",
 }
+#: what an adapter that is not plugged in, a port that is taken and a server that is not there say
+_PASSING = frozenset(
+    {errno.ENODEV, errno.ENXIO, errno.ENOENT, errno.EBUSY, errno.EIO, errno.ECONNREFUSED, errno.ECONNRESET}
+    | {errno.ETIMEDOUT, errno.EHOSTUNREACH, errno.ENETUNREACH, errno.ENETDOWN}
+)
 
 # python-can logs what it also raises; without a handler, logging would print that over our own message.
 for _logger in ("can", "seeedbus"):
@@ -201,7 +206,15 @@ def _unavailable(config: Mapping[str, object], error: Exception) -> BusUnavailab
             hint="give -i/--interface and -c/--channel, or --sim generic for a simulated node",
         )
     why = str(error) or type(error).__name__
-    return BusUnavailable(f"cannot open {_name(config)}", why=why, hint=_hint(config, error))
+    unavailable = BusUnavailable(f"cannot open {_name(config)}", why=why, hint=_hint(config, error))
+    number = errno.ETIMEDOUT if isinstance(error, TimeoutError) else _errno_of(error)
+    unavailable.may_come = number in _PASSING or (isinstance(error, can.CanError) and not _is_wrong(error))
+    return unavailable
+
+
+def _is_wrong(error: Exception) -> bool:
+    """Whether *error* says that the interface, or its driver, is not there, whatever is plugged in."""
+    return isinstance(error, ImportError | can.CanInterfaceNotImplementedError)
 
 
 def _hint(config: Mapping[str, object], error: Exception) -> str:

@@ -88,7 +88,10 @@ class CanBus(FrameBus[can.Message]):
                 break
             except BUS_FAILURES as error:
                 if not patience or not self._carrier.is_full(error):
-                    raise self._failed("send", error) from error
+                    failure = self._failed("send", error)
+                    if self._carrier.is_gone(error):
+                        self._failure = failure
+                    raise failure from error
                 sleep(0.002)
         self._traffic.sent(message)
 

@@ -43,6 +43,8 @@ class ReadBus(WatchedBus, Generic[M]):
         self._life_waiters: WeakSet[SimpleQueue[bool | Wake]] = WeakSet()
         self._close_lock = threading.Lock()
         self._closed = False
+        #: what ended the bus, whoever met it first: some drivers tell it once, and are silent then
+        self._failure: BusUnavailable | None = None
 
     def tap(self, callback: Tap) -> Callable[[], None]:
         """Call *callback*(frame, sent) for each frame received or sent here; returns what ends that. As `on_event`."""
@@ -57,8 +59,12 @@ class ReadBus(WatchedBus, Generic[M]):
     def idle(self, duration_s: float) -> None:
         """Read the bus for *duration_s* on behalf of the callbacks, as a background thread does in a loop.
 
-        Gives way to any thread that waits for something. Raises BusUnavailable if the bus fails or was closed.
+        Gives way to any thread that waits for something. Raises BusUnavailable if the bus fails, has failed whoever
+        used it, or was closed.
         """
+        if self._failure is not None:
+            failure = self._failure
+            raise BusUnavailable(failure.text, why=failure.why, hint=failure.hint)
         self._receiver.idle(duration_s)
 
     def now_s(self) -> float:
@@ -103,6 +109,7 @@ class ReadBus(WatchedBus, Generic[M]):
         try:
             return self._read(wait_s)
         except BusUnavailable as failure:
+            self._failure = failure
             self._receiver.fail(failure)  # whoever else waits
             raise
 

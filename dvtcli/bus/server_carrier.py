@@ -12,6 +12,9 @@ from dvtcli.bus.carrier import Carrier
 
 #: how long a server may take to accept (s); python-can itself would try for 10 s, in a busy loop
 PROBE_S = 1.0
+#: a server whose machine is gone, or a way to it, is noticed after some 20 s without a sign of it: how long nothing has
+#: to come before it is asked (s), how often (s), and how many questions have to be left without an answer
+_KEEP_ALIVE = (("TCP_KEEPIDLE", 10), ("TCP_KEEPINTVL", 3), ("TCP_KEEPCNT", 3))
 
 
 def probe(config: Mapping[str, object]) -> None:
@@ -28,6 +31,11 @@ class ServerCarrier(Carrier):
     def __init__(self, bus: can.BusABC) -> None:
         link = getattr(bus, "_SocketCanDaemonBus__socket", None)  # it has no other name: no fileno(), no property
         self._link = link if isinstance(link, socket.socket) else None
+        if self._link is not None:
+            self._link.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+            for name, value in _KEEP_ALIVE:
+                if hasattr(socket, name):
+                    self._link.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
 
     def hung_up(self) -> bool:
         """Whether the server closed the connection."""

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.ports import Frame
     from dvtcli.domain.profile import DeviceProfile
     from dvtcli.operations.bus_of_options import OpenBus
+    from dvtcli.operations.results.bus_events import BusEvent
 
 
 class OnScreen:
@@ -40,6 +41,13 @@ class OnScreen:
     def warning(self, text: str) -> None:
         """Show a warning."""
         self._output.warning(text)
+
+    def bus(self, event: BusEvent) -> None:
+        """Show that the bus is gone, or back: a document with --json, else a line on stderr that nobody may miss."""
+        if self._output.json:
+            self._output.documents([event.document()])
+        else:
+            self._output.lines([event.text])
 
     def instruct(self, text: str) -> None:
         """Show *text* as it is, also with --quiet and --json."""
@@ -169,7 +177,7 @@ class Conversation(Session):
         stage.base = stage.options = quiet
         stage.cancellation, stage.selected = self.cancellation, self.selected
         stage._network = replace(
-            network, keeping=None, nodes={}, order=[], done_before=lambda _node_id: [],
+            network, keeping=None, nodes={}, order=[], comes_back=False, left={}, done_before=lambda _node_id: [],
             met=lambda: list(network.nodes),
         )  # fmt: skip
         return stage

@@ -67,6 +67,14 @@ _TABLE: list[tuple[tuple[str, ...], dict[str, Any]]] = [
     (("-y", "--yes"), {"is_flag": True, "help": "Answer questions with yes."}),
     (("--force",), {"is_flag": True, "help": "Send what dvtcli's own rules refuse."}),
     (("--timeout",), {"metavar": "S", "help": "SDO time-out in seconds [0.5]."}),
+    (
+        ("--reconnect",),
+        {
+            "is_flag": True,
+            "help": "Wait for a bus that is not there; log and sim: also for one that goes, as prompt and monitor do.",
+        },
+    ),
+    (("--no-reconnect",), {"is_flag": True, "help": "End where the bus is gone, also the prompt's and monitor's."}),
     (("--journal",), {"metavar": "DIR", "help": "Folder of journals, locks and backups."}),
 ]
 

@@ -98,6 +98,12 @@ class Node(Changeable):
     def _say(self, pdo: Pdo, parameters: frozenset[str]) -> None:
         self.said[pdo] = self.said.get(pdo, frozenset()) | parameters
 
+    def go_on_from(self, before: Node) -> None:
+        """Be the same device as *before*, met anew: what this session did to it counts, nothing that was read of it."""
+        self.history, self.unkept, self.said = before.history, before.unkept, before.said
+        self.wanted, self.wanted_values = before.wanted, before.wanted_values
+        self.pending, self.expected = before.pending, before.expected
+
     def undo(self, *, everything: bool = False, force: bool = False) -> Applied:
         """Put back what the last plan replaced, or all of them, in one transaction."""
         applied, count = self.put_back(self.history, everything=everything, force=force, own=True)

@@ -49,6 +49,10 @@ class LastFrames:
         if len(self._heard) > MOST:
             self._heard.popitem(last=False)
 
+    def clear(self) -> None:
+        """Forget all of them."""
+        self._heard.clear()
+
     def last(self, can_id: int, *, extended: bool = False) -> Heard | None:
         """What was last heard with *can_id* (11 bits, 29 where *extended*), None where nothing was."""
         return self._heard.get((can_id, extended))

@@ -43,6 +43,10 @@ class DeviceFiles:
         """The way by which a node is asked who it is; it remembers the answers."""
         return self._memories.setdefault(node_id, Memory(self.bus, node_id, lambda: self.bus.sdo(node_id)))
 
+    def forget(self, node_id: int) -> None:
+        """Another device may be there: it is asked anew who it is."""
+        self._memories.pop(node_id, None)
+
     def unlike(self, node_id: int, dictionary: ObjectDictionary | None) -> str:
         """How the node differs from the device that *dictionary* is about, where somebody chose that file for it."""
         if dictionary is None or not (self.options.eds or node_id in self.own_eds):

@@ -27,6 +27,8 @@ def identify(session: Session, node_id: int | None = None) -> NodeListing:
 
     UsageError where none is selected, NoAnswer where it is silent.
     """
+    if node_id is not None and not session.in_script:
+        session.network.accept(node_id)
     row = _row(session.node(node_id))
     if node_id is not None:
         session.selected = node_id

@@ -11,11 +11,13 @@ from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.file_fits import as_file_says
 from dvtcli.device.looking import Looking
 from dvtcli.device.node import Node
+from dvtcli.device.same_device import another_device, unlike_before
 from dvtcli.domain.ports import CanopenBus
-from dvtcli.errors import NoAnswer, SdoProtocolError
+from dvtcli.errors import NoAnswer, SafetyRefusal, SdoProtocolError
 from dvtcli.operations.device_files import DeviceFiles
 
 if TYPE_CHECKING:
+    from dvtcli.device.change.plan_document import Identity
     from dvtcli.device.change.progress import Progress
     from dvtcli.domain.plan import Plan
     from dvtcli.operations.keeping import Keeping
@@ -47,6 +49,12 @@ class Network:
     warn: Callable[[str], None] = lambda _text: None
     #: told of every step of a change that a node took
     on_step: Callable[[Progress], None] = lambda _progress: None
+    #: whether a bus that is gone is waited for, so that each node has to say who it is before
+    comes_back: bool = False
+    #: who the nodes said they were, where that is so
+    identities: dict[int, Identity] = field(default_factory=dict)
+    #: the nodes as they were when the bus was gone, until each is met anew
+    left: dict[int, Node] = field(default_factory=dict)
 
     @property
     def simulated_ids(self) -> tuple[int, ...]:
@@ -54,7 +62,10 @@ class Network:
         return tuple(one.node_id for one in self.files.simulated)
 
     def node(self, node_id: int) -> Node:
-        """The node with *node_id*, its dictionary and profile found from its identity where not given."""
+        """The node with *node_id*, its dictionary and profile found from its identity where not given.
+
+        SafetyRefusal where it was met before the bus was gone, and is another device now.
+        """
         if node_id not in self.nodes:
             boot_ups = self.bus.boot_ups(node_id)
             profile, dictionary = self.files.profile(node_id), self.files.dictionary(node_id)
@@ -70,9 +81,46 @@ class Network:
             node.memory.learn(self.files.memory(node_id))
             if node.unlike_file:
                 self.warn(f"{node.unlike_file}: what it says may not be so; changes need --force")
+            if self.comes_back:
+                self._identify(node)
             node.pending.boot_ups = boot_ups  # from first contact on a restart is noticed
             self.nodes[node_id] = node
         return self.nodes[node_id]
+
+    def _identify(self, node: Node) -> None:
+        """Know who *node* is; SafetyRefusal where it was somebody else."""
+        now, before = node.identity(), self.left.get(node.node_id)
+        if before is not None:
+            unlike = unlike_before(self.identities[node.node_id], now)
+            if unlike:
+                raise another_device(node.node_id, unlike)
+            node.go_on_from(before)
+            del self.left[node.node_id]
+        self.identities[node.node_id] = now
+
+    def meet_again(self) -> None:
+        """Meet the nodes that were changed before the bus was gone; who is silent, or somebody else, is met later."""
+        for node_id, before in tuple(self.left.items()):
+            if before.wanted or before.wanted_values or before.unstored or before.history:
+                with suppress(NoAnswer, SdoProtocolError, SafetyRefusal):
+                    self.node(node_id)
+
+    def accept(self, node_id: int) -> None:
+        """Whoever has *node_id* now is to be met as if there had been nobody before, and that is said."""
+        if self.left.pop(node_id, None) is not None:
+            self.files.forget(node_id)
+            before, now = self.identities.pop(node_id), self.node(node_id).identity()
+            if unlike := unlike_before(before, now):
+                self.warn(f"node {node_id} is another device than before the bus was gone: {unlike}")
+
+    def leave(self) -> None:
+        """The bus is gone: what was done to its nodes is kept until it is back."""
+        self.close()
+        self.left |= {node_id: node for node_id, node in self.nodes.items() if node_id in self.identities}
+
+    def go_on_from(self, before: Network) -> None:
+        """Be the same bus as *before*, opened again."""
+        self.left, self.identities, self.order = before.left, before.identities, before.order
 
     def _others(self, node_id: int) -> list[Node]:
         """The nodes that were met besides *node_id*; of twins, those of the nodes that were met."""

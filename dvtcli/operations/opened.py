@@ -19,10 +19,10 @@ if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.domain.ports import CanopenBus
     from dvtcli.operations.bus_of_options import OpenBus
-    from dvtcli.operations.keeping import Keeping
     from dvtcli.operations.open_network import Network
     from dvtcli.operations.options import Options
     from dvtcli.operations.serve import Serving, Wanted
+    from dvtcli.operations.simulated_nodes import Simulated
     from dvtcli.operations.telling import Teller
 
 
@@ -39,6 +39,10 @@ class Opened(Said):
         self._network: Network | None = None
         self._twin: Network | None = None
         self._untap: Callable[[], None] | None = None
+        #: what to say to whoever wants a bus that is gone; None while it is there
+        self._gone: str | None = None
+        #: whether a bus that is gone is waited for
+        self.comes_back = False
 
     @contextmanager
     def under(self, **given: Any) -> Iterator[None]:
@@ -98,44 +102,67 @@ class Opened(Said):
         return self._twin
 
     def open_network(self) -> Network:
-        """The bus itself with its nodes, also under --dry-run; opened on first use."""
+        """The bus itself with its nodes, also under --dry-run; opened on first use. BusUnavailable where it is gone."""
+        if self._gone is not None:
+            raise BusUnavailable(self._gone, hint="what you typed was not done; type it again when the bus is back")
         if self._network is None:
             self.require_settings()
             self.on_open()
-            self._network = self._opened()
+            with self._chooser_said():
+                bus, simulated = self._first_bus()
+            if self.options.verbose:
+                self.tell.note(f"{bus.name} is open, chosen by {self.chosen_by()}")
+            self._network = self._network_on(bus, simulated)
             self._watch()
+        if self._network.left:
+            self._network.meet_again()
         return self._network
 
-    def _opened(self) -> Network:
+    def _first_bus(self) -> tuple[CanopenBus, tuple[Simulated, ...]]:
+        """The bus of the options, and which nodes are simulated on it; with --reconnect it is waited for."""
         from dvtcli.operations.bus_of_options import bus_of
-        from dvtcli.operations.device_files import DeviceFiles
-        from dvtcli.operations.open_network import Network
-        from dvtcli.operations.progress_text import look_progress, step_progress
 
-        with self._chooser_said():
-            bus, simulated = bus_of(self.base, self._open_bus)
-        if self.options.verbose:
-            self.tell.note(f"{bus.name} is open, chosen by {self.chosen_by()}")
-        files = DeviceFiles(bus, self.base, simulated)
-        keeping = None if simulated else self._keeping(bus)
-        return Network(
-            bus, files, self.cancellation, self.consent, keeping, only_one=lambda: self.ends_with_line,
-            on_look=lambda looking: self.tell.progress(*look_progress(looking)),
-            on_step=lambda progress: self.tell.progress(*step_progress(progress)),
-            warn=self.tell.warning,
-        )  # fmt: skip
+        def opened() -> tuple[CanopenBus, tuple[Simulated, ...]]:
+            return bus_of(self.base, self._open_bus)
+
+        if not self.options.reconnect:
+            return opened()
+        from dvtcli.operations.first_bus import first_bus
+
+        return first_bus(opened, self.options, self.tell.bus)
+
+    def bus_again(self) -> CanopenBus:
+        """The bus of the options, opened once more, by any thread; BusUnavailable."""
+        from dvtcli.operations.bus_of_options import bus_of
+
+        return bus_of(self.base, self._open_bus)[0]
+
+    def leave_bus(self, why: str) -> None:
+        """The bus is gone, and *why*: whoever wants it is told so until `take_bus`."""
+        assert self._network is not None  # noqa: S101 - it was open
+        self._gone = why
+        self._network.leave()
+
+    def take_bus(self, bus: CanopenBus) -> None:
+        """Go on with *bus*, which was opened again: nothing that was read of its nodes before counts."""
+        assert self._network is not None  # noqa: S101 - it was open
+        network = self._network_on(bus, ())
+        network.go_on_from(self._network)
+        self._network, self._twin, self._untap, self._gone = network, None, None, None
+        bus.set_timeout(self.options.timeout)
+        self._watch()
+
+    def _network_on(self, bus: CanopenBus, simulated: tuple[Simulated, ...]) -> Network:
+        from dvtcli.operations.network_on_bus import network_on_bus
+
+        return network_on_bus(
+            self, bus, simulated, only_one=lambda: self.ends_with_line, comes_back=self.comes_back, whole=self.whole
+        )
 
     @property
     def ends_with_line(self) -> bool:
         """Whether nothing follows what is being done now."""
         return False
-
-    def _keeping(self, bus: CanopenBus) -> Keeping:
-        """Only of nodes that outlive this process."""
-        from dvtcli.operations.keeping import Keeping, state_folder
-
-        folder = state_folder(self.base)
-        return Keeping(bus.name, folder, self.base.one_node, self.tell.note, self.tell.warning, self.doing, self.whole)
 
     @contextmanager
     def _chooser_said(self) -> Iterator[None]:
@@ -161,7 +188,7 @@ class Opened(Said):
 
         self.require_settings()
         self.on_open()
-        return serving(self.base, wanted, self.tell.warning)
+        return serving(self.base, wanted, self.tell.warning, self.tell.bus)
 
     @property
     def is_open(self) -> bool:
@@ -190,6 +217,15 @@ class Opened(Said):
         """Every node that was looked at so far, and every twin of one."""
         for network in (self._network, self._twin):
             yield from network.nodes.values() if network else ()
+
+    def seen_nodes(self) -> dict[int, Node]:
+        """The nodes that were met, or their twins under --dry-run, by node-ID; opens nothing, also where it is gone."""
+        network = self._twin if self.dry_run else self._network
+        return {} if network is None else network.nodes
+
+    def left_nodes(self) -> list[Node]:
+        """The nodes as they were when the bus was gone, as far as they were not met since."""
+        return [] if self._network is None else list(self._network.left.values())
 
     def _nodes(self) -> list[Node]:
         return list(self._network.nodes.values()) if self._network is not None else []

@@ -66,6 +66,8 @@ class Options(NamedTuple):
     force: bool = False
     timeout: float = 0.5
     journal: str | None = None
+    reconnect: bool = False
+    no_reconnect: bool = False
 
     @property
     def json(self) -> bool:

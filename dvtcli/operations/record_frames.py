@@ -9,10 +9,10 @@ from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING
 
-from dvtcli.errors import DvtcliError, UsageError
+from dvtcli.errors import BusUnavailable, DvtcliError, SafetyRefusal, UsageError
 from dvtcli.operations.layouts import live_decoder, open_wire
 from dvtcli.operations.results import Facts
-from dvtcli.watch.listener import Listener
+from dvtcli.operations.steady_listener import SteadyListener
 from dvtcli.watch.table import SignalTable
 
 if TYPE_CHECKING:
@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 #: how long frames are gathered before they are written (s)
 _BATCH_S = 0.05
+#: exit code of a recording that ended while its bus was gone
+_GONE = BusUnavailable.exit_code
 #: CAN-IDs with the bits of them that count
 Filters = tuple[tuple[int, int], ...]
 
@@ -38,13 +40,15 @@ def record_frames(
     """Record every frame that passes one of *filters* (none: every frame) into *path*, whose suffix says the format.
 
     It ends after *duration_s* seconds, None for never, or when the session is cancelled. *append* writes behind what
-    is there; a new file begins after *most_bytes*, 0 for never. UsageError for a suffix that is no format.
+    is there; a new file begins after *most_bytes*, 0 for never. UsageError for a suffix that is no format,
+    BusUnavailable where the bus is gone and the session does not wait for it.
     """
     from dvtcli.files.recording import Recorder, checked_suffix, size_of
 
     _check_target(session, path, append=append)
     checked_suffix(path)
-    listening = Listener(open_wire(session), session.secrets.in_frame)
+    open_wire(session)
+    listening = SteadyListener(session)
     with Recorder(path, append=append, most_bytes=most_bytes) as recorder, listening as listener:
         seconds = _record(session, listener, recorder.write, recorder.flush, filters, duration_s)
     if recorder.left_out:
@@ -64,17 +68,27 @@ def record_values(
     """Record the values of known frames into *path* as CSV, one column a signal; *nodes* and *dbc* say what is known.
 
     It ends after *duration_s* seconds, None for never, or when the session is cancelled. UsageError where no mapping
-    is known, DvtcliError where the file cannot be written.
+    is known, DvtcliError where the file cannot be written; SafetyRefusal where the bus is back and carries other
+    values.
     """
     _check_target(session, path, append=False)
-    listening = Listener(open_wire(session), session.secrets.in_frame)
+    open_wire(session)
+    listening = SteadyListener(session)
     decoder: Decoder = live_decoder(session, nodes or (), dbc)
     if not len(decoder):
         raise UsageError("no mapping is known: there is nothing to decode", hint="name --nodes that answer, or --dbc")
     try:
         with closing(path.open("w", encoding="utf-8", newline="")) as file, listening as listener:
             table = SignalTable(file, decoder)
-            seconds = _record(session, listener, table.write, file.flush, filters, duration_s)
+
+            def require_the_same() -> None:
+                if not table.decode_by(live_decoder(session, nodes or (), dbc)):
+                    raise SafetyRefusal(
+                        f"{path} ends: the bus is back, and the nodes send other values than its columns",
+                        hint="log into another file",
+                    )
+
+            seconds = _record(session, listener, table.write, file.flush, filters, duration_s, require_the_same)
         size = path.stat().st_size
     except OSError as failed:
         raise DvtcliError(f"{path}: {failed.strerror or failed}", place=str(path)) from failed
@@ -84,35 +98,58 @@ def record_values(
 
 def _record(
     session: Session,
-    listener: Listener,
+    listener: SteadyListener,
     write: Callable[[Frame], None],
     flush: Callable[[], None],
     filters: Filters,
     duration_s: float | None,
+    on_back: Callable[[], None] = lambda: None,
 ) -> float:
     """Write frames until Ctrl-C or the end of the time; the seconds that were listened. A frame is written whole.
 
-    What came until then is written after it: on a busy bus that takes its time.
+    What came until then is written after it: on a busy bus that takes its time. *on_back* is called where the bus was
+    gone, and is back.
     """
     session.tell.note("recording; Ctrl-C ends it")
     began_s = monotonic()
     until_s = None if duration_s is None else began_s + duration_s
+
+    def is_over() -> bool:
+        return session.cancellation.requested or (until_s is not None and monotonic() >= until_s)
+
     with session.cancellation.guard():
         ended, seconds = False, 0.0
         while not ended:
-            ended = session.cancellation.requested or (until_s is not None and monotonic() >= until_s)
+            ended = is_over()
             if ended:
                 seconds = monotonic() - began_s
                 listener.stop()
-            for frame in listener.take(0.0 if ended else _BATCH_S):
+            try:
+                taken = [] if listener.is_gone else listener.take(0.0 if ended else _BATCH_S)
+            except BusUnavailable as failed:
+                flush()
+                if not ended and _is_back(session, listener, failed, is_over):
+                    on_back()
+                continue
+            for frame in taken:
                 if not filters or any(frame.can_id & mask == can_id & mask for can_id, mask in filters):
                     write(frame)
             flush()
     return seconds
 
 
+def _is_back(session: Session, listener: SteadyListener, failed: BusUnavailable, is_over: Callable[[], bool]) -> bool:
+    """Wait for the bus, which *failed*, until *is_over*() or Ctrl-C, which ends the recording; whether it is back."""
+    try:
+        with session.cancellation.released():
+            return listener.come_back(failed, is_over)
+    except KeyboardInterrupt:
+        session.cancellation.requested = True
+        return False
+
+
 def _facts(
-    session: Session, path: Path, frames: int, seconds: float, listener: Listener, size: tuple[int, str]
+    session: Session, path: Path, frames: int, seconds: float, listener: SteadyListener, size: tuple[int, str]
 ) -> Facts:
     dropped = listener.dropped
     if listener.overflowed:
@@ -122,7 +159,7 @@ def _facts(
         ("bytes", size[0]),
     )  # fmt: skip
     text = f"{path}: {frames} frames in {seconds:.2f} s, {dropped} dropped, {size[0]} bytes{size[1]}"
-    code = session.cancellation.exit_code if session.cancellation.requested else 0
+    code = session.cancellation.exit_code if session.cancellation.requested else _GONE if listener.is_gone else 0
     return Facts("log", rows, (text,), exit_code=code)
 
 

@@ -26,6 +26,8 @@ from dvtcli.operations.simulated_nodes import (
 )
 
 if TYPE_CHECKING:
+    from dvtcli.bus.python_can import CanBus
+    from dvtcli.operations.first_bus import Tell
     from dvtcli.simulator.device.strict_device import StrictDevice
     from dvtcli.simulator.network.hub import Hub
     from dvtcli.simulator.network.joined_bus import JoinedBus
@@ -88,9 +90,12 @@ def is_loopback(host: str) -> bool:
 
 
 @contextmanager
-def serving(options: Options, wanted: Wanted, warn: Callable[[str], None]) -> Iterator[Serving]:
+def serving(
+    options: Options, wanted: Wanted, warn: Callable[[str], None], tell: Tell = lambda _event: None
+) -> Iterator[Serving]:
     """Open everything that *wanted* needs, and leave it at the end; *warn* takes what nobody should miss.
 
+    With the option `reconnect` a joined bus that is gone is waited for, and *tell* hears of it.
     BusUnavailable where an address or a bus is not to be had, UsageError and InputFileError for wrong words and files.
     """
     from dvtcli.simulator.network.shared_bus import Server
@@ -110,7 +115,7 @@ def serving(options: Options, wanted: Wanted, warn: Callable[[str], None]) -> It
     with ExitStack() as stack:
         hub = _hub(wanted.address, warn)
         stack.callback(hub.close)
-        joined = _joined(options, hub) if wanted.join else None
+        joined = _joined(options, hub, tell) if wanted.join else None
         if joined is not None:
             stack.callback(joined.close)
         server = Server(
@@ -155,12 +160,22 @@ def _hub(where: tuple[str, int] | None, warn: Callable[[str], None]) -> Hub:
     return hub
 
 
-def _joined(options: Options, hub: Hub) -> JoinedBus:
-    from dvtcli.bus.opening import open_bus
+def _joined(options: Options, hub: Hub, tell: Tell) -> JoinedBus:
+    from dvtcli.operations.first_bus import first_bus, waited_for
     from dvtcli.simulator.network.joined_bus import JoinedBus
 
-    extra = dict(pair.split("=", 1) for pair in options.bus_kwargs)
-    return JoinedBus(open_bus(options.interface, options.channel, options.bitrate, extra), hub.wake)
+    def opened() -> CanBus:
+        from dvtcli.bus.opening import open_bus
+
+        extra = dict(pair.split("=", 1) for pair in options.bus_kwargs)
+        return open_bus(options.interface, options.channel, options.bitrate, extra)
+
+    bus = first_bus(opened, options, tell)
+    if not options.reconnect or options.no_reconnect:
+        return JoinedBus(bus, hub.wake)
+    return JoinedBus(
+        bus, hub.wake, lambda gone, failed, stopping: waited_for(opened, gone.name, failed, stopping, tell)
+    )
 
 
 def _keeper(

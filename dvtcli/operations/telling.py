@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
     from dvtcli.domain.ports import Frame
+    from dvtcli.operations.results.bus_events import BusEvent
 
 
 class Teller(Protocol):
@@ -19,6 +20,9 @@ class Teller(Protocol):
 
     def warning(self, text: str) -> None:
         """Something that nobody may miss, also where only errors are wanted."""
+
+    def bus(self, event: BusEvent) -> None:
+        """The bus is gone, or back."""
 
     def instruct(self, text: str) -> None:
         """What the user must do now, by hand, for the operation to go on."""
@@ -40,6 +44,9 @@ class Silent:
         """Say nothing."""
 
     def warning(self, text: str) -> None:
+        """Say nothing."""
+
+    def bus(self, event: BusEvent) -> None:
         """Say nothing."""
 
     def instruct(self, text: str) -> None:

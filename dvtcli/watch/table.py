@@ -28,6 +28,13 @@ class SignalTable:
         self.frames = 0
         self.other = 0
 
+    def decode_by(self, decoder: Decoder) -> bool:
+        """Take what *decoder* knows from now on; whether it knows the same signals, which the columns are for."""
+        if column_names(decoder).keys() != self._columns.keys():
+            return False
+        self._decoder = decoder
+        return True
+
     def write(self, frame: Frame) -> None:
         """Write one frame."""
         address = frame.can_id, frame.extended

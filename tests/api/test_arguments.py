@@ -148,7 +148,6 @@ def test_hints_are_python() -> None:
         "--eds FILE gives one": "eds=FILE gives one",
         "take another CAN-ID, or --cob-id auto": "take another CAN-ID, or cob_id='auto'",
         "a longer --timeout, or look": "a longer timeout_s, or look",
-        "still running? start dvtcli again when it is": "still running? connect again when it is",
         "give -i/--interface and -c/--channel, or --sim generic for a simulated node":
             "give interface and channel, or dvtcli.simulate('generic') for a simulated node",
     }  # fmt: skip

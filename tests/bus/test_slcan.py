@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, suppress
 from importlib.util import find_spec
@@ -14,6 +15,8 @@ import pytest
 from dvtcli.bus.discover import serial_ports
 from dvtcli.bus.opening import open_bus
 from dvtcli.errors import BusUnavailable, NoAnswer
+from dvtcli.operations.come_back import come_back
+from dvtcli.operations.results.bus_events import BusEvent
 from tests.bus.slcan_adapter import Line, SlcanAdapter
 from tests.commands.bench import Bench
 from tests.commands.bus import device
@@ -112,6 +115,44 @@ def test_an_adapter_that_is_unplugged_is_told(plug: Plug) -> None:
         list(bus.receive(60))
     assert "plugged in" in str(caught.value.hint)
     bus.close()
+
+
+def test_an_adapter_that_is_plugged_in_again_is_opened_again(plug: Plug, tmp_path: Path) -> None:
+    port = (first := plug()).plug_into(tmp_path)
+    given = {**options(first), "channel": str(port), "reconnect": True}
+    told: list[BusEvent] = []
+    with Bench((), given) as bench:
+        assert bench.run("set tpdo1 --timer 70").code == 0
+        was = bench.session.wire
+        first.unplug()
+        with pytest.raises(BusUnavailable) as caught:
+            list(was.receive(60))
+
+        def plugged_in_again(event: BusEvent) -> None:
+            told.append(event)
+            if event.after_s is None:
+                port.unlink()
+                threading.Timer(0.3, plug().plug_into, (tmp_path,)).start()
+
+        assert come_back(bench.session, was, caught.value, lambda: False, plugged_in_again)
+        ran = bench.run("pdo tpdo1 --json")
+        assert ran.document["pdos"][0]["event_timer_ms"] == 0, "another adapter, and another Gen4 behind it"
+        with pytest.raises(BusUnavailable):
+            was.sdo(1).upload(0x1000, 0)
+    assert [event.document()["event"] for event in told] == ["gone", "back"]
+
+
+def test_nobody_waits_for_an_adapter_longer_than_it_is_wanted(plug: Plug, tmp_path: Path) -> None:
+    adapter = plug()
+    with Bench((), {**options(adapter), "channel": str(adapter.plug_into(tmp_path))}) as bench:
+        bench.session.open_network()
+        adapter.unplug()
+        ends = iter([False] * 5)
+        failed = BusUnavailable("it failed")
+        assert not come_back(bench.session, bench.session.wire, failed, lambda: next(ends, True), lambda _event: None)
+        ran = bench.run("read 1000")
+        assert ran.code == 5
+        assert "is gone (it failed)" in ran.stderr
 
 
 def test_no_bit_rate_is_no_bus(plug: Plug) -> None:

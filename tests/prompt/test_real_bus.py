@@ -129,7 +129,8 @@ def test_a_bus_of_unknown_bit_rate_shows_no_load(terminal: Terminal) -> None:
     assert "load" not in terminal.toolbar
 
 
-def test_a_bus_that_goes_away_is_said_and_the_prompt_stays(wire: Wire, terminal: Terminal) -> None:
+def test_a_bus_that_goes_away_is_said_and_the_prompt_stays(wire: Wire, open_terminal: Open) -> None:
+    terminal = opened(wire, open_terminal, "--no-reconnect")
     wire.hang_up()
     terminal.wait("FAILED")
     terminal.wait("failed (receive): nothing is heard any more")

@@ -61,10 +61,10 @@ def own_environment(folder: Path) -> dict[str, str]:
 
 
 @contextmanager
-def served(folder: Path, *words: str) -> Iterator[Served]:
-    """`dvtcli sim` with *words*, from when it listens until the block ends."""
+def served(folder: Path, *words: str, port: int = 0) -> Iterator[Served]:
+    """`dvtcli sim` with *words* at *port* (0: a free one), from when it listens until the block ends."""
     ready = folder / f"ready-{time.monotonic_ns()}"
-    words = ("sim", *words, "--listen", "127.0.0.1:0", "--ready-file", str(ready))
+    words = ("sim", *words, "--listen", f"127.0.0.1:{port}", "--ready-file", str(ready))
     process = start(words, env=own_environment(folder))
     try:
         wait_for(lambda: ready.exists() or process.poll() is not None, "the nodes")

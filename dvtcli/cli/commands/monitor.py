@@ -17,7 +17,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
     from dvtcli.cli.conversation import Conversation
+    from dvtcli.operations.first_bus import Tell
     from dvtcli.operations.results import FrameSeen
+    from dvtcli.operations.results.bus_events import BusEvent
 
 TASK = ("See", 40)
 
@@ -41,7 +43,8 @@ def command(
     """Watch the bus: PDOs decoded with the mapping that the nodes hold, EMCY and NMT, until q or Ctrl-C.
 
     At a terminal a full screen, its keys are at the bottom; else one dvtcli.frame/1 document a line. Only reads: the
-    mappings by SDO upload, once, at the start. A node that does not answer shows its frames as bytes.
+    mappings by SDO upload, once, at the start. A node that does not answer shows its frames as bytes. A bus that is
+    gone is waited for: both are said, and the mappings are read anew then; --no-reconnect ends with 5.
 
     \b
     monitor
@@ -51,13 +54,14 @@ def command(
     """
     from dvtcli.operations.watch_bus import stream, watching
 
-    with watching(session, nodes or (), decode) as (listener, decoder):
+    with watching(session, nodes or (), decode) as watched:
         if _full_screen(session):
             from dvtcli.cli.monitor.app import watch
 
-            watch(session, listener, decoder, wanted or "", duration, changes=changes)
+            watch(session, watched, wanted or "", duration, changes=changes)
         else:
-            stream(session, listener, decoder, _shown_by(session), (wanted or "").lower(), duration, changes=changes)
+            show, tell = _shown_by(session), _told_by(session)
+            stream(watched, show, (wanted or "").lower(), duration, changes=changes, tell=tell)
 
 
 def _full_screen(session: Conversation) -> bool:
@@ -71,3 +75,14 @@ _PLAIN = ("", "dumb", "unknown")
 def _shown_by(session: Conversation) -> Callable[[Iterable[FrameSeen]], None]:
     output = session.output
     return lambda seen: output.documents(one.document() for one in seen)
+
+
+def _told_by(session: Conversation) -> Tell:
+    """A bus that is gone, or back, is a document among those of the frames; without --json also a line for people."""
+
+    def tell(event: BusEvent) -> None:
+        session.output.documents([event.document()])
+        if not session.output.json:
+            session.output.lines([event.text])
+
+    return tell

@@ -1,8 +1,12 @@
-"""The monitor's full screen: keys, redrawing, leaving. Knows prompt_toolkit; what is drawn is `screen`'s."""
+"""The monitor's full screen: keys, redrawing, leaving. Knows prompt_toolkit; what is drawn is `screen`'s.
+
+Where the bus is gone a thread waits for it, so that the screen stays alive.
+"""
 
 from __future__ import annotations
 
 import signal
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from copy import deepcopy
@@ -11,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.cli.monitor.screen import GRAPH, RAW, TABLE, Moment, View, chosen_signals, picture
 from dvtcli.cli.view.glyphs import ascii_only
-from dvtcli.errors import BusUnavailable
+from dvtcli.errors import BusUnavailable, DvtcliError
 from dvtcli.watch.seen import FrameStore
 
 if TYPE_CHECKING:
@@ -20,11 +24,12 @@ if TYPE_CHECKING:
     from prompt_toolkit.key_binding import KeyBindings, KeyPressEvent
 
     from dvtcli.cli.conversation import Conversation
-    from dvtcli.watch.decoder import Decoder
-    from dvtcli.watch.listener import Listener
+    from dvtcli.operations.watch_bus import Watched
 
 #: the screen is drawn anew this often (s)
 REDRAW_S = 0.1
+#: how long leaving may take where the bus is being opened (s)
+_LEAVE_S = 0.2
 STYLE = {
     "bold": "bold", "dim": "ansibrightblack", "red": "ansired bold", "yellow": "ansiyellow", "green": "ansigreen",
     "cyan": "ansicyan",
@@ -34,21 +39,56 @@ STYLE = {
 class Monitor:
     """What is on the screen: the store that all frames go to, and, while paused, a copy of it that stands still."""
 
-    def __init__(self, name: str, listener: Listener, decoder: Decoder, view: View) -> None:
+    def __init__(self, name: str, watched: Watched, view: View) -> None:
         self._name = name
-        self._listener = listener
-        self.store = FrameStore(decoder)
+        self._watched = watched
+        self.store = FrameStore(watched.decoder)
         self.view = view
         self._began_s = monotonic()
         self._still: tuple[FrameStore, Moment] | None = None
+        #: who waits for a bus that is gone, since when (s, monotonic), and what ended the waiting
+        self._waiting: threading.Thread | None = None
+        self._gone_s = 0.0
+        self._failure: DvtcliError | None = None
+        self._leaving = threading.Event()
 
     def _moment(self) -> Moment:
-        return Moment(self._name, monotonic() - self._began_s, self._listener.dropped, time())
+        gone_s = monotonic() - self._gone_s if self._waiting is not None else None
+        return Moment(self._name, monotonic() - self._began_s, self._watched.listener.dropped, time(), gone_s)
 
     def gather(self) -> None:
-        """Take what has arrived; BusUnavailable where the bus failed."""
-        for frame in self._listener.take():
-            self.store.take(frame)
+        """Take what has arrived; BusUnavailable where the bus failed and is not waited for."""
+        if self._waiting is not None:
+            if self._waiting.is_alive():
+                return
+            self._waiting = None
+            if self._failure is not None:
+                raise self._failure
+            self.store = FrameStore(self._watched.decoder)  # nothing that was seen before counts
+        try:
+            for frame in self._watched.listener.take():
+                self.store.take(frame)
+        except BusUnavailable as failed:
+            self._wait(failed)
+
+    def _wait(self, failed: BusUnavailable) -> None:
+        """Let a thread wait for the bus, which *failed*."""
+
+        def wait() -> None:
+            try:
+                self._watched.come_back(failed, self._leaving.is_set)
+            except DvtcliError as ended:
+                self._failure = ended
+
+        self._gone_s = monotonic()
+        self._waiting = threading.Thread(target=wait, name="waiting for the bus", daemon=True)
+        self._waiting.start()
+
+    def leave(self) -> None:
+        """Wait for the bus no longer."""
+        self._leaving.set()
+        if self._waiting is not None:
+            self._waiting.join(_LEAVE_S)
 
     def pause(self) -> None:
         """Let the screen stand still, or go on; frames are counted on."""
@@ -75,14 +115,15 @@ class Monitor:
         return drawn
 
 
-def watch(
-    session: Conversation, listener: Listener, decoder: Decoder, wanted: str, duration_s: float | None, *, changes: bool
-) -> None:
-    """Show the bus until q, Ctrl-C or the end of *duration_s*; BusUnavailable where it failed."""
+def watch(session: Conversation, watched: Watched, wanted: str, duration_s: float | None, *, changes: bool) -> None:
+    """Show the bus until q, Ctrl-C or the end of *duration_s*; BusUnavailable where it failed and is not waited for."""
     view = View(filter=wanted, plain=session.output.plain, changes=changes)
-    monitor = Monitor(session.wire.name, listener, decoder, view)
-    with _held_interrupts():
-        _application(monitor, duration_s, session.output.color).run()
+    monitor = Monitor(session.wire.name, watched, view)
+    try:
+        with _held_interrupts(), session.output.held():
+            _application(monitor, duration_s, session.output.color).run()
+    finally:
+        monitor.leave()
 
 
 @contextmanager
@@ -112,7 +153,7 @@ def _application(monitor: Monitor, duration_s: float | None, color: str) -> Appl
             return
         try:
             monitor.gather()
-        except BusUnavailable as failed:  # raised here it would stay inside of prompt_toolkit's event loop
+        except DvtcliError as failed:  # raised here it would stay inside of prompt_toolkit's event loop
             application.exit(exception=failed)
             return
         if until_s is not None and monotonic() >= until_s:

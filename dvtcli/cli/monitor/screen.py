@@ -47,12 +47,16 @@ class View:
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """What the picture is of: bus *name*, seconds since the start, frames *dropped*, and the time (s since 1970)."""
+    """What the picture is of: bus *name*, seconds since the start, frames *dropped*, and the time (s since 1970).
+
+    *gone_s* is how long the bus is gone (s), None while it is there.
+    """
 
     name: str
     running_s: float
     dropped: int
     now_s: float
+    gone_s: float | None = None
 
 
 def picture(store: FrameStore, view: View, moment: Moment, width: int, height: int) -> Lines:
@@ -93,6 +97,8 @@ def _header(store: FrameStore, view: View, moment: Moment) -> list[Cell]:
     clock = f"{int(moment.running_s) // 3600:02}:{int(moment.running_s) // 60 % 60:02}:{int(moment.running_s) % 60:02}"
     cells = [Cell("MONITOR ", "bold"), Cell(f"{moment.name}  {clock}  {store.frames} frames  ")]
     cells.append(Cell(f"{moment.dropped} dropped", "red" if moment.dropped else "dim"))
+    if moment.gone_s is not None:
+        cells.append(Cell(f"  GONE for {moment.gone_s:.0f} s, waiting for it", "red"))
     if store.unlisted:
         cells.append(Cell(f"  {store.unlisted} of more CAN-IDs", "yellow"))
     if view.paused:

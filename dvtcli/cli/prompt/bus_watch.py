@@ -1,24 +1,36 @@
 """Listening to the bus while a person sits at the prompt: states, heartbeats, boot-ups, emergencies.
 
-One daemon thread that gives way to whoever waits for an answer. Does not know the terminal.
+One daemon thread that gives way to whoever waits for an answer. Where the bus is gone it waits for it, and goes on with
+it between two lines. Does not know the terminal.
 """
 
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from json import dumps
 from time import monotonic, strftime
+from typing import TYPE_CHECKING
 
 from dvtcli.bus.node_watch import HEARTBEAT
+from dvtcli.bus.receiver import bus_closed
 from dvtcli.cli.prompt.events import event_text
 from dvtcli.cli.prompt.load import BusLoad
 from dvtcli.cli.prompt.notices import Notices
 from dvtcli.domain.heard import LastFrames
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.node_events import BootUp, Emergency, NodeEvent
-from dvtcli.domain.ports import CanopenBus, Frame
+from dvtcli.domain.ports import Frame
 from dvtcli.errors import BusUnavailable
+from dvtcli.operations.come_back import come_back, goes_on
+from dvtcli.operations.results.bus_events import BusEvent
+from dvtcli.operations.slept import Sleeps
+from dvtcli.operations.steady_listener import left_alone
+
+if TYPE_CHECKING:
+    from dvtcli.operations.session import Session
 
 #: How long the bus is read in one go (s): how late a message is shown, and how long stopping takes.
 TICK_S = 0.1
@@ -35,11 +47,18 @@ class Beat:
 
 
 class Life:
-    """What is heard on *bus*; events become *notices*. its bit rate, where it is known, gives the load."""
+    """What is heard on the bus of *session*; events become *notices*.
 
-    def __init__(self, bus: CanopenBus, notices: Notices) -> None:
-        self._bus = bus
+    The bit rate, where it is known, gives the load.
+    """
+
+    def __init__(self, session: Session, notices: Notices) -> None:
+        self._session = session
+        self._bus = session.wire
         self.notices = notices
+        #: held by whoever runs a line: the bus is replaced between two of them
+        self.line = threading.RLock()
+        self._sleeps = Sleeps()
         self.states: dict[int, NmtState] = {}
         self.emergencies: dict[int, tuple[int, int]] = {}
         #: what ended the listening, None while all is well
@@ -49,7 +68,7 @@ class Life:
         self._missing: set[int] = set()
         #: the last frame of each CAN-ID, at times of time.monotonic
         self.frames = LastFrames()
-        self._load = None if bus.bitrate is None or bus.simulated else BusLoad(bus.bitrate)
+        self._load = self._empty_load()
         self._seen: set[int] = set()
         self._booted: set[int] = set()
         self._stopping = threading.Event()
@@ -58,10 +77,17 @@ class Life:
 
     def start(self) -> None:
         """Listen until `stop`; what was on the bus before is taken as known and not told."""
+        self._hook()
+        self._thread.start()
+
+    def _hook(self) -> None:
         self.states = self._bus.heard_nodes()
         self._seen.update(self.states)
         self._unhook = [self._bus.on_event(self._on_event), self._bus.tap(self._on_frame)]
-        self._thread.start()
+
+    def _empty_load(self) -> BusLoad | None:
+        bus = self._bus
+        return None if bus.bitrate is None or bus.simulated else BusLoad(bus.bitrate)
 
     def stop(self) -> None:
         """End the listening."""
@@ -84,17 +110,70 @@ class Life:
         return None if self._load is None else self._load.share(monotonic())
 
     def _listen(self) -> None:
-        try:
-            while not self._stopping.is_set():
-                self._bus.idle(TICK_S)
-                self.states = self._bus.heard_nodes()
-                self._tell_silence()
-                self.notices.pump()
-        except BusUnavailable as failed:
-            if not self._stopping.is_set():
-                self.failure = failed.text
-                self.notices.add(f"{failed.text}: nothing is heard any more; leave, and start again once it is back")
-                self.notices.pump()
+        while not self._stopping.is_set():
+            try:
+                self._hear()
+            except BusUnavailable as failed:
+                if self._stopping.is_set():
+                    return
+                if not goes_on(self._session, unasked=True):
+                    self._give_up(failed)
+                    return
+                with suppress(BusUnavailable):  # it is gone again, or nobody listens any more
+                    self._come_back(failed)
+
+    def _hear(self) -> None:
+        """Read the bus for a moment, and say what is to be said; BusUnavailable where it failed, or was left alone."""
+        self._bus.idle(TICK_S)
+        self.failure = None
+        slept_s = self._sleeps.new_s()
+        if slept_s and goes_on(self._session, unasked=True):
+            raise left_alone(self._bus.name, slept_s)
+        self.states = self._bus.heard_nodes()
+        self._tell_silence()
+        self.notices.pump()
+
+    def _give_up(self, failed: BusUnavailable) -> None:
+        self.failure = "FAILED"
+        self.notices.add(f"{failed.text}: nothing is heard any more; leave, and start again once it is back")
+        self.notices.pump()
+
+    def _come_back(self, failed: BusUnavailable) -> None:
+        """Wait for the bus, which *failed*, and listen to it again; nothing that was heard before counts then."""
+        self.failure = "GONE"
+        self.states, self._beats = {}, {}
+        if not come_back(self._session, self._bus, failed, self._is_stopping, self._tell_event, self._between_lines):
+            return
+        self._bus = self._session.wire
+        self.emergencies, self._missing, self._seen, self._booted = {}, set(), set(), set()
+        self.frames.clear()
+        self._load = self._empty_load()
+        self._hook()
+        self.notices.pump()
+
+    def _is_stopping(self) -> bool:
+        """Whether nobody wants to wait any more; asked while waiting, so that what is to be said then is said."""
+        self.notices.pump()
+        return self._stopping.is_set()
+
+    def _tell_event(self, event: BusEvent) -> None:
+        forgotten = "" if event.after_s is None else "; what was read of its nodes is forgotten"
+        self.notices.add(dumps(event.document()) if self._session.base.json else f"{event.text}{forgotten}")
+        self.notices.pump()
+
+    @contextmanager
+    def _between_lines(self) -> Iterator[None]:
+        """A block in which no line runs; one that runs on for long is waited for, unless nobody listens any more."""
+        while not self.line.acquire(timeout=TICK_S):
+            if self._is_stopping():
+                break
+        else:
+            try:
+                yield
+            finally:
+                self.line.release()
+            return
+        raise bus_closed()
 
     def _tell_silence(self) -> None:
         """Say once that a heartbeat is missing, and once that it is back."""

@@ -6,6 +6,7 @@ Does not know how a line is edited (`dvtcli.cli.prompt`), nor what a command doe
 from __future__ import annotations
 
 import sys
+from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING
 
 from dvtcli.cli.boundary import LEAVE
@@ -38,6 +39,7 @@ def run_prompt(session: Conversation) -> int:
     from dvtcli.cli.prompt.terminal import reader
 
     session.require_settings()
+    session.comes_back = not session.options.no_reconnect
     first_start(session)
     session.started = True
     session.aliases = _aliases(session.settings.aliases)
@@ -45,12 +47,13 @@ def run_prompt(session: Conversation) -> int:
     _banner(session)
     for node in session.met_nodes():
         node.memory.clear()  # a line comes when it comes
-    life = Life(session.wire, Notices())
+    life = Life(session, Notices())
     session.frames = life.frames
     status = Status(session, life)
     life.start()
     try:
-        return Prompt(session, status, reader(session, status, life.notices, lambda line: _help(session, line))).run()
+        lines = reader(session, status, life.notices, lambda line: _help(session, line))
+        return Prompt(session, status, lines, life.line).run()
     finally:
         life.stop()
 
@@ -66,8 +69,12 @@ def _aliases(found: dict[str, str]) -> dict[str, str]:
 class Prompt:
     """The loop over typed lines."""
 
-    def __init__(self, session: Conversation, status: Status, lines: Reader) -> None:
+    def __init__(
+        self, session: Conversation, status: Status, lines: Reader, busy: AbstractContextManager[object]
+    ) -> None:
         self._session, self._status, self._reader = session, status, lines
+        #: held while anything is done with nodes
+        self._busy = busy
         #: whether a line ran since the last prompt: what was typed meanwhile was typed blindly
         self._has_run = False
         #: whether the node may be asked how it is before a prompt: not after it kept silent, which takes time
@@ -78,7 +85,8 @@ class Prompt:
         while True:
             self._session.cancellation.reset()
             try:
-                self._status.refresh(ask=self._answers)
+                with self._busy:
+                    self._status.refresh(ask=self._answers)
                 self._session.output.progress_line.end()  # where a slow node was asked: the prompt begins its line
                 code = self._turn()
             except EOFError:
@@ -97,7 +105,8 @@ class Prompt:
         code = 0
         for line in text.replace("\\\n", " ").splitlines():
             self._session.cancellation.reset()
-            code = self._run(line)
+            with self._busy:
+                code = self._run(line)
             if code or self._session.cancellation.requested:
                 break
         return code

@@ -91,7 +91,7 @@ class Status:
 
     def _bus_part(self) -> Part:
         if self._life.failure is not None:
-            return Part(9, "class:bad", (f"{self._bus_name()} FAILED", "FAILED"))
+            return Part(9, "class:bad", (f"{self._bus_name()} {self._life.failure}", self._life.failure))
         name = "SIMULATED" if self._session.wire.simulated else self._bus_name()
         return Part(7, "", (f"{name} (dry run)", "dry run") if self._session.dry_run else (name, name[-12:]))
 
@@ -154,10 +154,10 @@ class Status:
         return self._life.states.get(node_id, self._told)
 
     def _node(self) -> Node | None:
-        return self._session.network.nodes.get(self._session.selected_id() or 0)
+        return self._session.seen_nodes().get(self._session.selected_id() or 0)
 
     def _nodes(self) -> list[Node]:
-        return list(self._session.network.nodes.values())
+        return [*self._session.left_nodes(), *self._session.seen_nodes().values()]
 
 
 def _listed(labels: list[str]) -> str:

@@ -7,6 +7,7 @@ from datetime import UTC, datetime
 
 from dvtcli.cli.view.lines import Cell, Line
 from dvtcli.domain.datatypes import Value
+from dvtcli.operations.results.bus_events import BusEvent
 from dvtcli.operations.results.frames import FrameSeen, Plotted
 
 
@@ -33,6 +34,11 @@ def frame_lines(result: FrameSeen, _width: int) -> Iterator[Line]:
         Cell(f"{data:<23}"),
         Cell(f"  {signals}" if signals else ""),
     ]
+
+
+def bus_event_lines(result: BusEvent, _width: int) -> Iterator[Line]:
+    """A bus that is gone, or back."""
+    yield result.text
 
 
 def plot_lines(result: Plotted, _width: int) -> Iterator[Line]:

@@ -36,6 +36,8 @@ class Output:
         #: shows a text that is more than a screen, and says whether it did
         self.pager: Callable[[str], bool] | None = None
         self.progress_line = ProgressLine(self.stderr)
+        #: messages that wait until the screen is free, None where it is
+        self._held: list[Line] | None = None
 
     def configure(self, format_name: str, color: str, verbose: int, *, quiet: bool, plain: bool) -> None:
         """Take the options that count from now on."""
@@ -125,11 +127,24 @@ class Output:
         self.lines(error_lines(error, at))
 
     def lines(self, lines: Iterable[Line]) -> None:
-        """Print messages to stderr."""
+        """Print messages to stderr, or keep them while the screen is not to be written to."""
+        if self._held is not None:
+            self._held += lines
+            return
         with self._saying():
             for line in lines:
                 self._write(self.stderr, line)
             self.stderr.flush()
+
+    @contextmanager
+    def held(self) -> Iterator[None]:
+        """A block in which the screen is drawn by somebody else: messages are kept, and printed after it."""
+        self._held = []
+        try:
+            yield
+        finally:
+            held, self._held = self._held, None
+            self.lines(held)
 
     def said(self, lines: Iterable[Line], *, error: bool) -> None:
         """Print what a script says itself: to stdout, or to stderr with *error* and where stdout has documents."""
@@ -152,7 +167,7 @@ class Output:
 
     def progress(self, text: str, done: int, total: int) -> None:
         """Show how far long work has come, unless only errors are wanted, or traffic tells it already."""
-        if not self.quiet and not self.json and not self.verbose:
+        if not self.quiet and not self.json and not self.verbose and self._held is None:
             from dvtcli.cli.view.safe import safe
 
             self.progress_line.show(safe(text), done, total)

@@ -23,7 +23,6 @@ _ARGUMENTS = {
 _SENTENCES = {
     "give -i/--interface and -c/--channel,": "give interface and channel,",
     "or --sim generic": "or dvtcli.simulate('generic')",
-    "start dvtcli again": "connect again",
 }
 _ANSWERS = "yes|force|extended|frame"
 _METHODS = "undo|map|set|enable|disable|clear|write|store|restore|verify|recover"

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
     from dvtcli.domain.ports import Frame
+    from dvtcli.operations.results.bus_events import BusEvent
 
 LOG = logging.getLogger("dvtcli")
 LOG.addHandler(logging.NullHandler())
@@ -38,6 +39,10 @@ class Told:
     def warning(self, text: str) -> None:
         """Something that nobody should miss."""
         self._say(Message("warning", text), logging.WARNING)
+
+    def bus(self, event: BusEvent) -> None:
+        """A bus that is gone, or back."""
+        self.warning(event.text)
 
     def instruct(self, text: str) -> None:
         """What has to be done by hand now, such as switching a node off and on."""

@@ -1,6 +1,6 @@
 """A bus that simulated nodes join as members: what is said there is gathered by a thread.
 
-Does not know the nodes, nor what frames mean.
+Does not know the nodes, nor what frames mean, nor how a bus that is gone comes back.
 """
 
 from __future__ import annotations
@@ -12,16 +12,22 @@ from queue import Empty, SimpleQueue
 from dvtcli.domain.ports import CanopenBus, Frame
 from dvtcli.errors import BusUnavailable
 
+#: Waits for the bus that failed until it is back, or (None) until the function that it is given says to stop.
+ComeBack = Callable[[CanopenBus, BusUnavailable, Callable[[], bool]], CanopenBus | None]
 #: how long the thread listens before it looks whether it should end (s)
 _LISTEN_S = 0.2
 
 
 class JoinedBus:
-    """*bus* from outside of it; *wake* is called, from another thread, when something was heard or it failed."""
+    """*bus* from outside of it; *wake* is called, from another thread, when something was heard or it failed.
 
-    def __init__(self, bus: CanopenBus, wake: Callable[[], None]) -> None:
+    With *come_back* a bus that is gone is waited for: what the nodes say meanwhile is heard by nobody.
+    """
+
+    def __init__(self, bus: CanopenBus, wake: Callable[[], None], come_back: ComeBack | None = None) -> None:
         self._bus = bus
         self._wake = wake
+        self._come_back = come_back
         self._arrived: SimpleQueue[Frame] = SimpleQueue()
         self._failure: BusUnavailable | None = None
         self._leaving = False
@@ -35,8 +41,12 @@ class JoinedBus:
         return self._bus.name
 
     def tell(self, frame: Frame) -> None:
-        """Put *frame* on the bus; BusUnavailable where it failed."""
-        self._bus.send(frame)
+        """Put *frame* on the bus; BusUnavailable where it failed and is not waited for."""
+        try:
+            self._bus.send(frame)
+        except BusUnavailable:
+            if self._come_back is None:
+                raise
 
     def heard(self) -> list[Frame]:
         """What was said there since the last call; BusUnavailable where it failed."""
@@ -62,9 +72,23 @@ class JoinedBus:
             self._wake()
 
     def _listen(self) -> None:
-        try:
-            while not self._leaving:
+        while not self._leaving:
+            try:
                 self._bus.idle(_LISTEN_S)
-        except BusUnavailable as failure:
-            self._failure = failure
-            self._wake()
+            except BusUnavailable as failure:
+                if self._leaving or not self._is_back(failure):
+                    self._failure = failure
+                    self._wake()
+                    return
+
+    def _is_back(self, failure: BusUnavailable) -> bool:
+        """Wait for the bus, which failed, and listen to it again; whether it is back."""
+        if self._come_back is None:
+            return False
+        self._bus.close()
+        bus = self._come_back(self._bus, failure, lambda: self._leaving)
+        if bus is None:
+            return False
+        self._bus = bus
+        self._untap = bus.tap(self._heard)
+        return True

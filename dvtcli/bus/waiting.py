@@ -1,0 +1,73 @@
+"""Waiting for a bus that is not there: it is tried again and again, seldom, and at once where the kernel has news.
+
+Does not know which bus, nor what is to be done with it.
+"""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from select import select
+from time import monotonic, sleep
+from typing import TypeVar
+
+from dvtcli.errors import BusUnavailable
+
+B = TypeVar("B")
+#: how long is waited between two tries (s): at first, and at most
+FIRST_S, MOST_S = 0.1, 2.0
+#: how late it is noticed that nobody wants to wait any more (s)
+_SLICE_S = 0.05
+#: rtnetlink's group of news about links (linux/rtnetlink.h)
+_LINK_NEWS = 1
+
+
+def wait_for_bus(open_once: Callable[[], B], stopping: Callable[[], bool]) -> B | None:
+    """Try *open_once* until the bus opens; None as soon as *stopping*().
+
+    Between two tries is twice the time as before, MOST_S at most; the kernel's news about a link end it.
+    """
+    pause_s = FIRST_S
+    with _link_news() as news:
+        while not stopping():
+            with suppress(BusUnavailable):
+                return open_once()
+            pause_s = FIRST_S if _rested(news, pause_s, stopping) else min(2 * pause_s, MOST_S)
+    return None
+
+
+def _rested(news: socket.socket | None, pause_s: float, stopping: Callable[[], bool]) -> bool:
+    """Wait *pause_s*, or until *stopping*() or something happened to a link; whether that was it."""
+    end_s = monotonic() + pause_s
+    while not stopping() and (left_s := end_s - monotonic()) > 0:
+        if news is None:
+            sleep(min(left_s, _SLICE_S))
+        elif select([news], [], [], min(left_s, _SLICE_S))[0]:
+            sleep(_SLICE_S)  # news come in crowds, and a link is set up in several steps
+            _read_all(news)
+            return True
+    return False
+
+
+def _read_all(news: socket.socket) -> None:
+    with suppress(OSError):  # there are no more; or so many that some were lost, which is news as well
+        while news.recv(1 << 16):
+            pass
+
+
+@contextmanager
+def _link_news() -> Iterator[socket.socket | None]:
+    """A socket that can be read when something happens to a link; None where no kernel tells that."""
+    family = getattr(socket, "AF_NETLINK", None)
+    news = None
+    if family is not None:
+        with suppress(OSError):  # a sandbox, or a kernel without it
+            news = socket.socket(family, socket.SOCK_RAW, 0)
+            news.setblocking(False)
+            news.bind((0, _LINK_NEWS))
+    try:
+        yield news
+    finally:
+        if news is not None:
+            news.close()

@@ -1,0 +1,43 @@
+"""A bus that went or came back, as an answer of whoever listens to it. Knows no terminal and no session."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from time import localtime, strftime
+from typing import ClassVar
+
+from dvtcli.domain.wall_clock import utc
+from dvtcli.operations.results.documents import Answer, Document
+
+
+@dataclass(frozen=True, slots=True)
+class BusEvent(Answer):
+    """The *bus* by its name is gone, and *why*, or is back after *after_s* seconds; at *time_s* (s since 1970)."""
+
+    renderer: ClassVar = "frame_lines:bus_event_lines"
+
+    bus: str
+    time_s: float
+    why: str = ""
+    after_s: float | None = None
+    exit_code: int = 0
+
+    @property
+    def text(self) -> str:
+        """The event on one line, with the time of day."""
+        if self.after_s is None:
+            said = f"is gone ({self.why}): waiting for it"
+        else:
+            said = f"is back after {self.after_s:.1f} s"
+        return f"{strftime('%H:%M:%S', localtime(self.time_s))}  {self.bus} {said}"
+
+    def document(self) -> Document:
+        """`dvtcli.bus/1`."""
+        return {
+            "schema": "dvtcli.bus/1",
+            "time": utc(self.time_s),
+            "bus": self.bus,
+            "event": "gone" if self.after_s is None else "back",
+            "why": self.why or None,
+            "after_s": None if self.after_s is None else round(self.after_s, 3),
+        }
