@@ -26,7 +26,7 @@ from dvtcli.operations.simulated_nodes import (
 )
 
 if TYPE_CHECKING:
-    from dvtcli.bus.python_can import CanBus
+    from dvtcli.domain.ports import CanopenBus
     from dvtcli.operations.first_bus import Tell
     from dvtcli.simulator.device.strict_device import StrictDevice
     from dvtcli.simulator.network.hub import Hub
@@ -164,7 +164,7 @@ def _joined(options: Options, hub: Hub, tell: Tell) -> JoinedBus:
     from dvtcli.operations.first_bus import first_bus, waited_for
     from dvtcli.simulator.network.joined_bus import JoinedBus
 
-    def opened() -> CanBus:
+    def opened() -> CanopenBus:
         from dvtcli.bus.opening import open_bus
 
         extra = dict(pair.split("=", 1) for pair in options.bus_kwargs)

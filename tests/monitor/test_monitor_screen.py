@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import re
 import signal
+from pathlib import Path
 
 import pytest
 
 from tests.prompt.conftest import Open, open_terminal
 from tests.prompt.terminal import CTRL_C, DOWN, ENTER, ESCAPE, Terminal
 from tests.prompt.wire import Wire
-from tests.serve.served import bus_words
+from tests.serve.served import bus_words, served
 
 __all__ = ["open_terminal"]
 PROMPT = "sim/1 OP> "
@@ -161,10 +162,24 @@ def test_a_terminated_monitor_leaves_the_terminal_as_it_was(open_terminal: Open)
     assert "Traceback" not in terminal.text
 
 
+def test_a_bus_that_goes_and_comes_back_is_waited_for(tmp_path: Path, open_terminal: Open) -> None:
+    with served(tmp_path, "gen4@5") as server:
+        terminal = open_terminal(*bus_words(server.port), "monitor", "--nodes", "5", columns=120)
+        terminal.until(lambda: count(terminal) > 0, "frames")
+    terminal.wait("GONE for")
+    with served(tmp_path, "gen4@5", port=server.port):
+        terminal.until(lambda: "GONE" not in terminal.lines[0] and count(terminal) > 0, "frames of now")
+    terminal.wait("GONE for")
+    terminal.type("q")
+    assert terminal.ended() == 0
+    said = terminal.written.decode().rpartition("MONITOR")[2]
+    assert (said.count("is gone ("), said.count("is back after")) == (2, 1)
+
+
 def test_a_bus_that_fails_ends_the_monitor_with_its_reason(open_terminal: Open) -> None:
     wire = Wire()
     try:
-        terminal = open_terminal(*bus_words(wire.port), "-n", "5", "monitor")
+        terminal = open_terminal(*bus_words(wire.port), "-n", "5", "monitor", "--no-reconnect")
         terminal.wait("MONITOR socketcand")
         wire.say(0x705, b"\x05")
         terminal.wait("node 5  is OPERATIONAL")
