@@ -162,3 +162,19 @@ def test_a_store_that_cannot_be_remembered_is_said(tmp_path: Path) -> None:
         past.was_stored(5, IDENTITY, ["1017:00"])
     assert said == [f"it is stored, but that cannot be remembered for a later `store`: {TOO_LARGE}"]
     assert [one.stored for one in past.all_of(5, IDENTITY)] == [frozenset()]
+
+
+@pytest.mark.parametrize("taken", [0, 1, 40])
+def test_a_disk_that_takes_a_part_of_a_lock_s_note_leaves_the_one_before(
+    keep: Keep, tmp_path: Path, taken: int
+) -> None:
+    keeper = keep()
+    keeper.hold()
+    keeper.lock.note(tmp_path / "first.json")
+    held = keeper.lock.path.read_bytes()
+    with files_end_at(len(held) + taken), pytest.raises(OSError, match=TOO_LARGE):
+        keeper.lock.note(tmp_path / ("x" * 100))
+    assert keeper.lock.path.read_bytes() == held
+    assert keeper.lock.noted() == tmp_path / "first.json"
+    keeper.lock.note(None)
+    assert keeper.lock.noted() is None

@@ -144,10 +144,7 @@ class NodeLock:
         assert self._file is not None  # noqa: S101 - only the holder writes
         if journal != self.noted():  # a change begins, or one is put back
             self._last_writer = self._own
-        text = _Noted(self._own, str(journal or ""), self._last_writer).text().encode()
-        self._file.seek(0)
-        self._file.write(text)  # over the old text: a disk that takes nothing leaves that as it is
-        self._file.truncate(len(text))
+        _write_over(self._file, _Noted(self._own, str(journal or ""), self._last_writer).text().encode())
         to_disk(self._file.fileno())
 
     def noted(self) -> Path | None:
@@ -181,6 +178,25 @@ class NodeLock:
         if self._file is not None:
             self._file.close()
             self._file = None
+
+
+def _write_over(file: IO[bytes], text: bytes) -> None:
+    """Make *text* what *file* holds; OSError where the disk does not take all of it, and then it holds what it held."""
+    file.seek(0)
+    old = file.read()
+    try:
+        _write_all(file, text)
+    except OSError:
+        _write_all(file, old)  # in its own place, which a full disk has
+        raise
+
+
+def _write_all(file: IO[bytes], text: bytes) -> None:
+    file.seek(0)
+    left = memoryview(text)
+    while left:  # a disk that fills up takes a part of it
+        left = left[file.write(left) :]
+    file.truncate(len(text))
 
 
 def _lock_within(file: IO[bytes], wait_s: float) -> None:
