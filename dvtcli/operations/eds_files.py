@@ -50,8 +50,9 @@ def check_eds(
     """Everything odd in each of *files*, with its line, by the rules named in *only* (none: all) but not in *without*.
 
     A word with `*`, `?` or `[` that is no file's name stands for the files that it matches. With *strict* a warning
-    makes a file invalid, too; *family* is the profile by which its PDOs are judged. UsageError without a file, and for
-    a rule or a family that there is not. Among several files one that cannot be read is a finding.
+    makes a file invalid, too; *family* is the profile by which its PDOs are judged. UsageError for a rule or a family
+    that there is not, and where one file is asked for that is not there. Among several one that is not there, or cannot
+    be read, is a finding.
     """
     from dvtcli.files.profile.library import load_profile
 
@@ -69,16 +70,14 @@ def _matched(words: Sequence[str]) -> list[str]:
     names: dict[str, None] = {}
     for word in words:
         found = sorted(glob(word)) if has_magic(word) and not Path(word).exists() else [word]  # noqa: PTH207 - absolute, too
-        if not found:
-            raise UsageError(f"no file is called {word}", place=word, hint="eds takes paths of EDS or DCF files")
-        names.update(dict.fromkeys(found))
+        names.update(dict.fromkeys(found or [word]))  # what matches nothing is no file's name: that is said when it is read
     return list(names)
 
 
 def _one_of_many(file: str, rules: tuple[LintRule, ...], strict: bool, profile: DeviceProfile) -> FileReport:
     try:
         return report(file, _read(file), rules, strict=strict, profile=profile)
-    except InputFileError as wrong:
+    except (InputFileError, UsageError) as wrong:
         asked = (*map(_asked, rules), _UNREADABLE)
         text = f"{wrong.text}: {wrong.why}" if wrong.why else wrong.text
         found = FileFinding(1, _UNREADABLE.severity, _UNREADABLE.name, "", text)

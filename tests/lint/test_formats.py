@@ -208,9 +208,8 @@ def test_a_pattern_stands_for_the_files_that_it_matches(tmp_path: Path) -> None:
     assert document["count"] == {"error": 1, "warning": 2, "note": 1}
     one = several(tmp_path, "a*.eds", "--json")
     assert json.loads(one.stdout)["schema"] == "dvtcli.eds/1", "one file is answered as ever"
-    for words in (("x*.eds",), ("a.eds", "missing.eds")):
-        done = several(tmp_path, *words)
-        assert (done.returncode, done.stdout) == (2, "")
+    done = several(tmp_path, "x*.eds")
+    assert (done.returncode, done.stdout) == (2, "")
     (tmp_path / "[b].eds").write_bytes(SOUND.encode())
     assert json.loads(several(tmp_path, "[b].eds", "--json").stdout)["file"] == "[b].eds", "a name is a name first"
 
@@ -233,6 +232,14 @@ def test_other_formats_have_all_files(tmp_path: Path) -> None:
     suites = ET.fromstring(several(tmp_path, "*.eds", "--format", "junit").stdout.partition("?>")[2])  # noqa: S314
     assert [suite.attrib["name"] for suite in suites] == [f"eds check {name}.eds" for name in "abcd"]
     assert suites.attrib["failures"] == "2"
+
+
+@pytest.mark.parametrize("format_name", ["text", "json", "github", "junit", "sarif"])
+@pytest.mark.parametrize("name", ["missing.eds", "x*.eds", "."])
+def test_one_that_is_not_there_keeps_no_other_from_being_checked(tmp_path: Path, format_name: str, name: str) -> None:
+    done = several(tmp_path, "b.eds", name, "--format", format_name)
+    assert (done.returncode, done.stderr) == (4, "")
+    assert all(said in done.stdout for said in ("default-outside-limits", name, "unreadable"))
 
 
 def test_a_finding_has_the_columns_of_its_value(tmp_path: Path) -> None:
