@@ -41,7 +41,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--every-size", action="store_true", help="golden screens in each size of terminal, not in one")
     parser.addoption("--hosts", type=int, default=4, metavar="N", help="hosts of a fleet, three of them faulty [4]")
     parser.addoption("--kills", type=int, default=4, metavar="N", help="kills in the middle of an atomic script [4]")
-    parser.addoption("--learn-faults", type=int, default=4, metavar="N", help="faults, and kills, in learn [4]")
+    parser.addoption("--learn", type=int, default=4, metavar="N", help="families, faults and kills in learn [4]")
     parser.addoption("--elsewhere", type=int, default=4, metavar="N", help="tests as on Windows or macOS [4]")
     parser.addoption("--signals", type=int, default=8, metavar="N", help="signals in the middle of a change [8]")
     parser.addoption(

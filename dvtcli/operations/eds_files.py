@@ -70,7 +70,7 @@ def _matched(words: Sequence[str]) -> list[str]:
     names: dict[str, None] = {}
     for word in words:
         found = sorted(glob(word)) if has_magic(word) and not Path(word).exists() else [word]  # noqa: PTH207 - absolute, too
-        names.update(dict.fromkeys(found or [word]))  # what matches nothing is no file's name: that is said when it is read
+        names.update(dict.fromkeys(found or [word]))  # what matches nothing is said when it is read
     return list(names)
 
 

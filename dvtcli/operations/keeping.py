@@ -79,7 +79,10 @@ def _interrupted(keeper: Keeper) -> tuple[str, bool]:
 
 
 def _how_to_finish(journal: Journal) -> str:
-    labels, node_id = several(change.label for change in journal.plan.changes), journal.plan.node_id
+    labels, node_id = several(journal.labels), journal.plan.node_id
+    if journal.part.whole is None and journal.part.asked:
+        what = f"`learn`, which asked {labels} of node {node_id},"
+        return f"{what} was interrupted: `recover` puts the old configuration back"
     if journal.part.whole is None:
         return f"a change of {labels} of node {node_id} was interrupted: `recover` puts the old configuration back"
     return (

@@ -48,7 +48,8 @@ def _recovered(session: Session, file: str | None) -> Changed | ChangedNodes | F
     for journal in journals:
         _refuse_other_bus(session, journal)
     text = several(f"{_labels(journal)} of node {journal.plan.node_id}" for journal in journals)
-    session.consent(f"{text} will be put back as before the interrupted change; recover?", _only(journals))
+    what = "`learn`, which was interrupted" if all(one.part.asked for one in journals) else "the interrupted change"
+    session.consent(f"{text} will be put back as before {what}; recover?", _only(journals))
     for said in dict.fromkeys(_whole_text(journal, journals) for journal in journals if journal.part.whole is not None):
         session.tell.note(said)
     done, failed = _put_back(session, journals)
@@ -74,7 +75,7 @@ def _nothing(session: Session) -> Facts:
 
 
 def _labels(journal: Journal) -> str:
-    return several(change.label for change in journal.plan.changes)
+    return several(journal.labels)
 
 
 def _whole_text(journal: Journal, journals: list[Journal]) -> str:

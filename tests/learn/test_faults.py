@@ -7,8 +7,9 @@ from typing import Any
 import pytest
 
 from dvtcli.errors import DvtcliError
-from tests.commands.bench import Bench
+from tests.learn.cells import some
 from tests.learn.test_learnt_families import dump
+from tests.learn.virtual import own
 
 #: exit codes: done, refused or restarted, silent; never "left changed", never a bug
 FINE = (0, 1, 5)
@@ -28,16 +29,19 @@ def learnt(ran_document: dict[str, Any]) -> dict[str, Any]:
 
 @pytest.fixture(scope="module")
 def undisturbed() -> dict[str, Any]:
-    with Bench(("tmcm",)) as bench:
+    with own("tmcm") as bench:
         return learnt(bench.run("learn --yes --json").document)
 
 
-@pytest.mark.parametrize("step", [1, 3, 8, 30, 75, 140, 200])
-@pytest.mark.parametrize("fault", FAULTS)
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    some(metafunc, "fault,step", [(fault, step) for fault in FAULTS for step in (1, 3, 8, 30, 75, 140, 200)], 2)
+
+
+@pytest.mark.counted
 def test_nothing_is_left_behind(fault: str, step: int, undisturbed: dict[str, Any]) -> None:
-    with Bench(("tmcm",)) as clean:
+    with own("tmcm") as clean:
         before = dump(clean)
-    with Bench(("tmcm",), {"fault": (FAULTS[fault].format(k=step),)}) as bench:
+    with own("tmcm", {"fault": (FAULTS[fault].format(k=step),)}) as bench:
         ran = bench.run("learn --yes --json")
         assert ran.code in FINE, ran
         if ran.code:
@@ -49,7 +53,7 @@ def test_nothing_is_left_behind(fault: str, step: int, undisturbed: dict[str, An
 
 
 def test_a_device_that_falls_silent_for_good_is_left_changed_and_says_so() -> None:
-    with Bench(("tmcm",), {"fault": ("silent@60",)}) as bench:
+    with own("tmcm", {"fault": ("silent@60",)}) as bench:
         ran = bench.run("learn --yes --json")
         assert (ran.code, ran.document["state"]) == (7, "left_changed"), ran
 
@@ -57,7 +61,7 @@ def test_a_device_that_falls_silent_for_good_is_left_changed_and_says_so() -> No
 def test_dump_notices(undisturbed: dict[str, Any]) -> None:
     """The comparison would find a change."""
     assert undisturbed
-    with Bench(("tmcm",)) as bench:
+    with own("tmcm") as bench:
         before = dump(bench)
         assert bench.run("set tpdo1 --timer 77").code == 0
         assert dump(bench) != before

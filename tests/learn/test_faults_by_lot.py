@@ -1,4 +1,4 @@
-"""Faults and kills in the middle of `learn`, drawn by lot over families and steps; `--learn-faults N` says how many.
+"""Faults and kills in the middle of `learn`, drawn by lot over families and steps; `--learn N` says how many.
 
 After each the device is as it was, or exit code 7 and a journal say that it is not, and `recover` puts it back.
 """
@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from tests.commands.bench import Bench
 from tests.learn.test_faults import FINE
 from tests.learn.test_killed import dump as held_by
 from tests.learn.test_learnt_families import FAMILIES, dump
+from tests.learn.virtual import own
 from tests.recovery.test_killed import Bench as Outside
 
 WORDS = {
@@ -29,24 +29,27 @@ STEPS = 240
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     """Families in turn, the rest by lot: the same in every process of a run, another for another number."""
-    count = metafunc.config.getoption("--learn-faults")
+    count = metafunc.config.getoption("--learn")
     kinds = [*WORDS] if "word" in metafunc.fixturenames else [*ENDS]
     lot = random.Random(f"{count} {kinds}")
+    count = count if "word" in metafunc.fixturenames else max(1, count // 2)
     cells = [(FAMILIES[n % len(FAMILIES)], lot.choice(kinds), lot.randint(1, STEPS)) for n in range(count)]
     ids = [f"{family} {kind} {step}, {n}" for n, (family, kind, step) in enumerate(cells)]
     metafunc.parametrize(("family", "word" if "word" in metafunc.fixturenames else "end", "step"), cells, ids=ids)
 
 
+@pytest.mark.counted
 def test_a_fault_leaves_nothing_behind(family: str, word: str, step: int) -> None:
-    with Bench((family,)) as clean:
+    with own(family) as clean:
         before = dump(clean)
-    with Bench((family,), {"fault": (WORDS[word].format(k=step),)}) as bench:
+    with own(family, {"fault": (WORDS[word].format(k=step),)}) as bench:
         ran = bench.run("learn --yes --json")
         assert ran.code in FINE, ran
         assert not ran.code or ran.document["state"] == "rolled_back", ran
         assert dump(bench) == before
 
 
+@pytest.mark.counted
 def test_recover_puts_back_what_was_cut_short(family: str, end: str, step: int, tmp_path: Path) -> None:
     """A `learn` that gets SIGKILL, or whose bus is gone, in a process of its own."""
     bench = Outside(tmp_path, family)

@@ -12,11 +12,11 @@ from dvtcli.files.eds.reader import read_eds
 from dvtcli.simulator.device.family import Family
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family, load_family_folder
-from tests.commands.bench import Bench, Ran
-from tests.commands.bus import Wire
+from tests.commands.bench import Ran
 from tests.learn.questions import Question, put
 from tests.learn.test_learnt_families import booted, differing
 from tests.learn.test_put_back import values
+from tests.learn.virtual import VirtualWire
 from tests.small_eds import U16, communication, plain, var
 
 EDS = family_eds("generic")
@@ -26,7 +26,8 @@ NO_OBJECT, NO_SUB = 0x06020000, 0x06090011
 def learnt_of(eds: Path, family: Family) -> tuple[Ran, Family]:
     """What `learn` found out of a device of *family* with the file *eds*, and that it is as it was."""
     node = StrictDevice(read_eds(eds).dictionary, family, 1)
-    with Wire(node) as wire, Bench((), wire.options | {"eds": str(eds), "profile": "generic"}) as bench:
+    wire = VirtualWire(node)
+    with wire.bench({"eds": str(eds), "profile": "generic"}) as bench:
         before = values(node)
         ran = bench.run("learn --isolated --yes --save pump --json")
         assert ran.code == 0, ran

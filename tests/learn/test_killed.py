@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from dvtcli.simulator.device.refusal import Refusal
+from tests.learn.cells import some
 from tests.learn.test_learnt_families import OF_THE_DEVICE
 from tests.recovery.test_killed import Bench
 
@@ -33,7 +34,11 @@ def dump(bench: Bench) -> dict[tuple[int, int], bytes]:
     return held
 
 
-@pytest.mark.parametrize("step", [2, 9, 40, 120, 250])
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    some(metafunc, "step", (2, 9, 40, 120, 250), 0.25)
+
+
+@pytest.mark.counted
 def test_recover_puts_back_what_a_killed_learn_changed(bench: Bench, step: int) -> None:
     before = dump(bench)
     child = bench.start("learn", "--yes")
@@ -48,8 +53,17 @@ def test_recover_puts_back_what_a_killed_learn_changed(bench: Bench, step: int) 
     assert child.returncode == -9
     bench.wire.at_download = lambda _number: None
     assert len(bench.journals()) == 1
-    code, _, stderr = bench.run("recover", "--yes")
+    told = " ".join(bench.run("read", "1000")[2].split())
+    assert "`learn`, which asked TPDO5, RPDO5 of node 5, was interrupted: `recover` puts" in told
+    assert "TPDO5, RPDO5 of node 5 will be put back as before `learn`" in " ".join(bench.run("recover")[2].split())
+    code, stdout, stderr = bench.run("recover", "--yes")
     assert code == 0, stderr
+    named, _, rest = stdout.splitlines()[-1].partition(" put back: ")
+    if rest:
+        assert set(named.split(", ")) <= {"TPDO5", "RPDO5"}, "only what was written"
+        assert " more are as before" in rest
+    else:
+        assert named.endswith("are as wanted already; nothing was written.")
     assert dump(bench) == before
     assert not bench.journals()
 

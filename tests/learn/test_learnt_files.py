@@ -11,14 +11,17 @@ from dvtcli.simulator.network.family_file import family_eds, load_family_folder
 from tests.commands.bench import Bench
 from tests.learn.test_learnt_families import differing, dump
 from tests.real_files import real_files
+from tests.sample import part
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    own = [family_eds(name) for name in ("lely", "roboteq")]
-    paths = [*own, *real_files(metafunc.config)]
+    count = max(1, metafunc.config.getoption("--learn") // 4)
+    ours = part([family_eds(name) for name in ("lely", "roboteq")], count, metafunc.config, "files that are learnt")
+    paths = [*ours, *real_files(metafunc.config)]
     metafunc.parametrize("path", paths, ids=[path.name for path in paths])
 
 
+@pytest.mark.counted
 def test_a_file_that_is_learnt_answers_the_same(path: Path) -> None:
     original = simulated_device(*simulated_nodes((str(path),))).family
     with Bench((str(path),), {"profile": "generic"}) as bench:

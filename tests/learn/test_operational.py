@@ -13,11 +13,10 @@ from dvtcli.files.eds.reader import read_eds
 from dvtcli.files.profile.library import load_folder_profile
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family, load_family_folder
-from tests.commands.bench import Bench
-from tests.commands.bus import Wire
 from tests.learn.questions import Question, put
 from tests.learn.test_learnt_families import booted
 from tests.learn.test_put_back import values
+from tests.learn.virtual import VirtualWire
 
 EDS = family_eds("generic")
 PDOS, MAPPINGS = (0x1400, 0x1BFF), (0x1600, 0x17FF)
@@ -42,7 +41,8 @@ QUESTIONS = [
 )
 def test_what_operational_refuses_is_learnt(behaviour: dict[str, object], gate: PreOperational) -> None:
     node = StrictDevice(read_eds(EDS).dictionary, replace(load_family("generic"), **behaviour), 1)
-    with Wire(node) as wire, Bench((), wire.options | {"eds": str(EDS)}) as bench:
+    wire = VirtualWire(node)
+    with wire.bench({"eds": str(EDS)}) as bench:
         assert bench.run("nmt start").code == 0
         before = values(node)
         told = " ".join(bench.run("learn --isolated").stderr.split())
@@ -61,7 +61,8 @@ def test_what_operational_refuses_is_learnt(behaviour: dict[str, object], gate: 
 def test_without_isolated_operational_says_nothing() -> None:
     family = replace(load_family("generic"), pre_operational_writes=(PDOS,))
     node = StrictDevice(read_eds(EDS).dictionary, family, 1)
-    with Wire(node) as wire, Bench((), wire.options | {"eds": str(EDS)}) as bench:
+    wire = VirtualWire(node)
+    with wire.bench({"eds": str(EDS)}) as bench:
         bench.run("nmt start")
         document = bench.run("learn --yes --json").document
     assert not [row for row in document["profile"] if row["key"] == "pre_operational_gate"]
@@ -82,7 +83,8 @@ def test_a_family_s_other_ranges_stay() -> None:
 def test_rules_that_hold_in_operational_only_are_learnt() -> None:
     family = replace(load_family("generic"), pdo_rules_always=False)
     node = StrictDevice(read_eds(EDS).dictionary, family, 1)
-    with Wire(node) as wire, Bench((), wire.options | {"eds": str(EDS), "profile": "generic"}) as bench:
+    wire = VirtualWire(node)
+    with wire.bench({"eds": str(EDS), "profile": "generic"}) as bench:
         assert bench.run("nmt start").code == 0
         before = values(node)
         ran = bench.run("learn --isolated --yes --save pump --json")
@@ -102,7 +104,8 @@ def test_rules_that_hold_in_operational_only_are_learnt() -> None:
 @pytest.mark.parametrize("step", [1, 3, 40])
 def test_a_node_that_restarts_while_it_is_asked_in_operational_is_operational_again(step: int) -> None:
     node = StrictDevice(read_eds(EDS).dictionary, load_family("generic"), 1)
-    with Wire(node, faults=(f"reset@{step}=0.05",)) as wire, Bench((), wire.options | {"eds": str(EDS)}) as bench:
+    wire = VirtualWire(node, faults=(f"reset@{step}=0.05",))
+    with wire.bench({"eds": str(EDS)}) as bench:
         bench.run("nmt start")
         before = values(node)
         ran = bench.run("learn --isolated --yes --json")
@@ -114,7 +117,8 @@ def test_a_node_that_restarts_while_it_is_asked_in_operational_is_operational_ag
 
 def test_a_node_that_restarted_there_in_a_script_stays_pre_operational_and_that_is_told() -> None:
     node = StrictDevice(read_eds(EDS).dictionary, load_family("generic"), 1)
-    with Wire(node, faults=("reset@1=0.05",)) as wire, Bench((), wire.options | {"eds": str(EDS)}) as bench:
+    wire = VirtualWire(node, faults=("reset@1=0.05",))
+    with wire.bench({"eds": str(EDS)}) as bench:
         ran = bench.script("nmt start", "learn --isolated --yes")
         assert ran.code in (1, 5), ran
         assert node.state is NmtState.PRE_OPERATIONAL

@@ -13,7 +13,8 @@ from dvtcli.files.eds.reader import read_eds
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import load_family
 from tests.commands.bench import Bench
-from tests.commands.bus import Wire, device
+from tests.commands.bus import device
+from tests.learn.virtual import VirtualWire
 from tests.small_eds import U8, communication, plain, var
 
 #: With its 5th download the node alters TPDO1, which is not asked.
@@ -28,7 +29,8 @@ def held(bench: Bench) -> Mapping[Pdo, PdoConfig]:
 @pytest.mark.parametrize("fault", ["", "lose-response@30", "reset@30", "refuse@40=0x08000021"])
 def test_what_is_altered_beside_is_put_back_however_it_ends(fault: str) -> None:
     faults = (ALTERS, fault) if fault else (ALTERS,)
-    with Wire(device("generic"), faults=faults) as wire, Bench((), wire.options) as bench:
+    wire = VirtualWire(device("generic"), faults=faults)
+    with wire.bench() as bench:
         before = held(bench)
         ran = bench.run("learn --yes --json")
         assert (ran.code == 0) is (not fault or fault.startswith("refuse")), ran
@@ -37,7 +39,8 @@ def test_what_is_altered_beside_is_put_back_however_it_ends(fault: str) -> None:
 
 def test_the_journal_has_every_pdo_before_the_first_write() -> None:
     """Whoever is killed while the device alters a PDO that is not asked has it put back by `recover`, too."""
-    with Wire(device("generic"), faults=(ALTERS, "silent@30")) as wire, Bench((), wire.options) as bench:
+    wire = VirtualWire(device("generic"), faults=(ALTERS, "silent@30"))
+    with wire.bench() as bench:
         labels = {pdo.label for pdo in held(bench)}
         ran = bench.run("learn --yes --json")
         assert ran.document["state"] == "left_changed", ran
@@ -58,7 +61,8 @@ def test_what_no_pdo_is_compared_by_is_not_written(tmp_path: Path) -> None:
     path = tmp_path / "reserved.eds"
     path.write_text(eds.text())
     node = StrictDevice(read_eds(path).dictionary, load_family("generic"), 1)
-    with Wire(node) as wire, Bench((), wire.options | {"eds": str(path)}) as bench:
+    wire = VirtualWire(node)
+    with wire.bench({"eds": str(path)}) as bench:
         before = values(node)
         ran = bench.run("learn --yes --json")
         assert ran.code == 0, ran

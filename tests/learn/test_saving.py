@@ -22,11 +22,11 @@ from dvtcli.simulator.device.family import Family
 from dvtcli.simulator.device.faults import Fault
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family, load_family_folder
-from tests.commands.bench import Bench, Ran
-from tests.commands.bus import Wire
+from tests.commands.bench import Ran
 from tests.learn.questions import Question, put
 from tests.learn.test_consent import sent
 from tests.learn.test_learnt_families import booted
+from tests.learn.virtual import VirtualWire
 from tests.virtual_time import VirtualTimeBus
 
 SAVE = int.from_bytes(b"save", "little")
@@ -39,7 +39,7 @@ def made(**behaviour: object) -> StrictDevice:
     return StrictDevice(read_eds(EDS).dictionary, replace(load_family("generic"), **behaviour), 1)
 
 
-def signatures(wire: Wire) -> list[bytes]:
+def signatures(wire: VirtualWire) -> list[bytes]:
     """What was written to 0x1010:01 since the wire was last asked."""
     return [bytes(frame.data[4:]) for frame in sent(wire.frames()) if bytes(frame.data[1:4]) == b"\x10\x10\x01"]
 
@@ -48,7 +48,8 @@ def signatures(wire: Wire) -> list[bytes]:
 def ran() -> Iterator[tuple[Ran, list[bytes], StrictDevice]]:
     """`learn --with-store` on a device that saves on command, and what that wrote to 0x1010."""
     node = made()
-    with Wire(node) as wire, Bench((), wire.options | {"eds": str(EDS)}) as bench:
+    wire = VirtualWire(node)
+    with wire.bench({"eds": str(EDS)}) as bench:
         yield bench.run("learn --with-store --yes --json"), signatures(wire), node
 
 
@@ -69,10 +70,10 @@ def test_what_is_saved_is_what_it_was_found_with(ran: tuple[Ran, list[bytes], St
 
 
 def test_without_the_option_nothing_is_saved_and_what_it_says_is_learnt() -> None:
-    with Wire(made(store_capability=3, restore_capability=1)) as wire:
-        with Bench((), wire.options | {"eds": str(EDS)}) as bench:
-            ran = bench.run("learn --yes --json")
-        assert (ran.code, signatures(wire), ran.document["saves"]) == (0, [], 0), ran
+    wire = VirtualWire(made(store_capability=3, restore_capability=1))
+    with wire.bench({"eds": str(EDS)}) as bench:
+        ran = bench.run("learn --yes --json")
+    assert (ran.code, signatures(wire), ran.document["saves"]) == (0, [], 0), ran
     said = {row["key"]: row["value"] for row in ran.document["family"]}
     assert (said["store_capability"], said["restore_capability"]) == (3, 1)
     assert "save_answer" not in said
@@ -93,7 +94,8 @@ def test_without_the_option_nothing_is_saved_and_what_it_says_is_learnt() -> Non
 )
 def test_what_is_learnt_saves_the_same(behaviour: dict[str, int], written: list[bytes]) -> None:
     node = made(**behaviour)
-    with Wire(node) as wire, Bench((), wire.options | {"eds": str(EDS)}) as bench:
+    wire = VirtualWire(node)
+    with wire.bench({"eds": str(EDS)}) as bench:
         ran = bench.run("learn --with-store --yes --save pump --json")
         assert (ran.code, signatures(wire)) == (0, written), ran
     learnt = load_family_folder(Path("pump"))
@@ -110,7 +112,8 @@ def answers(family: Family, value: int) -> list[str]:
 
 
 def test_what_was_not_stored_is_named_before_it_is() -> None:
-    with Wire(made()) as wire, Bench((), wire.options | {"eds": str(EDS)}) as bench:
+    wire = VirtualWire(made())
+    with wire.bench({"eds": str(EDS)}) as bench:
         assert bench.run("set tpdo1 --timer 77").code == 0
         asked = " ".join(bench.run("learn --with-store").stderr.split())
         assert "0x1010:01 is written twice" in asked
@@ -119,7 +122,8 @@ def test_what_was_not_stored_is_named_before_it_is() -> None:
 
 
 def test_how_a_device_that_saves_by_itself_is_asked_about() -> None:
-    with Wire(made(store_capability=2)) as wire, Bench((), wire.options | {"eds": str(EDS)}) as bench:
+    wire = VirtualWire(made(store_capability=2))
+    with wire.bench({"eds": str(EDS)}) as bench:
         asked = " ".join(bench.run("learn --with-store").stderr.split())
         assert "0x1010:01 is 2: it saves by itself, so each write wears its memory" in asked
         assert "written up to" in asked
@@ -127,11 +131,13 @@ def test_how_a_device_that_saves_by_itself_is_asked_about() -> None:
 
 @pytest.mark.parametrize("signature", [1, 2])
 def test_a_device_that_restarts_at_a_signature_is_as_it_was_and_may_have_saved(signature: int) -> None:
-    with Wire(made()) as wire, Bench((), wire.options | {"eds": str(EDS)}) as bench:
+    wire = VirtualWire(made())
+    with wire.bench({"eds": str(EDS)}) as bench:
         bench.run("learn --yes --json")
         ahead = len(sent(wire.frames()))
     faults = (f"reset@{ahead + signature}=0.05",)
-    with Wire(made(), faults=faults) as wire, Bench((), wire.options | {"eds": str(EDS)}) as bench:
+    wire = VirtualWire(made(), faults=faults)
+    with wire.bench({"eds": str(EDS)}) as bench:
         node = bench.session.node(1)
         before = {pdo: node.pdo(pdo) for pdo in node.present()}
         ran = bench.run("learn --with-store --yes --json")

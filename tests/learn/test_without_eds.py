@@ -13,7 +13,9 @@ from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family, load_family_folder
 from tests.commands.bench import Bench
 from tests.commands.bus import Wire, device
+from tests.learn.cells import some
 from tests.learn.questions import put, questions
+from tests.learn.virtual import VirtualWire, own
 
 FAMILIES = ("canopennode", "generic", "lely")
 WORDS = "pdo --all", "read 1000", "read 1018:2", "read 1800:01", "read 1400:02", "read 1A00:01"
@@ -26,9 +28,14 @@ def shown(bench: Bench) -> list[str]:
     return [str(pdos), *(str(document["raw"]) for document in documents[1:])]
 
 
-@pytest.mark.parametrize("name", FAMILIES)
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    some(metafunc, "name", FAMILIES, 0.25)
+
+
+@pytest.mark.counted
 def test_what_is_learnt_without_a_file_answers_the_same(name: str) -> None:
-    with Wire(device(name)) as wire, Bench((), wire.options | {"profile": "generic"}) as bench:
+    wire = VirtualWire(device(name))
+    with wire.bench({"profile": "generic"}) as bench:
         before = shown(bench)
         ran = bench.run("learn --isolated --yes --save pump")
         assert (ran.code, "pump.eds" in ran.stdout) == (0, True), ran
@@ -63,7 +70,8 @@ def device_of(eds: Path, family: Family) -> StrictDevice:
 
 def test_its_cob_ids_follow_the_node_id() -> None:
     node = StrictDevice(read_eds(family_eds("generic")).dictionary, replace(load_family("generic")), 5)
-    with Wire(node) as wire, Bench((), wire.options | {"node": 5}) as bench:
+    wire = VirtualWire(node)
+    with wire.bench({"node": 5}) as bench:
         assert bench.run("learn --yes --save pump").code == 0
     dictionary = read_eds(Path("pump/pump.eds")).dictionary
     for index, node_id, wanted in ((0x1800, 5, 0x185), (0x1800, 9, 0x189), (0x1401, 9, 0x309), (0x1014, 9, 0x89)):
@@ -90,7 +98,8 @@ def test_an_object_of_the_other_direction_is_asked_for(both: bool) -> None:
         every = family.tpdo_access | family.rpdo_access
         family = replace(family, tpdo_access=every, rpdo_access=every)
     node = StrictDevice(read_eds(family_eds("generic")).dictionary, family, 1)
-    with Wire(node) as wire, Bench((), wire.options | {"profile": "generic"}) as bench:
+    wire = VirtualWire(node)
+    with wire.bench({"profile": "generic"}) as bench:
         for line in ("map tpdo1 6041", "map rpdo1 6040"):
             assert bench.run(line).code == 0
         ran = bench.run("learn --yes --save pump --json")
@@ -107,9 +116,9 @@ def test_an_object_of_the_other_direction_is_asked_for(both: bool) -> None:
     ("family", "said"), [("tmcm", "nodes of its identity use the last one"), ("canopennode", "-p pump")]
 )
 def test_who_uses_what_was_saved_is_told(family: str, said: str) -> None:
-    with Bench((family,)) as bench:
+    with own(family) as bench:
         told = " ".join(bench.run("learn --save pump --yes").stdout.split())
     assert said in told
     assert ("of its identity" in told) == ("-p pump" not in told)
-    with Bench((family,), {"profile": "pump"} if "-p" in said else {}) as bench:
+    with own(family, {"profile": "pump"} if "-p" in said else {}) as bench:
         assert bench.run("node --json").document["nodes"][0]["profile"] == "pump"

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from dvtcli.cli.view.lines import Cell, Line, Table
 from dvtcli.domain.mapping import PdoMappingEntry
-from dvtcli.domain.plan import PdoChange, Step
+from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.plan import Change, PdoChange, Step, ValueChange
 from dvtcli.domain.several import plural, several
 
 if TYPE_CHECKING:
@@ -23,13 +24,13 @@ def changed_nodes_lines(result: ChangedNodes, width: int) -> Iterator[Line]:
 def change_lines(result: Changed, width: int) -> Iterator[Line]:
     """The steps as they were taken, and what became of them."""
     count = len(result.plan)
-    labels = several(change.label for change in result.plan.changes)
+    labels = several(_written(result))
     labels += f" of node {result.node}" if result.named else ""
     if not count and result.not_put_back:
         yield f"{labels} NOT put back as it was; nothing was written."
         return
     if not count:
-        yield f"{labels or 'everything'} is as wanted already; nothing was written."
+        yield f"{labels or 'everything'} {_is(result)} as wanted already; nothing was written."
         return
     table = Table(right=frozenset({0, 2, 4}), shrink=5)
     for number, step in enumerate(result.plan.steps, 1):
@@ -58,18 +59,45 @@ def change_lines(result: Changed, width: int) -> Iterator[Line]:
     if result.saved:
         keeps, next_step = "By this the device keeps what is set (assumed: nobody published it)", ""
     yield [
-        Cell(f"{_counted(result, labels, verb)}: {writes}, {equal}, {result.seconds:.2f} s. "),
+        Cell(f"{_counted(result, labels, verb)}: {writes}, {equal}, {result.seconds:.2f} s. {_others(result)}"),
         Cell(f"{keeps}{next_step}.", "dim"),
     ]
 
 
+def _written(result: Changed) -> list[str]:
+    """What the answer names: of what was put back what had to be written, if anything had."""
+    changes = result.plan.changes
+    written = [change for change in changes if change.steps] if result.undone else []
+    return _labels(result, written or changes)
+
+
+def _labels(result: Changed, changes: Sequence[Change]) -> list[str]:
+    """Each once; an entry behind the count of a PDO that is put back goes by the name of that PDO."""
+    pdos = {change.pdo for change in result.plan.changes if isinstance(change, PdoChange)}
+    names = []
+    for change in changes:
+        pdo = Pdo.at(change.step.index) if isinstance(change, ValueChange) else None
+        names.append(change.label if pdo is None or pdo not in pdos else pdo.label)
+    return list(dict.fromkeys(names))
+
+
+def _is(result: Changed) -> str:
+    return "are" if len(_written(result)) > 1 else "is"
+
+
 def _counted(result: Changed, labels: str, verb: str) -> str:
     """What was changed with what became of it; many are counted before some of them are named."""
-    changes = result.plan.changes
-    if several(change.label for change in changes) == ", ".join(change.label for change in changes):
+    names = _written(result)
+    if several(names) == ", ".join(names):
         return f"{labels} {verb}"
-    noun = "PDO" if all(isinstance(change, PdoChange) for change in changes) else "change"
-    return f"{plural(len(changes), noun)} {verb} ({labels})"
+    noun = "change" if any(":" in name for name in names) else "PDO"
+    return f"{plural(len(names), noun)} {verb} ({labels})"
+
+
+def _others(result: Changed) -> str:
+    """How many more were looked at, where something is put back."""
+    count = len(_labels(result, result.plan.changes)) - len(_written(result))
+    return f"{count} more {'is' if count == 1 else 'are'} as before. " if count else ""
 
 
 def step_value(step: Step, data: bytes | None) -> str:

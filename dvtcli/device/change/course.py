@@ -26,12 +26,12 @@ class Course:
     made: list[Plan] = field(default_factory=list)
     in_hand: Plan | None = None
 
-    def begin(self, whole: Whole, plan: Plan, nmt_state: int | None) -> str:
-        """*plan* is about to be carried out; the id under which it is to be remembered."""
+    def begin(self, whole: Whole, plan: Plan, nmt_state: int | None, asked: tuple[str, ...] = ()) -> str:
+        """*plan* is about to be carried out, or to be held while `learn` asks; the id under which it is remembered."""
         if self.part.whole != whole.id or not self.made:
             self.made, self.nmt_state, self.part = [], nmt_state, Part(whole.id, whole.name)
         entry = os.urandom(16).hex()
-        self.part = replace(self.part, entries=(*self.part.entries, entry))
+        self.part = replace(self.part, entries=(*self.part.entries, entry), asked=asked)
         self.in_hand = plan
         return entry
 

@@ -192,7 +192,7 @@ class Recovery:
             node.forget()
 
     def _left(self, fault: BaseException) -> LeftChanged:
-        labels = several(change.label for change in self.journal.plan.changes)
+        labels = several(self.journal.labels)
         return LeftChanged(
             f"{labels} of node {self.node.node_id} could not be put back",
             node=self.node.node_id,

@@ -43,6 +43,11 @@ class Journal:
     nmt_state: int | None = None
     part: Part = field(default_factory=Part)
 
+    @property
+    def labels(self) -> list[str]:
+        """What may have been written, as it is printed."""
+        return list(self.part.asked) or [change.label for change in self.plan.changes]
+
 
 @dataclass(frozen=True, slots=True)
 class Journals:
@@ -114,6 +119,7 @@ class Journals:
             "name": part.name,
             "entries": list(part.entries),
             "final": part.final,
+            "asked": list(part.asked),
             "changes": [change_document(change) for change in plan.changes],
         }
         text = json.dumps(document, indent=1)
@@ -176,7 +182,8 @@ def _journal(path: Path, document: Any) -> Journal:
 def _part(document: dict[str, Any]) -> Part:
     """What the journal belongs to; those of earlier versions do not say, and stand alone."""
     whole, name, final = document.get("whole"), document.get("name", ""), document.get("final", "")
-    entries = document.get("entries", [])
-    if not isinstance(entries, list) or not all(isinstance(one, str) for one in (whole or "", name, final, *entries)):
+    entries, asked = document.get("entries", []), document.get("asked", [])
+    lists = isinstance(entries, list) and isinstance(asked, list)
+    if not lists or not all(isinstance(one, str) for one in (whole or "", name, final, *entries, *asked)):
         raise ValueError("what it belongs to is malformed")
-    return Part(whole, name, tuple(entries), final)
+    return Part(whole, name, tuple(entries), final, tuple(asked))

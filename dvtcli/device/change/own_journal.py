@@ -49,13 +49,16 @@ class OwnJournal:
         ours = course.made and course.in_hand is None and course.part.whole == self.whole.id
         return bool(ours) and path == self.path
 
-    def begin(self, plan: Plan, identity: Identity, nmt_state: int | None) -> None:
-        """Before the first write of *plan*, of the device of this *identity*: put the journal on disk."""
+    def begin(self, plan: Plan, identity: Identity, nmt_state: int | None, asked: tuple[str, ...] = ()) -> None:
+        """Before the first write of *plan*, of the device of this *identity*: put the journal on disk.
+
+        *asked* are the PDOs that `learn` asks, where it does.
+        """
         self.identity = identity
         with self._files("kept"):
             if self.whole.id is not None:
                 self.journals.open_whole(self.whole.id)
-            self.entry = self._course.begin(self.whole, plan, nmt_state)
+            self.entry = self._course.begin(self.whole, plan, nmt_state, asked)
             try:
                 self.lock.note(self._write())
             except OSError:  # nothing of this is written to the device: there is nothing to recover

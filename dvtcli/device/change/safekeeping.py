@@ -119,11 +119,12 @@ class Keeper:
         nmt_state: int | None,
         pdos: Callable[[], Mapping[Pdo, PdoConfig]],
         held: Mapping[Pdo, PdoConfig] | None = None,
+        asked: tuple[str, ...] = (),
     ) -> None:
         """Before the first write of *plan*: take the lock, back the PDOs up where needed, put the journal on disk.
 
         *held* are PDOs as they were just read, by which it is seen whether a backup is needed; *pdos* reads all of
-        them, for a backup only.
+        them, for a backup only. *asked* are the PDOs that `learn` asks, where it does.
         """
         with self._files("kept"):
             self.lock.take()
@@ -133,7 +134,7 @@ class Keeper:
             with self._files("kept"):
                 path = self._backing_up.make(identity, whole, {pdo for pdo in whole if self.is_fixed(pdo)})
                 self.say(f"backup of node {self.node_id}: {path}")
-        self.own_journal.begin(plan, identity, nmt_state)
+        self.own_journal.begin(plan, identity, nmt_state, asked)
 
     def remember(self, plan: Plan) -> None:
         """After *plan*, which `begin` was told of, was carried out and verified: a later `undo` can put it back."""

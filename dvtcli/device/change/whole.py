@@ -14,13 +14,15 @@ class Part:
     """What a journal belongs to: the id and the name of a whole (None and empty: its change stands alone).
 
     *entries* are the ids under which `undo` remembers the changes; *final* is the line of the script that was begun
-    and that no undo reverts.
+    and that no undo reverts. *asked* are the PDOs that `learn` asks, none where it is a change: the others of its plan
+    are only compared.
     """
 
     whole: str | None = None
     name: str = ""
     entries: tuple[str, ...] = ()
     final: str = ""
+    asked: tuple[str, ...] = ()
 
 
 @dataclass(slots=True)

@@ -83,7 +83,8 @@ def ask_safely(
     plan = way_back(node.node_id, subjects, pdos)
     with node.cancellation.guard():
         if node.keeper is not None:
-            node.keeper.begin(plan, node.identity(), found.state, node.known_pdos, pdos)
+            asked_about = tuple(subject.pdo.label for subject in subjects)
+            node.keeper.begin(plan, node.identity(), found.state, node.known_pdos, pdos, asked_about)
         saves = False
         try:
             asked = _ask(node, subjects, found, terms, on_write)
