@@ -95,7 +95,7 @@ def learn(
         may_store(node, force=session.options.force)
     _consent(session, prepared, found.state, isolated=isolated)
     started = time.monotonic()  # nobody's thinking counts
-    lacking = absences(node, prepared.subjects)
+    lacking = absences(node, prepared.subjects, _looked(session, node))
     terms = Terms(prepared.limit, isolated, prepared.saves)
     asked = ask_safely(node, prepared.subjects, pdos, found, terms, _told(session, prepared))
     _note_saved(node, asked.saved)
@@ -119,6 +119,12 @@ def _told(session: Session, prepared: _Prepared) -> Callable[[], None]:
         session.tell.progress(f"node {node_id}: learning, write {next(count)} of {prepared.limit} at most", 0, 0)
 
     return wrote
+
+
+def _looked(session: Session, node: Node) -> Callable[[int, int], None]:
+    """What tells the user how far the look for what the node lacks has come."""
+    text = f"node {node.node_id}: which objects of its EDS are there"
+    return lambda done, total: session.tell.progress(f"{text}, {done + 1} of {total}", done, total)
 
 
 def _heard(session: Session) -> frozenset[int]:

@@ -60,6 +60,9 @@ def test_each_write_of_learn_is_told_as_it_happens() -> None:
     assert isinstance(learnt, LearntDevice)
     texts = [text for text, *_ in follower.said]
     assert "listening for 1.5 s to which CAN-IDs are in use" in texts
+    looks = [one for one in follower.said if one[0].startswith("node 1: which objects of its EDS are there, ")]
+    assert [(done, total) for _, done, total in looks] == [(n, len(looks)) for n in range(len(looks))]
+    assert len(looks) > 20
     writes = [text for text in texts if text.startswith("node 1: learning, write ")]
     assert len(writes) == learnt.writes
     assert [int(text.split()[4]) for text in writes] == [*range(1, learnt.writes + 1)]

@@ -16,7 +16,7 @@ from dvtcli.simulator.network.family_file import family_eds, load_family, load_f
 from tests.learn.questions import Question, put
 from tests.learn.test_learnt_families import booted
 from tests.learn.test_put_back import values
-from tests.learn.virtual import VirtualWire
+from tests.learn.virtual import VirtualWire, own
 
 EDS = family_eds("generic")
 PDOS, MAPPINGS = (0x1400, 0x1BFF), (0x1600, 0x17FF)
@@ -68,6 +68,20 @@ def test_without_isolated_operational_says_nothing() -> None:
     assert not [row for row in document["profile"] if row["key"] == "pre_operational_gate"]
     asked = [row for row in document["probes"] if "OPERATIONAL" in row["name"]]
     assert {row["why"] for row in asked} == {"only with --isolated, while it is OPERATIONAL"}
+
+
+def test_what_is_not_asked_of_an_enabled_pdo_in_operational_is_said_with_the_reason() -> None:
+    with own("tmcm") as bench:
+        assert bench.run("nmt start").code == 0
+        ran = bench.run("learn --isolated --yes")
+    assert ran.code == 0, ran
+    told = " ".join(ran.stdout.split())
+    for label in ("TPDO4", "RPDO4"):
+        assert (
+            "not learnt: COB-ID in OPERATIONAL, type in OPERATIONAL, count in OPERATIONAL, entry in OPERATIONAL and 2 "
+            f"more: {label} is enabled: only a PDO that is off is asked in OPERATIONAL (`disable "
+            f"{label.lower()}` first)"
+        ) in told
 
 
 def test_a_family_s_other_ranges_stay() -> None:

@@ -69,3 +69,18 @@ def test_ctrl_c_at_the_last_question_stays(gen4: Terminal) -> None:
     gen4.wait("leave? [y/N]")
     gen4.type(CTRL_C)
     gen4.wait_prompt("sim/1 PRE-OP*> ")
+
+
+def test_a_question_that_is_wider_than_the_terminal_breaks_between_words(open_terminal: Open) -> None:
+    terminal = open_terminal("--sim", "tmcm", columns=60)
+    terminal.wait_prompt()
+    terminal.run("nmt start")
+    terminal.wait_prompt("sim/1 OP> ")
+    terminal.run("learn --isolated")
+    terminal.wait("[y/N]")
+    lines = [line.strip() for line in terminal.lines]
+    asked = " ".join(lines[next(n for n, line in enumerate(lines) if "of node 1 will be written" in line) :])
+    assert "the node is OPERATIONAL, will be PRE-OPERATIONAL meanwhile, and OPERATIONAL again after that" in asked
+    assert "PDOs that are off are written in OPERATIONAL, too; nothing else is on the bus (--isolated); learn?" in asked
+    terminal.type(f"n{ENTER}")
+    terminal.wait("the answer was no")

@@ -21,6 +21,9 @@ if TYPE_CHECKING:
     from dvtcli.errors import DvtcliError
     from dvtcli.operations.results import Document, Result
 
+#: columns that stay free behind a question: a blank, and a yes
+_ANSWER = 4
+
 
 class Output:
     """One pair of streams with the options that shape what is written to them."""
@@ -193,7 +196,8 @@ class Output:
         from dvtcli.cli.view.paint import painted
         from dvtcli.cli.view.typed_ahead import throw_away
 
-        text = painted(f"{question} [y/N]", self.stderr, colored=False, plain=self.plain)
+        width = max(_columns(self.stderr) - _ANSWER, 0)
+        text = painted(f"{question} [y/N]", self.stderr, colored=False, plain=self.plain, width=width)
         thrown_away = throw_away(sys.stdin)
         if thrown_away:
             self.warning(thrown_away)

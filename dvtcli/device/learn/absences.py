@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from dvtcli.device.read_pdos import ABSENT
@@ -15,12 +15,21 @@ if TYPE_CHECKING:
     from dvtcli.domain.learning.probe import Subject
 
 
-def absences(node: Node, subjects: Sequence[Subject]) -> tuple[Absence, ...]:
-    """What *node* lacks of what its file lists, as far as that is looked at; nothing where no file is known."""
+def absences(
+    node: Node, subjects: Sequence[Subject], on_look: Callable[[int, int], None] = lambda _done, _total: None
+) -> tuple[Absence, ...]:
+    """What *node* lacks of what its file lists, as far as that is looked at; nothing where no file is known.
+
+    *on_look* is told how many objects of how many were looked at.
+    """
     if node.dictionary is None:
         return ()
     places = listed(node.dictionary, subjects)
-    return tuple(one for index, sub_indices in places.items() for one in _of_object(node, index, sub_indices))
+    found: list[Absence] = []
+    for done, (index, sub_indices) in enumerate(places.items()):
+        on_look(done, len(places))
+        found += _of_object(node, index, sub_indices)
+    return tuple(found)
 
 
 def _of_object(node: Node, index: int, sub_indices: Sequence[int]) -> Iterator[Absence]:

@@ -35,8 +35,10 @@ _AREAS = {
 
 def while_operational(subject: Subject) -> list[Probe]:
     """The questions to a node that was found OPERATIONAL, before it is anything else; none where the PDO is enabled."""
-    if subject.held.enabled:
-        return []
+    return [] if subject.held.enabled else _questions(subject)
+
+
+def _questions(subject: Subject) -> list[Probe]:
     pdo = subject.pdo
     count = Write(pdo.mapping_index, 0, b"\0")
     asked = {
@@ -70,9 +72,12 @@ def _against_rules(subject: Subject, count: Write) -> dict[str, tuple[Write, ...
 
 
 def not_while_operational(subject: Subject) -> dict[str, Answer]:
-    """The questions about rules, where the node is not asked in OPERATIONAL."""
-    probes = [probe for probe in while_operational(subject) if _is_rule(probe.name)]
-    return {probe.name: Answer(probe, None, why=_WHY_NOT) for probe in probes}
+    """The questions, with the reason, where the PDO is not asked in OPERATIONAL."""
+    pdo = subject.pdo
+    why = _WHY_NOT
+    if subject.held.enabled:
+        why = f"{pdo.label} is enabled: only a PDO that is off is asked in OPERATIONAL (`disable {pdo}` first)"
+    return {probe.name: Answer(probe, None, why=why) for probe in _questions(subject)}
 
 
 def _is_rule(name: str) -> bool:
