@@ -115,7 +115,8 @@ def _told(fault: DvtcliError, *, may_have_saved: bool) -> None:
 def _ask(node: Node, subjects: Sequence[Subject], found: Found, terms: Terms, on_write: Callable[[], None]) -> Asked:
     askings = [Asking(node, subject, terms.limit, on_write) for subject in subjects]
     answers: list[dict[str, Answer]] = [{} for _ in subjects]
-    if terms.isolated and found.state is NmtState.OPERATIONAL:
+    in_operational = terms.isolated and found.state is NmtState.OPERATIONAL
+    if in_operational:
         node.gate.found = found.state  # before it is asked: a restart must not hide where it was
         for asking, first in zip(askings, answers, strict=True):
             _keep_to(terms, askings, asking)
@@ -128,7 +129,7 @@ def _ask(node: Node, subjects: Sequence[Subject], found: Found, terms: Terms, on
         if not quiet:
             asking.subject = replace(asking.subject, spare=())
         known.append(_ask_one(asking, first, terms))
-        for name, answer in not_while_operational(asking.subject).items():
+        for name, answer in not_while_operational(asking.subject, would_be=in_operational).items():
             first.setdefault(name, answer)
     return Asked(tuple(known), sum(asking.writes for asking in askings), Saved())
 

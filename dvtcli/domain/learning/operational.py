@@ -71,11 +71,13 @@ def _against_rules(subject: Subject, count: Write) -> dict[str, tuple[Write, ...
     return {"missing-object": (count, missing), "type 241": (reserved,) if TRANSMISSION_TYPE in sizes else ()}
 
 
-def not_while_operational(subject: Subject) -> dict[str, Answer]:
-    """The questions, with the reason, where the PDO is not asked in OPERATIONAL."""
+def not_while_operational(subject: Subject, *, would_be: bool) -> dict[str, Answer]:
+    """The questions, with the reason, of a PDO that is not asked in OPERATIONAL; *would_be*: were it off, it would."""
     pdo = subject.pdo
     why = _WHY_NOT
     if subject.held.enabled:
+        why += ", of a PDO that is off"
+    if would_be:
         why = f"{pdo.label} is enabled: only a PDO that is off is asked in OPERATIONAL (`disable {pdo}` first)"
     return {probe.name: Answer(probe, None, why=why) for probe in _questions(subject)}
 
