@@ -39,9 +39,10 @@ class Node(Changeable):
     #: labels of what a restart was seen to take while a change was made, which is yet to be said
     _unsaid: tuple[str, ...] = ()
 
-    def configure(self, wants: Mapping[Pdo, PdoWant], *, force: bool = False) -> Applied:
+    def configure(self, wants: Mapping[Pdo, PdoWant], *, force: bool = False, found: Found | None = None) -> Applied:
         """Make each PDO what *wants* says, all or none: check, write the least, read back, else put the old back.
 
+        *found* is how the node was claimed, where it was for this already: what was read since then counts.
         Raises as `resolve` where a want comes to nothing on this node, RuleError where a rule forbids it.
         """
         from dvtcli.device.applied import refuse
@@ -54,9 +55,10 @@ class Node(Changeable):
         from dvtcli.domain.several import several
 
         refuse_unlike_file(self.node_id, self.unlike_file, force=force)
-        found = self.claim()
+        look = self.pdo if found is None else self.known_pdo
+        found = found or self.claim()
         lengths = untyped_lengths(self, wants.values())
-        now = self.observed(lambda: {pdo: self.pdo(pdo) for pdo in wants})  # what is so already is not looked at again
+        now = self.observed(lambda: {pdo: look(pdo) for pdo in wants})  # what is so already is not looked at again
         wanted = {pdo: resolve(self, pdo, now[pdo], want, lengths) for pdo, want in wants.items()}
         findings: list[Finding] = []
         for pdo, want in wanted.items():

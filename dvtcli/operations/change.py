@@ -15,6 +15,7 @@ from dvtcli.operations.results import Changed
 if TYPE_CHECKING:
     from dvtcli.device.applied import Applied
     from dvtcli.device.node import Node
+    from dvtcli.device.observe import Found
     from dvtcli.domain.pdo import Pdo
     from dvtcli.domain.request import PdoWant
     from dvtcli.domain.rules import Finding
@@ -26,10 +27,13 @@ def configure_pdo(session: Session, node_id: int | None, pdo: Pdo, want: PdoWant
     return configure(session, session.node(node_id), {pdo: want})
 
 
-def configure(session: Session, node: Node, wants: Mapping[Pdo, PdoWant]) -> Changed:
-    """Carry *wants* out on *node*, all or none, and answer what was done."""
+def configure(session: Session, node: Node, wants: Mapping[Pdo, PdoWant], found: Found | None = None) -> Changed:
+    """Carry *wants* out on *node*, all or none, and answer what was done.
+
+    *found* is how the node was claimed, where it was: what was read since then counts.
+    """
     started = time.monotonic()
-    applied = node.configure(wants, force=session.options.force)
+    applied = node.configure(wants, force=session.options.force, found=found)
     applied = replace(applied, findings=(*applied.findings, *_without_producer(session, node, applied)))
     return changed(session, node, applied, time.monotonic() - started)
 

@@ -33,14 +33,14 @@ def clear_all(session: Session, node_id: int | None = None) -> Changed:
     One of which the rules say that it cannot be cleared stays as it is, and is named: it keeps no other from it.
     """
     node = session.node(node_id)
-    node.claim()
-    dynamic = {pdo: config for pdo, config in node.pdos().items() if node.is_dynamic(pdo)}
+    found = node.claim()
+    dynamic = {pdo: config for pdo, config in node.known_pdos().items() if node.is_dynamic(pdo)}
     if not dynamic:
         raise DvtcliError(f"node {node.node_id} has no PDO whose mapping can be changed", node=node.node_id)
     wanted = [pdo for pdo, config in dynamic.items() if cleared(config) != config] or list(dynamic)
     refused = {} if session.options.force else _refused(node, {pdo: dynamic[pdo] for pdo in wanted})
     rest = [pdo for pdo in wanted if pdo not in refused] or wanted
-    done = configure(session, node, dict.fromkeys(rest, Cleared()))
+    done = configure(session, node, dict.fromkeys(rest, Cleared()), found)
     left = (finding for pdo, finding in refused.items() if pdo not in rest)
     return replace(done, findings=(*done.findings, *left))
 

@@ -25,6 +25,7 @@ CHANGES = {
     "RPDO": "map rpdo2 6040 60FF --cob-id 0x3A7",
     "enable": "enable tpdo3",
     "clear": "clear tpdo2",
+    "clear all": "clear all",
     "parameter of a PDO": "write 1800:5 100 --as u16",
     "object": "write 1017 750 --as u16",
 }
