@@ -8,6 +8,7 @@ from pathlib import Path
 from dvtcli.cli.view.lines import Cell, Line, Table
 from dvtcli.domain.abort import abort_text
 from dvtcli.domain.learning.learnt_value import Value
+from dvtcli.domain.learning.operational import IN_OPERATIONAL
 from dvtcli.operations.results.learnt import LearnForecast, LearntDevice
 
 #: How many questions of one reason are named.
@@ -94,8 +95,9 @@ def _not_learnt(result: LearntDevice) -> Iterator[Line]:
     if reasons:
         yield ""
     for why, names in reasons.items():
-        first, more = list(names)[:_NAMED], len(names) - _NAMED
-        said = ", ".join(first) + (f" and {more} more" if more > 0 else "")
+        state = IN_OPERATIONAL if all(name.endswith(IN_OPERATIONAL) for name in names) else ""
+        first, more = [name.removesuffix(state) for name in names][:_NAMED], len(names) - _NAMED
+        said = ", ".join(first) + (f" and {more} more" if more > 0 else "") + state
         yield [Cell("not learnt: ", "yellow"), Cell(f"{said}: {why}")]
 
 

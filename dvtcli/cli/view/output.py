@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from dvtcli.errors import DvtcliError
     from dvtcli.operations.results import Document, Result
 
-#: columns that stay free behind a question: a blank, and a yes
-_ANSWER = 4
+#: columns that stay free behind a question: a blank, and a letter
+_ANSWER = 2
 
 
 class Output:
