@@ -19,7 +19,8 @@ class StandardEntry:
     access: Access | None
 
 
-_IDENTITY = 0x1018
+#: The identity object, and its highest sub-index.
+_IDENTITY, _IDENTITY_LENGTH = 0x1018, 4
 _RO, _RW, _CONST = Access.RO, Access.RW, Access.CONST
 
 #: VAR objects (CiA 301, 7.5.2).
@@ -93,6 +94,8 @@ def standard_entry(index: int, sub_index: int) -> StandardEntry | None:
     """What CiA 301 says about *index*:*sub_index*, or None where it says nothing."""
     if sub_index == 0 and index in _VARIABLES:
         return _VARIABLES[index]
+    if index == _IDENTITY and sub_index > _IDENTITY_LENGTH:
+        return None
     if index in _ARRAYS:
         return _ARRAYS[index][min(sub_index, 1)]
     if 0x1200 <= index <= 0x12FF:

@@ -87,6 +87,12 @@ def test_the_number_of_errors_is_no_highest_sub_index(access: str) -> None:
     assert [one for one in found(SOUND + errors) if one.rule == "highest-sub-index"] == []
 
 
+def test_of_a_part_of_the_identity_that_the_standard_does_not_have_it_says_nothing() -> None:
+    """A real file has a sub-index 06 of a maker's own."""
+    text = SOUND + "[1018sub6]\nParameterName=Build\nDataType=0x0005\nAccessType=ro\nPDOMapping=0\n"
+    assert "standard-type" not in {one.rule for one in found(text)}
+
+
 def test_every_rule_has_a_fault_that_it_finds() -> None:
     assert Counter(case.rule for case in PLANTED) == Counter(rule.name for rule in RULES)
 
