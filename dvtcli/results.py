@@ -11,6 +11,7 @@ from dvtcli.domain.rules import Finding
 from dvtcli.operations.api.told import Message
 from dvtcli.operations.results.changes import Changed
 from dvtcli.operations.results.comparisons import Compared
+from dvtcli.operations.results.loads import NetworkLoad
 from dvtcli.operations.results.logged_in import LoggedIn
 from dvtcli.operations.results.networks import NetworkApplied, NetworkPlanned
 from dvtcli.operations.results.nodes import Commanded, NodeListing, NodeRow, Synced
@@ -30,6 +31,7 @@ __all__ = [
     "MappedName",
     "Message",
     "NetworkApplied",
+    "NetworkLoad",
     "NetworkPlanned",
     "NodeListing",
     "NodeRow",

@@ -63,6 +63,25 @@ def frame_bits(can_id: int, data: bytes = b"", extended: bool = False, remote: b
     return total
 
 
+def most_frame_bits(data_bytes: int, *, extended: bool = False, remote: bool = False) -> int:
+    """The most bits that a frame with *data_bytes* (0..8) takes on the wire, stuffed as badly as can be.
+
+    55 + 10·s, with a 29-bit CAN-ID 80 + 10·s (Davis, Burns, Bril, Lukkien 2007); a *remote* frame has no data.
+    """
+    return (80 if extended else 55) + 10 * (0 if remote else data_bytes)
+
+
+def least_frame_bits(data_bytes: int, *, extended: bool = False, remote: bool = False) -> int:
+    """The bits of the same frame without any stuff bit."""
+    return (67 if extended else 47) + 8 * (0 if remote else data_bytes)
+
+
+def arbitration(can_id: int, *, extended: bool, remote: bool) -> int:
+    """The bits that decide who goes first, as a number: the lower one wins, as 0 is dominant."""
+    bits, _ = header(can_id, 0, extended, remote)
+    return bits >> 6 if extended else bits >> 6 << 20
+
+
 def header(can_id: int, length: int, extended: bool, remote: bool) -> tuple[int, int]:
     """Start of frame (0), arbitration and control field as one number, and how many bits that is."""
     if extended:

@@ -14,6 +14,7 @@ from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.plan_file import is_network_plan, read_network_plan
 from dvtcli.operations.change import names
 from dvtcli.operations.check_networks import read_wish
+from dvtcli.operations.network_load import load_after
 from dvtcli.operations.plan_network import checked, plan_network
 from dvtcli.operations.results.networks import NetworkPlanned
 
@@ -32,7 +33,7 @@ def planned(session: Session, file: str, saved: str | None = None, *, tells: boo
     With *tells* its exit code is 3 where something differs. Raises as `plan_network`.
     """
     plan = plan_network(session, file)
-    answer = NetworkPlanned(plan, tells, saved or "")
+    answer = NetworkPlanned(plan, tells, saved or "", load_after(session, plan))
     if saved is not None:
         with _opened(saved):
             Path(saved).write_text(json.dumps(answer.document(), indent=1) + "\n", encoding="utf-8")

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 import dvtcli
-from dvtcli.errors import SafetyRefusal
+from dvtcli.errors import SafetyRefusal, UsageError
+from tests.process import ROOT
 
 
 def test_a_program_plans_and_applies_a_network_file(tmp_path: Path) -> None:
@@ -24,3 +25,22 @@ def test_a_program_plans_and_applies_a_network_file(tmp_path: Path) -> None:
             bus.apply(file)
         assert bus.apply(file, yes=True).exit_code == 0
         assert bus.node(5).pdos()["tpdo1"].config.communication.event_timer == 80
+
+
+def test_load_of_a_file_and_of_the_nodes() -> None:
+    file = ROOT / "examples" / "line.yaml"
+    with dvtcli.simulate("gen4@1", "generic@5") as bus:
+        fits = bus.load(file, for_s=0, bit_rate=125_000)
+        assert fits
+        assert fits.document()["fits"] is True
+        assert not bus.load(for_s=0)
+        tried = bus.load(for_s=0, inhibit_ms={"1:tpdo1": 20, "5:tpdo1": 20, "5:tpdo2": 50}, sync_ms=10)
+        assert tried
+        with pytest.raises(UsageError):
+            bus.load(for_s=0, inhibit_ms={"1:rpdo1": 20})
+        with pytest.raises(UsageError):
+            bus.load(for_s=0, inhibit_ms={"300:tpdo1": 20})
+        with pytest.raises(UsageError):
+            bus.load(for_s=0, bit_rate=5)
+        with pytest.raises(UsageError):
+            bus.load(for_s=-1)

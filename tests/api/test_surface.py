@@ -17,8 +17,8 @@ from tests.process import ROOT, environment
 PUBLIC = {
     "dvtcli": ["Bus", "Node", "__version__", "connect", "errors", "results", "simulate"],
     "Bus": [
-        "apply", "check_sync", "close", "dry_run", "is_dry_run", "link", "name", "node", "plan", "scan", "script",
-        "sync", "unlink",
+        "apply", "check_sync", "close", "dry_run", "is_dry_run", "link", "load", "name", "node", "plan", "scan",
+        "script", "sync", "unlink",
     ],
     "Node": [
         "canopen", "clear", "disable", "enable", "identity", "login", "map", "nmt", "node_id", "objects", "pdo", "pdos",
@@ -26,7 +26,7 @@ PUBLIC = {
     ],
     "results": [
         "Changed", "CobId", "Commanded", "Compared", "Finding", "Frame", "LoggedIn", "MappedName", "Message",
-        "NetworkApplied", "NetworkPlanned",
+        "NetworkApplied", "NetworkLoad", "NetworkPlanned",
         "NodeListing", "NodeRow", "ObjectListing", "ObjectRow", "Pdo", "PdoCommunicationParameter", "PdoConfig",
         "PdoListing", "PdoMappingEntry", "PdoRow", "Plan", "Progress", "Proof", "Step", "Stored", "SyncCheck",
         "SyncSource", "Synced", "ValueRead",

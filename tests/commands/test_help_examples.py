@@ -43,7 +43,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         shutil.copy(family_eds("gen4"), tmp_path / name)
     (tmp_path / "eds-files").mkdir()
     shutil.copy(family_eds("gen4"), tmp_path / "eds-files")
-    for name in ("press.yaml", "bus.yml"):
+    for name in ("press.yaml", "line.yaml", "bus.yml"):
         shutil.copy(ROOT / "examples" / name, tmp_path / name)
     (tmp_path / "drive.dbc").write_text(DBC, encoding="utf-8")
     (tmp_path / "setup.dvt").write_text("map tpdo1 6041\nverify\n", encoding="utf-8")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from dvtcli.cli.prompt.load import BusLoad
+from dvtcli.cli.prompt.recent_load import BusLoad
 from dvtcli.domain.bus_load import frame_bits
 from dvtcli.domain.ports import Frame
 

@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING
 from dvtcli.bus.node_watch import HEARTBEAT
 from dvtcli.bus.receiver import bus_closed
 from dvtcli.cli.prompt.events import event_text
-from dvtcli.cli.prompt.load import BusLoad
 from dvtcli.cli.prompt.notices import Notices
+from dvtcli.cli.prompt.recent_load import BusLoad
 from dvtcli.domain.heard import LastFrames
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.node_events import BootUp, Emergency, NodeEvent

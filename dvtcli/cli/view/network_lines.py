@@ -13,6 +13,7 @@ from dvtcli.domain.several import plural, several
 from dvtcli.operations.results.networks import action, differing
 
 if TYPE_CHECKING:
+    from dvtcli.domain.network.bus_need import BusNeed
     from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
     from dvtcli.domain.pdo import Pdo
     from dvtcli.operations.results.networks import NetworkApplied, NetworkPlanned
@@ -34,10 +35,27 @@ def planned_lines(result: NetworkPlanned, width: int) -> Iterator[Line]:
     yield from plan_lines(result.plan, width)
     if not result.plan.changed:
         yield "No difference: every node holds what the file says. Nothing was written."
+    if result.need is not None:
+        yield from _load(result.need)
     if not result.plan.changed and not any(node.stores for node in result.plan.nodes):
         return
     saved = f" Saved: {result.saved}." if result.saved else ""
     yield f"Nothing was written.{saved} Next: dvtcli apply {result.saved or result.plan.file}"
+
+
+def _load(need: BusNeed) -> Iterator[Line]:
+    """What all frames need of the bus then."""
+    rate, share = f"{need.bit_rate / 1000:g} kbit/s", f"{100 * float(need.limited):.1f} %"
+    if need.unlimited:
+        names = several(f"{one.node}:{one.pdo}" for one in need.unlimited)
+        yield [
+            Cell("Worst-case bus load "),
+            Cell("without limit", "red"),
+            Cell(f" afterwards: {names}; {share} without"),
+        ]
+    else:
+        late = several(f"{one.stream.node}:{one.stream.pdo or one.stream.kind}" for one in need.late)
+        yield f"Worst-case bus load at {rate} afterwards: {share}{f'; too late: {late}' if late else ''}."
 
 
 def applied_lines(result: NetworkApplied, _width: int) -> Iterator[Line]:

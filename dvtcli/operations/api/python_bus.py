@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from canopen import RemoteNode
 
     from dvtcli.bus.canopen_node import CanopenNetwork
-    from dvtcli.operations.results import NetworkApplied, NetworkPlanned, NodeListing, SyncCheck, Synced
+    from dvtcli.operations.results import NetworkApplied, NetworkLoad, NetworkPlanned, NodeListing, SyncCheck, Synced
 
 
 class Bus:
@@ -148,6 +148,28 @@ class Bus:
 
         chosen = str(path("file", file))
         return self._calls.run(lambda: planned(self._session, chosen))
+
+    def load(
+        self,
+        file: str | Path | None = None,
+        *,
+        for_s: float = 3.0,
+        bit_rate: int | None = None,
+        sync_ms: float | None = None,
+        inhibit_ms: Mapping[str, float] | None = None,
+    ) -> NetworkLoad:
+        """What the nodes of the network *file* (None: those on the bus) need of it at worst; true where all of it fits.
+
+        The bus is listened to for *for_s* seconds (0…3600). *bit_rate* (bit/s) counts instead of the bus's own,
+        *sync_ms* as the period of SYNC, *inhibit_ms* as inhibit times: `{"5:tpdo3": 40}`. Writes nothing. Raises as
+        `plan`; UsageError where a PDO is none.
+        """
+        from dvtcli.operations.api.load_arguments import load_wishes
+        from dvtcli.operations.network_load import network_load
+
+        chosen = None if file is None else str(path("file", file))
+        wishes = load_wishes(for_s, bit_rate, sync_ms, inhibit_ms)
+        return self._calls.run(lambda: network_load(self._session, chosen, wishes))
 
     def apply(self, file: str | Path, *, prove: bool = False, yes: bool = False, force: bool = False) -> NetworkApplied:
         """Make the nodes what the network *file* says, or a plan that `dvtcli plan -o` saved: all of them, or none.

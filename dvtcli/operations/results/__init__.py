@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.results.frames import *  # noqa: F403
     from dvtcli.operations.results.habit_listing import *  # noqa: F403
     from dvtcli.operations.results.learnt import *  # noqa: F403
+    from dvtcli.operations.results.loads import *  # noqa: F403
     from dvtcli.operations.results.logged_in import *  # noqa: F403
     from dvtcli.operations.results.networks import *  # noqa: F403
     from dvtcli.operations.results.nodes import *  # noqa: F403

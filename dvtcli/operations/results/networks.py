@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
 from dvtcli.domain.plan import PdoChange, ValueChange
 from dvtcli.operations.results.documents import Answer, Document, finding_document, hex_bytes
+from dvtcli.operations.results.loads import need_document
 
 if TYPE_CHECKING:
+    from dvtcli.domain.network.bus_need import BusNeed
     from dvtcli.domain.pdo import PdoConfig
     from dvtcli.domain.rules import Finding
     from dvtcli.operations.results.stores import Stored
@@ -21,6 +23,7 @@ class NetworkPlanned(Answer):
     """What has to be written for a network to be as its file says; nothing was.
 
     *tells* says whether a difference is an exit code of its own; *saved* is the file that the plan was written to.
+    *need* is what all frames need of the bus afterwards, None where its bit rate is not known.
     """
 
     renderer: ClassVar = "network_lines:planned_lines"
@@ -29,6 +32,7 @@ class NetworkPlanned(Answer):
     plan: NetworkPlan
     tells: bool = False
     saved: str = ""
+    need: BusNeed | None = None
 
     def __bool__(self) -> bool:
         """Whether nothing has to be written."""
@@ -52,6 +56,7 @@ class NetworkPlanned(Answer):
             "file": plan.file,
             "changed": plan.changed,
             "writes": plan.writes,
+            "load": None if self.need is None else need_document(self.need),
             "nodes": [_node_document(node) for node in plan.nodes],
         }
 

@@ -8,17 +8,11 @@ from __future__ import annotations
 
 from collections import deque
 
-from dvtcli.domain.bus_load import frame_bits, header
+from dvtcli.domain.bus_load import arbitration, frame_bits
 from dvtcli.domain.ports import Frame
 
 #: frames of one source, or of all where they take no time, that wait before the wire is full
 _MOST_OF_ONE, _MOST_OF_ALL = 512, 10_000
-
-
-def arbitration(frame: Frame) -> int:
-    """The bits that decide who goes first, as a number: the lower one wins, as 0 is dominant."""
-    bits, _ = header(frame.can_id, 0, frame.extended, frame.remote)
-    return bits >> 6 if frame.extended else bits >> 6 << 20
 
 
 class Wire:
@@ -85,9 +79,13 @@ class Wire:
         if start_s is None or start_s > now_s:
             return
         ready = [source for source, queue in self._waiting.items() if queue[0][0] <= start_s]
-        winner = min(ready, key=lambda source: arbitration(self._waiting[source][0][1]))
+        winner = min(ready, key=lambda source: _priority(self._waiting[source][0][1]))
         _, frame = self._waiting[winner].popleft()
         if not self._waiting[winner]:
             del self._waiting[winner]
         self._free_s = start_s + frame_bits(frame.can_id, frame.data, frame.extended, frame.remote) * self._bit_s
         self._travelling = (self._free_s, winner, frame)
+
+
+def _priority(frame: Frame) -> int:
+    return arbitration(frame.can_id, extended=frame.extended, remote=frame.remote)

@@ -1,0 +1,62 @@
+"""Click types of `load`: bit rates, periods, and inhibit times of a TPDO."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from dvtcli.cli.params import NODE_ID, CanopenType, MillisecondsType
+from dvtcli.operations.options import BIT_RATES
+
+if TYPE_CHECKING:
+    import click
+
+    from dvtcli.domain.pdo import Pdo
+
+
+class BitRateType(CanopenType):
+    """A bit rate in bit/s."""
+
+    name = "bit/s"
+
+    def parse(self, text: str, ctx: click.Context | None) -> int:
+        """The bit rate; ValueError where no bus runs at it."""
+        rate = int(text) if text.isascii() and text.isdigit() and len(text) < 9 else 0
+        if rate not in BIT_RATES:
+            raise ValueError(f"{text!r} is not a bit rate; bit rates are {BIT_RATES[0]}…{BIT_RATES[-1]} bit/s")
+        return rate
+
+
+class PeriodType(CanopenType):
+    """A time in *unit*, within *low*…*high*."""
+
+    def __init__(self, unit: str, low: float, high: float) -> None:
+        self.name, self.low, self.high = unit, low, high
+
+    def parse(self, text: str, ctx: click.Context | None) -> float:
+        """The time; ValueError where it is no number or out of range."""
+        try:
+            value = float(text)
+        except ValueError:
+            raise ValueError(f"{text!r} is not a time in {self.name}") from None
+        if not self.low <= value <= self.high:
+            raise ValueError(f"{text} {self.name} is not within {self.low:g}…{self.high:g} {self.name}")
+        return value
+
+
+class InhibitType(CanopenType):
+    """`5:tpdo3=40`: a TPDO, of that node or of the only one that has it, and its inhibit time in ms."""
+
+    name = "inhibit"
+
+    def parse(self, text: str, ctx: click.Context | None) -> tuple[int | None, Pdo, int]:
+        """Node-ID (None where none is said), TPDO, and the time in 100 µs; ValueError where it is none of these."""
+        from dvtcli.domain.pdo import Pdo
+
+        head, equals, time = text.partition("=")
+        node, colon, word = head.rpartition(":")
+        if not equals:
+            raise ValueError(f"{text!r} is not [NODE:]tpdoN=MS, such as 5:tpdo3=40")
+        pdo = Pdo.parse(word)
+        if not pdo.is_tpdo:
+            raise ValueError(f"{word}: only TPDOs are inhibited")
+        return NODE_ID.parse(node, ctx) if colon else None, pdo, MillisecondsType(100).parse(time, ctx)

@@ -1,0 +1,159 @@
+"""The text of `load`: each frame with what it needs and what was heard of it, and what that comes to."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from fractions import Fraction
+from typing import TYPE_CHECKING
+
+from dvtcli.cli.view.lines import Cell, Line, Table
+from dvtcli.domain.network.frame_streams import NO_LIMIT, NO_SYNC
+from dvtcli.domain.several import plural, several
+
+if TYPE_CHECKING:
+    from dvtcli.domain.network.bus_need import StreamNeed
+    from dvtcli.domain.network.frame_streams import Stream
+    from dvtcli.operations.results.loads import FrameLoad, Measured, NetworkLoad
+
+#: how wide a bar is, and how wide where what was heard stands before it
+_BAR, _NARROW = 12, 8
+_HEADER = ("COB-ID", "WHAT", "NODE", "LEN", "AT MOST", "LOAD", "RESPONSE", "DEADLINE")
+_HEARD = ("HEARD/S", "LOAD")
+
+
+def load_lines(result: NetworkLoad, width: int) -> Iterator[Line]:
+    """A line a frame, the sum, what does not fit, and what was taken for granted."""
+    measured = result.measured if result.measured is not None and result.measured.seconds else None
+    rate = f"{result.need.bit_rate / 1000:g} kbit/s"
+    assumed = " (assumed: -b says another one)" if result.is_assumed else ""
+    heard = f"; {result.bus} heard for {measured.seconds:.1f} s, {measured.count.frames} frames" if measured else ""
+    yield [Cell(f"{result.file or result.bus} at {rate}{assumed}, at worst{heard}", "bold")]
+    yield from _table(result, measured).lines(width)
+    yield from _sums(result, measured)
+    yield from (([Cell("  ", ""), Cell(f"assumed: {text}", "dim")]) for text in result.need.assumed)
+
+
+def _table(result: NetworkLoad, measured: Measured | None) -> Table:
+    header = (*_HEADER, *(_HEARD if measured else ()), "")
+    table = Table(header, right=frozenset({2, 3, 5, 6, 7, 8, 9} if measured else {2, 3, 5, 6, 7}), shrink=4)
+    shares = [need.share for one in result.frames for need in one.needs if need.share is not None]
+    most = max([*map(float, shares), *_measured_shares(result)], default=0.0)
+    for one in result.frames:
+        for number, need in enumerate(one.needs or (None,)):
+            table.add(*_row(result, one, need, most, measured if number == 0 else None, heard=measured is not None))
+    return table
+
+
+def _measured_shares(result: NetworkLoad) -> Iterator[float]:
+    for one in result.frames:
+        if result.measured is not None and one.heard is not None:
+            yield result.measured.share(one.identifier, result.need.bit_rate)
+
+
+def _row(
+    result: NetworkLoad, one: FrameLoad, need: StreamNeed | None, most: float, measured: Measured | None, *, heard: bool
+) -> Iterator[str | Cell]:
+    can_id, extended = one.identifier
+    yield f"0x{can_id:08X}" if extended else f"0x{can_id:03X}"
+    yield one.label if need is None else need.stream.label
+    yield "-" if one.node is None else str(one.node)
+    share = 0.0
+    if need is None:
+        yield from (str(one.heard.data_bytes if one.heard else 0), "not computed", "-", "-", "-")
+    else:
+        share = 0.0 if need.share is None else float(need.share)
+        yield from _need(need)
+    if heard:
+        rate, load = "-", "-"
+        if measured is not None and one.heard is not None:
+            found = measured.share(one.identifier, result.need.bit_rate)
+            share = max(share, found) if need is None else share
+            rate, load = f"{measured.rate_hz(one.identifier):.1f}", _percent(found)
+        yield rate
+        yield load
+    width = _NARROW if heard else _BAR
+    is_unknown = need is not None and need.share is None
+    yield Cell("?" * width, "red") if is_unknown else Cell(_bar(share, most, width), "cyan")
+
+
+def _need(need: StreamNeed) -> Iterator[str | Cell]:
+    stream = need.stream
+    yield str(stream.frame.data_bytes)
+    yield Cell(stream.why, "red") if need.share is None else stream.why
+    yield Cell("no limit", "red") if need.share is None else _percent(need.share)
+    late = "red" if need.is_late else ""
+    yield Cell("no bound" if need.response_us is None else _ms(need.response_us), late)
+    yield Cell("-" if stream.deadline_us is None else _ms(stream.deadline_us), late)
+
+
+def _bar(share: float, most: float, width: int) -> str:
+    return "█" * max(1, round(width * share / most)) if share and most else ""
+
+
+def _sums(result: NetworkLoad, measured: Measured | None) -> Iterator[Line]:
+    need = result.need
+    if need.unlimited:
+        yield [
+            Cell("load  ", "bold"),
+            Cell("no limit", "red"),
+            Cell(f"; the rest takes {_percent(need.limited)} at worst"),
+        ]
+        yield from _unlimited(need.unlimited)
+    else:
+        yield [
+            Cell(f"load  {_percent(need.limited)} at worst", "red" if need.limited > 1 else "bold"),
+            Cell(f", {_percent(need.least)} without stuff bits", "dim"),
+        ]
+    if measured is not None:
+        found = f"heard {_percent(measured.load(need.bit_rate))}"
+        expected = result.expected
+        rates = f", computed for the same frames {_percent(expected)}" if expected is not None else ""
+        yield f"      {found}{rates}{_not_whole(measured)}"
+    yield from _in_time(result)
+
+
+def _unlimited(streams: Iterable[Stream]) -> Iterator[Line]:
+    """What has no limit, by the reason, and what would give it one."""
+    for why, text, hint in (
+        (NO_LIMIT, "event-driven, without inhibit time and event timer", "--inhibit NODE:tpdoN=MS tries one"),
+        (NO_SYNC, "synchronous, and nobody known here sends SYNC", "--sync MS says how often it comes"),
+        ("", "what makes it be sent is not known", "a transmission type that CiA 301 has"),
+    ):
+        names = [
+            _who(one.node, one.label) for one in streams if (one.why if one.why in (NO_LIMIT, NO_SYNC) else "") == why
+        ]
+        if names:
+            yield f"      {several(names)}: {text}"
+            yield [Cell("      hint: ", "cyan"), Cell(hint)]
+
+
+def _not_whole(measured: Measured) -> str:
+    odd = [plural(number, what) for number, what in ((measured.error_frames, "error frame"),) if number]
+    odd += [f"{measured.lost_frames} frames were lost here"] if measured.lost_frames else []
+    return "".join(f"; {one}" for one in odd)
+
+
+def _in_time(result: NetworkLoad) -> Iterator[Line]:
+    late = [one for one in result.need.late if one.response_us is not None or not result.need.unlimited]
+    if late:
+        names = several(_who(one.stream.node, one.stream.label) for one in late)
+        yield [Cell("late  ", "bold"), Cell(f"{names} may be there after the deadline", "red")]
+    elif result.need.fits:
+        yield "every frame is there before its deadline at worst"
+    if result.fitting:
+        yield "all of it fits at " + ", ".join(str(rate // 1000) for rate in result.fitting) + " kbit/s"
+    elif not result.need.unlimited:
+        yield "it does not fit at any bit rate of CiA 301"
+
+
+def _who(node: int | None, label: str) -> str:
+    return label if node is None else f"{node}:{label.lower()}" if "PDO" in label else f"{label} of node {node}"
+
+
+def _percent(share: Fraction | float) -> str:
+    return f"{100 * float(share):.2f} %"
+
+
+def _ms(time_us: Fraction | int) -> str:
+    value = float(time_us) / 1000
+    return f"{value:.2f} ms" if value < 100 else f"{value:.0f} ms"

@@ -1,0 +1,123 @@
+"""How much of a bus the frames of a network need at worst, and whether each of them is there in time.
+
+Computes. Knows neither where the frames come from nor what is really on the bus.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+
+from dvtcli.domain.bus_load import least_frame_bits, most_frame_bits
+from dvtcli.domain.network.frame_streams import Stream, Streams
+from dvtcli.domain.network.response_time import response_times, utilisation
+
+#: The longest frame of SDO, which has no time of its own and goes last.
+SDO_BITS = most_frame_bits(8)
+#: The bit rates that CiA 301 names, in bit/s.
+BIT_RATES = (10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000)
+_SETTLES = 8
+
+
+@dataclass(frozen=True, slots=True)
+class StreamNeed:
+    """A *stream* on the bus: the *share* (0 and up) that it takes, and when it is there at the latest (*response_us*).
+
+    Both are None where nothing limits them.
+    """
+
+    stream: Stream
+    share: Fraction | None
+    response_us: Fraction | None
+
+    @property
+    def is_late(self) -> bool:
+        """Whether it may be there after its deadline; also where nobody can say when it is there."""
+        deadline = self.stream.deadline_us
+        return deadline is not None and (self.response_us is None or self.response_us > deadline)
+
+    @property
+    def least_share(self) -> Fraction | None:
+        """Its share where no bit is stuffed."""
+        frame = self.stream.frame
+        if self.share is None:
+            return None
+        return (
+            self.share * least_frame_bits(frame.data_bytes, extended=frame.extended, remote=frame.remote) / frame.bits
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class BusNeed:
+    """What all streams need of a bus of *bit_rate* bit/s, in the order in which they go; *assumed* to find them."""
+
+    bit_rate: int
+    needs: tuple[StreamNeed, ...]
+    assumed: tuple[str, ...] = ()
+
+    @property
+    def limited(self) -> Fraction:
+        """The share of all that has a limit."""
+        return sum((one.share for one in self.needs if one.share is not None), Fraction(0))
+
+    @property
+    def least(self) -> Fraction:
+        """The same where no bit is stuffed."""
+        return sum((one.least_share for one in self.needs if one.least_share is not None), Fraction(0))
+
+    @property
+    def unlimited(self) -> tuple[Stream, ...]:
+        """What may come as often as it likes."""
+        return tuple(one.stream for one in self.needs if one.share is None)
+
+    @property
+    def total(self) -> Fraction | None:
+        """The worst-case load (0 and up); None where anything has no limit."""
+        return None if self.unlimited else self.limited
+
+    @property
+    def late(self) -> tuple[StreamNeed, ...]:
+        """What may be there too late."""
+        return tuple(one for one in self.needs if one.is_late)
+
+    @property
+    def fits(self) -> bool:
+        """Whether everything is there in time."""
+        return not self.unlimited and not self.late
+
+
+def bus_need(found: Streams, bit_rate: int) -> BusNeed:
+    """What the streams that were *found* need of a bus of *bit_rate* bit/s.
+
+    What SYNC makes be sent is as late as SYNC may be, beyond its shortest time on the wire: its jitter.
+    """
+    streams = sorted(found.streams, key=lambda one: one.frame.arbitration)
+    times = _times(streams, bit_rate)
+    for _ in range(_SETTLES):
+        late_us = _sync_jitter(streams, times, bit_rate)
+        if late_us is None or all(one.frame.jitter_us == late_us for one in streams if one.is_synchronous):
+            break
+        streams = [one.late(late_us) if one.is_synchronous else one for one in streams]
+        times = _times(streams, bit_rate)
+    shares = [None if one.frame.period_us is None else utilisation([one.frame], bit_rate) for one in streams]
+    needs = [StreamNeed(*row) for row in zip(streams, shares, times, strict=True)]
+    return BusNeed(bit_rate, tuple(needs), found.assumed)
+
+
+def _times(streams: list[Stream], bit_rate: int) -> list[Fraction | None]:
+    return response_times([one.frame for one in streams], bit_rate, SDO_BITS)
+
+
+def _sync_jitter(streams: list[Stream], times: list[Fraction | None], bit_rate: int) -> Fraction | None:
+    """How much later than at its earliest SYNC may be heard, in µs; None where there is none, or no bound."""
+    late = [
+        time - Fraction(1_000_000 * least_frame_bits(one.frame.data_bytes, extended=one.frame.extended), bit_rate)
+        for one, time in zip(streams, times, strict=True)
+        if one.kind == "sync" and time is not None
+    ]
+    return max(late, default=None)
+
+
+def fitting_bit_rates(found: Streams) -> tuple[int, ...]:
+    """The bit rates of CiA 301 at which everything of *found* is there in time."""
+    return tuple(rate for rate in BIT_RATES if bus_need(found, rate).fits)

@@ -1,0 +1,148 @@
+"""What the nodes of a network hold, as values: PDOs and the standard's objects, wherever they were read.
+
+Reads no node and no file, and judges nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+
+from dvtcli.domain.network.wanted_state import NOWHERE, Endpoint, LinkWish, Mark, MasterRole
+from dvtcli.domain.object_dictionary import ObjectDictionary
+from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.profile import GENERIC, DeviceProfile
+
+Place = tuple[int, int]
+Identity = Mapping[str, int | None]
+
+SYNC_COB_ID, SYNC_PERIOD, SYNC_WINDOW, SYNC_OVERFLOW = 0x1005, 0x1006, 0x1007, 0x1019
+GUARD_TIME, LIFE_TIME_FACTOR = 0x100C, 0x100D
+TIME_COB_ID, EMCY_COB_ID, EMCY_INHIBIT = 0x1012, 0x1014, 0x1015
+CONSUMER_HEARTBEAT, PRODUCER_HEARTBEAT, IDENTITY, ERROR_BEHAVIOUR = 0x1016, 0x1017, 0x1018, 0x1029
+NMT_STARTUP, SLAVE_ASSIGNMENT = 0x1F80, 0x1F81
+#: Bit 30 of 0x1005 and 0x1012: the node produces it (CiA 301, 7.5.2.5 and 7.5.2.16).
+PRODUCES = 1 << 30
+_FRAME, _OFF = 1 << 29, 1 << 31
+
+
+@dataclass(frozen=True, slots=True)
+class NodeState:
+    """One node: its *pdos*, and the *numbers* that other objects hold, those that it has and tells.
+
+    *name* is the node's in a file, *title* what the device calls itself; *mark* is where the file speaks of it. *asked*
+    is the identity that somebody wants of it, by the names of `Identity`.
+    """
+
+    node_id: int
+    name: str = ""
+    pdos: Mapping[Pdo, PdoConfig] = field(default_factory=dict)
+    numbers: Mapping[Place, int] = field(default_factory=dict)
+    dictionary: ObjectDictionary | None = None
+    profile: DeviceProfile = GENERIC
+    title: str = ""
+    mark: Mark = NOWHERE
+    marks: Mapping[Pdo, Mark] = field(default_factory=dict)
+    asked: Identity = field(default_factory=dict)
+
+    def number(self, index: int, sub_index: int = 0) -> int | None:
+        """What an object holds, None where the node has none or does not tell it."""
+        return self.numbers.get((index, sub_index))
+
+    @property
+    def produces_sync(self) -> bool:
+        """Whether it sends SYNC: bit 30 of 0x1005, and a period in 0x1006."""
+        return bool((self.number(SYNC_COB_ID) or 0) & PRODUCES and self.number(SYNC_PERIOD))
+
+    @property
+    def heartbeat_ms(self) -> int:
+        """How often it sends a heartbeat; 0 for never."""
+        return self.number(PRODUCER_HEARTBEAT) or 0
+
+    @property
+    def is_guarded(self) -> bool:
+        """Whether 0x100C times 0x100D, its life time, is not 0."""
+        return bool((self.number(GUARD_TIME) or 0) * (self.number(LIFE_TIME_FACTOR) or 0))
+
+    @property
+    def slots(self) -> dict[int, int]:
+        """The entries of 0x1016 by sub-index."""
+        return {sub: value for (index, sub), value in self.numbers.items() if index == CONSUMER_HEARTBEAT and sub}
+
+    @property
+    def watched(self) -> dict[int, int]:
+        """Whose heartbeat it waits for, by node-ID, and how long, in ms (CiA 301, 7.5.2.17)."""
+        used = (value for value in self.slots.values() if value & 0xFFFF and 1 <= value >> 16 & 0xFF <= 127)
+        return {value >> 16 & 0xFF: value & 0xFFFF for value in used}
+
+    @property
+    def emcy(self) -> Identifier | None:
+        """The CAN-ID of its EMCY, and whether that has 29 bits; None where it has none, or it is off."""
+        held = self.number(EMCY_COB_ID)
+        return None if held is None or held & _OFF else _identifier(held)
+
+    @property
+    def sync(self) -> Identifier:
+        """The CAN-ID of SYNC as it has it, 0x080 unless it says another one."""
+        held = self.number(SYNC_COB_ID)
+        return (0x080, False) if held is None else _identifier(held)
+
+    @property
+    def time(self) -> Identifier:
+        """The CAN-ID of the time stamp as it has it, 0x100 unless it says another one."""
+        held = self.number(TIME_COB_ID)
+        return (0x100, False) if held is None else _identifier(held)
+
+
+#: A CAN-ID, and whether it has 29 bits.
+Identifier = tuple[int, bool]
+
+
+def _identifier(held: int) -> Identifier:
+    extended = bool(held & _FRAME)
+    return held & (0x1FFF_FFFF if extended else 0x7FF), extended
+
+
+def identifier_of(config: PdoConfig) -> Identifier:
+    """The CAN-ID of a PDO, and whether it has 29 bits."""
+    cob_id = config.communication.cob_id
+    return cob_id.can_id, cob_id.extended
+
+
+@dataclass(frozen=True, slots=True)
+class NetworkState:
+    """The nodes in order of node-ID, the master where a file names one, and the links that a file asks for.
+
+    *file* is what says so, empty where nodes were read. *untold* are nodes that are part of it and of which nothing
+    is known.
+    """
+
+    nodes: tuple[NodeState, ...] = ()
+    master: MasterRole | None = None
+    links: tuple[LinkWish, ...] = ()
+    file: str = ""
+    untold: tuple[int, ...] = ()
+
+    def node(self, node_id: int) -> NodeState | None:
+        """The node with *node_id*, None where there is none."""
+        return next((one for one in self.nodes if one.node_id == node_id), None)
+
+    def enabled(self, *, is_tpdo: bool) -> Iterator[tuple[NodeState, Pdo, PdoConfig]]:
+        """Every PDO of one direction that is enabled."""
+        for node in self.nodes:
+            for pdo, config in sorted(node.pdos.items()):
+                if pdo.is_tpdo is is_tpdo and config.enabled:
+                    yield node, pdo, config
+
+    def producers(self, identifier: Identifier) -> list[tuple[Endpoint, PdoConfig]]:
+        """The enabled TPDOs that send *identifier*."""
+        enabled = self.enabled(is_tpdo=True)
+        return [(Endpoint(node.node_id, pdo), sent) for node, pdo, sent in enabled if identifier_of(sent) == identifier]
+
+    @property
+    def sync_periods_us(self) -> tuple[int, ...]:
+        """The periods of all that produce SYNC, the master among them."""
+        told = [node.number(SYNC_PERIOD) or 0 for node in self.nodes if node.produces_sync]
+        if self.master is not None and self.master.sync_period_us:
+            told.append(self.master.sync_period_us)
+        return tuple(told)

@@ -1,0 +1,115 @@
+"""What the nodes of a network hold, read from them, and what they will hold once a plan is carried out.
+
+Reads nodes, and writes nothing. Judges nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from dvtcli.device.read_pdos import read_number
+from dvtcli.domain.network.network_state import (
+    CONSUMER_HEARTBEAT,
+    EMCY_COB_ID,
+    EMCY_INHIBIT,
+    ERROR_BEHAVIOUR,
+    GUARD_TIME,
+    IDENTITY,
+    LIFE_TIME_FACTOR,
+    NMT_STARTUP,
+    PRODUCER_HEARTBEAT,
+    SLAVE_ASSIGNMENT,
+    SYNC_COB_ID,
+    SYNC_OVERFLOW,
+    SYNC_PERIOD,
+    SYNC_WINDOW,
+    TIME_COB_ID,
+    NetworkState,
+    NodeState,
+    Place,
+)
+from dvtcli.domain.plan import PdoChange, ValueChange
+from dvtcli.errors import SdoAborted, SdoProtocolError
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+    from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
+    from dvtcli.domain.network.wanted_state import NetworkWish, NodeWish
+    from dvtcli.domain.ports import SdoReader
+
+#: What a load is computed from besides PDOs: index, sub-index, and its length in bytes.
+TIMING = (
+    (SYNC_COB_ID, 0, 4), (SYNC_PERIOD, 0, 4), (SYNC_WINDOW, 0, 4), (SYNC_OVERFLOW, 0, 1), (GUARD_TIME, 0, 2),
+    (LIFE_TIME_FACTOR, 0, 1), (TIME_COB_ID, 0, 4), (EMCY_COB_ID, 0, 4), (EMCY_INHIBIT, 0, 2),
+    (PRODUCER_HEARTBEAT, 0, 2),
+)  # fmt: skip
+#: What the rules of `check` look at besides.
+JUDGED = (
+    *((IDENTITY, sub_index, 4) for sub_index in range(1, 5)), (ERROR_BEHAVIOUR, 1, 1), (NMT_STARTUP, 0, 4),
+)  # fmt: skip
+#: Objects with an entry a node: the length of each in bytes.
+_ARRAYS = {CONSUMER_HEARTBEAT: 4, SLAVE_ASSIGNMENT: 4, 0x1F84: 4, 0x1F85: 4, 0x1F86: 4, 0x1F87: 4, 0x1F88: 4}
+
+
+def node_state(node: Node, *, for_rules: bool = False) -> NodeState:
+    """What *node* holds now; with *for_rules* also what only the rules of `check` look at. Raises as its reads do."""
+    pdos = dict(node.known_pdos())
+    places = (*TIMING, *(JUDGED if for_rules else ()))
+    arrays = _ARRAYS if for_rules else {CONSUMER_HEARTBEAT: 4}
+    numbers = node.observed(lambda: dict(_numbers(node.memory, places, arrays)))
+    return NodeState(node.node_id, "", pdos, numbers, node.dictionary, node.profile, node.title)
+
+
+def _numbers(
+    sdo: SdoReader, places: Iterable[tuple[int, int, int]], arrays: Mapping[int, int]
+) -> Iterator[tuple[Place, int]]:
+    for index, sub_index, size in places:
+        if (value := _number(sdo, index, sub_index, size)) is not None:
+            yield (index, sub_index), value
+    for index, size in arrays.items():
+        for sub_index in range(1, (_number(sdo, index, 0, 1) or 0) + 1):
+            if (value := _number(sdo, index, sub_index, size)) is not None:
+                yield (index, sub_index), value
+
+
+def _number(sdo: SdoReader, index: int, sub_index: int, size: int) -> int | None:
+    """A number, None where the node does not tell it, for whatever reason it gives."""
+    try:
+        return read_number(sdo, index, sub_index, size)
+    except (SdoAborted, SdoProtocolError):
+        return None
+
+
+def network_state(nodes: Iterable[Node], *, for_rules: bool = False) -> NetworkState:
+    """What *nodes* hold now; raises as their reads do."""
+    states = (node_state(node, for_rules=for_rules) for node in nodes)
+    return NetworkState(tuple(sorted(states, key=lambda one: one.node_id)))
+
+
+def network_after(state: NetworkState, plan: NetworkPlan, wish: NetworkWish | None = None) -> NetworkState:
+    """*state* once *plan* is carried out; *wish* is what the plan comes from, where that is known."""
+    planned = {one.node_id: one for one in plan.nodes}
+    wished = {one.node_id: one for one in wish.nodes} if wish else {}
+    nodes = (_node_after(one, planned.get(one.node_id), wished.get(one.node_id)) for one in state.nodes)
+    links = () if wish is None else wish.links
+    return replace(state, nodes=tuple(nodes), master=None if wish is None else wish.master, links=links, file=plan.file)
+
+
+def _node_after(state: NodeState, plan: NodePlan | None, wish: NodeWish | None) -> NodeState:
+    if plan is None:
+        return state
+    changes = plan.plan.changes
+    pdos = {change.pdo: change.after for change in changes if isinstance(change, PdoChange)}
+    steps = (change.step for change in changes if isinstance(change, ValueChange))
+    written = {(step.index, step.sub_index): int.from_bytes(step.after, "little") for step in steps}
+    after = replace(state, name=plan.name, pdos={**state.pdos, **pdos}, numbers={**state.numbers, **written})
+    return after if wish is None else with_wish(after, wish)
+
+
+def with_wish(state: NodeState, wish: NodeWish) -> NodeState:
+    """*state* with where *wish* speaks of it, and the identity that it asks for."""
+    asked = {name: getattr(wish.identity, name) for name in ("vendor", "product", "revision", "serial")}
+    marks = {pdo.pdo: pdo.mark for pdo in wish.pdos}
+    return replace(state, name=wish.name, mark=wish.mark, marks=marks, asked=asked)

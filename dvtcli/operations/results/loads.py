@@ -1,0 +1,200 @@
+"""What `load` answers. Knows no terminal and no session."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from fractions import Fraction
+from typing import TYPE_CHECKING, ClassVar
+
+from dvtcli.operations.results.documents import Answer, Document
+from dvtcli.watch.service import service_of
+
+if TYPE_CHECKING:
+    from dvtcli.domain.network.bus_need import BusNeed, StreamNeed
+    from dvtcli.domain.network.network_state import Identifier
+    from dvtcli.watch.frame_count import Counted, FrameCount
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """What was heard: the frames that were counted in so many *seconds*, and what was not whole or got lost."""
+
+    count: FrameCount
+    seconds: float
+    error_frames: int = 0
+    lost_frames: int = 0
+
+    def load(self, bit_rate: int) -> float:
+        """The share of a bus of *bit_rate* bit/s that they took, with their real stuff bits."""
+        return self.count.bits / (self.seconds * bit_rate) if self.seconds else 0.0
+
+    def share(self, identifier: Identifier, bit_rate: int) -> float:
+        """The share of the frames of one CAN-ID."""
+        counted = self.count.by_id.get(identifier)
+        return 0.0 if counted is None or not self.seconds else counted.bits / (self.seconds * bit_rate)
+
+    def rate_hz(self, identifier: Identifier) -> float:
+        """Frames a second of one CAN-ID."""
+        counted = self.count.by_id.get(identifier)
+        return 0.0 if counted is None or not self.seconds else counted.frames / self.seconds
+
+
+@dataclass(frozen=True, slots=True)
+class FrameLoad:
+    """One CAN-ID: *needs* are what is computed of it, none where it was only heard; *heard* is what was."""
+
+    identifier: Identifier
+    needs: tuple[StreamNeed, ...] = ()
+    heard: Counted | None = None
+
+    @property
+    def label(self) -> str:
+        """What it is: of what was only heard, by the pre-defined connection set."""
+        if self.needs:
+            return self.needs[0].stream.label
+        can_id, extended = self.identifier
+        return service_of(can_id, extended=extended).label
+
+    @property
+    def node(self) -> int | None:
+        """Whose it is."""
+        if self.needs:
+            return self.needs[0].stream.node
+        can_id, extended = self.identifier
+        return service_of(can_id, extended=extended).node
+
+
+@dataclass(frozen=True, slots=True)
+class NetworkLoad(Answer):
+    """What a network *need*s of its bus at worst, at which bit rates it would fit, and what was *measured*.
+
+    *file* and *bus* say where both come from; *is_assumed* that nobody said the bit rate.
+    """
+
+    renderer: ClassVar = "load_lines:load_lines"
+    at_leisure: ClassVar = True
+
+    need: BusNeed
+    fitting: tuple[int, ...]
+    file: str = ""
+    bus: str = ""
+    is_assumed: bool = False
+    measured: Measured | None = None
+    exit_code: int = field(default=0, init=False)
+
+    def __bool__(self) -> bool:
+        """Whether everything is there in time at worst."""
+        return self.need.fits
+
+    @property
+    def expected(self) -> float | None:
+        """The load that the computed rates come to with the bits of the frames that were heard.
+
+        Of frames that are computed and heard only, EMCY left out; None where nothing was measured.
+        """
+        measured = self.measured
+        if measured is None or not measured.seconds:
+            return None
+        bits = Fraction(0)
+        for one in self.frames:
+            if one.heard is not None and one.needs and one.needs[0].stream.kind != "emcy":
+                rates = [Fraction(1_000_000) / n.stream.frame.period_us for n in one.needs if n.stream.frame.period_us]
+                bits += sum(rates, Fraction(0)) * one.heard.bits / one.heard.frames
+        return float(bits / self.need.bit_rate)
+
+    @property
+    def frames(self) -> tuple[FrameLoad, ...]:
+        """Every CAN-ID that is computed or was heard, in the order of the wire."""
+        needs: dict[Identifier, list[StreamNeed]] = {}
+        for one in self.need.needs:
+            needs.setdefault((one.stream.frame.can_id, one.stream.frame.extended), []).append(one)
+        heard = self.measured.count.by_id if self.measured is not None else {}
+        only_heard = [identifier for identifier in heard if identifier not in needs]
+        order = sorted([*needs, *only_heard], key=lambda one: (one[0] >> 18 if one[1] else one[0], one[1], one[0]))
+        return tuple(FrameLoad(one, tuple(needs.get(one, ())), heard.get(one)) for one in order)
+
+    def document(self) -> Document:
+        """`dvtcli.load/1`."""
+        return {
+            "schema": "dvtcli.load/1",
+            "file": self.file or None,
+            "bus": self.bus or None,
+            "bit_rate_assumed": self.is_assumed,
+            **need_document(self.need),
+            "fitting_bit_rates": list(self.fitting),
+            "assumed": list(self.need.assumed),
+            "measured": self._measured(),
+            "frames": [self._frame(one) for one in self.frames],
+        }
+
+    def _measured(self) -> Document | None:
+        measured = self.measured
+        if measured is None or not measured.seconds:
+            return None
+        return {
+            "seconds": round(measured.seconds, 3),
+            "frames": measured.count.frames,
+            "error_frames": measured.error_frames,
+            "lost_frames": measured.lost_frames,
+            "load": round(measured.load(self.need.bit_rate), 6),
+            "expected_load": None if self.expected is None else round(self.expected, 6),
+        }
+
+    def _frame(self, one: FrameLoad) -> Document:
+        can_id, extended = one.identifier
+        heard = one.heard
+        return {
+            "cob_id": can_id,
+            "extended": extended,
+            "what": one.label,
+            "node": one.node,
+            "worst": [_need(need) for need in one.needs],
+            "measured": None
+            if heard is None or self.measured is None
+            else {
+                "frames": heard.frames,
+                "rate_hz": round(self.measured.rate_hz(one.identifier), 3),
+                "load": round(self.measured.share(one.identifier, self.need.bit_rate), 6),
+                "shortest_ms": None if heard.shortest_s is None else round(1000 * heard.shortest_s, 3),
+                "longest_ms": None if heard.longest_s is None else round(1000 * heard.longest_s, 3),
+            },
+        }
+
+
+def need_document(need: BusNeed) -> Document:
+    """What a network needs of its bus in all."""
+    return {
+        "bit_rate": need.bit_rate,
+        "load": None if need.total is None else round(float(need.total), 6),
+        "limited_load": round(float(need.limited), 6),
+        "unlimited": [_who(one.node, one.label) for one in need.unlimited],
+        "late": [_who(one.stream.node, one.stream.label) for one in need.late],
+        "fits": need.fits,
+    }
+
+
+def _need(need: StreamNeed) -> Document:
+    stream = need.stream
+    return {
+        "kind": stream.kind,
+        "label": stream.label,
+        "remote": stream.frame.remote,
+        "length": stream.frame.data_bytes,
+        "bits": stream.frame.bits,
+        "period_us": _number(stream.frame.period_us),
+        "why": stream.why,
+        "assumed": stream.assumed,
+        "jitter_us": _number(stream.frame.jitter_us),
+        "load": None if need.share is None else round(float(need.share), 6),
+        "response_us": _number(need.response_us),
+        "deadline_us": _number(stream.deadline_us),
+        "late": need.is_late,
+    }
+
+
+def _number(time_us: Fraction | int | None) -> float | None:
+    return None if time_us is None else round(float(time_us), 3)
+
+
+def _who(node: int | None, label: str) -> str:
+    return label if node is None else f"{node}:{label.lower()}"

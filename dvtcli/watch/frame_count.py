@@ -1,0 +1,64 @@
+"""How often each frame came and how many bits it took: what a bus really carries.
+
+Pure: frames are handed in. Does not know who sends them, nor what they should have been.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from dvtcli.domain.bus_load import frame_bits
+from dvtcli.domain.ports import Frame
+
+#: A CAN-ID, and whether it has 29 bits.
+Identifier = tuple[int, bool]
+
+
+@dataclass(slots=True)
+class Counted:
+    """The frames of one CAN-ID: how many came, their *bits* with their real stuff bits, and the times between them.
+
+    *data_bytes* is the length of the longest, *shortest_s* and *longest_s* are between two that came one after the
+    other, None where fewer than two had a time.
+    """
+
+    frames: int = 0
+    bits: int = 0
+    data_bytes: int = 0
+    shortest_s: float | None = None
+    longest_s: float | None = None
+    _last_s: float = 0.0
+
+    def add(self, frame: Frame) -> None:
+        """One more came."""
+        self.frames += 1
+        self.bits += frame_bits(frame.can_id, frame.data, frame.extended, frame.remote)
+        self.data_bytes = max(self.data_bytes, len(frame.data))
+        if not frame.timestamp_s:
+            return  # sent from here: nobody knows when it was on the wire
+        if self._last_s:
+            gap_s = frame.timestamp_s - self._last_s
+            self.shortest_s = gap_s if self.shortest_s is None else min(self.shortest_s, gap_s)
+            self.longest_s = gap_s if self.longest_s is None else max(self.longest_s, gap_s)
+        self._last_s = frame.timestamp_s
+
+
+@dataclass(slots=True)
+class FrameCount:
+    """Frames by CAN-ID."""
+
+    by_id: dict[Identifier, Counted] = field(default_factory=dict)
+
+    def add(self, frame: Frame) -> None:
+        """Count one frame."""
+        self.by_id.setdefault((frame.can_id, frame.extended), Counted()).add(frame)
+
+    @property
+    def frames(self) -> int:
+        """How many there were in all."""
+        return sum(one.frames for one in self.by_id.values())
+
+    @property
+    def bits(self) -> int:
+        """How many bits they took in all."""
+        return sum(one.bits for one in self.by_id.values())
