@@ -36,11 +36,11 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--oddities", type=int, default=3, metavar="N", help="generated files on the whole way [3]")
     parser.addoption("--serve-frames", type=int, default=8000, metavar="N", help="frames to 4 clients of sim [8000]")
     parser.addoption("--rounds", type=int, default=3, metavar="N", help="rounds of four dvtcli at once [3]")
-    parser.addoption("--fuzz", type=int, default=5000, metavar="N", help="hostile inputs in all [5000]")
-    parser.addoption("--cells", type=int, default=2, metavar="N", help="faults for each sequence of the matrix [2]")
+    parser.addoption("--fuzz", type=int, default=3000, metavar="N", help="hostile inputs in all [3000]")
+    parser.addoption("--cells", type=int, default=1, metavar="N", help="faults for each sequence of the matrix [1]")
     parser.addoption("--every-size", action="store_true", help="golden screens in each size of terminal, not in one")
     parser.addoption("--hosts", type=int, default=4, metavar="N", help="hosts of a fleet, three of them faulty [4]")
-    parser.addoption("--kills", type=int, default=4, metavar="N", help="kills in the middle of an atomic script [4]")
+    parser.addoption("--kills", type=int, default=2, metavar="N", help="kills in the middle of an atomic script [2]")
     parser.addoption("--learn", type=int, default=4, metavar="N", help="families, faults and kills in learn [4]")
     parser.addoption("--elsewhere", type=int, default=4, metavar="N", help="tests as on Windows or macOS [4]")
     parser.addoption("--frame-sets", type=int, default=100, metavar="N", help="random sets of frames on a wire [100]")
@@ -81,12 +81,14 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def _order(items: list[pytest.Item]) -> None:
-    """What takes long begins early: `long` tests go to the heads of the parts that xdist makes of all, one a worker.
+    """Order *items* in the parts that xdist makes of all, one a worker: it takes from others' tails when it is done.
 
-    Nothing else changes in the order that pytest-randomly made; a worker that is done takes from another one's tail.
+    What takes long begins early: `long` tests go to the heads of the parts. What has something large to read once in a
+    process, `together`, goes behind them to one part. Nothing else changes in the order that pytest-randomly made.
     """
     early = [item for item in items if item.get_closest_marker("long")]
     rest = [item for item in items if not item.get_closest_marker("long")]
+    rest.sort(key=lambda item: not item.get_closest_marker("together"))
     workers = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
     ordered: list[pytest.Item] = []
     for number in range(workers):

@@ -290,7 +290,7 @@ class TestTwin(CarriesFrames):
         real.close()
 
 
-@pytest.mark.long
+@pytest.mark.together
 def test_who_uses_a_bus_does_not_know_of_which_kind_it_is() -> None:
     """Only who opens one does; everybody else has the contract."""
     arrows = SourceTree.of_the_package().house.arrows

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import shutil
 import signal
-import subprocess
-import sys
 import threading
 import tomllib
 from contextlib import chdir
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import pytest
 
@@ -20,7 +18,7 @@ from dvtcli.simulator.network.family_file import family_eds
 from tests.commands.bench import Bench
 from tests.commands.test_recording_commands import DBC, ramp
 from tests.house.test_commands import examples
-from tests.process import ROOT, environment
+from tests.process import ROOT, environment, start
 
 #: how long a command may take to be at work, in seconds
 PATIENCE_S = 60.0
@@ -33,8 +31,15 @@ def kind(key: str) -> list[str]:
     return [line for line in EXAMPLES if key in NEEDS.get(line, {})]
 
 
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """The same ramp in three formats."""
+    folder = tmp_path_factory.mktemp("recordings")
+    return [ramp(folder / f"run.{suffix}") for suffix in ("log", "asc", "blf")]
+
+
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(recordings: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder with the files that examples name, and the home of whoever runs them."""
     for name in ("HOME", "XDG_DATA_HOME", "XDG_STATE_HOME", "XDG_CONFIG_HOME"):
         monkeypatch.setenv(name, str(tmp_path / "home"))
@@ -48,8 +53,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "drive.dbc").write_text(DBC, encoding="utf-8")
     (tmp_path / "setup.dvt").write_text("map tpdo1 6041\nverify\n", encoding="utf-8")
     (tmp_path / "press.dvt").write_text("map tpdo2 606C --sync 1\n", encoding="utf-8")
-    for suffix in ("log", "asc", "blf"):
-        ramp(tmp_path / f"run.{suffix}")
+    for recording in recordings:
+        shutil.copy(recording, tmp_path)
     return tmp_path
 
 
@@ -75,17 +80,18 @@ def test_an_example_without_an_end_works_until_control_c(line: str, folder: Path
     script = folder / "example.dvt"
     script.write_text("\n".join([*needs.get("before", []), line, ""]), encoding="utf-8")
     run = ["run", str(script)] if "before" in needs else split(line)
-    process = subprocess.Popen(
-        [sys.executable, "-m", "dvtcli", "--yes", *words, *run, *needs.get("also", [])],
-        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, encoding="utf-8", cwd=folder,
-        env=environment() | {"PYTHONPATH": str(ROOT), "HOME": str(folder / "home"), "PYTHONUNBUFFERED": "1"},
+    process = start(
+        ["--yes", *words, *run, *needs.get("also", [])],
+        cwd=folder, env=environment() | {"HOME": str(folder / "home")}, merge=True, pipes=True,
     )  # fmt: skip
     impatient = threading.Timer(PATIENCE_S, process.kill)
     impatient.start()
     try:
-        said = until(process, needs["until"])
-        process.send_signal(signal.SIGINT)
-        said += process.communicate()[0]
+        with process.stdout, process.stderr:
+            said = until(process.stdout, needs["until"])
+            process.send_signal(signal.SIGINT)
+            said += process.stdout.read().decode()
+        process.wait()
     finally:
         impatient.cancel()
         process.kill()
@@ -93,12 +99,11 @@ def test_an_example_without_an_end_works_until_control_c(line: str, folder: Path
     assert "Traceback" not in said
 
 
-def until(process: subprocess.Popen[str], text: str) -> str:
-    """What *process* says until *text* is in it."""
-    assert process.stdout is not None
+def until(stdout: IO[bytes], text: str) -> str:
+    """What comes from *stdout* until *text* is in it."""
     said = ""
     while text not in said:
-        row = process.stdout.readline()
+        row = stdout.readline().decode()
         said += row
         assert row, said
     return said

@@ -9,6 +9,8 @@ from tests.house.laws import LAWS
 from tests.house.laws.source_tree import SourceTree
 from tests.house.source import PACKAGE
 
+pytestmark = pytest.mark.together
+
 HOUSE = SourceTree.of_the_package()
 
 

@@ -9,6 +9,8 @@ import pytest
 
 from tests.house.draw import ROOMS, House, main, svg
 
+pytestmark = pytest.mark.together
+
 WAYS = {
     "import dvtcli.device.node": "top",
     "from dvtcli.device import node": "top",

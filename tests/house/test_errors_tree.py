@@ -5,7 +5,11 @@ from __future__ import annotations
 import inspect
 import re
 
+import pytest
+
 from dvtcli import errors
+
+pytestmark = pytest.mark.together
 
 
 def drawn() -> dict[str, int]:

@@ -15,6 +15,8 @@ from tests.house.laws.makers import names, numbers
 from tests.house.laws.senders import MAY_SEND
 from tests.house.laws.source_tree import SourceTree
 
+pytestmark = pytest.mark.together
+
 HOUSE = SourceTree.of_the_package()
 #: laws about how files hang together: the others look at one file at a time
 WHOLE = {"direction", "independence", "laziness", "errors", "results"}

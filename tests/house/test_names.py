@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from collections import defaultdict
 
+import pytest
+
 from tests.house.source import modules
+
+pytestmark = pytest.mark.together
 
 #: rooms whose things a command may be named after: its file bears the word that a user types
 NAMESAKES = ("domain/", "device/")

@@ -8,10 +8,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 
+import pytest
+
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.profile import Severity
 from tests.house.reference.rules import declared
 from tests.house.source import modules
+
+pytestmark = pytest.mark.together
 
 #: what makes a finding -> how strongly it is meant; None where the call says it
 MAKERS = {"error": Severity.ERROR, "warning": Severity.WARNING, "note": Severity.NOTE, "Finding": None}

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import ast
 
+import pytest
+
 from tests.house.source import modules
+
+pytestmark = pytest.mark.together
 
 MOST_FUNCTION_LINES = 60
 MOST_FILE_LINES = 400

@@ -8,9 +8,13 @@ import tomllib
 from collections import Counter
 from collections.abc import Iterator
 
+import pytest
+
 from dvtcli import Bus, Node, results, testing
 from tests.house.laws.source_tree import SourceTree, dotted, imported
 from tests.process import ROOT
+
+pytestmark = pytest.mark.together
 
 HOUSE = SourceTree.of_the_package()
 #: what programs of others use

@@ -142,6 +142,7 @@ FAULTS: list[tuple[Fault, type[BaseException]]] = [
 ]
 
 
+@pytest.mark.drawn(12)
 @families
 @pytest.mark.parametrize(("fault", "error"), FAULTS, ids=[fault.__name__ for fault, _ in FAULTS])
 @laws
@@ -198,6 +199,7 @@ def test_a_request_to_stop_is_obeyed_between_two_steps_and_undone(family: str, d
     assert not cancellation.active
 
 
+@pytest.mark.drawn(6)
 @families
 @pytest.mark.parametrize("fault", [refuse, lose_request, interrupt_before])
 @laws
