@@ -86,9 +86,7 @@ def save_learnt(
 def _take_up(session: Session) -> None:
     """Let the nodes that were met have the profile that is theirs now."""
     from dvtcli.device.file_fits import as_file_says
-    from dvtcli.files.profile.library import read_anew
 
-    read_anew()
     for node_id, node in session.network.nodes.items():
         node.profile = as_file_says(session.network.files.profile(node_id), node.dictionary)
 

@@ -243,3 +243,20 @@ def test_a_simulated_family_s_identity_chooses_the_profile_of_its_name(path: Pat
     wanted = path.stem if path.stem in profile_names() and load_profile(path.stem).vendor_ids else "generic"
     found = profile_for_identity(int(vendor[1], 0), int(product[1], 0)).name
     assert found == wanted, f"{path.name}: its VendorNumber and ProductNumber choose {found}, not {wanted}"
+
+
+def test_one_s_own_profile_counts_as_it_is_now(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A process that was asked before it was written, after it changed, or with another home, is told the truth."""
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
+    assert profile_for_identity(0x1E, 0x0705302D).name == "gen4"
+    own = tmp_path / "dvtcli" / "profiles" / "pump.toml"
+    own.parent.mkdir(parents=True)
+    for title in ("Pump", "Pump controller"):
+        head = f'name = "pump"\ntitle = "{title}"\nlike = "gen4"\n'
+        own.write_text(f"{head}vendor_ids = [0x1E]\nproduct_codes = [0x0705302D]\n", "utf-8")
+        assert profile_for_identity(0x1E, 0x0705302D) == load_profile("pump")
+        assert load_profile("pump").title == title
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "another"))
+    assert profile_for_identity(0x1E, 0x0705302D).name == "gen4"
+    with pytest.raises(UsageError):
+        load_profile("pump")

@@ -6,6 +6,7 @@ A user's profile goes before a built-in one of the same name. Knows files; how o
 from __future__ import annotations
 
 import os
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
@@ -19,6 +20,8 @@ from dvtcli.files.toml_item import suggest
 _MOST_BYTES = 1_000_000
 #: The file of a profile that is in a folder of its own, with a simulated family.
 _FILE = "profile.toml"
+#: the user's own files, with when each was last written (ns) and how many bytes it has
+OwnFiles = tuple[tuple[Path, int, int], ...]
 
 
 def folder() -> Path:
@@ -31,6 +34,16 @@ def folder() -> Path:
 def own_names() -> tuple[str, ...]:
     """Names of the user's own profiles, sorted; no file is opened."""
     return tuple(sorted(path.stem for path in folder().glob("*.toml")))
+
+
+def _own_files() -> OwnFiles:
+    """The user's own files as they are now: what was read of others, or of them before, is old."""
+    found = []
+    for path in sorted(folder().glob("*.toml")):
+        with suppress(OSError):  # a link to nowhere: whoever reads it says so
+            now = path.stat()
+            found.append((path, now.st_mtime_ns, now.st_size))
+    return tuple(found)
 
 
 def profile_names() -> tuple[str, ...]:
@@ -77,9 +90,13 @@ def load_folder_profile(family: Path) -> DeviceProfile:
     return read_profile(_text(path), str(path))
 
 
-@cache
 def load_profile(name: str) -> DeviceProfile:
     """The profile *name*; UsageError where there is none, InputFileError with line and key where its file is wrong."""
+    return _loaded(name, _own_files())
+
+
+@cache
+def _loaded(name: str, _own: OwnFiles) -> DeviceProfile:
     path = profile_path(name)
     profile = read_profile(profile_text(name), f"{name}/{path.name}" if name not in own_names() else str(path))
     if profile.name != name:
@@ -91,13 +108,17 @@ def load_profile(name: str) -> DeviceProfile:
     return profile
 
 
-@cache
 def profile_for_identity(vendor_id: int, product_code: int) -> DeviceProfile:
     """The profile for a device's identity (0x1018:1 and :2), the generic one where none fits.
 
     A profile that names the very product goes before one that fits by mask, and that before one for all of the
     vendor's products; among equals the user's own goes first.
     """
+    return _fitting(vendor_id, product_code, _own_files())
+
+
+@cache
+def _fitting(vendor_id: int, product_code: int, _own: OwnFiles) -> DeviceProfile:
     fitting = [load_profile(name) for name in profile_names()]
     fitting = [profile for profile in fitting if profile.matches(vendor_id, product_code)]
     own = set(own_names())
@@ -105,15 +126,13 @@ def profile_for_identity(vendor_id: int, product_code: int) -> DeviceProfile:
     return fitting[-1] if fitting else load_profile("generic")
 
 
-def read_anew() -> None:
-    """A profile was written: what was read of them is old."""
-    for cached in (load_profile, profile_for_identity, passcode_objects):
-        cached.cache_clear()
+def passcode_objects() -> frozenset[ObjectAddress]:
+    """The objects that take a passcode, of every family: what is written there is nobody's business."""
+    return _passcode_objects(_own_files())
 
 
 @cache
-def passcode_objects() -> frozenset[ObjectAddress]:
-    """The objects that take a passcode, of every family: what is written there is nobody's business."""
+def _passcode_objects(_own: OwnFiles) -> frozenset[ObjectAddress]:
     profiles = map(load_profile, profile_names())
     return frozenset(profile.login.passcode for profile in profiles if profile.login is not None)
 
