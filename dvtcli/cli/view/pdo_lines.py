@@ -11,6 +11,7 @@ from dvtcli.domain.datatypes import Value
 from dvtcli.domain.drive_state import STATUSWORD, drive_state
 from dvtcli.domain.frame import layout
 from dvtcli.domain.pdo import PdoConfig, transmission_type_text
+from dvtcli.domain.several import plural
 from dvtcli.operations.results.pdos import LastFrame, MappedName, PdoListing, PdoRow
 
 #: A unit that files write with the value of one count: `1/16 V`.
@@ -134,7 +135,7 @@ def _detail(result: PdoListing, row: PdoRow, width: int) -> Iterator[Line]:
         yield f"  SYNC start value {parameter.sync_start_value}"
     yield from picture(row, width)
     used = row.config.bits
-    yield f"      {used} of 64 bits used ({(used + 7) // 8} bytes on the bus), least significant byte first"
+    yield f"      {used} of 64 bits used ({plural((used + 7) // 8, 'byte')} on the bus), least significant byte first"
     yield from _entries(row, width)
 
 
