@@ -78,10 +78,9 @@ def _one_of_many(file: str, rules: tuple[LintRule, ...], strict: bool, profile: 
     try:
         return report(file, _read(file), rules, strict=strict, profile=profile)
     except (InputFileError, UsageError) as wrong:
-        asked = (*map(_asked, rules), _UNREADABLE)
         text = f"{wrong.text}: {wrong.why}" if wrong.why else wrong.text
         found = FileFinding(1, _UNREADABLE.severity, _UNREADABLE.name, "", text)
-        return FileReport(file, 0, 0, 0, asked, (found,), strict)
+        return FileReport(file, 0, 0, 0, (_UNREADABLE,), (found,), strict)
 
 
 #: Not one of the rules that can be chosen: it is why none of them could look.

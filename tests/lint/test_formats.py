@@ -232,6 +232,8 @@ def test_other_formats_have_all_files(tmp_path: Path) -> None:
     suites = ET.fromstring(several(tmp_path, "*.eds", "--format", "junit").stdout.partition("?>")[2])  # noqa: S314
     assert [suite.attrib["name"] for suite in suites] == [f"eds check {name}.eds" for name in "abcd"]
     assert suites.attrib["failures"] == "2"
+    (unread,) = (suite for suite in suites if suite.attrib["name"] == "eds check d.eds")
+    assert unread.attrib["tests"] == "1", "a rule that could not look has not passed"
 
 
 @pytest.mark.parametrize("format_name", ["text", "json", "github", "junit", "sarif"])
