@@ -200,16 +200,16 @@ def read_dictionary(path: Path) -> ObjectDictionary:
     """The object dictionary of an EDS or DCF as it is now; UsageError where there is no such file."""
     try:
         known = path.stat()
-        return _dictionary(path, Path.cwd(), known.st_mtime_ns, known.st_size)
+        return _dictionary(path, None if path.is_absolute() else Path.cwd(), known.st_mtime_ns, known.st_size)
     except OSError as failed:
         raise UsageError(
             f"{path}: {failed.strerror or failed}", hint="--eds takes the path of an EDS or DCF"
         ) from failed
 
 
-@lru_cache(maxsize=8)
-def _dictionary(path: Path, _folder: Path, _changed_ns: int, _size: int) -> ObjectDictionary:
-    """What the file at *path* in *_folder* says since it was changed."""
+@lru_cache(maxsize=16)
+def _dictionary(path: Path, _folder: Path | None, _changed_ns: int, _size: int) -> ObjectDictionary:
+    """What the file at *path*, from *_folder* where it is relative, says since it was changed."""
     from dvtcli.files.eds.reader import read_eds
 
     return read_eds(path).dictionary

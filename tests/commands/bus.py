@@ -8,17 +8,17 @@ from types import TracebackType
 
 import can
 
-from dvtcli.files.eds.reader import read_eds
 from dvtcli.simulator.device.faults import Fault
 from dvtcli.simulator.device.strict_device import StrictDevice
-from dvtcli.simulator.network.family_file import family_eds, load_family
+from dvtcli.simulator.network.family_file import load_family
+from tests.bus.devices import dictionary
 from tests.served_nodes import ServedNodes
 
 _NUMBERS = count(1)
 
 
 def device(family: str, node_id: int = 1) -> StrictDevice:
-    return StrictDevice(read_eds(family_eds(family)).dictionary, load_family(family), node_id)
+    return StrictDevice(dictionary(family), load_family(family), node_id)
 
 
 class Wire:

@@ -7,10 +7,10 @@ from typing import Protocol
 
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.ports import Frame
-from dvtcli.files.eds.reader import read_eds
 from dvtcli.simulator.device.sdo_server import SdoServer
 from dvtcli.simulator.device.strict_device import StrictDevice
-from dvtcli.simulator.network.family_file import family_eds, load_family
+from dvtcli.simulator.network.family_file import load_family
+from tests.bus.devices import dictionary
 
 
 class Aborted(Exception):
@@ -24,7 +24,7 @@ class Silent(Exception):
 
 
 def booted(family: str = "generic", node_id: int = 1) -> StrictDevice:
-    device = StrictDevice(read_eds(family_eds(family)).dictionary, load_family(family), node_id)
+    device = StrictDevice(dictionary(family), load_family(family), node_id)
     device.boot_up()
     device.take_outbox()
     return device
