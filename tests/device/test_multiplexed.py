@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from dvtcli.device.change.finish_interrupted import recover
 from dvtcli.device.change.journal import read_journal
 from dvtcli.device.change.safekeeping import Keeper
 from dvtcli.device.compare import differences
@@ -18,6 +17,7 @@ from dvtcli.domain.ports import SdoTransport
 from dvtcli.domain.request import PdoRequest
 from dvtcli.errors import DeviceRefused, LeftChanged, RuleError
 from dvtcli.simulator.device.strict_device import StrictDevice
+from tests.faults.recovering import recover
 from tests.laws.bench import NODE, DirectBus, DirectSdo, FaultySdo, dictionary, refuse, silence
 from tests.laws.bench import plain as family
 

@@ -12,7 +12,6 @@ from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.pdo import Direction
 from dvtcli.domain.ports import Frame
 from dvtcli.files.eds.reader import read_eds
-from dvtcli.files.profile.library import read_anew
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family
 from tests.commands.bench import Bench
@@ -115,7 +114,6 @@ def test_a_folder_s_name_without_a_slash_is_hinted_at() -> None:
     with own("tmcm") as bench:
         assert bench.run("learn --yes --save pump").code == 0
         (Path.home() / ".config/dvtcli/profiles/pump.toml").unlink()
-        read_anew()
     with own("tmcm") as bench:
         assert "--compare ./pump" in bench.run("learn --yes --compare pump").stderr
 
