@@ -222,8 +222,9 @@ def _hint(config: Mapping[str, object], error: Exception) -> str:
     others = transports()
     if interface not in can.VALID_INTERFACES and interface not in others:
         known = [*can.VALID_INTERFACES, *others]
-        near = get_close_matches(interface, known, n=3) or sorted(known)
-        return f"known interfaces: {', '.join(near)}"
+        near = get_close_matches(interface, known, n=3)
+        meant = f"did you mean {near[0]}? " if near else ""
+        return f"{meant}known interfaces: {', '.join(sorted(known))}"
     number = errno.ETIMEDOUT if isinstance(error, TimeoutError) else _errno_of(error)
     if number in _ERRNO_HINTS:
         return _ERRNO_HINTS[number]

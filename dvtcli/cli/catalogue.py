@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterator, Sequence
 from functools import cache
 
@@ -67,6 +68,20 @@ def _declared(name: str) -> tuple[str, str]:
     return text.partition("\n")[0].strip().strip('"').strip(), behind.partition("\n")[0]
 
 
+#: What people type who come from other programs, for the command that it is.
+_ALSO = {"quit": "exit"}
+_A_PDO = re.compile(r"(?:\d{1,3}:)?[tr]pdo\d{1,3}", re.IGNORECASE)
+
+
+def meant(words: Sequence[str]) -> list[str]:
+    """A line's *words* with the command that is meant: `MAP` is `map`, `quit` is `exit`, a PDO alone is shown."""
+    name, *rest = words
+    if not rest and _A_PDO.fullmatch(name):
+        return ["pdo", name]
+    lower = _ALSO.get(name.lower(), name.lower())
+    return [lower if lower in command_names() else name, *rest]
+
+
 _TCL_WORDS = frozenset(("proc", "puts", "foreach", "for", "while", "if", "expr", "incr", "catch", "after"))
 
 
@@ -80,10 +95,12 @@ def unknown_command(name: str, others: Sequence[str] = ()) -> str:
     """What to say of a word that is no command, nor one of *others*."""
     from difflib import get_close_matches
 
-    if name.lower() in ("quit", "q", "bye", "logout"):
+    if name.lower() in ("q", "bye", "logout"):
         return f"no command is called {name!r}; did you mean 'exit'?"
     from dvtcli.cli.dvt.words import WORDS
 
+    if _A_PDO.fullmatch(name):
+        return f"no command is called {name!r}: pdo {name} shows it, map {name} OBJECT... sets what it carries"
     if name in _TCL_WORDS:
         return f"no command is called {name!r}: it is Tcl's, and a Tcl script is a file whose name ends in .tcl"
     close = get_close_matches(

@@ -34,6 +34,8 @@ class ObjectWord:
     """An object as it was typed; `resolve` finds it in the node's dictionary."""
 
     text: str
+    #: the node that `3:6041` names, None where it names none
+    node_id: int | None = None
 
     @property
     def notation_note(self) -> str | None:
@@ -98,6 +100,19 @@ class ObjectType(CanopenType):
         return object_items(ctx, incomplete, mapped=self.entry)
 
 
+class NodeObjectType(ObjectType):
+    """An object, with its node where that is said: `3:6041`, `3:1018:01`, `3:statusword`."""
+
+    def parse(self, text: str, ctx: click.Context | None) -> ObjectWord | EntryWord:
+        """The word; ValueError as for an object, and for a node-ID that is none."""
+        head, colon, tail = text.partition(":")
+        if not colon or not head.isdecimal() or len(head) > 3:
+            return super().parse(text, ctx)
+        if not 1 <= int(head) <= 127:
+            raise ValueError(f"{text!r}: node-IDs are 1…127")
+        return ObjectWord(super().parse(tail, ctx).text, int(head))
+
+
 class EntryType(ObjectType):
     """A mapping entry: an object, optionally `/BITS`, or `dummy/BITS`."""
 
@@ -122,4 +137,4 @@ class DataTypeParam(CanopenType):
         return [CompletionItem(k, help=t.name) for k, t in BY_SHORT_NAME.items() if k.startswith(incomplete.lower())]
 
 
-OBJECT, ENTRY = ObjectType(), EntryType()
+OBJECT, ENTRY = NodeObjectType(), EntryType()

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from dvtcli.cli.catalogue import command_names, task_sections, unknown_command
+from dvtcli.cli.catalogue import command_names, meant, task_sections, unknown_command
 from dvtcli.cli.global_options import by_variable, global_options, one_pair_each, taken
 from dvtcli.cli.ways import Root, ways
 
@@ -46,6 +46,7 @@ class Registry(Root):
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
         """Find the command; an unknown one gets the nearest name."""
+        args = meant(args)
         if self.get_command(ctx, args[0]) is None:
             raise click.UsageError(unknown_command(args[0]), ctx)
         return super().resolve_command(ctx, args)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from dvtcli.cli.catalogue import unknown_command
+from dvtcli.cli.catalogue import meant, unknown_command
 from dvtcli.cli.registry import REGISTRY
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 def parse(words: Sequence[str], session: Conversation) -> click.Context:
     """Find and parse one line's command without running it; usage errors are raised here."""
     root = click.Context(REGISTRY, info_name="", obj=session)
-    name, *args = words
+    name, *args = meant(words)
     if name.startswith("-"):
         raise click.UsageError(f"{name} stands before any command; options stand behind it")
     command = REGISTRY.get_command(root, name)

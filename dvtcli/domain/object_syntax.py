@@ -13,10 +13,12 @@ from dataclasses import dataclass
 from dvtcli.domain.mapping import MAX_PDO_BITS
 from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry, normalised
 
-_OBJECT = re.compile(r"(?:0[xX])?([0-9A-Fa-f]{4})(?::(?:0[xX])?([0-9A-Fa-f]{1,2}))?")
+_OBJECT = re.compile(r"(?:0[xX])?([0-9A-Fa-f]{4})[hH]?(?::(?:0[xX])?([0-9A-Fa-f]{1,2})[hH]?)?")
 _WRONG_NUMBER = re.compile(r"0[xX][0-9A-Fa-f]+(?::.*)?|[0-9A-Fa-f]+:[0-9A-Fa-fxX]*")
 #: A maker's manual that counts sub-indices in decimal: `0x2005-13` is 2005:0D.
 _DECIMAL_SUB = re.compile(r"(?:0[xX])?([0-9A-Fa-f]{4})-([0-9]{1,3})(?:/[0-9]{1,3})?")
+#: CAN-IDs of PDOs in the pre-defined connection set (CiA 301, 7.3.5)
+PDO_CAN_IDS = 0x181, 0x57F
 _BITS = re.compile(r"[0-9]{1,3}")
 
 
@@ -45,7 +47,7 @@ class Skipped:
 
 
 def parse_object(text: str) -> tuple[int, int] | None:
-    """Read `0x6C01:1`, `6C01:01` or `6041` (index and sub-index hexadecimal); None where *text* is a name.
+    """Read `0x6C01:1`, `6C01:01`, `6041` or `6041h` (index and sub-index hexadecimal); None where *text* is a name.
 
     Also `0x2005-13`, whose sub-index is decimal (RoboteQ CAN Networking Manual).
 
@@ -156,5 +158,7 @@ def parse_cob_id(text: str) -> int:
             return value
         raise ValueError(f"{text} is more than a CAN-ID's 29 bits; bits 29..31 have options: --extended --no-rtr --off")
     if re.fullmatch(r"[0-9A-Fa-f]{1,8}", text):
-        raise ValueError(f"{text!r}: a COB-ID is written in hexadecimal with 0x; 0x{text}?")
+        likely = text.isdecimal() and PDO_CAN_IDS[0] <= int(text) <= PDO_CAN_IDS[1]
+        decimal = f"0x{int(text):X} (decimal {text}) or " if likely else ""
+        raise ValueError(f"{text!r}: a COB-ID is written in hexadecimal with 0x; {decimal}0x{text}?")
     raise ValueError(f"{text!r} is not a COB-ID; write 0x201, auto or keep")

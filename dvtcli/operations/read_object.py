@@ -13,11 +13,13 @@ if TYPE_CHECKING:
     from dvtcli.operations.session import Session
 
 
-def read_object(session: Session, object_: str, data_type: DataType | None = None) -> ValueRead:
-    """Read *object_* (`6C01:1`, `statusword`…) of the selected node, as *data_type*, None for the EDS's own.
+def read_object(
+    session: Session, object_: str, data_type: DataType | None = None, node_id: int | None = None
+) -> ValueRead:
+    """Read *object_* (`6C01:1`, `statusword`…) of node *node_id*, else the selected one, as *data_type*, else the file's.
 
     UsageError for an unknown name, SdoAborted where the device refuses, NoAnswer where it is silent.
     """
-    node = session.node()
+    node = session.node(node_id)
     index, sub_index = object_at(node, object_)
     return value_result(node, index, sub_index, node.upload(index, sub_index), data_type)

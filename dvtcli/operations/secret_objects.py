@@ -33,6 +33,7 @@ class Secrets:
         By number in any notation, or by one of the names that *dictionaries* have for it.
         """
         words = line.lower().replace("0x", "").replace(":", " ").replace("-", " ")
+        words = re.sub(r"\b([0-9a-f]{1,4})h\b", r"\1", words)
         if any(re.search(rf"\b(?:{index:04x}|{index})\s+0*{sub:x}\b", words) for index, sub in self.objects):
             return True
         found = (one.entry(*place) for one in dictionaries for place in self.objects)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
 
+from dvtcli.cli.view.glyphs import ascii_only
 from dvtcli.files.eds.reader import parse_eds
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family
@@ -129,3 +131,72 @@ def test_without_an_eds_what_the_first_reset_took_is_said_too() -> None:
         bench.run("set tpdo2 --timer 70")
         document = bench.run("restore --prove --json").documents[-1]
         assert (document["proved"], document["lost"]) == (True, ["TPDO2"])
+
+
+@pytest.mark.parametrize(
+    ("typed", "meant"),
+    [
+        ("MAP tpdo1 6041 --off", "map tpdo1 6041 --off"),
+        ("tpdo1", "pdo tpdo1"),
+        ("3:TPDO1", "pdo 3:tpdo1"),
+        ("read 6041h", "read 6041"),
+        ("read 1A00h:01h", "read 1A00:01"),
+        ("undo all", "undo --all"),
+        ("QUIT", "exit"),
+    ],
+)
+def test_what_people_type_is_what_they_mean(typed: str, meant: str) -> None:
+    ran = []
+    for line in (typed, meant):
+        with Bench(("gen4@1", "generic@3")) as bench:
+            bench.run("set tpdo2 --timer 70")
+            ran.append(bench.run(line))
+    assert ran[0].code == ran[1].code
+    first, second = (re.sub(r"[0-9.]+ s\b", "", one.stdout) for one in ran)
+    assert first == second
+
+
+def test_an_object_may_name_its_node() -> None:
+    with Bench(("gen4@1", "generic@3")) as bench:
+        assert bench.run("write 3:1017 700").code == 0
+        assert "= 700" in bench.run("read 3:1017").stdout
+        assert "= 700" in bench.run("read 3:producer_heartbeat_time").stdout
+        assert "= 700" not in bench.run("read 1017").stdout
+        refused = bench.run("read 300:1017")
+        assert refused.code == 2
+        assert "node-IDs are 1…127" in refused.stderr
+
+
+def test_a_can_id_in_decimal_gets_its_hexadecimal() -> None:
+    with Bench(("gen4",)) as bench:
+        assert "0x201 (decimal 513) or 0x513?" in bench.run("map tpdo1 6041 --cob-id 513").stderr
+        assert "with 0x; 0x201?" in bench.run("map tpdo1 6041 --cob-id 201").stderr
+
+
+def test_a_pdo_with_more_words_gets_the_command_for_it() -> None:
+    with Bench(("gen4",)) as bench:
+        ran = bench.run("tpdo1 6041")
+    assert ran.code == 2
+    assert "map tpdo1 OBJECT" in ran.stderr
+
+
+def test_a_store_by_its_number_is_final_in_any_notation(tmp_path: Path) -> None:
+    script = tmp_path / "final.dvt"
+    script.write_text("write 1010h:01h save\nset tpdo1 --timer 70\n")
+    with Bench(("gen4",)) as bench:
+        ran = bench.run(f"run {script} --atomic")
+    assert ran.code == 2
+    assert "final.dvt:1" in ran.stderr
+
+
+def test_an_unknown_interface_gets_all_that_there_are() -> None:
+    ran = run(["-i", "soketcan", "-c", "can0", "scan"])
+    assert ran.returncode == 5
+    assert "did you mean socketcan?" in ran.stderr
+    assert "pcan" in ran.stderr
+    assert "slcan" in ran.stderr
+
+
+@pytest.mark.parametrize("text", ["±0.8 ms", "↑ 3 lines ↓", "1 µs ≤ 2 × 3 – 4"])
+def test_ascii_has_a_look_alike_for_what_screens_draw(text: str) -> None:
+    assert "?" not in ascii_only(text)

@@ -30,6 +30,8 @@ def test_the_simulated_node_is_chosen_and_kept(open_terminal: Open, tmp_path: Pa
     terminal.wait("please")
     terminal.until(lambda: terminal.text.count("Use which?") == 2, "the question again")
     terminal.type(f"{number}\r")
+    answer(terminal, "Save as default in dvtcli.toml? [y/N]", "help")
+    terminal.wait("y and Enter is yes")
     answer(terminal, "Save as default in dvtcli.toml? [y/N]", "y")
     terminal.wait_prompt()
     terminal.type(CTRL_D)

@@ -30,7 +30,8 @@ def command(session: Session, /, object_: ObjectWord, data_type: DataType | None
     read 6C01:1
     read statusword
     read 1018:1 --as u32
+    read 3:6041              of node 3
     """
     from dvtcli.operations.read_object import read_object
 
-    return read_object(session, object_.text, data_type)
+    return read_object(session, object_.text, data_type, object_.node_id)

@@ -42,6 +42,8 @@ def command(ctx: click.Context, /) -> int:
     guide = Conversation(session.output)
     guide.start({"sim": (_SHOWN,), "color": session.base.color, "ascii": session.base.ascii})
     guide.started = True
+    if session.is_open and not session.base.sim:
+        _say(guide, "The tour runs on a simulated node of its own: nothing of it reaches the bus that is open here.")
     asks = sys.stdin.isatty() and sys.stderr.isatty() and not session.in_script
     try:
         for number, step in enumerate(STEPS, 1):

@@ -22,6 +22,7 @@ _NEWEST = "newest"
 
 
 @click.command("undo", cls=DvtCommand, short_help=__doc__, effect=Effect.CHANGES)
+@click.argument("word", type=click.Choice(["all"], case_sensitive=False), required=False, metavar="[all]")
 @click.option(
     "--all", "everything", is_flag=True, help="Every change of this session on every node; else earlier ones."
 )
@@ -30,7 +31,7 @@ _NEWEST = "newest"
     help="Put an automatic backup back: the newest, or that of a date and time.",
 )  # fmt: skip
 @click.pass_context
-def command(ctx: click.Context, /, everything: bool, backup: str | None) -> Changed | ChangedNodes:
+def command(ctx: click.Context, /, word: str | None, everything: bool, backup: str | None) -> Changed | ChangedNodes:
     """Put back what the last change replaced, on whichever node it was; on a real bus also one of an earlier process.
 
     \b
@@ -38,6 +39,7 @@ def command(ctx: click.Context, /, everything: bool, backup: str | None) -> Chan
     undo --all
     undo --backup 2026-11-22T04:11
     """
+    everything = everything or word is not None
     if backup is None:
         from dvtcli.operations.undo_changes import undo
 

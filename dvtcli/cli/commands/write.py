@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +11,7 @@ from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.effect import Effect, Final, final_write
 from dvtcli.cli.object_params import OBJECT, DataTypeParam, ObjectWord
 from dvtcli.cli.params import TEXT
+from dvtcli.domain.object_syntax import parse_object
 from dvtcli.operations.write_object import write_text
 
 if TYPE_CHECKING:
@@ -21,13 +21,11 @@ if TYPE_CHECKING:
 
 TASK = ("Change PDOs", 70)
 
-_INDEX = re.compile("[0-9a-f]{4}")
-
 
 def _final(params: Mapping[str, Any]) -> Final | None:
     """0x1010 and 0x1011 by their numbers; a name is looked up only where there is a node."""
-    head = params["object_"].text.partition(":")[0].lower().removeprefix("0x")
-    return final_write("write", int(head, 16) if _INDEX.fullmatch(head) else None)
+    place = parse_object(params["object_"].text)
+    return final_write("write", None if place is None else place[0])
 
 
 @click.command("write", cls=DvtCommand, short_help=__doc__, effect=Effect.CHANGES, final=_final)
@@ -43,7 +41,8 @@ def command(session: Session, /, object_: ObjectWord, value: str, data_type: Dat
     write 60FF -1500
     write 1017 0x3E8 --as u16
     write 1010:1 save          the same as store
+    write 3:1017 1000          of node 3
     """
-    node = session.node()
+    node = session.node(object_.node_id)
     index, sub_index = object_.resolve(node)
     return write_text(session, node, index, sub_index, value, data_type)

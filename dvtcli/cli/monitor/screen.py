@@ -23,8 +23,8 @@ TABLE, RAW, GRAPH = "table", "raw", "graph"
 FRESH_S = 0.5
 #: events that are shown, at most
 EVENTS = 4
-#: points of a sparkline, and the time that a graph shows (s)
-SPARK, GRAPH_S = 10, 60.0
+#: points of a sparkline in up to 100 columns and in many more; the time that a graph shows (s)
+SPARK, LONG_SPARK, GRAPH_S = 10, 60, 60.0
 _LEVELS, _PLAIN_LEVELS = "▁▂▃▄▅▆▇█", "_.-=+*#@"
 
 Lines = list[list[Cell]]
@@ -173,12 +173,13 @@ def _signal_line(signal: Signal, course: Course, view: View, moment: Moment, wid
     fresh = moment.now_s - course.changed_s < FRESH_S
     value, about = _value_and_more(signal, course)
     levels = _PLAIN_LEVELS if view.plain else _LEVELS
-    drawn = spark([point.last for point in list(course.points)[-SPARK:]], levels)
+    long = max(SPARK, min(LONG_SPARK, width - 90))
+    drawn = spark([point.last for point in list(course.points)[-long:]], levels)
     return [
         Cell("  > " if chosen else "    ", "cyan"),
         Cell(f"{signal.object:<7}  {name:<{name_width}} "),
         Cell(f"{value:>13}  ", "yellow" if fresh else ""),
-        Cell(f"{drawn:<{SPARK}}  ", "green"),
+        Cell(f"{drawn:<{long}}  ", "green"),
         Cell(about, "dim"),
     ]
 

@@ -69,7 +69,7 @@ class LineCompleter(Completer):
     def _items(self, line: Typed) -> list[CompletionItem]:
         if not line.words:
             return [CompletionItem(name, help=text) for name, text in self._matching(line.incomplete)]
-        command = REGISTRY.get_command(click.Context(REGISTRY), line.words[0])
+        command = REGISTRY.get_command(click.Context(REGISTRY), line.words[0].lower())
         if command is None:
             return []
         try:

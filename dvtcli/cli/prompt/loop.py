@@ -191,6 +191,8 @@ def _banner(session: Conversation) -> None:
     keys = [("Tab", "complete"), ("Ctrl-R", "history"), ("Ctrl-D", "leave")]
     if "help" in command_names():
         keys.insert(0, ("?", "help"))
+    if "tour" in command_names():
+        keys.append(("tour", "a start"))
     lines.append([cell for key, what in keys for cell in (Cell(key, "bold"), Cell(f"  {what}    "))])
     if not session.output.quiet and not session.output.json:
         session.output.lines([*lines, ""])

@@ -23,7 +23,7 @@ def syntax(text: str, width: int, aliases: Mapping[str, str]) -> tuple[str, str]
     line = typed(expanded(command, aliases))
     if line is None or not line.words:
         return None
-    name = line.words[0]
+    name = line.words[0].lower()
     arguments, options = _parts(name)
     if arguments is None:
         return None

@@ -191,6 +191,8 @@ class Output:
     def ask(self, question: str) -> bool:
         """Ask *question* at the terminal; anything but yes is no, and what was typed before it answers nothing.
 
+        Who asks for help is told so, and asked again.
+
         KeyboardInterrupt after Ctrl-C.
         """
         from dvtcli.cli.view.paint import painted
@@ -201,6 +203,12 @@ class Output:
         thrown_away = throw_away(sys.stdin)
         if thrown_away:
             self.warning(thrown_away)
+        while (answer := self._answer(text)) in ("help", "?", "h"):
+            self.lines(["y and Enter is yes; Enter alone, or anything else, is no, and nothing happens; Ctrl-C leaves"])
+        return answer in ("y", "yes")
+
+    def _answer(self, text: str) -> str:
+        """The line that is typed after *text*, in small letters."""
         with self._saying():
             self.stderr.write(text + " ")
             self.stderr.flush()
@@ -210,7 +218,7 @@ class Output:
         finally:
             if not answer.endswith("\n"):  # Ctrl-C, Ctrl-D: what comes next begins in a line of its own
                 self.lines([""])
-        return answer.strip().lower() in ("y", "yes")
+        return answer.strip().lower()
 
     def _document(self, document: Document) -> None:
         import json
