@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 def read_object(
     session: Session, object_: str, data_type: DataType | None = None, node_id: int | None = None
 ) -> ValueRead:
-    """Read *object_* (`6C01:1`, `statusword`…) of node *node_id*, else the selected one, as *data_type*, else the file's.
+    """Read *object_* (`6C01:1`, `statusword`…) of node *node_id* or the selected one, as *data_type* or the file's own.
 
     UsageError for an unknown name, SdoAborted where the device refuses, NoAnswer where it is silent.
     """
