@@ -12,12 +12,14 @@ from typing import TypeVar
 
 from dvtcli.device.came_up import CameUp
 from dvtcli.device.reached import Reached
-from dvtcli.device.read_pdos import WHATEVER, present_pdos, read_cob_id, read_pdo
+from dvtcli.device.read_pdos import UNREADABLE, WHATEVER, present_pdos, read_cob_id, read_pdo
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.errors import BusUnavailable, SdoAborted
 
 T = TypeVar("T")
+#: how long COB-IDs that are refused for a moment are asked for again, and the pause between two tries (s)
+PASSING_S, _AGAIN_S = 0.5, 0.1
 
 
 @dataclass(slots=True)
@@ -94,8 +96,25 @@ class KnownPdos(Reached):
         return config
 
     def known_cob_ids(self) -> Mapping[Pdo, CobId]:
-        """The COB-ID of every PDO, as it was read since the last thing that could have changed it."""
-        return self.observed(lambda: self._of_present(lambda pdo: read_cob_id(self.memory, pdo)))
+        """The COB-ID of every PDO, as it was read since the last thing that could have changed it.
+
+        One that the device refuses for a reason that may pass is asked for again, for `PASSING_S` in all.
+        """
+        return self.observed(self._read_cob_ids)
+
+    def _read_cob_ids(self) -> dict[Pdo, CobId]:
+        until_s = self.bus.now_s() + PASSING_S
+        return self._of_present(lambda pdo: self._cob_id(pdo, until_s))
+
+    def _cob_id(self, pdo: Pdo, until_s: float) -> CobId:
+        while True:
+            try:
+                return read_cob_id(self.memory, pdo)
+            except SdoAborted as aborted:
+                if aborted.code in UNREADABLE or self.bus.now_s() >= until_s:
+                    raise
+            self.bus.sleep(_AGAIN_S)
+            self.memory.forget_one(pdo.communication_index, 1)
 
     @property
     def last_read(self) -> Mapping[Pdo, PdoConfig]:

@@ -71,7 +71,7 @@ def _carry_out(
         node.keeper.begin(plan, node.identity(), found.state, node.known_pdos, node.last_read)
     try:
         beside = wholes_beside(node, plan, found)
-        untold = any(config.untold for config in node.last_read.values())
+        untold = any(config.lacking for config in node.last_read.values())
         node.gate.enter()
         boot_ups = run(node, plan, OtherPdos(cob_ids, beside))
     except LeftChanged as left:
