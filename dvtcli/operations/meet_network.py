@@ -104,7 +104,8 @@ def _weight(failure: DvtcliError) -> int:
 
 def _texts(failure: DvtcliError) -> Iterator[str]:
     if isinstance(failure, RuleError):
-        yield from (finding.text for finding in failure.findings)
+        node = "" if failure.node is None else f"node {failure.node}: "
+        yield from (f"{node}{finding.text}" for finding in failure.findings)
     elif isinstance(failure, InputFileError) and failure.complaints:
         yield from (f"{one.place}: {one.text}" for one in failure.complaints)
     else:

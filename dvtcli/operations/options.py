@@ -34,6 +34,8 @@ START_ONLY = frozenset(
 BIT_RATES = range(1_000, 1_000_001)
 #: What every command can answer in, and what only some can.
 FORMATS, SPECIAL_FORMATS = ("text", "json", "jsonl"), ("github", "junit", "sarif")
+#: Those of answers that go through PDOs and objects one by one.
+CASE_FORMATS = ("github", "junit")
 #: Options that are one word of a few.
 CHOICES = {"format": FORMATS + SPECIAL_FORMATS, "color": ("auto", "always", "never")}
 

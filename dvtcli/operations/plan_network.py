@@ -29,7 +29,7 @@ from dvtcli.files.network.file_log import FileLog
 from dvtcli.operations.change import names
 from dvtcli.operations.check_networks import read_wish
 from dvtcli.operations.linked_wishes import with_links
-from dvtcli.operations.meet_network import meet
+from dvtcli.operations.meet_network import Met, meet
 from dvtcli.operations.wanted_words import NodeWants, node_wants
 
 if TYPE_CHECKING:
@@ -75,23 +75,41 @@ def plan_wish(session: Session, wish: NetworkWish, log: FileLog) -> NetworkPlan:
     met = meet(session, log.file, wish)
     planned: list[NodePlan] = []
     try:
-        planned = _judged(session, met.nodes, wish.of(met.nodes), log)
+        planned = _judged(session, met, wish.of(met.nodes), log)
     except (InputFileError, RuleError, NoAnswer, SdoProtocolError) as failed:
         met.failures.append(failed)
     met.end()
     return NetworkPlan(log.file, tuple(planned))
 
 
-def _judged(session: Session, nodes: dict[int, Node], wish: NetworkWish, log: FileLog) -> list[NodePlan]:
-    """The plan of each of *nodes*, as far as they were met; raises with all that is wrong of a kind."""
+def _judged(session: Session, met: Met, wish: NetworkWish, log: FileLog) -> list[NodePlan]:
+    """The plan of each node that was met; raises with all that is wrong of a kind.
+
+    Where a node's words mean nothing there, the others are judged all the same.
+    """
+    nodes = met.nodes
     said: Mapping[int, tuple[Finding, ...]] = {}
-    if wish.links:
-        found = with_links(nodes, _known(session, nodes), wish)
-        wish, said = found.wish, found.findings
-    wants = {node.node_id: node_wants(nodes[node.node_id], node, log) for node in wish.nodes}
+    try:
+        if wish.links:
+            found = with_links(nodes, _known(session, nodes), wish)
+            wish, said = found.wish, found.findings
+    except RuleError as refused:
+        met.failures.append(refused)
+    wants = {}
+    for node in wish.nodes:
+        complaints = log.count
+        understood = node_wants(nodes[node.node_id], node, log)
+        if log.count == complaints:
+            wants[node.node_id] = understood
+    planned: list[NodePlan] = []
+    try:
+        found_plans = _planned(nodes, wish.of(wants), wants)
+        planned = [replace(one, findings=said.get(one.node_id, ())) for one in found_plans]
+        planned = list(checked(nodes, planned, force=session.options.force))
+    except RuleError as refused:
+        met.failures.append(refused)
     log.end(read=True)
-    planned = [replace(one, findings=said.get(one.node_id, ())) for one in _planned(nodes, wish, wants)]
-    return list(checked(nodes, planned, force=session.options.force))
+    return planned
 
 
 def _known(session: Session, nodes: Mapping[int, Node]) -> Iterator[Node]:
@@ -141,7 +159,8 @@ def _node_plan(node: Node, wish: NodeWish, wants: NodeWants, senders: Senders) -
     plan = Plan(node.node_id, (*values, *(change for change in changes if change.steps)))
     return NodePlan(
         wish.name, plan, node.identity(), node.title, wish.mark.line, str(wish.store or ""), wanted, dict(wants.values),
-        wants.pruned, names=names(node, plan.changes), unstored=_unstored(node) if wish.store else (),
+        wants.pruned, lines={pdo.pdo: pdo.mark.line for pdo in wish.pdos},
+        names=names(node, plan.changes), unstored=_unstored(node) if wish.store else (),
     )  # fmt: skip
 
 

@@ -163,9 +163,10 @@ def test_other_commands_refuse_these_formats_before_they_do_anything(
 
 
 def test_what_is_no_eds_is_an_error_on_stderr_in_every_format(tmp_path: Path) -> None:
-    for format_name in ("github", "junit", "sarif"):
+    for format_name, told in (("github", "::error "), ("junit", "<error "), ("sarif", "")):
         done = check(tmp_path, "hello\n", "--format", format_name)
-        assert (done.returncode, done.stdout) == (4, "")
+        assert (done.returncode, bool(done.stdout)) == (4, bool(told))
+        assert told in done.stdout
         assert "not an EDS" in done.stderr
 
 

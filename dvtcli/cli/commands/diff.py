@@ -9,6 +9,7 @@ import click
 from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import FILE
+from dvtcli.operations.options import CASE_FORMATS
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import NetworkPlanned
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 TASK = ("Networks", 20)
 
 
-@click.command("diff", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
+@click.command("diff", cls=DvtCommand, short_help=__doc__, effect=Effect.READS, formats=CASE_FORMATS)
 @click.argument("file", type=FILE)
 @click.pass_context
 def command(ctx: click.Context, /, file: str) -> NetworkPlanned:

@@ -9,6 +9,7 @@ import click
 from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import FILE
+from dvtcli.operations.options import CASE_FORMATS
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import NetworkPlanned
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 TASK = ("Networks", 10)
 
 
-@click.command("plan", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
+@click.command("plan", cls=DvtCommand, short_help=__doc__, effect=Effect.READS, formats=CASE_FORMATS)
 @click.argument("file", type=FILE)
 @click.option("-o", "saved", type=FILE, metavar="PLAN", help="Save the plan as a file that apply takes.")
 @click.option("--exit-code", "tells", is_flag=True, help="End with 3 where something would be written.")
@@ -24,12 +25,13 @@ TASK = ("Networks", 10)
 def command(ctx: click.Context, /, file: str, saved: str | None, tells: bool) -> NetworkPlanned:
     """Read the nodes of the network FILE and show what differs, and what apply would write.
 
-    Everything that is wrong, on any node, is said at once.
+    Everything that is wrong, on any node, is said at once. --format github or junit is for CI.
 
     \b
     plan press.yaml
     plan press.yaml -o plan.json
     plan press.yaml --exit-code      3 where something differs
+    plan press.yaml --format junit   a test case for each PDO, for CI
     """
     from dvtcli.operations.network_files import planned
 

@@ -13,7 +13,7 @@ from dvtcli.cli.params import TEXT
 from dvtcli.cli.pdo_params import PDO, NodePdo
 from dvtcli.cli.ways import ways
 from dvtcli.errors import UsageError
-from dvtcli.operations.options import is_file
+from dvtcli.operations.options import CASE_FORMATS, is_file
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import Compared, ComparedNodes
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 TASK = ("Check and keep", 10)
 
 
-@click.command("verify", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
+@click.command("verify", cls=DvtCommand, short_help=__doc__, effect=Effect.READS, formats=CASE_FORMATS)
 @click.argument("words", type=TEXT, nargs=-1, metavar="[PDO...] [FILE]")
 @click.option("--frame", is_flag=True, help="Start the node and look at a frame of each enabled TPDO.")
 @click.pass_context

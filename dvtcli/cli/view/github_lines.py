@@ -18,7 +18,7 @@ def github_lines(result: FileReport | FileReports, _width: int) -> Iterator[Line
         for one in reports:
             for finding in one.findings:
                 if finding.severity == severity:
-                    yield f"::{_COMMANDS[severity]} {_place(one, finding)}::{_data(finding.text)}"
+                    yield f"::{_COMMANDS[severity]} {_place(one, finding)}::{as_data(finding.text)}"
     for one in reports:
         counted = one.count()
         yield f"{one.path}: {', '.join(plural(counted[severity], severity) for severity in SEVERITIES)}"
@@ -26,12 +26,14 @@ def github_lines(result: FileReport | FileReports, _width: int) -> Iterator[Line
 
 def _place(report: FileReport, finding: FileFinding) -> str:
     columns = f"col={finding.column},endColumn={finding.end_column}," if finding.column else ""
-    return f"file={_property(report.path)},line={finding.line},{columns}title={_property(finding.rule)}"
+    return f"file={as_property(report.path)},line={finding.line},{columns}title={as_property(finding.rule)}"
 
 
-def _data(text: str) -> str:
+def as_data(text: str) -> str:
+    """*text* as the message of a workflow command."""
     return text.replace("%", "%25").replace("\r", "%0D").replace("\n", "%0A")
 
 
-def _property(text: str) -> str:
-    return _data(text).replace(":", "%3A").replace(",", "%2C")
+def as_property(text: str) -> str:
+    """*text* as a property of a workflow command."""
+    return as_data(text).replace(":", "%3A").replace(",", "%2C")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from xml.etree import ElementTree as ET
 
 from dvtcli.cli.view.lines import Line
@@ -13,9 +13,13 @@ from dvtcli.operations.results.checked_files import FileFinding, FileReport, Fil
 
 def junit_lines(result: FileReport | FileReports, _width: int) -> Iterator[Line]:
     """A rule that found what makes the file invalid is a failure; what else was found stands in the case's output."""
+    yield from suites_text(_suite(one) for one in reports_of(result))
+
+
+def suites_text(made: Iterable[ET.Element]) -> Iterator[Line]:
+    """The text of the suites *made*, with their sums."""
     suites = ET.Element("testsuites")
-    for one in reports_of(result):
-        suites.append(_suite(one))
+    suites.extend(made)
     for name in ("tests", "failures", "errors"):
         suites.set(name, str(sum(int(suite.attrib[name]) for suite in suites)))
     ET.indent(suites)

@@ -146,7 +146,7 @@ def _pdo(node: NodePlan, change: PdoChange, width: int) -> Iterator[Line]:
         if key == "map":
             _entries(table, node, was, will)
         else:
-            table.add(key, _text(key, was, change.pdo), "->", _text(key, will, change.pdo))
+            table.add(key, parameter_text(key, was, change.pdo), "->", parameter_text(key, will, change.pdo))
     yield from table.lines(width)
 
 
@@ -163,8 +163,8 @@ def _entry(text: str) -> str:
     return f"dummy/{text.rpartition('/')[2]}" if text.startswith("000") else text
 
 
-def _text(key: str, value: Any, pdo: Pdo) -> str:
-    """A parameter as the field writes it."""
+def parameter_text(key: str, value: Any, pdo: Pdo) -> str:
+    """A parameter of a PDO, by its key in a network file, as the field writes it."""
     if value is None:
         return "-"
     if key == "enabled":
@@ -177,4 +177,6 @@ def _text(key: str, value: Any, pdo: Pdo) -> str:
         return f"{value / 10:g} ms"
     if key == "event_timer":
         return f"{value} ms"
+    if key == "map":
+        return " ".join(map(_entry, value)) or "-"
     return str(value).lower() if isinstance(value, bool) else str(value)

@@ -11,9 +11,11 @@ import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from importlib import import_module
 from typing import TYPE_CHECKING, TextIO
 
 from dvtcli.cli.view.progress_line import ProgressLine
+from dvtcli.operations.options import CASE_FORMATS
 
 if TYPE_CHECKING:
     from dvtcli.cli.view.lines import Line
@@ -23,6 +25,8 @@ if TYPE_CHECKING:
 
 #: columns that stay free behind a question: a blank, and a letter
 _ANSWER = 2
+#: what was not understood makes no report
+_USAGE = 2
 
 
 class Output:
@@ -116,7 +120,7 @@ class Output:
     def error(self, error: DvtcliError, at: str | None = None, *, readable: bool = False) -> None:
         """Print a failure: as a document on stdout with --json, else as lines on stderr; *at* is `FILE:LINE`.
 
-        With *readable* it is lines on stderr in any case: for a stdout that takes no documents.
+        With *readable* it is lines on stderr in any case: for a stdout without documents. CI's formats have it, too.
         """
         if self.json and not readable:
             from dvtcli.cli.view.error_lines import error_document
@@ -125,6 +129,9 @@ class Output:
             return
         from dvtcli.cli.view.error_lines import error_lines
 
+        if self.format in CASE_FORMATS and not readable and error.exit_code != _USAGE:
+            module = import_module(f"dvtcli.cli.view.{self.format}_case_lines")
+            self._machine_lines(getattr(module, f"{self.format}_error_lines")(error))
         with self._answering():
             self.stdout.flush()
         self.lines(error_lines(error, at))

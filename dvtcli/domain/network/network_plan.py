@@ -34,6 +34,8 @@ class NodePlan:
     values: dict[tuple[int, int], bytes] = field(default_factory=dict)
     pruned: frozenset[Pdo] = frozenset()
     findings: tuple[Finding, ...] = ()
+    #: where the file says something of a PDO
+    lines: dict[Pdo, int] = field(default_factory=dict)
     #: names of objects, by their printed form
     names: dict[str, str] = field(default_factory=dict)
     #: what it holds as wanted and is known not to have stored

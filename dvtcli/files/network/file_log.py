@@ -35,6 +35,11 @@ class FileLog:
         return self._lines[number - 1].rstrip("\r") if 1 <= number <= len(self._lines) else ""
 
     @property
+    def count(self) -> int:
+        """How many complaints there are so far."""
+        return len(self._complaints)
+
+    @property
     def is_silent(self) -> bool:
         """Whether nothing is wrong so far."""
         return not self._complaints

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from dvtcli.domain.ports import Frame
-from dvtcli.operations.results.documents import Answer, Document, hex_bytes
+from dvtcli.operations.results.documents import CASES, Answer, Document, hex_bytes
 
 if TYPE_CHECKING:
     from dvtcli.errors import DvtcliError
@@ -17,6 +17,7 @@ class Compared(Answer):
     """A read-back against what was wanted: one row a PDO that differs."""
 
     renderer: ClassVar = "comparison_lines:compared_lines"
+    formats: ClassVar = CASES
 
     node: int
     pdos: int
@@ -33,6 +34,8 @@ class Compared(Answer):
     named: bool = False
     #: how many more parameters these PDOs have, of which a file says nothing
     unsaid: int = 0
+    #: every PDO and object that was compared
+    labels: tuple[str, ...] = ()
 
     @property
     def frame_missing(self) -> bool:
@@ -89,6 +92,7 @@ class ComparedNodes(Answer):
     """The same of several nodes; its document has the fields of one node's, with what all of them have in common."""
 
     renderer: ClassVar = "comparison_lines:compared_nodes_lines"
+    formats: ClassVar = CASES
 
     nodes: tuple[Compared, ...]
 

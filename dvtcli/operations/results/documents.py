@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from dvtcli.domain.rules import Finding
 
 Document = dict[str, Any]
+#: formats of answers that compare PDOs and objects one by one
+CASES = {"github": "github_case_lines:github_case_lines", "junit": "junit_case_lines:junit_case_lines"}
 
 
 class Answer:

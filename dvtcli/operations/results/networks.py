@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
 from dvtcli.domain.plan import PdoChange, ValueChange
-from dvtcli.operations.results.documents import Answer, Document, finding_document, hex_bytes
+from dvtcli.operations.results.documents import CASES, Answer, Document, finding_document, hex_bytes
 from dvtcli.operations.results.loads import need_document
 
 if TYPE_CHECKING:
@@ -27,6 +27,7 @@ class NetworkPlanned(Answer):
     """
 
     renderer: ClassVar = "network_lines:planned_lines"
+    formats: ClassVar = CASES
     remarked: ClassVar = True
 
     plan: NetworkPlan

@@ -1,0 +1,83 @@
+"""What a comparison of nodes looked at, case by case, as tools of CI count it. Knows none of their formats."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from dvtcli.cli.view.network_lines import parameter_text
+from dvtcli.domain.plan import PdoChange
+from dvtcli.operations.results.comparisons import Compared
+from dvtcli.operations.results.networks import NetworkPlanned, differing
+
+if TYPE_CHECKING:
+    from dvtcli.domain.network.network_plan import NodePlan
+    from dvtcli.domain.plan import Change
+    from dvtcli.operations.results import ComparedNodes
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """One PDO or object of a *node*: *says* what is not as it should be, nothing where all is.
+
+    *level* is `error`, `warning` or `notice`; *file* with *line* (0: nowhere) says what should be.
+    """
+
+    node: int
+    name: str
+    says: tuple[str, ...] = ()
+    level: str = "error"
+    file: str = ""
+    line: int = 0
+
+
+def cases_of(result: NetworkPlanned | Compared | ComparedNodes) -> Iterator[Case]:
+    """Every case of *result*, node by node."""
+    if isinstance(result, NetworkPlanned):
+        for node in result.plan.nodes:
+            yield from _planned(result, node)
+    elif isinstance(result, Compared):
+        yield from _compared(result)
+    else:
+        for one in result.nodes:
+            yield from _compared(one)
+
+
+def _planned(result: NetworkPlanned, node: NodePlan) -> Iterator[Case]:
+    """What differs is an error where that is to be told, else a notice: it is what `apply` would write."""
+    level = "error" if result.tells else "notice"
+    for change in node.plan.changes:
+        yield Case(
+            node.node_id, change.label, tuple(_differences(change)), level, result.plan.file, _line(node, change)
+        )
+    for held in node.holds:
+        yield Case(node.node_id, held.label, file=result.plan.file, line=_line(node, held))
+    for finding in node.findings:
+        level = "notice" if str(finding.severity) == "note" else "warning"
+        yield Case(node.node_id, finding.rule, (finding.text,), level, result.plan.file, node.line)
+
+
+def _line(node: NodePlan, change: Change) -> int:
+    """Where the file says what *change* comes to: its PDO, else its node."""
+    return (node.lines.get(change.pdo, 0) if isinstance(change, PdoChange) else 0) or node.line
+
+
+def _differences(change: Change) -> Iterator[str]:
+    if isinstance(change, PdoChange):
+        for key, was, will in differing(change):
+            yield f"{key}: {parameter_text(key, was, change.pdo)} -> {parameter_text(key, will, change.pdo)}"
+    else:
+        step = change.step
+        before = "-" if step.before is None else step.before.hex(" ").upper()
+        yield f"{before} -> {step.after.hex(' ').upper()}  {step.reason}"
+
+
+def _compared(one: Compared) -> Iterator[Case]:
+    found: dict[str, list[str]] = {label: [] for label in one.labels}
+    for label, text in one.differences:
+        found.setdefault(label, []).append(text)
+    for label, texts in found.items():
+        yield Case(one.node, label, tuple(texts), file=one.against)
+    for label, frame, _ in one.frames:
+        yield Case(one.node, f"frame of {label}", () if frame else ("none came",), file=one.against)

@@ -1,0 +1,48 @@
+"""Comparisons and failures as workflow commands of GitHub Actions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from dvtcli.cli.view.cases import cases_of
+from dvtcli.cli.view.github_lines import as_data, as_property
+from dvtcli.cli.view.lines import Line
+from dvtcli.domain.several import plural
+from dvtcli.errors import InputFileError
+
+if TYPE_CHECKING:
+    from dvtcli.errors import DvtcliError
+    from dvtcli.operations.results import Compared, ComparedNodes, NetworkPlanned
+
+_LEVELS = ("error", "warning", "notice")
+
+
+def github_case_lines(result: NetworkPlanned | Compared | ComparedNodes, _width: int) -> Iterator[Line]:
+    """A command for each PDO or object that differs, errors first, and their sum: GitHub shows ten of a kind."""
+    cases = list(cases_of(result))
+    for level in _LEVELS:
+        for case in cases:
+            if case.says and case.level == level:
+                text = f"{case.name} of node {case.node}: {'; '.join(case.says)}"
+                yield _command(level, case.file, case.line, f"node {case.node}", text)
+    differing = sum(bool(case.says) for case in cases)
+    yield f"{plural(len(cases), 'case')}, {plural(differing, 'notice')} or worse"
+
+
+def github_error_lines(error: DvtcliError) -> Iterator[Line]:
+    """A command for each complaint about a file, else one for the failure, and one for what failed with it."""
+    complaints = error.complaints if isinstance(error, InputFileError) else ()
+    for one in complaints:
+        yield _command("error", one.file, one.line, "dvtcli", one.text, one.column)
+    if not complaints:
+        yield _command("error", "", 0, error.slug, str(error))
+    for label, text in error.details:
+        if label == "also":
+            yield _command("error", "", 0, error.slug, text)
+
+
+def _command(level: str, file: str, line: int, title: str, text: str, column: int = 0) -> str:
+    places = (("file", file), ("line", line), ("col", column), ("title", title))
+    words = ",".join(f"{key}={as_property(str(value))}" for key, value in places if value)
+    return f"::{level} {words}::{as_data(text)}"

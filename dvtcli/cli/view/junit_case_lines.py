@@ -1,0 +1,53 @@
+"""Comparisons and failures as JUnit's XML: a suite for each node, a test case for each PDO or object."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import groupby
+from typing import TYPE_CHECKING
+from xml.etree import ElementTree as ET
+
+from dvtcli.cli.view.cases import Case, cases_of
+from dvtcli.cli.view.junit_lines import suites_text
+from dvtcli.cli.view.lines import Line
+from dvtcli.cli.view.safe import safe
+from dvtcli.errors import InputFileError
+
+if TYPE_CHECKING:
+    from dvtcli.errors import DvtcliError
+    from dvtcli.operations.results import Compared, ComparedNodes, NetworkPlanned
+
+
+def junit_case_lines(result: NetworkPlanned | Compared | ComparedNodes, _width: int) -> Iterator[Line]:
+    """A PDO or object that differs is a failure; what rules note of a node stands in a case's output."""
+    suites = (_suite(node, list(cases)) for node, cases in groupby(cases_of(result), key=lambda case: case.node))
+    yield from suites_text(suites)
+
+
+def _suite(node: int, cases: list[Case]) -> ET.Element:
+    failed = [case for case in cases if _fails(case)]
+    counts = {"tests": str(len(cases)), "failures": str(len(failed)), "errors": "0"}
+    suite = ET.Element("testsuite", {"name": f"node {node}", **counts})
+    for case in cases:
+        element = ET.SubElement(suite, "testcase", {"classname": safe(f"{case.file}.node{node}"), "name": case.name})
+        text = "\n".join(map(safe, case.says))
+        if _fails(case):
+            ET.SubElement(element, "failure", {"type": "differs", "message": safe(case.says[0])}).text = text
+        elif text:
+            ET.SubElement(element, "system-out").text = text
+    return suite
+
+
+def _fails(case: Case) -> bool:
+    return bool(case.says) and case.level == "error"
+
+
+def junit_error_lines(error: DvtcliError) -> Iterator[Line]:
+    """The failure as a test case with an error, so that a report is never empty."""
+    complaints = error.complaints if isinstance(error, InputFileError) else ()
+    suite = ET.Element("testsuite", {"name": "dvtcli", "tests": "1", "failures": "0", "errors": "1"})
+    element = ET.SubElement(suite, "testcase", {"classname": "dvtcli", "name": error.slug})
+    texts = [*(f"{one.place}: {one.text}" for one in complaints), *(text for _, text in error.details)]
+    said = {"type": error.slug, "message": safe(str(error))}
+    ET.SubElement(element, "error", said).text = "\n".join(map(safe, texts))
+    yield from suites_text([suite])
