@@ -41,6 +41,9 @@ class VirtualTimeBus(WatchedBus):
     Where it is not *simulated* whoever uses it takes it for one that others use, too, with nodes that outlive it.
     """
 
+    #: how many nodes are asked at once where none is OPERATIONAL
+    most_at_once = 64
+
     def __init__(
         self,
         devices: Sequence[StrictDevice],
@@ -74,6 +77,8 @@ class VirtualTimeBus(WatchedBus):
         """Let *duration_s* of virtual time pass; takes no real time. Raises BusUnavailable."""
         self._use()
         until_s = self._now_s + duration_s
+        if duration_s > 0 and self._gave_turn(lambda: False, until_s):
+            return
         while self._step(until_s):
             pass
 
@@ -116,8 +121,8 @@ class VirtualTimeBus(WatchedBus):
     def take(self, inbox: Inbox, deadline_s: float) -> bytes | None:
         """Wait for an SDO answer in *inbox* until *deadline_s* (SdoLink)."""
         self._use()
-        while inbox.empty() and self._step(deadline_s):
-            pass
+        if not self._gave_turn(lambda: not inbox.empty(), deadline_s):
+            self._until(lambda: not inbox.empty(), deadline_s)
         item = None if inbox.empty() else inbox.get_nowait()
         return None if isinstance(item, Wake) else item
 
@@ -223,6 +228,13 @@ class VirtualTimeBus(WatchedBus):
         """Wait until *condition* holds, which signs of life may bring about."""
         self._use()
         until_s = self._now_s + timeout_s
-        while not condition() and self._step(until_s):
-            pass
+        if not self._gave_turn(condition, until_s):
+            self._until(condition, until_s)
         return condition()
+
+    def _until(self, ready: Callable[[], bool], deadline_s: float) -> None:
+        while not ready() and self._step(deadline_s):
+            pass
+
+    def _most_at_once(self) -> int:
+        return 1 if NmtState.OPERATIONAL in self._watch.states.values() else self.most_at_once

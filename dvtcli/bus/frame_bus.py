@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable
+from time import monotonic
 from typing import TypeVar
 
 from dvtcli.bus.node_watch import EMERGENCY, HEARTBEAT
@@ -15,9 +16,15 @@ from dvtcli.bus.sdo.channel import SdoChannel
 from dvtcli.bus.sdo.channels import SdoChannels
 from dvtcli.bus.sdo.sdo_link import ANSWER_ID, DEFAULT_RETRIES, DEFAULT_TIMEOUT_S, REQUEST_ID, DroppedAnswers
 from dvtcli.bus.watched_bus import NMT_CAN_ID
+from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.ports import Frame
 
 _SDO_IDS = (ANSWER_ID, REQUEST_ID)
+
+#: how many nodes are asked at once where nothing runs: enough for the wire to be busy with servers that take 10 ms
+MOST_AT_ONCE = 64
+#: how long no PDO must have been heard for a bus to be one on which nothing runs (s)
+QUIET_S = 10.0
 
 M = TypeVar("M")
 
@@ -38,6 +45,8 @@ class FrameBus(ReadBus[M]):
         super().__init__(name, frame_of, simulated=simulated, timeout_s=timeout_s, retries=retries, bitrate=bitrate)
         self._frame_of = frame_of
         self._channels = SdoChannels(self, self.settings)
+        #: when a PDO was heard last
+        self._pdo_s = float("-inf")
 
     @property
     def carries_frames(self) -> bool:
@@ -63,6 +72,12 @@ class FrameBus(ReadBus[M]):
     def _send(self, can_id: int, data: bytes, *, extended: bool = False, remote: bool = False) -> None:
         """Send one frame, and tell those who watch; raises BusUnavailable."""
 
+    def _most_at_once(self) -> int:
+        """One as long as a machine may be running: SDO at full speed would keep its heartbeats off the bus."""
+        self.drain()
+        running = NmtState.OPERATIONAL in self._watch.states.values() or monotonic() - self._pdo_s < QUIET_S
+        return 1 if running else MOST_AT_ONCE
+
     def _channel(self, node_id: int) -> SdoChannel:
         return self._channels.channel(node_id)
 
@@ -81,6 +96,8 @@ class FrameBus(ReadBus[M]):
             elif not extended:
                 self._watch.request_of_another(self._frame_of(message))
             self._channels.receive(node_id, can_id, bytes(data), extended=extended)
+        elif can_id > EMERGENCY + 0x7F and function < ANSWER_ID:
+            self._pdo_s = monotonic()
         elif extended:
             return
         elif function == HEARTBEAT:

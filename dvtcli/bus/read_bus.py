@@ -73,11 +73,14 @@ class ReadBus(WatchedBus, Generic[M]):
 
     def sleep(self, duration_s: float) -> None:
         """Wait *duration_s*, reading the bus meanwhile unless another thread does; raises BusUnavailable."""
-        if duration_s > 0:
+        if duration_s > 0 and not self._gave_turn(lambda: False, monotonic() + duration_s):
             self._receiver.idle(duration_s)
 
     def take(self, inbox: SimpleQueue[T | Wake], deadline_s: float) -> T | None:
         """Wait for what `_deliver` puts into *inbox* until *deadline_s* (as `now_s` tells); None where nothing came."""
+        if self._gave_turn(lambda: not inbox.empty(), deadline_s):
+            item = None if inbox.empty() else inbox.get_nowait()
+            return None if isinstance(item, Wake) else item
         return self._receiver.take(inbox, deadline_s)
 
     def drain(self) -> None:
@@ -126,6 +129,8 @@ class ReadBus(WatchedBus, Generic[M]):
     def _wait_for(self, condition: Callable[[], bool], timeout_s: float) -> bool:
         """Wait until *condition* holds, which signs of life may bring about."""
         deadline_s = monotonic() + timeout_s
+        if self._gave_turn(condition, deadline_s):
+            return condition()
         inbox: SimpleQueue[bool | Wake] = SimpleQueue()
         self._life_waiters.add(inbox)
         self._receiver.drain()
@@ -133,3 +138,22 @@ class ReadBus(WatchedBus, Generic[M]):
             if self._receiver.take(inbox, deadline_s) is None:
                 return condition()
         return True
+
+    def _until(self, ready: Callable[[], bool], deadline_s: float) -> None:
+        """Read until *ready*, or *deadline_s*: whatever is there by then is read."""
+        self._receiver.take(_Ready(ready), deadline_s)
+
+
+class _Ready(SimpleQueue[bool | Wake]):
+    """An inbox that has something in it as soon as *ready*, wherever that was delivered."""
+
+    def __init__(self, ready: Callable[[], bool]) -> None:
+        self._ready = ready
+
+    def empty(self) -> bool:
+        """Whether nobody is ready yet, and no note of the receiver is here."""
+        return super().empty() and not self._ready()
+
+    def get_nowait(self) -> bool | Wake:
+        """The receiver's note, else that somebody is ready."""
+        return True if super().empty() else super().get_nowait()

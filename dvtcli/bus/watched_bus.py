@@ -7,13 +7,16 @@ CAN library, no socket and no clock.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from math import inf
+from threading import Lock
 
 from dvtcli.bus.node_watch import NodeWatch
 from dvtcli.bus.oddities import Oddities
 from dvtcli.bus.sdo.sdo_link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S, DroppedAnswers, SdoSettings
 from dvtcli.bus.traffic import Tap
+from dvtcli.bus.turns import Turns, one_by_one
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.node_events import Emergency, NodeEvent
 from dvtcli.domain.ports import Frame, SdoTransport
@@ -45,6 +48,7 @@ class WatchedBus(ABC):
         self.bitrate = bitrate
         self.settings = SdoSettings(timeout_s, retries)
         self._watch = NodeWatch()
+        self._turns: Turns | None = None
         self._oddities = Oddities(self.now_s)
 
     def sdo(self, node_id: int) -> SdoTransport:
@@ -52,6 +56,44 @@ class WatchedBus(ABC):
         if not 1 <= node_id <= 127:
             raise UsageError(f"node-ID {node_id} is outside 1..127")
         return self._channel(node_id)
+
+    def side_by_side(self, jobs: Sequence[Callable[[], None]]) -> list[BaseException]:
+        """Do *jobs*, each of which waits for answers of a node of its own: side by side where that harms nobody.
+
+        On return none of them goes on. Answers what went wrong, in the order of time; after that none is begun.
+        """
+        width = min(len(jobs), 1 if self._turns is not None else self._most_at_once())
+        if width < 2:
+            return one_by_one(jobs)
+        self._turns = turns = Turns(jobs, width, self._until, self.now_s)
+        try:
+            turns.run()
+        finally:
+            self._turns = None
+        return turns.faults
+
+    def hold(self, lock: Lock) -> None:
+        """Take *lock*, which somebody may hold who waits for an answer (SdoLink)."""
+        while not lock.acquire(blocking=False):
+            if not self._gave_turn(lambda: not lock.locked(), inf):
+                lock.acquire()
+                return
+
+    def _most_at_once(self) -> int:
+        """How many nodes may be asked at once by now."""
+        return 1
+
+    def _until(self, ready: Callable[[], bool], deadline_s: float) -> None:
+        """Read until *ready*, which what arrives may bring about, or *deadline_s*; as `now_s` tells."""
+        raise NotImplementedError
+
+    def _gave_turn(self, ready: Callable[[], bool], deadline_s: float) -> bool:
+        """Where this thread is one of several that take turns: let others go on until *ready*, or *deadline_s*."""
+        turns = self._turns
+        if turns is None or not turns.mine():
+            return False
+        turns.wait(ready, deadline_s)
+        return True
 
     def set_timeout(self, timeout_s: float) -> None:
         """Let every SDO answer take *timeout_s* from now on."""

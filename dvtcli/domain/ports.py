@@ -6,7 +6,7 @@ raise are those of `dvtcli.errors`: SdoAborted, NoAnswer, BusUnavailable, SdoPro
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -72,6 +72,13 @@ class CanopenBus(Protocol):
     @property
     def bitrate(self) -> int | None:
         """The bit rate in bit/s, None where nobody said."""
+        ...
+
+    def side_by_side(self, jobs: Sequence[Callable[[], None]]) -> list[BaseException]:
+        """Do *jobs*, each of which waits for answers of a node of its own: side by side where that harms nobody.
+
+        On return none of them goes on. Answers what went wrong, in the order of time; after that none is begun.
+        """
         ...
 
     def sdo(self, node_id: int) -> SdoTransport:

@@ -6,19 +6,23 @@ back.
 
 from __future__ import annotations
 
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
+from dvtcli.bus.turns import one_by_one
 from dvtcli.device.change.course import combined
 from dvtcli.device.change.put_back import first_difference
 from dvtcli.device.change.taken_back import with_way_back
 from dvtcli.domain.network.phases import phases
-from dvtcli.domain.several import several
 from dvtcli.errors import DeviceRefused, Interrupted, JournalKept, Restarted
 from dvtcli.operations.take_back_network import Course
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Callable, Iterator, Mapping
 
+    from dvtcli.device.change.progress import Progress
     from dvtcli.device.node import Node
     from dvtcli.device.observe import Found
     from dvtcli.domain.plan import Plan
@@ -43,48 +47,122 @@ def carry_out_together(
     for node_id, plan in plans.items():
         if len(plan):
             course.plans[node_id], _ = with_way_back(nodes[node_id], plan)
+    run = _Run(session, course, found, findings, sum(map(len, course.plans.values())))
+    changed = {node_id: nodes[node_id] for node_id in plans}
     try:
-        for phase in phases(plans.values()):
-            for part in phase:
-                _stop_if_cancelled(session, part)
-                node = nodes[part.node_id]
-                # noted before it is done: what fails once it was verified must be taken back, too
-                course.done.append(with_way_back(node, part)[0])
-                node.apply(
-                    part, findings[part.node_id], force=session.options.force, kept=False, found=found[part.node_id]
-                )
-        changed = {node_id: nodes[node_id] for node_id in plans}
-        _refuse_restarted(changed, found)
-        _refuse_lost(nodes, course)
-        _refuse_restarted(changed, found)  # once more: what was read of the first ones may be lost by now
-    except BaseException as fault:  # a bug of ours must not leave a network half configured either
-        course.take_back(fault)
-        raise
+        faults = run.phases(plans) or run.last_look(changed)
+    except BaseException as fault:  # noqa: BLE001 - a bug of ours must not leave a network half configured either
+        faults = [fault]
+    if faults:
+        course.take_back(faults)
+        raise faults[0]
     return course
 
 
-def _stop_if_cancelled(session: Session, part: Plan) -> None:
+#: the phases in words
+_PHASES = ("producers off", "consumers off", "writing", "consumers on", "producers on")
+
+
+@dataclass(slots=True)
+class _Run:
+    """The parts of *course* on their way, *total* writes; side by side within a phase where the bus lets them."""
+
+    session: Session
+    course: Course
+    found: Mapping[int, Found]
+    findings: Mapping[int, tuple[Finding, ...]]
+    total: int
+    taken: int = 0
+
+    def phases(self, plans: Mapping[int, Plan]) -> list[BaseException]:
+        """Carry every phase out, up to the first that fails; what went wrong."""
+        for number, phase in enumerate(phases(plans.values())):
+            faults = self._side_by_side([partial(self._part, number, part) for part in phase])
+            if faults:
+                return faults
+        return []
+
+    def last_look(self, changed: Mapping[int, Node]) -> list[BaseException]:
+        """Faults where a node restarted since, or does not hold any more what was verified while others were changed.
+
+        A node that restarts does not always say so: after the last write each is read back once more.
+        """
+        restarted = partial(_refuse_restarted, changed, self.found)
+        plans = [(self.course.nodes[node_id], plan) for node_id, plan in self._verified().items()]
+        return (
+            one_by_one([restarted])
+            or self._side_by_side([partial(_refuse_lost, node, plan) for node, plan in plans])
+            or one_by_one([restarted])  # once more: what was read of the first ones may be lost by now
+        )
+
+    def _verified(self) -> dict[int, Plan]:
+        parts = self.course.done
+        return {
+            node_id: combined(node_id, [part for part in parts if part.node_id == node_id])
+            for node_id in self.course.plans
+        }
+
+    def _side_by_side(self, jobs: list[Callable[[], None]]) -> list[BaseException]:
+        return self.session.bus.side_by_side(jobs)
+
+    def _part(self, phase: int, part: Plan) -> None:
+        """Carry *part* out; noted before it is done: what fails once it was verified must be taken back, too."""
+        node = self.course.nodes[part.node_id]
+        with self._told(phase, node):
+            _stop_if_cancelled(self.session)
+            with self.course.doing(with_way_back(node, part)[0]):
+                node.apply(
+                    part,
+                    self.findings[part.node_id],
+                    force=self.session.options.force,
+                    kept=False,
+                    found=self.found[part.node_id],
+                )
+
+    @contextmanager
+    def _told(self, phase: int, node: Node) -> Iterator[None]:
+        """While a part of *phase* (0..4) is carried out on *node*: steps count as those of the whole.
+
+        Interrupted says how far the whole had come.
+        """
+        tell = node.on_step
+
+        def took(progress: Progress) -> None:
+            self.taken += 1
+            tell(replace(progress, done=self.taken, total=self.total))
+
+        node.on_step = took
+        try:
+            yield
+        except (Interrupted, KeyboardInterrupt) as fault:
+            raise self._stopped(fault, phase, node.node_id) from fault
+        finally:
+            node.on_step = tell
+
+    def _stopped(self, fault: Interrupted | KeyboardInterrupt, phase: int, node_id: int) -> Interrupted:
+        at_once = " at once" if not isinstance(fault, Interrupted) or fault.text.startswith("stopped at once") else ""
+        where = f"at node {node_id}, phase {phase + 1} of 5 ({_PHASES[phase]})"
+        text = f"stopped{at_once} {where}, after write {self.taken} of {self.total}"
+        stopped = Interrupted(text, node=node_id, state=fault.state if isinstance(fault, Interrupted) else "unchanged")
+        stopped.exit_code = self.session.cancellation.exit_code
+        return stopped
+
+
+def _stop_if_cancelled(session: Session) -> None:
     if session.cancellation.requested:
-        stopped = Interrupted(f"stopped before {several(change.label for change in part.changes)}", node=part.node_id)
-        stopped.exit_code = session.cancellation.exit_code
-        raise stopped
+        raise Interrupted("stopped before the next part")
 
 
-def _refuse_lost(nodes: Mapping[int, Node], course: Course) -> None:
-    """DeviceRefused where a node does not hold any more what was verified, while another one was changed.
-
-    A node that restarts does not always say so: after the last write each is read back once more.
-    """
-    for node_id in course.plans:
-        node, plan = nodes[node_id], combined(node_id, [part for part in course.done if part.node_id == node_id])
-        differences = node.observed(lambda node=node, plan=plan: list(_lost(node, plan)))  # type: ignore[misc]
-        if differences:
-            raise DeviceRefused(
-                f"node {node_id} lost what was set, while the nodes were changed",
-                node=node_id,
-                why="; ".join(differences),
-                hint="it may have restarted: look at its supply, then try again",
-            )
+def _refuse_lost(node: Node, plan: Plan) -> None:
+    """DeviceRefused where *node* does not hold any more what was verified, *plan*, while another one was changed."""
+    differences = node.observed(lambda: list(_lost(node, plan)))
+    if differences:
+        raise DeviceRefused(
+            f"node {node.node_id} lost what was set, while the nodes were changed",
+            node=node.node_id,
+            why="; ".join(differences),
+            hint="it may have restarted: look at its supply, then try again",
+        )
 
 
 def _lost(node: Node, plan: Plan) -> Iterator[str]:

@@ -33,7 +33,9 @@ def planned(session: Session, file: str, saved: str | None = None, *, tells: boo
     With *tells* its exit code is 3 where something differs. Raises as `plan_network`.
     """
     plan = plan_network(session, file)
-    answer = NetworkPlanned(plan, tells, saved or "", load_after(session, plan))
+    keepers = {one.node_id: session.node(one.node_id).keeper for one in plan.nodes}
+    interrupted = (node_id for node_id, keeper in keepers.items() if keeper is not None and keeper.open_journal())
+    answer = NetworkPlanned(plan, tells, saved or "", load_after(session, plan), tuple(interrupted))
     if saved is not None:
         with _opened(saved):
             Path(saved).write_text(json.dumps(answer.document(), indent=1) + "\n", encoding="utf-8")

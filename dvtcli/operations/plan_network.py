@@ -160,14 +160,18 @@ def _node_plan(node: Node, wish: NodeWish, wants: NodeWants, senders: Senders) -
     return NodePlan(
         wish.name, plan, node.identity(), node.title, wish.mark.line, str(wish.store or ""), wanted, dict(wants.values),
         wants.pruned, lines={pdo.pdo: pdo.mark.line for pdo in wish.pdos},
-        names=names(node, plan.changes), unstored=_unstored(node) if wish.store else (),
+        names=names(node, plan.changes), unstored=_unstored(node, plan) if wish.store else (),
     )  # fmt: skip
 
 
-def _unstored(node: Node) -> tuple[str, ...]:
-    """Labels of what *node* holds and no store is known to have taken, whoever of dvtcli set it."""
+def _unstored(node: Node, plan: Plan) -> tuple[str, ...]:
+    """Labels of what *node* holds and no store is known to have taken, whoever of dvtcli set it.
+
+    Not what *plan* changes: what that was need not be stored, and what it will be may be what is stored.
+    """
     remembered = {} if node.keeper is None else held_unstored(node, node.keeper.past, node.identity())
-    return tuple({**remembered, **node.unstored})
+    changed = {change.label for change in plan.changes}
+    return tuple(label for label in {**remembered, **node.unstored} if label not in changed)
 
 
 def _value(node: Node, place: tuple[int, int], held: bytes, data: bytes, reason: str) -> ValueChange:

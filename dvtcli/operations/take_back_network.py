@@ -5,15 +5,15 @@ No consumer hears a layout that is not its own on the way back either. Does not 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.put_back import PATIENCE_S, RETRY_S, first_difference
 from dvtcli.domain.plan import Change, PdoChange, Plan
 from dvtcli.domain.several import several
-from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, NoAnswer, SdoAborted, SdoProtocolError
+from dvtcli.errors import DeviceRefused, DvtcliError, Interrupted, LeftChanged, NoAnswer, SdoAborted, SdoProtocolError
 
 if TYPE_CHECKING:
     from dvtcli.device.change.own_journal import OwnJournal
@@ -42,6 +42,8 @@ class Course:
     #: whether it is a whole by itself, and no line of a script that is one
     _alone: bool = field(init=False)
     _before: dict[int, _Before] = field(init=False)
+    #: nodes a part of which failed before anything of it was written
+    _unwritten: list[int] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self._alone = self.session.whole.id is None
@@ -60,11 +62,28 @@ class Course:
         if self._alone:
             self.session.whole.end()
 
-    def take_back(self, fault: BaseException) -> None:
-        """Put back all that was done, each part verified; *fault* is told, or LeftChanged raised where some stays."""
-        failures: dict[int, LeftChanged] = {}
-        if isinstance(fault, LeftChanged) and fault.node is not None:
-            failures[fault.node] = fault
+    @contextmanager
+    def doing(self, part: Plan) -> Iterator[None]:
+        """While *part* is carried out; where it fails before anything of it was written it is none that was done."""
+        self.done.append(part)
+        try:
+            yield
+        except DvtcliError as fault:
+            if fault.state == "unchanged":
+                self.done = [one for one in self.done if one is not part]
+                self._unwritten.append(part.node_id)
+            raise
+
+    def take_back(self, faults: Sequence[BaseException]) -> None:
+        """Put back all that was done, each part verified.
+
+        The first of *faults* is to be told, with the state of the nodes; LeftChanged is raised where some stays.
+        """
+        fault = faults[0]
+        failures = {one.node: one for one in faults if isinstance(one, LeftChanged) and one.node is not None}
+        if isinstance(fault, DvtcliError):
+            others = (one for one in faults[1:] if not isinstance(one, Interrupted | LeftChanged))
+            fault.details += [("also", str(one)) for one in others]
         with self.session.cancellation.way_back(), self.session.agreed():
             for part in reversed(self.done):
                 if part.node_id not in failures:
@@ -79,18 +98,24 @@ class Course:
             left = self._all_left(failures)
             if left is not fault:
                 raise left from fault
-        elif isinstance(fault, DvtcliError) and fault.state != "left_changed" and self._may_have_written(fault):
-            unseen = f"; look at the NMT state of node {fault.node}" if fault.state == "unknown" else ""
-            fault.state, fault.state_text = "rolled_back", f"{_ALL_BACK}{unseen}"
+        elif isinstance(fault, DvtcliError) and fault.state != "left_changed" and self.done:
+            self._say_all_back(fault)
 
-    def _may_have_written(self, fault: DvtcliError) -> bool:
-        return len(self.done) > 1 or (bool(self.done) and fault.state != "unchanged")
+    def _say_all_back(self, fault: DvtcliError) -> None:
+        also = f"; look at the NMT state of node {fault.node}" if fault.state == "unknown" else ""
+        unwritten = self._never_written()
+        also += f"; nothing was written to node {', '.join(map(str, unwritten))}" if unwritten else ""
+        fault.state, fault.state_text = "rolled_back", f"{_ALL_BACK}{also}"
+
+    def _never_written(self) -> list[int]:
+        """The nodes that failed before anything at all was written to them."""
+        return [node_id for node_id in self._unwritten if all(part.node_id != node_id for part in self.done)]
 
     def _all_left(self, failures: Mapping[int, LeftChanged]) -> LeftChanged:
         """The first of *failures*, with what became of the other nodes."""
         first, *others = failures.values()
         first.details += [("also", failure.text) for failure in others]
-        back = [str(node_id) for node_id in self.nodes if node_id not in failures]
+        back = [str(node_id) for node_id in self.nodes if node_id not in {*failures, *self._never_written()}]
         if back:
             first.details.append(("others", f"node {', '.join(back)}: as before, read back equal"))
         return first

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass, field
 from heapq import heappop, heappush
+from threading import Lock
 
 from dvtcli.bus.receiver import Wake
 from dvtcli.bus.sdo.channel import SdoChannel
@@ -54,6 +55,9 @@ class HostileLink:
         for after_s, frame in self._answers(data, move, shape):
             self.order += 1
             heappush(self.coming, (self.now + _ANSWER_S + after_s, self.order, frame))
+
+    def hold(self, lock: Lock) -> None:
+        lock.acquire()
 
     def take(self, inbox: Inbox, deadline_s: float) -> bytes | None:
         while inbox.empty() and self.coming and self.coming[0][0] <= deadline_s:

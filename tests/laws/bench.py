@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 
+from dvtcli.bus.turns import one_by_one
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import Pdo, PdoConfig
@@ -181,6 +182,9 @@ class DirectBus:
 
     def downloads_of_others(self, node_id: int) -> int:
         return 0
+
+    def side_by_side(self, jobs: Sequence[Callable[[], None]]) -> list[BaseException]:
+        return one_by_one(jobs)
 
     def wait_boot_up(self, node_id: int, seen: int, timeout_s: float) -> bool:
         return self.heard_boot_ups > seen

@@ -17,15 +17,6 @@ from tests.network.test_network_faults import OPERATIONAL, STEPS, ideal
 from tests.sample import part
 
 
-@pytest.fixture
-def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    for folder in ("ideal", "home"):
-        for name in ("HOME", "XDG_DATA_HOME", "XDG_STATE_HOME", "XDG_CONFIG_HOME"):
-            monkeypatch.setenv(name, str(tmp_path / folder))
-        ideal()
-    return tmp_path / "home"
-
-
 @pytest.mark.counted
 def test_a_network_is_recovered_whenever_apply_was_killed(home: Path, pytestconfig: pytest.Config) -> None:
     """At every write, as many of them as `--kills` says."""

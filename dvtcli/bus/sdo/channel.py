@@ -6,7 +6,8 @@ Does not know how an answer is checked (see sdo_client), nor what an object mean
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import TypeVar
 
 from canopen.sdo.exceptions import SdoError
@@ -38,7 +39,7 @@ class SdoChannel:
         *timeout_s* for each answer and *retries* override the bus's. Raises SdoAborted, NoAnswer, SdoProtocolError,
         BusUnavailable.
         """
-        with self._turn:
+        with self._alone():
             return self._run(lambda: self._client.upload(index, sub_index), timeout_s, retries)
 
     def download(self, index: int, sub_index: int, data: bytes, *, timeout_s: float | None = None) -> None:
@@ -47,13 +48,21 @@ class SdoChannel:
         *timeout_s* for each answer overrides the bus's (a store takes seconds). Raises SdoAborted; and NoAnswer,
         SdoProtocolError, BusUnavailable with the state "unknown" once the request was sent.
         """
-        with self._turn:
+        with self._alone():
             try:
                 self._run(lambda: self._client.download(index, sub_index, data), timeout_s, 0)
             except (NoAnswer, SdoProtocolError, BusUnavailable) as error:
                 if self._client.requested:
                     error.state = "unknown"
                 raise
+
+    @contextmanager
+    def _alone(self) -> Iterator[None]:
+        self._client.link.hold(self._turn)
+        try:
+            yield
+        finally:
+            self._turn.release()
 
     def _run(self, transfer: Callable[[], T], timeout_s: float | None, retries: int | None) -> T:
         client = self._client

@@ -46,7 +46,7 @@ class StrictSdoClient(SdoClient):
         self.retries = settings.retries
         self.dropped = DroppedAnswers()
         self.inbox: Inbox = SimpleQueue()
-        self._link = link
+        self.link = link
         #: of the present transfer, which sets them when it begins: its object, and whether its first request was sent
         self._multiplexer: bytes
         self.requested: bool
@@ -149,7 +149,7 @@ class StrictSdoClient(SdoClient):
 
     def abort(self, abort_code: int = Abort.GENERAL) -> None:
         """Tell the device that the present transfer is over, with the object's address."""
-        self._link.send_sdo(self.rx_cobid, b"\x80" + self._multiplexer + abort_code.to_bytes(4, "little"))
+        self.link.send_sdo(self.rx_cobid, b"\x80" + self._multiplexer + abort_code.to_bytes(4, "little"))
 
     def receive(self, can_id: int, data: bytes, *, extended: bool) -> None:
         """Take a frame of this node's SDO channel that is not ours, from the thread that reads the bus."""
@@ -173,7 +173,7 @@ class StrictSdoClient(SdoClient):
 
     def _discard(self) -> None:
         """Drop what has come so far: an answer that comes before its request is none."""
-        self._link.drain()
+        self.link.drain()
         while not self.inbox.empty():
             item = self.inbox.get_nowait()
             if not isinstance(item, Wake) and item is not RESTARTED:
@@ -208,14 +208,14 @@ class StrictSdoClient(SdoClient):
         However it ends without one, by Ctrl-C too, the answer is expected late.
         """
         unsettled_before, self._unsettled = self._unsettled, True
-        take, inbox = self._link.take, self.inbox
+        take, inbox = self.link.take, self.inbox
         answered = False
         try:
-            self._link.send_sdo(self.rx_cobid, request)
-            deadline_s = self._link.now_s() + self.timeout_s
+            self.link.send_sdo(self.rx_cobid, request)
+            deadline_s = self.link.now_s() + self.timeout_s
             while (answer := take(inbox, deadline_s)) is not None:
                 if answer is RESTARTED:  # unless it had answered, it will not: a store need not be waited for any more
-                    deadline_s = min(deadline_s, self._link.now_s() + self.settings.timeout_s)
+                    deadline_s = min(deadline_s, self.link.now_s() + self.settings.timeout_s)
                 elif self._fits(request, answer):
                     answered = True
                     break

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from queue import SimpleQueue
+from threading import Lock
 from typing import Protocol
 
 from dvtcli.bus.receiver import Wake
@@ -31,6 +32,10 @@ class SdoLink(Protocol):
 
     def take(self, inbox: Inbox, deadline_s: float) -> bytes | None:
         """Wait for an answer in *inbox* until *deadline_s* (as `now_s` tells)."""
+        ...
+
+    def hold(self, lock: Lock) -> None:
+        """Take *lock*, which somebody may hold who waits for an answer."""
         ...
 
     def now_s(self) -> float:

@@ -40,7 +40,11 @@ def planned_lines(result: NetworkPlanned, width: int) -> Iterator[Line]:
     if not result.plan.changed and not any(node.stores for node in result.plan.nodes):
         return
     saved = f" Saved: {result.saved}." if result.saved else ""
-    yield f"Nothing was written.{saved} Next: dvtcli apply {result.saved or result.plan.file}"
+    after = f"dvtcli apply {result.saved or result.plan.file}"
+    if result.interrupted:
+        nodes = ", ".join(map(str, result.interrupted))
+        after = f"dvtcli recover, since a change of node {nodes} was interrupted; then plan again"
+    yield f"Nothing was written.{saved} Next: {after}"
 
 
 def _load(need: BusNeed) -> Iterator[Line]:

@@ -23,7 +23,8 @@ class NetworkPlanned(Answer):
     """What has to be written for a network to be as its file says; nothing was.
 
     *tells* says whether a difference is an exit code of its own; *saved* is the file that the plan was written to.
-    *need* is what all frames need of the bus afterwards, None where its bit rate is not known.
+    *need* is what all frames need of the bus afterwards, None where its bit rate is not known; *interrupted* are nodes
+    of which a change waits to be recovered first.
     """
 
     renderer: ClassVar = "network_lines:planned_lines"
@@ -34,6 +35,7 @@ class NetworkPlanned(Answer):
     tells: bool = False
     saved: str = ""
     need: BusNeed | None = None
+    interrupted: tuple[int, ...] = ()
 
     def __bool__(self) -> bool:
         """Whether nothing has to be written."""

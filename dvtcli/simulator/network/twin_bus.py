@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import threading
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 
+from dvtcli.bus.turns import one_by_one
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.node_events import BootUp, Emergency, NodeEvent
 from dvtcli.domain.ports import CanopenBus, Frame
@@ -97,6 +98,10 @@ class TwinBus:
     def upsets(self, node_id: int) -> int:
         """What upset the node, and the boot-ups of its twin."""
         return self._wrapped.upsets(node_id) + self._twin_boot_ups(node_id)
+
+    def side_by_side(self, jobs: Sequence[Callable[[], None]]) -> list[BaseException]:
+        """Do *jobs* one after the other up to the first fault, which is answered."""
+        return one_by_one(jobs)
 
     def downloads_of_others(self, node_id: int) -> int:
         """Those to the node: nobody else meets its twin."""

@@ -1,0 +1,98 @@
+"""Nodes side by side within a phase: the same end as one after the other, in less time, and no less safe."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from dvtcli.errors import DvtcliError, Interrupted, LeftChanged
+from dvtcli.operations.network_files import applied
+from dvtcli.operations.session import Session
+from tests.network.bench import CHAIN, FILE, Chain
+from tests.network.killed import Watched
+from tests.network.test_network_faults import FAULTS, STEPS, ideal
+from tests.sample import part
+
+
+class OneByOne(Watched):
+    most_at_once = 1
+
+
+def chain(home: Path, name: str, faults: list[str] | None = None, bus: type[Watched] = Watched) -> Chain:
+    """The network, with none of its nodes OPERATIONAL."""
+    (home.parent / name).mkdir()
+    return Chain(home.parent / name, faults, bus=bus, operational=False)
+
+
+def test_the_same_is_done_in_less_time(home: Path) -> None:
+    ends = []
+    for name, bus in (("one", OneByOne), ("all", Watched)):
+        made = chain(home, name, bus=bus)
+        began_s = made.bus.now_s()
+        made.apply()
+        ends.append((made.held(), made.bus.now_s() - began_s))
+        assert made.journals() == []
+        assert made.bus.layouts <= ideal()[1]
+    (one, one_s), (together, together_s) = ends
+    assert one == together
+    assert together_s < 0.7 * one_s
+
+
+@pytest.mark.counted
+def test_a_fault_takes_every_node_back(home: Path, pytestconfig: pytest.Config) -> None:
+    cells = [(fault, *step) for step in STEPS for fault in FAULTS]
+    for fault, node_id, step in part(cells, 3 * pytestconfig.getoption("--kills"), pytestconfig, "side by side"):
+        name = f"{fault[:4]}-{node_id}-{step}"
+        made = chain(home, name, [f"{node_id}:{fault.format(step)}"])
+        made.bus.layouts.clear()
+        before, stored = made.held(), made.stored()
+        with pytest.raises(DvtcliError) as raised:
+            made.apply()
+        dead = {node_id} if isinstance(raised.value, LeftChanged) else set[int]()
+        assert bool(dead) == ("silent" in fault), (name, raised.value, raised.value.why)
+        assert raised.value.state == ("left_changed" if dead else "rolled_back"), name
+        reached = set(CHAIN) - dead
+        assert {one: made.held()[one] for one in reached} == {one: before[one] for one in reached}, name
+        assert made.stored() == stored
+        assert len(made.journals()) == len(dead)
+        shutil.rmtree(home)  # what is remembered of these nodes
+
+
+def stopped(made: Chain, at: int, stop: Callable[[Session], None]) -> Interrupted:
+    """How `apply` ends that is told to *stop* at its write number *at*."""
+    before = made.held()
+    with made.session() as session:
+        made.bus.on_write = lambda count: stop(session) if count == at else None  # type: ignore[attr-defined]
+        with pytest.raises(Interrupted) as raised:
+            applied(session, str(FILE))
+    assert made.held() == before
+    assert made.journals() == []
+    assert raised.value.state == "rolled_back"
+    assert raised.value.text.endswith(f" of {len(STEPS)}")
+    return raised.value
+
+
+@pytest.mark.parametrize("at", [1, 14, 30])
+def test_a_request_to_stop_takes_every_node_back_and_says_how_far_it_was(home: Path, at: int) -> None:
+    def stop(session: Session) -> None:
+        session.cancellation.requested = True
+
+    said = stopped(chain(home, "files"), at, stop)
+    assert said.text.startswith("stopped at node ")
+
+
+@pytest.mark.parametrize("at", [1, 14, 30])
+def test_whoever_tears_it_apart_finds_every_node_as_before(home: Path, at: int) -> None:
+    def tear(session: Session) -> None:
+        os.kill(os.getpid(), signal.SIGINT)
+        while not session.bus._turns._torn:  # type: ignore[attr-defined]
+            time.sleep(0.001)
+
+    said = stopped(chain(home, "files"), at, tear)
+    assert said.text.startswith("stopped at once at node ")
