@@ -51,8 +51,9 @@ def carry_out_together(
     changed = {node_id: nodes[node_id] for node_id in plans}
     try:
         faults = run.phases(plans) or run.last_look(changed)
-    except BaseException as fault:  # noqa: BLE001 - a bug of ours must not leave a network half configured either
-        faults = [fault]
+    except BaseException as fault:  # a bug of ours must not leave a network half configured either
+        course.take_back([fault])
+        raise
     if faults:
         course.take_back(faults)
         raise faults[0]

@@ -15,6 +15,7 @@ _MAY_CATCH_ALL = {
     "cli/boundary.py": "the one boundary",
     "cli/dvt/tcl_child.py": "the end of a child, which its parent reads",
     "bus/drivers.py": "what drivers raise means that they find nothing",
+    "bus/turns.py": "handed to the thread that asked for the work",
     "device/change/put_back.py": "the other changes are put back all the same, then it is raised",
 }
 #: where results and messages become text
