@@ -22,23 +22,29 @@ if TYPE_CHECKING:
 
 
 def recover(
-    session: Session, file: str | None = None, *, accept: bool = False, discard: bool = False
+    session: Session,
+    file: str | None = None,
+    *,
+    accept: bool = False,
+    discard: bool = False,
+    finish: bool = False,
 ) -> Changed | ChangedNodes | Facts:
     """Put back what interrupted changes replaced, of all nodes that belong to them, and forget their journals.
 
     *file* is a journal; None stands for that of the selected node, or where none is selected for all of the bus.
     *accept* takes what the device holds as the new state and writes nothing; *discard* sets a journal that cannot be
-    used aside. SafetyRefusal for a journal of another bus or device, LeftChanged where a device does not take it; an
+    used aside; *finish* goes on with the stores of a network whose nodes had all been verified. SafetyRefusal for a
+    journal of another bus or device, LeftChanged where a device does not take it; an
     error says what was put back before it.
     """
-    if accept and discard:
-        raise UsageError("--accept and --discard exclude each other")
+    if accept + discard + finish > 1:
+        raise UsageError("--accept, --discard and --finish exclude each other")
     if accept:
         return _accepted(session, file)
-    return _discarded(session, file) if discard else _recovered(session, file)
+    return _discarded(session, file) if discard else _recovered(session, file, finish=finish)
 
 
-def _recovered(session: Session, file: str | None) -> Changed | ChangedNodes | Facts:
+def _recovered(session: Session, file: str | None, *, finish: bool) -> Changed | ChangedNodes | Facts:
     found: dict[Path, Journal] = {}
     for path in waiting_paths(session, file):
         found |= {one.path: one for one in with_others(session, path)}
@@ -47,6 +53,10 @@ def _recovered(session: Session, file: str | None) -> Changed | ChangedNodes | F
     journals = list(found.values())
     for journal in journals:
         _refuse_other_bus(session, journal)
+    if finish or _rather_finishes(session, journals):
+        from dvtcli.operations.finish_stores import finish as go_on
+
+        return go_on(session, journals)
     text = several(f"{_labels(journal)} of node {journal.plan.node_id}" for journal in journals)
     what = "`learn`, which was interrupted" if all(one.part.asked for one in journals) else "the interrupted change"
     session.consent(f"{text} will be put back as before {what}; recover?", _only(journals))
@@ -59,6 +69,27 @@ def _recovered(session: Session, file: str | None) -> Changed | ChangedNodes | F
             failed.details.append(("done", f"node {', '.join(ids)}: put back"))
         raise failed
     return done[0] if len(done) == 1 else ChangedNodes(tuple(done))
+
+
+def _rather_finishes(session: Session, journals: list[Journal]) -> bool:
+    """Whether the stores are to be gone on with, where they had begun; SafetyRefusal where nobody can say so."""
+    from dvtcli.operations.finish_stores import furthest, may_finish, waiting
+
+    if not may_finish(journals):
+        return False
+    part = furthest(journals)
+    first, *behind = waiting(part) or [0]
+    done = [one.node_id for one in part.stores if one.is_done]
+    rows = (("stored", done), ("unknown", [first] if first else []), ("not stored", behind))
+    told = "; ".join(f"{label}: node {', '.join(map(str, ids))}" for label, ids in rows if ids)
+    text = f"every node held what {part.name} wanted, and it ended while they stored ({told})"
+    if session.options.yes or session.dry_run:
+        session.tell.note(f"{text}: recover goes back, recover --finish would go on")
+        return False
+    answer = session.tell.ask(f"{text}; store on the others? No goes on to the way back")
+    if answer is None:
+        raise SafetyRefusal(f"nobody can answer: {text}", hint="recover --finish goes on, recover --yes goes back")
+    return answer
 
 
 def _only(journals: list[Journal]) -> int | None:

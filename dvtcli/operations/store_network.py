@@ -5,14 +5,18 @@ Does not know what was changed.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from dvtcli.device.change.whole import Storing
 from dvtcli.errors import DvtcliError, LeftChanged, NoAnswer, SdoProtocolError
 from dvtcli.operations.store_restore import store_settings
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
+    from dvtcli.device.change.own_journal import OwnJournal
+    from dvtcli.device.node import Node
     from dvtcli.domain.network.network_plan import NodePlan
     from dvtcli.operations.results import Stored
     from dvtcli.operations.session import Session
@@ -29,31 +33,55 @@ def store_network(
 
     What was set stays on every node, verified; a journal says from here on that stores have begun.
     """
-    done: list[Stored] = []
-    for one in planned:
+    stores = [Storing(one.node_id, one.store) for one in planned]
+    try:
+        return store_each(session, course.name, stores, course.nodes, course.journals(), prove)
+    except LeftChanged:
         for journal in course.journals():
-            journal.final(_final(course.name, done, one))
-        course.nodes[one.node_id].pending.stores += 1  # whatever becomes of it, no script takes its lines back any more
-        group = _GROUPS[one.store] if one.store in _GROUPS else int(one.store)
+            journal.complete_whole()
+        course.end()
+        raise
+
+
+def store_each(
+    session: Session,
+    name: str,
+    stores: Sequence[Storing],
+    nodes: Mapping[int, Node],
+    journals: Sequence[OwnJournal],
+    prove: str | None = None,
+) -> tuple[Stored, ...]:
+    """Carry out those of *stores* that are not done, the end of what is called *name*; *journals* say how far it is.
+
+    LeftChanged names who has stored and who has not.
+    """
+    answers: list[Stored] = []
+    states = list(stores)
+    for number, one in enumerate(stores):
+        if one.is_done:
+            continue
+        for journal in journals:
+            journal.final(_final(name, states, one), tuple(states))
+        node = nodes[one.node_id]
+        node.pending.stores += 1  # whatever becomes of it, no script takes its lines back any more
+        group = _GROUPS[one.group] if one.group in _GROUPS else int(one.group)
         try:
-            done.append(store_settings(session, course.nodes[one.node_id], group, prove=prove))
+            answers.append(store_settings(session, node, group, prove=prove))
         except (DvtcliError, KeyboardInterrupt) as failed:
-            for journal in course.journals():
-                journal.complete_whole()
-            course.end()
-            raise _not_all(planned, done, one, failed) from failed
-    return tuple(done)
+            raise _not_all(states, one, failed) from failed
+        states[number] = replace(one, is_done=True)
+    return tuple(answers)
 
 
-def _final(name: str, done: Sequence[Stored], one: NodePlan) -> str:
+def _final(name: str, states: Sequence[Storing], one: Storing) -> str:
     """What a `recover` says had begun, where this process ends in the middle of it."""
-    stored = f"; stored on node {', '.join(str(before.node) for before in done)}" if done else ""
+    done = [str(before.node_id) for before in states if before.is_done]
+    stored = f"; stored on node {', '.join(done)}" if done else ""
     return f"{name}: store on node {one.node_id}{stored}"
 
 
-def _not_all(planned: Sequence[NodePlan], done: Sequence[Stored], one: NodePlan, failed: BaseException) -> LeftChanged:
-    ids = [other.node_id for other in planned]
-    behind = ids[ids.index(one.node_id) + 1 :]
+def _not_all(states: Sequence[Storing], one: Storing, failed: BaseException) -> LeftChanged:
+    behind = [other.node_id for other in states if not other.is_done and other is not one]
     unsure = not isinstance(failed, DvtcliError) or isinstance(failed, NoAnswer | SdoProtocolError)
     unsure = unsure or (isinstance(failed, DvtcliError) and failed.state == "unknown")
     missing = behind if unsure else [one.node_id, *behind]
@@ -66,7 +94,11 @@ def _not_all(planned: Sequence[NodePlan], done: Sequence[Stored], one: NodePlan,
         "`store` on each that stored",
         state="left_changed",
     )
-    rows = (("stored", [other.node for other in done]), ("not stored", missing), ("unknown", [one.node_id] * unsure))
+    rows = (
+        ("stored", [other.node_id for other in states if other.is_done]),
+        ("not stored", missing),
+        ("unknown", [one.node_id] * unsure),
+    )
     left.details += [(label, f"node {', '.join(map(str, numbers))}") for label, numbers in rows if numbers]
     left.state_text = "every node holds what was planned, read back equal; not all of them have stored it"
     return left

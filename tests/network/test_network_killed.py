@@ -126,3 +126,37 @@ def test_both_ends_of_a_link_are_recovered(nodes: Served, kill_at: int) -> None:
     assert nodes.dvtcli("--yes", *line).returncode == 0
     again = nodes.dvtcli("--yes", *line, "--json")
     assert json.loads(again.stdout)["writes"] == 0
+
+
+def test_stores_that_a_kill_cut_short_are_finished(nodes: Served) -> None:
+    assert killed(nodes, "defaults: {store: true}\n" + FILE, 2, is_save) == -SIGKILL
+    planned = nodes.dvtcli("plan", str(nodes.folder / "net.yaml"))
+    assert "Next: dvtcli apply" not in planned.stdout
+    asked = nodes.dvtcli("recover")
+    assert asked.returncode == 6
+    assert "stored: node 1; unknown: node 3" in asked.stderr
+    assert "recover --finish goes on, recover --yes goes back" in asked.stderr
+    assert nodes.dvtcli("recover", "--finish", "--dry-run").returncode == 0
+    assert len(journals(nodes)) == 3, "a dry run leaves them"
+    finished = nodes.dvtcli("recover", "--finish", "--yes")
+    assert finished.returncode == 0, finished.stderr
+    assert "is complete: node 3 stored" in finished.stdout
+    assert journals(nodes) == []
+    assert nodes.dvtcli("nmt", "reset-node", "all", "--yes").returncode == 0
+    assert nodes.dvtcli("diff", str(nodes.folder / "net.yaml")).returncode == 0
+
+
+def test_what_is_not_verified_any_more_is_not_stored(nodes: Served) -> None:
+    assert killed(nodes, "defaults: {store: true}\n" + FILE, 1, is_save) == -SIGKILL
+    bus = nodes.attach()
+    bus.send(can.Message(arbitration_id=0, data=[0x81, 3], is_extended_id=False))  # node 3 loses what it did not store
+    finished = nodes.dvtcli("recover", "--finish", "--yes")
+    assert finished.returncode == 6
+    assert "node 3 does not hold any more what was verified" in finished.stderr
+    assert len(journals(nodes)) == 3
+
+
+def test_where_not_every_node_was_verified_nothing_is_finished(nodes: Served) -> None:
+    assert killed(nodes, "defaults: {store: true}\n" + FILE, 4, is_download) == -SIGKILL
+    assert nodes.dvtcli("recover", "--finish", "--yes").returncode == 2
+    assert nodes.dvtcli("recover", "--yes").returncode == 0

@@ -9,6 +9,7 @@ from __future__ import annotations
 import errno
 import json
 import os
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,7 +17,7 @@ from typing import Any
 
 from dvtcli.device.change.plan_document import MOST_CHANGES, Identity, change_document, read_number, read_plan
 from dvtcli.device.change.private_file import file_name, remove, sync_folder, write_private
-from dvtcli.device.change.whole import Part
+from dvtcli.device.change.whole import Part, Storing
 from dvtcli.device.trust import stranger
 from dvtcli.domain.plan import Plan
 from dvtcli.errors import InputFileError, SafetyRefusal
@@ -120,6 +121,7 @@ class Journals:
             "entries": list(part.entries),
             "final": part.final,
             "asked": list(part.asked),
+            "stores": [{"node": one.node_id, "group": one.group, "done": one.is_done} for one in part.stores],
             "changes": [change_document(change) for change in plan.changes],
         }
         text = json.dumps(document, indent=1)
@@ -186,4 +188,11 @@ def _part(document: dict[str, Any]) -> Part:
     lists = isinstance(entries, list) and isinstance(asked, list)
     if not lists or not all(isinstance(one, str) for one in (whole or "", name, final, *entries, *asked)):
         raise ValueError("what it belongs to is malformed")
-    return Part(whole, name, tuple(entries), final, tuple(asked))
+    return Part(whole, name, tuple(entries), final, tuple(asked), tuple(_stores(document.get("stores", []))))
+
+
+def _stores(document: Any) -> Iterator[Storing]:
+    if not isinstance(document, list) or not all(isinstance(one, dict) for one in document):
+        raise ValueError("its stores are malformed")
+    for one in document:
+        yield Storing(read_number(one, "node", 127), str(one.get("group")), one.get("done") is True)

@@ -11,11 +11,11 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from dvtcli.device.change.course import Course
-from dvtcli.device.change.journal import Journals
+from dvtcli.device.change.journal import Journal, Journals
 from dvtcli.device.change.lock import NodeLock
 from dvtcli.device.change.plan_document import Identity
 from dvtcli.device.change.private_file import remove
-from dvtcli.device.change.whole import Whole
+from dvtcli.device.change.whole import Storing, Whole
 from dvtcli.domain.plan import Plan
 from dvtcli.errors import JournalKept, SafetyRefusal
 
@@ -88,10 +88,15 @@ class OwnJournal:
             return
         self.forget()
 
-    def final(self, line: str) -> None:
-        """Before *line* of the whole, which no undo reverts; empty: it was not done after all."""
+    def adopt(self, journal: Journal) -> None:
+        """*journal*, of a whole that another process left verified on every node, is ours to complete now."""
+        self.identity = journal.identity
+        self._course = Course(journal.nmt_state, journal.part, [journal.plan])
+
+    def final(self, line: str, stores: tuple[Storing, ...] = ()) -> None:
+        """Before *line* of the whole, which no undo reverts, and *stores* those of it; empty: not done after all."""
         if self._course.made:
-            self._course.part = replace(self._course.part, final=line)
+            self._course.part = replace(self._course.part, final=line, stores=stores)
             if line:
                 with self._files("kept"):
                     self._write()

@@ -10,12 +10,24 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
+class Storing:
+    """A store that ends a whole, once all of it is verified.
+
+    *group* is as `store` takes it; *is_done* once the node acknowledged it.
+    """
+
+    node_id: int
+    group: str
+    is_done: bool = False
+
+
+@dataclass(frozen=True, slots=True)
 class Part:
     """What a journal belongs to: the id and the name of a whole (None and empty: its change stands alone).
 
     *entries* are the ids under which `undo` remembers the changes; *final* is the line of the script that was begun
     and that no undo reverts. *asked* are the PDOs that `learn` asks, none where it is a change: the others of its plan
-    are only compared.
+    are only compared. *stores* end a whole whose nodes were all verified.
     """
 
     whole: str | None = None
@@ -23,6 +35,7 @@ class Part:
     entries: tuple[str, ...] = ()
     final: str = ""
     asked: tuple[str, ...] = ()
+    stores: tuple[Storing, ...] = ()
 
 
 @dataclass(slots=True)

@@ -1,0 +1,105 @@
+"""Going on where a process ended in the middle of the stores of a network: what is verified is stored on the rest.
+
+Puts nothing back (`recover_change`). Does not find journals.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from dvtcli.device.change.finish_interrupted import refuse_other_device
+from dvtcli.device.change.put_back import first_difference
+from dvtcli.domain.nmt import NmtState
+from dvtcli.errors import LeftChanged, SafetyRefusal, UsageError
+from dvtcli.operations.results import Facts
+from dvtcli.operations.store_network import store_each
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from dvtcli.device.change.journal import Journal
+    from dvtcli.device.change.whole import Part
+    from dvtcli.device.node import Node
+    from dvtcli.operations.session import Session
+
+
+def may_finish(journals: Sequence[Journal]) -> bool:
+    """Whether *journals* are all of one whole, each of whose nodes had been verified before the stores began."""
+    parts = [journal.part for journal in journals]
+    return bool(parts) and bool(parts[0].stores) and len({one.whole for one in parts}) == 1
+
+
+def finish(session: Session, journals: Sequence[Journal]) -> Facts:
+    """Verify once more what *journals* say that every node holds, store on those that have not, forget the journals.
+
+    UsageError where not all nodes had been verified; SafetyRefusal, and nothing is stored, where one holds something
+    else by now; LeftChanged where a node did not store: the journals stay then.
+    """
+    if not may_finish(journals):
+        raise UsageError(
+            "not all nodes had been verified: there is nothing to finish", hint="recover puts them back as they were"
+        )
+    part = furthest(journals)
+    nodes = {one.node_id: session.node(one.node_id) for one in part.stores}
+    nodes |= {journal.plan.node_id: session.node(journal.plan.node_id) for journal in journals}
+    for journal in journals:
+        refuse_other_device(nodes[journal.plan.node_id], journal)
+        _refuse_unlike(nodes[journal.plan.node_id], journal)
+    ids = ", ".join(map(str, waiting(part)))
+    session.consent(f"{part.name}: every node holds what was planned; store on node {ids}?")
+    _store(session, journals, part, nodes)
+    rows = (("node", None), ("recovered", False), ("finished", not session.dry_run), ("stored", waiting(part)))
+    said = f"dry run: node {ids} would store" if session.dry_run else f"{part.name} is complete: node {ids} stored"
+    return Facts("recover", rows, (said,))
+
+
+def furthest(journals: Sequence[Journal]) -> Part:
+    """Of the journals that say how far the stores had come the one that says most: they are written one by one."""
+    return max((journal.part for journal in journals), key=lambda part: sum(one.is_done for one in part.stores))
+
+
+def waiting(part: Part) -> list[int]:
+    """Node-IDs of the stores of *part* that are not known to be done."""
+    return [one.node_id for one in part.stores if not one.is_done]
+
+
+def _store(session: Session, journals: Sequence[Journal], part: Part, nodes: Mapping[int, Node]) -> None:
+    keepers = [] if session.dry_run else [node.keeper for node in nodes.values() if node.keeper is not None]
+    waited = {journal.plan.node_id: journal for journal in journals}
+    with session.cancellation.guard(), session.agreed():
+        session.whole.id, session.whole.name = part.whole, part.name
+        try:
+            for keeper in keepers:
+                if keeper.node_id in waited:
+                    keeper.own_journal.adopt(waited[keeper.node_id])
+            store_each(session, part.name, part.stores, nodes, [keeper.own_journal for keeper in keepers])
+            for keeper in keepers:
+                keeper.own_journal.complete_whole()
+        except LeftChanged as left:
+            left.hint = "recover --finish goes on with those that are missing; recover puts every node back"
+            raise
+        finally:
+            session.whole.end()
+            for keeper in keepers:
+                keeper.own_journal.is_over()
+        for journal in journals:
+            _start(nodes[journal.plan.node_id], journal)
+
+
+def _refuse_unlike(node: Node, journal: Journal) -> None:
+    difference = node.observed(
+        lambda: next(filter(None, (first_difference(node.sdo, change) for change in journal.plan.changes)), None)
+    )
+    if difference:
+        raise SafetyRefusal(
+            f"node {node.node_id} does not hold any more what was verified: nothing is stored",
+            node=node.node_id,
+            why=difference,
+            hint="recover puts every node back as it was before; then apply again",
+        )
+
+
+def _start(node: Node, journal: Journal) -> None:
+    """Start a node that was found OPERATIONAL before the change."""
+    if journal.nmt_state == NmtState.OPERATIONAL and node.access.state() is NmtState.PRE_OPERATIONAL:
+        node.access.insist(NmtState.OPERATIONAL)
