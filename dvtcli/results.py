@@ -19,6 +19,7 @@ from dvtcli.operations.results.pdos import MappedName, PdoListing, PdoRow
 from dvtcli.operations.results.stores import Stored
 from dvtcli.operations.results.sync_producers import SyncCheck, SyncSource
 from dvtcli.operations.results.values import ObjectListing, ObjectRow, ValueRead
+from dvtcli.operations.results.vpdos import PinRow, VpdoListing, VpdoRow
 
 __all__ = [
     "Changed",
@@ -43,6 +44,7 @@ __all__ = [
     "PdoListing",
     "PdoMappingEntry",
     "PdoRow",
+    "PinRow",
     "Plan",
     "Progress",
     "Proof",
@@ -52,4 +54,6 @@ __all__ = [
     "SyncSource",
     "Synced",
     "ValueRead",
+    "VpdoListing",
+    "VpdoRow",
 ]

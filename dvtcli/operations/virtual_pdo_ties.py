@@ -23,18 +23,23 @@ if TYPE_CHECKING:
 _NONE = "none"
 
 
-def list_ties(session: Session, group: str | None = None) -> VpdoListing:
-    """What each pin of *group* of the selected node is tied to, None for all groups; UsageError where it has none."""
-    node = session.node()
+def list_ties(session: Session, group: str | None = None, node_id: int | None = None) -> VpdoListing:
+    """What each pin of *group* of *node_id*, else of the selected node, is tied to, None for all groups.
+
+    DvtcliError where it has no such group.
+    """
+    node = session.node(node_id)
     return _listing(node, [group] if group else group_names(node))
 
 
-def tie_pin(session: Session, group: str, pin: int, object_: str | None = None) -> Changed | VpdoListing:
+def tie_pin(
+    session: Session, group: str, pin: int, object_: str | None = None, node_id: int | None = None
+) -> Changed | VpdoListing:
     """Tie *pin* (1 and up) of *group* to *object_*, None to untie it; pin 0 unties all pins of the group.
 
     What is as wanted already is listed. UsageError for an unknown object, DvtcliError where there is no such pin.
     """
-    node = session.node()
+    node = session.node(node_id)
     node.claim()
     pins = read_pins(node, group)
     value = pins.group.none if object_ is None else object_index(node, object_)

@@ -22,14 +22,14 @@ PUBLIC = {
     ],
     "Node": [
         "canopen", "clear", "disable", "enable", "identity", "login", "map", "nmt", "node_id", "objects", "pdo", "pdos",
-        "read", "recover", "require", "restore", "script", "set", "store", "undo", "verify", "write",
+        "read", "recover", "require", "restore", "script", "set", "store", "tie", "undo", "verify", "vpdo", "write",
     ],
     "results": [
         "Changed", "CobId", "Commanded", "Compared", "Finding", "Frame", "LoggedIn", "MappedName", "Message",
         "NetworkApplied", "NetworkLoad", "NetworkPlanned",
         "NodeListing", "NodeRow", "ObjectListing", "ObjectRow", "Pdo", "PdoCommunicationParameter", "PdoConfig",
-        "PdoListing", "PdoMappingEntry", "PdoRow", "Plan", "Progress", "Proof", "Step", "Stored", "SyncCheck",
-        "SyncSource", "Synced", "ValueRead",
+        "PdoListing", "PdoMappingEntry", "PdoRow", "PinRow", "Plan", "Progress", "Proof", "Step", "Stored", "SyncCheck",
+        "SyncSource", "Synced", "ValueRead", "VpdoListing", "VpdoRow",
     ],
     "testing": [
         "ServedBus", "dvtcli_bus", "dvtcli_node", "dvtcli_nodes", "dvtcli_serve", "dvtcli_simulate", "dvtcli_state",

@@ -23,7 +23,7 @@ from dvtcli.operations.api.arguments import (
     request,
 )
 from dvtcli.operations.api.arguments import type_of as type_named
-from dvtcli.operations.api.checks import flags, number, whole
+from dvtcli.operations.api.checks import flags, number, whole, word
 from dvtcli.operations.api.read_node import ReadNode
 
 if TYPE_CHECKING:
@@ -36,6 +36,7 @@ if TYPE_CHECKING:
         Commanded,
         LoggedIn,
         Stored,
+        VpdoListing,
     )
 
 T = TypeVar("T")
@@ -194,6 +195,26 @@ class Node(ReadNode):
         specifier = nmt_command_of(command)
         session = self._calls.session
         return self._calls.run(lambda: command_nmt(session, specifier, self._node_id), yes=yes)
+
+    def tie(
+        self, group: str, pin: int | None, object_: str | int | None, *, yes: bool = False, force: bool = False
+    ) -> Changed | VpdoListing:
+        """Tie *pin* (1 and up) of a group of virtual PDOs to an object, by its name or index; None unties it.
+
+        *pin* None, without an object, unties every pin of the group. Where all is so already nothing is written, and
+        the answer is what `vpdo` lists. UsageError for an unknown object, DvtcliError without such a group or pin.
+        """
+        from dvtcli.operations.virtual_pdo_ties import tie_pin
+
+        word("group", group, "the name of a group, such as 'digital-in'")
+        number_of = 0 if pin is None else whole("pin", pin, "a pin", 254, low=1)
+        if pin is None and object_ is not None:
+            raise UsageError("every pin of a group can be untied, not tied: give None as the object")
+        if isinstance(object_, int):
+            object_ = f"{whole('object_', object_, 'an index', 0xFFFF):04X}"
+        text = None if object_ is None else word("object_", object_, "an object's name or index: 'throttle', 0x2220")
+        session, node_id = self._calls.session, self._node_id
+        return self._change(lambda _: tie_pin(session, group, number_of, text, node_id), yes=yes, force=force)
 
     def login(self, passcode: int = 0, level: int | None = None, *, user: int | None = None) -> LoggedIn:
         """Log in at *level* (0…255; None: the one that PDO work needs; 0 logs out) with *passcode* (0…0xFFFF).

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from dvtcli.device.node import Node as DeviceNode
     from dvtcli.domain.pdo import Pdo
     from dvtcli.operations.api.calls import Calls
-    from dvtcli.operations.results import Compared, NodeRow, ObjectListing, PdoListing, PdoRow, ValueRead
+    from dvtcli.operations.results import Compared, NodeRow, ObjectListing, PdoListing, PdoRow, ValueRead, VpdoListing
 
 T = TypeVar("T")
 
@@ -80,6 +80,17 @@ class ReadNode:
         if mappable not in (None, "tpdo", "rpdo"):
             raise UsageError(f"mappable={mappable!r}: 'tpdo' or 'rpdo'")
         return self._read(lambda node: search_objects(self._calls.session, text, mappable, node.node_id))
+
+    def vpdo(self, group: str | None = None) -> VpdoListing:
+        """What each pin of *group* is tied to inside the node (`digital-in`, `motor`, …), None for all groups.
+
+        DvtcliError where the node has no such group, or no virtual PDOs.
+        """
+        from dvtcli.operations.virtual_pdo_ties import list_ties
+
+        if group is not None:
+            word("group", group, "the name of a group, such as 'digital-in'")
+        return self._read(lambda node: list_ties(self._calls.session, group, node.node_id))
 
     def require(
         self,
