@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 _ANSWER = 2
 #: what was not understood makes no report
 _USAGE = 2
+#: what tells a failure in the formats of CI
+_ERROR_LINES = {"github": "github_error_lines", "junit": "junit_error_lines"}
 
 
 class Output:
@@ -131,7 +133,7 @@ class Output:
 
         if self.format in CASE_FORMATS and not readable and error.exit_code != _USAGE:
             module = import_module(f"dvtcli.cli.view.{self.format}_case_lines")
-            self._machine_lines(getattr(module, f"{self.format}_error_lines")(error))
+            self._machine_lines(getattr(module, _ERROR_LINES[self.format])(error))
         with self._answering():
             self.stdout.flush()
         self.lines(error_lines(error, at))
