@@ -18,6 +18,7 @@ from can import util
 
 from dvtcli.bus.carrier import Carrier
 from dvtcli.bus.kernel_carrier import KernelCarrier, check_link
+from dvtcli.bus.maker_drivers import PcanCarrier, check_bit_rate, is_missing, what_to_install, why_missing
 from dvtcli.bus.python_can import CanBus
 from dvtcli.bus.sdo.sdo_link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S
 from dvtcli.bus.server_carrier import ServerCarrier, probe
@@ -104,6 +105,8 @@ def open_bus(
             probe(config)
         if config["interface"] == "socketcan":
             check_link(config.get("channel"))
+        if config["interface"] == "pcan":
+            check_bit_rate(config, _bitrate(config))
         options: dict[str, Any] = {**config, "ignore_config": True}
         bus = can.Bus(**options)
     except OPEN_FAILURES as error:
@@ -178,6 +181,8 @@ def _carrier(config: Mapping[str, object], bus: can.BusABC) -> Carrier:
     """What can be said of *bus* beyond its frames."""
     if config["interface"] == "socketcan":
         return KernelCarrier(bus, str(config["channel"]), _bitrate(config))
+    if config["interface"] == "pcan":
+        return PcanCarrier(_bitrate(config))
     if config["interface"] == "slcan":
         return SlcanCarrier(str(config["channel"]), _bitrate(config))
     return ServerCarrier(bus) if config["interface"] == "socketcand" else Carrier()
@@ -206,15 +211,12 @@ def _unavailable(config: Mapping[str, object], error: Exception) -> BusUnavailab
             hint="give -i/--interface and -c/--channel, or --sim generic for a simulated node",
         )
     why = str(error) or type(error).__name__
+    if isinstance(error, NameError) and config["interface"] in can.VALID_INTERFACES:
+        why = why_missing(str(config["interface"]))
     unavailable = BusUnavailable(f"cannot open {_name(config)}", why=why, hint=_hint(config, error))
     number = errno.ETIMEDOUT if isinstance(error, TimeoutError) else _errno_of(error)
-    unavailable.may_come = number in _PASSING or (isinstance(error, can.CanError) and not _is_wrong(error))
+    unavailable.may_come = number in _PASSING or (isinstance(error, can.CanError) and not is_missing(error))
     return unavailable
-
-
-def _is_wrong(error: Exception) -> bool:
-    """Whether *error* says that the interface, or its driver, is not there, whatever is plugged in."""
-    return isinstance(error, ImportError | can.CanInterfaceNotImplementedError)
 
 
 def _hint(config: Mapping[str, object], error: Exception) -> str:
@@ -230,7 +232,10 @@ def _hint(config: Mapping[str, object], error: Exception) -> str:
         return _ERRNO_HINTS[number]
     if isinstance(error, ImportError | can.CanInterfaceNotImplementedError):
         package = _DRIVER_PACKAGES.get(interface)
-        return f"its driver is missing: pip install '{package}'" if package else "is the maker's driver installed?"
+        if package:
+            return f"its driver is missing: pip install '{package}'"
+    if is_missing(error) and (install := what_to_install(interface)) is not None:
+        return install
     return _setting_hint(interface, channel, error)
 
 
