@@ -31,8 +31,16 @@ class Truth:
         self._bus = self.server.bus()
 
     def held(self) -> Held:
-        """Every parameter of the PDOs that are changed; where one is not there: -1."""
+        """Every parameter of the PDOs that are changed, as they are at one time; where one is not there: -1."""
         self.listen()  # what was answered to others is of then, not of now
+        while True:
+            restarts = self.restarts
+            found = self._read()
+            self.listen()
+            if self.restarts == restarts:
+                return found
+
+    def _read(self) -> Held:
         found: Held = {}
         for index in _COMMUNICATION:
             for sub in (1, 2, 3, 5):
@@ -41,7 +49,6 @@ class Truth:
             count = found[index, 0] = self._number(index, 0)
             for sub in range(1, count + 1):
                 found[index, sub] = self._number(index, sub)
-        self.listen()
         return found
 
     def listen(self) -> None:

@@ -125,9 +125,9 @@ class Judge:
         self.now = after
         self.past = [*self.past[-200:], after]
 
-    def is_stored(self, *, surely: bool) -> None:
-        """A store went over the bus: a restart brings that back; where that is not sure, perhaps."""
-        self.stored = [self.now] if surely else [*self.stored, self.now]
+    def may_be_stored(self) -> None:
+        """A store was asked for: a restart may bring back what the node holds now."""
+        self.stored = [*self.stored[-50:], self.now]
 
 
 def _differences(after: Held, allowed: tuple[Held, ...]) -> str:
@@ -240,7 +240,7 @@ class Program(Worker):
         elif lot < 0.6:
             said = self.ask({"do": "store"})
             self.tally.count(f"{self.name}: store ended with {said['code']}")
-            self.judge.is_stored(surely=False)
+            self.judge.may_be_stored()
             self.judge.look(f"store ended with {said}", self.judge.now)
 
     def ask(self, asked: dict[str, Any]) -> dict[str, Any]:
@@ -291,7 +291,7 @@ class Killed(Worker):
             )
             self.tally.count(f"{self.name}: store --prove ended with {done.returncode}")
             held = self.judge.now
-            self.judge.is_stored(surely=False)
+            self.judge.may_be_stored()
             if done.returncode == 7:
                 self.recover()
             self.judge.look(f"store --prove ended with {done.returncode}", held)
