@@ -112,22 +112,33 @@ class Judge:
         self.stored, self.past = [self.now], [self.now]
         self._restarts = truth.restarts
 
-    def look(self, what: str, *allowed: Held) -> None:
-        """Read the node after *what*: it holds one of *allowed*; after a restart each PDO is that of one state."""
+    def look(self, what: str, *allowed: Held, each: bool = False) -> None:
+        """Read the node after *what*: it holds one of *allowed*; over a restart, or with *each*, each PDO does."""
         after = self.truth.held()
         restarted, self._restarts = self.truth.restarts != self._restarts, self.truth.restarts
         if after not in allowed:
-            states = [*allowed, *self.stored, self.now]
-            mixed = all(any(part == _parts(state)[index] for state in states) for index, part in _parts(after).items())
-            if not (restarted and mixed):
-                self._tally.is_wrong(f"{self._who}: {what}; restarted: {restarted}; {_differences(after, allowed)}")
+            states = [*allowed, self.now, *(self.stored if restarted else ())]
+            odd = _of_none(after, states) if restarted or each else _differences(after, allowed)
+            if odd:
+                self._tally.is_wrong(f"{self._who}: {what}; restarted: {restarted}; {odd}")
         self._tally.count(f"{self._who}: judged{' over a restart' if restarted else ''}")
         self.now = after
-        self.past = [*self.past[-200:], after]
+        self.past.append(after)
 
     def may_be_stored(self) -> None:
         """A store was asked for: a restart may bring back what the node holds now."""
-        self.stored = [*self.stored[-50:], self.now]
+        self.stored.append(self.now)
+
+
+def _of_none(after: Held, states: list[Held]) -> str:
+    """The PDOs of *after* that are as in none of *states*, with those that are alike the most."""
+    odd = []
+    for index, part in _parts(after).items():
+        others = [_parts(state)[index] for state in states]
+        if part not in others:
+            near = max(others, key=lambda other: len(part.items() & other.items()))
+            odd.append(f"PDO {index:04X}: {_differences(part, (near,))}")
+    return "; ".join(odd)
 
 
 def _differences(after: Held, allowed: tuple[Held, ...]) -> str:
@@ -168,10 +179,11 @@ class Worker:
         """Let go of everything."""
         self.judge.truth.close()
 
-    def judged(self, what: str, code: int, state: str, before: Held, expected: Held) -> None:
-        """After a change that ended with *code* and said *state*."""
+    def judged(self, what: str, said: dict[str, Any], before: Held, expected: Held) -> None:
+        """After a change that ended as it *said*: with a code, a state, and words."""
+        code, state, text = said["code"], said["state"], said["text"]
         self.tally.count(f"{self.name}: {what.split(maxsplit=1)[0]} ended with {code}")
-        if code == 7 or (code == 6 and "recover" in state):
+        if code == 7 or (code == 6 and "recover" in text):
             self.recover()
             self.judge.look(f"{what} ended with {code}, then recover", before)
         elif code == 0:
@@ -179,7 +191,7 @@ class Worker:
         elif state == "unknown":
             self.judge.look(f"{what} ended with {code}, the state unknown", before, expected)
         else:
-            self.judge.look(f"{what} ended with {code}, {state}", before)
+            self.judge.look(f"{what} ended with {code}, {state}: {text}", before)
 
     def recover(self) -> None:
         """Finish what was interrupted, however often the bus fails meanwhile."""
@@ -222,13 +234,7 @@ class Program(Worker):
         """A change, sometimes its undo or a store."""
         before, change = self.judge.now, Change.by_lot(self.lots)
         said = self.ask(change.asked())
-        self.judged(
-            " ".join(change.words()),
-            said["code"],
-            said["state"] + said["text"] * (said["code"] == 6),
-            before,
-            change.applied(before),
-        )
+        self.judged(" ".join(change.words()), said, before, change.applied(before))
         lot = self.lots.random()
         if lot < 0.5:
             before = self.judge.now
@@ -236,7 +242,8 @@ class Program(Worker):
             self.tally.count(f"{self.name}: undo ended with {said['code']}")
             if said["code"] == 7 or "recover" in said["text"]:
                 self.recover()
-            self.judge.look(f"undo ended with {said}", *([before] if said["code"] else self.judge.past))
+            allowed = [before] if said["code"] else self.judge.past
+            self.judge.look(f"undo ended with {said}", *allowed, each=said["code"] == 0)
         elif lot < 0.6:
             said = self.ask({"do": "store"})
             self.tally.count(f"{self.name}: store ended with {said['code']}")
@@ -280,11 +287,10 @@ class Killed(Worker):
             self.recover()
             self.judge.look(f"{change.words()} was killed, then recover", before, change.applied(before))
             return
-        error = next(
-            (one for one in map(json.loads, said.splitlines()) if one["schema"].startswith("dvtcli.error/")), {}
-        )
-        state = str(error.get("state", "")) + (json.dumps(error) if child.returncode == 6 else "")
-        self.judged(" ".join(change.words()), child.returncode, state, before, change.applied(before))
+        errors = [one for one in map(json.loads, said.splitlines()) if one["schema"].startswith("dvtcli.error/")]
+        state = str(errors[0]["state"]) if errors else "done"
+        answer = {"code": child.returncode, "state": state, "text": json.dumps(errors)}
+        self.judged(" ".join(change.words()), answer, before, change.applied(before))
         if self.lots.random() < 0.2:
             done = subprocess.run(
                 [*self.command, "store", "--prove"], check=False, env=self.environment, capture_output=True
