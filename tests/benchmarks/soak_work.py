@@ -317,7 +317,19 @@ class Listening:
         """Listen until it is *over*."""
         name = self.words[0]
         bus = [f"--bus-kwargs={key}={value}" for key, value in (("host", "127.0.0.1"), ("port", self.cable.port))]
-        command = [sys.executable, "-m", "dvtcli", "-i", "socketcand", "-c", "can0", "--yes", *bus, *self.words]
+        command = [
+            sys.executable,
+            "-m",
+            "dvtcli",
+            "-i",
+            "socketcand",
+            "-c",
+            "can0",
+            "--yes",
+            "--reconnect",
+            *bus,
+            *self.words,
+        ]
         environment = os.environ | {"HOME": str(self.home), "PYTHONPATH": str(ROOT)}
         while not over.is_set():
             child = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
