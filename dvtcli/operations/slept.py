@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Callable
 
@@ -11,6 +12,8 @@ _APART_S = 1.0
 
 def asleep_s() -> float:
     """How long the computer slept since it was started, in seconds; 0 where no clock counts that (Linux's does)."""
+    if sys.platform == "win32":
+        return 0.0
     with_sleep: int | None = getattr(time, "CLOCK_BOOTTIME", None)
     if with_sleep is None:
         return 0.0

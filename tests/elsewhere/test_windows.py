@@ -10,13 +10,16 @@ import json
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
+from dvtcli.cli.lexer import split
+from dvtcli.cli.prompt.line import cut
 from tests.elsewhere.running import WINDOWS, Ran, run, start, variables
 from tests.process import ROOT, SCRIPTS
+from tests.prompt.terminal import Terminal
 from tests.prompt.wire import Wire
 from tests.serve.served import bus_words, wait_for
 
@@ -239,6 +242,47 @@ def test_doctor_finds_serial_ports_by_their_names_there(tmp_path: Path) -> None:
     ran = run(WINDOWS, tmp_path, "doctor", "--json", TESTS_SERIAL_PORTS=ports)
     found = [one for one in json.loads(ran.stdout)["checks"] if one["check"] == "interface"]
     assert [re.split(r"\s+", one["text"])[:2] for one in found] == [["slcan", "COM3"], ["slcan", "COM12"]]
+
+
+@pytest.fixture
+def console(tmp_path: Path) -> Iterator[Callable[..., Terminal]]:
+    """Terminals of a Windows user, whose console gives itself no TERM."""
+    opened: list[Terminal] = []
+
+    def make(*words: str, **more: str) -> Terminal:
+        command = ["env", "-u", "TERM", sys.executable, "-m", "dvtcli", "--sim", "gen4", *words]
+        opened.append(Terminal(tmp_path, command=command, environment=variables(WINDOWS, tmp_path, **more)))
+        return opened[-1]
+
+    yield make
+    for terminal in opened:
+        terminal.close()
+
+
+def test_the_monitor_has_a_whole_console(console: Callable[..., Terminal]) -> None:
+    terminal = console("monitor")
+    terminal.wait("q quit")
+    assert "MONITOR sim" in terminal.text
+
+
+def test_the_prompt_and_the_users_pager_whose_name_has_a_blank(
+    console: Callable[..., Terminal], tmp_path: Path
+) -> None:
+    pager = tmp_path / "my pager"
+    pager.write_text("#!/bin/sh\nread line && echo paged by mine\n")
+    pager.chmod(0o755)
+    terminal = console(PAGER=f'"{pager}"')
+    terminal.wait_prompt()
+    terminal.type("objects\r")
+    terminal.wait("paged by mine")
+
+
+def test_drive_letters_and_backslashes_stay_in_a_line() -> None:
+    words = split(r'--eds "C:\Program Files\a b.eds" D:\x\y.dvt')
+    assert words == ["--eds", r"C:\Program Files\a b.eds", r"D:\x\y.dvt"]
+    line, destination = cut(r"pdo > D:\out.txt")
+    assert destination is not None
+    assert (line.strip(), destination.sign, destination.target) == ("pdo", ">", r"D:\out.txt")
 
 
 def test_settings_are_read_and_kept_where_windows_has_them(tmp_path: Path) -> None:

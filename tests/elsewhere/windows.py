@@ -62,7 +62,7 @@ def become() -> None:
         "select": facade("select", "poll epoll kqueue POLLIN POLLERR POLLHUP POLLNVAL", select=_select),
         "socket": facade("socket", _SOCKET),
         "subprocess": facade("subprocess", "", Popen=Popen, run=_run, CREATE_NEW_PROCESS_GROUP=0x200),
-        "time": facade("time", "tzset clock_gettime clock_settime CLOCK_MONOTONIC pthread_getcpuclockid"),
+        "time": facade("time", "tzset clock_gettime clock_settime CLOCK_MONOTONIC CLOCK_BOOTTIME"),
         "msvcrt": _module("msvcrt", locking=_locking, LK_UNLCK=0, LK_LOCK=1, LK_NBLCK=2, kbhit=lambda: False),
         "winreg": _module("winreg", **_registry()),
     }  # fmt: skip

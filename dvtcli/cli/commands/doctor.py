@@ -43,7 +43,8 @@ def _terminal(session: Conversation) -> Check:
     if not stream.isatty():
         return Check("terminal", "ok", f"no terminal: no colours, {drawn} ({encoding}), nothing is asked")
     size = os.get_terminal_size(stream.fileno())
-    text = f"{os.environ.get('TERM', '?')}, {size.columns} x {size.lines}, {drawn} ({encoding})"
+    usual = "console" if os.name == "nt" else "?"
+    text = f"{os.environ.get('TERM', usual)}, {size.columns} x {size.lines}, {drawn} ({encoding})"
     if size.columns < 80:
         return Check("terminal", "warn", text, "screens are made for 80 columns and more")
     return Check("terminal", "ok", text)

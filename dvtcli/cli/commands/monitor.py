@@ -65,7 +65,8 @@ def command(
 
 
 def _full_screen(session: Conversation) -> bool:
-    terminal = sys.stdin.isatty() and sys.stdout.isatty() and os.environ.get("TERM", "").lower() not in _PLAIN
+    name = os.environ.get("TERM", "windows" if sys.platform == "win32" else "")  # a Windows console gives itself none
+    terminal = sys.stdin.isatty() and sys.stdout.isatty() and name.lower() not in _PLAIN
     return terminal and not session.output.json and not session.in_script
 
 

@@ -94,13 +94,20 @@ def _ctrl_c_is_the_programs() -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
 
 
+def _words(command: str) -> list[str]:
+    """The words of the user's *command*, in which `\\` is between folders on Windows; ValueError as shlex.split."""
+    if os.name != "nt":
+        return shlex.split(command)
+    return [word.strip('"') for word in shlex.split(command, posix=False)]
+
+
 def paged(text: str) -> bool:
     """Show *text* with the user's pager ($PAGER, else `less`); False where none showed it, or no keyboard can leave it.
 
     `PAGER=cat` or an empty one switches paging off.
     """
     try:
-        words = shlex.split(os.environ.get("PAGER", "less"))
+        words = _words(os.environ.get("PAGER", "less"))
     except ValueError:  # a quote that is not closed
         return False
     program = shutil.which(words[0]) if words and words[0] != "cat" else None
