@@ -22,7 +22,6 @@ _LIBRARIES = {
     "nican": "NI-CAN (Windows)",
     "nixnet": "NI-XNET (Windows)",
     "etas": "ETAS' BOA (Windows)",
-    "systec": "SYS TEC's USB-CANmodul driver (Windows)",
     "usb2can": "8devices' USB2CAN driver and pywin32 (Windows)",
     "iscan": "Thorsis' isCAN driver (Windows)",
     "neousys": "Neousys' WDT_DIO library",

@@ -112,12 +112,17 @@ class Judge:
         self.stored, self.past = [self.now], [self.now]
         self._restarts = truth.restarts
 
-    def look(self, what: str, *allowed: Held, each: bool = False) -> None:
-        """Read the node after *what*: it holds one of *allowed*; over a restart, or with *each*, each PDO does."""
+    def look(self, what: str, *allowed: Held, each: bool = False, change: Change | None = None) -> None:
+        """Read the node after *what*: it holds one of *allowed*; over a restart, or with *each*, each PDO does.
+
+        A restart before the first step of *change* lets that be made on what was stored.
+        """
         after = self.truth.held()
         restarted, self._restarts = self.truth.restarts != self._restarts, self.truth.restarts
         if after not in allowed:
-            states = [*allowed, self.now, *(self.stored if restarted else ())]
+            stored = self.stored if restarted else []
+            states = [*allowed, self.now, *stored]
+            states += [change.applied(one) for one in stored] if change is not None else []
             odd = _of_none(after, states) if restarted or each else _differences(after, allowed)
             if odd:
                 self._tally.is_wrong(f"{self._who}: {what}; restarted: {restarted}; {odd}")
@@ -179,17 +184,18 @@ class Worker:
         """Let go of everything."""
         self.judge.truth.close()
 
-    def judged(self, what: str, said: dict[str, Any], before: Held, expected: Held) -> None:
-        """After a change that ended as it *said*: with a code, a state, and words."""
+    def judged(self, change: Change, said: dict[str, Any], before: Held) -> None:
+        """After a *change* that ended as it *said*: with a code, a state, and words."""
+        what, expected = " ".join(change.words()), change.applied(before)
         code, state, text = said["code"], said["state"], said["text"]
         self.tally.count(f"{self.name}: {what.split(maxsplit=1)[0]} ended with {code}")
         if code == 7 or (code == 6 and "recover" in text):
             self.recover()
             self.judge.look(f"{what} ended with {code}, then recover", before)
         elif code == 0:
-            self.judge.look(f"{what} was done", expected)
+            self.judge.look(f"{what} was done", expected, change=change)
         elif state == "unknown":
-            self.judge.look(f"{what} ended with {code}, the state unknown", before, expected)
+            self.judge.look(f"{what} ended with {code}, the state unknown", before, expected, change=change)
         else:
             self.judge.look(f"{what} ended with {code}, {state}: {text}", before)
 
@@ -234,7 +240,7 @@ class Program(Worker):
         """A change, sometimes its undo or a store."""
         before, change = self.judge.now, Change.by_lot(self.lots)
         said = self.ask(change.asked())
-        self.judged(" ".join(change.words()), said, before, change.applied(before))
+        self.judged(change, said, before)
         lot = self.lots.random()
         if lot < 0.5:
             before = self.judge.now
@@ -285,12 +291,12 @@ class Killed(Worker):
             child.communicate()
             self.tally.count(f"{self.name}: killed")
             self.recover()
-            self.judge.look(f"{change.words()} was killed, then recover", before, change.applied(before))
+            self.judge.look(f"{change.words()} was killed, then recover", before, change.applied(before), change=change)
             return
         errors = [one for one in map(json.loads, said.splitlines()) if one["schema"].startswith("dvtcli.error/")]
         state = str(errors[0]["state"]) if errors else "done"
         answer = {"code": child.returncode, "state": state, "text": json.dumps(errors)}
-        self.judged(" ".join(change.words()), answer, before, change.applied(before))
+        self.judged(change, answer, before)
         if self.lots.random() < 0.2:
             done = subprocess.run(
                 [*self.command, "store", "--prove"], check=False, env=self.environment, capture_output=True
