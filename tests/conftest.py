@@ -48,7 +48,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
         "--cases",
         choices=("lot", "rest", "all"),
-        help="of `drawn` tests: what the lot takes, the rest, or all [lot; all where a folder or file is named]",
+        help="of `drawn` tests: what the lot takes, the rest, or all [lot; all where some are named]",
     )
 
 
@@ -103,7 +103,8 @@ def pytest_configure(config: pytest.Config) -> None:
     """In every worker, before any test is read: nobody's wishes for dvtcli, Python or a terminal count."""
     process.FRESH_PYTHON |= config.getoption("--fresh-python")
     if config.option.cases is None:  # a worker is told what this process decides
-        config.option.cases = "all" if config.option.file_or_dir else "lot"
+        named = config.option.file_or_dir or config.option.keyword
+        config.option.cases = "all" if named else "lot"
     set_environment(clean_environment() | _for_workers(config))
     # A shell starts what it does not wait for without SIGINT, nohup without SIGHUP: dvtcli would start so, too.
     for name, usual in (("SIGINT", signal.default_int_handler), ("SIGHUP", signal.SIG_DFL)):

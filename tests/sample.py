@@ -1,7 +1,7 @@
 """A part of what is too much for every run: another part in another run, the same one for the same seed.
 
 `pytest --randomly-seed=N`, with the seed that the head of a run prints, takes the same part again; with
-`--cases rest` it takes what that part left out. Where a folder or a file is named, all of it runs.
+`--cases rest` it takes what that part left out. Where a folder, a file or a `-k` names tests, all of their cases run.
 """
 
 from __future__ import annotations

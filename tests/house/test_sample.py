@@ -35,5 +35,7 @@ def test_the_order_of_the_cases_changes_nothing(items: list[pytest.Item], pytest
 
 
 def test_a_run_that_names_a_folder_takes_all(pytestconfig: pytest.Config) -> None:
-    named = bool(pytestconfig.option.file_or_dir) and not hasattr(pytestconfig, "workerinput")
+    named = bool(pytestconfig.option.file_or_dir or pytestconfig.option.keyword) and not hasattr(
+        pytestconfig, "workerinput"
+    )
     assert pytestconfig.getoption("cases") in (("all",) if named else ("lot", "rest", "all"))
