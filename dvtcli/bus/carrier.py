@@ -19,6 +19,9 @@ class Carrier:
     #: what it really runs at (bit/s), None where that is not known
     bit_rate: int | None = None
 
+    def hear(self, *, everything: bool) -> None:
+        """Let come *everything*, or only what nodes say to a configurator, where the system can tell that apart."""
+
     def hung_up(self) -> bool:
         """Whether the other end is gone, where the driver only falls silent."""
         return False

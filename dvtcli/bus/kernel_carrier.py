@@ -10,6 +10,7 @@ import socket
 import struct
 import sys
 from contextlib import suppress
+from typing import cast
 
 import can
 
@@ -23,6 +24,9 @@ RECEIVE_BUFFER = 8 << 20
 _SO_RCVBUFFORCE, _SO_MEMINFO = 33, 55
 _MEMINFO = struct.Struct("=9I")
 _NO_CHANNEL = "no channel is given"
+#: CAN-IDs and their bits that count (CiA 301, 7.3.3) of what nodes say to a configurator: NMT, EMCY and SYNC, SDO both
+#: ways, heartbeats and boot-ups. No PDOs, and nothing of 29 bits
+_SERVICES = ((0x000, 0x7FF), (0x080, 0x780), (0x580, 0x780), (0x600, 0x780), (0x700, 0x780))
 #: what python-can says, without a number, where its socket takes nothing more for now
 _FULL = "Transmit buffer full"
 
@@ -65,6 +69,9 @@ class KernelCarrier(Carrier):
     """The socket of python-can's *bus* on the link *channel*; *asked* is the bit rate (bit/s) that the user wants."""
 
     def __init__(self, bus: can.BusABC, channel: str, asked: int | None) -> None:
+        self._bus = bus
+        #: filters that somebody configured for python-can
+        self._own_filters = bus.filters
         self._socket: socket.socket = getattr(bus, "socket")  # noqa: B009 - python-can's base class has none
         self._channel = channel
         self._told_lost = 0
@@ -74,6 +81,12 @@ class KernelCarrier(Carrier):
             self.bit_rate = link.bit_rate
             self._news = list(first_news(link, asked))
         self._roomy = _make_room(self._socket)
+
+    def hear(self, *, everything: bool) -> None:
+        """Let the kernel pass on *everything*, or only services: PDOs wake nobody who waits for an answer."""
+        if self._own_filters is None:
+            services = [{"can_id": can_id, "can_mask": mask, "extended": False} for can_id, mask in _SERVICES]
+            self._bus.set_filters(None if everything else cast("can.typechecking.CanFilters", services))
 
     def is_full(self, error: Exception) -> bool:
         """Whether the transmit queue, or the socket's part of it, is full."""

@@ -6,6 +6,7 @@ Does not know how a bus is opened (see opening), nor what a PDO or an object mea
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from time import monotonic, sleep
 
@@ -18,6 +19,10 @@ from dvtcli.bus.error_frames import ErrorFrames
 from dvtcli.bus.frame_bus import FrameBus
 from dvtcli.bus.receiver import bus_closed
 from dvtcli.bus.sdo.sdo_link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S, REQUEST_ID
+from dvtcli.bus.traffic import Tap
+from dvtcli.bus.watched_bus import NMT_CAN_ID
+from dvtcli.domain.nmt import NmtCommand
+from dvtcli.domain.ports import Frame
 from dvtcli.errors import BusUnavailable
 
 #: what python-can's drivers raise when a bus fails in use; a closed socket is a ValueError in select(), a serial line
@@ -51,6 +56,9 @@ class CanBus(FrameBus[can.Message]):
         self._bus = bus
         self._carrier = carrier or Carrier()
         self._send_lock = threading.Lock()
+        #: whether somebody wants to hear more than what nodes say to a configurator
+        self._hears_all = False
+        self._carrier.hear(everything=False)
         #: our own frames as they come back
         self.echoes = Echoes()
         #: what the CAN controller complained about
@@ -60,6 +68,28 @@ class CanBus(FrameBus[can.Message]):
     def carries_remote_frames(self) -> bool:
         """Whether a remote frame can be sent: some ways to a bus would make a data frame of it."""
         return self.name.partition(":")[0] not in _NO_REMOTE_FRAMES
+
+    def tap(self, callback: Tap) -> Callable[[], None]:
+        """Call *callback*(frame, sent) for each frame received or sent here; returns what ends that."""
+        self._hear_all()
+        return super().tap(callback)
+
+    def receive(self, duration_s: float) -> Iterator[Frame]:
+        """Yield every frame that arrives within *duration_s* (s) of this call, and those since the last `send`."""
+        self._hear_all()
+        return super().receive(duration_s)
+
+    def send(self, frame: Frame) -> None:
+        """Send one frame; frames that answer it are kept for a `receive` within the next second."""
+        if frame.can_id != NMT_CAN_ID or frame.data[:1] == bytes([NmtCommand.START]):  # PDOs answer no other command
+            self._hear_all()
+        super().send(frame)
+
+    def _hear_all(self) -> None:
+        """From now on every frame counts, and not only those of services."""
+        if not self._hears_all:
+            self._hears_all = True
+            self._carrier.hear(everything=True)
 
     def disturbances(self) -> list[str]:
         """What was noticed since the last call: error frames, lost frames, another SDO client, a node-ID used twice."""

@@ -145,3 +145,35 @@ def test_a_ready_file_that_cannot_be_written_is_said(tmp_path: Path) -> None:
     ran = dvtcli("sim", "generic", "--listen", "0", "--ready-file", str(tmp_path / "no" / "ready"))
     assert (ran.returncode, ran.stdout) == (2, "")
     assert "ready: No such file or directory" in ran.stderr
+
+
+GREEDY = """
+import socket, sys
+held = []
+for _ in range(64):
+    client = socket.create_connection(("127.0.0.1", {port}))
+    client.recv(16)
+    client.sendall(b"< open can0 >")
+    client.recv(16)
+    client.sendall(b"< rawmode >")
+    held.append(client)
+print("all", flush=True)
+sys.stdin.read()
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells whose a connection is")
+def test_a_program_that_takes_all_places_keeps_nobody_out(server: Served) -> None:
+    """64 connections that all opened a bus: whoever comes gets one of them, as long as it has fewer."""
+    words = [sys.executable, "-c", GREEDY.format(port=server.port)]
+    with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, encoding="utf-8") as greedy:
+        assert greedy.stdout is not None
+        assert greedy.stdout.readline() == "all\n"
+        for _ in range(3):
+            with server.attach() as bus:
+                assert answered(bus)
+        read = server.dvtcli("-n", "1", "read", "1000")
+        assert read.returncode == 0, read.stderr
+        greedy.communicate("")
+    server.end()
+    assert f"process {greedy.pid} has 64 of 64 places, and another program wants one" in server.complaints

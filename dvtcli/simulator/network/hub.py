@@ -2,7 +2,7 @@
 
 One thread calls everything but `wake`. Loses no frame: what a client does not read yet is kept. Who sends faster than
 another one reads waits for it, and nobody else does; one that takes nothing for `STALL_S`, or is megabytes behind, is
-dropped. Does not know nodes or bit rates.
+dropped. Where all places are taken whoever has most of them gives one away. Does not know nodes or bit rates.
 """
 
 from __future__ import annotations
@@ -10,12 +10,14 @@ from __future__ import annotations
 import errno
 import selectors
 import socket
+from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
 from time import monotonic
 
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.network.hub_client import Client
+from dvtcli.simulator.network.hub_owners import owners
 from dvtcli.simulator.network.socketcand import HI
 
 #: how long a client may take nothing while something waits for it (s)
@@ -27,7 +29,10 @@ MOST_CLIENTS = 64
 _SEND_BUFFER, SHARE, MOST_KEPT = 256 * 1024, 64 * 1024, 8 << 20
 #: how long nobody is let in after the system had no room for a client (s)
 _FULL_S = 1.0
+#: the same after it was looked up whose the connections are, which takes some milliseconds (s)
+_CROWDED_S = 0.1
 _NO_ROOM = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
+Peer = tuple[str, int]
 MayRead = Callable[[Client], bool]
 
 
@@ -147,34 +152,53 @@ class Hub:
                 self._close_for_a_while(failed)
             return
         if len(self._clients) >= MOST_CLIENTS:
-            self._make_room()
+            self._make_room(where[:2])
         if len(self._clients) >= MOST_CLIENTS:
-            self._tell(f"refused a client: {MOST_CLIENTS} are connected already")
             connection.close()
             return
         self._full_told = False
         connection.setblocking(False)
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER)  # or the system keeps megabytes
-        client = self._clients[connection] = Client(connection, f"{where[0]}:{where[1]}", self._tell)
+        client = Client(connection, f"{where[0]}:{where[1]}", self._tell, peer=where[:2], said_s=monotonic())
+        self._clients[connection] = client
         self._selector.register(connection, client.events, client)
         client.reply(HI)
         self._drop_if_gone(client)
 
-    def _make_room(self) -> None:
-        """Drop who came first of those that only hold a place: they opened no bus yet."""
+    def _make_room(self, newcomer: Peer) -> None:
+        """Drop who came first of those that only hold a place: they opened no bus yet.
+
+        Else one of the program, or host, that has most connections, if it has more than that of *newcomer* would have:
+        the one that was silent longest. Else the newcomer is refused.
+        """
         idle = next((client for client in self._clients.values() if not client.opened), None)
         if idle is not None:
             self._drop(idle, f"it opened no bus, and {MOST_CLIENTS} are connected")
+            return
+        assert self.port is not None  # noqa: S101 - somebody has come
+        self._close_for(_CROWDED_S)
+        whose = owners([newcomer, *(client.peer for client in self._clients.values())], self.port)
+        places = Counter(whose[client.peer] for client in self._clients.values())
+        (greedy, most), own = places.most_common(1)[0], places[whose[newcomer]]
+        if own + 1 < most:
+            of_greedy = [client for client in self._clients.values() if whose[client.peer] == greedy]
+            silent = min(of_greedy, key=lambda client: client.said_s)
+            self._drop(silent, f"{greedy} has {most} of {MOST_CLIENTS} places, and another program wants one")
+        else:
+            self._tell(f"refused a client: {MOST_CLIENTS} are connected already, {own} of them of {whose[newcomer]}")
 
     def _close_for_a_while(self, failed: OSError) -> None:
         """Let nobody in: who knocks would wake the thread again and again."""
-        assert self._listener is not None  # noqa: S101 - it has just refused somebody
         if not self._full_told:
             self._full_told = True
             self._tell(f"cannot take another client: {failed.strerror}")
+        self._close_for(_FULL_S)
+
+    def _close_for(self, duration_s: float) -> None:
+        assert self._listener is not None  # noqa: S101 - it has just let somebody in, or not
         self._selector.unregister(self._listener)
-        self._full_until_s = monotonic() + _FULL_S
+        self._full_until_s = monotonic() + duration_s
 
     def _open_again(self) -> None:
         if self._full_until_s is not None and self._listener is not None and self._full_until_s <= monotonic():

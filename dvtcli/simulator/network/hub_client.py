@@ -45,6 +45,9 @@ class Client:
     #: whether it said something since anything was sent to it
     unanswered: bool = False
     complained: bool = False
+    #: host and port that it comes from, and when it last said something (s)
+    peer: tuple[str, int] = ("", 0)
+    said_s: float = 0.0
     #: whether the connection has ended, or has to, and the reason that the user is told where there is one
     gone: bool = False
     why: str | None = None
@@ -125,6 +128,7 @@ class Client:
             self.gone = True
             return []
         self.unanswered = True
+        self.said_s = monotonic()
         self.release()
         try:
             requests = self.requests.feed(data)

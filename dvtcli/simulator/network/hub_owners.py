@@ -1,0 +1,62 @@
+"""Whose a connection is: a program's on this machine, as Linux tells of one's own programs, else the host's it is from.
+
+Reads /proc, and only when somebody asks. Does not know what is said over a connection.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+import os
+from collections.abc import Iterable
+from contextlib import suppress
+from pathlib import Path
+
+_TABLES = ("/proc/net/tcp", "/proc/net/tcp6")
+#: columns of such a table: both ends as ADDRESS:PORT in hex, whose user's it is, and the socket's number
+_FROM, _TO, _USER, _SOCKET = 1, 2, 7, 9
+Peer = tuple[str, int]
+
+
+def owners(peers: Iterable[Peer], port: int) -> dict[Peer, str]:
+    """Who each of *peers*, host and port, is that is connected to *port* of this machine, in words."""
+    found = {peer: f"host {peer[0]}" for peer in peers}
+    local = {peer[1]: peer for peer in found if _is_loopback(peer[0])}
+    sockets = _sockets(local.keys(), port) if local else {}
+    programs = _programs({number for number, _ in sockets.values()}) if sockets else {}
+    for one, (number, user) in sockets.items():
+        program = programs.get(number)
+        found[local[one]] = f"user {user}" if program is None else f"process {program}"
+    return found
+
+
+def _is_loopback(host: str) -> bool:
+    with suppress(ValueError):
+        return ipaddress.ip_address(host).is_loopback
+    return False
+
+
+def _sockets(ports: Iterable[int], to: int) -> dict[int, tuple[str, str]]:
+    """The numbers of the sockets, and their users, that are connected from *ports* to port *to*."""
+    wanted, found = {f"{one:04X}": one for one in ports}, {}
+    for table in _TABLES:
+        with suppress(OSError):  # no Linux, or one without IPv6
+            for line in Path(table).read_text("ascii").splitlines()[1:]:
+                columns = line.split()
+                one = wanted.get(columns[_FROM].rpartition(":")[2])
+                if one is not None and columns[_TO].endswith(f":{to:04X}"):
+                    found[one] = columns[_SOCKET], columns[_USER]
+    return found
+
+
+def _programs(numbers: set[str]) -> dict[str, str]:
+    """The process that each of the sockets *numbers* belongs to, as far as it may be looked at."""
+    wanted, found = {f"socket:[{number}]": number for number in numbers}, {}
+    for process in filter(str.isdecimal, os.listdir("/proc")):  # noqa: PTH208 - a name is all that is wanted
+        folder = f"/proc/{process}/fd"
+        with suppress(OSError):  # somebody else's, or it has ended
+            for descriptor in os.listdir(folder):  # noqa: PTH208
+                with suppress(OSError):
+                    number = wanted.get(os.readlink(f"{folder}/{descriptor}"))  # noqa: PTH115
+                    if number is not None:
+                        found[number] = process
+    return found
