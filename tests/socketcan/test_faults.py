@@ -1,4 +1,4 @@
-"""The core of the fault and signal tests over the kernel's CAN: a node, dvtcli beside it, and what is left of a change."""
+"""The core of the fault and signal tests over the kernel's CAN: dvtcli beside a node, and what is left of a change."""
 
 from __future__ import annotations
 
