@@ -115,7 +115,7 @@ def woken() -> None:
 def back() -> None:
     """Print how long after its link is up again a bus is open, where it was down for some seconds."""
     found = []
-    for _ in range(ROUNDS):
+    for _ in range(3):
         subprocess.run(["ip", "link", "set", "vcan0", "down"], check=True)
         up_s: list[float] = []
 
