@@ -95,7 +95,7 @@ class Network:
             if unlike:
                 raise another_device(node.node_id, unlike)
             node.go_on_from(before)
-            del self.left[node.node_id]
+            self.left.pop(node.node_id, None)
         self.identities[node.node_id] = now
 
     def meet_again(self) -> None:

@@ -39,7 +39,7 @@ def events(process: Forked) -> list[tuple[str, str | None]]:
 
 def test_a_prompt_goes_on_after_the_link_was_down(tmp_path: Path, open_terminal: Open) -> None:
     with beside(tmp_path, "vcan0"):
-        terminal = open_terminal(*VCAN, "-n", "1", columns=120, rows=40)
+        terminal = open_terminal(*VCAN, "-n", "1", columns=200, rows=40)
         terminal.wait_prompt("vcan0/1 PRE-OP> ")
         ip("set", "vcan0", "down")
         terminal.wait("socketcan:vcan0 is gone (")

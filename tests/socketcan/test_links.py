@@ -68,6 +68,15 @@ def test_the_bit_rate_is_the_links() -> None:
     subprocess.run(link.way_to(500_000).replace("sudo ", ""), shell=True, check=True)  # noqa: S602
 
 
+def test_a_controller_that_is_not_bus_off_is_not_restarted() -> None:
+    """The emulated ones never are: what is said of one that is has its test without a controller."""
+    link = kernel_link("can0")
+    assert link is not None
+    assert not link.bus_off
+    with pytest.raises(subprocess.CalledProcessError):
+        ip("set", "can0", "type", "can", "restart")
+
+
 def test_two_controllers_on_one_wire() -> None:
     with on("can1", device(1)):
         bus = open_bus("socketcan", "can0", timeout_s=2)
