@@ -39,13 +39,13 @@ def apply_network(
     heard; any error of a node with state `rolled_back`; LeftChanged where a node could not be brought back, or not all
     of them stored.
     """
-    started = time.monotonic()
     planned = [one for one in plan.nodes if len(one.plan) or one.stores]
     nodes = {one.node_id: session.node(one.node_id) for one in plan.nodes}
     if planned:
         if asks or any(nodes[one.node_id].access.state() is NmtState.OPERATIONAL for one in planned):
             session.consent(_question(nodes, planned, f"{name}:" if name else "apply"))
         refuse_other_master(session)
+    started = time.monotonic()  # nobody's time to think counts
     with session.cancellation.guard(), session.agreed():
         found = {node_id: node.claim() for node_id, node in sorted(nodes.items())}
         if not planned:  # what is as wanted may be what an interrupted change left

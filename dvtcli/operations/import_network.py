@@ -145,6 +145,8 @@ def _live(session: Session, path: Path, notes: list[str]) -> Iterator[_Found]:
                 raise
             notes.append(f"node {node_id} is left out: {failed.text}")
             continue
+        if node.dictionary is None:
+            notes.append(f"node {node_id}: no EDS is known, objects are numbers; `eds add FILE`, then import again")
         yield _Found(_as_chosen(session, found, path), held, _memory(node))
 
 

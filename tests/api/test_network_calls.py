@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 import pytest
@@ -44,3 +45,18 @@ def test_load_of_a_file_and_of_the_nodes() -> None:
             bus.load(for_s=0, bit_rate=5)
         with pytest.raises(UsageError):
             bus.load(for_s=-1)
+
+
+def test_the_time_that_an_answer_takes_is_none_of_the_change_s(tmp_path: Path) -> None:
+    file = tmp_path / "net.yaml"
+    file.write_text("a: {node_id: 1, tpdo: {1: {event_timer: 20}}}\n")
+    answered: list[float] = []
+
+    def think(_question: str) -> bool:
+        time.sleep(0.2)
+        answered.append(time.monotonic())
+        return True
+
+    with dvtcli.simulate("gen4@1", ask=think) as bus:
+        done = bus.apply(str(file))
+    assert done.seconds <= time.monotonic() - answered[0]

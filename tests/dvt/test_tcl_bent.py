@@ -88,11 +88,18 @@ def test_verify_of_pdos_works_as_ever(tmp_path: Path) -> None:
         assert "equal" in ran.stdout
 
 
+def test_a_script_may_link_nodes_and_unlink_them(tmp_path: Path) -> None:
+    with Bench(("gen4@1", "generic@6"), {"yes": True}) as bench:
+        lines = "dvtcli map 6:rpdo1 6040 --off", "dvtcli link 1:tpdo1 6:rpdo1", "dvtcli unlink 1:tpdo1 6:rpdo1"
+        ran = tcl(bench, tmp_path, "\n".join([*lines, "dvtcli apply net.yaml", ""]))
+        assert (ran.code, "1 node set: " in ran.stdout) == (2, True)
+        assert "x.tcl:4: dvtcli apply is not available" in ran.stderr
+
+
 def test_every_command_that_works_on_nodes_is_there_but_what_needs_a_person() -> None:
     """A new one is put into `ON_NODES`, or here.
 
-    `recover` is for who looks at the device, `learn` asks; `apply` takes a file, and what it and `link` change are
-    networks, which a script of one device's words does not know.
+    `recover` is for who looks at the device, `learn` asks; `apply` takes a file.
     """
     commands = {name: REGISTRY.get_command(click.Context(REGISTRY), name) for name in command_names()}
     working = {
@@ -100,7 +107,7 @@ def test_every_command_that_works_on_nodes_is_there_but_what_needs_a_person() ->
         for name, command in commands.items()
         if isinstance(command, DvtCommand) and command.effect not in (Effect.READS, Effect.RUNS)
     }
-    assert working - set(ON_NODES) == {"apply", "learn", "link", "recover", "unlink"}
+    assert working - set(ON_NODES) == {"apply", "learn", "recover"}
 
 
 def test_no_other_command_of_a_script_takes_a_file() -> None:

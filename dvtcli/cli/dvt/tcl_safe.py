@@ -26,8 +26,8 @@ _MOST_EXIT_CODE = 125
 _PDO = re.compile(r"(?:\w+:)?[rt]x?pdo\d{1,9}", re.IGNORECASE)
 #: What `dvtcli` may do in a script: work on nodes. Not: write other files, run programs, serve, or wait for a person.
 ON_NODES = (
-    "clear", "disable", "enable", "login", "map", "nmt", "node", "objects", "pdo", "read",
-    "require", "restore", "scan", "set", "store", "sync", "undo", "verify", "vpdo", "write",
+    "clear", "disable", "enable", "link", "login", "map", "nmt", "node", "objects", "pdo", "read",
+    "require", "restore", "scan", "set", "store", "sync", "undo", "unlink", "verify", "vpdo", "write",
 )  # fmt: skip
 
 
