@@ -6,6 +6,7 @@ Decides nothing about what is legal (`plan_network`). Does not know files.
 from __future__ import annotations
 
 import time
+from functools import partial
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.put_back import first_difference
@@ -50,8 +51,10 @@ def apply_network(
         found = {node_id: node.claim() for node_id, node in sorted(nodes.items())}
         if not planned:  # what is as wanted may be what an interrupted change left
             return NetworkApplied(plan, session.dry_run, 0.0)
-        for one in planned:
-            refuse_stale(nodes[one.node_id], one, one.plan.changes)
+        for fault in session.bus.side_by_side(
+            [partial(refuse_stale, nodes[one.node_id], one, one.plan.changes) for one in planned]
+        ):
+            raise fault
         plans = {one.node_id: one.plan for one in planned}
         findings = {one.node_id: one.findings for one in planned}
         course = carry_out_together(session, nodes, plans, found, name or f"apply {plan.file}", findings)

@@ -24,7 +24,7 @@ from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
 from dvtcli.domain.plan import PdoChange, Plan, Step, ValueChange, plan_pdo
 from dvtcli.domain.rules import check_pdo, errors_in
 from dvtcli.domain.several import plural, several
-from dvtcli.errors import InputFileError, NoAnswer, RuleError, SdoProtocolError, UsageError
+from dvtcli.errors import DvtcliError, InputFileError, NoAnswer, RuleError, SdoProtocolError, UsageError
 from dvtcli.files.network.file_log import FileLog
 from dvtcli.operations.change import names
 from dvtcli.operations.check_networks import read_wish
@@ -126,6 +126,8 @@ def _planned(nodes: Mapping[int, Node], wish: NetworkWish, wants: Mapping[int, N
     senders = Senders(nodes, {one.node_id: {pdo.pdo: _said(pdo) for pdo in one.pdos} for one in wish.nodes})
     planned: list[NodePlan] = []
     refused: list[RuleError] = []
+    for node in list(nodes.values())[:1]:
+        node.bus.side_by_side([partial(_look_ahead, nodes[node_id], want) for node_id, want in wants.items()])
     for one in wish.nodes:
         try:
             planned.append(_node_plan(nodes[one.node_id], one, wants[one.node_id], senders))
@@ -134,6 +136,13 @@ def _planned(nodes: Mapping[int, Node], wish: NetworkWish, wants: Mapping[int, N
     if refused:
         raise _together(refused)
     return planned
+
+
+def _look_ahead(node: Node, wants: NodeWants) -> None:
+    """Read what the plan of *node* needs; what cannot be read is told where it is needed."""
+    with suppress(DvtcliError):
+        node.observed(lambda: [node.known_pdo(pdo) for pdo in wants.pdos])
+        node.observed(lambda: [node.known_value(*place) for place in wants.values])
 
 
 def _said(wish: PdoWish) -> CobId | None:

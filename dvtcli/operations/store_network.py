@@ -6,14 +6,16 @@ Does not know what was changed.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
+from dvtcli.bus.turns import one_by_one
 from dvtcli.device.change.whole import Storing
 from dvtcli.errors import DvtcliError, LeftChanged, NoAnswer, SdoProtocolError
 from dvtcli.operations.store_restore import store_settings
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from dvtcli.device.change.own_journal import OwnJournal
     from dvtcli.device.node import Node
@@ -55,50 +57,62 @@ def store_each(
 
     LeftChanged names who has stored and who has not.
     """
-    answers: list[Stored] = []
-    states = list(stores)
-    for number, one in enumerate(stores):
-        if one.is_done:
-            continue
+    answers: dict[int, Stored] = {}
+    failed: dict[int, BaseException] = {}
+    states = {one.node_id: one for one in stores}
+
+    def store(one: Storing) -> None:
         for journal in journals:
-            journal.final(_final(name, states, one), tuple(states))
+            journal.final(_final(name, states.values(), one), tuple(states.values()))
         node = nodes[one.node_id]
         node.pending.stores += 1  # whatever becomes of it, no script takes its lines back any more
         group = _GROUPS[one.group] if one.group in _GROUPS else int(one.group)
         try:
-            answers.append(store_settings(session, node, group, prove=prove))
-        except (DvtcliError, KeyboardInterrupt) as failed:
-            raise _not_all(states, one, failed) from failed
-        states[number] = replace(one, is_done=True)
-    return tuple(answers)
+            answers[one.node_id] = store_settings(session, node, group, prove=prove)
+        except (DvtcliError, KeyboardInterrupt) as fault:
+            failed[one.node_id] = fault
+            raise
+        states[one.node_id] = replace(one, is_done=True)
+
+    jobs = [partial(store, one) for one in stores if not one.is_done]
+    faults = one_by_one(jobs)  # not side by side: wherever this ends, nobody knows of one node at most
+    if failed:
+        raise _not_all(states.values(), failed) from next(iter(failed.values()))
+    if faults:
+        raise faults[0]
+    return tuple(answers[one.node_id] for one in stores if one.node_id in answers)
 
 
-def _final(name: str, states: Sequence[Storing], one: Storing) -> str:
+def _final(name: str, states: Iterable[Storing], one: Storing) -> str:
     """What a `recover` says had begun, where this process ends in the middle of it."""
     done = [str(before.node_id) for before in states if before.is_done]
     stored = f"; stored on node {', '.join(done)}" if done else ""
     return f"{name}: store on node {one.node_id}{stored}"
 
 
-def _not_all(states: Sequence[Storing], one: Storing, failed: BaseException) -> LeftChanged:
-    behind = [other.node_id for other in states if not other.is_done and other is not one]
-    unsure = not isinstance(failed, DvtcliError) or isinstance(failed, NoAnswer | SdoProtocolError)
-    unsure = unsure or (isinstance(failed, DvtcliError) and failed.state == "unknown")
-    missing = behind if unsure else [one.node_id, *behind]
+def _not_all(states: Iterable[Storing], failed: Mapping[int, BaseException]) -> LeftChanged:
+    """What is told where the stores of *failed* came to nothing; nobody knows of those that gave no answer."""
+    first, fault = next(iter(failed.items()))
+    done = [one.node_id for one in states if one.is_done]
+    unsure = [node_id for node_id, one in failed.items() if _is_unsure(one)]
+    missing = [one.node_id for one in states if one.node_id not in {*done, *unsure}]
     left = LeftChanged(
-        f"every node holds what was planned, and node {one.node_id} did not store it",
-        node=one.node_id,
-        place=failed.place if isinstance(failed, DvtcliError) else None,
-        why=str(failed) or "interrupted",
-        hint=f"`-n {one.node_id} store` finishes, on each of them; `undo --all` goes back to what was before, then "
+        f"every node holds what was planned, and node {first} did not store it",
+        node=first,
+        place=fault.place if isinstance(fault, DvtcliError) else None,
+        why=str(fault) or "interrupted",
+        hint=f"`-n {first} store` finishes, on each of them; `undo --all` goes back to what was before, then "
         "`store` on each that stored",
         state="left_changed",
     )
-    rows = (
-        ("stored", [other.node_id for other in states if other.is_done]),
-        ("not stored", missing),
-        ("unknown", [one.node_id] * unsure),
-    )
+    rows = (("stored", done), ("not stored", missing), ("unknown", unsure))
     left.details += [(label, f"node {', '.join(map(str, numbers))}") for label, numbers in rows if numbers]
     left.state_text = "every node holds what was planned, read back equal; not all of them have stored it"
     return left
+
+
+def _is_unsure(fault: BaseException) -> bool:
+    """Whether nobody knows if the node stored."""
+    if not isinstance(fault, DvtcliError):
+        return True
+    return isinstance(fault, NoAnswer | SdoProtocolError) or fault.state == "unknown"
