@@ -1,63 +1,190 @@
-"""Network files, checked: all that can be said of them without a node. Needs no bus and no session."""
+"""Networks, checked: files without any node, and nodes as they are on a bus. Writes nothing.
+
+Judges nothing itself: the rules are in `domain/network/check`, and those of `map` and `link`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from pathlib import Path
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass, field
+from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.lint.lint_rule import ERROR, LintRule
 from dvtcli.domain.several import plural
-from dvtcli.errors import InputFileError, UsageError
-from dvtcli.files.network.read_network import read_network_file
-from dvtcli.operations.results import Facts
+from dvtcli.errors import DvtcliError, InputFileError, RuleError, UsageError
+from dvtcli.operations.network_wish import read_wish
+from dvtcli.operations.results.checked_files import FileRule
+from dvtcli.operations.results.checked_networks import NetworkFinding, NetworkReport, NetworksChecked
 
 if TYPE_CHECKING:
     from dvtcli.domain.file_complaint import FileComplaint
-    from dvtcli.domain.network.wanted_state import NetworkWish
+    from dvtcli.domain.network.check.checked_network import NetSpot
+    from dvtcli.domain.network.network_state import NetworkState
+    from dvtcli.domain.network.wanted_state import Mark, NetworkWish
+    from dvtcli.operations.session import Session
+
+#: Rules that no state is asked for.
+FILE_RULES = (
+    LintRule("network-file", ERROR, "the file cannot be read, or says what its nodes cannot mean",
+             "the network file's keys; the nodes' dictionaries"),
+    LintRule("cannot-be-made", ERROR, "what the file wants cannot be made on its nodes",
+             "the rules of `map` and `link`"),
+)  # fmt: skip
+_USUAL_BIT_RATE = 500_000
 
 
-def read_wish(file: str) -> NetworkWish:
-    """What the network file *file* wants; UsageError where it cannot be read, InputFileError with all that is wrong."""
+@dataclass(frozen=True, slots=True)
+class CheckWishes:
+    """How `check` looks: which rules by name (*only*, none: all; not those in *without*).
+
+    With *strict* a warning is as bad as an error; *bit_rate* (bit/s) is the bus's where nobody else says it. With
+    *as_findings* what cannot be read of a file is a finding, and no error.
+    """
+
+    only: Collection[str] = ()
+    without: Collection[str] = ()
+    strict: bool = False
+    bit_rate: int | None = None
+    as_findings: bool = False
+
+
+@dataclass(slots=True)
+class _Wrong:
+    """What is wrong with files before any rule is asked."""
+
+    complaints: list[FileComplaint] = field(default_factory=list)
+
+    def end(self) -> None:
+        """InputFileError with all of it."""
+        if self.complaints:
+            text = f"{plural(len(self.complaints), 'error')}; nothing was sent"
+            error = InputFileError(text, place=self.complaints[0].place)
+            error.complaints = tuple(self.complaints)
+            raise error
+
+
+def check_networks(files: Sequence[str], wishes: CheckWishes | None = None) -> NetworksChecked:
+    """Look at each of *files*; InputFileError with all that cannot be read in all of them, else what the rules found.
+
+    UsageError for a rule that there is not.
+    """
+    wishes = wishes or CheckWishes()
+    rules = _chosen(wishes)
+    wrong = _Wrong()
+    reports = [_report(file, wishes, rules, wrong) for file in dict.fromkeys(files)]
+    wrong.end()
+    return NetworksChecked(tuple(reports))
+
+
+def check_live(session: Session, wishes: CheckWishes | None = None) -> NetworksChecked:
+    """Look at the nodes on the bus as they are: those that are known, and those that are heard."""
+    from dvtcli.operations.network_load import live_state
+
+    wishes = wishes or CheckWishes()
+    rules = _chosen(wishes)
+    state, bus = live_state(session), session.wire
+    bit_rate = wishes.bit_rate or bus.bitrate or session.options.bitrate or _USUAL_BIT_RATE
+    findings = tuple(_found(state, bit_rate, rules))
+    nodes = tuple((node.title, node.node_id, len(node.pdos)) for node in state.nodes)
+    return NetworksChecked(
+        (NetworkReport(bus.name, _shown(rules), findings, nodes, is_live=True, strict=wishes.strict),)
+    )
+
+
+def _chosen(wishes: CheckWishes) -> tuple[LintRule, ...]:
+    from dvtcli.domain.network.check.network_rules import NETWORK_RULES
+
+    known = {rule.name: rule for rule in (*FILE_RULES, *NETWORK_RULES)}
+    for name in (*wishes.only, *wishes.without):
+        if name not in known:
+            near = get_close_matches(name, known, n=1)
+            raise UsageError(f"there is no rule {name!r}", hint=f"did you mean {near[0]}?" if near else None)
+    return tuple(
+        rule for name, rule in known.items() if name not in wishes.without and (not wishes.only or name in wishes.only)
+    )
+
+
+def _shown(rules: tuple[LintRule, ...]) -> tuple[FileRule, ...]:
+    return tuple(FileRule(rule.name, str(rule.severity), rule.sense, rule.source) for rule in rules)
+
+
+def _report(file: str, wishes: CheckWishes, rules: tuple[LintRule, ...], wrong: _Wrong) -> NetworkReport:
+    """What there is to say of *file*; what cannot be read of it is told to *wrong*, unless it is to be a finding."""
     try:
-        return read_network_file(Path(file))
-    except OSError as failed:
-        raise UsageError(f"{file}: {failed.strerror or failed}", place=file) from failed
+        wish = read_wish(file)
+        findings = list(_judged(file, wish, wishes, rules))
+    except InputFileError as failed:
+        if not failed.complaints and not wishes.as_findings:
+            raise
+        if not wishes.as_findings:
+            wrong.complaints += failed.complaints
+            return NetworkReport(file, _shown(rules), ())
+        return NetworkReport(file, _shown(rules), tuple(_complaints(failed)), strict=wishes.strict)
+    nodes = tuple((node.name, node.node_id, len(node.pdos)) for node in wish.nodes)
+    notes = tuple((one.mark.line, one.mark.column, one.times, one.text) for one in wish.notes)
+    return NetworkReport(file, _shown(rules), tuple(findings), nodes, len(wish.links), notes, strict=wishes.strict)
 
 
-def check_networks(files: Sequence[str]) -> Facts:
-    """Look at each of *files*; InputFileError with all that is wrong in all of them, else what they hold."""
-    wishes: dict[str, NetworkWish] = {}
-    complaints: list[FileComplaint] = []
-    for file in dict.fromkeys(files):
+def _complaints(failed: InputFileError) -> Iterator[NetworkFinding]:
+    name = FILE_RULES[0].name
+    if not failed.complaints:
+        yield NetworkFinding(1, "error", name, "", failed.text)
+    for one in failed.complaints:
+        yield NetworkFinding(one.line, "error", name, "", one.text, one.column, one.column + max(one.width, 1) - 1)
+
+
+def _judged(file: str, wish: NetworkWish, wishes: CheckWishes, rules: tuple[LintRule, ...]) -> Iterator[NetworkFinding]:
+    """What the rules say of the network that *file* makes; where that cannot be made, why, and of it without links."""
+    from dvtcli.operations.described_network import described_network
+
+    bit_rate = wishes.bit_rate or _USUAL_BIT_RATE
+    names = {rule.name for rule in rules}
+    try:
+        yield from _found(described_network(file, for_rules=True), bit_rate, rules)
+    except (RuleError, UsageError) as refused:
+        if FILE_RULES[1].name in names:
+            yield from _refused(wish, refused)
         try:
-            wishes[file] = read_wish(file)
-        except InputFileError as wrong:
-            if not wrong.complaints:
-                raise
-            complaints += wrong.complaints
-    if complaints:
-        error = InputFileError(f"{plural(len(complaints), 'error')}; nothing was sent", place=complaints[0].place)
-        error.complaints = tuple(complaints)
-        raise error
-    text = tuple(line for file, wish in wishes.items() for line in _lines(file, wish))
-    rows = (("files", [_row(file, wish) for file, wish in wishes.items()]),)
-    return Facts("network-check", rows, text)
+            state = described_network(file, for_rules=True, with_links=False)
+        except (RuleError, UsageError):
+            return
+        yield from _found(state, bit_rate, rules)
 
 
-def _row(file: str, wish: NetworkWish) -> dict[str, object]:
-    return {
-        "file": file,
-        "nodes": [{"name": node.name, "node": node.node_id, "pdos": len(node.pdos)} for node in wish.nodes],
-        "links": len(wish.links),
-        "notes": [{"line": one.mark.line, "column": one.mark.column, "times": one.times, "text": one.text}
-                  for one in wish.notes],
-    }  # fmt: skip
+def _refused(wish: NetworkWish, refused: DvtcliError) -> Iterator[NetworkFinding]:
+    """Each reason, at the node that it is about."""
+    marks = {node.node_id: node.mark for node in wish.nodes}
+    mark = marks.get(refused.node or 0) or (wish.links[0].mark if wish.links else None)
+    findings = getattr(refused, "findings", ()) or ()
+    for text in [one.text for one in findings if one.severity is ERROR] or [refused.text]:
+        yield _finding(FILE_RULES[1], refused.node, None, "", text, mark)
 
 
-def _lines(file: str, wish: NetworkWish) -> Iterator[str]:
-    for note in wish.notes:
-        times = f" ({note.times} times)" if note.times > 1 else ""
-        yield f"{file}:{note.mark.line}:{note.mark.column}: note: {note.text}{times}"
-    pdos = sum(len(node.pdos) for node in wish.nodes)
-    links = f", {plural(len(wish.links), 'link')}" if wish.links else ""
-    yield f"{file}: {plural(len(wish.nodes), 'node')}, {plural(pdos, 'PDO')}{links}; no error"
+def _found(state: NetworkState, bit_rate: int, rules: tuple[LintRule, ...]) -> Iterator[NetworkFinding]:
+    from dvtcli.domain.network.check.checked_network import CheckedNetwork
+    from dvtcli.domain.network.check.network_rules import network_findings
+
+    found = network_findings(CheckedNetwork(state, bit_rate), {rule.name for rule in rules})
+    for rule, spot, text in found:
+        yield _finding(rule, spot.node_id, spot, spot.object, text, _mark(state, spot))
+
+
+def _mark(state: NetworkState, spot: NetSpot) -> Mark | None:
+    """Where the file speaks of it: of the PDO, else of the node."""
+    node = None if spot.node_id is None else state.node(spot.node_id)
+    if node is None:
+        return None
+    return node.mark if spot.pdo is None else node.marks.get(spot.pdo, node.mark)
+
+
+def _finding(
+    rule: LintRule, node: int | None, spot: NetSpot | None, about: str, text: str, mark: Mark | None
+) -> NetworkFinding:
+    pdo = None if spot is None else spot.pdo
+    who = "" if node is None else f"node {node}" + (f" {pdo.label}" if pdo else f" 0x{about}" if about else "") + ": "
+    line, column, width = (mark.line, mark.column, mark.width) if mark is not None and mark.line else (1, 0, 0)
+    end = column + max(width, 1) - 1 if column else 0
+    return NetworkFinding(
+        line, str(rule.severity), rule.name, about, f"{who}{text}", column, end, node, None if pdo is None else str(pdo)
+    )

@@ -17,8 +17,8 @@ from dvtcli.domain.network.wanted_state import FileWord, NetworkWish, NodeWish, 
 from dvtcli.domain.object_syntax import MappedObject, Skipped, UnknownName, resolve_entry
 from dvtcli.domain.pdo import PdoCommunicationParameter, PdoConfig
 from dvtcli.files.network.file_log import FileLog
-from dvtcli.operations.check_networks import read_wish
 from dvtcli.operations.network_states import network_after, network_state, with_wish
+from dvtcli.operations.network_wish import read_wish
 from dvtcli.operations.options import Options
 from dvtcli.operations.plan_network import plan_wish
 from dvtcli.operations.session import Session
@@ -27,14 +27,16 @@ if TYPE_CHECKING:
     from dvtcli.operations.telling import Teller
 
 
-def described_network(file: str, tell: Teller | None = None, *, for_rules: bool = False) -> NetworkState:
+def described_network(
+    file: str, tell: Teller | None = None, *, for_rules: bool = False, with_links: bool = True
+) -> NetworkState:
     """What the nodes of the network *file* hold once it is applied to devices that are as new.
 
     A node is what its `dcf` describes, else its `profile`'s family, else the family or the file of `eds add` that its
     identity is of. Of one that is none of these only what the file says is known. InputFileError with all that the file
-    cannot mean, RuleError where what it wants cannot be made.
+    cannot mean, RuleError where what it wants cannot be made. Without *with_links* its links are left out.
     """
-    wish = read_wish(file)
+    wish = read_wish(file) if with_links else replace(read_wish(file), links=())
     words = {node.node_id: word for node in wish.nodes if (word := simulated_word(file, node))}
     known = tuple(replace(node, identity=WantedIdentity()) for node in wish.nodes if node.node_id in words)
     links = tuple(

@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 #: What a bus runs at where nobody says, in bit/s: said with the answer.
 USUAL_BIT_RATE = 500_000
 MEASURED_S = 3.0
+#: How long is listened to find nodes (s): most send a heartbeat once a second or faster.
+HEARD_S = 1.2
 _SLICE_S = 0.25
 _HEARTBEATS = range(0x701, 0x780)
 _OF_ONE_NODE = (range(0x081, 0x100), range(0x181, 0x200), range(0x281, 0x300), range(0x381, 0x400),
@@ -86,6 +88,16 @@ def load_after(session: Session, plan: NetworkPlan) -> BusNeed | None:
     return bus_need(streams_of(network_after(state, plan)), bit_rate)
 
 
+def live_state(session: Session) -> NetworkState:
+    """What the nodes on the bus hold, with what only rules look at: those that are known, and those that are heard.
+
+    UsageError where nobody chose a bus.
+    """
+    _refuse_without_bus(session)
+    heard = None if session.network.simulated_ids else _measured(session, HEARD_S)
+    return network_state(_answering(session, _present(session, heard)), for_rules=True)
+
+
 def _has_bus(session: Session) -> bool:
     """Whether somebody chose a bus."""
     options = session.options
@@ -96,7 +108,9 @@ def _refuse_without_bus(session: Session) -> None:
     from dvtcli.operations.settings import NOBODY
 
     if not _has_bus(session) and session.chosen_by() == NOBODY:
-        raise UsageError("the load of what?", hint="load FILE, or a bus: -i socketcan -c can0 load, --sim gen4 load")
+        raise UsageError(
+            "no FILE, and no bus", hint="give a network file, or a bus: -i socketcan -c can0, or --sim gen4"
+        )
     session.open_network()
 
 
@@ -108,7 +122,7 @@ def _state(session: Session, file: str | None, measured: Measured | None) -> Net
 
         return described_network(file, session.tell)
     from dvtcli.files.network.file_log import FileLog
-    from dvtcli.operations.check_networks import read_wish
+    from dvtcli.operations.network_wish import read_wish
     from dvtcli.operations.plan_network import plan_wish
 
     wish = read_wish(file)

@@ -27,9 +27,9 @@ from dvtcli.domain.several import plural, several
 from dvtcli.errors import DvtcliError, InputFileError, NoAnswer, RuleError, SdoProtocolError, UsageError
 from dvtcli.files.network.file_log import FileLog
 from dvtcli.operations.change import names
-from dvtcli.operations.check_networks import read_wish
 from dvtcli.operations.linked_wishes import with_links
 from dvtcli.operations.meet_network import Met, meet
+from dvtcli.operations.network_wish import read_wish
 from dvtcli.operations.wanted_words import NodeWants, node_wants
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""Check network files: every error with its line and column, without a bus."""
+"""Check network files without a bus, and the nodes on one: CAN-IDs, layouts, SYNC, heartbeats, load."""
 
 from __future__ import annotations
 
@@ -7,27 +7,55 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.commands._load_params import BitRateType
 from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import FILE
+from dvtcli.operations.options import SPECIAL_FORMATS
 
 if TYPE_CHECKING:
-    from dvtcli.operations.results import Facts
+    from dvtcli.cli.conversation import Conversation
+    from dvtcli.operations.results import NetworksChecked
 
 TASK = ("Scripts and files", 40)
 
 
-@click.command("check", cls=DvtCommand, short_help=__doc__, effect=Effect.READS, needs_settings=False)
-@click.argument("files", type=FILE, nargs=-1, required=True, metavar="FILE…")
-def command(files: tuple[str, ...]) -> Facts:
-    """Read network files (YAML) and name everything that is wrong in them, each with its line, column and a caret.
+@click.command(
+    "check", cls=DvtCommand, short_help=__doc__, effect=Effect.READS, needs_settings=False, formats=SPECIAL_FORMATS
+)
+@click.argument("files", type=FILE, nargs=-1, metavar="[FILE…]")
+@click.option("--rule", "only", multiple=True, metavar="NAME", help="This rule only; repeatable.")
+@click.option("--without", multiple=True, metavar="NAME", help="All rules but this one; repeatable.")
+@click.option("--strict", is_flag=True, help="A warning is as bad as an error, too.")
+@click.option("--at", "bit_rate", type=BitRateType(), metavar="BIT/S", help="The bus's bit rate [its own, or 500000].")
+@click.option("--live", is_flag=True, help="The nodes on the bus, too.")
+@click.pass_obj
+def command(
+    session: Conversation,
+    /,
+    files: tuple[str, ...],
+    only: tuple[str, ...],
+    without: tuple[str, ...],
+    strict: bool,
+    bit_rate: int | None,
+    live: bool,
+) -> NetworksChecked:
+    """Say what is wrong with network files (YAML), and with the nodes on a bus; nothing is written.
 
-    Exit code 4 where something is wrong. Keys of other tools are notes. Files for dcfgen and ros2_canopen are network
-    files, too. What only a node's dictionary knows, as names of objects, is not looked at.
+    Of a file: what cannot be read, with line, column and a caret, then what the rules find in the network that it makes
+    of its nodes' EDS, DCF or family. Without FILE, or with --live, the nodes on the bus. An error in a file is exit
+    code 4, in nodes 3. --format github, junit or sarif is for CI.
 
     \b
     check press.yaml
     check press.yaml bus.yml
+    check line.yaml --strict --format github
+    check line.yaml --rule unbounded-event-pdo --rule too-late
+    check --live      the nodes on the bus
     """
-    from dvtcli.operations.check_networks import check_networks
+    from dvtcli.operations.check_networks import CheckWishes, check_live, check_networks
+    from dvtcli.operations.results import NetworksChecked
 
-    return check_networks(files)
+    as_findings = session.output.format in SPECIAL_FORMATS
+    wishes = CheckWishes(only, without, strict, bit_rate or session.options.bitrate, as_findings)
+    reports = check_networks(files, wishes).reports if files else ()
+    return NetworksChecked((*reports, *(check_live(session, wishes).reports if live or not files else ())))

@@ -6,14 +6,14 @@ from collections.abc import Iterator
 
 from dvtcli.cli.view.lines import Line
 from dvtcli.domain.several import plural
-from dvtcli.operations.results.checked_files import SEVERITIES, FileFinding, FileReport, FileReports, reports_of
+from dvtcli.operations.results.checked_files import SEVERITIES, FileFinding, Report, Reported
 
 _COMMANDS = {"error": "error", "warning": "warning", "note": "notice"}
 
 
-def github_lines(result: FileReport | FileReports, _width: int) -> Iterator[Line]:
+def github_lines(result: Reported, _width: int) -> Iterator[Line]:
     """A command for each finding, errors first, and the sum of each file: GitHub shows ten of a kind and step."""
-    reports = reports_of(result)
+    reports = result.reports
     for severity in SEVERITIES:
         for one in reports:
             for finding in one.findings:
@@ -24,7 +24,7 @@ def github_lines(result: FileReport | FileReports, _width: int) -> Iterator[Line
         yield f"{one.path}: {', '.join(plural(counted[severity], severity) for severity in SEVERITIES)}"
 
 
-def _place(report: FileReport, finding: FileFinding) -> str:
+def _place(report: Report, finding: FileFinding) -> str:
     columns = f"col={finding.column},endColumn={finding.end_column}," if finding.column else ""
     return f"file={as_property(report.path)},line={finding.line},{columns}title={as_property(finding.rule)}"
 

@@ -8,12 +8,12 @@ from xml.etree import ElementTree as ET
 from dvtcli.cli.view.lines import Line
 from dvtcli.cli.view.safe import safe
 from dvtcli.domain.several import plural
-from dvtcli.operations.results.checked_files import FileFinding, FileReport, FileReports, reports_of
+from dvtcli.operations.results.checked_files import FileFinding, Report, Reported
 
 
-def junit_lines(result: FileReport | FileReports, _width: int) -> Iterator[Line]:
+def junit_lines(result: Reported, _width: int) -> Iterator[Line]:
     """A rule that found what makes the file invalid is a failure; what else was found stands in the case's output."""
-    yield from suites_text(_suite(one) for one in reports_of(result))
+    yield from suites_text(_suite(one) for one in result.reports)
 
 
 def suites_text(made: Iterable[ET.Element]) -> Iterator[Line]:
@@ -27,14 +27,14 @@ def suites_text(made: Iterable[ET.Element]) -> Iterator[Line]:
     yield from ET.tostring(suites, "unicode").split("\n")
 
 
-def _suite(result: FileReport) -> ET.Element:
+def _suite(result: Report) -> ET.Element:
     """One file."""
     found: dict[str, list[FileFinding]] = {}
     for finding in result.findings:
         found.setdefault(finding.rule, []).append(finding)
     failed = sum(any(map(result.is_bad, findings)) for findings in found.values())
     counts = {"tests": str(len(result.rules)), "failures": str(failed), "errors": "0"}
-    suite = ET.Element("testsuite", {"name": f"eds check {safe(result.path)}", **counts})
+    suite = ET.Element("testsuite", {"name": f"{result.made_by} {safe(result.path)}", **counts})
     for rule in result.rules:
         case = ET.SubElement(suite, "testcase", {"classname": safe(result.path), "name": rule.name})
         findings = found.get(rule.name, [])
@@ -46,5 +46,5 @@ def _suite(result: FileReport) -> ET.Element:
     return suite
 
 
-def _text(result: FileReport, findings: list[FileFinding]) -> str:
+def _text(result: Report, findings: list[FileFinding]) -> str:
     return "\n".join(safe(f"{result.path}:{one.line}: {one.severity}: {one.text}") for one in findings)

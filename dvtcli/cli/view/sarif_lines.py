@@ -9,15 +9,15 @@ from typing import Any
 from urllib.parse import quote
 
 from dvtcli.cli.view.lines import Line
-from dvtcli.operations.results.checked_files import FileFinding, FileReport, FileReports, reports_of
+from dvtcli.operations.results.checked_files import FileFinding, Report, Reported
 from dvtcli.version import __version__
 
 _SCHEMA = "https://json.schemastore.org/sarif-2.1.0.json"
 
 
-def sarif_lines(result: FileReport | FileReports, _width: int) -> Iterator[Line]:
+def sarif_lines(result: Reported, _width: int) -> Iterator[Line]:
     """The whole document, with every rule that was asked: who reads it sees what is settled since."""
-    reports = reports_of(result)
+    reports = result.reports
     rules = list({rule.name: rule for one in reports for rule in one.rules}.values())
     places = {rule.name: number for number, rule in enumerate(rules)}
     driver = {"name": "dvtcli", "version": __version__, "rules": [_rule(rule) for rule in rules]}
@@ -30,7 +30,7 @@ def sarif_lines(result: FileReport | FileReports, _width: int) -> Iterator[Line]
     yield from json.dumps({"$schema": _SCHEMA, "version": "2.1.0", "runs": [run]}, indent=1).splitlines()
 
 
-def _result(report: FileReport, finding: FileFinding, places: Mapping[str, int]) -> dict[str, Any]:
+def _result(report: Report, finding: FileFinding, places: Mapping[str, int]) -> dict[str, Any]:
     region = {"startLine": finding.line}
     if finding.column:  # the end is the column behind it (3.30.8)
         region |= {"startColumn": finding.column, "endColumn": finding.end_column + 1}

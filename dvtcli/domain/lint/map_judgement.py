@@ -27,7 +27,7 @@ def judged(
         proposal = Proposal(
             node_id,
             one.pdo,
-            _blank(one.config),
+            blank(one.config),
             one.config,
             before,
             profile,
@@ -44,7 +44,7 @@ def _can_id(dictionary: ObjectDictionary, index: int, node_id: int) -> int | Non
     return None if data is None else int.from_bytes(data, "little") & 0x7FF
 
 
-def _blank(config: PdoConfig) -> PdoConfig:
+def blank(config: PdoConfig) -> PdoConfig:
     """The same PDO disabled and empty, its type not as wanted either: rules look at what changes only."""
     held = config.communication
     kind = None if held.transmission_type is None else held.transmission_type ^ 1

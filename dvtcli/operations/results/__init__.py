@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.results.bus_events import *  # noqa: F403
     from dvtcli.operations.results.changes import *  # noqa: F403
     from dvtcli.operations.results.checked_files import *  # noqa: F403
+    from dvtcli.operations.results.checked_networks import *  # noqa: F403
     from dvtcli.operations.results.comparisons import *  # noqa: F403
     from dvtcli.operations.results.device_profiles import *  # noqa: F403
     from dvtcli.operations.results.diagnosis import *  # noqa: F403

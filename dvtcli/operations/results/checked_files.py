@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Protocol
 
 from dvtcli.operations.results.documents import Answer, Document
 
@@ -64,6 +65,7 @@ class FileReport(Answer):
         "sarif": "sarif_lines:sarif_lines",
     }
     at_leisure: ClassVar = True
+    made_by: ClassVar = "eds check"
 
     path: str
     sections: int
@@ -72,6 +74,11 @@ class FileReport(Answer):
     rules: tuple[FileRule, ...]
     findings: tuple[FileFinding, ...]
     strict: bool = False
+
+    @property
+    def reports(self) -> tuple[FileReport, ...]:
+        """Itself."""
+        return (self,)
 
     @property
     def exit_code(self) -> int:
@@ -116,6 +123,11 @@ class FileReports(Answer):
     files: tuple[FileReport, ...]
 
     @property
+    def reports(self) -> tuple[FileReport, ...]:
+        """One a file."""
+        return self.files
+
+    @property
     def exit_code(self) -> int:
         """4 where a finding in any of them is bad enough."""
         return max(one.exit_code for one in self.files)
@@ -136,6 +148,39 @@ class FileReports(Answer):
         }
 
 
-def reports_of(result: FileReport | FileReports) -> tuple[FileReport, ...]:
-    """One report a file."""
-    return (result,) if isinstance(result, FileReport) else result.files
+class Report(Protocol):
+    """What rules said of one file or bus, *path*; *made_by* is the command."""
+
+    made_by: ClassVar[str]
+
+    @property
+    def path(self) -> str:
+        """What was looked at."""
+        ...
+
+    @property
+    def rules(self) -> tuple[FileRule, ...]:
+        """The rules that were asked."""
+        ...
+
+    @property
+    def findings(self) -> tuple[FileFinding, ...]:
+        """What they found."""
+        ...
+
+    def is_bad(self, finding: FileFinding) -> bool:
+        """Whether *finding* makes it invalid."""
+        ...
+
+    def count(self) -> dict[str, int]:
+        """How many findings of each severity."""
+        ...
+
+
+class Reported(Protocol):
+    """A result that has reports."""
+
+    @property
+    def reports(self) -> Sequence[Report]:
+        """One a file or bus."""
+        ...

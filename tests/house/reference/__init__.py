@@ -33,6 +33,7 @@ PARTS = {
     "documents": "documents:every_document",
     "rules": "rules:table",
     "eds-rules": "eds_rules:table",
+    "network-rules": "network_rules:table",
     "network-keys": "network:keys",
     "profiles": "families:profiles",
     "profile-values": "families:profile_values",

@@ -1,0 +1,43 @@
+"""The text of `check`: what each network's file means nothing by, what the rules found, and the sum."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from dvtcli.cli.view.check_lines import STYLES
+from dvtcli.cli.view.lines import Cell, Line
+from dvtcli.domain.several import plural
+from dvtcli.operations.results.checked_files import SEVERITIES
+
+if TYPE_CHECKING:
+    from dvtcli.operations.results.checked_networks import NetworkFinding, NetworkReport, NetworksChecked
+
+
+def check_lines(result: NetworksChecked, _width: int) -> Iterator[Line]:
+    """Findings with their places, the worst first, and a line for each file."""
+    for one in result.reports:
+        for line, column, times, text in one.notes:
+            more = f" ({times} times)" if times > 1 else ""
+            yield f"{one.path}:{line}:{column}: note: {text}{more}"
+        for severity in SEVERITIES:
+            yield from (_finding(one, found) for found in one.findings if found.severity == severity)
+        yield _sum(one)
+
+
+def _finding(report: NetworkReport, found: NetworkFinding) -> Line:
+    place = f"{report.path}:{found.line}:{found.column}: " if found.column else f"{report.path}: "
+    return [
+        Cell(place),
+        Cell(f"{found.severity}: ", STYLES[found.severity]),
+        Cell(f"{found.text} "),
+        Cell(f"[{found.rule}]", "dim"),
+    ]
+
+
+def _sum(report: NetworkReport) -> Line:
+    pdos = sum(count for _, _, count in report.nodes)
+    links = f", {plural(report.links, 'link')}" if report.links else ""
+    counted = report.count()
+    found = ", ".join(plural(counted[severity], severity) for severity in SEVERITIES if counted[severity])
+    return f"{report.path}: {plural(len(report.nodes), 'node')}, {plural(pdos, 'PDO')}{links}; {found or 'no error'}"

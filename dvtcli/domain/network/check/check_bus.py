@@ -1,0 +1,104 @@
+"""Rules about the load of the bus: what limits each TPDO, and whether all of it is there in time."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+from dvtcli.domain.bus_load import most_frame_bits
+from dvtcli.domain.lint.lint_rule import ERROR, NOTE, WARNING, check
+from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetFound, NetSpot, at
+from dvtcli.domain.network.frame_streams import EVENT_DRIVEN, data_bytes
+
+_TIMES = "CiA 301, 7.5.2.37: inhibit time, event timer"
+_ANALYSIS = "Davis, Burns, Bril, Lukkien 2007"
+#: What all TPDOs that nothing limits may take together, and a bus at most, before it is said (share of the bit rate).
+_FOR_EVENTS, _BUSY = Fraction(5, 100), Fraction(8, 10)
+#: Inhibit times that are proposed, in ms.
+_PROPOSED = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000)
+
+
+def _unlimited(network: CheckedNetwork) -> list[NetSpot]:
+    return [
+        at(node, pdo)
+        for node, pdo, config in network.tpdos
+        if config.communication.transmission_type in EVENT_DRIVEN
+        and not config.communication.inhibit_time
+        and not config.communication.event_timer
+    ]
+
+
+@check("unbounded-event-pdo", WARNING, "an event-driven TPDO has neither inhibit time nor event timer: its values "
+       "decide how much of the bus it takes", _TIMES)  # fmt: skip
+def unbounded_event_pdo(network: CheckedNetwork) -> NetFound:
+    """A noisy value sends as fast as the device can; one robot's took three quarters of its bus."""
+    spots = _unlimited(network)
+    for node, pdo, config in network.tpdos:
+        if at(node, pdo) not in spots:
+            continue
+        bits = most_frame_bits(data_bytes(config), extended=config.communication.cob_id.extended)
+        share = _FOR_EVENTS / len(spots)
+        needed_ms = Fraction(1000 * bits) / (share * network.bit_rate)
+        time_ms = next((one for one in _PROPOSED if one >= needed_ms), _PROPOSED[-1])
+        taken = Fraction(100_000 * bits, time_ms * network.bit_rate)
+        yield (
+            at(node, pdo),
+            f"no inhibit time, no event timer; {time_ms} ms would hold it to {float(taken):.1f} %",
+        )
+
+
+@check("timer-without-inhibit", NOTE, "an event-driven TPDO has an event timer and no inhibit time", _TIMES)
+def timer_without_inhibit(network: CheckedNetwork) -> NetFound:
+    """A device that also sends on each change is limited by nothing; many send by the timer only."""
+    for node, pdo, config in network.tpdos:
+        held = config.communication
+        if held.transmission_type in EVENT_DRIVEN and held.event_timer and not held.inhibit_time:
+            yield at(node, pdo), f"its event timer is {held.event_timer} ms, its inhibit time 0"
+
+
+@check("timer-below-inhibit", WARNING, "the event timer of a TPDO is shorter than its inhibit time", _TIMES)
+def timer_below_inhibit(network: CheckedNetwork) -> NetFound:
+    """The inhibit time wins."""
+    for node, pdo, config in network.tpdos:
+        held = config.communication
+        if held.event_timer and held.inhibit_time and held.event_timer * 10 < held.inhibit_time:
+            text = f"the event timer is {held.event_timer} ms, the inhibit time {held.inhibit_time / 10:g} ms"
+            yield at(node, pdo), text
+
+
+@check("bus-overload", ERROR, "the frames that have a limit need more than the whole bus at worst", _ANALYSIS)
+def bus_overload(network: CheckedNetwork) -> NetFound:
+    """What has a low priority is never sent."""
+    if network.need.limited > 1:
+        yield (
+            NetSpot(),
+            f"{_percent(network)} of {network.bit_rate / 1000:g} kbit/s at worst: `load` shows what takes it",
+        )
+
+
+@check("busy-bus", WARNING, "the frames that have a limit need more than 80 % of the bus at worst",
+       "ours; bus monitors advise it for traffic that is not cyclic")  # fmt: skip
+def busy_bus(network: CheckedNetwork) -> NetFound:
+    """What has a low priority waits long."""
+    if _BUSY < network.need.limited <= 1:
+        yield (
+            NetSpot(),
+            f"{_percent(network)} of {network.bit_rate / 1000:g} kbit/s at worst: `load` shows what takes it",
+        )
+
+
+@check("too-late", ERROR, "a frame may be there after its deadline", _ANALYSIS)
+def too_late(network: CheckedNetwork) -> NetFound:
+    """The next one is due by then, or a consumer has given up."""
+    for one in network.need.late:
+        stream = one.stream
+        is_said = stream.window_us is not None or one.response_us is None
+        if is_said or stream.deadline_us is None or one.response_us is None:
+            continue  # SYNC's window, and what has no bound, have rules of their own
+        times = (
+            f"{float(one.response_us) / 1000:.2f} ms at worst, {float(stream.deadline_us) / 1000:g} ms is the deadline"
+        )
+        yield NetSpot(stream.node, stream.pdo), f"{stream.label} takes {times}"
+
+
+def _percent(network: CheckedNetwork) -> str:
+    return f"{100 * float(network.need.limited):.1f} %"

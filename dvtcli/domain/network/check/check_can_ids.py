@@ -1,0 +1,222 @@
+"""Rules about CAN-IDs: one producer each, and none that another service of the network has."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+
+from dvtcli.domain.lint.lint_rule import ERROR, WARNING, check
+from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetFound, NetSpot, at, held
+from dvtcli.domain.network.network_state import (
+    EMCY_COB_ID,
+    PRODUCES,
+    SYNC_COB_ID,
+    TIME_COB_ID,
+    Identifier,
+    NodeState,
+    identifier_of,
+)
+from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.rules.can_id import default_owner, restricted_use
+
+_SET = "CiA 301, 7.3.5: the pre-defined connection set"
+_RESTRICTED = "CiA 301, 7.3.5: restricted CAN-IDs"
+_LSS = (0x7E4, 0x7E5)
+
+
+@check("one-producer", ERROR, "two TPDOs send the same CAN-ID: their frames collide on the wire", _SET)
+def one_producer(network: CheckedNetwork) -> NetFound:
+    """Two frames with one CAN-ID and other data are a bus error."""
+    senders: defaultdict[Identifier, list[tuple[NodeState, Pdo]]] = defaultdict(list)
+    for node, pdo, config in network.tpdos:
+        senders[identifier_of(config)].append((node, pdo))
+    for (can_id, _), found in senders.items():
+        first, *others = found
+        for node, pdo in others:
+            yield at(node, pdo), f"0x{can_id:03X} is sent by {first[1].label} of node {first[0].node_id}, too"
+
+
+def _of_pdos(network: CheckedNetwork, wanted: str) -> NetFound:
+    for node, pdo, config in network.enabled:
+        can_id, extended = identifier_of(config)
+        if not extended and _service(can_id) == wanted:
+            yield at(node, pdo), f"0x{can_id:03X} is {restricted_use(can_id) if wanted != 'LSS' else 'LSS'}"
+
+
+def _service(can_id: int) -> str:
+    """What CiA 301 keeps *can_id* for, empty where a PDO may have it."""
+    return "LSS" if can_id in _LSS else restricted_use(can_id) or ""
+
+
+@check("can-id-of-nmt", ERROR, "an enabled PDO has CAN-ID 0x000: its frames are NMT commands", _RESTRICTED)
+def can_id_of_nmt(network: CheckedNetwork) -> NetFound:
+    """The first byte is taken for a command to the node in the second."""
+    yield from _of_pdos(network, "NMT")
+
+
+@check("can-id-of-sdo", ERROR, "an enabled PDO has a CAN-ID of some node's SDO", _RESTRICTED)
+def can_id_of_sdo(network: CheckedNetwork) -> NetFound:
+    """It reads as an answer, or a request, of that node."""
+    yield from _of_pdos(network, "SDO answers")
+    yield from _of_pdos(network, "SDO requests")
+
+
+@check("can-id-of-heartbeat", ERROR, "an enabled PDO has the CAN-ID of some node's heartbeat", _RESTRICTED)
+def can_id_of_heartbeat(network: CheckedNetwork) -> NetFound:
+    """A node that is gone seems to live."""
+    yield from _of_pdos(network, "heartbeats")
+
+
+@check("can-id-of-lss", ERROR, "an enabled PDO has a CAN-ID of LSS", "CiA 305; CiA 301, 7.3.5")
+def can_id_of_lss(network: CheckedNetwork) -> NetFound:
+    """0x7E4 and 0x7E5 set node-IDs and bit rates."""
+    yield from _of_pdos(network, "LSS")
+
+
+@check("can-id-reserved", ERROR, "an enabled PDO has a CAN-ID that CiA 301 reserves", _RESTRICTED)
+def can_id_reserved(network: CheckedNetwork) -> NetFound:
+    """No device has to take it."""
+    yield from _of_pdos(network, "reserved")
+
+
+@check("can-id-of-sync", ERROR, "an enabled PDO has the CAN-ID of SYNC", "CiA 301, 7.5.2.5")
+def can_id_of_sync(network: CheckedNetwork) -> NetFound:
+    """Each of its frames is a SYNC for every node."""
+    syncs = {node.sync for node in network.nodes} or {(0x080, False)}
+    for node, pdo, config in network.enabled:
+        if identifier_of(config) in syncs:
+            yield at(node, pdo), f"{config.communication.cob_id} is SYNC"
+
+
+@check("can-id-of-emcy", ERROR, "an enabled PDO has the CAN-ID of a node's EMCY", "CiA 301, 7.5.2.14")
+def can_id_of_emcy(network: CheckedNetwork) -> NetFound:
+    """It reads as an emergency."""
+    emcys = {node.emcy: node.node_id for node in network.nodes if node.emcy is not None}
+    for node, pdo, config in network.enabled:
+        if identifier_of(config) in emcys:
+            yield at(node, pdo), f"{config.communication.cob_id} is EMCY of node {emcys[identifier_of(config)]}"
+
+
+@check(
+    "can-id-of-time", ERROR, "an enabled PDO has the CAN-ID of the time stamp that a node sends", "CiA 301, 7.5.2.16"
+)
+def can_id_of_time(network: CheckedNetwork) -> NetFound:
+    """Its data would be a time."""
+    times = {node.time for node in network.nodes if (node.number(TIME_COB_ID) or 0) & PRODUCES}
+    for node, pdo, config in network.enabled:
+        if identifier_of(config) in times:
+            yield at(node, pdo), f"{config.communication.cob_id} is TIME"
+
+
+@check("emcy-twice", ERROR, "two nodes send EMCY with the same CAN-ID", "CiA 301, 7.5.2.14")
+def emcy_twice(network: CheckedNetwork) -> NetFound:
+    """Nobody knows whose emergency it is, and the frames collide."""
+    owners: dict[Identifier, int] = {}
+    for node in network.nodes:
+        if node.emcy is not None and (other := owners.setdefault(node.emcy, node.node_id)) != node.node_id:
+            yield held(node, EMCY_COB_ID), f"0x{node.emcy[0]:03X} is EMCY of node {other}, too"
+
+
+@check("emcy-can-id", ERROR, "EMCY has a CAN-ID of SYNC, or one that CiA 301 restricts", "CiA 301, 7.5.2.14 and 7.3.5")
+def emcy_can_id(network: CheckedNetwork) -> NetFound:
+    """It reads as something else."""
+    for node in network.nodes:
+        if node.emcy is None or node.emcy[1]:
+            continue
+        use = "SYNC" if node.emcy == node.sync else _service(node.emcy[0])
+        if use:
+            yield held(node, EMCY_COB_ID), f"0x{node.emcy[0]:03X} is {use}"
+
+
+@check("emcy-of-other", WARNING, "EMCY has the pre-defined CAN-ID of another node's EMCY", _SET)
+def emcy_of_other(network: CheckedNetwork) -> NetFound:
+    """Whoever counts on the set takes it for that node's."""
+    for node in network.nodes:
+        if node.emcy is not None and not node.emcy[1] and 0x081 <= node.emcy[0] <= 0x0FF:
+            owner = node.emcy[0] - 0x080
+            if owner != node.node_id:
+                yield held(node, EMCY_COB_ID), f"0x{node.emcy[0]:03X} is EMCY of node {owner} by default"
+
+
+@check("sync-can-id", ERROR, "SYNC has a CAN-ID that CiA 301 restricts", "CiA 301, 7.5.2.5 and 7.3.5")
+def sync_can_id(network: CheckedNetwork) -> NetFound:
+    """It reads as something else."""
+    for node in network.nodes:
+        can_id, extended = node.sync
+        if not extended and (use := _service(can_id)):
+            yield held(node, SYNC_COB_ID), f"SYNC 0x{can_id:03X} is {use}"
+
+
+@check(
+    "sync-ids-differ", ERROR, "a node waits for SYNC with another CAN-ID than the producer sends", "CiA 301, 7.5.2.5"
+)
+def sync_ids_differ(network: CheckedNetwork) -> NetFound:
+    """Its synchronous PDOs wait for ever."""
+    producers = [node for node in network.nodes if node.produces_sync]
+    waiting = {node.node_id for node, _, _ in network.synchronous}
+    for node in network.nodes:
+        if producers and node.node_id in waiting and all(node.sync != other.sync for other in producers):
+            text = f"it waits for 0x{node.sync[0]:03X}, node {producers[0].node_id} sends 0x{producers[0].sync[0]:03X}"
+            yield held(node, SYNC_COB_ID), text
+
+
+@check(
+    "time-ids-differ", WARNING, "a node waits for the time stamp with another CAN-ID than is sent", "CiA 301, 7.5.2.16"
+)
+def time_ids_differ(network: CheckedNetwork) -> NetFound:
+    """Its clock is never set."""
+    producers = [node for node in network.nodes if (node.number(TIME_COB_ID) or 0) & PRODUCES]
+    for node in network.nodes:
+        waits = (node.number(TIME_COB_ID) or 0) >> 31
+        if producers and waits and all(node.time != other.time for other in producers):
+            yield held(node, TIME_COB_ID), f"it waits for 0x{node.time[0]:03X}, 0x{producers[0].time[0]:03X} is sent"
+
+
+@check("two-times", ERROR, "two nodes send the time stamp with one CAN-ID", "CiA 301, 7.5.2.16")
+def two_times(network: CheckedNetwork) -> NetFound:
+    """Clocks jump."""
+    seen: dict[Identifier, int] = {}
+    for node in network.nodes:
+        if (node.number(TIME_COB_ID) or 0) & PRODUCES:
+            other = seen.setdefault(node.time, node.node_id)
+            if other != node.node_id:
+                yield held(node, TIME_COB_ID), f"node {other} sends it, too"
+
+
+@check("can-id-of-other", WARNING, "a TPDO has the pre-defined CAN-ID of another node's TPDO", _SET)
+def can_id_of_other(network: CheckedNetwork) -> NetFound:
+    """It collides as soon as that one is enabled where it comes up."""
+    present = {node.node_id for node in network.nodes}
+    for node, pdo, config in network.tpdos:
+        can_id, extended = identifier_of(config)
+        owner = None if extended else default_owner(can_id)
+        if (
+            owner is not None
+            and owner[0].is_tpdo
+            and owner[1] != node.node_id
+            and owner[1] in present
+            and pdo.number <= 4
+        ):
+            yield at(node, pdo), f"0x{can_id:03X} is {owner[0].label} of node {owner[1]} by default"
+
+
+@check("other-formula", WARNING, "PDO 5 to 16 is enabled on a pre-defined CAN-ID of another node-ID (node-ID + 32, 64 "
+       "or 96)", "ours: families of gateways that give PDOs 5 to 16 so, and allow node-ID 1 to 32 only")  # fmt: skip
+def other_formula(network: CheckedNetwork) -> NetFound:
+    """Fine while all nodes have node-IDs up to 32; not beside one of those IDs."""
+    present = {node.node_id for node in network.nodes}
+    for node, pdo, config in network.enabled:
+        can_id, extended = identifier_of(config)
+        owner = None if extended or not 5 <= pdo.number <= 16 else default_owner(can_id)
+        if owner is None or owner[1] - node.node_id not in (32, 64, 96):
+            continue
+        if node.node_id > 32 or owner[1] in present:
+            yield at(node, pdo), f"0x{can_id:03X} is {owner[0].label} of node {owner[1]} by default"
+
+
+@check("node-id-of-master", ERROR, "a node has the node-ID of the master", "CiA 301, 7.3.4: a node-ID is one device's")
+def node_id_of_master(network: CheckedNetwork) -> NetFound:
+    """Both answer, and both send the heartbeat of it."""
+    master = network.state.master
+    for node in network.nodes:
+        if master is not None and master.node_id == node.node_id:
+            yield NetSpot(node.node_id), f"{node.node_id} is the node-ID of the master"

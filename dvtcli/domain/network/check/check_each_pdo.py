@@ -1,0 +1,60 @@
+"""What the rules of `map` say of the PDOs that the nodes of a network hold.
+
+The decisions are those of `rules`; here stands which of them a network is held against.
+"""
+
+from __future__ import annotations
+
+import re
+from functools import partial
+
+from dvtcli.domain.lint.lint_rule import ERROR, WARNING, Check, LintRule
+from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetFound, NetSpot
+from dvtcli.domain.profile import Severity
+from dvtcli.domain.rules import (
+    can_id,
+    communication,
+    entry_length,
+    mappable,
+    mapped_object,
+)
+from dvtcli.domain.rules.rule import Rule
+
+_PLACE = re.compile(r"0x([0-9A-F]{4}):([0-9A-F]{2})")
+_DECLARED: dict[str, Rule] = {
+    rule.name: rule for file in (can_id, communication, entry_length, mappable, mapped_object) for rule in file.RULES
+}
+
+
+def _judged(name: str, severity: Severity, sense: str, of: str = "") -> Check[CheckedNetwork, NetSpot]:
+    """What the rule *of* `map` (by default of the same name) says, where it means it as strongly."""
+    rule = LintRule(name, severity, f"an enabled PDO {sense}", _DECLARED[of or name].source)
+    return Check(rule, partial(_look, of or name, severity))
+
+
+def _look(name: str, severity: Severity, network: CheckedNetwork) -> NetFound:
+    for node_id, pdo, finding in network.judged:
+        if finding.rule == name and finding.severity is severity:
+            place = _PLACE.fullmatch(finding.place)
+            index, sub_index = (int(place[1], 16), int(place[2], 16)) if place else (None, 0)
+            yield NetSpot(node_id, pdo, index, sub_index), finding.text
+
+
+#: The others are about what a change asks for, or have a rule of the network's own.
+CHECKS = (
+    _judged("object-exists", ERROR, "maps an object that its device does not have"),
+    _judged("direction", ERROR, "sends what cannot be read, or receives what cannot be written"),
+    _judged("mappable", ERROR, "maps what has PDOMapping=0"),
+    _judged("read-write-object", WARNING, "sends what is for RPDOs (rww)"),
+    _judged("object-for-rpdos", ERROR, "sends what is for RPDOs (rww) on a device that refuses it",
+            "read-write-object"),
+    _judged("entry-length", ERROR, "maps another length than the object's, or none, or more than 64 bits"),
+    _judged("granularity", ERROR, "maps a length that is no multiple of Granularity"),
+    _judged("dummy-direction", ERROR, "is a TPDO and skips bits"),
+    _judged("dummy-supported", ERROR, "skips bits by a dummy that its device does not have"),
+    _judged("dummy-length", ERROR, "maps a dummy of another length than its type"),
+    _judged("double-target", ERROR, "is an RPDO and maps an object twice"),
+    _judged("can-id-length", ERROR, "has a CAN-ID of more than 11 bits without bit 29 (frame)"),
+    _judged("extended-id", ERROR, "has a CAN-ID of 29 bits where its device takes 11"),
+    _judged("rtr-bit", ERROR, "has bit 30 against what its family wants"),
+)  # fmt: skip

@@ -1,0 +1,204 @@
+"""Rules about error control: heartbeats, who waits for them and how long, and guarding."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+from dvtcli.domain.lint.lint_rule import ERROR, NOTE, WARNING, check
+from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetFound, held
+from dvtcli.domain.network.network_state import (
+    CONSUMER_HEARTBEAT,
+    ERROR_BEHAVIOUR,
+    GUARD_TIME,
+    LIFE_TIME_FACTOR,
+    PRODUCER_HEARTBEAT,
+    NodeState,
+)
+
+_CONSUMER = "CiA 301, 7.5.2.17"
+_PRODUCER = "CiA 301, 7.5.2.18"
+_GUARDING = "CiA 301, 7.2.8.3.2"
+
+
+def _slot(node: NodeState, producer: int) -> int:
+    return next((sub for sub, value in node.slots.items() if value >> 16 & 0xFF == producer), 0)
+
+
+def _beat_ms(network: CheckedNetwork, node_id: int) -> int | None:
+    """How often a node sends a heartbeat; None where it is none of the network, or nobody knows."""
+    master = network.state.master
+    if master is not None and master.node_id == node_id:
+        return master.heartbeat_producer_ms
+    node = network.state.node(node_id)
+    return None if node is None or (node_id in network.state.untold and not node.heartbeat_ms) else node.heartbeat_ms
+
+
+@check("heartbeat-not-sent", ERROR, "a node waits for a heartbeat that its producer does not send", _CONSUMER)
+def heartbeat_not_sent(network: CheckedNetwork) -> NetFound:
+    """Watching begins with the first heartbeat: nobody notices when that node is gone."""
+    for node in network.nodes:
+        for producer in node.watched:
+            if _beat_ms(network, producer) == 0:
+                text = f"it waits for node {producer}, which sends no heartbeat (0x1017 is 0)"
+                yield held(node, CONSUMER_HEARTBEAT, _slot(node, producer)), text
+
+
+@check("heartbeat-of-nobody", WARNING, "a node waits for the heartbeat of a node that is not there", _CONSUMER)
+def heartbeat_of_nobody(network: CheckedNetwork) -> NetFound:
+    """Left over from another network, or the node is missing here."""
+    master = network.state.master
+    for node in network.nodes:
+        for producer in node.watched:
+            is_master = master is not None and master.node_id == producer
+            if network.state.node(producer) is None and not is_master:
+                text = f"it waits for node {producer}, which is none of this network"
+                yield held(node, CONSUMER_HEARTBEAT, _slot(node, producer)), text
+
+
+@check("heartbeat-too-short", ERROR, "a heartbeat is late before it is due: the consumer's time is not above the "
+       "producer's", _CONSUMER)  # fmt: skip
+def heartbeat_too_short(network: CheckedNetwork) -> NetFound:
+    """It is an error with every heartbeat."""
+    for node in network.nodes:
+        for producer, time_ms in node.watched.items():
+            beat_ms = _beat_ms(network, producer) or 0
+            if beat_ms and time_ms <= beat_ms:
+                text = f"it waits {time_ms} ms for node {producer}, which sends one every {beat_ms} ms"
+                yield held(node, CONSUMER_HEARTBEAT, _slot(node, producer)), text
+
+
+@check("heartbeat-margin", WARNING, "one heartbeat that is late is an error: the consumer waits less than 1.5 of the "
+       "producer's times", "ours; CiA 301, 7.5.2.17 has it above the producer's")  # fmt: skip
+def heartbeat_margin(network: CheckedNetwork) -> NetFound:
+    """Producers are late by their own cycle and by the bus."""
+    for node in network.nodes:
+        for producer, time_ms in node.watched.items():
+            beat_ms = _beat_ms(network, producer) or 0
+            if beat_ms < time_ms < 1.5 * beat_ms:
+                text = f"it waits {time_ms} ms for node {producer}, which sends one every {beat_ms} ms"
+                yield held(node, CONSUMER_HEARTBEAT, _slot(node, producer)), text
+
+
+@check("heartbeat-twice", ERROR, "two entries of 0x1016 wait for one node", _CONSUMER)
+def heartbeat_twice(network: CheckedNetwork) -> NetFound:
+    """A device refuses that with 0x06040043."""
+    for node in network.nodes:
+        used = Counter(value >> 16 & 0xFF for value in node.slots.values() if value & 0xFFFF and value >> 16 & 0xFF)
+        for producer, times in used.items():
+            if times > 1:
+                yield held(node, CONSUMER_HEARTBEAT, _slot(node, producer)), f"{times} entries wait for node {producer}"
+
+
+@check(
+    "heartbeat-of-itself", ERROR, "a node waits for its own heartbeat", "CiA 301, 7.5.2.17; a node does not hear itself"
+)
+def heartbeat_of_itself(network: CheckedNetwork) -> NetFound:
+    """It never comes."""
+    for node in network.nodes:
+        if node.node_id in node.watched:
+            yield held(node, CONSUMER_HEARTBEAT, _slot(node, node.node_id)), "it waits for its own heartbeat"
+
+
+@check("heartbeat-node-id", ERROR, "an entry of 0x1016 names a node-ID above 127", _CONSUMER)
+def heartbeat_node_id(network: CheckedNetwork) -> NetFound:
+    """There is none."""
+    for node in network.nodes:
+        for sub_index, value in node.slots.items():
+            if value >> 16 & 0xFF > 127 and value & 0xFFFF:
+                yield held(node, CONSUMER_HEARTBEAT, sub_index), f"node-ID {value >> 16 & 0xFF} in 0x{value:08X}"
+
+
+@check(
+    "no-error-control", WARNING, "a node sends no heartbeat and is not guarded", "CiA 301, 7.2.8.3: one is mandatory"
+)
+def no_error_control(network: CheckedNetwork) -> NetFound:
+    """Nobody notices when it is gone."""
+    for node in network.told:
+        if not node.heartbeat_ms and not node.is_guarded:
+            yield held(node, PRODUCER_HEARTBEAT), "it sends no heartbeat, and is not guarded"
+
+
+@check("heartbeat-and-guarding", ERROR, "a node sends a heartbeat and is guarded", _GUARDING)
+def heartbeat_and_guarding(network: CheckedNetwork) -> NetFound:
+    """Both use one CAN-ID, and exclude each other."""
+    for node in network.nodes:
+        if node.heartbeat_ms and node.is_guarded:
+            yield held(node, GUARD_TIME), f"0x1017 is {node.heartbeat_ms} ms, and it is guarded"
+
+
+@check("half-guarding", WARNING, "one of guard time and life time factor is 0, the other is not", _GUARDING)
+def half_guarding(network: CheckedNetwork) -> NetFound:
+    """It is not guarded."""
+    for node in network.told:
+        time, factor = node.number(GUARD_TIME) or 0, node.number(LIFE_TIME_FACTOR) or 0
+        if bool(time) != bool(factor):
+            yield held(node, GUARD_TIME), f"0x100C is {time} ms, 0x100D is {factor}"
+
+
+@check("guarding", NOTE, "a node is guarded, by remote frames", "CiA 301, 7.2.8.3.1: heartbeat is recommended instead")
+def guarding(network: CheckedNetwork) -> NetFound:
+    """Somebody has to ask it all the time."""
+    for node in network.nodes:
+        if node.is_guarded and not node.heartbeat_ms:
+            yield held(node, GUARD_TIME), "it is guarded; a heartbeat needs no remote frames"
+
+
+@check("unwatched-link", WARNING, "the consumer of a PDO does not wait for the heartbeat of its producer", _CONSUMER)
+def unwatched_link(network: CheckedNetwork) -> NetFound:
+    """It goes on with the last values when the producer is gone, unless the RPDO has a deadline."""
+    said: set[tuple[int, int]] = set()
+    for one in network.heard:
+        pair = one.consumer.node_id, one.producer.node_id
+        timed = bool(one.takes.communication.event_timer)
+        if one.consumer not in network.told or pair in said or timed or pair[1] in one.consumer.watched:
+            continue
+        if one.producer.heartbeat_ms:
+            said.add(pair)
+            yield one.spot, f"it hears {one.sender}, whose heartbeat the node does not watch"
+
+
+@check("goes-on-after-error", NOTE, "a node that waits for heartbeats stays as it is when one is missing (0x1029:01 is "
+       "1)", "CiA 301, 7.5.2.27")  # fmt: skip
+def goes_on_after_error(network: CheckedNetwork) -> NetFound:
+    """Its outputs stay where they are."""
+    for node in network.nodes:
+        if node.watched and node.number(ERROR_BEHAVIOUR, 1) == 1:
+            yield held(node, ERROR_BEHAVIOUR, 1), "it stays in its state after a communication error"
+
+
+@check("deadline-below-period", ERROR, "an RPDO gives up before its TPDO is due", "CiA 301, 7.5.2.35: event timer")
+def deadline_below_period(network: CheckedNetwork) -> NetFound:
+    """It is an error each time."""
+    periods = {(one.stream.node, one.stream.pdo): _longest_ms(network, one.stream.node, one.stream.pdo)
+               for one in network.need.needs if one.stream.kind == "tpdo"}  # fmt: skip
+    for one in network.heard:
+        patience = one.takes.communication.event_timer or 0
+        period = periods.get((one.producer.node_id, one.tpdo))
+        if patience and period and patience <= period:
+            yield one.spot, f"it gives up after {patience} ms; {one.sender} comes every {period:g} ms"
+
+
+def _longest_ms(network: CheckedNetwork, node_id: int | None, pdo: object) -> float | None:
+    """How long it may be between two frames of a TPDO, in ms; None where nobody knows."""
+    found = next((one for one in network.tpdos if one[0].node_id == node_id and one[1] == pdo), None)
+    if found is None:
+        return None
+    parameter = found[2].communication
+    kind, sync_us = parameter.transmission_type, min(network.state.sync_periods_us, default=None)
+    if kind is not None and 1 <= kind <= 240:
+        return None if sync_us is None else kind * sync_us / 1000
+    return max(parameter.event_timer, (parameter.inhibit_time or 0) / 10) if parameter.event_timer else None
+
+
+@check("deadline-without-timer", WARNING, "an RPDO gives up after a time, and its TPDO comes with events only",
+       "CiA 301, 7.5.2.35 and 7.5.2.37: event timer")  # fmt: skip
+def deadline_without_timer(network: CheckedNetwork) -> NetFound:
+    """While nothing changes it is an error."""
+    for one in network.heard:
+        sends = one.sends.communication
+        by_event = sends.transmission_type in (254, 255) and not sends.event_timer
+        if one.takes.communication.event_timer and by_event:
+            yield (
+                one.spot,
+                f"it gives up after {one.takes.communication.event_timer} ms; {one.sender} has no event timer",
+            )

@@ -1,0 +1,207 @@
+"""Rules about producers and consumers: who hears whom, and whether both have one layout."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from dvtcli.domain.lint.lint_rule import ERROR, NOTE, WARNING, check
+from dvtcli.domain.mapping import PdoMappingEntry
+from dvtcli.domain.network.check.checked_network import CheckedNetwork, Heard, NetFound, at
+from dvtcli.domain.network.links import LinkSide
+from dvtcli.domain.network.network_state import Identifier, identifier_of
+from dvtcli.domain.network.wanted_state import Endpoint
+from dvtcli.domain.pdo import Pdo
+
+_LAYOUT = "CiA 301, 7.5.2.36 and 7.5.2.38: both sides of a PDO have one layout"
+_LENGTHS = "CiA 301, emergency error codes 0x8210 and 0x8220"
+_ONE_ID = "CiA 301, 7.3.5: a PDO has one CAN-ID"
+
+
+@check("rpdo-without-producer", WARNING, "nobody sends what an enabled RPDO waits for", _ONE_ID)
+def rpdo_without_producer(network: CheckedNetwork) -> NetFound:
+    """A master may send it: where the file names one nothing is said."""
+    if network.state.master is not None:
+        return
+    for node, pdo, config in network.rpdos:
+        if identifier_of(config) not in network.sent:
+            yield at(node, pdo), f"no node here sends {config.communication.cob_id}"
+
+
+@check("tpdo-without-consumer", NOTE, "nobody hears what an enabled TPDO sends", _ONE_ID)
+def tpdo_without_consumer(network: CheckedNetwork) -> NetFound:
+    """A master may hear it: where the file names one nothing is said."""
+    heard = {identifier_of(config) for _, _, config in network.rpdos}
+    if network.state.master is not None:
+        return
+    for node, pdo, config in network.tpdos:
+        if identifier_of(config) not in heard:
+            yield at(node, pdo), f"no RPDO here takes {config.communication.cob_id}"
+
+
+@check("own-tpdo", ERROR, "an RPDO waits for what its own node sends", "a CAN node does not hear itself")
+def own_tpdo(network: CheckedNetwork) -> NetFound:
+    """It hears nothing, or whoever else sends that by mistake."""
+    for node, pdo, config in network.rpdos:
+        for sent in (other for owner, other, sends in network.tpdos
+                     if owner is node and identifier_of(sends) == identifier_of(config)):  # fmt: skip
+            yield at(node, pdo), f"{config.communication.cob_id} is sent by {sent.label} of the node itself"
+
+
+@check("frame-format", ERROR, "an RPDO waits for 11 bits of CAN-ID where 29 are sent, or the reverse",
+       "CiA 301, 7.5.2.35: bit 29 (frame)")  # fmt: skip
+def frame_format(network: CheckedNetwork) -> NetFound:
+    """The same number is another CAN-ID."""
+    for node, pdo, config in network.rpdos:
+        can_id, extended = identifier_of(config)
+        if (can_id, extended) not in network.sent and (can_id, not extended) in network.sent:
+            yield (
+                at(node, pdo),
+                f"it waits for {29 if extended else 11} bits, 0x{can_id:X} is sent with the other format",
+            )
+
+
+@check(
+    "heard-twice", WARNING, "two enabled RPDOs of a node have one CAN-ID", "ours: devices serve one of both, or both"
+)
+def heard_twice(network: CheckedNetwork) -> NetFound:
+    """Which of them takes the frame is the device's choice."""
+    seen: dict[tuple[int, Identifier], Pdo] = {}
+    for node, pdo, config in network.rpdos:
+        other = seen.setdefault((node.node_id, identifier_of(config)), pdo)
+        if other != pdo:
+            yield at(node, pdo), f"{other.label} has {config.communication.cob_id}, too"
+
+
+@check("frame-too-short", ERROR, "a TPDO sends less than an RPDO that hears it maps: the frame is ignored (0x8210)",
+       _LENGTHS)  # fmt: skip
+def frame_too_short(network: CheckedNetwork) -> NetFound:
+    """The consumer sends an EMCY for each."""
+    for one in _whole(network):
+        if one.takes.bits > one.sends.bits:
+            yield one.spot, f"it maps {one.takes.bits} bits, {one.sender} sends {one.sends.bits}"
+
+
+@check("frame-too-long", WARNING, "a TPDO sends more than an RPDO that hears it maps: the rest is dropped (0x8220)",
+       _LENGTHS)  # fmt: skip
+def frame_too_long(network: CheckedNetwork) -> NetFound:
+    """Devices may send an EMCY for it; dummies say that it is meant."""
+    for one in _whole(network):
+        if one.takes.bits < one.sends.bits:
+            yield one.spot, f"it maps {one.takes.bits} bits, {one.sender} sends {one.sends.bits}"
+
+
+@check("layout", ERROR, "an object of an RPDO lies across two objects of the TPDO that it hears", _LAYOUT)
+def layout(network: CheckedNetwork) -> NetFound:
+    """Its value is made of parts of two."""
+    for one in _whole(network):
+        for start, heard in _starts(one.takes.mapping):
+            sent = [entry for first, entry in _starts(one.sends.mapping)
+                    if first < start + heard.bits and start < first + entry.bits]  # fmt: skip
+            if len(sent) > 1 and not heard.is_dummy:
+                text = f"{heard.object} hears parts of {sent[0].object} and {sent[1].object} of {one.sender}"
+                yield one.spot, text
+
+
+@check("part-of-object", WARNING, "an object of an RPDO hears some bits of a longer one", _LAYOUT)
+def part_of_object(network: CheckedNetwork) -> NetFound:
+    """Meant for bits of a status word; a mistake for numbers."""
+    for one, heard, sent in _pairs(network):
+        if heard.bits < sent.bits:
+            yield (
+                one.spot,
+                f"{heard.object} hears {heard.bits} of the {sent.bits} bits of {sent.object} of {one.sender}",
+            )
+
+
+@check("data-type", WARNING, "an object of an RPDO hears one of another data type", "both devices' files")
+def data_type(network: CheckedNetwork) -> NetFound:
+    """-1 becomes 65535, a REAL nonsense."""
+    for one, heard, sent in _pairs(network):
+        producer = LinkSide(
+            Endpoint(one.producer.node_id, one.tpdo), one.sends, one.producer.profile, one.producer.dictionary
+        )
+        consumer = LinkSide(
+            Endpoint(one.consumer.node_id, one.rpdo), one.takes, one.consumer.profile, one.consumer.dictionary
+        )
+        types = consumer.type(heard), producer.type(sent)
+        if heard.bits == sent.bits and types[0] is not None and types[1] is not None and types[0] != types[1]:
+            names = f"{consumer.name(heard)} is {types[0].short}"
+            yield one.spot, f"{names} and hears {producer.name(sent)}, {types[1].short}, of {one.sender}"
+
+
+@check("sends-nothing", WARNING, "an enabled TPDO maps nothing", "CiA 301, 7.5.2.38")
+def sends_nothing(network: CheckedNetwork) -> NetFound:
+    """Its frames carry no data, or it is never sent."""
+    for node, pdo, config in network.tpdos:
+        if not config.mapping and config.mpdo is None and not config.inconsistency:
+            yield at(node, pdo), "it is enabled and maps nothing"
+
+
+@check("takes-nothing", WARNING, "an enabled RPDO maps nothing that is kept", "CiA 301, 7.5.2.36")
+def takes_nothing(network: CheckedNetwork) -> NetFound:
+    """It hears frames for nothing."""
+    for node, pdo, config in network.rpdos:
+        empty = all(entry.is_dummy for entry in config.mapping)
+        if empty and config.mpdo is None and not config.inconsistency:
+            yield at(node, pdo), "it is enabled and maps nothing" if not config.mapping else "it maps dummies only"
+
+
+@check("no-whole-pdo", ERROR, "an enabled PDO is no whole PDO: a part of it cannot be read", "CiA 301, 7.5.2.35 to 38")
+def no_whole_pdo(network: CheckedNetwork) -> NetFound:
+    """Nobody knows what its frames mean."""
+    for node, pdo, config in network.enabled:
+        if config.inconsistency and node in network.told:
+            yield at(node, pdo), config.inconsistency
+
+
+@check("too-long", ERROR, "an enabled PDO maps more than 64 bits", "CiA 301, 7.5.2.36 and 7.5.2.38")
+def too_long(network: CheckedNetwork) -> NetFound:
+    """No frame holds it."""
+    for node, pdo, config in network.enabled:
+        if config.bits > 64:
+            yield at(node, pdo), f"it maps {config.bits} bits"
+
+
+@check("one-object-two-writers", NOTE, "two enabled RPDOs of a node write one object", "ours")
+def one_object_two_writers(network: CheckedNetwork) -> NetFound:
+    """Whichever comes last counts."""
+    writers: dict[tuple[int, int, int], Pdo] = {}
+    for node, pdo, config in network.rpdos:
+        for entry in config.mapping:
+            other = writers.setdefault((node.node_id, entry.index, entry.sub_index), pdo)
+            if other != pdo and not entry.is_dummy:
+                yield at(node, pdo), f"{entry.object} is written by {other.label}, too"
+
+
+@check("synchronous-consumer", NOTE, "an RPDO takes over with SYNC what its TPDO sends with events",
+       "CiA 301, 7.5.2.35: transmission type")  # fmt: skip
+def synchronous_consumer(network: CheckedNetwork) -> NetFound:
+    """It is as late as the next SYNC, and what came before that one is lost."""
+    for one in network.heard:
+        takes, sends = one.takes.communication.transmission_type, one.sends.communication.transmission_type
+        if takes is not None and sends is not None and takes <= 240 and sends >= 254:
+            yield one.spot, f"it takes over with SYNC (type {takes}), {one.sender} comes with events (type {sends})"
+
+
+def _whole(network: CheckedNetwork) -> Iterator[Heard]:
+    """Those pairs of which both sides are known."""
+    for one in network.heard:
+        odd = any(side.inconsistency or side.mpdo is not None or not side.mapping for side in (one.takes, one.sends))
+        if not odd:
+            yield one
+
+
+def _starts(mapping: tuple[PdoMappingEntry, ...]) -> Iterator[tuple[int, PdoMappingEntry]]:
+    start = 0
+    for entry in mapping:
+        yield start, entry
+        start += entry.bits
+
+
+def _pairs(network: CheckedNetwork) -> Iterator[tuple[Heard, PdoMappingEntry, PdoMappingEntry]]:
+    """Each object that hears one object, or a part of one."""
+    for one in _whole(network):
+        for start, heard in _starts(one.takes.mapping):
+            for first, sent in _starts(one.sends.mapping):
+                if first <= start and start + heard.bits <= first + sent.bits and not heard.is_dummy:
+                    yield one, heard, sent

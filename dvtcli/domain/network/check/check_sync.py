@@ -1,0 +1,141 @@
+"""Rules about SYNC: that it is sent where it is needed, by one, and that what it makes be sent fits."""
+
+from __future__ import annotations
+
+from dvtcli.domain.lint.lint_rule import ERROR, NOTE, WARNING, check
+from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetFound, at, held
+from dvtcli.domain.network.network_state import (
+    PRODUCES,
+    SYNC_COB_ID,
+    SYNC_OVERFLOW,
+    SYNC_PERIOD,
+    SYNC_WINDOW,
+)
+from dvtcli.domain.several import several
+
+_TYPES = "CiA 301, 7.5.2.35 and 7.5.2.37: transmission type"
+_COUNTER = "CiA 301, 7.5.2.20 and 7.5.2.37: SYNC counter, SYNC start value"
+
+
+@check("sync-not-produced", ERROR, "PDOs are synchronous, and neither a node nor the master sends SYNC", _TYPES)
+def sync_not_produced(network: CheckedNetwork) -> NetFound:
+    """They are never sent, and never taken over."""
+    if network.state.master is not None:
+        yield from _without_sync(network)
+
+
+@check("sync-from-elsewhere", WARNING, "PDOs are synchronous, no node sends SYNC, and no master is named", _TYPES)
+def sync_from_elsewhere(network: CheckedNetwork) -> NetFound:
+    """Somebody has to who is not known here."""
+    if network.state.master is None:
+        yield from _without_sync(network)
+
+
+def _without_sync(network: CheckedNetwork) -> NetFound:
+    if network.state.sync_periods_us or not network.synchronous:
+        return
+    listed = several(f"{node.node_id}:{pdo}" for node, pdo, _ in network.synchronous)
+    first, pdo, _ = network.synchronous[0]
+    yield at(first, pdo), f"nobody sends SYNC, and these wait for it: {listed}"
+
+
+@check("two-syncs", ERROR, "two send SYNC", "CiA 301, 7.2.5: one producer")
+def two_syncs(network: CheckedNetwork) -> NetFound:
+    """Synchronous PDOs come twice as often, at wrong times."""
+    producers = [node for node in network.nodes if node.produces_sync]
+    master = network.state.master
+    first = "the master" if master is not None and master.sync_period_us else ""
+    for node in producers:
+        if first:
+            yield held(node, SYNC_COB_ID), f"{first} sends SYNC, too"
+        first = first or f"node {node.node_id}"
+
+
+@check("sync-without-period", ERROR, "a node is to send SYNC, and its period is 0", "CiA 301, 7.5.2.6")
+def sync_without_period(network: CheckedNetwork) -> NetFound:
+    """It sends none."""
+    for node in network.told:
+        if (node.number(SYNC_COB_ID) or 0) & PRODUCES and not node.number(SYNC_PERIOD):
+            yield held(node, SYNC_PERIOD), "0x1005 says that it sends SYNC, 0x1006 is 0"
+
+
+@check("sync-window", ERROR, "synchronous PDOs may come after the window for them (0x1007)", "CiA 301, 7.5.2.7")
+def sync_window(network: CheckedNetwork) -> NetFound:
+    """What comes later is to be dropped."""
+    for one in network.need.needs:
+        stream = one.stream
+        if stream.window_us is None or stream.node is None or not one.is_late:
+            continue
+        node = network.state.node(stream.node)
+        if node is not None:
+            late = "at any time" if one.response_us is None else f"{float(one.response_us) / 1000:.2f} ms after SYNC"
+            yield at(node, stream.pdo), f"it may come {late}; the window is {stream.window_us / 1000:g} ms"
+
+
+@check("window-over-period", WARNING, "the window for synchronous PDOs (0x1007) is not below the period of SYNC",
+       "CiA 301, 7.5.2.6 and 7.5.2.7")  # fmt: skip
+def window_over_period(network: CheckedNetwork) -> NetFound:
+    """It limits nothing."""
+    period = min(network.state.sync_periods_us, default=None)
+    for node in network.nodes:
+        window = node.number(SYNC_WINDOW)
+        if window and period and window >= period:
+            yield held(node, SYNC_WINDOW), f"the window is {window} µs, SYNC comes every {period} µs"
+
+
+@check(
+    "sync-start-without-counter", WARNING, "a TPDO waits for a value of the SYNC counter, and SYNC has none", _COUNTER
+)
+def sync_start_without_counter(network: CheckedNetwork) -> NetFound:
+    """The start value is ignored."""
+    counted = any((node.number(SYNC_OVERFLOW) or 0) > 1 for node in network.nodes if node.produces_sync)
+    for node, pdo, config in network.synchronous:
+        if pdo.is_tpdo and config.communication.sync_start_value and not counted:
+            yield at(node, pdo), f"its SYNC start value is {config.communication.sync_start_value}"
+
+
+@check("sync-start-over-counter", ERROR, "a TPDO waits for a value that the SYNC counter never has", _COUNTER)
+def sync_start_over_counter(network: CheckedNetwork) -> NetFound:
+    """It is never sent."""
+    highest = max((node.number(SYNC_OVERFLOW) or 0 for node in network.nodes if node.produces_sync), default=0)
+    for node, pdo, config in network.synchronous:
+        start = config.communication.sync_start_value or 0
+        if pdo.is_tpdo and highest > 1 and start > highest:
+            yield at(node, pdo), f"its SYNC start value is {start}, the counter ends with {highest}"
+
+
+@check("sync-counters-differ", WARNING, "a node counts SYNC up to another number than its producer", _COUNTER)
+def sync_counters_differ(network: CheckedNetwork) -> NetFound:
+    """It sees jumps of the counter, and may send an EMCY for each."""
+    producer = next((node for node in network.nodes if node.produces_sync), None)
+    wanted = 0 if producer is None else producer.number(SYNC_OVERFLOW) or 0
+    for node in network.nodes:
+        own = node.number(SYNC_OVERFLOW)
+        if producer is not None and own and own != wanted:
+            yield held(node, SYNC_OVERFLOW), f"it counts to {own}, node {producer.node_id} to {wanted}"
+
+
+@check("synchronous-without-sync", WARNING, "a node with synchronous PDOs has no 0x1005", "CiA 301, 7.5.2.5")
+def synchronous_without_sync(network: CheckedNetwork) -> NetFound:
+    """Whether it hears SYNC nobody can tell."""
+    for node in network.told:
+        mine = [pdo for other, pdo, _ in network.synchronous if other is node]
+        if mine and node.number(SYNC_COB_ID) is None:
+            yield at(node, mine[0]), "it is synchronous, and the node has no 0x1005"
+
+
+@check("reserved-type", ERROR, "an enabled PDO has a reserved transmission type", _TYPES)
+def reserved_type(network: CheckedNetwork) -> NetFound:
+    """241 to 251, and of RPDOs 252 and 253 as well."""
+    for node, pdo, config in network.enabled:
+        kind = config.communication.transmission_type
+        if kind is not None and 241 <= kind <= (251 if pdo.is_tpdo else 253):
+            yield at(node, pdo), f"transmission type {kind} is reserved"
+
+
+@check("sent-on-request", NOTE, "a TPDO is sent on request (RTR) only", "CiA 301, 7.2.2.5; CiA recommends against RTR")
+def sent_on_request(network: CheckedNetwork) -> NetFound:
+    """Somebody has to ask for it, which many controllers cannot."""
+    for node, pdo, config in network.tpdos:
+        if config.communication.transmission_type in (252, 253):
+            yield at(node, pdo), "it is sent when somebody asks for it (RTR)"

@@ -1,0 +1,128 @@
+"""What the rules of `check` look at, and where a finding is in it. Judges nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+from dvtcli.domain.network.bus_need import BusNeed, bus_need
+from dvtcli.domain.network.check.judged_pdos import judged_pdos
+from dvtcli.domain.network.frame_streams import SYNCHRONOUS, streams_of
+from dvtcli.domain.network.network_state import Identifier, NetworkState, NodeState, identifier_of
+from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.rules import Finding
+
+
+@dataclass(frozen=True, slots=True)
+class NetSpot:
+    """Where something is: a node, one of its PDOs, or an object of it; an empty one is the network as a whole."""
+
+    node_id: int | None = None
+    pdo: Pdo | None = None
+    index: int | None = None
+    sub_index: int = 0
+
+    @property
+    def object(self) -> str:
+        """The object as it is printed, empty for none."""
+        return "" if self.index is None else f"{self.index:04X}:{self.sub_index:02X}"
+
+
+#: What a rule finds: where, and what.
+NetFound = Iterator[tuple[NetSpot, str]]
+
+
+@dataclass(frozen=True, slots=True)
+class Heard:
+    """One RPDO that hears one TPDO: consumer first."""
+
+    consumer: NodeState
+    rpdo: Pdo
+    takes: PdoConfig
+    producer: NodeState
+    tpdo: Pdo
+    sends: PdoConfig
+
+    @property
+    def spot(self) -> NetSpot:
+        """Where it is: at the consumer."""
+        return NetSpot(self.consumer.node_id, self.rpdo)
+
+    @property
+    def sender(self) -> str:
+        """The TPDO, in words."""
+        return f"{self.tpdo.label} of node {self.producer.node_id}"
+
+
+@dataclass(frozen=True)
+class CheckedNetwork:
+    """A network of *state* on a bus of *bit_rate* bit/s."""
+
+    state: NetworkState
+    bit_rate: int
+
+    @cached_property
+    def nodes(self) -> tuple[NodeState, ...]:
+        """Every node."""
+        return self.state.nodes
+
+    @cached_property
+    def told(self) -> tuple[NodeState, ...]:
+        """The nodes of which it is known what they have, and what they lack."""
+        return tuple(node for node in self.nodes if node.node_id not in self.state.untold)
+
+    @cached_property
+    def judged(self) -> tuple[tuple[int, Pdo, Finding], ...]:
+        """What the rules of `map` say of each enabled PDO."""
+        return tuple((node.node_id, *found) for node in self.told for found in judged_pdos(node))
+
+    @cached_property
+    def need(self) -> BusNeed:
+        """What all frames need of the bus."""
+        return bus_need(streams_of(self.state), self.bit_rate)
+
+    @cached_property
+    def tpdos(self) -> tuple[tuple[NodeState, Pdo, PdoConfig], ...]:
+        """Every enabled TPDO."""
+        return tuple(self.state.enabled(is_tpdo=True))
+
+    @cached_property
+    def rpdos(self) -> tuple[tuple[NodeState, Pdo, PdoConfig], ...]:
+        """Every enabled RPDO."""
+        return tuple(self.state.enabled(is_tpdo=False))
+
+    @cached_property
+    def enabled(self) -> tuple[tuple[NodeState, Pdo, PdoConfig], ...]:
+        """Every enabled PDO."""
+        return (*self.tpdos, *self.rpdos)
+
+    @cached_property
+    def heard(self) -> tuple[Heard, ...]:
+        """Every RPDO with each TPDO of another node that it hears."""
+        return tuple(
+            Heard(consumer, rpdo, takes, producer, tpdo, sends)
+            for consumer, rpdo, takes in self.rpdos
+            for producer, tpdo, sends in self.tpdos
+            if producer.node_id != consumer.node_id and identifier_of(takes) == identifier_of(sends)
+        )
+
+    @cached_property
+    def synchronous(self) -> tuple[tuple[NodeState, Pdo, PdoConfig], ...]:
+        """Every enabled PDO that SYNC makes be sent, or taken over."""
+        return tuple(one for one in self.enabled if one[2].communication.transmission_type in SYNCHRONOUS)
+
+    @cached_property
+    def sent(self) -> frozenset[Identifier]:
+        """Every CAN-ID that a TPDO sends."""
+        return frozenset(identifier_of(config) for _, _, config in self.tpdos)
+
+
+def at(node: NodeState, pdo: Pdo | None = None) -> NetSpot:
+    """The spot of *node*, or of one of its PDOs."""
+    return NetSpot(node.node_id, pdo)
+
+
+def held(node: NodeState, index: int, sub_index: int = 0) -> NetSpot:
+    """The spot of an object of *node*."""
+    return NetSpot(node.node_id, None, index, sub_index)

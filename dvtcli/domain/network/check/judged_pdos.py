@@ -1,0 +1,25 @@
+"""What `map` would say of the PDOs that a node holds. Decides nothing itself, and asks no device."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from dvtcli.domain.lint.map_judgement import blank
+from dvtcli.domain.network.network_state import EMCY_COB_ID, NodeState
+from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.rules import Finding, Proposal, check_pdo
+
+
+def judged_pdos(node: NodeState) -> Iterator[tuple[Pdo, Finding]]:
+    """What `map` would say if it were asked to make each PDO as it is, one after the other."""
+    before: dict[Pdo, PdoConfig] = {}
+    emcy = node.number(EMCY_COB_ID)
+    for pdo, config in sorted(node.pdos.items()):
+        if not config.enabled or config.inconsistency or config.mpdo is not None:
+            continue
+        proposal = Proposal(
+            node.node_id, pdo, blank(config), config, before, node.profile, node.dictionary,
+            services=lambda: (node.sync[0], None if emcy is None else emcy & 0x7FF),
+        )  # fmt: skip
+        yield from ((pdo, finding) for finding in check_pdo(proposal))
+        before = {**before, pdo: config}

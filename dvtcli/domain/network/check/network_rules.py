@@ -1,0 +1,31 @@
+"""All rules of `check`, and asking them."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+
+from dvtcli.domain.lint.lint_rule import Check, LintRule, checks_of
+from dvtcli.domain.network.check import (
+    check_bus,
+    check_can_ids,
+    check_each_pdo,
+    check_heartbeats,
+    check_layouts,
+    check_nodes,
+    check_sync,
+)
+from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetSpot
+
+CHECKS: list[Check[CheckedNetwork, NetSpot]] = [
+    *checks_of(check_can_ids, check_layouts, check_sync, check_heartbeats, check_bus, check_nodes),
+    *check_each_pdo.CHECKS,
+]
+#: Every rule there is.
+NETWORK_RULES: tuple[LintRule, ...] = tuple(one.rule for one in CHECKS)
+
+
+def network_findings(network: CheckedNetwork, wanted: Collection[str]) -> Iterator[tuple[LintRule, NetSpot, str]]:
+    """Everything that the rules named in *wanted* say of *network*."""
+    for one in CHECKS:
+        if one.rule.name in wanted:
+            yield from ((one.rule, spot, text) for spot, text in one.look(network))

@@ -1,0 +1,98 @@
+"""What `check` answers. Knows no terminal and no file format."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from typing import ClassVar
+
+from dvtcli.operations.results.checked_files import SEVERITIES, FileFinding, FileReport, FileRule
+from dvtcli.operations.results.documents import Answer, Document
+
+
+@dataclass(frozen=True, slots=True)
+class NetworkFinding(FileFinding):
+    """Something that a rule found in a network, with the *node* and the *pdo* that it is about."""
+
+    node: int | None = None
+    pdo: str | None = None
+
+    def document(self) -> Document:
+        """One of `findings` in `dvtcli.network-check/1`."""
+        return {
+            "line": self.line or None,
+            "column": self.column or None,
+            "severity": self.severity,
+            "rule": self.rule,
+            "node": self.node,
+            "pdo": self.pdo,
+            "object": self.object or None,
+            "text": self.text,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class NetworkReport:
+    """What the *rules* found in the network of a file, or on a bus where *is_live*.
+
+    *nodes* are name, node-ID and number of PDOs of each; *notes* are what the file says and means nothing here: line,
+    column, times, text. With *strict* a warning is as bad as an error.
+    """
+
+    made_by: ClassVar = "check"
+
+    path: str
+    rules: tuple[FileRule, ...]
+    findings: tuple[NetworkFinding, ...]
+    nodes: tuple[tuple[str, int, int], ...] = ()
+    links: int = 0
+    notes: tuple[tuple[int, int, int, str], ...] = ()
+    is_live: bool = False
+    strict: bool = False
+
+    def is_bad(self, finding: FileFinding) -> bool:
+        """Whether *finding* makes the network wrong."""
+        return finding.severity == "error" or (self.strict and finding.severity == "warning")
+
+    @property
+    def exit_code(self) -> int:
+        """4 where a file is wrong, 3 where nodes are."""
+        return (3 if self.is_live else 4) if any(map(self.is_bad, self.findings)) else 0
+
+    def count(self) -> dict[str, int]:
+        """How many findings of each severity."""
+        counted = Counter(finding.severity for finding in self.findings)
+        return {severity: counted[severity] for severity in SEVERITIES}
+
+    def fields(self) -> Document:
+        """One of `files` in `dvtcli.network-check/1`."""
+        return {
+            "file": None if self.is_live else self.path,
+            "bus": self.path if self.is_live else None,
+            "nodes": [{"name": name or None, "node": node, "pdos": pdos} for name, node, pdos in self.nodes],
+            "links": self.links,
+            "notes": [dict(zip(("line", "column", "times", "text"), note, strict=True)) for note in self.notes],
+            "rules": len(self.rules),
+            "count": self.count(),
+            "findings": [finding.document() for finding in self.findings],
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class NetworksChecked(Answer):
+    """What `check` found, a report for each file, and for the bus."""
+
+    renderer: ClassVar = "network_check_lines:check_lines"
+    formats: ClassVar = FileReport.formats
+    at_leisure: ClassVar = True
+
+    reports: tuple[NetworkReport, ...]
+
+    @property
+    def exit_code(self) -> int:
+        """4 where a file is wrong, else 3 where nodes on a bus are."""
+        return max((one.exit_code for one in self.reports), default=0)
+
+    def document(self) -> Document:
+        """`dvtcli.network-check/1`."""
+        return {"schema": "dvtcli.network-check/1", "files": [one.fields() for one in self.reports]}

@@ -1,0 +1,72 @@
+"""Each rule of `check` finds what is planted for it, and says nothing of a sound network."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import pytest
+
+from dvtcli.domain.lint.lint_rule import ERROR
+from dvtcli.domain.network.check.checked_network import CheckedNetwork
+from dvtcli.domain.network.check.network_rules import NETWORK_RULES, network_findings
+from dvtcli.domain.network.network_state import NetworkState
+from tests.network_check.planted import BIT_RATE, PLANTED, SOUND, Planted
+
+#: Rules that need an EDS with DummyUsage: `tests/rules` has their tests.
+_OF_FAMILIES = {"dummy-supported"}
+ALL = {rule.name for rule in NETWORK_RULES}
+
+
+def found(state: NetworkState) -> list[str]:
+    """The names of the rules that find something in *state*."""
+    return [rule.name for rule, _, _ in network_findings(CheckedNetwork(state, BIT_RATE), ALL)]
+
+
+def test_of_a_sound_network_nothing_is_said() -> None:
+    assert [text for _, _, text in network_findings(CheckedNetwork(SOUND, BIT_RATE), ALL)] == []
+
+
+@pytest.mark.parametrize("planted", PLANTED, ids=[f"{n}-{one.rule}" for n, one in enumerate(PLANTED)])
+def test_a_planted_fault_is_found(planted: Planted) -> None:
+    state = planted.change(SOUND)
+    assert planted.rule in found(state)
+    alone = list(network_findings(CheckedNetwork(state, BIT_RATE), {planted.rule}))
+    assert all(rule.name == planted.rule and text for rule, _, text in alone)
+    at_nodes = {node.node_id for node in state.nodes}
+    assert {spot.node_id for _, spot, _ in alone} <= at_nodes | {None}
+
+
+def test_every_rule_has_a_planted_fault() -> None:
+    planted = Counter(one.rule for one in PLANTED)
+    assert planted.keys() | _OF_FAMILIES == ALL
+    assert len(PLANTED) >= 60
+    assert len(ALL) >= 40
+    assert len(NETWORK_RULES) == len(ALL)
+
+
+def test_most_faults_are_found_by_few_rules() -> None:
+    """A fault is not drowned by what follows from it."""
+    counts = [len(set(found(one.change(SOUND)))) for one in PLANTED]
+    assert sum(counts) / len(counts) < 3
+
+
+def test_nothing_is_held_against_a_node_that_nobody_knows() -> None:
+    """Without an EDS only what is there counts, never what is missing."""
+    bare = NetworkState(SOUND.nodes[:2], untold=(1, 5))
+    names = set(found(bare)) - {"sync-from-elsewhere"}
+    assert not names
+
+
+def test_a_limit_that_is_proposed_limits() -> None:
+    planted = next(one for one in PLANTED if one.rule == "unbounded-event-pdo")
+    rule = next(one for one in NETWORK_RULES if one.name == "unbounded-event-pdo")
+    ((_, spot, text),) = network_findings(CheckedNetwork(planted.change(SOUND), 125_000), {rule.name})
+    assert (spot.node_id, str(spot.pdo)) == (5, "tpdo1")
+    assert text == "no inhibit time, no event timer; 20 ms would hold it to 3.4 %"
+
+
+def test_rules_say_who_says_so() -> None:
+    for rule in NETWORK_RULES:
+        assert rule.sense
+        assert rule.source
+    assert sum(rule.severity is ERROR for rule in NETWORK_RULES) >= 30
