@@ -20,7 +20,8 @@ def test_the_lower_can_id_wins_and_a_base_frame_beats_its_extension() -> None:
         Frame(0x182, b""),
         Frame(0x7FF, b""),
     ]
-    assert sorted(set(order), key=arbitration) == order
+    by_bits = sorted(set(order), key=lambda one: arbitration(one.can_id, extended=one.extended, remote=one.remote))
+    assert by_bits == order
 
 
 def test_who_waits_when_the_wire_becomes_free_competes_and_each_keeps_its_order() -> None:
