@@ -95,7 +95,7 @@ def test_a_wrong_file_is_said_as_everywhere(nothing: Bench) -> None:
     Path("wrong.yaml").write_text(LINE.read_text().replace("velocity_actual_value", "velocity_actual_valu"))
     ran = nothing.run("load wrong.yaml")
     assert ran.code == 4
-    assert "wrong.yaml:17:31: error:" in ran.stderr
+    assert "wrong.yaml:17:28: error:" in ran.stderr
 
 
 def _virtual(*words: str) -> VirtualTimeBus:
