@@ -11,7 +11,6 @@ from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.file_fits import as_file_says
 from dvtcli.device.looking import Looking
 from dvtcli.device.node import Node
-from dvtcli.device.same_device import another_device, unlike_before
 from dvtcli.domain.ports import CanopenBus
 from dvtcli.errors import NoAnswer, SafetyRefusal, SdoProtocolError
 from dvtcli.operations.device_files import DeviceFiles
@@ -91,6 +90,8 @@ class Network:
         """Know who *node* is; SafetyRefusal where it was somebody else."""
         now, before = node.identity(), self.left.get(node.node_id)
         if before is not None:
+            from dvtcli.device.same_device import another_device, unlike_before
+
             unlike = unlike_before(self.identities[node.node_id], now)
             if unlike:
                 raise another_device(node.node_id, unlike)
@@ -108,6 +109,8 @@ class Network:
     def accept(self, node_id: int) -> None:
         """Whoever has *node_id* now is to be met as if there had been nobody before, and that is said."""
         if self.left.pop(node_id, None) is not None:
+            from dvtcli.device.same_device import unlike_before
+
             self.files.forget(node_id)
             before, now = self.identities.pop(node_id), self.node(node_id).identity()
             if unlike := unlike_before(before, now):
