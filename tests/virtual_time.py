@@ -167,8 +167,8 @@ class VirtualTimeBus(WatchedBus):
         """Let *frame* come from some node."""
         self._to_us(frame)
 
-    def _to_us(self, frame: Frame) -> None:
-        due_s = self._now_s + ANSWER_S
+    def _to_us(self, frame: Frame, delay_s: float = ANSWER_S) -> None:
+        due_s = self._now_s + delay_s
         self._sent_by_nodes += 1
         timed = Frame(frame.can_id, frame.data, frame.extended, frame.remote, due_s)
         heappush(self._coming, (due_s, self._sent_by_nodes, timed))

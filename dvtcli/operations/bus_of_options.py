@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+from dvtcli.domain.nmt import UNCONFIGURED
 from dvtcli.domain.ports import CanopenBus
 from dvtcli.errors import UsageError
 from dvtcli.operations.options import Options
@@ -22,13 +23,13 @@ OpenBus = Callable[[Options], CanopenBus]
 
 
 def bus_of(options: Options, open_bus: OpenBus | None = None) -> tuple[CanopenBus, tuple[Simulated, ...]]:
-    """Open the bus that *options* name, or with *open_bus*; which nodes are simulated on it.
+    """Open the bus that *options* name, or with *open_bus*; which nodes are simulated on it, with their node-IDs.
 
     BusUnavailable, UsageError or InputFileError.
     """
     if options.eds:
         read_dictionary(Path(options.eds))  # a wrong file is said before a bus is touched
-    simulated = simulated_nodes(options.sim)
+    simulated = simulated_nodes(options.sim, unconfigured=True)
     if simulated and (options.interface or options.channel):
         raise UsageError(
             "--sim and an interface exclude each other: a simulated node lives on no real bus", hint="leave one out"
@@ -40,7 +41,9 @@ def bus_of(options: Options, open_bus: OpenBus | None = None) -> tuple[CanopenBu
     from dvtcli.simulator.network.in_process_bus import simulate
 
     devices = [simulated_device(one) for one in simulated]
-    return simulate(devices, faults=faults, signals=signals, timeout_s=options.timeout), simulated
+    return simulate(devices, faults=faults, signals=signals, timeout_s=options.timeout), tuple(
+        one for one in simulated if one.node_id != UNCONFIGURED
+    )
 
 
 def open_real_bus(options: Options) -> CanopenBus:

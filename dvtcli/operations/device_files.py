@@ -108,7 +108,7 @@ def offline_dictionaries(options: Options) -> list[tuple[ObjectDictionary, Devic
     """Dictionaries, with their profiles, that are known before any bus is opened."""
     paths = [Path(options.eds)] if options.eds else []
     found = []
-    paths += [] if paths else [one.eds for one in simulated_nodes(options.sim)]
+    paths += [] if paths else [one.eds for one in simulated_nodes(options.sim, unconfigured=True)]
     for dictionary in map(read_dictionary, paths):
         profile = load_profile(options.profile) if options.profile else profile_of(dictionary)
         found.append((dictionary, profile))

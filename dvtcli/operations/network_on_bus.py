@@ -33,7 +33,7 @@ def network_on_bus(
     """
     return Network(
         bus, DeviceFiles(bus, session.base, simulated), session.cancellation, session.consent,
-        None if simulated else _keeping(session, bus, whole), only_one=only_one,
+        None if simulated or (bus.simulated and session.base.sim) else _keeping(session, bus, whole), only_one=only_one,
         on_look=lambda looking: session.tell.progress(*look_progress(looking)),
         on_step=lambda progress: session.tell.progress(*step_progress(progress)),
         warn=session.tell.warning, comes_back=comes_back and not bus.simulated,

@@ -70,8 +70,8 @@ class Session(Opened):
                 f"-n {','.join(map(str, self.base.nodes))} names several nodes, and this is about one",
                 hint="`plan`, `diff`, `verify`, `apply` of a network file and `import` take several",
             )
-        if self.base.sim:
-            return self.network.simulated_ids[0]
+        if self.base.sim and (simulated := self.network.simulated_ids):
+            return simulated[0]
         raise UsageError(
             "no node is selected",
             hint="scan finds the nodes; `node ID` selects one at the prompt and in scripts, -n ID on the command line",

@@ -17,7 +17,7 @@ from dvtcli.simulator.device.frame_services import FrameServices
 from dvtcli.simulator.device.gates import Gates
 from dvtcli.simulator.device.heartbeat import HEARTBEAT
 from dvtcli.simulator.device.judge import Judge
-from dvtcli.simulator.device.lss import LssSlave
+from dvtcli.simulator.device.lss_slave import LssSlave
 from dvtcli.simulator.device.memory import Backing, Memory
 from dvtcli.simulator.device.parameter_areas import ParameterAreas
 from dvtcli.simulator.device.refusal import Refusal

@@ -45,7 +45,7 @@ BREAKS = [
     Break("independence", "simulator/device/limits.py", "if TYPE_CHECKING:\n    from dvtcli.domain import rules"),
     Break("independence", "simulator/device/faults.py", _function('importlib.import_module("dvtcli.domain.rules")')),
     Break("independence", "simulator/device/gates.py", "import dvtcli.device.read_pdos"),
-    Break("independence", "simulator/device/lss.py", "from dvtcli.bus.discover import *"),
+    Break("independence", "simulator/device/lss_slave.py", "from dvtcli.bus.discover import *"),
     # libraries
     Break("libraries", "device/node.py", "import canopen"),
     Break("libraries", "operations/change.py", _function("import click")),

@@ -1,0 +1,58 @@
+"""Words of `lss`: a node-ID, and the four numbers of an LSS address."""
+
+from __future__ import annotations
+
+from dvtcli.cli.params import NODE_ID
+from dvtcli.domain.datatypes import parse_number
+from dvtcli.domain.lss_services import LssAddress
+from dvtcli.errors import UsageError
+
+_PARTS = ("vendor", "product", "revision", "serial")
+_HINT = "lss scan prints them: vendor=0x1E product=0x705302D revision=0x30000 serial=0x12345"
+
+
+def no_words(words: tuple[str, ...]) -> None:
+    """UsageError where something follows that takes nothing."""
+    if words:
+        raise UsageError(f"{words[0]}: nothing is expected here", hint="help lss")
+
+
+def address_of_words(words: tuple[str, ...]) -> LssAddress:
+    """The address that *words* say; UsageError where one of its four numbers is wrong, missing, or said twice."""
+    said: dict[str, int] = {}
+    for word in words:
+        name, equals, number = word.partition("=")
+        if not equals or name not in _PARTS:
+            raise UsageError(f"{word}: write vendor=… product=… revision=… serial=…", hint=_HINT)
+        if name in said:
+            raise UsageError(f"{name} is given twice", hint=_HINT)
+        try:
+            said[name] = parse_number(number)
+        except ValueError as wrong:
+            raise UsageError(f"{word}: {wrong}", hint=_HINT) from wrong
+        if not 0 <= said[name] <= 0xFFFFFFFF:
+            raise UsageError(f"{word}: a number of 32 bits is 0…0xFFFFFFFF", hint=_HINT)
+    missing = [name for name in _PARTS if name not in said]
+    if missing:
+        raise UsageError(f"an LSS address has four numbers: {', '.join(missing)} missing", hint=_HINT)
+    return LssAddress(**said)
+
+
+def node_id_and_address(words: tuple[str, ...]) -> tuple[int, LssAddress | None]:
+    """The node-ID, and the address behind it where one is given."""
+    if not words:
+        raise UsageError("lss node-id needs the node-ID", hint="lss node-id 5")
+    return _node_id(words[0]), address_of_words(words[1:]) if words[1:] else None
+
+
+def only_node_id(words: tuple[str, ...]) -> int | None:
+    """The node-ID, None where none is given."""
+    no_words(words[1:])
+    return _node_id(words[0]) if words else None
+
+
+def _node_id(word: str) -> int:
+    try:
+        return NODE_ID.parse(word, None)
+    except ValueError as wrong:
+        raise UsageError(str(wrong), hint="lss node-id 5") from wrong

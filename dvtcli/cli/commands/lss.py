@@ -1,0 +1,64 @@
+"""Find nodes without a node-ID, give them one and store it, by LSS (CiA 305)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.commands._lss_words import address_of_words, no_words, node_id_and_address, only_node_id
+from dvtcli.cli.effect import Effect, Final
+from dvtcli.cli.params import TEXT, NumberType
+
+if TYPE_CHECKING:
+    from dvtcli.operations.results.lss_nodes import LssChanged, LssFound
+    from dvtcli.operations.session import Session
+
+TASK = ("Find nodes", 15)
+
+_ACTIONS = ("scan", "identify", "select", "node-id", "store")
+
+
+def _final(params: Mapping[str, Any]) -> Final | None:
+    """No undo takes a node-ID back."""
+    return Final(f"lss {params['action']}") if params["action"] in ("node-id", "store") else None
+
+
+@click.command("lss", cls=DvtCommand, short_help=__doc__, effect=Effect.COMMANDS, final=_final)
+@click.argument("action", type=click.Choice(_ACTIONS), metavar="|".join(_ACTIONS))
+@click.argument("words", type=TEXT, nargs=-1, metavar="[NODE] [vendor=… product=… revision=… serial=…]")
+@click.option("--wait", type=NumberType(5, 2000, "a time in ms"), metavar="MS", help="scan: per question [50].")
+@click.pass_obj
+def command(session: Session, /, action: str, words: tuple[str, ...], wait: int | None) -> LssFound | LssChanged:
+    """Speak to nodes as LSS master.
+
+    `scan` finds all nodes without a node-ID by fast scan, `identify` asks only whether there are any. `select` lets one
+    node be configured. `node-id` gives a node its node-ID, and is done once the node is seen with it; `store` lets it
+    keep that. node-id and store ask first.
+
+    \b
+    lss scan
+    lss scan --wait 200      for slow nodes
+    lss identify
+    lss select vendor=0x1E product=0x705302D revision=0x30000 serial=0x12345
+    lss node-id 5            of the selected node
+    lss node-id 5 vendor=0x1E product=0x705302D revision=0x30000 serial=0x12345
+    lss store 5
+    """
+    from dvtcli.operations import lss_find, lss_node_id
+
+    if wait is not None and action != "scan":
+        raise click.UsageError("--wait belongs to lss scan")
+    match action:
+        case "scan":
+            no_words(words)
+            return lss_find.lss_scan(session) if wait is None else lss_find.lss_scan(session, wait / 1000)
+        case "identify":
+            return lss_find.lss_identify(session, address_of_words(words) if words else None)
+        case "select":
+            return lss_find.lss_select(session, address_of_words(words))
+        case "node-id":
+            return lss_node_id.lss_node_id(session, *node_id_and_address(words))
+    return lss_node_id.lss_store(session, only_node_id(words))

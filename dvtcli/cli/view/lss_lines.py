@@ -1,0 +1,82 @@
+"""The text of what LSS found and changed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from dvtcli.cli.view.lines import Cell, Line, Table
+from dvtcli.domain.nmt import UNCONFIGURED
+from dvtcli.domain.several import plural
+
+if TYPE_CHECKING:
+    from dvtcli.operations.results.lss_nodes import LssChanged, LssFound, LssGiven
+
+_DRY_RUN = Cell("dry run: ", "cyan")
+
+
+def found_lines(result: LssFound, width: int) -> Iterator[Line]:
+    """The nodes that were found, with their LSS addresses."""
+    if result.dry_run:
+        yield [_DRY_RUN, Cell(f"lss {result.action} would ask the bus by LSS. Nothing was sent.")]
+        return
+    if result.nodes:
+        yield from _nodes(result, width)
+    took = f"{plural(result.requests, 'request')}, {result.seconds:.1f} s"
+    if result.action == "select":
+        yield f"selected, and waits for `lss node-id N` ({took})"
+        return
+    yield f"{_summary(result)} ({took})"
+    if result.action == "scan" and result.nodes:
+        yield [Cell(f"  give it a node-ID: lss node-id 5 {result.nodes[0].address}", "dim")]
+
+
+def _nodes(result: LssFound, width: int) -> Iterator[Line]:
+    table = Table(("VENDOR", "PRODUCT", "REVISION", "SERIAL", "NODE", "PROFILE"), shrink=5)
+    for node in result.nodes:
+        told = {None: "?", UNCONFIGURED: "none"}.get(node.node_id, str(node.node_id))
+        table.add(*(f"0x{part:08X}" for part in node.address.parts), told, node.profile or "-")
+    yield from table.lines(width)
+    for node in result.nodes:
+        if not node.confirmed:
+            yield [Cell(f"  not exactly one node answers to {node.address}", "red")]
+
+
+def _summary(result: LssFound) -> str:
+    if result.action == "identify" and result.answered is None:
+        return plural(len(result.nodes), "node") + " with that LSS address" if result.nodes else "nobody has it"
+    if result.nodes:
+        return plural(len(result.nodes), "node") + " without a node-ID"
+    if not result.answered:
+        return "no node without a node-ID answers"
+    if result.action == "identify":
+        return "nodes without a node-ID are there; lss scan finds their addresses"
+    return "nodes without a node-ID are there that know no fast scan: lss select takes the address on the name plate"
+
+
+def changed_lines(result: LssChanged, _width: int) -> Iterator[Line]:
+    """Who has which node-ID now."""
+    if result.dry_run and not result.nodes and not result.missing:
+        what = f"store node-ID {result.wanted}" if result.action == "store" else f"give node-ID {result.wanted}"
+        yield [_DRY_RUN, Cell(f"lss {result.action} would {what} by LSS. Nothing was sent.")]
+        return
+    for node in result.nodes:
+        yield _given(node, dry_run=result.dry_run)
+    for name in result.missing:
+        yield [Cell(f"{name}: not found", "red")]
+    if result.dry_run:
+        yield [_DRY_RUN, Cell("no node-ID was given.")]
+    elif result.nodes and not all(node.stored for node in result.nodes):
+        first = result.nodes[0].node_id
+        yield [Cell(f"  lost with the power until it is stored: lss store {first}", "dim")]
+
+
+def _given(node: LssGiven, *, dry_run: bool) -> list[Cell]:
+    name = f" {node.name}" if node.name else ""
+    before = "none" if node.before == UNCONFIGURED else str(node.before)
+    line = [Cell(f"node {node.node_id}", "bold"), Cell(f"{name}  {node.address}")]
+    if node.before != node.node_id:
+        line.append(Cell(f"  ({'now' if dry_run else 'before:'} {before})", "dim"))
+    if node.stored:
+        line.append(Cell("  stored, as the node says", "green"))
+    return line

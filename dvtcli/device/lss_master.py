@@ -1,0 +1,226 @@
+"""LSS master: the services of CiA 305, one question at a time, over any bus that carries frames.
+
+Answers carry no number that says whose question they are to: what comes late or twice is waited out, what does not fit
+is dropped, and whoever needs to be sure asks again by another service. Does not know what a node-ID is chosen by.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Sequence
+from types import TracebackType
+
+from dvtcli.domain import lss_services as lss
+from dvtcli.domain.lss_services import LssAddress
+from dvtcli.domain.nmt import NmtCommand
+from dvtcli.domain.ports import CanopenBus, Frame
+from dvtcli.errors import DeviceRefused, NoAnswer
+
+#: How long a node may take to answer a configuration service, and a store, in seconds.
+ANSWER_S, STORE_S = 0.2, 5.0
+#: How long a question of the fast scan waits, in seconds; where answers do not fit together: twice as long, and again.
+SCAN_S = 0.05
+#: What comes within this share of a question's wait after the first answer is of other nodes, or a double.
+_SETTLE = 0.1
+#: the same where who else answers is to be counted
+_ALL = 0.25
+_TRIES = 3
+_SCANS = 4
+
+
+class LssMaster:
+    """Speaks to the LSS slaves of *bus*; each question of a fast scan waits *scan_s* seconds for its answer.
+
+    In a `with` block, behind which every node waits as before; after `keep_selected` who was selected stays so.
+    """
+
+    def __init__(self, bus: CanopenBus, scan_s: float = SCAN_S) -> None:
+        self._bus = bus
+        self._scan_s = scan_s
+        self._heard: deque[bytes] = deque(maxlen=4096)
+        self._keeps = False
+        #: how many frames were sent
+        self.requests = 0
+
+    def __enter__(self) -> LssMaster:
+        self._untap = self._bus.tap(self._note)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            if kind is not None or not self._keeps:
+                self.let_wait()
+        finally:
+            self._untap()
+
+    def keep_selected(self) -> None:
+        """Leave who is being configured in that state."""
+        self._keeps = True
+
+    def let_wait(self) -> None:
+        """Switch every node to the waiting state; nobody answers. One with its first node-ID boots up."""
+        self._send(lss.SWITCH_GLOBAL, bytes([lss.WAITING]))
+
+    def reset_communication(self, node_id: int) -> None:
+        """Let the node with *node_id* take its new one."""
+        self._bus.send_nmt(NmtCommand.RESET_COMMUNICATION, node_id)
+
+    def select(self, address: LssAddress) -> int:
+        """Let the node with *address* alone be configured; how many answered that they are it.
+
+        A lost frame is made good by asking again.
+        """
+        for _ in range(_TRIES):
+            self.let_wait()
+            answers = self._select(address)
+            if answers:
+                return answers
+        return 0
+
+    def _select(self, address: LssAddress) -> int:
+        *first, last = (_number(part) for part in address.parts)
+        for place, number in enumerate(first):
+            self._send(lss.SELECT + place, number)
+        return len(self._ask(lss.SELECT + len(first), last, lss.SELECTED, ANSWER_S, settle=_ALL))
+
+    def unconfigured(self) -> int:
+        """How many nodes without a node-ID answer."""
+        for _ in range(_TRIES):
+            answers = self._ask(lss.IDENTIFY_UNCONFIGURED, b"", lss.IDENTIFIED_UNCONFIGURED, ANSWER_S, settle=_ALL)
+            if answers:
+                return len(answers)
+        return 0
+
+    def inquire(self) -> tuple[LssAddress, int] | None:
+        """The node that is being configured: its address, and its node-ID (255: none); None where nobody is.
+
+        DeviceRefused where several are, or one does not tell all.
+        """
+        asked = [self._told(lss.INQUIRE_NODE_ID)]
+        if not asked[0]:
+            return None
+        asked += [self._told(lss.INQUIRE + part) for part in range(lss.PARTS)]
+        if any(len(answers) > 1 for answers in asked):
+            raise DeviceRefused(
+                "several nodes are being configured at once", why="a question was answered more than once",
+                hint="lss scan lets all wait again, and lists them; lss select chooses one",
+            )  # fmt: skip
+        if not all(asked):
+            raise NoAnswer("the node that is being configured does not tell its whole LSS address", hint="lss scan")
+        node_id, *parts = (answers[0] for answers in asked)
+        return LssAddress(*(int.from_bytes(part[1:5], "little") for part in parts)), node_id[1]
+
+    def _told(self, service: int) -> list[bytes]:
+        for _ in range(_TRIES):
+            answers = self._ask(service, b"", service, ANSWER_S, settle=_ALL)
+            if answers:
+                return answers
+        return []
+
+    def configure_node_id(self, node_id: int) -> None:
+        """Give who is being configured *node_id* (1..127, 255 for none), which counts once it boots up or is reset.
+
+        DeviceRefused with its reason, NoAnswer.
+        """
+        for _ in range(_TRIES):
+            answers = self._ask(lss.CONFIGURE_NODE_ID, bytes([node_id]), lss.CONFIGURE_NODE_ID, ANSWER_S, settle=_ALL)
+            if answers:
+                _require_success(answers, f"node-ID {node_id}", lss.NODE_ID_REFUSED)
+                return
+        raise NoAnswer(f"no answer to LSS configure node-ID {node_id}", hint="lss scan shows who is there")
+
+    def store(self) -> None:
+        """Let who is being configured keep its node-ID without power; DeviceRefused with its reason, NoAnswer."""
+        answers = self._ask(lss.STORE_CONFIGURATION, b"", lss.STORE_CONFIGURATION, STORE_S)
+        if not answers:
+            hint = "whether it is stored shows after the next power-on; lss store again does no harm"
+            raise NoAnswer(f"no answer to LSS store configuration within {STORE_S:g} s", hint=hint, state="unknown")
+        _require_success(answers, "store configuration", lss.STORE_REFUSED)
+
+    def scan(self, found: Sequence[LssAddress], on_bit: Callable[[int], None] = lambda _bit: None) -> LssAddress | None:
+        """The lowest address of the nodes without a node-ID besides those *found*; None where nobody is left.
+
+        The one that was found is being configured then, as those before it are: that keeps them out of the next scan.
+        *on_bit* is told how many of 128 bits are known. NoAnswer where the answers do not fit together, however long
+        they are waited for.
+        """
+        wait_s = self._scan_s
+        for _ in range(_SCANS):
+            if not self._anybody(max(wait_s, ANSWER_S / 2)):
+                return None
+            address = self._scan_once(wait_s, on_bit)
+            if address is not None and address not in found:
+                return address
+            wait_s *= 2
+            self.let_wait()
+            for one in found:
+                self._select(one)
+        raise NoAnswer(
+            "the answers to the fast scan do not fit together",
+            why=f"tried {_SCANS} times, at last with {1000 * wait_s / 2:.0f} ms for each question: answers are lost, "
+            "come too late, or come for no question",
+            hint="lss scan --wait 200; else lss select each node by its address",
+        )
+
+    def _anybody(self, wait_s: float) -> bool:
+        return any(self._scanned(0, lss.SCAN_RESET, 0, 0, wait_s) for _ in range(_TRIES))
+
+    def _scan_once(self, wait_s: float, on_bit: Callable[[int], None]) -> LssAddress | None:
+        """One fast scan; None where a part that was found bit by bit is not confirmed as a whole."""
+        parts: list[int] = []
+        for part in range(lss.PARTS):
+            number = 0
+            for bit in reversed(range(lss.BITS)):
+                if not self._scanned(number, bit, part, part, wait_s):
+                    number |= 1 << bit
+                on_bit(lss.BITS * (part + 1) - bit)
+            if not self._scanned(number, 0, part, (part + 1) % lss.PARTS, wait_s):
+                return None
+            parts.append(number)
+        return LssAddress(*parts)
+
+    def _scanned(self, number: int, bit: int, part: int, following: int, wait_s: float) -> bool:
+        data = _number(number) + bytes([bit, part, following])
+        return bool(self._ask(lss.FAST_SCAN, data, lss.IDENTIFIED, wait_s))
+
+    def _ask(self, service: int, data: bytes, answer: int, wait_s: float, *, settle: float = _SETTLE) -> list[bytes]:
+        """Send a request, and every *answer* that came within *wait_s*, or soon after the first one.
+
+        *settle* is the share of *wait_s* for which others are waited for once somebody has answered.
+        """
+        for _ in self._bus.receive(0.0):
+            pass  # what came before is an answer to nothing
+        self._heard.clear()
+        self._send(service, data)
+        if self._wait(wait_s, answer):
+            for _ in self._bus.receive(settle * wait_s):
+                pass
+        return [frame for frame in self._heard if frame[0] == answer]
+
+    def _wait(self, wait_s: float, answer: int) -> bool:
+        """Whether an *answer* came within *wait_s*."""
+        for _ in self._bus.receive(wait_s):
+            if any(frame[0] == answer for frame in self._heard):
+                return True
+        return any(frame[0] == answer for frame in self._heard)
+
+    def _send(self, service: int, data: bytes) -> None:
+        self.requests += 1
+        self._bus.send(Frame(lss.REQUEST_ID, (bytes([service]) + data).ljust(8, b"\0")))
+
+    def _note(self, frame: Frame, sent: bool) -> None:
+        if not sent and frame.can_id == lss.ANSWER_ID and len(frame.data) == 8 and not (frame.extended or frame.remote):
+            self._heard.append(frame.data)
+
+
+def _number(part: int) -> bytes:
+    return part.to_bytes(4, "little")
+
+
+def _require_success(answers: list[bytes], what: str, reasons: dict[int, str]) -> None:
+    """DeviceRefused where one answer is none of success, or there are several: one node alone was meant."""
+    refused = next((frame for frame in answers if frame[1]), None)
+    if refused is not None:
+        raise DeviceRefused(f"the node refused LSS {what}", why=lss.refusal(reasons, refused[1], refused[2]))

@@ -1,0 +1,53 @@
+"""LSS in the standard's words (CiA 305): who a node is before it has a node-ID, and the services by their numbers.
+
+Does not know how frames travel, nor how long an answer may take.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+#: CAN-IDs of the LSS master's requests and of the slaves' answers
+REQUEST_ID, ANSWER_ID = 0x7E5, 0x7E4
+
+SWITCH_GLOBAL, CONFIGURE_NODE_ID, STORE_CONFIGURATION = 0x04, 0x11, 0x17
+#: the first of the four frames of *switch state selective*, the answer to the last, and the six of *identify*
+SELECT, SELECTED, IDENTIFY, IDENTIFIED = 0x40, 0x44, 0x46, 0x4F
+IDENTIFY_UNCONFIGURED, IDENTIFIED_UNCONFIGURED, FAST_SCAN = 0x4C, 0x50, 0x51
+#: the first of the four services that ask for a part of the address, and the one that asks for the node-ID
+INQUIRE, INQUIRE_NODE_ID = 0x5A, 0x5E
+WAITING, CONFIGURATION = 0, 1
+#: *bit checked* of the fast scan's first question, which every node without a node-ID answers
+SCAN_RESET = 0x80
+BITS, PARTS = 32, 4
+#: error codes of the configuration services (CiA 305); 0 is success, 255 the maker's own
+NODE_ID_REFUSED = {1: "it takes no such node-ID"}
+STORE_REFUSED = {1: "it cannot store its node-ID", 2: "its storage medium failed"}
+_OWN = 0xFF
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class LssAddress:
+    """Who a node is to an LSS master: the four numbers of its identity (0x1018:1..4), each of 32 bits."""
+
+    vendor: int
+    product: int
+    revision: int
+    serial: int
+
+    @property
+    def parts(self) -> tuple[int, int, int, int]:
+        """The four numbers in the order in which LSS speaks of them."""
+        return self.vendor, self.product, self.revision, self.serial
+
+    def __str__(self) -> str:
+        """The address as `lss select` takes it."""
+        names = ("vendor", "product", "revision", "serial")
+        return " ".join(f"{name}=0x{number:X}" for name, number in zip(names, self.parts, strict=True))
+
+
+def refusal(reasons: dict[int, str], code: int, own: int) -> str:
+    """Why a configuration service was refused: error *code*, with the maker's *own* behind code 255."""
+    if code == _OWN:
+        return f"a reason of its maker, {own} (0x{own:02X})"
+    return f"{reasons.get(code, 'a reason that the standard does not name')} (error code {code})"

@@ -1,0 +1,122 @@
+"""Finding nodes by LSS: those without a node-ID, and the one that has an address. Changes nothing that is kept."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from dvtcli.device.lss_master import SCAN_S, LssMaster
+from dvtcli.domain.lss_services import BITS, PARTS, LssAddress
+from dvtcli.domain.nmt import UNCONFIGURED
+from dvtcli.domain.several import plural
+from dvtcli.errors import DeviceRefused, NoAnswer, UsageError
+from dvtcli.operations.results.lss_nodes import LssFound, LssNode
+
+if TYPE_CHECKING:
+    from dvtcli.domain.ports import CanopenBus
+    from dvtcli.operations.session import Session
+
+
+def lss_bus(session: Session) -> CanopenBus:
+    """The bus itself; UsageError where it carries no frames."""
+    bus = session.open_network().bus
+    if not bus.carries_frames:
+        raise UsageError(f"{bus.name} carries no CAN frames, so that no LSS either", hint="open a CAN interface")
+    return bus
+
+
+def lss_scan(session: Session, wait_s: float = SCAN_S) -> LssFound:
+    """Find every node without a node-ID by fast scan, lowest address first; each is confirmed by its address.
+
+    A question waits *wait_s* seconds for its answer. NoAnswer where the answers do not fit together. Afterwards all
+    nodes wait as before. Nothing is sent in a dry run.
+    """
+    if session.dry_run:
+        return LssFound("scan", dry_run=True)
+    bus = lss_bus(session)
+    began_s = bus.now_s()
+    with LssMaster(bus, wait_s) as master:
+        nodes = scanned(session, master)
+        answered = len(nodes) or master.unconfigured()
+    return LssFound("scan", tuple(nodes), answered, master.requests, bus.now_s() - began_s)
+
+
+def scanned(session: Session, master: LssMaster) -> list[LssNode]:
+    """What `lss_scan` finds."""
+    found: list[LssAddress] = []
+
+    def on_bit(bits: int) -> None:
+        session.tell.progress(f"LSS fast scan: {plural(len(found), 'node')} found", bits, BITS * PARTS)
+
+    master.let_wait()
+    while (address := master.scan(found, on_bit)) is not None:
+        found.append(address)
+        session.tell.progress(f"LSS fast scan: found {address}", 0, 0)
+    return [LssNode(one, UNCONFIGURED, master.select(one) == 1, _family(one)) for one in found]
+
+
+def lss_select(session: Session, address: LssAddress) -> LssFound:
+    """Let the node with *address* be configured, alone; it stays so for `lss node-id`.
+
+    NoAnswer where nobody has that address, DeviceRefused where several have.
+    """
+    if session.dry_run:
+        return LssFound("select", dry_run=True)
+    bus = lss_bus(session)
+    began_s = bus.now_s()
+    with LssMaster(bus) as master:
+        node_id = selected(master, address)
+        master.keep_selected()
+    node = LssNode(address, node_id, profile=_family(address))
+    return LssFound("select", (node,), None, master.requests, bus.now_s() - began_s)
+
+
+def selected(master: LssMaster, address: LssAddress) -> int:
+    """Let the node with *address* be configured, alone; its node-ID, 255 for none.
+
+    NoAnswer where nobody has that address, DeviceRefused where several have.
+    """
+    answers = master.select(address)
+    if not answers:
+        raise NoAnswer(
+            f"no node answers to {address}", hint="lss scan finds nodes without a node-ID; scan those that have one"
+        )
+    if answers > 1:
+        raise two_alike(address)
+    said = master.inquire()
+    if said is None or said[0] != address:
+        raise NoAnswer(f"the node with {address} does not tell who it is", hint="lss scan shows who is there")
+    return said[1]
+
+
+def two_alike(address: LssAddress) -> DeviceRefused:
+    """What is to be said where several nodes have one address."""
+    return DeviceRefused(
+        f"more than one node answers to {address}", why="nodes with one identity cannot be told apart by LSS",
+        hint="connect them one at a time, and give each its node-ID",
+    )  # fmt: skip
+
+
+def lss_identify(session: Session, address: LssAddress | None = None) -> LssFound:
+    """Ask whether nodes without a node-ID are there, or whether a node with *address* is, whatever its node-ID.
+
+    Nothing is sent in a dry run.
+    """
+    if session.dry_run:
+        return LssFound("identify", dry_run=True)
+    bus = lss_bus(session)
+    began_s = bus.now_s()
+    with LssMaster(bus) as master:
+        if address is None:
+            found = LssFound("identify", (), master.unconfigured())
+        else:
+            answers = master.select(address)
+            node_id = selected(master, address) if answers == 1 else None
+            nodes = (LssNode(address, node_id, answers == 1, _family(address)),) if answers else ()
+            found = LssFound("identify", nodes, None)
+    return LssFound("identify", found.nodes, found.answered, master.requests, bus.now_s() - began_s)
+
+
+def _family(address: LssAddress) -> str:
+    from dvtcli.files.profile.library import profile_for_identity
+
+    return profile_for_identity(address.vendor, address.product).name

@@ -1,0 +1,130 @@
+"""What LSS found and changed, as answers. Knows no terminal and no session."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from dvtcli.domain.lss_services import LssAddress
+from dvtcli.domain.nmt import UNCONFIGURED
+from dvtcli.operations.results.documents import Answer, Document
+
+
+def _identity(address: LssAddress) -> Document:
+    return {
+        "vendor_id": address.vendor,
+        "product_code": address.product,
+        "revision": address.revision,
+        "serial": address.serial,
+    }
+
+
+@dataclass(frozen=True, slots=True)
+class LssNode:
+    """A node that an LSS master found by its *address*; *node_id* is None where it was not told.
+
+    *confirmed* says whether exactly one node answered to that address; *profile* is the family that it is of.
+    """
+
+    address: LssAddress
+    node_id: int | None = None
+    confirmed: bool = True
+    profile: str = ""
+
+    def document(self) -> Document:
+        """One node of `dvtcli.lss/1`."""
+        known = None if self.node_id == UNCONFIGURED else self.node_id
+        return {**_identity(self.address), "node": known, "confirmed": self.confirmed, "profile": self.profile}
+
+
+@dataclass(frozen=True, slots=True)
+class LssFound(Answer):
+    """The nodes that *action* (`scan`, `select`, `identify`) found, with how many *requests* of ours, in *seconds*.
+
+    *answered* is how many nodes without a node-ID said so, None where that was not asked.
+    """
+
+    renderer: ClassVar = "lss_lines:found_lines"
+
+    action: str
+    nodes: tuple[LssNode, ...] = ()
+    answered: int | None = None
+    requests: int = 0
+    seconds: float = 0.0
+    dry_run: bool = False
+
+    def __bool__(self) -> bool:
+        return bool(self.nodes)
+
+    @property
+    def exit_code(self) -> int:
+        """1 where a node was found, and did not answer to its address, or more than one did."""
+        return 0 if all(node.confirmed for node in self.nodes) else 1
+
+    def document(self) -> Document:
+        """`dvtcli.lss/1`."""
+        return {
+            "schema": "dvtcli.lss/1",
+            "action": self.action,
+            "nodes": [node.document() for node in self.nodes],
+            "without_node_id": self.answered,
+            "requests": self.requests,
+            "seconds": self.seconds,
+            "dry_run": self.dry_run,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class LssGiven:
+    """A node by its *address* that had node-ID *before* (255: none) and has *node_id* now; *name* is a file's for it.
+
+    *stored* says whether it answered that it keeps the node-ID.
+    """
+
+    address: LssAddress
+    before: int
+    node_id: int
+    stored: bool = False
+    name: str = ""
+
+    def document(self) -> Document:
+        """One node of `dvtcli.lss-change/1`."""
+        before = None if self.before == UNCONFIGURED else self.before
+        return {
+            **_identity(self.address),
+            "name": self.name,
+            "before": before,
+            "node": self.node_id,
+            "stored": self.stored,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class LssChanged(Answer):
+    """What *action* (`node-id`, `store`, `assign`) changed: nodes that were seen with their node-ID afterwards.
+
+    *wanted* is the node-ID that a dry run was about; *missing* are nodes of a file that were not found.
+    """
+
+    renderer: ClassVar = "lss_lines:changed_lines"
+
+    action: str
+    nodes: tuple[LssGiven, ...] = ()
+    wanted: int | None = None
+    missing: tuple[str, ...] = ()
+    dry_run: bool = False
+
+    @property
+    def exit_code(self) -> int:
+        """1 where a node of the file was not found."""
+        return 1 if self.missing else 0
+
+    def document(self) -> Document:
+        """`dvtcli.lss-change/1`."""
+        return {
+            "schema": "dvtcli.lss-change/1",
+            "action": self.action,
+            "nodes": [node.document() for node in self.nodes],
+            "missing": list(self.missing),
+            "dry_run": self.dry_run,
+        }
