@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from dvtcli.cli.atomic import does_other, final
 from dvtcli.cli.boundary import LEAVE
 from dvtcli.cli.run_line import boundary
-from dvtcli.errors import DvtcliError, TakenBack
+from dvtcli.errors import DvtcliError, LeftChanged, TakenBack
 
 if TYPE_CHECKING:
     import click
@@ -65,6 +65,11 @@ def _refuse_half(ctx: click.Context, changes: ScriptChanges, code: int) -> None:
 def _take_back(session: Conversation, changes: ScriptChanges, failed: BaseException) -> None:
     """Take the script's changes back because of *failed*, which learns of it; LeftChanged where some of them stay."""
     with session.cancellation.guard():
-        changes.take_back(str(failed) or "interrupted")
+        try:
+            changes.take_back(str(failed) or "interrupted")
+        except LeftChanged as left:
+            if isinstance(failed, LeftChanged):  # who has stored, and who has not
+                left.details[:0] = failed.details
+            raise
     if isinstance(failed, DvtcliError) and failed.state in ("unchanged", "rolled_back") and not session.dry_run:
         failed.state, failed.state_text = "rolled_back", _ALL_BACK

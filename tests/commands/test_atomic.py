@@ -269,3 +269,14 @@ def test_a_node_that_ran_before_the_script_runs_after_it_was_taken_back(tmp_path
         ran = atomic(bench, tmp_path, "set tpdo1 --timer 70", "read 5FFF")
         assert ran.code == 1
         assert running.state is NmtState.OPERATIONAL
+
+
+def test_an_apply_that_fails_in_its_stores_names_who_has_stored(tmp_path: Path) -> None:
+    (tmp_path / "net.yaml").write_text(
+        "defaults: {store: true, tpdo: {1: {transmission: 1}}}\nnodes: {a: {node_id: 1}, b: {node_id: 2}}\n"
+    )
+    (tmp_path / "x.dvt").write_text(f"apply {tmp_path}/net.yaml\n")
+    with Bench(("generic@1", "generic@2"), {"yes": True, "fault": ("2:store-fails",)}) as bench:
+        ran = bench.run(f"run {tmp_path / 'x.dvt'} --atomic")
+    rows = dict(line.strip().split(None, 1) for line in ran.stderr.splitlines() if line.startswith("  "))
+    assert (ran.code, rows["stored"], rows["unknown"]) == (7, "node 1", "node 2"), ran.stderr
