@@ -14,6 +14,7 @@ from dvtcli.operations.results.comparisons import Compared
 from dvtcli.operations.results.loads import NetworkLoad
 from dvtcli.operations.results.logged_in import LoggedIn
 from dvtcli.operations.results.networks import NetworkApplied, NetworkPlanned
+from dvtcli.operations.results.node_errors import FaultRow, Faults
 from dvtcli.operations.results.nodes import Commanded, NodeListing, NodeRow, Synced
 from dvtcli.operations.results.pdos import MappedName, PdoListing, PdoRow
 from dvtcli.operations.results.stores import Stored
@@ -26,6 +27,8 @@ __all__ = [
     "CobId",
     "Commanded",
     "Compared",
+    "FaultRow",
+    "Faults",
     "Finding",
     "Frame",
     "LoggedIn",

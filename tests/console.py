@@ -79,6 +79,7 @@ def run(command: Command, folder: Path) -> Command:
 
 _VOLATILE = [
     (re.compile(r"\b\d+\.\d{1,3} s\b"), "0.00 s"),
+    (re.compile(r"\b\d\d:\d\d:\d\d\.\d{3}\b"), "00:00:00.000"),
     (re.compile(r"\bafter \d+\.\d ms"), "after 0.0 ms"),
     (re.compile(r'"(seconds|ms)":\d+(\.\d+)?'), r'"\1":0.0'),
 ]

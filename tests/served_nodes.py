@@ -14,7 +14,7 @@ import can
 
 from dvtcli.bus.can_message import frame_of
 from dvtcli.domain.ports import Frame
-from dvtcli.simulator.device.faults import Fault
+from dvtcli.simulator.device.simulated_faults import Fault
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.nodes_on_a_bus import NodesOnABus
 

@@ -22,7 +22,7 @@ from dvtcli.bus.watched_bus import WatchedBus
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import BusUnavailable
-from dvtcli.simulator.device.faults import Fault
+from dvtcli.simulator.device.simulated_faults import Fault
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.station import SimulatedNode, stations
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from dvtcli.domain.nmt import NmtState
-from dvtcli.domain.node_events import BootUp, Emergency, NodeEvent, StateChange
+from dvtcli.domain.node_events import BootUp, Emergency, HeardEmergency, NodeEvent, StateChange
 from dvtcli.domain.ports import Frame
 
 HEARTBEAT = 0x700
@@ -14,6 +14,17 @@ TWICE_S = 1.0
 EMERGENCY = 0x080
 #: command specifiers that begin an SDO download: of 7 bytes at a time, of blocks
 _DOWNLOADS = (1, 6)
+#: error codes of one node that are remembered; those heard longest ago go first
+_MOST_CODES = 256
+
+
+def read_emergency(frame: Frame) -> Emergency | None:
+    """The emergency message that *frame* is, also a shortened one (CiA 301, 7.2.7.3.1); None where it is none."""
+    node_id = frame.can_id - EMERGENCY
+    if frame.extended or frame.remote or not 2 <= len(frame.data) <= 8 or not 1 <= node_id <= 127:
+        return None
+    data = frame.data.ljust(8, b"\0")
+    return Emergency(node_id, int.from_bytes(data[:2], "little"), data[2], data[3:], frame.timestamp_s)
 
 
 class NodeWatch:
@@ -31,6 +42,8 @@ class NodeWatch:
         #: how often a node gave a sign of life (heartbeat or boot-up)
         self.signs_of_life: dict[int, int] = {}
         self.emergencies: dict[int, Emergency] = {}
+        #: error codes that were heard, by node-ID and code; those heard last are behind
+        self.heard_emergencies: dict[int, dict[int, HeardEmergency]] = {}
         self.listeners: list[Callable[[NodeEvent], None]] = []
 
     def heartbeat(self, frame: Frame) -> bool:
@@ -78,15 +91,21 @@ class NodeWatch:
 
     def emergency(self, frame: Frame) -> bool:
         """Take an emergency message, also a shortened one; whether it was one."""
-        node_id = frame.can_id - EMERGENCY
-        if not 2 <= len(frame.data) <= 8 or not 1 <= node_id <= 127:
+        said = read_emergency(frame)
+        if said is None:
             return False
-        data = frame.data.ljust(8, b"\0")
-        code = int.from_bytes(data[:2], "little")
-        said = Emergency(node_id, code, data[2], data[3:], frame.timestamp_s)
-        self.emergencies[node_id] = said
+        self.emergencies[said.node_id] = said
+        self._count_emergency(said)
         self._tell(said)
         return True
+
+    def _count_emergency(self, said: Emergency) -> None:
+        heard = self.heard_emergencies.setdefault(said.node_id, {})
+        before = heard.pop(said.code, None)
+        count, first_s = (0, said.timestamp_s) if before is None else (before.count, before.first_s)
+        heard[said.code] = HeardEmergency(count + 1, first_s, said)
+        if len(heard) > _MOST_CODES:
+            del heard[next(iter(heard))]
 
     def forget_state(self, node_id: int) -> None:
         """A command was sent to *node_id* (0: to all): what it said before is no longer its state."""

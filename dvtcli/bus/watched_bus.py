@@ -18,7 +18,7 @@ from dvtcli.bus.sdo.sdo_link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S, DroppedA
 from dvtcli.bus.traffic import Tap
 from dvtcli.bus.turns import Turns, one_by_one
 from dvtcli.domain.nmt import NmtCommand, NmtState
-from dvtcli.domain.node_events import Emergency, NodeEvent
+from dvtcli.domain.node_events import Emergency, HeardEmergency, NodeEvent
 from dvtcli.domain.ports import Frame, SdoTransport
 from dvtcli.errors import BusUnavailable, UsageError
 
@@ -147,6 +147,11 @@ class WatchedBus(ABC):
         """The last emergency message of *node_id*."""
         self.drain()
         return self._watch.emergencies.get(node_id)
+
+    def heard_emergencies(self, node_id: int) -> tuple[HeardEmergency, ...]:
+        """Every error code that *node_id* sent since the bus is open, the one heard last first."""
+        self.drain()
+        return tuple(reversed(self._watch.heard_emergencies.get(node_id, {}).values()))
 
     def on_event(self, callback: Callable[[NodeEvent], None]) -> Callable[[], None]:
         """Call *callback* for each boot-up, state change and emergency; returns what ends that.

@@ -1,4 +1,7 @@
-"""Emergency error codes in words (CiA 301, table 26). Does not know how they travel."""
+"""Emergency error codes and the error register in words (CiA 301, tables 26 and 48; CiA 402-2 for drives).
+
+Does not know how they travel, nor what a maker's own codes mean.
+"""
 
 from __future__ import annotations
 
@@ -11,16 +14,29 @@ _CODES = {
     0x8150: "CAN-ID collision",
     0x8210: "PDO not processed: too short",
     0x8220: "PDO length exceeded",
+    0x8230: "MPDO not processed: no such object",
+    0x8240: "SYNC of unexpected length",
     0x8250: "RPDO time-out",
 }
 _CLASSES = {
     0x00: "error reset",
     0x10: "generic error",
     0x20: "current",
+    0x21: "current, input side",
+    0x22: "current, inside the device",
+    0x23: "current, output side",
     0x30: "voltage",
+    0x31: "mains voltage",
+    0x32: "voltage inside the device",
+    0x33: "output voltage",
     0x40: "temperature",
+    0x41: "ambient temperature",
+    0x42: "device temperature",
     0x50: "device hardware",
     0x60: "device software",
+    0x61: "internal software",
+    0x62: "user software",
+    0x63: "data set",
     0x70: "additional modules",
     0x80: "monitoring",
     0x81: "communication",
@@ -29,9 +45,57 @@ _CLASSES = {
     0xF0: "additional functions",
     0xFF: "device specific",
 }
+#: what a drive means by codes that CiA 301 leaves to device profiles (CiA 402-2, error codes)
+_DRIVE_CODES = {
+    0x2310: "continuous over-current at the output",
+    0x2320: "short circuit or earth leakage at the output",
+    0x3110: "mains over-voltage",
+    0x3120: "mains under-voltage",
+    0x3210: "DC link over-voltage",
+    0x3220: "DC link under-voltage",
+    0x4110: "ambient temperature too high",
+    0x4210: "device temperature too high",
+    0x4310: "drive temperature too high",
+    0x7121: "motor blocked",
+    0x8400: "velocity control",
+    0x8500: "position control",
+    0x8611: "following error",
+}
+#: what helps, where the standard itself says what happened
+_REMEDIES = {
+    0x8110: "frames came faster than it takes them: lower the bus load (`load`)",
+    0x8120: "look at wiring, termination and bit rate",
+    0x8130: "a node that it watches (0x1016) is silent: `scan`, and look at that node's 0x1017",
+    0x8140: "look at wiring, termination and bit rate",
+    0x8150: "two nodes send the same CAN-ID: `scan`, and compare the COB-IDs (`pdo --all`)",
+    0x8210: "the producer sends fewer bytes than the RPDO maps: compare both mappings (`pdo`)",
+    0x8220: "the producer sends more bytes than the RPDO maps: compare both mappings (`pdo`)",
+    0x8240: "compare 0x1019 with what the SYNC producer sends (`sync --check`)",
+    0x8250: "the producer of an RPDO is silent: `pdo` shows the event timer, `monitor` who sends",
+}
+_REGISTER = (
+    "generic", "current", "voltage", "temperature", "communication", "device profile", "reserved", "manufacturer",
+)  # fmt: skip
+#: the low half of 0x1000 of drives (CiA 402-1)
+_DRIVE = 402
 
 
-def emergency_text(code: int) -> str:
-    """What an emergency error code means, as far as the standard says."""
+def emergency_text(code: int, device_type: int | None = None) -> str:
+    """What an emergency error code (0x0000..0xFFFF) means, as far as the standard says.
+
+    With the *device_type* (0x1000) of a drive also as far as the profile of drives says.
+    """
+    if device_type is not None and device_type & 0xFFFF == _DRIVE and code in _DRIVE_CODES:
+        return _DRIVE_CODES[code]
     high = code >> 8
     return _CODES.get(code) or _CLASSES.get(high) or _CLASSES.get(high & 0xF0) or "reserved"
+
+
+def emergency_remedy(code: int) -> str:
+    """What helps against an emergency error code; empty where the standard does not say what happened."""
+    return _REMEDIES.get(code, "")
+
+
+def register_words(register: int) -> tuple[str, ...]:
+    """The errors that the bits of an error register (0x1001) name."""
+    return tuple(word for bit, word in enumerate(_REGISTER) if register >> bit & 1)

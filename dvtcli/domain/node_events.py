@@ -39,4 +39,13 @@ class Emergency:
     timestamp_s: float = 0.0
 
 
+@dataclass(frozen=True, slots=True)
+class HeardEmergency:
+    """One error code of a node as often as it was heard: *count* times, first at *first_s*, and the *last* message."""
+
+    count: int
+    first_s: float
+    last: Emergency
+
+
 NodeEvent = BootUp | StateChange | Emergency

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from dvtcli.domain.nmt import NmtCommand, NmtState
-from dvtcli.domain.node_events import Emergency, NodeEvent
+from dvtcli.domain.node_events import Emergency, HeardEmergency, NodeEvent
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,6 +125,10 @@ class CanopenBus(Protocol):
 
     def emergency(self, node_id: int) -> Emergency | None:
         """The last emergency message of *node_id*, None where there was none."""
+        ...
+
+    def heard_emergencies(self, node_id: int) -> tuple[HeardEmergency, ...]:
+        """Every error code that *node_id* sent since the bus is open, the one heard last first."""
         ...
 
     def on_event(self, callback: Callable[[NodeEvent], None]) -> Callable[[], None]:

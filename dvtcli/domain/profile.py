@@ -126,6 +126,26 @@ def step_kind(index: int, sub_index: int) -> StepKind:
 
 
 @dataclass(frozen=True, slots=True)
+class FaultList:
+    """A family's own list of errors: how many there are at *count* (u16), and the *code* (u16) at a *position* (u16).
+
+    The position, from 0, is chosen by writing it.
+    """
+
+    count: ObjectAddress
+    position: ObjectAddress
+    code: ObjectAddress
+
+
+@dataclass(frozen=True, slots=True)
+class KnownFault:
+    """What an error code of a family means, and what helps; *remedy* is empty where nobody says."""
+
+    text: str
+    remedy: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class MappingAdvice:
     """Why the objects from index *first* to *last* should not feed a TPDO."""
 
@@ -152,6 +172,7 @@ class DeviceProfile:
     *reversed_entries* whether a mapping entry has its fields the other way round on the wire; *filler* what unused
     entries hold (u32) where the count of a mapping cannot be written (None: it is);
     *silent_rpdo* what the device does where an RPDO's producer is silent, if anything;
+    *fault_list* the family's own list of errors, *faults* what its error codes mean;
     *aliases* names a human types → objects; *type_texts* the maker's words for a transmission type and *type_notes*
     what to know about one; *warn_mapped* what should not feed a TPDO; *vpdo* its virtual PDOs; *learnt* whether `learn`
     wrote it.
@@ -190,6 +211,8 @@ class DeviceProfile:
     reversed_entries: bool = False
     filler: int | None = None
     silent_rpdo: str = ""
+    fault_list: FaultList | None = None
+    faults: dict[int, KnownFault] = field(default_factory=dict)
     aliases: dict[str, str] = field(default_factory=dict)
     type_texts: dict[int, str] = field(default_factory=dict)
     type_notes: dict[int, str] = field(default_factory=dict)

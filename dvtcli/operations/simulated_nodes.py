@@ -19,8 +19,8 @@ from dvtcli.operations.options import is_file, node_id
 if TYPE_CHECKING:
     from dvtcli.domain.profile import DeviceProfile
     from dvtcli.simulator.device.family import Family
-    from dvtcli.simulator.device.faults import Fault
     from dvtcli.simulator.device.signals import Signal
+    from dvtcli.simulator.device.simulated_faults import Fault
     from dvtcli.simulator.device.strict_device import StrictDevice
 
 
@@ -101,8 +101,8 @@ def simulated_faults(words: tuple[str, ...], simulated: tuple[Simulated, ...]) -
         return ()
     if not simulated:
         raise UsageError("--fault is for simulated nodes", hint="give --sim too: --sim gen4 --fault lose-response@3")
-    from dvtcli.simulator.device.faults import own_of, read_faults
     from dvtcli.simulator.device.faulty import altered
+    from dvtcli.simulator.device.simulated_faults import own_of, read_faults
 
     try:
         faults = read_faults(words, [one.node_id for one in simulated])

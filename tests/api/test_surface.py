@@ -21,12 +21,13 @@ PUBLIC = {
         "script", "sync", "unlink",
     ],
     "Node": [
-        "canopen", "clear", "disable", "enable", "identity", "login", "map", "nmt", "node_id", "objects", "pdo", "pdos",
-        "read", "recover", "require", "restore", "script", "set", "store", "tie", "undo", "verify", "vpdo", "write",
+        "canopen", "clear", "clear_faults", "disable", "enable", "faults", "identity", "login", "map", "nmt", "node_id",
+        "objects", "pdo", "pdos", "read", "recover", "require", "restore", "script", "set", "store", "tie", "undo",
+        "verify", "vpdo", "write",
     ],
     "results": [
-        "Changed", "CobId", "Commanded", "Compared", "Finding", "Frame", "LoggedIn", "MappedName", "Message",
-        "NetworkApplied", "NetworkLoad", "NetworkPlanned",
+        "Changed", "CobId", "Commanded", "Compared", "FaultRow", "Faults", "Finding", "Frame", "LoggedIn",
+        "MappedName", "Message", "NetworkApplied", "NetworkLoad", "NetworkPlanned",
         "NodeListing", "NodeRow", "ObjectListing", "ObjectRow", "Pdo", "PdoCommunicationParameter", "PdoConfig",
         "PdoListing", "PdoMappingEntry", "PdoRow", "PinRow", "Plan", "Progress", "Proof", "Step", "Stored", "SyncCheck",
         "SyncSource", "Synced", "ValueRead", "VpdoListing", "VpdoRow",

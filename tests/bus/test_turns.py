@@ -10,7 +10,7 @@ from collections.abc import Callable
 import pytest
 
 from dvtcli.errors import BusUnavailable, NoAnswer
-from dvtcli.simulator.device.faults import Fault
+from dvtcli.simulator.device.simulated_faults import Fault
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.in_process_bus import simulate
 from tests.commands.bus import device

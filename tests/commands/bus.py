@@ -8,7 +8,7 @@ from types import TracebackType
 
 import can
 
-from dvtcli.simulator.device.faults import Fault
+from dvtcli.simulator.device.simulated_faults import Fault
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import load_family
 from tests.bus.devices import dictionary

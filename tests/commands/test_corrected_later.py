@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from dvtcli.simulator.device.faults import Fault
+from dvtcli.simulator.device.simulated_faults import Fault
 from tests.commands.bench import Bench
 from tests.commands.bus import device
 from tests.virtual_time import VirtualTimeBus

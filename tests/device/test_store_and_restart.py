@@ -11,7 +11,7 @@ from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.profile import GENERIC
 from dvtcli.errors import Interrupted, NoAnswer
-from dvtcli.simulator.device.faults import Fault
+from dvtcli.simulator.device.simulated_faults import Fault
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import load_family
 from tests.laws.bench import NODE, DirectBus, DirectSdo, FaultySdo, booted, dictionary, interrupt_after, profile

@@ -28,8 +28,8 @@ from dvtcli.domain.ports import Frame
 from dvtcli.errors import DvtcliError
 from dvtcli.operations.device_files import DeviceFiles
 from dvtcli.operations.open_network import Network
-from dvtcli.simulator.device.faults import Fault
 from dvtcli.simulator.device.refusal import Refusal
+from dvtcli.simulator.device.simulated_faults import Fault
 from dvtcli.simulator.device.strict_device import StrictDevice
 from tests.faults.recovering import recover
 from tests.faults.sequences import AT_READ, FAMILIES, FAULTS, LASTING, MASTERS, SEQUENCES, STARTS, UNHEARD, Start

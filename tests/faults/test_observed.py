@@ -8,7 +8,7 @@ import pytest
 
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.pdo import Pdo
-from dvtcli.simulator.device.faults import Fault
+from dvtcli.simulator.device.simulated_faults import Fault
 from tests.faults.matrix import Run, snapshot, stored_pdos
 from tests.faults.sequences import SEQUENCES, Start
 from tests.process import documents, dvtcli

@@ -56,9 +56,9 @@ from dvtcli.operations.search_objects import object_row
 from dvtcli.operations.settings import File
 from dvtcli.operations.settings_search import Found
 from dvtcli.simulator.device.family import Family
-from dvtcli.simulator.device.faults import Fault
 from dvtcli.simulator.device.refusal import Refusal
 from dvtcli.simulator.device.sdo_server import SdoServer
+from dvtcli.simulator.device.simulated_faults import Fault
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds
 from dvtcli.simulator.network.station import SimulatedNode

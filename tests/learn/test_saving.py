@@ -19,7 +19,7 @@ from dvtcli.operations.learn_device import learn
 from dvtcli.operations.options import Options
 from dvtcli.operations.session import Session
 from dvtcli.simulator.device.family import Family
-from dvtcli.simulator.device.faults import Fault
+from dvtcli.simulator.device.simulated_faults import Fault
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family, load_family_folder
 from tests.commands.bench import Ran

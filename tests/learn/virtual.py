@@ -7,7 +7,7 @@ from typing import Any
 from dvtcli.domain.ports import Frame
 from dvtcli.files.eds.reader import read_eds
 from dvtcli.files.profile.library import profile_names
-from dvtcli.simulator.device.faults import Fault
+from dvtcli.simulator.device.simulated_faults import Fault
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds
 from tests.commands.bench import Bench

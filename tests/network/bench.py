@@ -17,7 +17,7 @@ from dvtcli.operations.network_files import applied, planned
 from dvtcli.operations.options import Options
 from dvtcli.operations.results import NetworkApplied, NetworkPlanned
 from dvtcli.operations.session import Session
-from dvtcli.simulator.device.faults import Fault
+from dvtcli.simulator.device.simulated_faults import Fault
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family
 from dvtcli.simulator.network.station import SimulatedNode

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.ports import Frame
-from dvtcli.simulator.device.faults import Fault, FaultKind, own_of, read_faults
+from dvtcli.simulator.device.simulated_faults import Fault, FaultKind, own_of, read_faults
 from dvtcli.simulator.network.station import SimulatedNode
 from tests.simulator.bench import booted
 
@@ -27,6 +27,7 @@ TIMED = (
     FaultKind.RESET_AT_READ,
     FaultKind.SLOW_STORE,
     FaultKind.CORRECTS,
+    FaultKind.EMCY,
 )
 
 
@@ -50,6 +51,9 @@ class Bench:
         return self.device.value(0x1800, 2)
 
 
+HIGHEST_CODE = {FaultKind.REFUSE: 0xFFFF_FFFF, FaultKind.REFUSE_READ: 0xFFFF_FFFF, FaultKind.EMCY: 0xFFFF}
+
+
 @st.composite
 def some_fault(draw: st.DrawFn) -> Fault:
     kind = draw(st.sampled_from(FaultKind))
@@ -59,7 +63,7 @@ def some_fault(draw: st.DrawFn) -> Fault:
     return Fault(
         kind,
         draw(st.integers(1, 10**6)) if kind.counted else None,
-        draw(st.integers(0, 0xFFFF_FFFF)) if kind in (FaultKind.REFUSE, FaultKind.REFUSE_READ) else None,
+        draw(st.integers(0, HIGHEST_CODE[kind])) if kind in HIGHEST_CODE else None,
         draw(seconds) if kind in TIMED else None,
         draw(st.none() | st.integers(1, 127)),
         draw(place) if altering else None,

@@ -7,7 +7,7 @@ from itertools import pairwise
 import pytest
 
 from dvtcli.domain.ports import Frame
-from dvtcli.simulator.device.faults import Fault
+from dvtcli.simulator.device.simulated_faults import Fault
 from dvtcli.simulator.network.nodes_on_a_bus import NodesOnABus
 from tests.simulator.bench import booted
 

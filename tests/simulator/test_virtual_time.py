@@ -9,7 +9,7 @@ import pytest
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import BusUnavailable, NoAnswer, SdoAborted, UsageError
-from dvtcli.simulator.device.faults import Fault
+from dvtcli.simulator.device.simulated_faults import Fault
 from dvtcli.simulator.device.strict_device import StrictDevice
 from tests.bus.devices import device
 from tests.virtual_time import VirtualTimeBus

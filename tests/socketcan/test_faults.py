@@ -10,7 +10,7 @@ from pathlib import Path
 import can
 import pytest
 
-from dvtcli.simulator.device.faults import read_faults
+from dvtcli.simulator.device.simulated_faults import read_faults
 from tests.commands.bench import Bench
 from tests.commands.bus import device
 from tests.process import PATIENCE_S, start

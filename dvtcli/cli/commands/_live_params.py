@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import click
 
 from dvtcli.cli.params import NODE_ID, CanopenType
@@ -23,6 +25,22 @@ class SecondsType(CanopenType):
             raise ValueError(f"{text!r} is not a time in seconds") from None
         if not 0 < value <= self.most:
             raise ValueError(f"{text} s is not within 0…{self.most:g} s")
+        return value
+
+
+class DurationType(CanopenType):
+    """A time in seconds, written `100ms`, `5s`, `2min`, or as a number of seconds; from 1 ms on."""
+
+    name = "time"
+
+    def parse(self, text: str, ctx: click.Context | None) -> float:
+        """The time; ValueError where it is none."""
+        found = re.fullmatch(r"(\d{1,9}(?:\.\d{1,9})?)(ms|s|min)?", text.lower(), re.ASCII)
+        if not found:
+            raise ValueError(f"{text!r} is not a time: write 100ms, 5s or 2min")
+        value = float(found[1]) * {"ms": 0.001, "s": 1.0, "min": 60.0}[found[2] or "s"]
+        if not 0.001 <= value <= 1e6:
+            raise ValueError(f"{text} is not within 1 ms…1000000 s")
         return value
 
 

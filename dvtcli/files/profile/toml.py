@@ -17,6 +17,8 @@ from dvtcli.domain.profile import (
     GENERIC,
     BitPolicy,
     DeviceProfile,
+    FaultList,
+    KnownFault,
     LoginPolicy,
     MappingAdvice,
     PreOperational,
@@ -148,6 +150,23 @@ def _vpdo(item: Item) -> dict[str, VpdoGroup]:
     return {member.key: VpdoGroup(**member.table(_VPDO, required=_VPDO)) for member in item.items()}
 
 
+def _fault_list(item: Item) -> FaultList:
+    return FaultList(**item.table(_FAULT_LIST, required=_FAULT_LIST))
+
+
+def _faults(item: Item) -> dict[int, KnownFault]:
+    """By error code what it means, and what helps: a text, or a list of the two."""
+    found = {}
+    for member in item.items():
+        if not re.fullmatch(r"0x[0-9A-Fa-f]{4}", member.key):
+            member.fail("the key must be an error code such as 0x4481")
+        texts = [string(member)] if isinstance(member.value, str) else [string(one) for one in members(member)]
+        if not 1 <= len(texts) <= 2:
+            member.fail("must be what it means, or that and what helps")
+        found[int(member.key, 16)] = KnownFault(*texts)
+    return found
+
+
 _STORE: Schema = {
     "sub_indices": integers(1, 0x7F),
     "timeout_s": seconds,
@@ -171,6 +190,7 @@ _VPDO: Schema = {
     "values": number_ranges(0xFFFF),
     "none": integer(0, 0xFFFF),
 }
+_FAULT_LIST: Schema = {"count": object_address, "position": object_address, "code": object_address}
 _PROFILE: Schema = {
     "like": _base,
     "name": _name,
@@ -204,6 +224,8 @@ _PROFILE: Schema = {
     "reversed_entries": boolean,
     "filler": integer(0, 0xFFFF_FFFF),
     "silent_rpdo": string,
+    "fault_list": _fault_list,
+    "faults": _faults,
     "aliases": _aliases,
     "type_texts": by_number(255),
     "type_notes": by_number(255),

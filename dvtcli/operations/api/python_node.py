@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import (
         Changed,
         Commanded,
+        Faults,
         LoggedIn,
         Stored,
         VpdoListing,
@@ -232,6 +233,15 @@ class Node(ReadNode):
             whole("user", user, "a user ID", 0xFFFF, low=1)
         session = self._calls.session
         return self._calls.run(lambda: log_in(session, lambda *_: passcode, level, user, self._node_id))
+
+    def clear_faults(self) -> Faults:
+        """Empty the node's error history (0x1003) and read back that it is empty; the rows are what it held.
+
+        What is wrong stays wrong. DeviceRefused where the node has no history, DvtcliError where it is not empty then.
+        """
+        from dvtcli.operations.show_faults import clear_faults
+
+        return self._change(lambda node: clear_faults(self._calls.session, node.node_id), yes=False, force=False)
 
     def recover(self, *, yes: bool = False, force: bool = False) -> Changed | None:
         """Finish a change of the node that was interrupted, by putting the old configuration back; needs *yes*.

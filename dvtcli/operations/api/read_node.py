@@ -18,7 +18,16 @@ if TYPE_CHECKING:
     from dvtcli.device.node import Node as DeviceNode
     from dvtcli.domain.pdo import Pdo
     from dvtcli.operations.api.calls import Calls
-    from dvtcli.operations.results import Compared, NodeRow, ObjectListing, PdoListing, PdoRow, ValueRead, VpdoListing
+    from dvtcli.operations.results import (
+        Compared,
+        Faults,
+        NodeRow,
+        ObjectListing,
+        PdoListing,
+        PdoRow,
+        ValueRead,
+        VpdoListing,
+    )
 
 T = TypeVar("T")
 
@@ -67,6 +76,15 @@ class ReadNode:
             return value_result(node, index, sub_index, node.upload(index, sub_index), type_named(as_type))
 
         return self._read(read)
+
+    def faults(self) -> Faults:
+        """The node's errors in words: its error register, its history, the EMCY messages heard so far; a list of rows.
+
+        Of a family's own list each position is chosen by a write, and what was chosen before is put back.
+        """
+        from dvtcli.operations.show_faults import show_faults
+
+        return self._read(lambda node: show_faults(self._calls.session, node.node_id))
 
     def objects(self, text: str | None = None, *, mappable: Literal["tpdo", "rpdo"] | None = None) -> ObjectListing:
         """The objects of the node's EDS whose number or name contains *text*, None for all; a list of rows.

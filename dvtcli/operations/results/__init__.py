@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.results.logged_in import *  # noqa: F403
     from dvtcli.operations.results.lss_nodes import *  # noqa: F403
     from dvtcli.operations.results.networks import *  # noqa: F403
+    from dvtcli.operations.results.node_errors import *  # noqa: F403
     from dvtcli.operations.results.nodes import *  # noqa: F403
     from dvtcli.operations.results.pdos import *  # noqa: F403
     from dvtcli.operations.results.stores import *  # noqa: F403

@@ -1,6 +1,7 @@
 """The faults of one simulated node, acted between its SDO server and the network.
 
-Time is passed in; waiting is the caller's. Does not know how a fault is written (`faults`), nor buses or threads.
+Time is passed in; waiting is the caller's. Does not know how a fault is written (`simulated_faults`), nor buses or
+threads.
 """
 
 from __future__ import annotations
@@ -9,10 +10,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from dvtcli.domain.pdo import Pdo
-from dvtcli.simulator.device.faults import Fault, FaultKind
 from dvtcli.simulator.device.memory import STORE
 from dvtcli.simulator.device.refusal import Refusal
 from dvtcli.simulator.device.sdo_server import INITIATE_DOWNLOAD, INITIATE_UPLOAD, UPLOAD_SEGMENT, SdoServer
+from dvtcli.simulator.device.simulated_faults import Fault, FaultKind
 from dvtcli.simulator.device.strict_device import StrictDevice
 
 _TOGGLE, _EXPEDITED = 0x10, 0x02

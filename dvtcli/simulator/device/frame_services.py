@@ -36,6 +36,8 @@ class FrameServices:
         self._heartbeat = Heartbeat(memory)
         self._producers = HeartbeatConsumer(memory, self._errors)
         self._guarded = Guarded(memory)
+        #: how often the device has started so far
+        self.starts = 0
         #: those that judge the values of their own objects
         self.judges = (self._errors, self._sync_producer, self._producers)
         #: what the memory counted when it was last polled, and when it is due if nothing changes
@@ -58,6 +60,7 @@ class FrameServices:
 
     def booted(self) -> None:
         """The boot-up was sent: heartbeats begin."""
+        self.starts += 1
         self._heartbeat.reset()
 
     def reset(self) -> None:

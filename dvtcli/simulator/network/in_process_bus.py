@@ -22,8 +22,8 @@ from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.nodes_on_a_bus import NodesOnABus
 
 if TYPE_CHECKING:
-    from dvtcli.simulator.device.faults import Fault
     from dvtcli.simulator.device.signals import Signal
+    from dvtcli.simulator.device.simulated_faults import Fault
 
 
 class InProcessBus(FrameBus[Frame]):

@@ -13,8 +13,8 @@ from dvtcli.domain.ports import Frame
 from dvtcli.simulator.network.station import SimulatedNode, stations
 
 if TYPE_CHECKING:
-    from dvtcli.simulator.device.faults import Fault
     from dvtcli.simulator.device.signals import Signal
+    from dvtcli.simulator.device.simulated_faults import Fault
     from dvtcli.simulator.device.strict_device import StrictDevice
 
 #: Nodes that answer each other for ever must not keep others out, nor flood the bus: after so many frames it rests (s).

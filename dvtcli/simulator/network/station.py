@@ -16,9 +16,9 @@ from dvtcli.simulator.device.sdo_server import SdoServer
 from dvtcli.simulator.device.strict_device import StrictDevice
 
 if TYPE_CHECKING:
-    from dvtcli.simulator.device.faults import Fault
     from dvtcli.simulator.device.faulty import Answer, FaultyServer
     from dvtcli.simulator.device.signals import Signal
+    from dvtcli.simulator.device.simulated_faults import Fault
 
 NMT_CAN_ID, SDO_REQUEST, SDO_RESPONSE = 0x000, 0x600, 0x580
 LSS_MASTER, LSS_SLAVE = 0x7E5, 0x7E4
@@ -34,13 +34,17 @@ class SimulatedNode:
         self.device = device
         self.server = SdoServer(device)
         self._faulty: FaultyServer | None = None
+        self._sources: list[Source] = []
         if faults:
             from dvtcli.simulator.device.faulty import FaultyServer
+            from dvtcli.simulator.device.raised_errors import RaisedErrors
+            from dvtcli.simulator.device.simulated_faults import FaultKind
 
             self._faulty = FaultyServer(self.server, faults)
+            if errors := [fault for fault in faults if fault.kind is FaultKind.EMCY]:
+                self._sources.append(RaisedErrors(device, errors))
         #: answers that are still to come, with their times
         self._later: deque[tuple[float, Frame]] = deque()
-        self._sources: list[Source] = []
         #: until when an LSS master wants silence (s)
         self._quiet_until_s = float("-inf")
 
@@ -183,7 +187,7 @@ def stations(
         for node in nodes:
             node.animate()
         return nodes
-    from dvtcli.simulator.device.faults import own_of
+    from dvtcli.simulator.device.simulated_faults import own_of
 
     first = devices[0].node_id if devices else 0
     nodes = [SimulatedNode(device, own_of(device.node_id, first, faults)) for device in devices]

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 
 from dvtcli.bus.turns import one_by_one
 from dvtcli.domain.nmt import NmtCommand, NmtState
-from dvtcli.domain.node_events import BootUp, Emergency, NodeEvent
+from dvtcli.domain.node_events import BootUp, Emergency, HeardEmergency, NodeEvent
 from dvtcli.domain.ports import CanopenBus, Frame
 from dvtcli.errors import UsageError
 from dvtcli.simulator.network.twin import DeviceFor, Twin
@@ -121,6 +121,10 @@ class TwinBus:
     def emergency(self, node_id: int) -> Emergency | None:
         """The last emergency message of the node; a twin's are only frames."""
         return self._wrapped.emergency(node_id)
+
+    def heard_emergencies(self, node_id: int) -> tuple[HeardEmergency, ...]:
+        """Every error code that the node sent; a twin's are only frames."""
+        return self._wrapped.heard_emergencies(node_id)
 
     def on_event(self, callback: Callable[[NodeEvent], None]) -> Callable[[], None]:
         """Call *callback* for what the nodes say, and for boot-ups of their twins; returns what ends that."""

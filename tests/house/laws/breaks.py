@@ -43,7 +43,11 @@ BREAKS = [
     Break("independence", "simulator/device/judge.py", "from dvtcli.domain import rules"),
     Break("independence", "simulator/device/memory.py", _function("from dvtcli.domain.plan import plan_pdo")),
     Break("independence", "simulator/device/limits.py", "if TYPE_CHECKING:\n    from dvtcli.domain import rules"),
-    Break("independence", "simulator/device/faults.py", _function('importlib.import_module("dvtcli.domain.rules")')),
+    Break(
+        "independence",
+        "simulator/device/simulated_faults.py",
+        _function('importlib.import_module("dvtcli.domain.rules")'),
+    ),
     Break("independence", "simulator/device/gates.py", "import dvtcli.device.read_pdos"),
     Break("independence", "simulator/device/lss_slave.py", "from dvtcli.bus.discover import *"),
     # libraries

@@ -38,6 +38,7 @@ MAY_SEND = {
     "device/learn/asking.py": "probes of what a device takes, whose way back is in a journal",
     "device/quirks/reversed_entries.py": "a plan's writes in the order of old firmware",
     "device/quirks/fixed_count.py": "a plan's writes with a count that stays",
+    "device/error_history.py": "emptying the error history, and the position in a family's own list",
     "operations/produce_sync.py": "SYNC",
     "operations/look_at_frames.py": "SYNC, and the way back to STOPPED",
     "operations/command_nmt.py": "NMT commands",

@@ -44,6 +44,7 @@ class FaultKind(StrEnum):
     KEEPS_RAM = "keeps-ram"
     RESTORES_NOTHING = "restores-nothing"
     IGNORES_NMT = "ignores-nmt"
+    EMCY = "emcy"
 
     @property
     def counted(self) -> bool:
@@ -68,11 +69,13 @@ _LASTING = frozenset(
         FaultKind.IGNORES_NMT,
         FaultKind.NO_BOOT_UP,
         FaultKind.ENABLE_ALTERS,
+        FaultKind.EMCY,
     }
 )
 _REFUSALS = (FaultKind.REFUSE, FaultKind.REFUSE_READ)
 _RESETS = (FaultKind.RESET, FaultKind.RESET_AFTER_READ, FaultKind.RESET_AT_READ)
-_TIMED = (FaultKind.LATE, *_RESETS, FaultKind.SLOW_STORE, FaultKind.CORRECTS)
+_TIMED = (FaultKind.LATE, *_RESETS, FaultKind.SLOW_STORE, FaultKind.CORRECTS, FaultKind.EMCY)
+_CODED = (*_REFUSALS, FaultKind.EMCY)
 _ALTERING = (FaultKind.ALTERS, FaultKind.ENABLE_ALTERS)
 
 
@@ -115,6 +118,9 @@ _FORMS = {
     FaultKind.KEEPS_RAM: _Form("keeps-ram", "an NMT reset leaves RAM as it is; only a power cycle does not"),
     FaultKind.RESTORES_NOTHING: _Form("restores-nothing", "every restore is acknowledged, and nothing is restored"),
     FaultKind.IGNORES_NMT: _Form("ignores-nmt", "NMT start, stop and pre-operational are not obeyed; resets are"),
+    FaultKind.EMCY: _Form(
+        "emcy=CODE[:S]", "the node raises error CODE (0x3210) S seconds after each start [0]; 0: its errors are gone"
+    ),
 }
 _FORM = re.compile(r"(?:(?P<node>\w+):)?(?P<kind>[a-z-]+)(?:@(?P<at>\w+))?(?:=(?P<value>.+))?")
 
@@ -126,7 +132,8 @@ class Fault:
     - *at*: the SDO download at which it happens, from 1; None for the kinds that last. What counts are the
       requests of the node's SDO server that begin a download, refused ones too. So K is the step's number that
       `map` prints, as long as nothing (a login, a forced state, an earlier command) wrote to the node before.
-    - *code*: the abort code of `refuse` and `refuse-read`. *seconds*: of the kinds that take a time, 0..3600.
+    - *code*: the abort code of `refuse` and `refuse-read`, the error code of `emcy`. *seconds*: of the kinds that take
+      a time, 0..3600.
     - *place*: index and sub-index of the object that the node changes by itself, and its *value* then.
     - *node_id*: 1..127, None for the first simulated node.
     """
@@ -143,8 +150,10 @@ class Fault:
         """Raise ValueError where a number is missing, has no meaning for the kind, or is out of its range."""
         if (self.at is not None) != self.kind.counted or (self.at is not None and self.at < 1):
             raise _wrong(self.kind, "K counts SDO downloads from 1")
-        if (self.code is not None) != (self.kind in _REFUSALS) or not 0 <= (self.code or 0) <= 0xFFFF_FFFF:
-            raise _wrong(self.kind, "CODE is an abort code, 0…0xFFFFFFFF")
+        highest = 0xFFFF if self.kind is FaultKind.EMCY else 0xFFFF_FFFF
+        if (self.code is not None) != (self.kind in _CODED) or not 0 <= (self.code or 0) <= highest:
+            what = "error" if self.kind is FaultKind.EMCY else "abort"
+            raise _wrong(self.kind, f"CODE is an {what} code, 0…0x{highest:X}")
         if (self.seconds is not None) != (self.kind in _TIMED) or not 0 <= (self.seconds or 0) <= _LONGEST_S:
             raise _wrong(self.kind, f"S is a time, 0…{_LONGEST_S:.0f} seconds")
         if (self.place is not None) != (self.kind in _ALTERING) or (self.place is None) != (self.value is None):
@@ -163,6 +172,9 @@ class Fault:
         at = None if found["at"] is None else _whole(found["at"], kind)
         if kind in _REFUSALS:
             return cls(kind, at, code=None if value is None else _whole(value, kind), node_id=node_id)
+        if kind is FaultKind.EMCY:
+            code, _, seconds = (value or "").partition(":")
+            return cls(kind, at, code=_whole(code, kind), seconds=_seconds(seconds or "0", kind), node_id=node_id)
         if kind in _ALTERING:
             place, number = _alteration(value or "", kind)
             return cls(kind, at, node_id=node_id, place=place, value=number)
@@ -173,6 +185,8 @@ class Fault:
     def __str__(self) -> str:
         text = "" if self.node_id is None else f"{self.node_id}:"
         text += self.kind if self.at is None else f"{self.kind}@{self.at}"
+        if self.kind is FaultKind.EMCY:
+            return f"{text}=0x{self.code or 0:04X}:{self.seconds!r}"
         if self.code is not None:
             return f"{text}=0x{self.code:08X}"
         if self.place is not None:
@@ -194,7 +208,7 @@ def read_faults(words: Iterable[str], node_ids: Sequence[int]) -> tuple[Fault, .
         node_id = node_ids[0] if fault.node_id is None else fault.node_id
         if node_id not in node_ids:
             raise ValueError(f"{word}: no simulated node {node_id}")
-        key = (node_id, fault.kind.at_read, fault.at or fault.kind)
+        key = (node_id, fault.kind.at_read, fault.at or (fault.kind, fault.code))
         if key in found:
             raise ValueError(f"{word}: {found[key]} happens there already")
         found[key] = fault

@@ -1,0 +1,56 @@
+"""Show a node's errors in words: error register, history, EMCY messages; empty the history."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.commands._live_params import DurationType
+from dvtcli.cli.effect import Effect, Final
+
+if TYPE_CHECKING:
+    from dvtcli.cli.conversation import Conversation
+    from dvtcli.operations.results import Faults
+
+TASK = ("See", 35)
+
+
+def _final(params: Mapping[str, Any]) -> Final | None:
+    return Final("faults --clear") if params["clear"] else None
+
+
+@click.command("faults", cls=DvtCommand, short_help=__doc__, effect=Effect.READS, final=_final)
+@click.option("--clear", is_flag=True, help="Empty the error history (0 to 0x1003), and read back that it is empty.")
+@click.option("--watch", is_flag=True, help="Show the EMCY messages of all nodes as they come, until Ctrl-C.")
+@click.option("--for", "duration_s", type=DurationType(), metavar="TIME", help="End --watch after TIME (500ms, 5s).")
+@click.pass_obj
+def command(session: Conversation, /, clear: bool, watch: bool, duration_s: float | None) -> Faults | None:
+    """Say what is wrong with a node: its error register, its error history, the EMCY messages that were heard of it.
+
+    In the words of the standard, and of the node's family where that is known, with what helps. --clear does not touch
+    what is wrong, nor the drive: what causes an error must go first. --watch with --json is one document a message.
+
+    \b
+    faults
+    faults --clear
+    faults --watch
+    faults --watch --for 200ms --json
+    """
+    if clear and watch:
+        raise click.UsageError("--clear empties the history of one node, --watch listens to all: give one of them")
+    if duration_s is not None and not watch:
+        raise click.UsageError("--for belongs to --watch")
+    if watch:
+        from dvtcli.operations.watch_faults import watch_faults
+
+        watch_faults(session, session.output.stream, duration_s)
+        return None
+    from dvtcli.operations.show_faults import clear_faults, show_faults
+
+    if not clear:
+        return show_faults(session)
+    session.only_looked = False
+    return clear_faults(session)

@@ -1,0 +1,119 @@
+"""Errors as one device tells them: error register, error history, and the list of a family's own.
+
+Knows the objects (CiA 301, 7.5.2.2 and 7.5.2.4). Does not know what a code means.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from dvtcli.device.read_pdos import ABSENT, read_number, read_optional
+from dvtcli.domain.abort import Abort
+from dvtcli.errors import DeviceRefused, DvtcliError, SdoAborted
+
+if TYPE_CHECKING:
+    from dvtcli.device.nmt_gate import Access
+    from dvtcli.domain.ports import SdoTransport
+    from dvtcli.domain.profile import FaultList
+
+ERROR_REGISTER, ERROR_HISTORY = 0x1001, 0x1003
+#: what a field of the history answers that holds no error, besides that it does not exist
+_EMPTY = ABSENT | {Abort.NO_DATA, 0x0800_0024}
+
+
+@dataclass(frozen=True, slots=True)
+class HistoryEntry:
+    """A standard error field: the error *code*, and what the maker adds in the upper 16 bits."""
+
+    code: int
+    information: int
+
+
+def read_register(sdo: SdoTransport) -> int | None:
+    """The error register (0x1001), None where the device has none."""
+    return read_optional(sdo, ERROR_REGISTER, 0, 1)
+
+
+def read_history(sdo: SdoTransport) -> tuple[HistoryEntry, ...] | None:
+    """The error history (0x1003), newest first; None where the device has none."""
+    count = read_optional(sdo, ERROR_HISTORY, 0, 1)
+    if count is None:
+        return None
+    entries = []
+    for number in range(1, count + 1):
+        try:
+            raw = read_number(sdo, ERROR_HISTORY, number, 4)
+        except SdoAborted as aborted:
+            if aborted.code in _EMPTY:  # its count says more than it has
+                break
+            raise
+        entries.append(HistoryEntry(raw & 0xFFFF, raw >> 16))
+    return tuple(entries)
+
+
+def clear_history(access: Access) -> tuple[HistoryEntry, ...]:
+    """Empty the error history (0 to 0x1003:00) and read back that it is; what it held before.
+
+    DeviceRefused where the device has none, SdoAborted where it refuses, DvtcliError where it is not empty afterwards.
+    """
+    sdo, place = access.bus.sdo(access.node_id), f"{ERROR_HISTORY:04X}:00"
+    before = read_history(sdo)
+    if before is None:
+        raise _nothing_to_clear(access)
+    try:
+        sdo.download(ERROR_HISTORY, 0, b"\0")
+    except SdoAborted as aborted:
+        access.explain(aborted)
+        raise
+    after = read_history(sdo)
+    if after:
+        told = ", ".join(f"0x{one.code:04X}" for one in after)
+        raise DvtcliError(
+            f"the error history of node {access.node_id} was emptied, and holds {told}",
+            node=access.node_id,
+            place=place,
+            why="the device did not empty it" if after == before else "the error came again since",
+            hint="`faults` shows what is wrong; what causes it must go first",
+            state="unchanged" if after == before else "unknown",
+        )
+    return before
+
+
+def _nothing_to_clear(access: Access) -> DeviceRefused:
+    own = access.profile.fault_list
+    what = "its manual says how it forgets errors"
+    if own is not None:
+        what = f"its own list (0x{own.code[0]:04X}) has what is wrong now: an error leaves it when its cause is gone"
+    return DeviceRefused(
+        f"node {access.node_id} has no error history that could be emptied",
+        node=access.node_id,
+        place=f"{ERROR_HISTORY:04X}:00",
+        abort=int(Abort.NO_OBJECT),
+        why="it has no 0x1003",
+        hint=what,
+    )
+
+
+def read_fault_list(access: Access, own: FaultList, *, may_choose: bool) -> tuple[int, ...]:
+    """The codes in a family's *own* list, in its order.
+
+    A position is chosen by writing it, and what was chosen before is put back; without *may_choose* only the code at
+    the position that is chosen now is read.
+    """
+    sdo = access.bus.sdo(access.node_id)
+    count = read_optional(sdo, *own.count, 2)
+    if not count:
+        return ()
+    if not may_choose:
+        return (read_number(sdo, *own.code, 2),)
+    before = sdo.upload(*own.position)
+    try:
+        return tuple(_at(sdo, own, position, len(before)) for position in range(count))
+    finally:
+        sdo.download(*own.position, before)
+
+
+def _at(sdo: SdoTransport, own: FaultList, position: int, size: int) -> int:
+    sdo.download(*own.position, position.to_bytes(size, "little"))
+    return read_number(sdo, *own.code, 2)
