@@ -45,7 +45,7 @@ def lss_node_id(session: Session, node_id: int, address: LssAddress | None = Non
         if before == node_id:
             _require_on(bus, given)
             return LssChanged("node-id", (given,))
-        refuse_used(session, [node_id])
+        refuse_used(session, node_id)
         consent_to_give(session, [given])
         with session.cancellation.guard():
             give(session, master, given)
@@ -65,29 +65,34 @@ def _meant(master: LssMaster, address: LssAddress | None) -> tuple[LssAddress, i
     return said
 
 
-def refuse_used(session: Session, node_ids: list[int]) -> None:
-    """SafetyRefusal where one of *node_ids* is heard or answers, or where another master is active."""
-    bus = session.open_network().bus
+def refuse_used(session: Session, node_id: int) -> None:
+    """SafetyRefusal where *node_id* is heard or answers, or where another master is active."""
+    heard = node_id in heard_ids(session)
+    if heard or answers(session.bus, node_id):
+        raise SafetyRefusal(
+            f"node-ID {node_id} is in use: a node {'is heard' if heard else 'answers'} on it",
+            node=node_id,
+            hint=f"choose another one; node {node_id} shows who has it",
+        )
+
+
+def heard_ids(session: Session) -> set[int]:
+    """The node-IDs of heartbeats and boot-ups, while another master is listened for; SafetyRefusal where one is."""
     heard: set[int] = set()
 
     def note(frame: Frame, sent: bool) -> None:
         if not sent and not frame.extended and 1 <= frame.can_id - _HEARTBEAT <= 127:
             heard.add(frame.can_id - _HEARTBEAT)
 
-    stop = bus.tap(note)
+    stop = session.bus.tap(note)
     try:
         refuse_other_master(session)
     finally:
         stop()
-    for node_id in node_ids:
-        if node_id in heard or _answers(bus, node_id):
-            raise SafetyRefusal(
-                f"node-ID {node_id} is in use: a node {'is heard' if node_id in heard else 'answers'} on it",
-                node=node_id, hint=f"choose another one; node {node_id} shows who has it",
-            )  # fmt: skip
+    return heard
 
 
-def _answers(bus: CanopenBus, node_id: int) -> bool:
+def answers(bus: CanopenBus, node_id: int) -> bool:
     """Whether somebody answers SDO requests as *node_id*, be it nonsense."""
     try:
         bus.sdo(node_id).upload(0x1000, 0)
@@ -132,7 +137,7 @@ def activate(master: LssMaster, before: int) -> None:
 
 def _require_on(bus: CanopenBus, given: LssGiven) -> None:
     """NoAnswer where the node's address is not what *its* node-ID says at 0x1018, SafetyRefusal where another's is."""
-    identity = _identity_on(bus, given.node_id)
+    identity = identity_on(bus, given.node_id)
     if identity is None:
         raise NoAnswer(f"{given.address} did not come up as node {given.node_id}", node=given.node_id)
     if not _is(identity, given.address):
@@ -148,7 +153,7 @@ def _is(identity: tuple[int | None, ...], address: LssAddress) -> bool:
     return identity[0] is not None and all(part in (None, wanted) for part, wanted in told)
 
 
-def _identity_on(bus: CanopenBus, node_id: int) -> tuple[int | None, ...] | None:
+def identity_on(bus: CanopenBus, node_id: int) -> tuple[int | None, ...] | None:
     """What 0x1018 of *node_id* says, None where nobody answers, however often."""
     for _ in range(_ASKED):
         with suppress(NoAnswer, SdoProtocolError):
@@ -218,7 +223,7 @@ def lss_store(session: Session, node_id: int | None = None) -> LssChanged:
 
 def address_of(bus: CanopenBus, node_id: int) -> LssAddress:
     """Who the node with *node_id* is by its 0x1018; NoAnswer, SafetyRefusal where it does not tell all four numbers."""
-    identity = _identity_on(bus, node_id)
+    identity = identity_on(bus, node_id)
     if identity is None:
         raise NoAnswer(f"node {node_id} does not answer", node=node_id, hint="scan shows who is there")
     vendor, product, revision, serial = identity

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -12,7 +13,7 @@ from dvtcli.domain.ports import Frame
 from dvtcli.simulator.device.strict_device import StrictDevice
 from tests.commands.bench import Bench, Ran
 from tests.lss_nodes import address_of, unconfigured
-from tests.virtual_time import VirtualTimeBus
+from tests.virtual_time import ANSWER_S, VirtualTimeBus
 
 
 def bench(*nodes: StrictDevice, **options: Any) -> Bench:
@@ -115,7 +116,82 @@ def test_a_store_that_fails_is_none() -> None:
         assert (ran.code, "storage medium failed" in ran.stderr) == (1, True)
 
 
+def network(folder: Path, *lines: str) -> str:
+    file = folder / "line.yaml"
+    file.write_text("nodes:\n" + "".join(f"  {line}\n" for line in lines), "utf-8")
+    return str(file)
+
+
+def test_the_nodes_of_a_file_get_their_node_ids(tmp_path: Path) -> None:
+    nodes = [unconfigured(1), unconfigured(2), unconfigured(3, node_id=7)]
+    file = network(
+        tmp_path,
+        "drive: {node_id: 5, identity: {serial: 2}}",
+        "valve: {node_id: 6, identity: {serial: 1}}",
+        "pump: {node_id: 7, identity: {serial: 3}}",
+        "lamp: {node_id: 8}",
+    )
+    with bench(*nodes) as desk:
+        assert desk.run(f"lss assign {file} --dry-run").code == 0
+        assert desk.session.bus.now_s() < 0.1
+        given = desk.run(f"lss assign {file} --store --json").document["nodes"]
+        assert [(one["name"], one["node"], one["stored"]) for one in given] == [("drive", 5, True), ("valve", 6, True)]
+        assert [(one.node_id, one.lss.stored) for one in nodes] == [(6, 6), (5, 5), (7, 7)]
+        assert "every node has its node-ID" in desk.run(f"lss assign {file}").stdout
+
+
+@pytest.mark.parametrize(
+    ("lines", "code", "said"),
+    [
+        (["drive: {node_id: 5, identity: {product: 0x301}}"], 6, "2 nodes without a node-ID fit"),
+        (["a: {node_id: 5, identity: {serial: 1}}", "b: {node_id: 6, identity: {serial: 1}}"], 6, "are one node"),
+        (["drive: {node_id: 7, identity: {serial: 1}}"], 6, "in use, and not by drive"),
+        (["drive: {node_id: 5, identity: {serial: 9}}"], 1, ""),
+        (["drive: {node_id: 5}"], 2, "no node has an identity"),
+    ],
+)
+def test_what_is_not_clear_is_not_assigned(tmp_path: Path, lines: list[str], code: int, said: str) -> None:
+    nodes = [unconfigured(1), unconfigured(2), unconfigured(3, node_id=7)]
+    with bench(*nodes) as desk:
+        ran = desk.run(f"lss assign {network(tmp_path, *lines)}")
+        assert (ran.code, said in ran.stderr) == (code, True), ran.stderr
+        assert [one.lss.pending for one in nodes] == [UNCONFIGURED, UNCONFIGURED, 7]
+
+
+class DeafTo(VirtualTimeBus):
+    """Nothing of node 6 is heard here."""
+
+    def _to_us(self, frame: Frame, delay_s: float = ANSWER_S) -> None:
+        if frame.can_id not in (0x586, 0x706):
+            super()._to_us(frame, delay_s)
+
+
+def test_where_one_does_not_come_up_all_get_back_what_they_had(tmp_path: Path) -> None:
+    nodes = [unconfigured(1), unconfigured(2)]
+    file = network(tmp_path, "a: {node_id: 5, identity: {serial: 1}}", "b: {node_id: 6, identity: {serial: 2}}")
+    with Bench((), {"yes": True}, DeafTo(nodes, simulated=False)) as desk:
+        ran = desk.run(f"lss assign {file}")
+        assert (ran.code, "did not come up as node 6" in ran.stderr, "nothing is stored" in ran.stderr) == (
+            5,
+            True,
+            True,
+        ), ran.stderr
+        assert [(one.node_id, one.lss.pending) for one in nodes] == [(UNCONFIGURED, UNCONFIGURED)] * 2
+
+
+def test_a_node_that_is_another_one_once_it_boots_is_left_and_said(tmp_path: Path) -> None:
+    nodes = [unconfigured(1), unconfigured(2)]
+    nodes[1].set_value(0x1018, 4, b"\x03\0\0\0")  # until it boots up
+    file = network(tmp_path, "a: {node_id: 5, identity: {serial: 1}}", "b: {node_id: 6, identity: {serial: 3}}")
+    with bench(*nodes) as desk:
+        ran = desk.run(f"lss assign {file}")
+        assert (ran.code, "cannot be given back" in ran.stderr) == (7, True)
+        assert [one.node_id for one in nodes] == [UNCONFIGURED, 6]
+
+
 WRONG = [
+    ("lss assign", "takes one network file"),
+    ("lss scan --store", "belongs to lss assign"),
     ("lss select vendor=1", "product, revision, serial missing"),
     ("lss select vendor=1 vendor=2", "given twice"),
     ("lss select vendor=1 model=2", "write vendor="),

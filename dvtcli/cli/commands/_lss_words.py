@@ -51,6 +51,13 @@ def only_node_id(words: tuple[str, ...]) -> int | None:
     return _node_id(words[0]) if words else None
 
 
+def one_file(words: tuple[str, ...]) -> str:
+    """The network file that is named."""
+    if len(words) != 1:
+        raise UsageError("lss assign takes one network file", hint="lss assign press.yaml")
+    return words[0]
+
+
 def _node_id(word: str) -> int:
     try:
         return NODE_ID.parse(word, None)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from dvtcli.cli.command import DvtCommand
-from dvtcli.cli.commands._lss_words import address_of_words, no_words, node_id_and_address, only_node_id
+from dvtcli.cli.commands._lss_words import address_of_words, no_words, node_id_and_address, one_file, only_node_id
 from dvtcli.cli.effect import Effect, Final
 from dvtcli.cli.params import TEXT, NumberType
 
@@ -18,25 +18,29 @@ if TYPE_CHECKING:
 
 TASK = ("Find nodes", 15)
 
-_ACTIONS = ("scan", "identify", "select", "node-id", "store")
+_ACTIONS = ("scan", "identify", "select", "node-id", "store", "assign")
 
 
 def _final(params: Mapping[str, Any]) -> Final | None:
     """No undo takes a node-ID back."""
-    return Final(f"lss {params['action']}") if params["action"] in ("node-id", "store") else None
+    return Final(f"lss {params['action']}") if params["action"] in ("node-id", "store", "assign") else None
 
 
 @click.command("lss", cls=DvtCommand, short_help=__doc__, effect=Effect.COMMANDS, final=_final)
 @click.argument("action", type=click.Choice(_ACTIONS), metavar="|".join(_ACTIONS))
-@click.argument("words", type=TEXT, nargs=-1, metavar="[NODE] [vendor=… product=… revision=… serial=…]")
+@click.argument("words", type=TEXT, nargs=-1, metavar="[NODE|FILE] [vendor=… product=… revision=… serial=…]")
 @click.option("--wait", type=NumberType(5, 2000, "a time in ms"), metavar="MS", help="scan: per question [50].")
+@click.option("--store", "stores", is_flag=True, help="assign: store the node-IDs, too, once all came up.")
 @click.pass_obj
-def command(session: Session, /, action: str, words: tuple[str, ...], wait: int | None) -> LssFound | LssChanged:
+def command(
+    session: Session, /, action: str, words: tuple[str, ...], wait: int | None, stores: bool
+) -> LssFound | LssChanged:
     """Speak to nodes as LSS master.
 
     `scan` finds all nodes without a node-ID by fast scan, `identify` asks only whether there are any. `select` lets one
     node be configured. `node-id` gives a node its node-ID, and is done once the node is seen with it; `store` lets it
-    keep that. node-id and store ask first.
+    keep that. `assign` does it for the nodes of a network file that have none, by their identity there. These three ask
+    first.
 
     \b
     lss scan
@@ -46,11 +50,14 @@ def command(session: Session, /, action: str, words: tuple[str, ...], wait: int 
     lss node-id 5            of the selected node
     lss node-id 5 vendor=0x1E product=0x705302D revision=0x30000 serial=0x12345
     lss store 5
+    lss assign press.yaml --store
     """
-    from dvtcli.operations import lss_find, lss_node_id
+    from dvtcli.operations import lss_assign, lss_find, lss_node_id
 
     if wait is not None and action != "scan":
         raise click.UsageError("--wait belongs to lss scan")
+    if stores and action != "assign":
+        raise click.UsageError("--store belongs to lss assign")
     match action:
         case "scan":
             no_words(words)
@@ -61,4 +68,6 @@ def command(session: Session, /, action: str, words: tuple[str, ...], wait: int 
             return lss_find.lss_select(session, address_of_words(words))
         case "node-id":
             return lss_node_id.lss_node_id(session, *node_id_and_address(words))
+        case "assign":
+            return lss_assign.lss_assign(session, one_file(words), stores=stores)
     return lss_node_id.lss_store(session, only_node_id(words))

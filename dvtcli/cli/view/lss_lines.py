@@ -13,6 +13,9 @@ if TYPE_CHECKING:
     from dvtcli.operations.results.lss_nodes import LssChanged, LssFound, LssGiven
 
 _DRY_RUN = Cell("dry run: ", "cyan")
+_WOULD = {
+    "node-id": "give node-ID {}", "store": "store node-ID {}", "assign": "look for the file's nodes and give node-IDs",
+}  # fmt: skip
 
 
 def found_lines(result: LssFound, width: int) -> Iterator[Line]:
@@ -56,27 +59,27 @@ def _summary(result: LssFound) -> str:
 
 def changed_lines(result: LssChanged, _width: int) -> Iterator[Line]:
     """Who has which node-ID now."""
-    if result.dry_run and not result.nodes and not result.missing:
-        what = f"store node-ID {result.wanted}" if result.action == "store" else f"give node-ID {result.wanted}"
+    if result.dry_run:
+        what = _WOULD[result.action].format(result.wanted)
         yield [_DRY_RUN, Cell(f"lss {result.action} would {what} by LSS. Nothing was sent.")]
         return
     for node in result.nodes:
-        yield _given(node, dry_run=result.dry_run)
+        yield _given(node)
     for name in result.missing:
         yield [Cell(f"{name}: not found", "red")]
-    if result.dry_run:
-        yield [_DRY_RUN, Cell("no node-ID was given.")]
-    elif result.nodes and not all(node.stored for node in result.nodes):
-        first = result.nodes[0].node_id
-        yield [Cell(f"  lost with the power until it is stored: lss store {first}", "dim")]
+    if result.action == "assign" and not (result.nodes or result.missing):
+        yield "every node has its node-ID, as it says by SDO"
+    if result.nodes and not all(node.stored for node in result.nodes):
+        stored = "; ".join(f"lss store {node.node_id}" for node in result.nodes)
+        yield [Cell(f"  lost with the power until it is stored: {stored}", "dim")]
 
 
-def _given(node: LssGiven, *, dry_run: bool) -> list[Cell]:
+def _given(node: LssGiven) -> list[Cell]:
     name = f" {node.name}" if node.name else ""
     before = "none" if node.before == UNCONFIGURED else str(node.before)
     line = [Cell(f"node {node.node_id}", "bold"), Cell(f"{name}  {node.address}")]
     if node.before != node.node_id:
-        line.append(Cell(f"  ({'now' if dry_run else 'before:'} {before})", "dim"))
+        line.append(Cell(f"  (before: {before})", "dim"))
     if node.stored:
         line.append(Cell("  stored, as the node says", "green"))
     return line
