@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from dvtcli.device.cancellation import Cancellation
+from dvtcli.device.change.acknowledged import Acknowledged
 from dvtcli.device.change.failed_change import TRY_AGAIN, left_changed, refused, step_text
 from dvtcli.device.change.other_pdos import OtherPdos, altered_too
 from dvtcli.device.change.put_back import Clock, first_difference, restore_patiently
@@ -44,6 +45,9 @@ class Transaction:
     others: OtherPdos = field(default_factory=OtherPdos)
     on_altered: Callable[[Sequence[Change]], None] = lambda _changes: None
     _started: list[Change] = field(default_factory=list)
+    _acknowledged: Acknowledged = field(default_factory=Acknowledged)
+    #: PDOs beside the plan that are not as they were, and were left so, in words
+    _left: dict[Pdo, str] = field(default_factory=dict)
     _touched: bool = False
     #: boot-ups seen when the read-back that proved the plan began
     boot_ups_verified: int = field(default=0, init=False)
@@ -100,6 +104,7 @@ class Transaction:
             self._touched = touched or fault.state != "unchanged"
             fault.details.insert(0, ("step", step_text(step)))
             raise
+        self._acknowledged.took(step, change)
         self.on_step(step)
 
     def _verify(self) -> None:
@@ -158,10 +163,22 @@ class Transaction:
                 fault.state_text = "rolled back as far as the device takes it, read back equal; nothing was stored"
             fault.node = self.plan.node_id
             fault.state_text = self.others.put_back_in_part(self.plan) or fault.state_text
+            if self._left:
+                self._say_left(fault)
             if isinstance(fault, NoAnswer):
                 self._explain_silence(fault)
             elif isinstance(fault, SdoProtocolError):
                 fault.hint = fault.hint or "two nodes with one node-ID, or another SDO client? -vv shows the frames"
+
+    def _say_left(self, fault: DvtcliError) -> None:
+        """Nobody knows whether a restart that was not heard brought back what is stored, or the change altered it."""
+        own, left = several(change.label for change in self.plan.changes), several(pdo.label for pdo in self._left)
+        fault.state = "unknown"
+        fault.state_text = (
+            f"unknown: {own} is as it was, read back equal; {left} is not, and was left so: the node may have "
+            "restarted without a boot-up message that was heard, and hold what it has stored; look at it with `pdo`"
+        )
+        fault.details.append(("left", several(self._left.values())))
 
     def _explain_silence(self, silent: NoAnswer) -> None:
         """The node has answered the roll-back since: it is neither off nor STOPPED."""
@@ -174,16 +191,21 @@ class Transaction:
     def _put_back(self) -> tuple[PdoChange, ...]:
         """Put the plan's PDOs back, and after them those that the device altered along with them.
 
-        Returns those that were put back to what the device takes instead of what they were.
+        Where the device does not hold what it had taken, it may have restarted without a boot-up message that was
+        heard: the COB-ID of before does not belong to what it has stored of another PDO. One that was not read whole
+        is left then. Returns those that were put back to what the device takes instead of what they were.
         """
         changes: tuple[Change, ...] = self.plan.changes
+        sure = not self._others_matter() or self._restarted() or self._acknowledged.still_held(self.sdo)
         otherwise = restore_patiently(self.sdo, changes, self.clock, self.before_retry, self.witness)
-        altered = self.others.changes(self.sdo, self._altered())
+        differing = self._altered()
+        self._left = {} if sure else {pdo: why for pdo, why in differing.items() if pdo not in self.others.wholes}
+        altered = self.others.changes(self.sdo, [pdo for pdo in differing if pdo not in self._left])
         if not altered:
             return otherwise
         self.on_altered((*changes, *altered))
         restore_patiently(self.sdo, (*changes, *altered), self.clock, self.before_retry, self.witness)
-        still = self._altered()
+        still = {pdo: why for pdo, why in self._altered().items() if pdo not in self._left}
         if still:
             raise DeviceRefused("the device alters other PDOs again", why="; ".join(still.values()))
         return otherwise
