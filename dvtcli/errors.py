@@ -96,7 +96,10 @@ class InputFileError(DvtcliError):
 
 
 class RuleError(DvtcliError):
-    """Our rules refused a change before anything was written; *findings* say which, *can_force* whether force helps."""
+    """Our rules refused a change before anything was written; *findings* say which, *can_force* whether force helps.
+
+    *complaints* are the places of a file that ask for it, where they are known.
+    """
 
     slug = "rules"
 
@@ -107,6 +110,7 @@ class RuleError(DvtcliError):
         super().__init__(text, node=node, place=first.place, abort=first.abort, hint=first.hint)
         self.findings = tuple(findings)
         self.can_force = can_force
+        self.complaints: tuple[FileComplaint, ...] = ()
 
 
 class SdoAborted(DvtcliError):

@@ -55,8 +55,7 @@ def sign(
     such object, refuses, or has one that its *dictionary* says to be read-only: then nothing is sent.
     """
     sdo = access.bus.sdo(access.node_id)
-    where, capability = _choose(sdo, policy, index, sub_index, access.node_id)
-    _refuse_fixed(dictionary, index, where, access.node_id)
+    where, capability = chosen(access, policy, index, sub_index, dictionary)
     started_s = access.bus.now_s()
     found, boot_ups = access.state(), access.bus.boot_ups(access.node_id)
     try:
@@ -76,6 +75,18 @@ def sign(
             return_to(access, found)
         raise
     return Signed(index, where, access.bus.now_s() - started_s, capability)
+
+
+def chosen(
+    access: Access, policy: StorePolicy, index: int, sub_index: int | None, dictionary: ObjectDictionary | None
+) -> tuple[int, int | None]:
+    """The sub-index that would take the signature, and what it reads (None: unknown); writes nothing.
+
+    DeviceRefused where the device says that it takes none, or its *dictionary*.
+    """
+    where, capability = _choose(access.bus.sdo(access.node_id), policy, index, sub_index, access.node_id)
+    _refuse_fixed(dictionary, index, where, access.node_id)
+    return where, capability
 
 
 def _interrupted(node_id: int, index: int, cancellation: Cancellation) -> Interrupted:

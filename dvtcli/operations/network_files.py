@@ -16,6 +16,7 @@ from dvtcli.operations.change import names
 from dvtcli.operations.network_load import load_after
 from dvtcli.operations.network_wish import read_wish
 from dvtcli.operations.plan_network import checked, plan_network
+from dvtcli.operations.possible_stores import refuse_impossible_stores
 from dvtcli.operations.results.networks import NetworkPlanned
 
 if TYPE_CHECKING:
@@ -82,6 +83,7 @@ def _plan_of(session: Session, file: str) -> NetworkPlan:
         if not len(one.plan) and one.plan.changes:
             raise InputFileError(f"{file}: node {one.node_id} changes nothing", place=file)
     known = [_known(nodes[one.node_id], one) for one in saved.nodes]
+    refuse_impossible_stores(nodes, {one.node_id: one.store for one in known})
     return NetworkPlan(saved.file, tuple(checked(nodes, known, force=session.options.force)))
 
 

@@ -30,6 +30,7 @@ from dvtcli.operations.change import names
 from dvtcli.operations.linked_wishes import with_links
 from dvtcli.operations.meet_network import Met, meet
 from dvtcli.operations.network_wish import read_wish
+from dvtcli.operations.possible_stores import refuse_stores_of
 from dvtcli.operations.wanted_words import NodeWants, node_wants
 
 if TYPE_CHECKING:
@@ -106,6 +107,10 @@ def _judged(session: Session, met: Met, wish: NetworkWish, log: FileLog) -> list
         found_plans = _planned(nodes, wish.of(wants), wants)
         planned = [replace(one, findings=said.get(one.node_id, ())) for one in found_plans]
         planned = list(checked(nodes, planned, force=session.options.force))
+    except RuleError as refused:
+        met.failures.append(refused)
+    try:
+        refuse_stores_of(nodes, wish, log)
     except RuleError as refused:
         met.failures.append(refused)
     log.end(read=True)

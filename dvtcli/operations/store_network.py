@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from dvtcli.bus.turns import one_by_one
 from dvtcli.device.change.whole import Storing
 from dvtcli.errors import DvtcliError, LeftChanged, NoAnswer, SdoProtocolError
+from dvtcli.operations.possible_stores import store_group
 from dvtcli.operations.store_restore import store_settings
 
 if TYPE_CHECKING:
@@ -23,9 +24,6 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import Stored
     from dvtcli.operations.session import Session
     from dvtcli.operations.take_back_network import Course
-
-#: Words of `store` as sub-indices of 0x1010; `all` is whatever the device means by a store.
-_GROUPS = {"all": None, "communication": 2, "application": 3}
 
 
 def store_network(
@@ -66,9 +64,8 @@ def store_each(
             journal.final(_final(name, states.values(), one), tuple(states.values()))
         node = nodes[one.node_id]
         node.pending.stores += 1  # whatever becomes of it, no script takes its lines back any more
-        group = _GROUPS[one.group] if one.group in _GROUPS else int(one.group)
         try:
-            answers[one.node_id] = store_settings(session, node, group, prove=prove)
+            answers[one.node_id] = store_settings(session, node, store_group(one.group), prove=prove)
         except (DvtcliError, KeyboardInterrupt) as fault:
             failed[one.node_id] = fault
             raise

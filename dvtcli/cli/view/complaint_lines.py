@@ -19,12 +19,13 @@ def complaint_lines(complaints: Sequence[FileComplaint], most: int, outcome: str
     """Each complaint with its line and the one above, *most* of them; *outcome* says what was not done."""
     for complaint in complaints[:most]:
         yield [Cell(f"{complaint.place}: "), Cell("error: ", "red"), Cell(complaint.text, "bold")]
-        yield from _source(complaint)
+        yield from source_lines(complaint)
     more = f" ({most} shown)" if len(complaints) > most else ""
     yield f"{plural(len(complaints), 'error')}{more}. {outcome[:1].upper()}{outcome[1:]}."
 
 
-def _source(complaint: FileComplaint) -> Iterator[Line]:
+def source_lines(complaint: FileComplaint) -> Iterator[Line]:
+    """The line that *complaint* is about, and the one above, with a caret; none where the file's text is not known."""
     if not complaint.source.strip():
         return
     start = max(0, complaint.column - 1 - _AHEAD) if len(complaint.source) > _LONGEST else 0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator
 
-from dvtcli.cli.view.complaint_lines import complaint_lines
+from dvtcli.cli.view.complaint_lines import complaint_lines, source_lines
 from dvtcli.cli.view.lines import Cell, Line
 from dvtcli.domain.abort import abort_text
 from dvtcli.domain.profile import Severity
@@ -55,7 +55,7 @@ def error_document(error: DvtcliError, at: str | None = None) -> Document:
     }
     if isinstance(error, RuleError):
         document["findings"] = [finding_document(finding) for finding in error.findings]
-    if isinstance(error, InputFileError) and error.complaints:
+    if isinstance(error, InputFileError | RuleError) and error.complaints:
         document["complaints"] = [
             {"file": one.file, "line": one.line, "column": one.column, "text": one.text} for one in error.complaints
         ]
@@ -104,6 +104,8 @@ def _state(error: DvtcliError, at: str | None) -> str:
 
 
 def _rule_lines(error: RuleError, at: str | None) -> Iterator[Line]:
+    for complaint in error.complaints[:_MOST_COMPLAINTS]:
+        yield from source_lines(complaint)
     for number, finding in enumerate(error.findings):
         if number:
             yield [Cell("  also    ", "dim"), Cell(finding.text)]

@@ -124,6 +124,8 @@ class NodeWish:
     prune: bool | None = None
     stamp: bool | None = None
     mark: Mark = field(default=NOWHERE, compare=False)
+    #: where `store` stands
+    store_mark: Mark = field(default=NOWHERE, compare=False)
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,10 +26,13 @@ class FileLog:
 
     def complain(self, mark: Mark, text: str) -> None:
         """Something at *mark* is wrong."""
-        complaint = FileComplaint(
+        self._complaints.setdefault(self.shown(mark, text))
+
+    def shown(self, mark: Mark, text: str) -> FileComplaint:
+        """*text* with the line that *mark* is in; nothing is complained."""
+        return FileComplaint(
             self.file, mark.line, mark.column, text, mark.width, self._line(mark.line), self._line(mark.line - 1)
         )
-        self._complaints.setdefault(complaint)
 
     def _line(self, number: int) -> str:
         return self._lines[number - 1].rstrip("\r") if 1 <= number <= len(self._lines) else ""

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from dvtcli.domain.network.wanted_state import (
+    NOWHERE,
     FileWord,
     HeartbeatWatch,
     MasterRole,
@@ -61,6 +62,7 @@ def read_node(name: str, branch: Branch, around: Surroundings, log: FileLog) -> 
         name, found["node_id"], identity, None if profile is None else profile.text, found.get("dcf"),
         tuple(pdos), objects, values, watches, pins,
         found.get("store"), found.get("prune"), found.get("stamp"), branch.mark,
+        key_mark(branch, "store") if "store" in found else NOWHERE,
     )  # fmt: skip
 
 

@@ -1,0 +1,84 @@
+"""Whether the nodes of a network can store what is wanted of them, asked before anything is written.
+
+Writes nothing. Does not know what is to be stored.
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
+from dvtcli.device.store_parameters import STORE, chosen
+from dvtcli.domain.rules.finding import Finding, error
+from dvtcli.domain.rules.rule import ERROR, Rule
+from dvtcli.errors import DeviceRefused, RuleError, SdoAborted
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from dvtcli.device.node import Node
+    from dvtcli.domain.network.wanted_state import NetworkWish
+    from dvtcli.files.network.file_log import FileLog
+
+RULES = (
+    Rule("store-impossible", ERROR, "`store` of a network file asks for what the device does not store on command",
+         "CiA 301, 7.5.2.13: the sub-indices of 0x1010, bit 0 of each; the EDS, AccessType"),
+)  # fmt: skip
+
+#: Words of `store` as sub-indices of 0x1010; `all` is whatever the device means by a store.
+_GROUPS = {"all": None, "communication": 2, "application": 3}
+
+
+def store_group(word: str) -> int | None:
+    """The sub-index of 0x1010 that *word* of a network file means, a name or a number; None: what the device takes."""
+    return _GROUPS[word] if word in _GROUPS else int(word)
+
+
+def refuse_impossible_stores(nodes: Mapping[int, Node], stores: Mapping[int, str]) -> None:
+    """RuleError with each of *nodes* that cannot store what *stores* ask of it, by node-ID; never to be forced."""
+    found = {node_id: _finding(nodes[node_id], word) for node_id, word in stores.items() if word}
+    findings = [one for one in found.values() if one is not None]
+    if findings:
+        ids = [node_id for node_id, one in found.items() if one is not None]
+        only = ids[0] if len(ids) == 1 else None
+        text = f"nothing was written: {findings[0].text}"
+        raise RuleError(text, findings, node=only, can_force=False)
+
+
+def refuse_stores_of(nodes: Mapping[int, Node], wish: NetworkWish, log: FileLog) -> None:
+    """As `refuse_impossible_stores` for the nodes of *wish*, with the places in the file that *log* is about."""
+    refused: list[RuleError] = []
+    for node in wish.nodes:
+        try:
+            refuse_impossible_stores(nodes, {node.node_id: str(node.store or "")})
+        except RuleError as one:
+            if node.store_mark.line:
+                one.complaints = (log.shown(node.store_mark, one.findings[0].text),)
+                one.text = f"{one.complaints[0].place}: {one.findings[0].text}"
+            refused.append(one)
+    if len(refused) == 1:
+        raise refused[0]
+    if refused:
+        every = RuleError(refused[0].text, [finding for one in refused for finding in one.findings], can_force=False)
+        every.complaints = tuple(complaint for one in refused for complaint in one.complaints)
+        raise every
+
+
+def _finding(node: Node, word: str) -> Finding | None:
+    with suppress(SdoAborted):  # what it answers to the store itself is told then
+        try:
+            chosen(node.access, node.profile.store, STORE, store_group(word), node.dictionary)
+        except DeviceRefused as refused:
+            said = "true" if word == "all" else word
+            text = f"store: {said} of node {node.node_id}: {refused.text}: {refused.why}"
+            place = f"0x{refused.place}"
+            return error("store-impossible", place, text, refused.abort, _hint(node, word, refused))
+    return None
+
+
+def _hint(node: Node, word: str, refused: DeviceRefused) -> str:
+    """What to say in the file instead, and how the device keeps its settings where that is known."""
+    others = node.profile.store.sub_indices
+    if word != "all" and others and store_group(word) not in others:
+        return f"store: true takes what the device has (0x{STORE:04X}:{others[0]:02X}), store: false stores nothing"
+    return f"store: false stores nothing; {refused.hint}"
