@@ -66,6 +66,26 @@ def test_a_history_that_fills_again_is_not_called_empty() -> None:
         assert "0x0000" in ran.document["error"] or "came again" in ran.document["why"]
 
 
+def test_a_familys_own_list_is_read_position_by_position() -> None:
+    """The position that was chosen before is put back, and a device that resets lists its errors anew."""
+    with bench("emcy=0x4481", "emcy=0x4682", sim="gen4") as one:
+        one.run("write 5300:2 1")
+        document = one.run("faults --json").document
+        assert codes(document, "active") == [0x4682, 0x4481]
+        assert document["faults"][1]["remedy"] == "release the handbrake"
+        assert one.run("read 5300:2 --json").document["value"] == 1
+        dry = one.run("faults --json --dry-run")
+        assert codes(dry.document, "active") == [0x4481]
+        assert one.run("nmt reset-node --yes").code == 0
+        assert codes(one.run("faults --json").document, "active") == [0x4682, 0x4481]
+
+
+def test_an_error_that_goes_leaves_the_list() -> None:
+    with bench("emcy=0x4481", "emcy=0:0.05", sim="gen4") as one:
+        one.run("faults --watch --for 100ms")
+        assert codes(one.run("faults --json").document, "active") == []
+
+
 def test_a_node_without_history_says_so() -> None:
     with bench(sim="gen4") as one:
         ran = one.run("faults --clear --json")

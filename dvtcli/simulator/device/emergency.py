@@ -11,6 +11,7 @@ from collections.abc import Hashable
 
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.ports import Frame
+from dvtcli.simulator.device.family import ErrorList
 from dvtcli.simulator.device.memory import Memory
 from dvtcli.simulator.device.refusal import Refusal
 
@@ -26,11 +27,13 @@ _WAITING_MOST = 32
 class Emergencies:
     """The errors of one device. An error is raised by a *source* and stays until that source clears it.
 
-    *due_s* is when a frame that the inhibit time (0x1015) held back may go, infinite for none.
+    *own* is where the device lists them besides CiA 301. *due_s* is when a frame that the inhibit time (0x1015) held
+    back may go, infinite for none.
     """
 
-    def __init__(self, memory: Memory) -> None:
+    def __init__(self, memory: Memory, own: ErrorList | None = None) -> None:
         self._memory = memory
+        self._own = own
         self._active: dict[Hashable, int] = {}
         self._own_bits = 0
         self._waiting: deque[Frame] = deque(maxlen=_WAITING_MOST)
@@ -42,8 +45,10 @@ class Emergencies:
         return self._quiet_until_s if self._waiting else float("inf")
 
     def reset(self) -> None:
-        """Forget every error, as a reset does; the objects are the memory's to reset."""
-        self._active.clear()
+        """Forget every error, as a reset does; the standard's objects are the memory's to reset."""
+        if self._active:
+            self._active.clear()
+            self.list_active()
         self._waiting.clear()
         self._own_bits = 0
 
@@ -71,6 +76,19 @@ class Emergencies:
         self._active.clear()
         return self._send(NO_ERROR)
 
+    def list_active(self) -> None:
+        """Bring the device's own list up to date, where it has one: the code at the position that is chosen."""
+        if self._own is None:
+            return
+        codes = sorted(self._active.values(), reverse=True)
+        position = self._memory.number(*self._own.position)
+        self._put(self._own.count, len(codes))
+        self._put(self._own.code, codes[position] if position < len(codes) else 0)
+
+    def _put(self, place: tuple[int, int], value: int) -> None:
+        if self._memory.exists(*place):
+            self._memory.write(*place, value.to_bytes(2, "little"))
+
     def forget_history(self) -> None:
         """Empty 0x1003, as writing 0 to its sub-index 0 does."""
         for sub_index in range(1, (self._memory.highest_sub_index(ERROR_HISTORY) or 0) + 1):
@@ -85,6 +103,7 @@ class Emergencies:
         return [self._waiting.popleft()]
 
     def _send(self, code: int) -> list[Frame]:
+        self.list_active()
         frame = self._frame(code, self._update_register())
         if frame is None:
             return []

@@ -62,6 +62,15 @@ class Login:
 
 
 @dataclass(frozen=True, slots=True)
+class ErrorList:
+    """Where a device lists its errors besides CiA 301: how many, the position that is chosen, the code there (u16)."""
+
+    count: Object
+    position: Object
+    code: Object
+
+
+@dataclass(frozen=True, slots=True)
 class Family:
     """How a family of devices behaves; the defaults are a plain CiA 301 device.
 
@@ -99,6 +108,7 @@ class Family:
       is.
     - *login*: access levels, None for none. *extended_error*: the object that explains abort 0x08000000;
       *reasons*: abort code → reason, for codes that this family hides behind 0x08000000.
+    - *error_list* lists the errors that are active, the highest code first.
     - *state_object* reads the NMT state; *state_request* forces it (1 PRE-OPERATIONAL, 0 OPERATIONAL) where
       *master_object* is 1; such a master ignores NMT commands. *stays_operational*: whether it goes on in OPERATIONAL
       whatever it is asked, as a vehicle that is being driven does.
@@ -153,6 +163,7 @@ class Family:
     login: Login | None = None
     extended_error: Object | None = None
     reasons: Mapping[int, int] = field(default_factory=dict)
+    error_list: ErrorList | None = None
     state_object: Object | None = None
     state_request: Object | None = None
     master_object: Object | None = None

@@ -30,7 +30,8 @@ class FrameServices:
         self._memory = memory
         self._state = NmtState.INITIALISING
         self._vpdos = VirtualPdos(memory, family)
-        self._errors = Emergencies(memory)
+        self._errors = Emergencies(memory, family.error_list)
+        self._error_list = family.error_list
         self._exchange = PdoExchange(memory, family, self._errors)
         self._sync_producer = SyncProducer(memory)
         self._heartbeat = Heartbeat(memory)
@@ -78,6 +79,8 @@ class FrameServices:
         self._sync_changes += index == SYNC_COB_ID
         if index == ERROR_HISTORY:
             self._errors.forget_history()
+        if self._error_list is not None and index == self._error_list.position[0]:
+            self._errors.list_active()
         if index == CONSUMER_TIMES:
             self._producers.configure()
         self.changed(index)

@@ -29,7 +29,7 @@ from dvtcli.files.toml_item import (
     string,
     suggest,
 )
-from dvtcli.simulator.device.family import Login, MotorCopy, PinCopy
+from dvtcli.simulator.device.family import ErrorList, Login, MotorCopy, PinCopy
 from dvtcli.simulator.device.pdo_checks import CHECKS
 
 #: The one thing that moves in a simulation: a CiA 402 motor.
@@ -66,6 +66,10 @@ def _pins(item: Item) -> tuple[PinCopy, ...]:
 
 def _motors(item: Item) -> MotorCopy:
     return MotorCopy(**item.table(_MOTOR, required=_MOTOR))
+
+
+def _error_list(item: Item) -> ErrorList:
+    return ErrorList(**item.table(_ERROR_LIST, required=_ERROR_LIST))
 
 
 def _plant(item: Item) -> str:
@@ -135,6 +139,7 @@ _MOTOR: Schema = {
     "down": _numbered(0xFF, object_address),
     "up": _numbered(0xFF, object_address),
 }
+_ERROR_LIST: Schema = {"count": object_address, "position": object_address, "code": object_address}
 FAMILY_KEYS: Schema = {
     "title": string,
     "about": string,
@@ -180,6 +185,7 @@ FAMILY_KEYS: Schema = {
     "login": _login,
     "extended_error": object_address,
     "reasons": _numbered(0xFFFF_FFFF, integer(0, 0xFFFF)),
+    "error_list": _error_list,
     "state_object": object_address,
     "state_request": object_address,
     "master_object": object_address,
