@@ -62,3 +62,13 @@ def test_a_saved_plan_that_wants_it_is_refused_too(tmp_path: Path) -> None:
         ran = bench.run(f"apply {saved}")
         assert (ran.code, held(bench)) == (1, before)
         assert "rule    store-impossible at 0x1010:02" in ran.stderr
+
+
+def test_ci_is_told_where_the_file_asks_for_it(tmp_path: Path) -> None:
+    file = tmp_path / "net.yaml"
+    file.write_text(FILE.format(store="communication"))
+    with Bench(("gen4@1",)) as bench:
+        annotated = bench.run(f"plan {file} --format github")
+        assert annotated.code == 1
+        assert f"::error file={file},line=4,col=5,title=dvtcli::store: communication of node 1" in annotated.stdout
+        assert f"{file}:4:5: store: communication of node 1" in bench.run(f"plan {file} --format junit").stdout

@@ -96,6 +96,11 @@ def test_every_node_is_recovered(nodes: Served, kill_at: int) -> None:
     refused = nodes.dvtcli("--yes", "apply", str(nodes.folder / "net.yaml"))
     assert refused.returncode == 6
     assert "recover" in refused.stderr
+    next_line = "Next: dvtcli recover, since a change of node 1"
+    assert next_line in nodes.dvtcli("plan", str(nodes.folder / "net.yaml")).stdout
+    (nodes.folder / "same.yaml").write_text("nodes: {a: {node_id: 1}}\n", "utf-8")
+    same = nodes.dvtcli("diff", str(nodes.folder / "same.yaml"))
+    assert (same.returncode, next_line in same.stdout) == (0, True)
     recovered = nodes.dvtcli("recover", "--yes")
     assert recovered.returncode == 0, recovered.stderr
     assert held(nodes) == before

@@ -9,7 +9,7 @@ from dvtcli.cli.view.cases import cases_of
 from dvtcli.cli.view.github_lines import as_data, as_property
 from dvtcli.cli.view.lines import Line
 from dvtcli.domain.several import plural
-from dvtcli.errors import InputFileError
+from dvtcli.errors import InputFileError, RuleError
 
 if TYPE_CHECKING:
     from dvtcli.errors import DvtcliError
@@ -32,7 +32,7 @@ def github_case_lines(result: NetworkPlanned | Compared | ComparedNodes, _width:
 
 def github_error_lines(error: DvtcliError) -> Iterator[Line]:
     """A command for each complaint about a file, else one for the failure, and one for what failed with it."""
-    complaints = error.complaints if isinstance(error, InputFileError) else ()
+    complaints = error.complaints if isinstance(error, InputFileError | RuleError) else ()
     for one in complaints:
         yield _command("error", one.file, one.line, "dvtcli", one.text, one.column)
     if not complaints:

@@ -11,7 +11,7 @@ from dvtcli.cli.view.cases import Case, cases_of
 from dvtcli.cli.view.junit_lines import suites_text
 from dvtcli.cli.view.lines import Line
 from dvtcli.cli.view.safe import safe
-from dvtcli.errors import InputFileError
+from dvtcli.errors import InputFileError, RuleError
 
 if TYPE_CHECKING:
     from dvtcli.errors import DvtcliError
@@ -44,7 +44,7 @@ def _fails(case: Case) -> bool:
 
 def junit_error_lines(error: DvtcliError) -> Iterator[Line]:
     """The failure as a test case with an error, so that a report is never empty."""
-    complaints = error.complaints if isinstance(error, InputFileError) else ()
+    complaints = error.complaints if isinstance(error, InputFileError | RuleError) else ()
     suite = ET.Element("testsuite", {"name": "dvtcli", "tests": "1", "failures": "0", "errors": "1"})
     element = ET.SubElement(suite, "testcase", {"classname": "dvtcli", "name": error.slug})
     texts = [*(f"{one.place}: {one.text}" for one in complaints), *(text for _, text in error.details)]

@@ -37,7 +37,7 @@ def planned_lines(result: NetworkPlanned, width: int) -> Iterator[Line]:
         yield "No difference: every node holds what the file says. Nothing was written."
     if result.need is not None:
         yield from _load(result.need)
-    if not result.plan.changed and not any(node.stores for node in result.plan.nodes):
+    if not result.interrupted and not result.plan.to_do:
         return
     saved = f" Saved: {result.saved}." if result.saved else ""
     after = f"dvtcli apply {result.saved or result.plan.file}"
