@@ -15,7 +15,7 @@ from tests.virtual_time import VirtualTimeBus
 
 TPDO1, TPDO2 = Pdo.parse("tpdo1"), Pdo.parse("tpdo2")
 STORED = ("disable tpdo2", "store")
-NOT_STORED = ("map tpdo2 6064 606C --timer 70",)
+NOT_STORED = ("map tpdo2 6064 606C --timer 70", "set tpdo1 --timer 30")
 CHANGE = "map tpdo1 606C 6041 --cob-id 0x1A1"
 
 
@@ -74,3 +74,24 @@ def test_what_the_change_itself_altered_is_put_back(device: StrictDevice) -> Non
     assert ran.code == 1
     assert held(device) == before
     assert "TPDO2 has its COB-ID again" in ran.stderr
+
+
+@pytest.mark.parametrize("heard", [True, False])
+def test_a_restart_while_the_others_are_looked_at_after_the_way_back_is_no_rolled_back(
+    device: StrictDevice, *, heard: bool
+) -> None:
+    """Whatever upload of the way back the node restarts at: what is said to be as it was is so at the end."""
+    before = held(device)
+    device_held = set()
+    for upload in range(8, 20):
+        for line in NOT_STORED:
+            changed(device, (line,))
+        assert held(device) == before
+        faults = ("lose-response@2", f"reset-at-read@{upload}=0.05", *(() if heard else ("no-boot-up",)))
+        ran = changed(device, (CHANGE,), faults)
+        assert ran.code == 5
+        assert held(device)[TPDO1] == before[TPDO1], upload
+        device_held.add(held(device)[TPDO2] == before[TPDO2])
+        device.restart()
+        device.boot_up()
+    assert (False in device_held) is heard, "not heard, what was read whole of the other is put back"

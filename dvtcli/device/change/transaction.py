@@ -14,7 +14,7 @@ from dvtcli.device.change.failed_change import TRY_AGAIN, left_changed, refused,
 from dvtcli.device.change.other_pdos import OtherPdos, altered_too
 from dvtcli.device.change.put_back import Clock, first_difference, restore_patiently
 from dvtcli.device.change.taken_back import put_back_findings
-from dvtcli.device.observe import Undisturbed, Witness, observed
+from dvtcli.device.observe import MOST_LOOKS, Undisturbed, Witness, observed
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, writes_cob_id
 from dvtcli.domain.ports import SdoTransport
@@ -195,17 +195,27 @@ class Transaction:
         heard: the COB-ID of before does not belong to what it has stored of another PDO. One that was not read whole
         is left then. Returns those that were put back to what the device takes instead of what they were.
         """
-        changes: tuple[Change, ...] = self.plan.changes
         sure = not self._others_matter() or self._restarted() or self._acknowledged.still_held(self.sdo)
-        otherwise = restore_patiently(self.sdo, changes, self.clock, self.before_retry, self.witness)
-        differing = self._altered()
+        upsets = self.witness.upsets()
+        otherwise, differing = self._restored(self.plan.changes)
+        sure = sure and self.witness.upsets() == upsets
         self._left = {} if sure else {pdo: why for pdo, why in differing.items() if pdo not in self.others.wholes}
         altered = self.others.changes(self.sdo, [pdo for pdo in differing if pdo not in self._left])
         if not altered:
             return otherwise
-        self.on_altered((*changes, *altered))
-        restore_patiently(self.sdo, (*changes, *altered), self.clock, self.before_retry, self.witness)
-        still = {pdo: why for pdo, why in self._altered().items() if pdo not in self._left}
+        self.on_altered((*self.plan.changes, *altered))
+        _, differing = self._restored((*self.plan.changes, *altered))
+        still = [why for pdo, why in differing.items() if pdo not in self._left]
         if still:
-            raise DeviceRefused("the device alters other PDOs again", why="; ".join(still.values()))
+            raise DeviceRefused("the device alters other PDOs again", why="; ".join(still))
         return otherwise
+
+    def _restored(self, changes: Sequence[Change]) -> tuple[tuple[PdoChange, ...], dict[Pdo, str]]:
+        """Put *changes* back, again where the node restarts while the others are looked at; which of those differ."""
+        for _ in range(MOST_LOOKS):
+            otherwise = restore_patiently(self.sdo, changes, self.clock, self.before_retry, self.witness)
+            upsets = self.witness.upsets()
+            differing = self._altered()
+            if self.witness.upsets() == upsets:
+                return otherwise, differing
+        raise DeviceRefused("the node restarted, or lost an answer, each time that its other PDOs were looked at")
