@@ -76,6 +76,8 @@ class FrameBus(ReadBus[M]):
         """One as long as a machine may be running: SDO at full speed would keep its heartbeats off the bus."""
         self.drain()
         running = NmtState.OPERATIONAL in self._watch.states.values() or monotonic() - self._pdo_s < QUIET_S
+        if self._consumers and self.bitrate is None and not self.simulated:
+            running = True  # nothing else keeps the load small
         return 1 if running else MOST_AT_ONCE
 
     def _channel(self, node_id: int) -> SdoChannel:

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from math import inf
 from threading import Lock
+from typing import TYPE_CHECKING
 
 from dvtcli.bus.node_watch import NodeWatch
 from dvtcli.bus.oddities import Oddities
@@ -22,7 +23,15 @@ from dvtcli.domain.node_events import Emergency, HeardEmergency, NodeEvent
 from dvtcli.domain.ports import Frame, SdoTransport
 from dvtcli.errors import BusUnavailable, UsageError
 
+if TYPE_CHECKING:
+    from dvtcli.bus.bus_share import BusShare
+
 NMT_CAN_ID = 0x000
+
+#: the load (%) that is not exceeded by what we send while a machine may be running
+DEFAULT_SHARE_PERCENT = 50
+#: the longest that a request waits for its share (s): where others alone use more, what was begun still ends
+LONGEST_WAIT_S = 1.0
 
 
 class WatchedBus(ABC):
@@ -49,6 +58,13 @@ class WatchedBus(ABC):
         self.settings = SdoSettings(timeout_s, retries)
         self._watch = NodeWatch()
         self._turns: Turns | None = None
+        self._percent = DEFAULT_SHARE_PERCENT
+        #: the load while it is kept small, and what ends its measuring
+        self._share: BusShare | None = None
+        self._end_share: Callable[[], None] = lambda: None
+        self._share_lock = Lock()
+        #: 0x1016 entries that are known not to be zero, by node-ID and sub-index
+        self._consumers: set[tuple[int, int]] = set()
         self._oddities = Oddities(self.now_s)
 
     def sdo(self, node_id: int) -> SdoTransport:
@@ -98,6 +114,51 @@ class WatchedBus(ABC):
     def set_timeout(self, timeout_s: float) -> None:
         """Let every SDO answer take *timeout_s* from now on."""
         self.settings.timeout_s = timeout_s
+
+    def set_bus_share(self, percent: int | None) -> None:
+        """Let the load stay at or below *percent* (1..100, None: 50) of the bus while a machine may be running."""
+        self._percent = percent or DEFAULT_SHARE_PERCENT
+
+    def await_share(self) -> None:
+        """Wait until an SDO exchange leaves the load within the share (SdoLink), 1 s at most.
+
+        Only where the bit rate is known, and a node was heard OPERATIONAL or one watches another's heartbeat (0x1016).
+        """
+        if self.bitrate is None or not (self._share or self._may_run()):
+            return
+        share = self._measured_share(self.bitrate)
+        if share is None:
+            return
+        self.drain()
+        until_s = self.now_s() + LONGEST_WAIT_S
+        while (wait_s := share.wait_s()) and (left_s := until_s - self.now_s()) > 0:
+            self.sleep(min(wait_s, left_s))
+
+    def consumes_heartbeat(self, node_id: int, sub_index: int, *, consumes: bool) -> None:
+        """Whether 0x1016 of *node_id* is not zero at *sub_index*, as was just read or written (SdoLink)."""
+        (self._consumers.add if consumes else self._consumers.discard)((node_id, sub_index))
+
+    def _may_run(self) -> bool:
+        """Whether SDO at full speed could stop a machine: by what it keeps off the bus, PDOs or heartbeats."""
+        return bool(self._consumers) or NmtState.OPERATIONAL in self._watch.states.values()
+
+    def _measured_share(self, bit_rate: int) -> BusShare | None:
+        """The load as it is measured while a machine may run, after a first look at it; None where nothing runs."""
+        wanted = self._percent if self._percent < 100 and self._may_run() else 0
+        with self._share_lock:
+            share = self._share
+            if share is not None and share.percent == wanted:
+                return share
+            self._end_share()
+            self._share, self._end_share = None, lambda: None
+            if not wanted:
+                return None
+            from dvtcli.bus.bus_share import BusShare
+
+            self._share = share = BusShare(bit_rate, wanted, self.now_s)
+            self._end_share = self.tap(share.count)
+        self.sleep(share.window_s)
+        return share
 
     def send_nmt(self, command: NmtCommand, node_id: int) -> None:
         """Send an NMT command to *node_id*, or to all nodes with 0; what was heard of their states is forgotten."""

@@ -68,6 +68,13 @@ _TABLE: list[tuple[tuple[str, ...], dict[str, Any]]] = [
     (("--force",), {"is_flag": True, "help": "Send what dvtcli's own rules refuse."}),
     (("--timeout",), {"metavar": "S", "help": "SDO time-out in seconds [0.5]."}),
     (
+        ("--bus-share",),
+        {
+            "metavar": "PERCENT",
+            "help": "Bus load that SDO keeps to while a node is OPERATIONAL or 0x1016 is set [50]; needs the bit rate.",
+        },
+    ),
+    (
         ("--reconnect",),
         {
             "is_flag": True,

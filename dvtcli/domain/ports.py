@@ -89,6 +89,10 @@ class CanopenBus(Protocol):
         """Let every SDO answer take *timeout_s* (s) from now on."""
         ...
 
+    def set_bus_share(self, percent: int | None) -> None:
+        """Let the load stay at or below *percent* (1..100, None: 50) of the bus while a machine may be running."""
+        ...
+
     def send_nmt(self, command: NmtCommand, node_id: int) -> None:
         """Send an NMT command to *node_id*, or to all nodes with 0."""
         ...

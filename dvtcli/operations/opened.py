@@ -75,8 +75,12 @@ class Opened(Said):
     def _apply(self) -> None:
         """Let the bus do as the options say now."""
         if self._network is not None:
-            self._network.bus.set_timeout(self.options.timeout)
+            self._obey(self._network.bus)
         self._watch()
+
+    def _obey(self, bus: CanopenBus) -> None:
+        bus.set_timeout(self.options.timeout)
+        bus.set_bus_share(self.options.bus_share)
 
     def _watch(self) -> None:
         """Show traffic while -v asks for it, and only then: a tap costs time on every frame."""
@@ -113,6 +117,9 @@ class Opened(Said):
             if self.options.verbose:
                 self.tell.note(f"{bus.name} is open, chosen by {self.chosen_by()}")
             self._network = self._network_on(bus, simulated)
+            self._obey(bus)
+            if self.options.bus_share and bus.bitrate is None and not bus.simulated:
+                self.tell.note(f"--bus-share is of no effect: the bit rate of {bus.name} is not known; -b says it")
             self._watch()
         if self._network.left:
             self._network.meet_again()
@@ -149,7 +156,7 @@ class Opened(Said):
         network = self._network_on(bus, ())
         network.go_on_from(self._network)
         self._network, self._twin, self._untap, self._gone = network, None, None, None
-        bus.set_timeout(self.options.timeout)
+        self._obey(bus)
         self._watch()
 
     def _network_on(self, bus: CanopenBus, simulated: tuple[Simulated, ...]) -> Network:

@@ -41,7 +41,7 @@ CHOICES = {"format": FORMATS + SPECIAL_FORMATS, "color": ("auto", "always", "nev
 
 
 class Options(NamedTuple):
-    """The global options with their defaults; *timeout* is the SDO time-out in seconds.
+    """The global options with their defaults; *timeout* is the SDO time-out in seconds, *bus_share* is in %.
 
     A named tuple, since `--help` needs none of what a dataclass costs to make.
     """
@@ -67,6 +67,7 @@ class Options(NamedTuple):
     yes: bool = False
     force: bool = False
     timeout: float = 0.5
+    bus_share: int | None = None
     journal: str | None = None
     reconnect: bool = False
     no_reconnect: bool = False
@@ -106,6 +107,8 @@ def checked(name: str, value: Any) -> Any:
         return _node_ids(value)
     if name == "timeout":
         return _seconds(str(value))
+    if name == "bus_share":
+        return _percent(value)
     if name == "bitrate":
         return _bitrate(value)
     if name == "bus_kwargs":
@@ -145,6 +148,16 @@ def _bitrate(value: Any) -> int:
     if rate not in BIT_RATES:
         raise UsageError(f"{value!r} is not a bit rate; bit rates are {BIT_RATES[0]}…{BIT_RATES[-1]} bit/s")
     return rate
+
+
+def _percent(value: Any) -> int:
+    try:
+        percent = int(value)
+    except ValueError:
+        percent = -1
+    if not 1 <= percent <= 100:
+        raise UsageError(f"--bus-share {value}: a share of the bus is 1…100 %")
+    return percent
 
 
 def _pair(text: str) -> str:

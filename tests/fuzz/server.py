@@ -56,6 +56,10 @@ class HostileLink:
             self.order += 1
             heappush(self.coming, (self.now + _ANSWER_S + after_s, self.order, frame))
 
+    def await_share(self) -> None: ...
+
+    def consumes_heartbeat(self, node_id: int, sub_index: int, *, consumes: bool) -> None: ...
+
     def hold(self, lock: Lock) -> None:
         lock.acquire()
 

@@ -16,6 +16,9 @@ from dvtcli.bus.sdo.client import StrictSdoClient
 from dvtcli.bus.sdo.sdo_link import DroppedAnswers
 from dvtcli.errors import BusUnavailable, NoAnswer, SdoProtocolError
 
+#: consumer heartbeat times (CiA 301, 7.5.2.17)
+_HEARTBEAT_CONSUMERS = 0x1016
+
 T = TypeVar("T")
 
 
@@ -40,7 +43,9 @@ class SdoChannel:
         BusUnavailable.
         """
         with self._alone():
-            return self._run(lambda: self._client.upload(index, sub_index), timeout_s, retries)
+            data = self._run(lambda: self._client.upload(index, sub_index), timeout_s, retries)
+            self._note(index, sub_index, data)
+            return data
 
     def download(self, index: int, sub_index: int, data: bytes, *, timeout_s: float | None = None) -> None:
         """Write an object; a request is never repeated, since the device may have taken it.
@@ -55,6 +60,12 @@ class SdoChannel:
                 if self._client.requested:
                     error.state = "unknown"
                 raise
+            self._note(index, sub_index, data)
+
+    def _note(self, index: int, sub_index: int, data: bytes) -> None:
+        """Tell the bus of a consumer that expects heartbeats: whoever is late stops its machine."""
+        if index == _HEARTBEAT_CONSUMERS and sub_index:
+            self._client.link.consumes_heartbeat(self._client.node_id, sub_index, consumes=any(data))
 
     @contextmanager
     def _alone(self) -> Iterator[None]:

@@ -71,6 +71,9 @@ class StrictSdoClient(SdoClient):
         kind = request[0] >> 5
         attempts = 1
         if kind in _INITIATE:
+            self.requested = False
+        self.link.await_share()
+        if kind in _INITIATE:
             self._begin(request[1:4])
             if kind == _UPLOAD:  # the only request that may be asked again: it changes nothing
                 attempts += self.retries

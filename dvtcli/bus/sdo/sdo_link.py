@@ -34,6 +34,14 @@ class SdoLink(Protocol):
         """Wait for an answer in *inbox* until *deadline_s* (as `now_s` tells)."""
         ...
 
+    def await_share(self) -> None:
+        """Wait until a request and its answer fit into what may be used of the bus."""
+        ...
+
+    def consumes_heartbeat(self, node_id: int, sub_index: int, *, consumes: bool) -> None:
+        """Take what was read or written: whether 0x1016 of *node_id* is not zero at *sub_index*."""
+        ...
+
     def hold(self, lock: Lock) -> None:
         """Take *lock*, which somebody may hold who waits for an answer."""
         ...

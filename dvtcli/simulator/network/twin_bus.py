@@ -75,6 +75,10 @@ class TwinBus:
         """Let every SDO answer of a node that is read take *timeout_s* from now on; twins answer at once."""
         self._wrapped.set_timeout(timeout_s)
 
+    def set_bus_share(self, percent: int | None) -> None:
+        """Let the reading of nodes leave the load of the wrapped bus at or below *percent* (1..100, None: 50)."""
+        self._wrapped.set_bus_share(percent)
+
     def send_nmt(self, command: NmtCommand, node_id: int) -> None:
         """Command the twin of *node_id*, or with 0 all, also those that are yet to come."""
         if node_id:

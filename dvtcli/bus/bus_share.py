@@ -1,0 +1,64 @@
+"""How long a request of ours has to wait so that the load of a bus stays at or below a share of it.
+
+Counts the frames of the last moments. Does not know what runs on the bus, nor how it is waited.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+
+from dvtcli.bus.sdo.sdo_link import ANSWER_ID, REQUEST_ID
+from dvtcli.domain.bus_load import frame_bits, most_frame_bits
+from dvtcli.domain.ports import Frame
+
+#: an SDO request and its answer, stuffed as badly as can be
+EXCHANGE_BITS = 2 * most_frame_bits(8)
+#: the shortest wait (s)
+TICK_S = 0.001
+_WINDOW_S, _EXCHANGES_IN_A_WINDOW = 0.1, 4
+
+
+class BusShare:
+    """The load of a bus of *bit_rate* bit/s, of which at most *percent* (1..100) is to be used.
+
+    *now_s* tells the time in seconds. What holds for each window of 0.1 s, longer on slow buses, holds for any second.
+    """
+
+    def __init__(self, bit_rate: int, percent: int, now_s: Callable[[], float]) -> None:
+        allowed = bit_rate * percent / 100
+        self.percent = percent
+        self.window_s = min(1.0, max(_WINDOW_S, _EXCHANGES_IN_A_WINDOW * EXCHANGE_BITS / allowed))
+        self._room = allowed * self.window_s - EXCHANGE_BITS
+        self._now_s = now_s
+        self._frames: deque[tuple[float, int]] = deque()
+        self._bits = 0
+
+    def count(self, frame: Frame, _sent: bool) -> None:
+        """Take a frame as it passes (Tap); an SDO request counts for its answer, too."""
+        function = 0 if frame.extended else frame.can_id & ~0x7F
+        if function == ANSWER_ID:
+            return
+        is_request = function == REQUEST_ID
+        bits = EXCHANGE_BITS if is_request else frame_bits(frame.can_id, frame.data, frame.extended, frame.remote)
+        self._frames.append((self._now_s(), bits))
+        self._bits += bits
+        self._forget()
+
+    def wait_s(self) -> float:
+        """How long the next exchange has to wait (s) as far as can be told now; 0 where there is room."""
+        self._forget()
+        left = self._bits
+        if left <= self._room:
+            return 0.0
+        for at_s, bits in tuple(self._frames):
+            left -= bits
+            if left <= self._room:
+                return max(at_s + self.window_s - self._now_s(), TICK_S)
+        return self.window_s
+
+    def _forget(self) -> None:
+        """Drop what has left the window."""
+        since_s = self._now_s() - self.window_s
+        while self._frames and self._frames[0][0] <= since_s:
+            self._bits -= self._frames.popleft()[1]
