@@ -8,6 +8,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from math import inf
 from time import monotonic, sleep
 
 import can
@@ -18,6 +19,7 @@ from dvtcli.bus.echoes import Echoes
 from dvtcli.bus.error_frames import ErrorFrames
 from dvtcli.bus.frame_bus import FrameBus
 from dvtcli.bus.receiver import bus_closed
+from dvtcli.bus.sdo.channel import SdoChannel
 from dvtcli.bus.sdo.sdo_link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S, REQUEST_ID
 from dvtcli.bus.traffic import Tap
 from dvtcli.bus.watched_bus import NMT_CAN_ID
@@ -33,6 +35,8 @@ SEND_PATIENCE = 150
 
 #: drivers that would send a data frame where a remote frame is asked for
 _NO_REMOTE_FRAMES = frozenset({"socketcand"})
+#: how long every frame must have been heard before silence says that no PDOs are on their way (s)
+HEARD_S = 0.25
 
 
 class CanBus(FrameBus[can.Message]):
@@ -56,8 +60,10 @@ class CanBus(FrameBus[can.Message]):
         self._bus = bus
         self._carrier = carrier or Carrier()
         self._send_lock = threading.Lock()
-        #: whether somebody wants to hear more than what nodes say to a configurator
-        self._hears_all = False
+        #: since when more is heard than what nodes say to a configurator, as somebody wants
+        self._hears_all_s = inf
+        #: the node-ID that an SDO channel was asked for last
+        self._last_asked: int | None = None
         self._carrier.hear(everything=False)
         #: our own frames as they come back
         self.echoes = Echoes()
@@ -87,9 +93,20 @@ class CanBus(FrameBus[can.Message]):
 
     def _hear_all(self) -> None:
         """From now on every frame counts, and not only those of services."""
-        if not self._hears_all:
-            self._hears_all = True
+        if self._hears_all_s == inf:
             self._carrier.hear(everything=True)
+            self._hears_all_s = monotonic()
+
+    def _most_at_once(self) -> int:
+        """One as long as PDOs may be on their way that were not let come yet."""
+        self._hear_all()
+        return super()._most_at_once() if monotonic() - self._hears_all_s >= HEARD_S else 1
+
+    def _channel(self, node_id: int) -> SdoChannel:
+        if self._last_asked not in (None, node_id):  # whoever talks to several may soon ask them side by side
+            self._hear_all()
+        self._last_asked = node_id
+        return super()._channel(node_id)
 
     def disturbances(self) -> list[str]:
         """What was noticed since the last call: error frames, lost frames, another SDO client, a node-ID used twice."""

@@ -78,7 +78,8 @@ class WatchedBus(ABC):
 
         On return none of them goes on. Answers what went wrong, in the order of time; after that none is begun.
         """
-        width = min(len(jobs), 1 if self._turns is not None else self._most_at_once())
+        alone = len(jobs) < 2 or self._turns is not None
+        width = 1 if alone else min(len(jobs), self._most_at_once())
         if width < 2:
             return one_by_one(jobs)
         self._turns = turns = Turns(jobs, width, self._until, self.now_s)

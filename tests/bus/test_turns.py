@@ -6,9 +6,14 @@ import os
 import signal
 import time
 from collections.abc import Callable
+from typing import cast
 
+import can
 import pytest
 
+from dvtcli.bus.carrier import Carrier
+from dvtcli.bus.kernel_carrier import _SERVICES
+from dvtcli.bus.python_can import HEARD_S, CanBus
 from dvtcli.errors import BusUnavailable, NoAnswer
 from dvtcli.simulator.device.simulated_faults import Fault
 from dvtcli.simulator.device.strict_device import StrictDevice
@@ -109,4 +114,53 @@ def test_a_bus_with_frames_answers_side_by_side_in_real_time() -> None:
     bus, order = simulate(devices()), list[int]()
     assert bus.side_by_side([reads(bus, node_id, order, 20) for node_id in IDS]) == []  # type: ignore[arg-type]
     assert sorted(order) == [1] * 20 + [2] * 20 + [3] * 20
+    bus.close()
+
+
+class Filtering(Carrier):
+    """Lets PDOs come or not as a link of the kernel does."""
+
+    def __init__(self, bus: can.BusABC) -> None:
+        self._bus = bus
+
+    def hear(self, *, everything: bool) -> None:
+        services = [{"can_id": can_id, "can_mask": mask, "extended": False} for can_id, mask in _SERVICES]
+        self._bus.set_filters(None if everything else cast("can.typechecking.CanFilters", services))
+
+
+def at_once(bus: CanBus) -> int:
+    """How many of three pieces of work are on their way at a time."""
+    going, most = list[int](), 0
+
+    def works() -> None:
+        nonlocal most
+        going.append(0)
+        most = max(most, len(going))
+        bus.sleep(0.001)
+        going.pop()
+
+    assert bus.side_by_side([works] * 3) == []
+    return most
+
+
+def test_a_machine_that_may_run_is_not_asked_side_by_side_though_its_pdos_were_not_let_come() -> None:
+    ends = [can.Bus("running", interface="virtual", ignore_config=True) for _ in range(2)]
+    bus = CanBus(ends[0], "running", carrier=Filtering(ends[0]))
+    assert at_once(bus) == 1, "nothing was listened for yet"
+    bus.sleep(HEARD_S)
+    assert at_once(bus) == 3, "nothing runs"
+    ends[1].send(can.Message(arbitration_id=0x181, data=b"12", is_extended_id=False))
+    assert at_once(bus) == 1
+    ends[1].shutdown()
+    bus.close()
+
+
+def test_whoever_asks_two_nodes_hears_whether_a_machine_runs_from_then_on() -> None:
+    ends = [can.Bus("two", interface="virtual", ignore_config=True) for _ in range(2)]
+    bus = CanBus(ends[0], "two", carrier=Filtering(ends[0]))
+    bus.sdo(1), bus.sdo(1)
+    assert ends[0].filters is not None
+    bus.sdo(2)
+    assert ends[0].filters is None
+    ends[1].shutdown()
     bus.close()
