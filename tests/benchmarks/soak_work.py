@@ -248,8 +248,9 @@ class Program(Worker):
             self.tally.count(f"{self.name}: undo ended with {said['code']}")
             if said["code"] == 7 or "recover" in said["text"]:
                 self.recover()
-            allowed = [before] if said["code"] else self.judge.past
-            self.judge.look(f"undo ended with {said}", *allowed, each=said["code"] == 0)
+            # of an earlier restart it may be told at the end only, with the state unknown: it was done then
+            done = said["code"] == 0 or said["state"] == "unknown"
+            self.judge.look(f"undo ended with {said}", *(self.judge.past if done else [before]), each=done)
         elif lot < 0.6:
             said = self.ask({"do": "store"})
             self.tally.count(f"{self.name}: store ended with {said['code']}")
