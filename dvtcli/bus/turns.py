@@ -13,7 +13,7 @@ from math import inf
 from dvtcli.errors import BusUnavailable
 
 Ready = Callable[[], bool]
-#: how long it may take until an end is seen that was not told, after an interrupt (s)
+#: how long it may take until a Ctrl-C is seen, or an end that was not told (s)
 _LOOK_S = 0.1
 
 
@@ -102,13 +102,14 @@ class Turns:
         scheduler = threading.Thread(target=self._schedule, daemon=True)
         try:
             scheduler.start()
-            self._ended.acquire()
         except KeyboardInterrupt:
             self._torn = True
-        # not `join`: a thread whose join is interrupted counts as ended (Python 3.11)
+        # not `join`: a thread whose join is interrupted counts as ended (Python 3.11); and never without a time-out,
+        # since no Ctrl-C ends a wait for a lock on Windows
         while scheduler.ident is not None and not self._finished:
             try:
-                self._ended.acquire(timeout=_LOOK_S)
+                while not self._finished:
+                    self._ended.acquire(timeout=_LOOK_S)
             except KeyboardInterrupt:
                 self._torn = True
         if not self._finished:

@@ -18,6 +18,7 @@ from dvtcli.operations.device_files import DeviceFiles
 if TYPE_CHECKING:
     from dvtcli.device.change.plan_document import Identity
     from dvtcli.device.change.progress import Progress
+    from dvtcli.domain.nmt import NmtState
     from dvtcli.domain.plan import Plan
     from dvtcli.operations.keeping import Keeping
 
@@ -54,6 +55,8 @@ class Network:
     identities: dict[int, Identity] = field(default_factory=dict)
     #: the nodes as they were when the bus was gone, until each is met anew
     left: dict[int, Node] = field(default_factory=dict)
+    #: boot-ups and NMT state that were heard of each of these when it was asked last, in the line that is being done
+    asked_again: dict[int, tuple[int, NmtState | None]] = field(default_factory=dict)
 
     @property
     def simulated_ids(self) -> tuple[int, ...]:
@@ -100,11 +103,17 @@ class Network:
         self.identities[node.node_id] = now
 
     def meet_again(self) -> None:
-        """Meet the nodes that were changed before the bus was gone; who is silent, or somebody else, is met later."""
+        """Meet the nodes that were changed before the bus was gone; who is silent, or somebody else, is met later.
+
+        Each is asked once until `asked_again` is emptied, and once more where it was heard since.
+        """
         for node_id, before in tuple(self.left.items()):
             if before.wanted or before.wanted_values or before.unstored or before.history:
-                with suppress(NoAnswer, SdoProtocolError, SafetyRefusal):
-                    self.node(node_id)
+                heard = self.bus.boot_ups(node_id), self.bus.nmt_state(node_id)
+                if self.asked_again.get(node_id) != heard:
+                    self.asked_again[node_id] = heard
+                    with suppress(NoAnswer, SdoProtocolError, SafetyRefusal):
+                        self.node(node_id)
 
     def accept(self, node_id: int) -> None:
         """Whoever has *node_id* now is to be met as if there had been nobody before, and that is said."""

@@ -1,0 +1,58 @@
+"""A bus that was gone and is back: a changed node that stays away is asked once a line, and as soon as it is heard."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from dvtcli.domain.ports import Frame
+from dvtcli.operations.network_files import applied
+from dvtcli.operations.options import Options
+from dvtcli.operations.session import Session
+from dvtcli.simulator.network.station import stations
+from tests.network.bench import device
+from tests.virtual_time import VirtualTimeBus
+
+NETWORK = """
+{}:
+  node_id: {}
+  tpdo:
+    1:
+      transmission: 1
+"""
+
+
+class Back(VirtualTimeBus):
+    """A bus that others use, too; counts what node 5 is asked."""
+
+    asked = 0
+
+    def send_sdo(self, can_id: int, data: bytes) -> None:
+        self.asked += can_id == 0x605
+        super().send_sdo(can_id, data)
+
+
+def test_a_changed_node_that_stays_away_is_asked_once_a_line(tmp_path: Path) -> None:
+    away, there = device(5, "generic"), device(9, "generic")
+    file = tmp_path / "network.yaml"
+    file.write_text(NETWORK.format("a", 5) + NETWORK.format("b", 9))
+    before, back = VirtualTimeBus([away, there], simulated=False), Back([there], simulated=False)
+    with Session(Options(yes=True, journal=str(tmp_path)), open_bus=lambda _options: before) as session:
+        session.comes_back = True
+        applied(session, str(file))
+        session.end_line(0)
+        session.leave_bus("it is gone")
+        session.take_bus(back)
+        session.node(9)
+        asked = back.asked
+        assert asked, "node 5 was changed: is it there, and is it still the same device?"
+        for _ in range(3):
+            session.node(9).read_anew()
+        assert back.asked == asked
+        session.end_line(0)
+        session.node(9)
+        assert (back.asked, list(session.network.left)) == (2 * asked, [5]), "another line asks again"
+        back.nodes.extend(stations([away], [], []))
+        back.nodes_said(Frame(0x705, b"\0"))
+        back.sleep(0.01)
+        assert not session.network.left, "who is heard is asked at once"
+        assert sorted(session.network.nodes) == [5, 9]
