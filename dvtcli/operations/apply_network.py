@@ -17,6 +17,7 @@ from dvtcli.domain.script_line import change_lines
 from dvtcli.domain.several import plural
 from dvtcli.errors import SafetyRefusal
 from dvtcli.operations.change_together import carry_out_together, complete
+from dvtcli.operations.last_look import Verified
 from dvtcli.operations.other_master import refuse_other_master
 from dvtcli.operations.results.networks import NetworkApplied
 from dvtcli.operations.store_network import store_network
@@ -25,8 +26,10 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
     from dvtcli.device.node import Node
+    from dvtcli.device.observe import Found
     from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
     from dvtcli.operations.session import Session
+    from dvtcli.operations.take_back_network import Course
 
 
 def apply_network(
@@ -58,13 +61,22 @@ def apply_network(
         plans = {one.node_id: one.plan for one in planned}
         findings = {one.node_id: one.findings for one in planned}
         course = carry_out_together(session, nodes, plans, found, name or f"apply {plan.file}", findings)
-        for node_id, done in course.plans.items():
-            nodes[node_id].keep(done)
-            if not session.dry_run:
-                session.record.add(node_id, change_lines(done))
-        stored = store_network(session, course, [one for one in planned if one.stores], prove)
-        complete(course)
+        with course:
+            for node_id, done in course.plans.items():
+                nodes[node_id].keep(done)
+                if not session.dry_run:
+                    session.record.add(node_id, change_lines(done))
+            stored = store_network(session, course, planned, _verified(session, course, planned, found), prove)
+            complete(course)
     return NetworkApplied(plan, session.dry_run, time.monotonic() - started, stored)
+
+
+def _verified(session: Session, course: Course, planned: list[NodePlan], found: Mapping[int, Found]) -> Verified:
+    """What each node of *planned* holds by now: what it was changed to; where it only stores, what the file says."""
+    held = {one.node_id: one.holds for one in planned if not len(one.plan)}
+    boot_ups = {one.node_id: found[one.node_id].boot_ups for one in planned if not one.stores}
+    identities = {one.node_id: one.identity for one in planned}
+    return Verified(session, course.nodes, {**held, **course.verified()}, identities, boot_ups)
 
 
 def _question(nodes: Mapping[int, Node], planned: list[NodePlan], name: str) -> str:

@@ -11,12 +11,10 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
-from dvtcli.bus.turns import one_by_one
-from dvtcli.device.change.course import combined
-from dvtcli.device.change.put_back import first_difference
 from dvtcli.device.change.taken_back import with_way_back
 from dvtcli.domain.network.phases import phases
-from dvtcli.errors import DeviceRefused, Interrupted, JournalKept, Restarted
+from dvtcli.errors import Interrupted, JournalKept
+from dvtcli.operations.last_look import last_look
 from dvtcli.operations.take_back_network import Course
 
 if TYPE_CHECKING:
@@ -48,14 +46,16 @@ def carry_out_together(
         if len(plan):
             course.plans[node_id], _ = with_way_back(nodes[node_id], plan)
     run = _Run(session, course, found, findings, sum(map(len, course.plans.values())))
-    changed = {node_id: nodes[node_id] for node_id in plans}
+    boot_ups = {node_id: found[node_id].boot_ups for node_id in plans}
     try:
-        faults = run.phases(plans) or run.last_look(changed)
+        faults = run.phases(plans) or last_look(session, nodes, course.verified(), boot_ups)
     except BaseException as fault:  # a bug of ours must not leave a network half configured either
-        course.take_back([fault])
+        with course:
+            course.take_back([fault])
         raise
     if faults:
-        course.take_back(faults)
+        with course:
+            course.take_back(faults)
         raise faults[0]
     return course
 
@@ -82,26 +82,6 @@ class _Run:
             if faults:
                 return faults
         return []
-
-    def last_look(self, changed: Mapping[int, Node]) -> list[BaseException]:
-        """Faults where a node restarted since, or does not hold any more what was verified while others were changed.
-
-        A node that restarts does not always say so: after the last write each is read back once more.
-        """
-        restarted = partial(_refuse_restarted, changed, self.found)
-        plans = [(self.course.nodes[node_id], plan) for node_id, plan in self._verified().items()]
-        return (
-            one_by_one([restarted])
-            or self._side_by_side([partial(_refuse_lost, node, plan) for node, plan in plans])
-            or one_by_one([restarted])  # once more: what was read of the first ones may be lost by now
-        )
-
-    def _verified(self) -> dict[int, Plan]:
-        parts = self.course.done
-        return {
-            node_id: combined(node_id, [part for part in parts if part.node_id == node_id])
-            for node_id in self.course.plans
-        }
 
     def _side_by_side(self, jobs: list[Callable[[], None]]) -> list[BaseException]:
         return self.session.bus.side_by_side(jobs)
@@ -154,35 +134,6 @@ def _stop_if_cancelled(session: Session) -> None:
         raise Interrupted("stopped before the next part")
 
 
-def _refuse_lost(node: Node, plan: Plan) -> None:
-    """DeviceRefused where *node* does not hold any more what was verified, *plan*, while another one was changed."""
-    differences = node.observed(lambda: list(_lost(node, plan)))
-    if differences:
-        raise DeviceRefused(
-            f"node {node.node_id} lost what was set, while the nodes were changed",
-            node=node.node_id,
-            why="; ".join(differences),
-            hint="it may have restarted: look at its supply, then try again",
-        )
-
-
-def _lost(node: Node, plan: Plan) -> Iterator[str]:
-    for change in plan.changes:
-        if difference := first_difference(node.sdo, change):
-            yield f"{change.label}: {difference}"
-
-
-def _refuse_restarted(nodes: Mapping[int, Node], found: Mapping[int, Found]) -> None:
-    """Restarted where a node has lost what was verified, while another one was changed."""
-    again = [node_id for node_id, node in nodes.items() if node.bus.boot_ups(node_id) != found[node_id].boot_ups]
-    if again:
-        raise Restarted(
-            f"node {', '.join(map(str, again))} restarted while the nodes were changed",
-            node=again[0],
-            hint="look at its supply, then try again",
-        )
-
-
 def complete(course: Course) -> None:
     """Everything stays; JournalKept where a journal cannot be removed."""
     kept: list[JournalKept] = []
@@ -191,7 +142,6 @@ def complete(course: Course) -> None:
             journal.complete_whole()
         except JournalKept as failed:  # the journals of the other nodes are removed all the same
             kept.append(failed)
-    course.end()
     if kept:
         kept[0].details += [("also", other.text) for other in kept[1:]]
         raise kept[0]

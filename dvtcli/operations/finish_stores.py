@@ -8,11 +8,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.finish_interrupted import refuse_other_device
-from dvtcli.device.change.put_back import first_difference
 from dvtcli.domain.nmt import NmtState
-from dvtcli.errors import LeftChanged, SafetyRefusal, UsageError
+from dvtcli.errors import DeviceRefused, LeftChanged, SafetyRefusal, UsageError
+from dvtcli.operations.last_look import Verified
 from dvtcli.operations.results import Facts
-from dvtcli.operations.store_network import store_each
+from dvtcli.operations.store_network import Stores, store_each
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -44,10 +44,12 @@ def finish(session: Session, journals: Sequence[Journal]) -> Facts:
     nodes |= {journal.plan.node_id: session.node(journal.plan.node_id) for journal in journals}
     for journal in journals:
         refuse_other_device(nodes[journal.plan.node_id], journal)
-        _refuse_unlike(nodes[journal.plan.node_id], journal)
+    verified = _verified(session, journals, part, nodes)
+    for node_id in nodes:
+        _refuse_unlike(verified, node_id)
     ids = ", ".join(map(str, waiting(part)))
     session.consent(f"{part.name}: every node holds what was planned; store on node {ids}?")
-    _store(session, journals, part, nodes)
+    _store(session, journals, part, verified)
     rows = (("node", None), ("recovered", False), ("finished", not session.dry_run), ("stored", waiting(part)))
     said = f"dry run: node {ids} would store" if session.dry_run else f"{part.name} is complete: node {ids} stored"
     return Facts("recover", rows, (said,))
@@ -63,20 +65,36 @@ def waiting(part: Part) -> list[int]:
     return [one.node_id for one in part.stores if not one.is_done]
 
 
-def _store(session: Session, journals: Sequence[Journal], part: Part, nodes: Mapping[int, Node]) -> None:
+def _verified(session: Session, journals: Sequence[Journal], part: Part, nodes: Mapping[int, Node]) -> Verified:
+    """What every node was verified to hold, as the journals say; a node that only stores has none of its own."""
+    changes = {one.node_id: one.holds for one in part.stores}
+    changes |= {journal.plan.node_id: journal.plan.changes for journal in journals}
+    identities = {one.node_id: one.identity for one in part.stores if one.identity is not None}
+    identities |= {journal.plan.node_id: journal.identity for journal in journals}
+    silent = {one for one in nodes if one not in {store.node_id for store in part.stores}}
+    boot_ups = {one: nodes[one].bus.boot_ups(one) for one in silent}
+    return Verified(session, nodes, changes, identities, boot_ups)
+
+
+def _store(session: Session, journals: Sequence[Journal], part: Part, verified: Verified) -> None:
+    nodes, course = verified.nodes, Stores({one.node_id: one for one in part.stores})
     keepers = [] if session.dry_run else [node.keeper for node in nodes.values() if node.keeper is not None]
     waited = {journal.plan.node_id: journal for journal in journals}
     with session.cancellation.guard(), session.agreed():
         session.whole.id, session.whole.name = part.whole, part.name
+        for node_id, changes in verified.changes.items():
+            for change in changes:  # the store itself looks at that, too, and at nothing else that was not changed
+                nodes[node_id].expected.changed(change)
         try:
             for keeper in keepers:
                 if keeper.node_id in waited:
                     keeper.own_journal.adopt(waited[keeper.node_id])
-            store_each(session, part.name, part.stores, nodes, [keeper.own_journal for keeper in keepers])
+            store_each(session, part.name, course, verified, [keeper.own_journal for keeper in keepers])
             for keeper in keepers:
                 keeper.own_journal.complete_whole()
         except LeftChanged as left:
-            left.hint = "recover --finish goes on with those that are missing; recover puts every node back"
+            if not course.lost:
+                left.hint = "recover --finish goes on with those that are missing; recover puts every node back"
             raise
         finally:
             session.whole.end()
@@ -86,17 +104,16 @@ def _store(session: Session, journals: Sequence[Journal], part: Part, nodes: Map
             _start(nodes[journal.plan.node_id], journal)
 
 
-def _refuse_unlike(node: Node, journal: Journal) -> None:
-    difference = node.observed(
-        lambda: next(filter(None, (first_difference(node.sdo, change) for change in journal.plan.changes)), None)
-    )
-    if difference:
+def _refuse_unlike(verified: Verified, node_id: int) -> None:
+    try:
+        verified.require(node_id)
+    except DeviceRefused as other:
         raise SafetyRefusal(
-            f"node {node.node_id} does not hold any more what was verified: nothing is stored",
-            node=node.node_id,
-            why=difference,
+            f"node {node_id} does not hold any more what was verified: nothing is stored",
+            node=node_id,
+            why=other.why,
             hint="recover puts every node back as it was before; then apply again",
-        )
+        ) from other
 
 
 def _start(node: Node, journal: Journal) -> None:

@@ -5,79 +5,145 @@ Does not know what was changed.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
 from dvtcli.bus.turns import one_by_one
 from dvtcli.device.change.whole import Storing
-from dvtcli.errors import DvtcliError, LeftChanged, NoAnswer, SdoProtocolError
+from dvtcli.errors import (
+    DvtcliError,
+    JournalKept,
+    LeftChanged,
+    NoAnswer,
+    SafetyRefusal,
+    SdoProtocolError,
+)
 from dvtcli.operations.possible_stores import store_group
 from dvtcli.operations.store_restore import store_settings
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Iterable, Sequence
 
     from dvtcli.device.change.own_journal import OwnJournal
-    from dvtcli.device.node import Node
     from dvtcli.domain.network.network_plan import NodePlan
+    from dvtcli.operations.last_look import Verified
     from dvtcli.operations.results import Stored
     from dvtcli.operations.session import Session
     from dvtcli.operations.take_back_network import Course
 
 
 def store_network(
-    session: Session, course: Course, planned: Sequence[NodePlan], prove: str | None
+    session: Session, course: Course, planned: Sequence[NodePlan], verified: Verified, prove: str | None
 ) -> tuple[Stored, ...]:
     """Store what *planned* say, one node after the other; LeftChanged names who has stored and who has not.
 
-    What was set stays on every node, verified; a journal says from here on that stores have begun.
+    Each node is looked at right before its store, and all of them, as they were *verified*, once more after the last.
+    A journal says from here on that stores have begun; it stays where a node lost what was set.
     """
-    stores = [Storing(one.node_id, one.store) for one in planned]
+    stores = [
+        Storing(one.node_id, one.store, identity=one.identity, holds=() if len(one.plan) else one.holds)
+        for one in planned
+        if one.stores
+    ]
+    if not stores:
+        return ()
+    on_way = Stores({one.node_id: one for one in stores})
     try:
-        return store_each(session, course.name, stores, course.nodes, course.journals(), prove)
-    except LeftChanged:
+        return store_each(session, course.name, on_way, verified, course.journals(), prove)
+    except BaseException as fault:
+        if isinstance(fault, LeftChanged) and not on_way.lost:
+            _close(course.journals(), fault)
+        elif isinstance(fault, LeftChanged) and not course.journals():
+            fault.hint = AGAIN
         for journal in course.journals():
-            journal.complete_whole()
-        course.end()
+            journal.is_over()
         raise
+
+
+#: What helps where a node lost what was set, and there is no journal.
+AGAIN = "`apply` again sets what is missing, and stores it"
+
+
+def _close(journals: Sequence[OwnJournal], left: LeftChanged) -> None:
+    """What was set stays: forget *journals*; one that cannot be removed is said beside what is *left*."""
+    for journal in journals:
+        try:
+            journal.complete_whole()
+        except JournalKept as kept:
+            left.details.append(("also", f"{kept.text}: {kept.why}"))
+
+
+@dataclass(slots=True)
+class Stores:
+    """The stores of one whole on their way, by node-ID; *lost*: faults of a node that held something else."""
+
+    states: dict[int, Storing]
+    answers: dict[int, Stored] = field(default_factory=dict)
+    failed: dict[int, BaseException] = field(default_factory=dict)
+    lost: list[BaseException] = field(default_factory=list)
 
 
 def store_each(
     session: Session,
     name: str,
-    stores: Sequence[Storing],
-    nodes: Mapping[int, Node],
+    course: Stores,
+    verified: Verified,
     journals: Sequence[OwnJournal],
     prove: str | None = None,
 ) -> tuple[Stored, ...]:
-    """Carry out those of *stores* that are not done, the end of what is called *name*; *journals* say how far it is.
+    """Carry out what *course* has not done, the end of what is called *name*; *journals* say how far it is.
 
-    LeftChanged names who has stored and who has not.
+    Each node is asked for what was *verified* right before it stores, and all of them once more behind the last store.
+    LeftChanged names who has stored and who has not; *course* says then whether a node held something else.
     """
-    answers: dict[int, Stored] = {}
-    failed: dict[int, BaseException] = {}
-    states = {one.node_id: one for one in stores}
+    stores = list(course.states.values())
 
     def store(one: Storing) -> None:
-        for journal in journals:
-            journal.final(_final(name, states.values(), one), tuple(states.values()))
-        node = nodes[one.node_id]
-        node.pending.stores += 1  # whatever becomes of it, no script takes its lines back any more
         try:
-            answers[one.node_id] = store_settings(session, node, store_group(one.group), prove=prove)
+            _store_one(session, name, one, course, verified, journals, prove)
         except (DvtcliError, KeyboardInterrupt) as fault:
-            failed[one.node_id] = fault
+            course.failed[one.node_id] = fault
             raise
-        states[one.node_id] = replace(one, is_done=True)
 
     jobs = [partial(store, one) for one in stores if not one.is_done]
     faults = one_by_one(jobs)  # not side by side: wherever this ends, nobody knows of one node at most
-    if failed:
-        raise _not_all(states.values(), failed) from next(iter(failed.values()))
-    if faults:
+    if faults and not course.failed:
         raise faults[0]
-    return tuple(answers[one.node_id] for one in stores if one.node_id in answers)
+    course.lost = course.lost or verified.faults(
+        [node_id for node_id, one in course.answers.items() if one.proof is not None]
+    )
+    if course.lost:
+        raise _lost(course, course.lost) from course.lost[0]
+    if course.failed:
+        raise _not_all(course) from next(iter(course.failed.values()))
+    return tuple(course.answers[one.node_id] for one in stores if one.node_id in course.answers)
+
+
+def _store_one(
+    session: Session,
+    name: str,
+    one: Storing,
+    course: Stores,
+    verified: Verified,
+    journals: Sequence[OwnJournal],
+    prove: str | None,
+) -> None:
+    for journal in journals:
+        journal.final(_final(name, course.states.values(), one), tuple(course.states.values()))
+    node = verified.nodes[one.node_id]
+    node.pending.stores += 1  # whatever becomes of it, no script takes its lines back any more
+    try:
+        try:
+            verified.require(one.node_id)
+        except DvtcliError as other:
+            course.lost.append(other)
+            raise
+        course.answers[one.node_id] = store_settings(session, node, store_group(one.group), prove=prove)
+    except SafetyRefusal as other:
+        course.lost = [other]
+        raise
+    course.states[one.node_id] = replace(one, is_done=True)
 
 
 def _final(name: str, states: Iterable[Storing], one: Storing) -> str:
@@ -87,12 +153,9 @@ def _final(name: str, states: Iterable[Storing], one: Storing) -> str:
     return f"{name}: store on node {one.node_id}{stored}"
 
 
-def _not_all(states: Iterable[Storing], failed: Mapping[int, BaseException]) -> LeftChanged:
-    """What is told where the stores of *failed* came to nothing; nobody knows of those that gave no answer."""
-    first, fault = next(iter(failed.items()))
-    done = [one.node_id for one in states if one.is_done]
-    unsure = [node_id for node_id, one in failed.items() if _is_unsure(one)]
-    missing = [one.node_id for one in states if one.node_id not in {*done, *unsure}]
+def _not_all(course: Stores) -> LeftChanged:
+    """What is told where stores came to nothing, and every node holds what was planned all the same."""
+    first, fault = next(iter(course.failed.items()))
     left = LeftChanged(
         f"every node holds what was planned, and node {first} did not store it",
         node=first,
@@ -102,10 +165,35 @@ def _not_all(states: Iterable[Storing], failed: Mapping[int, BaseException]) -> 
         "`store` on each that stored",
         state="left_changed",
     )
-    rows = (("stored", done), ("not stored", missing), ("unknown", unsure))
-    left.details += [(label, f"node {', '.join(map(str, numbers))}") for label, numbers in rows if numbers]
+    left.details += _who(course)
     left.state_text = "every node holds what was planned, read back equal; not all of them have stored it"
     return left
+
+
+def _lost(course: Stores, lost: Sequence[BaseException]) -> LeftChanged:
+    """What is told where *lost* say who does not hold any more what was planned: nothing of that is to be stored."""
+    first, *others = lost
+    left = LeftChanged(
+        str(first) or "stopped before every node was read once more",
+        node=first.node if isinstance(first, DvtcliError) else None,
+        place=first.place if isinstance(first, DvtcliError) else None,
+        why=(first.why if isinstance(first, DvtcliError) else None) or "seen while the nodes stored",
+        hint="recover puts every node back as it was before; then `apply` again",
+        state="left_changed",
+    )
+    left.details += [("also", str(one)) for one in others]
+    left.details += _who(course)
+    left.state_text = "not every node is known to hold what was planned: `diff` looks; what was stored stays stored"
+    return left
+
+
+def _who(course: Stores) -> list[tuple[str, str]]:
+    """Who has stored, who has not, and of whom nobody knows."""
+    done = [one.node_id for one in course.states.values() if one.is_done]
+    unsure = [node_id for node_id, one in course.failed.items() if _is_unsure(one)]
+    missing = [node_id for node_id in course.states if node_id not in {*done, *unsure}]
+    rows = (("stored", done), ("not stored", missing), ("unknown", unsure))
+    return [(label, f"node {', '.join(map(str, numbers))}") for label, numbers in rows if numbers]
 
 
 def _is_unsure(fault: BaseException) -> bool:

@@ -10,6 +10,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
+from dvtcli.device.change.course import combined
 from dvtcli.device.change.put_back import PATIENCE_S, RETRY_S, first_difference
 from dvtcli.domain.plan import Change, PdoChange, Plan
 from dvtcli.domain.several import several
@@ -57,8 +58,16 @@ class Course:
             return []
         return [node.keeper.own_journal for node in self.nodes.values() if node.keeper is not None]
 
-    def end(self) -> None:
-        """Each change stands alone again."""
+    def verified(self) -> dict[int, tuple[Change, ...]]:
+        """What was done on each node, and verified."""
+        parts = {node_id: [one for one in self.done if one.node_id == node_id] for node_id in self.plans}
+        return {node_id: combined(node_id, some).changes for node_id, some in parts.items()}
+
+    def __enter__(self) -> Course:
+        return self
+
+    def __exit__(self, *_fault: object) -> None:
+        """However it ended: each change stands alone again."""
         if self._alone:
             self.session.whole.end()
 
@@ -93,7 +102,6 @@ class Course:
                     self._try(node_id, failures, fault, self._settle)
         for journal in self.journals():
             journal.abandon_whole()
-        self.end()
         if failures:
             left = self._all_left(failures)
             if left is not fault:

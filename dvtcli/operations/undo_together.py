@@ -63,7 +63,8 @@ def undo_together(session: Session, undoings: Sequence[Undoing]) -> tuple[Change
                 nodes[node_id].gate.enter()  # whoever is asked is asked before the first write
         plans = {node_id: back.plan for node_id, back in backs.items()}
         findings = {node_id: back.unknown for node_id, back in backs.items()}
-        complete(carry_out_together(session, nodes, plans, found, "undo --all", findings))
+        with carry_out_together(session, nodes, plans, found, "undo --all", findings) as course:
+            complete(course)
     done = []
     for one in undoings:
         node, back = one.node, backs[one.node.node_id]

@@ -15,7 +15,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from dvtcli.device.change.plan_document import MOST_CHANGES, Identity, change_document, read_number, read_plan
+from dvtcli.device.change.plan_document import (
+    MOST_CHANGES,
+    Identity,
+    change_document,
+    read_change,
+    read_identity,
+    read_number,
+    read_plan,
+)
 from dvtcli.device.change.private_file import file_name, remove, sync_folder, write_private
 from dvtcli.device.change.whole import Part, Storing
 from dvtcli.device.trust import stranger
@@ -121,7 +129,7 @@ class Journals:
             "entries": list(part.entries),
             "final": part.final,
             "asked": list(part.asked),
-            "stores": [{"node": one.node_id, "group": one.group, "done": one.is_done} for one in part.stores],
+            "stores": [_store_document(one) for one in part.stores],
             "changes": [change_document(change) for change in plan.changes],
         }
         text = json.dumps(document, indent=1)
@@ -195,4 +203,23 @@ def _stores(document: Any) -> Iterator[Storing]:
     if not isinstance(document, list) or not all(isinstance(one, dict) for one in document):
         raise ValueError("its stores are malformed")
     for one in document:
-        yield Storing(read_number(one, "node", 127), str(one.get("group")), one.get("done") is True)
+        holds = one.get("holds", [])
+        if not isinstance(holds, list) or len(holds) > MOST_CHANGES:
+            raise ValueError("its stores are malformed")
+        yield Storing(
+            read_number(one, "node", 127),
+            str(one.get("group")),
+            one.get("done") is True,
+            None if one.get("identity") is None else read_identity(one),
+            tuple(map(read_change, holds)),
+        )
+
+
+def _store_document(one: Storing) -> dict[str, Any]:
+    return {
+        "node": one.node_id,
+        "group": one.group,
+        "done": one.is_done,
+        "identity": one.identity,
+        "holds": [change_document(change) for change in one.holds],
+    }

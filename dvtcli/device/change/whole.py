@@ -7,18 +7,26 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from dvtcli.device.change.plan_document import Identity
+    from dvtcli.domain.plan import Change
 
 
 @dataclass(frozen=True, slots=True)
 class Storing:
     """A store that ends a whole, once all of it is verified.
 
-    *group* is as `store` takes it; *is_done* once the node acknowledged it.
+    *group* is as `store` takes it; *is_done* once the node acknowledged it. *identity* (0x1018) is the device's, None
+    where an earlier version did not note it; *holds* what it is to hold, where it was not changed and has no journal.
     """
 
     node_id: int
     group: str
     is_done: bool = False
+    identity: Identity | None = None
+    holds: tuple[Change, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

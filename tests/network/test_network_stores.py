@@ -1,0 +1,183 @@
+"""A node of a network that loses what was set while the others store, or while all are taken back: it is said.
+
+Two nodes in virtual time. A restart is heard (a boot-up message), or is not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from dvtcli.domain.nmt import NmtCommand
+from dvtcli.errors import LeftChanged, SafetyRefusal
+from dvtcli.operations.network_files import applied
+from dvtcli.operations.recover_change import recover
+from tests.network.bench import Chain
+from tests.network.killed import Watched, afterwards
+
+Act = Callable[[Chain], None]
+TYPE = (0x1800, 2)
+
+
+def file(home: Path, name: str = "net", *, a: bool = True, b: bool = True, pdo: int = 1) -> Path:
+    """A network file that sets the transmission type of a PDO of nodes 5 and 9; *a* and *b* say whether they store."""
+    stores = ((5, "a", a), (9, "b", b))
+    parts = (
+        f"{name}:\n  node_id: {node_id}\n  store: {str(stored).lower()}\n  tpdo:\n    {pdo}: {{transmission: 1}}\n"
+        for node_id, name, stored in stores
+    )
+    path = home.parent / f"{name}.yaml"
+    path.write_text("".join(parts))
+    return path
+
+
+@pytest.fixture
+def chain(home: Path) -> Chain:
+    (home.parent / "files").mkdir()
+    home.mkdir(exist_ok=True)
+    return Chain(home.parent / "files", bus=Watched, families={5: "generic", 9: "generic"}, operational=False)
+
+
+def heard(node_id: int) -> Act:
+    """The node restarts, and says so."""
+    return lambda chain: chain.bus.send_nmt(NmtCommand.RESET_NODE, node_id)
+
+
+def silent(node_id: int) -> Act:
+    """The node restarts, and nobody hears that."""
+
+    def restart(chain: Chain) -> None:
+        chain.devices[node_id].restart()
+        chain.devices[node_id].boot_up()
+        chain.devices[node_id].take_outbox()
+
+    return restart
+
+
+def while_storing(chain: Chain, node_id: int, act: Act, *, ahead: bool = False) -> None:
+    """Do *act* once, when the node was told to store; *ahead*: just before it takes that."""
+    send, done = chain.bus.send_sdo, list[int]()
+
+    def send_sdo(can_id: int, data: bytes) -> None:
+        hit = can_id == 0x600 + node_id and data[0] >> 5 == 1 and bytes(data[1:3]) == b"\x10\x10" and not done
+        if hit:
+            done.append(1)
+        if hit and ahead:
+            act(chain)
+        send(can_id, data)
+        if hit and not ahead:
+            act(chain)
+
+    vars(chain.bus)["send_sdo"] = send_sdo
+
+
+def types(chain: Chain) -> dict[int, int]:
+    return {node_id: one.value(*TYPE)[0] for node_id, one in chain.devices.items()}
+
+
+def stored_type(chain: Chain, node_id: int) -> bytes | None:
+    return chain.stored()[node_id].get(TYPE)
+
+
+def killed(chain: Chain, home: Path, path: Path, look: Act) -> None:
+    """`apply` of *path* ends when node 5 is told to store; *look* is whoever comes after."""
+    wrong: list[str] = []
+    while_storing(chain, 5, lambda one: wrong.append(afterwards(one, home, look)), ahead=True)
+    chain.apply(path)
+    assert wrong == [""]
+
+
+@pytest.mark.parametrize("restart", [heard, silent])
+def test_finish_stores_nothing_that_was_lost_meanwhile(chain: Chain, home: Path, restart: Callable[[int], Act]) -> None:
+    def look(after: Chain) -> None:
+        while_storing(after, 5, restart(9))
+        with after.session(node=None) as session, pytest.raises(LeftChanged) as left:
+            recover(session, finish=True)
+        assert left.value.node == 9
+        assert ("stored", "node 5") in left.value.details
+        assert ("not stored", "node 9") in left.value.details
+        assert " store`" not in str(left.value.hint)
+        assert stored_type(after, 9) is None
+        assert len(after.journals()) == 2
+
+    killed(chain, home, file(home), look)
+
+
+def test_finish_looks_once_more_at_those_that_do_not_store(chain: Chain, home: Path) -> None:
+    def look(after: Chain) -> None:
+        while_storing(after, 5, silent(9))
+        with after.session(node=None) as session, pytest.raises(LeftChanged) as left:
+            recover(session, finish=True)
+        assert left.value.node == 9
+        assert len(after.journals()) == 2
+
+    killed(chain, home, file(home, b=False), look)
+
+
+@pytest.mark.parametrize("other", ["device", "value"])
+def test_finish_looks_at_a_node_that_only_stores(chain: Chain, home: Path, other: str) -> None:
+    chain.apply(file(home, "before", a=False, b=False))
+    silent(5)(chain)  # node 9 holds what is wanted, and has not stored it
+
+    def look(after: Chain) -> None:
+        held = after.devices[9]
+        if other == "device":
+            held.set_value(0x1018, 2, (0x1234).to_bytes(4, "little"))
+        else:
+            held.download(*TYPE, b"\x07")
+        with after.session(node=None) as session, pytest.raises(SafetyRefusal, match="node 9"):
+            recover(session, finish=True)
+        assert stored_type(after, 9) is None
+        assert stored_type(after, 5) is None
+        assert len(after.journals()) == 1
+
+    killed(chain, home, file(home), look)
+
+
+@pytest.mark.parametrize("restart", [heard, silent])
+def test_apply_looks_at_all_nodes_after_the_stores(chain: Chain, home: Path, restart: Callable[[int], Act]) -> None:
+    while_storing(chain, 9, restart(5))
+    with pytest.raises(LeftChanged) as left:
+        chain.apply(file(home, a=False))
+    assert left.value.node == 5
+    assert left.value.details == [("stored", "node 9")]
+    assert types(chain) == {5: 255, 9: 1}
+    with chain.session(node=None) as session:
+        assert recover(session)
+    assert (types(chain), chain.journals()) == ({5: 255, 9: 255}, [])
+
+
+@pytest.mark.parametrize("restart", [heard, silent])
+def test_what_was_lost_before_its_store_is_not_to_be_stored(
+    chain: Chain, home: Path, restart: Callable[[int], Act]
+) -> None:
+    while_storing(chain, 5, restart(9))
+    with pytest.raises(LeftChanged) as left:
+        chain.apply(file(home))
+    assert "every node holds what was planned" not in f"{left.value} {left.value.state_text}"
+    assert "store`" not in str(left.value.hint)
+    assert ("not stored", "node 9") in left.value.details
+    assert len(chain.journals()) == 2
+    with chain.session(node=None) as session:
+        assert recover(session)
+    assert chain.apply(file(home)).stored
+    assert {chain.stored()[one][TYPE] for one in (5, 9)} == {b"\x01"}
+
+
+def test_a_disk_that_is_full_between_two_stores_is_told_and_ends_the_whole(chain: Chain, home: Path) -> None:
+    folder = chain.folder / "journals"
+
+    def full(_chain: Chain) -> None:
+        folder.rename(chain.folder / "away")
+        folder.write_text("nothing can be written here")
+
+    while_storing(chain, 5, full)
+    with chain.session(node=None) as session:
+        with pytest.raises(LeftChanged) as left:
+            applied(session, str(file(home)))
+        assert left.value.state == "left_changed"
+        assert ("stored", "node 5") in left.value.details
+        assert session.whole.id is None
+    assert types(chain) == {5: 1, 9: 1}
