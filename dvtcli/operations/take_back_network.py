@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.change.course import combined
 from dvtcli.device.change.put_back import PATIENCE_S, RETRY_S, first_difference
+from dvtcli.device.observe import MOST_LOOKS
 from dvtcli.domain.plan import Change, PdoChange, Plan
 from dvtcli.domain.several import several
 from dvtcli.errors import DeviceRefused, DvtcliError, Interrupted, LeftChanged, NoAnswer, SdoAborted, SdoProtocolError
@@ -97,9 +98,7 @@ class Course:
             for part in reversed(self.done):
                 if part.node_id not in failures:
                     self._try(part.node_id, failures, fault, lambda node, part=part: _put_back(node, part))  # type: ignore[misc]
-            for node_id in {part.node_id: None for part in self.done}:
-                if node_id not in failures:
-                    self._try(node_id, failures, fault, self._settle)
+            self._settle_all(failures, fault)
         for journal in self.journals():
             journal.abandon_whole()
         if failures:
@@ -135,6 +134,25 @@ class Course:
         except (DvtcliError, KeyboardInterrupt) as failed:
             failures[node_id] = self._left(node, fault, failed)
 
+    def _settle_all(self, failures: dict[int, LeftChanged], fault: BaseException) -> None:
+        """Look at all nodes, and at all once more where one restarted meanwhile; then forget what was put back."""
+        taken = list(dict.fromkeys(part.node_id for part in self.done))
+        again = taken
+        for _ in range(MOST_LOOKS):
+            seen = {node_id: self.nodes[node_id].bus.boot_ups(node_id) for node_id in taken}
+            for node_id in taken:
+                if node_id not in failures:
+                    self._try(node_id, failures, fault, self._settle)
+            again = [node_id for node_id in taken if self.nodes[node_id].bus.boot_ups(node_id) != seen[node_id]]
+            if not again:
+                break
+        for node_id in taken:
+            if node_id in again and node_id not in failures:
+                restarts = DeviceRefused(f"it restarted each of {MOST_LOOKS} times that it was looked at")
+                failures[node_id] = self._left(self.nodes[node_id], fault, restarts)
+            elif node_id not in failures:
+                self._try(node_id, failures, fault, self._forget)
+
     def _settle(self, node: Node) -> None:
         """Once all nodes had their turn: *node* is as it was, or it is put back again, for the last time.
 
@@ -148,6 +166,9 @@ class Course:
         untaken = [change.label for change in plan.changes if _is_otherwise(node, change)]
         if untaken:
             raise DeviceRefused(f"the device does not take back what {several(untaken)} held")
+
+    def _forget(self, node: Node) -> None:
+        """*node* is as it was, and so are the others: nothing of it is to be recovered."""
         self._before[node.node_id].restore(node)
         if self._alone and node.keeper is not None:
             node.keeper.own_journal.end_whole()

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from dvtcli.domain.nmt import NmtCommand
-from dvtcli.errors import LeftChanged, SafetyRefusal
+from dvtcli.errors import DvtcliError, LeftChanged, SafetyRefusal
 from dvtcli.operations.network_files import applied
 from dvtcli.operations.recover_change import recover
 from tests.network.bench import Chain
@@ -181,3 +181,29 @@ def test_a_disk_that_is_full_between_two_stores_is_told_and_ends_the_whole(chain
         assert ("stored", "node 5") in left.value.details
         assert session.whole.id is None
     assert types(chain) == {5: 1, 9: 1}
+
+
+@pytest.mark.parametrize("at", [23, 26, 29])
+def test_a_node_that_restarts_once_it_was_taken_back_is_put_back_again(home: Path, at: int) -> None:
+    """RAM held 7, the file wants 1, node 9 refuses; node 5 restarts at the *at*-th request to node 9."""
+    (home.parent / "files").mkdir()
+    families = {5: "generic", 9: "generic"}
+    chain = Chain(home.parent / "files", ["9:refuse@1=0x08000000"], bus=Watched, families=families, operational=False)
+    for one in chain.devices.values():
+        one.download(*TYPE, b"\x07")
+    send, seen = chain.bus.send_sdo, list[int]()
+
+    def send_sdo(can_id: int, data: bytes) -> None:
+        send(can_id, data)
+        if can_id == 0x609 and (seen or data[0] >> 5 == 1):
+            seen.append(1)
+            if len(seen) == at:
+                heard(5)(chain)
+
+    vars(chain.bus)["send_sdo"] = send_sdo
+    with pytest.raises(DvtcliError) as told:
+        chain.apply(file(home, a=False, b=False))
+    assert len(seen) >= at
+    assert told.value.state == "rolled_back"
+    assert types(chain) == {5: 7, 9: 7}
+    assert chain.journals() == []
