@@ -1,0 +1,3 @@
+"""The fixtures of dvtcli.testing: simulated nodes for each test."""
+
+pytest_plugins = ["dvtcli.testing"]
