@@ -21,6 +21,7 @@ from dvtcli.device.virtual_pdos import names_objects, tie_findings
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.network.consumers import left_findings, length_findings, moved_tpdos
 from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
+from dvtcli.domain.network.wanted_state import Endpoint
 from dvtcli.domain.plan import PdoChange, Plan, Step, ValueChange, plan_pdo
 from dvtcli.domain.rules import check_pdo, errors_in
 from dvtcli.domain.several import plural, several
@@ -61,11 +62,31 @@ def _of_nodes(session: Session, file: str, wish: NetworkWish, ids: tuple[int, ..
         return wish
     if unknown := [one for one in ids if one not in {node.node_id for node in wish.nodes}]:
         raise UsageError(f"{file} has no node {', '.join(map(str, unknown))}", place=file)
-    chosen = wish.of(ids)
-    left_out = len(wish.links) - len(chosen.links)
-    if left_out:
-        session.tell.note(f"{plural(left_out, 'link')} of {file} left out: not both ends are among -n")
+    chosen, alone = _without_torn_links(wish, wish.of(ids))
+    if left_out := len(wish.links) - len(chosen.links):
+        stay = ", ".join(f"{end.node_id}:{end.pdo}" for end in alone)
+        session.tell.note(
+            f"{plural(left_out, 'link')} of {file} left out: not both ends are among -n; left as they are: {stay}"
+        )
     return chosen
+
+
+def _without_torn_links(wish: NetworkWish, chosen: NetworkWish) -> tuple[NetworkWish, list[Endpoint]]:
+    """*chosen* of *wish* without the links that lack an end, and without their PDOs, which are answered, too.
+
+    What one end of such a link has must not change while the other stays: it would hear another layout.
+    """
+    links, torn = chosen.links, {end for link in wish.links if link not in chosen.links for end in link.ends}
+    while shared := [link for link in links if not torn.isdisjoint(link.ends)]:
+        links = tuple(link for link in links if link not in shared)
+        torn |= {end for link in shared for end in link.ends}
+    nodes = tuple(
+        replace(node, pdos=tuple(pdo for pdo in node.pdos if Endpoint(node.node_id, pdo.pdo) not in torn))
+        for node in chosen.nodes
+    )
+    ids = {node.node_id for node in chosen.nodes}
+    alone = sorted((end for end in torn if end.node_id in ids), key=lambda end: (end.node_id, str(end.pdo)))
+    return replace(chosen, nodes=nodes, links=links), alone
 
 
 def plan_wish(session: Session, wish: NetworkWish, log: FileLog) -> NetworkPlan:

@@ -1,0 +1,35 @@
+"""`-n 7,9` with a network file: a link that lacks an end is left alone on both."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from dvtcli.domain.plan import PdoChange
+from dvtcli.operations.network_files import planned
+from dvtcli.operations.options import Options
+from dvtcli.operations.session import Session
+
+NETWORK = """
+a: {node_id: 5, tpdo: {1: {mapping: [6000:01]}}, rpdo: {1: {mapping: [6200:01]}}}
+b: {node_id: 9, rpdo: {1: {mapping: [6200:01]}}, tpdo: {1: {mapping: [6000:01]}, 2: {transmission: 7}}}
+c: {node_id: 7, rpdo: {1: {mapping: [6200:01]}}, tpdo: {2: {transmission: 7}}}
+links:
+  - {from: a:tpdo1, to: b:rpdo1}
+  - {from: b:tpdo1, to: [c:rpdo1, a:rpdo1]}
+"""
+
+
+def changes(file: Path, *nodes: int) -> list[str]:
+    """The PDOs that change, where *nodes* are named."""
+    sims = ("generic@5", "generic@7", "generic@9")
+    with Session(Options(sim=sims, node=nodes)) as session:
+        plan = planned(session, str(file)).plan
+        made = [(one.node_id, change) for one in plan.nodes for change in one.plan.changes]
+        return [f"{node_id}:{change.pdo}" for node_id, change in made if isinstance(change, PdoChange)]
+
+
+def test_a_link_that_lacks_an_end_is_left_alone_on_the_others(tmp_path: Path) -> None:
+    file = tmp_path / "network.yaml"
+    file.write_text(NETWORK)
+    assert changes(file, 7, 9) == ["7:tpdo2", "9:tpdo2"], "each RPDO hears the layout that its producer has"
+    assert {"9:rpdo1", "9:tpdo1", "7:rpdo1"} <= set(changes(file, 5, 7, 9))
