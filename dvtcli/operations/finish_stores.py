@@ -35,6 +35,12 @@ def finish(session: Session, journals: Sequence[Journal]) -> Facts:
     UsageError where not all nodes had been verified; SafetyRefusal, and nothing is stored, where one holds something
     else by now; LeftChanged where a node did not store: the journals stay then.
     """
+    one = next((one for one in journals if may_finish([one])), None)
+    if one is not None and not may_finish(journals):
+        raise UsageError(
+            "several changes were interrupted: --finish goes on with one network at a time",
+            hint=f"-n {one.plan.node_id} recover --finish goes on with {one.part.name}",
+        )
     if not may_finish(journals):
         raise UsageError(
             "not all nodes had been verified: there is nothing to finish", hint="recover puts them back as they were"

@@ -5,13 +5,14 @@ Two nodes in virtual time. A restart is heard (a boot-up message), or is not.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from dvtcli.domain.nmt import NmtCommand
-from dvtcli.errors import DvtcliError, LeftChanged, SafetyRefusal
+from dvtcli.errors import DvtcliError, LeftChanged, SafetyRefusal, UsageError
 from dvtcli.operations.network_files import applied
 from dvtcli.operations.recover_change import recover
 from tests.network.bench import Chain
@@ -207,3 +208,26 @@ def test_a_node_that_restarts_once_it_was_taken_back_is_put_back_again(home: Pat
     assert told.value.state == "rolled_back"
     assert types(chain) == {5: 7, 9: 7}
     assert chain.journals() == []
+
+
+def test_finish_beside_another_interrupted_change_says_how_to_go_on(home: Path) -> None:
+    (home.parent / "files").mkdir()
+    home.mkdir(exist_ok=True)
+    families = dict.fromkeys((5, 7, 9), "generic")
+    chain = Chain(home.parent / "files", bus=Watched, families=families, operational=False)
+
+    def look(after: Chain) -> None:
+        (first, _) = after.journals()
+        lone = {"whole": None, "name": "", "final": "", "stores": [], "entries": [], "node": 7}
+        path = first.with_name(first.name.replace("-5", "-7"))
+        path.write_text(json.dumps({**json.loads(first.read_text()), **lone}))
+        path.chmod(0o600)
+        with after.session(node=None) as session, pytest.raises(UsageError, match="one network at a time") as told:
+            recover(session, finish=True)
+        assert "-n 5 recover --finish" in str(told.value.hint)
+        with after.session(node=5) as session:
+            assert recover(session, finish=True)
+        assert {after.stored()[one][TYPE] for one in (5, 9)} == {b"\x01"}
+        assert after.journals() == [path]
+
+    killed(chain, home, file(home), look)
