@@ -52,13 +52,24 @@ def plan_network(session: Session, file: str) -> NetworkPlan:
     wish = read_wish(file)
     for note in wish.notes:
         session.tell.note(f"{file}:{note.mark.line}:{note.mark.column}: {note.text}")
-    wish = _of_nodes(session, file, wish, session.base.nodes)
+    wish = _of_nodes(session, file, wish, _named(session))
     return plan_wish(session, wish, FileLog(file, Path(file).read_text("utf-8-sig")))
 
 
+def _named(session: Session) -> tuple[int, ...]:
+    """The nodes that the user means, none: all of the file.
+
+    One alone counts where `-n` stands in the line itself: at a prompt and in scripts, in settings and variables it only
+    says which node is selected.
+    """
+    ids = session.base.nodes
+    typed = session.settings.sources.get("node") == "option" and session.ends_with_line
+    return ids if len(ids) > 1 or typed else ()
+
+
 def _of_nodes(session: Session, file: str, wish: NetworkWish, ids: tuple[int, ...]) -> NetworkWish:
-    """What *wish* says of the nodes *ids* where several were named (`-n 1,3`); UsageError for one that it has not."""
-    if len(ids) < 2:
+    """What *wish* says of the nodes *ids* where some were named (`-n 1,3`); UsageError for one that it has not."""
+    if not ids:
         return wish
     if unknown := [one for one in ids if one not in {node.node_id for node in wish.nodes}]:
         raise UsageError(f"{file} has no node {', '.join(map(str, unknown))}", place=file)

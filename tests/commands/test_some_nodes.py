@@ -8,6 +8,7 @@ from dvtcli.domain.plan import PdoChange
 from dvtcli.operations.network_files import planned
 from dvtcli.operations.options import Options
 from dvtcli.operations.session import Session
+from tests.process import documents, dvtcli
 
 NETWORK = """
 a: {node_id: 5, tpdo: {1: {mapping: [6000:01]}}, rpdo: {1: {mapping: [6200:01]}}}
@@ -33,3 +34,16 @@ def test_a_link_that_lacks_an_end_is_left_alone_on_the_others(tmp_path: Path) ->
     file.write_text(NETWORK)
     assert changes(file, 7, 9) == ["7:tpdo2", "9:tpdo2"], "each RPDO hears the layout that its producer has"
     assert {"9:rpdo1", "9:tpdo1", "7:rpdo1"} <= set(changes(file, 5, 7, 9))
+
+
+def test_one_node_that_the_line_names_is_the_only_one(tmp_path: Path) -> None:
+    file = tmp_path / "network.yaml"
+    file.write_text("a: {node_id: 5, tpdo: {2: {transmission: 7}}}\nb: {node_id: 9, tpdo: {2: {transmission: 7}}}\n")
+    sims = ["--sim", "generic@5", "--sim", "generic@9", "--yes", "--json"]
+    (applied,) = documents(dvtcli(*sims, "-n", "9", "apply", str(file)).stdout)
+    assert [(node["node"], len(node["pdos"])) for node in applied["nodes"]] == [(9, 1)]
+    unknown = dvtcli(*sims, "-n", "7", "apply", str(file))
+    assert unknown.returncode == 2
+    assert "has no node 7" in documents(unknown.stdout)[0]["text"]
+    (both,) = documents(dvtcli(*sims, "-n", "9", stdin=f"apply {file}\n").stdout)
+    assert [node["node"] for node in both["nodes"]] == [5, 9], "in a script it is the node that is selected"
