@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import uuid
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
@@ -19,7 +19,7 @@ from dvtcli.device.change.journal import MOST_BYTES
 from dvtcli.device.change.plan_document import Identity
 from dvtcli.device.change.private_file import file_name, set_aside, write_private
 from dvtcli.device.recorded_change import SCHEMA, Recorded, document, recorded_changes
-from dvtcli.domain.plan import Plan, alters
+from dvtcli.domain.plan import Change, Plan, alters
 from dvtcli.errors import InputFileError, SafetyRefusal
 
 #: How many changes of a device are remembered.
@@ -126,11 +126,19 @@ class Past:
         for path in {self.path(one.plan.node_id, one.identity) for one in entries}:
             self._drop(path, [one.id for one in entries], back)
 
-    def drop(self, node_id: int, identity: Identity, names: Collection[str]) -> None:
-        """Drop the changes of those ids: they were put back, as `recover` does."""
+    def drop(self, node_id: int, identity: Identity, names: Collection[str], back: Plan | None = None) -> None:
+        """Drop the changes of those ids: they were put back, as `recover` does.
+
+        *back* is what was put back of what a store took, or may have taken: that is remembered for the next store.
+        """
         path = self.path(node_id, identity)
         if names and path.exists():
             self._drop(path, names)
+        if back is not None:
+            try:
+                self._remember_back(back, back.changes, identity)
+            except (OSError, SafetyRefusal) as failed:
+                self.say(f"it is put back, but that it is not stored cannot be remembered: {_why(failed)}")
 
     def was_stored(self, node_id: int, identity: Identity, labels: Collection[str]) -> None:
         """A store took what the device held of *labels*, and with that all that was changed of them before."""
@@ -162,9 +170,12 @@ class Past:
 
     def _add_undoing(self, back: Plan, undone: Sequence[Recorded]) -> None:
         stored = {label for one in undone for label in one.stored}
-        changes = tuple(change for change in back.changes if change.label in stored and alters(change))
+        self._remember_back(back, (one for one in back.changes if one.label in stored), undone[-1].identity)
+
+    def _remember_back(self, back: Plan, put_back: Iterable[Change], identity: Identity) -> None:
+        changes = tuple(change for change in put_back if alters(change))
         if changes:
-            entry = self._entry(replace(back, changes=changes), undone[-1].identity, undoes=True)
+            entry = self._entry(replace(back, changes=changes), identity, undoes=True)
             path = self.path(back.node_id, entry.identity)
             self._write(path, [*self._sound(path), entry][-MOST_CHANGES:])
 

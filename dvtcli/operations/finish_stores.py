@@ -13,6 +13,7 @@ from dvtcli.errors import DeviceRefused, LeftChanged, SafetyRefusal, UsageError
 from dvtcli.operations.last_look import Verified
 from dvtcli.operations.results import Facts
 from dvtcli.operations.store_network import Stores, store_each
+from dvtcli.operations.stores_begun import furthest, waiting
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -59,16 +60,6 @@ def finish(session: Session, journals: Sequence[Journal]) -> Facts:
     rows = (("node", None), ("recovered", False), ("finished", not session.dry_run), ("stored", waiting(part)))
     said = f"dry run: node {ids} would store" if session.dry_run else f"{part.name} is complete: node {ids} stored"
     return Facts("recover", rows, (said,))
-
-
-def furthest(journals: Sequence[Journal]) -> Part:
-    """Of the journals that say how far the stores had come the one that says most: they are written one by one."""
-    return max((journal.part for journal in journals), key=lambda part: sum(one.is_done for one in part.stores))
-
-
-def waiting(part: Part) -> list[int]:
-    """Node-IDs of the stores of *part* that are not known to be done."""
-    return [one.node_id for one in part.stores if not one.is_done]
 
 
 def _verified(session: Session, journals: Sequence[Journal], part: Part, nodes: Mapping[int, Node]) -> Verified:

@@ -12,6 +12,7 @@ from dvtcli.domain.several import several
 from dvtcli.errors import DvtcliError, InputFileError, Restarted, SafetyRefusal, UsageError
 from dvtcli.operations.change import changed
 from dvtcli.operations.results import Changed, ChangedNodes, Facts
+from dvtcli.operations.stores_begun import furthest, stored_before, stores_of
 from dvtcli.operations.waiting_journals import waiting_paths, with_others
 
 if TYPE_CHECKING:
@@ -73,15 +74,12 @@ def _recovered(session: Session, file: str | None, *, finish: bool) -> Changed |
 
 def _rather_finishes(session: Session, journals: list[Journal]) -> bool:
     """Whether the stores are to be gone on with, where they had begun; SafetyRefusal where nobody can say so."""
-    from dvtcli.operations.finish_stores import furthest, may_finish, waiting
+    from dvtcli.operations.finish_stores import may_finish
 
     if not may_finish(journals):
         return False
     part = furthest(journals)
-    first, *behind = waiting(part) or [0]
-    done = [one.node_id for one in part.stores if one.is_done]
-    rows = (("stored", done), ("unknown", [first] if first else []), ("not stored", behind))
-    told = "; ".join(f"{label}: node {', '.join(map(str, ids))}" for label, ids in rows if ids)
+    told = "; ".join(f"{label}: node {', '.join(map(str, ids))}" for label, ids in stores_of(part).items() if ids)
     text = f"every node held what {part.name} wanted, and it ended while they stored ({told})"
     if session.options.yes or session.dry_run:
         session.tell.note(f"{text}: recover goes back, recover --finish would go on")
@@ -132,7 +130,7 @@ def _put_back(session: Session, journals: list[Journal]) -> tuple[list[Changed],
     for one in begun:
         try:
             if one.node.node_id not in failed:
-                done.append(_ended(session, one, time.monotonic() - started))
+                done.append(_ended(session, one, stored_before(one.journal, journals), time.monotonic() - started))
         except DvtcliError as error:
             failures.append(error)
     if failures:
@@ -159,17 +157,18 @@ def _restarted_since(node: Node) -> bool:
     return node.bus.boot_ups(node.node_id) != node.pending.boot_ups
 
 
-def _ended(session: Session, recovery: Recovery, seconds: float) -> Changed:
-    """Forget the journal of what was put back, and answer what was done."""
+def _ended(session: Session, recovery: Recovery, stored: bool | None, seconds: float) -> Changed:
+    """Forget the journal of what was put back, and answer what was done; *stored* as `stored_before` says it."""
     from dvtcli.device.applied import Applied
     from dvtcli.device.change.way_back import unknown_before
 
     node, journal = session.node(recovery.node.node_id), recovery.journal
-    plan, not_put_back = recovery.end()
-    if journal.part.final:
+    plan, not_put_back = recovery.end(stored=stored is not False)
+    if stored is not False:
+        said = "stored" if stored else "may have stored"
         session.tell.warning(
-            f"{journal.part.final} had begun: node {node.node_id} may have stored what was taken back; see what it "
-            "comes up with, or `store`"
+            f"{journal.part.final} had begun: node {node.node_id} {said} what was taken back; "
+            f"-n {node.node_id} store keeps what it holds now"
         )
     applied = Applied(plan, unknown_before([journal.plan]), not_put_back)
     return changed(session, node, applied, seconds, undone=True)

@@ -18,7 +18,7 @@ from dvtcli.device.compare import differences
 from dvtcli.device.observe import MOST_LOOKS, BusWitness
 from dvtcli.domain.network.phases import phases
 from dvtcli.domain.nmt import NmtState
-from dvtcli.domain.plan import PdoChange, Plan, Step
+from dvtcli.domain.plan import PdoChange, Plan, Step, plan_pdo
 from dvtcli.domain.script_line import value_line, whole_line
 from dvtcli.domain.several import several
 from dvtcli.errors import (
@@ -168,12 +168,26 @@ class Recovery:
             state="left_changed",
         )
 
-    def end(self) -> tuple[Plan, tuple[Finding, ...]]:
-        """Forget the journal; what was to be written, and warnings of what the device did not take back."""
+    def end(self, *, stored: bool = False) -> tuple[Plan, tuple[Finding, ...]]:
+        """Forget the journal; what was to be written, and warnings of what the device did not take back.
+
+        *stored* says whether a store took what is put back, or may have: what is held now is not stored then.
+        """
         if self.node.keeper is not None:
-            self.node.keeper.forget(self.journal)
+            self.node.keeper.forget(self.journal, self._held_now() if stored else None)
         self.node.pending.suspicions.pop(CHANGE, None)
         return self.as_taken if self._otherwise else self.plan, put_back_findings(self._otherwise)
+
+    def _held_now(self) -> Plan:
+        """From what the interrupted change wanted to what was put back instead."""
+        taken = {one.pdo: one.back for one in self._otherwise}
+        changes: list[Change] = []
+        for change in self.journal.plan.changes:
+            if isinstance(change, PdoChange):
+                changes.append(plan_pdo(change.pdo, change.after, taken.get(change.pdo) or change.before))
+            elif change.step.before is not None:
+                changes.append(change.reversed())
+        return Plan(self.node.node_id, tuple(changes))
 
     def _restore(
         self, changes: Sequence[Change], *, given_up: tuple[type[BaseException], ...]

@@ -140,11 +140,14 @@ class Keeper:
         """After *plan*, which `begin` was told of, was carried out and verified: a later `undo` can put it back."""
         self.past.add(plan, self.own_journal.identity, self.own_journal.entry)
 
-    def forget(self, journal: Journal) -> None:
-        """After *journal* was recovered, wherever it was kept; that of another change of the node stays."""
+    def forget(self, journal: Journal, back: Plan | None = None) -> None:
+        """After *journal* was recovered, wherever it was kept; that of another change of the node stays.
+
+        *back* is what was put back, where what it replaced is stored, or may be: the next store is to know of it.
+        """
         with self._files("removed"):
             remove(journal.path)
-        self.past.drop(self.node_id, journal.identity, journal.part.entries)
+        self.past.drop(self.node_id, journal.identity, journal.part.entries, back)
         self.own_journal.is_over()
         with self._files("removed"):
             if self._is_gone_or(journal, self.journals.path(self.node_id)):

@@ -1,0 +1,50 @@
+"""How far the stores of a network had come when the process that asked for them ended, as its journals say.
+
+Reads no files and no nodes.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from dvtcli.device.change.journal import Journal
+    from dvtcli.device.change.whole import Part
+
+
+def furthest(journals: Sequence[Journal]) -> Part:
+    """Of the journals that say how far the stores had come the one that says most: they are written one by one."""
+    return max((journal.part for journal in journals), key=lambda part: (len(part.stores), _done(part)))
+
+
+def _done(part: Part) -> int:
+    return sum(one.is_done for one in part.stores)
+
+
+def waiting(part: Part) -> list[int]:
+    """Node-IDs of the stores of *part* that are not known to be done."""
+    return [one.node_id for one in part.stores if not one.is_done]
+
+
+def stores_of(part: Part) -> dict[str, list[int]]:
+    """The nodes of *part* that stored, the one that may have, and those that did not begin to: stores go in turn."""
+    waits = waiting(part)
+    done = [one.node_id for one in part.stores if one.is_done]
+    return {"stored": done, "unknown": waits[:1], "not stored": waits[1:]}
+
+
+def stored_before(journal: Journal, journals: Sequence[Journal]) -> bool | None:
+    """Whether the node of *journal* stored before its process ended; None where nobody knows.
+
+    *journals* are all that wait, in which the others of its whole are.
+    """
+    ours = [one for one in journals if one.part.whole == journal.part.whole] if journal.part.whole else [journal]
+    part = furthest(ours)
+    if not part.stores:
+        return None if journal.part.final else False  # a line of a script stores, and may name any node
+    states = stores_of(part)
+    if journal.plan.node_id in states["stored"]:
+        return True
+    return None if journal.plan.node_id in states["unknown"] else False
