@@ -209,9 +209,16 @@ def test_what_is_right_and_not_stored_is_stored_by_the_next_apply_that_should(be
     planned = bench.run(f"plan {file}")
     assert "not stored yet: TPDO1, TPDO2" in planned.stdout
     assert "0 SDO writes, a store on node 1, 5" in planned.stdout
-    assert bench.run(f"plan {file} --exit-code").code == 0
+    assert "No difference" not in planned.stdout
+    assert "and not all of it is stored" in planned.stdout
+    for line in (f"plan {file} --exit-code", f"diff {file}"):
+        assert bench.run(line).code == 3
+    assert bench.run(f"plan {file}").code == 0
+    assert "of node 1: not stored yet: TPDO1, TPDO2" in bench.run(f"diff {file} --format github").stdout
+    assert 'failures="2"' in bench.run(f"diff {file} --format junit").stdout
     ran = bench.run(f"apply {file} --json")
     assert (ran.code, ran.document["writes"], len(ran.document["stored"])) == (0, 0, 2)
+    assert bench.run(f"plan {file} --exit-code").code == 0
     assert bench.run(f"apply {file} --json").document["stored"] == []
     assert bench.run("nmt reset-node all").code == 0
     assert bench.run(f"diff {file}").code == 0

@@ -20,7 +20,7 @@ TASK = ("Networks", 10)
 @click.command("plan", cls=DvtCommand, short_help=__doc__, effect=Effect.READS, formats=CASE_FORMATS)
 @click.argument("file", type=FILE)
 @click.option("-o", "saved", type=FILE, metavar="PLAN", help="Save the plan as a file that apply takes.")
-@click.option("--exit-code", "tells", is_flag=True, help="End with 3 where something would be written.")
+@click.option("--exit-code", "tells", is_flag=True, help="End with 3 where something would be written or stored.")
 @click.pass_context
 def command(ctx: click.Context, /, file: str, saved: str | None, tells: bool) -> NetworkPlanned:
     """Read the nodes of the network FILE and show what differs, and what apply would write.
@@ -30,7 +30,7 @@ def command(ctx: click.Context, /, file: str, saved: str | None, tells: bool) ->
     \b
     plan press.yaml
     plan press.yaml -o plan.json
-    plan press.yaml --exit-code      3 where something differs
+    plan press.yaml --exit-code      3 where anything is to be done
     plan press.yaml --format junit   a test case for each PDO, for CI
     """
     from dvtcli.operations.network_files import planned

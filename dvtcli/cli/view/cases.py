@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.cli.view.network_lines import parameter_text
 from dvtcli.domain.plan import PdoChange
+from dvtcli.domain.several import several
 from dvtcli.operations.results.comparisons import Compared
 from dvtcli.operations.results.networks import NetworkPlanned, differing
 
@@ -53,6 +54,9 @@ def _planned(result: NetworkPlanned, node: NodePlan) -> Iterator[Case]:
         )
     for held in node.holds:
         yield Case(node.node_id, held.label, file=result.plan.file, line=_line(node, held))
+    if node.store and node.unstored:
+        says = (f"not stored yet: {several(node.unstored)}",)
+        yield Case(node.node_id, "store", says, level, result.plan.file, node.line)
     for finding in node.findings:
         level = "notice" if str(finding.severity) == "note" else "warning"
         yield Case(node.node_id, finding.rule, (finding.text,), level, result.plan.file, node.line)

@@ -33,7 +33,9 @@ def plan_lines(plan: NetworkPlan, width: int) -> Iterator[Line]:
 def planned_lines(result: NetworkPlanned, width: int) -> Iterator[Line]:
     """The plan, and what to do with it."""
     yield from plan_lines(result.plan, width)
-    if not result.plan.changed:
+    if not result.plan.changed and result.plan.to_do:
+        yield "Every node holds what the file says, and not all of it is stored."
+    elif not result.plan.changed:
         yield "No difference: every node holds what the file says. Nothing was written."
     if result.need is not None:
         yield from _load(result.need)

@@ -43,8 +43,8 @@ class NetworkPlanned(Answer):
 
     @property
     def exit_code(self) -> int:
-        """3 where something differs and that is to be told, else 0."""
-        return 3 if self.tells and self.plan.changed else 0
+        """3 where something is to be written or stored and that is to be told, else 0."""
+        return 3 if self.tells and self.plan.to_do else 0
 
     @property
     def findings(self) -> tuple[Finding, ...]:
