@@ -106,13 +106,15 @@ def main():
     )
     force = ["--force"] if module.params["force"] else []
     if module.check_mode:
-        document = Ended(module, [*force, "plan", "--exit-code", module.params["file"]]).unless(DONE, DIFFERS)
+        ended = Ended(module, [*force, "plan", "--exit-code", module.params["file"]])
+        document = ended.unless(DONE, DIFFERS)
     else:
         prove = ["--prove"] if module.params["prove"] else []
-        document = Ended(module, [*force, "--yes", "apply", *prove, module.params["file"]]).unless(DONE)
+        ended = Ended(module, [*force, "--yes", "apply", *prove, module.params["file"]])
+        document = ended.unless(DONE)
     stored = [one["node"] for one in document.get("stored") or []]
     module.exit_json(
-        changed=bool(document["changed"] or stored),
+        changed=bool(document["changed"] or stored or ended.code == DIFFERS),
         writes=document["writes"],
         stored=stored,
         nodes=[{key: value for key, value in node.items() if key not in _INNER} for node in document["nodes"]],
