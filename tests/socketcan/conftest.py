@@ -8,12 +8,14 @@ import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import can
 import pytest
 
 from dvtcli.bus.kernel_links import kernel_links
 from dvtcli.simulator.device.strict_device import StrictDevice
+from tests.process import PATIENCE_S
 from tests.served_nodes import ServedNodes
 
 #: what `run` makes in its machine: links may be set down, deleted and flooded there
@@ -51,12 +53,14 @@ def ip(*words: str) -> None:
 def tool(*words: str) -> str:
     """Run one of can-utils to its end; what it printed."""
     assert shutil.which(words[0]), f"{words[0]} is not here"
-    done = subprocess.run(words, check=True, capture_output=True, text=True, timeout=120)
+    done = subprocess.run(
+        words, check=True, capture_output=True, text=True, timeout=PATIENCE_S, stdin=subprocess.DEVNULL
+    )
     return done.stdout
 
 
 @contextmanager
-def on(link: str, *devices: StrictDevice, **options: object) -> Iterator[ServedNodes]:
+def on(link: str, *devices: StrictDevice, **options: Any) -> Iterator[ServedNodes]:
     """Simulated *devices* on *link*, in this process, over a socket of their own."""
     theirs = can.Bus(link, interface="socketcan", ignore_config=True, **options)
     with ServedNodes(theirs, devices) as network:

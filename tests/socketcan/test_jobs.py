@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-import subprocess
 from pathlib import Path
 
 import can
 
 from tests.commands.bench import Bench
 from tests.commands.bus import device
-from tests.process import dvtcli
+from tests.process import PATIENCE_S, dvtcli, start
+from tests.serve.served import own_environment
 from tests.socketcan.conftest import on, tool
+from tests.socketcan.recorded import candump, frames_in, log, seen_by
 
 WORDS = ("-i", "socketcan", "-c", "vcan0", "-n", "1")
 OPTIONS = {"interface": "socketcan", "channel": "vcan0", "node": 1}
+#: frames of 8 bytes that count up, two thousand a second at most
+CANGEN = ("cangen", "vcan0", "-g", "0.5", "-I", "i", "-L", "8", "-D", "i")
 
 
 def test_scan_finds_them_all() -> None:
@@ -43,36 +46,22 @@ def test_a_store_names_what_other_processes_changed() -> None:
         assert "proved" in ran.stdout
 
 
-def test_monitor_names_what_passes() -> None:
+def test_monitor_names_what_passes(tmp_path: Path) -> None:
     with on("vcan0", device("gen4")), Bench((), OPTIONS) as bench:
         assert bench.run("nmt start --yes").code == 0
-        ran = bench.run("monitor --duration 1 --json")
-        assert ran.code == 0, ran.stderr
-    assert {"tpdo2"} <= {row["pdo"] for row in ran.documents if row.get("pdo")}
-
-
-def flood(count: int, gap_ms: float) -> None:
-    """As many frames as cangen makes, at most one each *gap_ms*."""
-    tool("cangen", "vcan0", "-g", str(gap_ms), "-I", "i", "-L", "8", "-D", "i", "-n", str(count))
+        monitor = start(["-i", "socketcan", "-c", "vcan0", "monitor", "--json"], env=own_environment(tmp_path))
+        seen_by(monitor, lambda rows: "tpdo2" in {row.get("pdo") for row in rows})
 
 
 def test_a_recording_under_a_flood_has_what_candump_has(tmp_path: Path) -> None:
     """Each frame is in the file or counted as dropped; candump beside it is what was there."""
     path, beside = tmp_path / "run.log", tmp_path / "candump.log"
-    with beside.open("w") as file, subprocess.Popen(["candump", "-L", "-r", "8000000", "vcan0"], stdout=file) as dump:
-        with Bench((), OPTIONS) as bench:
-            flooding = subprocess.Popen(
-                ["sh", "-c", "sleep 1; exec cangen vcan0 -g 0.5 -I i -L 8 -D i -n 3000"], stdin=subprocess.DEVNULL
-            )
-            ran = bench.run(f"log {path} --duration 5 --json")
-            flooding.wait()
-        dump.terminate()
-    there = beside.read_text().count("\n")
-    assert there == 3000
-    assert ran.code == 0, ran.stderr
-    assert ran.document["frames"] + ran.document["dropped"] == there, ran.stderr
-    assert ran.document["dropped"] == 0, "there is room for more than that"
-    assert path.read_text().count("\n") == ran.document["frames"]
+    with candump("vcan0", beside):
+        logged = log("vcan0", path, beside, meanwhile=lambda: tool(*CANGEN, "-n", "3000"))
+    assert frames_in(beside) == 3000
+    assert frames_in(path) + logged["dropped"] == 3000
+    assert logged["dropped"] == 0, "there is room for more than that"
+    assert path.read_text().count("\n") == logged["frames"]
 
 
 def test_what_the_kernel_drops_is_said(tmp_path: Path) -> None:
@@ -91,13 +80,10 @@ def test_what_the_kernel_drops_is_said(tmp_path: Path) -> None:
 
 def test_a_recording_is_played_by_canplayer(tmp_path: Path) -> None:
     path = tmp_path / "run.log"
-    with on("vcan0", device("gen4")), Bench((), OPTIONS) as bench:
-        assert bench.run("nmt start --yes").code == 0
-        assert bench.run(f"log {path} --duration 0.5").code == 0
+    log("vcan0", path, meanwhile=lambda: tool(*CANGEN, "-n", "50"))
     wanted = path.read_text().count("\n")
+    assert wanted >= 52, "and the marks"
     with can.Bus("vxcan1", interface="socketcan", ignore_config=True) as other:
         tool("canplayer", "-t", "-I", str(path), "vxcan0=can0")
-        played = 0
-        while other.recv(0.2) is not None:
-            played += 1
-    assert played == wanted > 0
+        played = sum(other.recv(PATIENCE_S) is not None for _ in range(wanted))
+        assert (played, other.recv(0)) == (wanted, None)
