@@ -6,19 +6,17 @@ Judges nothing itself: the rules are in `domain/network/check`, and those of `ma
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.lint.lint_rule import ERROR, LintRule
-from dvtcli.domain.several import plural
 from dvtcli.errors import DvtcliError, InputFileError, RuleError, UsageError
 from dvtcli.operations.network_wish import read_wish
 from dvtcli.operations.results.checked_files import FileRule
 from dvtcli.operations.results.checked_networks import NetworkFinding, NetworkReport, NetworksChecked
 
 if TYPE_CHECKING:
-    from dvtcli.domain.file_complaint import FileComplaint
     from dvtcli.domain.network.check.checked_network import NetSpot
     from dvtcli.domain.network.network_state import NetworkState
     from dvtcli.domain.network.wanted_state import Mark, NetworkWish
@@ -49,32 +47,17 @@ class CheckWishes:
     as_findings: bool = False
 
 
-@dataclass(slots=True)
-class _Wrong:
-    """What is wrong with files before any rule is asked."""
-
-    complaints: list[FileComplaint] = field(default_factory=list)
-
-    def end(self) -> None:
-        """InputFileError with all of it."""
-        if self.complaints:
-            text = f"{plural(len(self.complaints), 'error')}; nothing was sent"
-            error = InputFileError(text, place=self.complaints[0].place)
-            error.complaints = tuple(self.complaints)
-            raise error
-
-
 def check_networks(files: Sequence[str], wishes: CheckWishes | None = None) -> NetworksChecked:
-    """Look at each of *files*; InputFileError with all that cannot be read in all of them, else what the rules found.
+    """Look at each of *files*: what the rules found.
 
-    UsageError for a rule that there is not.
+    What cannot be read is a finding where several files are looked at, so that the others are, too; of one file it is
+    InputFileError with all that is wrong in it, or UsageError where it is not there. UsageError for a rule that there
+    is not.
     """
     wishes = wishes or CheckWishes()
-    rules = _chosen(wishes)
-    wrong = _Wrong()
-    reports = [_report(file, wishes, rules, wrong) for file in dict.fromkeys(files)]
-    wrong.end()
-    return NetworksChecked(tuple(reports))
+    rules, names = _chosen(wishes), tuple(dict.fromkeys(files))
+    report = _report if len(names) == 1 and not wishes.as_findings else _report_anyway
+    return NetworksChecked(tuple(report(file, wishes, rules) for file in names))
 
 
 def check_live(session: Session, wishes: CheckWishes | None = None) -> NetworksChecked:
@@ -109,29 +92,33 @@ def _shown(rules: tuple[LintRule, ...]) -> tuple[FileRule, ...]:
     return tuple(FileRule(rule.name, str(rule.severity), rule.sense, rule.source) for rule in rules)
 
 
-def _report(file: str, wishes: CheckWishes, rules: tuple[LintRule, ...], wrong: _Wrong) -> NetworkReport:
-    """What there is to say of *file*; what cannot be read of it is told to *wrong*, unless it is to be a finding."""
-    try:
-        wish = read_wish(file)
-        findings = list(_judged(file, wish, wishes, rules))
-    except InputFileError as failed:
-        if not failed.complaints and not wishes.as_findings:
-            raise
-        if not wishes.as_findings:
-            wrong.complaints += failed.complaints
-            return NetworkReport(file, _shown(rules), ())
-        return NetworkReport(file, _shown(rules), tuple(_complaints(failed)), strict=wishes.strict)
+def _report(file: str, wishes: CheckWishes, rules: tuple[LintRule, ...]) -> NetworkReport:
+    """What there is to say of *file*; InputFileError or UsageError where it cannot be read."""
+    wish = read_wish(file)
+    findings = tuple(_judged(file, wish, wishes, rules))
     nodes = tuple((node.name, node.node_id, len(node.pdos)) for node in wish.nodes)
     notes = tuple((one.mark.line, one.mark.column, one.times, one.text) for one in wish.notes)
-    return NetworkReport(file, _shown(rules), tuple(findings), nodes, len(wish.links), notes, strict=wishes.strict)
+    return NetworkReport(file, _shown(rules), findings, nodes, len(wish.links), notes, strict=wishes.strict)
 
 
-def _complaints(failed: InputFileError) -> Iterator[NetworkFinding]:
-    name = FILE_RULES[0].name
-    if not failed.complaints:
-        yield NetworkFinding(1, "error", name, "", failed.text)
-    for one in failed.complaints:
-        yield NetworkFinding(one.line, "error", name, "", one.text, one.column, one.column + max(one.width, 1) - 1)
+def _report_anyway(file: str, wishes: CheckWishes, rules: tuple[LintRule, ...]) -> NetworkReport:
+    """The same, with findings of what cannot be read."""
+    try:
+        return _report(file, wishes, rules)
+    except (InputFileError, UsageError) as failed:
+        found = tuple(_unreadable(failed, file))
+        asked = tuple(dict.fromkeys((FILE_RULES[0], *rules)))
+        return NetworkReport(file, _shown(asked), found, strict=wishes.strict, unread=failed.exit_code)
+
+
+def _unreadable(failed: DvtcliError, file: str) -> Iterator[NetworkFinding]:
+    name, complaints = FILE_RULES[0].name, getattr(failed, "complaints", ())
+    if not complaints:
+        text = failed.text.removeprefix(f"{file}: ")
+        yield NetworkFinding(1, "error", name, "", f"{text}: {failed.why}" if failed.why else text)
+    for one in complaints:
+        end = one.column + max(one.width, 1) - 1
+        yield NetworkFinding(one.line, "error", name, "", one.text, one.column, end, complaint=one)
 
 
 def _judged(file: str, wish: NetworkWish, wishes: CheckWishes, rules: tuple[LintRule, ...]) -> Iterator[NetworkFinding]:

@@ -45,16 +45,38 @@ def test_every_error_has_its_line_and_a_caret(bench: Bench, tmp_path: Path) -> N
     ]
 
 
-def test_a_program_gets_every_error_of_every_file(bench: Bench, tmp_path: Path) -> None:
-    files = [tmp_path / name for name in ("a.yaml", "b.yaml", "c.yaml")]
-    for file, text in zip(files, (WRONG, "a: {node_id: 1}\n", "a: {node_id: 0}\n"), strict=True):
-        file.write_text(text, "utf-8")
-    ran = bench.run(f"check {' '.join(map(str, files))} --json")
-    document = ran.document
-    assert (ran.code, document["error"], document["state"]) == (4, "input_file", "unchanged")
-    assert [(Path(one["file"]).name, one["line"], one["column"]) for one in document["complaints"]] == [
-        ("a.yaml", 7, 9), ("a.yaml", 8, 7), ("c.yaml", 1, 14),
+def test_what_is_wrong_with_one_file_keeps_no_other_from_being_checked(bench: Bench, tmp_path: Path) -> None:
+    texts = {"a": WRONG, "b": "a: {node_id: 1}\n", "c": "a: {node_id: 0}\n"}
+    for name, text in texts.items():
+        (tmp_path / f"{name}.yaml").write_text(text, "utf-8")
+    (tmp_path / "e.yaml").write_bytes(b"\xff")
+    files = " ".join(str(tmp_path / f"{name}.yaml") for name in "abcde")
+    ran = bench.run(f"check {files} --json")
+    found = {
+        Path(one["file"]).stem: [(each["line"], each["column"], each["rule"]) for each in one["findings"]]
+        for one in ran.document["files"]
+    }
+    assert ran.code == 4
+    assert found["a"] == [(7, 9, "network-file"), (8, 7, "network-file")]
+    assert found["b"] == []
+    assert [found["c"], found["d"], found["e"]] == [
+        [(1, 14, "network-file")], [(1, None, "network-file")], [(1, None, "network-file")],
     ]  # fmt: skip
+    text = bench.run(f"check {files}")
+    assert text.stderr == ""
+    assert "      |         ^^^^^^^^^^^\n" in text.stdout
+    assert f"{tmp_path / 'b.yaml'}: 1 node, 0 PDOs; no error\n" in text.stdout
+    assert f"{tmp_path / 'e.yaml'}: not checked; 1 error\n" in text.stdout
+
+
+def test_a_file_that_is_not_there_is_in_the_formats_for_ci(bench: Bench, tmp_path: Path) -> None:
+    (tmp_path / "a.yaml").write_text("a: {node_id: 1}\n", "utf-8")
+    for others in ("", f"{tmp_path / 'a.yaml'} "):
+        ran = bench.run(f"check {others}none.yaml --format github")
+        assert ran.code == 2
+        assert "::error file=none.yaml,line=1,title=network-file::No such file or directory" in ran.stdout
+    assert 'failures="1"' in bench.run("check none.yaml --format junit").stdout
+    assert bench.run("check none.yaml --format sarif").code == 2
 
 
 def test_a_long_line_is_shown_around_its_caret(bench: Bench, tmp_path: Path) -> None:

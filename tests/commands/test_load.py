@@ -160,3 +160,23 @@ def test_json_of_a_bus_names_what_was_only_heard() -> None:
         assert ran.document["bus"] == "sim"
         heard = [one for one in ran.document["frames"] if one["measured"]]
         assert {one["cob_id"] for one in heard} <= {0x701}
+
+
+TIMERS = """nodes:
+  drive: {node_id: 1, tpdo: {1: {mapping: [6041, 606C], transmission: 255, event_timer: 15, inhibit_ms: 0}}}
+"""
+
+
+def test_what_comes_more_often_than_the_worst_case_of_the_file_is_said() -> None:
+    Path("timers.yaml").write_text(TIMERS)
+    with Bench((), {"sim": (), "yes": True, "bitrate": 125_000}, _virtual("gen4@1")) as bench:
+        for line in ("map 1:tpdo1 6041 606C --event --timer 10 --inhibit 0", "nmt start all"):
+            _ok(bench, line)
+        document = bench.run("load timers.yaml --for 3 --json").document
+        text = bench.run("load timers.yaml --for 3").stdout
+        own = bench.run("load --for 3").stdout
+    often = [one["cob_id"] for one in document["frames"] if one["measured"] and one["measured"]["too_often"]]
+    assert often == [0x181]
+    assert "too often  1:tpdo1 came 100.0 times a second, 66.7 are computed at worst\n" in text
+    assert "hint: dvtcli diff timers.yaml" in text
+    assert "too often" not in own, "what the node holds is what it sends"

@@ -299,6 +299,8 @@ PLANTED = (
     Planted("rtr-bit", also(_sends(0x333), node(5, profile=replace(GENERIC, rtr_bit=_NO_RTR)))),
     Planted("entry-length", has(5, T2, pdo(0x333, entry(0x6041, 24), inhibit=1000))),
     Planted("dummy-direction", has(5, T2, pdo(0x333, entry(5, 8), _STATUS, inhibit=1000))),
+    Planted("dummy-supported", also(
+        node(5, profile=replace(GENERIC, dummies=frozenset({5}))), has(5, R2, pdo(0x333, entry(0x6042), entry(6))))),
     Planted("dummy-length", has(5, R2, pdo(0x333, entry(5, 16)))),
     Planted("double-target", has(5, R2, pdo(0x333, entry(0x6042), entry(0x6042)))),
     Planted("can-id-length", has(5, T2, pdo(0x1333, _STATUS, inhibit=1000))),

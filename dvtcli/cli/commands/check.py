@@ -43,7 +43,8 @@ def command(
 
     Of a file: what cannot be read, with line, column and a caret, then what the rules find in the network that it makes
     of its nodes' EDS, DCF or family. Without FILE, or with --live, the nodes on the bus. An error in a file is exit
-    code 4, in nodes 3. --format github, junit or sarif is for CI.
+    code 4, in nodes 3; of several files, a wrong or missing one keeps no other from being checked. --format github,
+    junit or sarif is for CI.
 
     \b
     check press.yaml
@@ -55,7 +56,7 @@ def command(
     from dvtcli.operations.check_networks import CheckWishes, check_live, check_networks
     from dvtcli.operations.results import NetworksChecked
 
-    as_findings = session.output.format in SPECIAL_FORMATS
+    as_findings = live or session.output.format in SPECIAL_FORMATS  # so that the rest is looked at, too
     wishes = CheckWishes(only, without, strict, bit_rate or session.options.bitrate, as_findings)
     reports = check_networks(files, wishes).reports if files else ()
     return NetworksChecked((*reports, *(check_live(session, wishes).reports if live or not files else ())))

@@ -69,11 +69,12 @@ def _row(
             found = measured.share(one.identifier, result.need.bit_rate)
             share = max(share, found) if need is None else share
             rate, load = f"{measured.rate_hz(one.identifier):.1f}", _percent(found)
-        yield rate
-        yield load
+        style = "red" if one in result.too_often else ""
+        yield Cell(rate, style)
+        yield Cell(load, style)
     width = _NARROW if heard else _BAR
     is_unknown = need is not None and need.share is None
-    yield Cell("?" * width, "red") if is_unknown else Cell(_bar(share, most, width), "cyan")
+    yield Cell("█" * (width - 1) + "▸", "red") if is_unknown else Cell(_bar(share, most, width), "cyan")
 
 
 def _need(need: StreamNeed) -> Iterator[str | Cell]:
@@ -109,7 +110,21 @@ def _sums(result: NetworkLoad, measured: Measured | None) -> Iterator[Line]:
         expected = result.expected
         rates = f", computed for the same frames {_percent(expected)}" if expected is not None else ""
         yield f"      {found}{rates}{_not_whole(measured)}"
+    yield from _too_often(result, measured)
     yield from _in_time(result)
+
+
+def _too_often(result: NetworkLoad, measured: Measured | None) -> Iterator[Line]:
+    """What came more often than it is to at worst, which then is not the worst."""
+    if measured is None:
+        return
+    for one in result.too_often:
+        rates = [1_000_000 / float(need.stream.frame.period_us) for need in one.needs if need.stream.frame.period_us]
+        said = f"{_who(one.node, one.label)} came {measured.rate_hz(one.identifier):.1f} times a second"
+        yield [Cell("too often  ", "bold"), Cell(f"{said}, {sum(rates):.1f} are computed at worst", "red")]
+    if result.too_often:
+        how = f"dvtcli diff {result.file} names what a node holds otherwise" if result.file else "dvtcli check --live"
+        yield [Cell("      hint: ", "cyan"), Cell(f"{how}; or two nodes have one node-ID")]
 
 
 def _unlimited(streams: Iterable[Stream]) -> Iterator[Line]:

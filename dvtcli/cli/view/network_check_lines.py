@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from dvtcli.cli.view.check_lines import STYLES
+from dvtcli.cli.view.complaint_lines import source_lines
 from dvtcli.cli.view.lines import Cell, Line
 from dvtcli.domain.several import plural
 from dvtcli.operations.results.checked_files import SEVERITIES
@@ -21,7 +22,10 @@ def check_lines(result: NetworksChecked, _width: int) -> Iterator[Line]:
             more = f" ({times} times)" if times > 1 else ""
             yield f"{one.path}:{line}:{column}: note: {text}{more}"
         for severity in SEVERITIES:
-            yield from (_finding(one, found) for found in one.findings if found.severity == severity)
+            for found in one.findings:
+                if found.severity == severity:
+                    yield _finding(one, found)
+                    yield from () if found.complaint is None else source_lines(found.complaint)
         yield _sum(one)
 
 
@@ -40,4 +44,6 @@ def _sum(report: NetworkReport) -> Line:
     links = f", {plural(report.links, 'link')}" if report.links else ""
     counted = report.count()
     found = ", ".join(plural(counted[severity], severity) for severity in SEVERITIES if counted[severity])
+    if report.unread:
+        return f"{report.path}: not checked; {found}"
     return f"{report.path}: {plural(len(report.nodes), 'node')}, {plural(pdos, 'PDO')}{links}; {found or 'no error'}"

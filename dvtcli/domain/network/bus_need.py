@@ -5,6 +5,7 @@ Computes. Knows neither where the frames come from nor what is really on the bus
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -121,3 +122,18 @@ def _sync_jitter(streams: list[Stream], times: list[Fraction | None], bit_rate: 
 def fitting_bit_rates(found: Streams) -> tuple[int, ...]:
     """The bit rates of CiA 301 at which everything of *found* is there in time."""
     return tuple(rate for rate in BIT_RATES if bus_need(found, rate).fits)
+
+
+#: How far the clocks of two devices may be apart, and frames beyond what a period has room for: the first, and one that
+#: was late before it.
+_CLOCKS, _AT_ENDS = 1.02, 2
+
+
+def most_frames(streams: Iterable[Stream], seconds: float) -> int | None:
+    """How many frames of *streams* can be heard within *seconds*; None where nothing limits one of them."""
+    most = 0
+    for one in streams:
+        if not one.frame.period_us:
+            return None
+        most += int(_CLOCKS * seconds * 1_000_000 / one.frame.period_us) + _AT_ENDS
+    return most

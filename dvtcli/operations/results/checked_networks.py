@@ -4,18 +4,25 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from dvtcli.operations.results.checked_files import SEVERITIES, FileFinding, FileReport, FileRule
 from dvtcli.operations.results.documents import Answer, Document
 
+if TYPE_CHECKING:
+    from dvtcli.domain.file_complaint import FileComplaint
+
 
 @dataclass(frozen=True, slots=True)
 class NetworkFinding(FileFinding):
-    """Something that a rule found in a network, with the *node* and the *pdo* that it is about."""
+    """Something that a rule found in a network, with the *node* and the *pdo* that it is about.
+
+    *complaint* is what it is a finding of where the file cannot be read.
+    """
 
     node: int | None = None
     pdo: str | None = None
+    complaint: FileComplaint | None = None
 
     def document(self) -> Document:
         """One of `findings` in `dvtcli.network-check/1`."""
@@ -36,7 +43,8 @@ class NetworkReport:
     """What the *rules* found in the network of a file, or on a bus where *is_live*.
 
     *nodes* are name, node-ID and number of PDOs of each; *notes* are what the file says and means nothing here: line,
-    column, times, text. With *strict* a warning is as bad as an error.
+    column, times, text. With *strict* a warning is as bad as an error. *unread* is the exit code of a
+    file that could not be read, 0 of one that was.
     """
 
     made_by: ClassVar = "check"
@@ -49,6 +57,7 @@ class NetworkReport:
     notes: tuple[tuple[int, int, int, str], ...] = ()
     is_live: bool = False
     strict: bool = False
+    unread: int = 0
 
     def is_bad(self, finding: FileFinding) -> bool:
         """Whether *finding* makes the network wrong."""
@@ -56,8 +65,8 @@ class NetworkReport:
 
     @property
     def exit_code(self) -> int:
-        """4 where a file is wrong, 3 where nodes are."""
-        return (3 if self.is_live else 4) if any(map(self.is_bad, self.findings)) else 0
+        """2 where there is no such file, 4 where a file is wrong, 3 where nodes are."""
+        return self.unread or ((3 if self.is_live else 4) if any(map(self.is_bad, self.findings)) else 0)
 
     def count(self) -> dict[str, int]:
         """How many findings of each severity."""
@@ -90,7 +99,7 @@ class NetworksChecked(Answer):
 
     @property
     def exit_code(self) -> int:
-        """4 where a file is wrong, else 3 where nodes on a bus are."""
+        """4 where a file is wrong, else 3 where nodes on a bus are, else 2 where a file is not there."""
         return max((one.exit_code for one in self.reports), default=0)
 
     def document(self) -> Document:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import TYPE_CHECKING, ClassVar
 
+from dvtcli.domain.network.bus_need import most_frames
 from dvtcli.operations.results.documents import Answer, Document
 from dvtcli.watch.service import service_of
 
@@ -103,6 +104,17 @@ class NetworkLoad(Answer):
         return float(bits / self.need.bit_rate)
 
     @property
+    def too_often(self) -> tuple[FrameLoad, ...]:
+        """What was heard more often than is computed at worst: its node holds something else, or two nodes send it."""
+        return tuple(one for one in self.frames if self._is_too_often(one))
+
+    def _is_too_often(self, one: FrameLoad) -> bool:
+        if one.heard is None or not one.needs or self.measured is None:
+            return False
+        most = most_frames((need.stream for need in one.needs), self.measured.seconds)
+        return most is not None and one.heard.frames > most
+
+    @property
     def frames(self) -> tuple[FrameLoad, ...]:
         """Every CAN-ID that is computed or was heard, in the order of the wire."""
         needs: dict[Identifier, list[StreamNeed]] = {}
@@ -155,6 +167,7 @@ class NetworkLoad(Answer):
                 "frames": heard.frames,
                 "rate_hz": round(self.measured.rate_hz(one.identifier), 3),
                 "load": round(self.measured.share(one.identifier, self.need.bit_rate), 6),
+                "too_often": self._is_too_often(one),
                 "shortest_ms": None if heard.shortest_s is None else round(1000 * heard.shortest_s, 3),
                 "longest_ms": None if heard.longest_s is None else round(1000 * heard.longest_s, 3),
             },
