@@ -39,6 +39,8 @@ class Oddities:
         if command.is_reset:
             if not self._resets:
                 self._boot_ups = Counter(boot_ups)
+            elif not (self._resets[node_id] or self._resets[0]):
+                self._boot_ups[node_id] = boot_ups.get(node_id, 0)
             self._resets[node_id] += 1
             self._reset_s[node_id] = self.now_s()
 

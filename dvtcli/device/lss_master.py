@@ -67,6 +67,10 @@ class LssMaster:
         """Let the node with *node_id* take its new one."""
         self._bus.send_nmt(NmtCommand.RESET_COMMUNICATION, node_id)
 
+    def reset_node(self, node_id: int) -> None:
+        """Let the node with *node_id* begin anew, with what it stored."""
+        self._bus.send_nmt(NmtCommand.RESET_NODE, node_id)
+
     def select(self, address: LssAddress) -> int:
         """Let the node with *address* alone be configured; how many answered that they are it.
 

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import astuple
 from typing import TYPE_CHECKING
 
 from dvtcli.device.lss_master import LssMaster
+from dvtcli.domain.lss_services import PARTS, LssAddress
 from dvtcli.domain.nmt import UNCONFIGURED
 from dvtcli.domain.several import several
 from dvtcli.errors import DvtcliError, LeftChanged, SafetyRefusal, UsageError
 from dvtcli.operations.lss_find import lss_bus, scanned, selected, two_alike
-from dvtcli.operations.lss_node_id import answers, consent_to_give, give, heard_ids, identity_on, store, take_back
+from dvtcli.operations.lss_identity import Identity, in_words, who_is_there
+from dvtcli.operations.lss_node_id import consent_to_give, give, heard_ids, take_back, told_id
+from dvtcli.operations.lss_order import in_order
+from dvtcli.operations.lss_store import prove_by_reset, store
 from dvtcli.operations.network_wish import read_wish
 from dvtcli.operations.results.lss_nodes import LssChanged, LssGiven, LssNode
 
@@ -20,33 +24,40 @@ if TYPE_CHECKING:
     from dvtcli.operations.session import Session
 
 
-def lss_assign(session: Session, file: str, *, stores: bool = False) -> LssChanged:
-    """Give each node of the network *file* that has no node-ID yet the one of the file, found by its identity there.
+def lss_assign(session: Session, file: str, *, stores: bool = False, prove: bool = False) -> LssChanged:
+    """Give each node of the network *file* that has another node-ID there or none the one of the file.
 
-    Asks first. Nodes that have theirs are left alone, those that are not found are `missing`. Where one does not come
-    up with its node-ID all get back what they had. With *stores* all store it, once all came up. SafetyRefusal where a
-    node-ID is another device's, an identity fits several nodes, or another master is active.
+    Each is found by its identity in the file. The plan is told first, and asked for. Nodes that have theirs are left
+    alone, those that are not found are `missing`. Where one does not come up with its node-ID all get back what they
+    had. With *stores* all store it, once all came up, and with *prove* each is reset then, and looked at. SafetyRefusal
+    where a node-ID is another device's, an identity fits several nodes, or another master is active.
     """
-    wishes = _with_identity(session, file)
+    nodes = read_wish(file).nodes
+    wishes = _with_identity(session, file, nodes)
     if session.dry_run:
         return LssChanged("assign", dry_run=True)
-    lss_bus(session)
-    waiting = _without_node_id(session, wishes)
+    bus = lss_bus(session)
+    there = who_is_there(bus, heard_ids(session))
+    waiting = [wish for wish in wishes if not _is_there(wish, there)]
     if not waiting:
         return LssChanged("assign")
-    with LssMaster(lss_bus(session)) as master:
-        given, missing = _matched(waiting, scanned(session, master))
-        if given:
-            consent_to_give(session, given, store=stores)
+    settled = {wish.node_id for wish in nodes if wish not in waiting}
+    with LssMaster(bus) as master:
+        given, missing = _matched(waiting, [*scanned(session, master), *_movable(there, settled)])
+        _refuse_used(waiting, given, there)
+        _confirm(master, given)
+        steps = in_order(given, there, {wish.node_id for wish in nodes})
+        if steps:
+            _agree(session, steps, stores=stores, prove=prove)
             with session.cancellation.guard():
-                _give_all(session, master, given)
+                _give_all(session, master, steps)
                 given = [store(master, one) for one in given] if stores else given
+                given = [prove_by_reset(session, master, one) for one in given] if prove else given
     return LssChanged("assign", tuple(given), missing=missing)
 
 
-def _with_identity(session: Session, file: str) -> list[NodeWish]:
-    """The nodes of *file* that LSS can find; UsageError where there is none, and those that it cannot are named."""
-    nodes = read_wish(file).nodes
+def _with_identity(session: Session, file: str, nodes: Sequence[NodeWish]) -> list[NodeWish]:
+    """Those of *nodes* that LSS can find; UsageError where there is none, and those that it cannot are named."""
     wishes = [wish for wish in nodes if any(part is not None for part in astuple(wish.identity))]
     if not wishes:
         hint = "identity: {vendor: 0x1E, serial: 0x12345} under a node says who it is"
@@ -57,28 +68,24 @@ def _with_identity(session: Session, file: str) -> list[NodeWish]:
     return wishes
 
 
-def _without_node_id(session: Session, wishes: Sequence[NodeWish]) -> list[NodeWish]:
-    """Those whose node-ID nobody has; SafetyRefusal where another device than the wanted one has it."""
-    heard, bus, waiting = heard_ids(session), session.bus, []
-    for wish in wishes:
-        if not answers(bus, wish.node_id) and wish.node_id not in heard:
-            waiting.append(wish)
-            continue
-        identity = identity_on(bus, wish.node_id)
-        if identity is None or not _fits(identity, wish.identity):
-            raise SafetyRefusal(
-                f"node-ID {wish.node_id} is in use, and not by {wish.name}",
-                node=wish.node_id,
-                why="0x1018 says " + " ".join("-" if part is None else f"0x{part:X}" for part in identity)
-                if identity
-                else "it is heard, and does not say who it is",
-                hint=f"node {wish.node_id} shows who has it; lss node-id gives it another one",
-            )
-    return waiting
+def _is_there(wish: NodeWish, there: Mapping[int, Identity | None]) -> bool:
+    """Whether the node of the file has its node-ID."""
+    identity = there.get(wish.node_id)
+    return identity is not None and _fits(identity, wish.identity)
 
 
 def _fits(identity: Sequence[int | None], wanted: WantedIdentity) -> bool:
     return all(want in (None, part) for part, want in zip(identity, astuple(wanted), strict=True))
+
+
+def _movable(there: Mapping[int, Identity | None], settled: Collection[int]) -> list[LssNode]:
+    """The nodes that tell their whole address, and whose node-IDs are not those of the file's nodes *settled* there."""
+    found: list[LssNode] = []
+    for node_id, identity in there.items():
+        told = [part for part in identity or () if part is not None]
+        if node_id not in settled and len(told) == PARTS:
+            found.append(LssNode(LssAddress(*told), node_id))
+    return found
 
 
 def _matched(wishes: Sequence[NodeWish], found: Sequence[LssNode]) -> tuple[list[LssGiven], tuple[str, ...]]:
@@ -89,8 +96,9 @@ def _matched(wishes: Sequence[NodeWish], found: Sequence[LssNode]) -> tuple[list
         fitting = [node for node in found if _fits(node.address.parts, wish.identity)]
         if len(fitting) > 1:
             raise SafetyRefusal(
-                f"{len(fitting)} nodes without a node-ID fit the identity of {wish.name}",
-                node=wish.node_id, hint="serial: in its identity tells them apart; lss scan lists them",
+                f"{len(fitting)} nodes fit the identity of {wish.name}", node=wish.node_id,
+                why="; ".join(f"node-ID {told_id(_id(node))}: {node.address}" for node in fitting),
+                hint="serial: in its identity tells them apart",
             )  # fmt: skip
         if not fitting:
             missing.append(wish.name)
@@ -101,15 +109,52 @@ def _matched(wishes: Sequence[NodeWish], found: Sequence[LssNode]) -> tuple[list
         twice = next((one.name for one in given if one.address == node.address), None)
         if twice is not None:
             raise SafetyRefusal(f"{twice} and {wish.name} are one node by their identity", hint=str(node.address))
-        given.append(LssGiven(node.address, UNCONFIGURED, wish.node_id, name=wish.name))
+        given.append(LssGiven(node.address, _id(node), wish.node_id, name=wish.name))
     return given, tuple(missing)
 
 
-def _give_all(session: Session, master: LssMaster, given: Sequence[LssGiven]) -> None:
-    """Give all of *given* their node-IDs; where one does not come up all get back what they had."""
+def _id(node: LssNode) -> int:
+    return UNCONFIGURED if node.node_id is None else node.node_id
+
+
+def _refuse_used(wishes: Sequence[NodeWish], given: Sequence[LssGiven], there: Mapping[int, Identity | None]) -> None:
+    """SafetyRefusal where a node-ID of *wishes* is of a node that does not get another one itself."""
+    moving = {one.before for one in given}
+    for wish in wishes:
+        if wish.node_id in there and wish.node_id not in moving:
+            identity = there[wish.node_id]
+            raise SafetyRefusal(
+                f"node-ID {wish.node_id} is in use, and not by {wish.name}", node=wish.node_id,
+                why=f"0x1018 says {in_words(identity)}" if identity else "it is heard, and does not say who it is",
+                hint=f"node {wish.node_id} shows who has it; lss node-id gives it another one",
+            )  # fmt: skip
+
+
+def _confirm(master: LssMaster, given: Sequence[LssGiven]) -> None:
+    """See by LSS that each of *given* is there once, and has the node-ID that it had before; raises where not so."""
+    for one in given:
+        now = selected(master, one.address)
+        if now != one.before:
+            raise SafetyRefusal(
+                f"{one.name} says by LSS that its node-ID is {told_id(now)}, and by SDO {told_id(one.before)}",
+                why=str(one.address), hint="a node-ID that was given waits for a reset: nmt reset-comm",
+            )  # fmt: skip
+    master.let_wait()
+
+
+def _agree(session: Session, steps: Sequence[LssGiven], *, stores: bool, prove: bool) -> None:
+    """Tell the plan, and ask for it."""
+    if len(steps) > 1:
+        for number, one in enumerate(steps, 1):
+            session.tell.note(f"plan {number}: {one.name} gets node-ID {one.node_id} (now {told_id(one.before)})")
+    consent_to_give(session, steps, store=stores, prove=prove)
+
+
+def _give_all(session: Session, master: LssMaster, steps: Sequence[LssGiven]) -> None:
+    """Do all *steps*; where one node does not come up all get back what they had."""
     done: list[LssGiven] = []
-    for number, one in enumerate(given):
-        session.tell.progress(f"LSS: node-ID {one.node_id} to {one.name}", number, len(given))
+    for number, one in enumerate(steps):
+        session.tell.progress(f"LSS: node-ID {one.node_id} to {one.name}", number, len(steps))
         try:
             selected(master, one.address)
             give(session, master, one)

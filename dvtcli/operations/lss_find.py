@@ -9,6 +9,7 @@ from dvtcli.domain.lss_services import BITS, PARTS, LssAddress
 from dvtcli.domain.nmt import UNCONFIGURED
 from dvtcli.domain.several import plural
 from dvtcli.errors import DeviceRefused, NoAnswer, UsageError
+from dvtcli.operations.lss_identity import address_of
 from dvtcli.operations.results.lss_nodes import LssFound, LssNode
 
 if TYPE_CHECKING:
@@ -54,15 +55,17 @@ def scanned(session: Session, master: LssMaster) -> list[LssNode]:
     return [LssNode(one, UNCONFIGURED, master.select(one) == 1, _family(one)) for one in found]
 
 
-def lss_select(session: Session, address: LssAddress) -> LssFound:
-    """Let the node with *address* be configured, alone; it stays so for `lss node-id`.
+def lss_select(session: Session, who: LssAddress | int) -> LssFound:
+    """Let the node with the address *who* be configured, alone, or that with this node-ID; it stays so for others.
 
-    NoAnswer where nobody has that address, DeviceRefused where several have.
+    Of a node-ID the address is what its 0x1018 says by SDO. NoAnswer where nobody has it, DeviceRefused where several
+    have, SafetyRefusal where it does not tell its whole address.
     """
     if session.dry_run:
         return LssFound("select", dry_run=True)
     bus = lss_bus(session)
     began_s = bus.now_s()
+    address = address_of(bus, who) if isinstance(who, int) else who
     with LssMaster(bus) as master:
         node_id = selected(master, address)
         master.keep_selected()

@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from dvtcli.domain.lss_services import REQUEST_ID
 from dvtcli.domain.nmt import UNCONFIGURED, NmtState
 from dvtcli.domain.ports import Frame
+from dvtcli.operations.lss_node_id import lss_node_id
+from dvtcli.operations.lss_order import in_order
+from dvtcli.operations.options import Options
+from dvtcli.operations.results.lss_nodes import LssGiven
+from dvtcli.operations.session import Session
 from dvtcli.simulator.device.strict_device import StrictDevice
 from tests.commands.bench import Bench, Ran
 from tests.lss_nodes import address_of, unconfigured
@@ -34,8 +42,8 @@ def test_a_node_is_found_named_and_stored() -> None:
         (row,) = found["nodes"]
         assert (row["serial"], row["node"], row["confirmed"]) == (0xC0FFEE, None, True)
         assert (found["requests"], found["without_node_id"]) == (1 + 133 + 3 + 5 + 1, 1)
-        given = desk.run(f"lss node-id 5 {address_of(one)} --json").document
-        assert (given["nodes"][0]["before"], given["nodes"][0]["node"]) == (None, 5)
+        told = desk.run(f"lss node-id 5 {address_of(one)} --json").document
+        assert (told["nodes"][0]["before"], told["nodes"][0]["node"]) == (None, 5)
         assert (one.node_id, one.lss.stored, one.state) == (5, UNCONFIGURED, NmtState.PRE_OPERATIONAL)
         assert desk.run("lss store 5 --json").document["nodes"][0]["stored"]
         assert one.lss.stored == 5
@@ -62,8 +70,8 @@ def test_what_is_selected_gets_the_node_id() -> None:
 def test_another_node_id_counts_after_a_reset_of_communication() -> None:
     one = unconfigured(7, node_id=3)
     with bench(one) as desk:
-        given = desk.run(f"lss node-id 9 {address_of(one)} --json").document
-        assert (given["nodes"][0]["before"], one.node_id) == (3, 9)
+        told = desk.run(f"lss node-id 9 {address_of(one)} --json").document
+        assert (told["nodes"][0]["before"], one.node_id) == (3, 9)
         again = desk.run(f"lss node-id 9 {address_of(one)} --json").document
         assert again["nodes"][0]["before"] == 9
 
@@ -134,8 +142,8 @@ def test_the_nodes_of_a_file_get_their_node_ids(tmp_path: Path) -> None:
     with bench(*nodes) as desk:
         assert desk.run(f"lss assign {file} --dry-run").code == 0
         assert desk.session.bus.now_s() < 0.1
-        given = desk.run(f"lss assign {file} --store --json").document["nodes"]
-        assert [(one["name"], one["node"], one["stored"]) for one in given] == [("drive", 5, True), ("valve", 6, True)]
+        told = desk.run(f"lss assign {file} --store --json").document["nodes"]
+        assert [(one["name"], one["node"], one["stored"]) for one in told] == [("drive", 5, True), ("valve", 6, True)]
         assert [(one.node_id, one.lss.stored) for one in nodes] == [(6, 6), (5, 5), (7, 7)]
         assert "every node has its node-ID" in desk.run(f"lss assign {file}").stdout
 
@@ -143,7 +151,7 @@ def test_the_nodes_of_a_file_get_their_node_ids(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("lines", "code", "said"),
     [
-        (["drive: {node_id: 5, identity: {product: 0x301}}"], 6, "2 nodes without a node-ID fit"),
+        (["drive: {node_id: 5, identity: {product: 0x301}}"], 6, "3 nodes fit the identity of drive"),
         (["a: {node_id: 5, identity: {serial: 1}}", "b: {node_id: 6, identity: {serial: 1}}"], 6, "are one node"),
         (["drive: {node_id: 7, identity: {serial: 1}}"], 6, "in use, and not by drive"),
         (["drive: {node_id: 5, identity: {serial: 9}}"], 1, ""),
@@ -156,6 +164,123 @@ def test_what_is_not_clear_is_not_assigned(tmp_path: Path, lines: list[str], cod
         ran = desk.run(f"lss assign {network(tmp_path, *lines)}")
         assert (ran.code, said in ran.stderr) == (code, True), ran.stderr
         assert [one.lss.pending for one in nodes] == [UNCONFIGURED, UNCONFIGURED, 7]
+
+
+def test_nodes_that_have_a_wrong_node_id_get_theirs_and_two_swap(tmp_path: Path) -> None:
+    nodes = [unconfigured(1, node_id=5), unconfigured(2, node_id=6), unconfigured(3, node_id=9), unconfigured(4)]
+    file = network(
+        tmp_path,
+        "a: {node_id: 6, identity: {serial: 1}}",
+        "b: {node_id: 5, identity: {serial: 2}}",
+        "c: {node_id: 7, identity: {serial: 3}}",
+        "d: {node_id: 9, identity: {serial: 4}}",
+    )
+    with bench(*nodes) as desk:
+        ran = desk.run(f"lss assign {file} --store --prove --json")
+        assert ran.code == 0, ran.stderr
+        assert [(one["name"], one["before"], one["node"], one["proved"]) for one in ran.document["nodes"]] == [
+            ("b", 6, 5, True),
+            ("a", 5, 6, True),
+            ("c", 9, 7, True),
+            ("d", None, 9, True),
+        ]
+        assert ran.stderr == ""
+        assert [(one.node_id, one.lss.stored) for one in nodes] == [(6, 6), (5, 5), (7, 7), (9, 9)]
+
+
+def test_a_wrong_node_id_is_not_taken_from_a_node_of_the_file(tmp_path: Path) -> None:
+    """Node 6 may be `lamp`, of which the file says no identity, however well it fits another one."""
+    nodes = [unconfigured(1, node_id=6)]
+    file = network(tmp_path, "drive: {node_id: 5, identity: {serial: 1}}", "lamp: {node_id: 6}")
+    with bench(*nodes) as desk:
+        ran = desk.run(f"lss assign {file}")
+        assert (ran.code, "drive: not found" in ran.stdout, nodes[0].node_id) == (1, True, 6)
+
+
+def test_where_a_swap_fails_both_have_what_they_had(tmp_path: Path) -> None:
+    nodes = [unconfigured(1, node_id=5), unconfigured(2, node_id=6)]
+    file = network(tmp_path, "a: {node_id: 6, identity: {serial: 1}}", "b: {node_id: 5, identity: {serial: 2}}")
+    bus = VirtualTimeBus(nodes, simulated=False)
+    changed: list[Frame] = []
+
+    def spoil(frame: Frame, ours: bool) -> None:
+        """At the third reset of communication node 126 has forgotten what it should become."""
+        if ours and frame.can_id == 0 and frame.data[0] == 0x82:
+            changed.append(frame)
+            if len(changed) == 3:
+                nodes[1].lss.pending = nodes[1].node_id
+
+    bus.tap(spoil)
+    with Bench((), {"yes": True}, bus) as desk:
+        ran = desk.run(f"lss assign {file}")
+        assert (ran.code, "did not come up as node 5" in ran.stderr) == (5, True), ran.stderr
+        assert "plan 1: b gets node-ID 126 (now 6)" in ran.stderr
+        assert [one.node_id for one in nodes] == [5, 6]
+
+
+def test_who_is_selected_by_its_node_id_gets_another_one() -> None:
+    one = unconfigured(7, node_id=3)
+    with bench(one, unconfigured(8)) as desk:
+        found = desk.run("lss select 3 --json").document["nodes"]
+        assert [(row["serial"], row["node"]) for row in found] == [(7, 3)]
+        assert (desk.run("lss node-id 9").code, one.node_id) == (0, 9)
+        ran = desk.run("lss select 44")
+        assert (ran.code, "node 44 does not answer" in ran.stderr) == (5, True)
+
+
+def test_a_store_is_proved_by_a_reset() -> None:
+    one, liar = unconfigured(1, node_id=3), unconfigured(2, node_id=4)
+    liar.areas.stores_nothing = True
+    liar.lss.stored = UNCONFIGURED
+    with bench(one, liar) as desk:
+        assert desk.run("lss store 3 --prove --json").document["nodes"][0]["proved"]
+        assert "proved by a reset" in desk.run("lss store 3 --prove").stdout
+        ran = desk.run("lss store 4 --prove")
+        assert (ran.code, "its node-ID is none now" in ran.stderr) == (1, True), ran.stderr
+
+
+class Cut(Exception):
+    """The power of the computer fails."""
+
+
+@pytest.mark.parametrize("before", [3, UNCONFIGURED])
+def test_what_is_killed_on_the_way_stores_nothing_and_is_finished_by_the_same_words(before: int) -> None:
+    line = f"lss node-id 5 {address_of(unconfigured(1))}"
+    for killed_after in range(1, 30):
+        one = unconfigured(1, node_id=before)
+        bus = VirtualTimeBus([one], simulated=False)
+        frames = sent(bus)
+
+        def cut(_frame: Frame, ours: bool, frames: list[Frame] = frames, after: int = killed_after) -> None:
+            if ours and len(frames) == after:
+                raise Cut
+
+        stop = bus.tap(cut)
+        with suppress(Cut), Session(Options(yes=True), open_bus=lambda _options, bus=bus: bus) as session:
+            lss_node_id(session, 5, address_of(one))
+            return  # it was done before
+        stop()
+        assert one.lss.stored == before
+        with Bench((), {"yes": True}, VirtualTimeBus([one], simulated=False)) as desk:
+            ran = desk.run(line)
+            assert (ran.code, one.node_id, one.lss.stored) == (0, 5, before), (killed_after, ran.stderr)
+
+
+@given(st.permutations(range(1, 7)), st.lists(st.sampled_from([UNCONFIGURED, *range(1, 9)]), min_size=6, max_size=6))
+def test_no_two_nodes_ever_have_one_node_id(wanted: list[int], before: list[int]) -> None:
+    given_ids = [
+        LssGiven(address_of(unconfigured(serial)), now, want)
+        for serial, (now, want) in enumerate(zip(before, wanted, strict=True))
+        if now != want and (now == UNCONFIGURED or now not in before[:serial])
+    ]
+    now = {one.address: one.before for one in given_ids}
+    others = set(range(100, 110))
+    for step in in_order(given_ids, set(now.values()) | others, {7, 8}):
+        assert now[step.address] == step.before
+        assert step.node_id not in now.values()
+        assert step.node_id not in others
+        now[step.address] = step.node_id
+    assert now == {one.address: one.node_id for one in given_ids}
 
 
 class DeafTo(VirtualTimeBus):
@@ -202,6 +327,9 @@ WRONG = [
     ("lss scan 5", "nothing is expected"),
     ("lss store 5 6", "nothing is expected"),
     ("lss identify --wait 20", "belongs to lss scan"),
+    ("lss assign line.yaml --prove", "belongs to lss store"),
+    ("lss node-id 5 --prove", "belongs to lss store"),
+    ("lss select 128", "1…127"),
 ]
 
 

@@ -45,6 +45,11 @@ def node_id_and_address(words: tuple[str, ...]) -> tuple[int, LssAddress | None]
     return _node_id(words[0]), address_of_words(words[1:]) if words[1:] else None
 
 
+def node_or_address(words: tuple[str, ...]) -> LssAddress | int:
+    """The node that is meant: its node-ID, or its address."""
+    return _node_id(words[0]) if len(words) == 1 and "=" not in words[0] else address_of_words(words)
+
+
 def only_node_id(words: tuple[str, ...]) -> int | None:
     """The node-ID, None where none is given."""
     no_words(words[1:])

@@ -8,7 +8,14 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from dvtcli.cli.command import DvtCommand
-from dvtcli.cli.commands._lss_words import address_of_words, no_words, node_id_and_address, one_file, only_node_id
+from dvtcli.cli.commands._lss_words import (
+    address_of_words,
+    no_words,
+    node_id_and_address,
+    node_or_address,
+    one_file,
+    only_node_id,
+)
 from dvtcli.cli.effect import Effect, Final
 from dvtcli.cli.params import TEXT, NumberType
 
@@ -31,33 +38,38 @@ def _final(params: Mapping[str, Any]) -> Final | None:
 @click.argument("words", type=TEXT, nargs=-1, metavar="[NODE|FILE] [vendor=… product=… revision=… serial=…]")
 @click.option("--wait", type=NumberType(5, 2000, "a time in ms"), metavar="MS", help="scan: per question [50].")
 @click.option("--store", "stores", is_flag=True, help="assign: store the node-IDs, too, once all came up.")
+@click.option("--prove", is_flag=True, help="store, assign --store: reset the nodes then, and look again.")
 @click.pass_obj
 def command(
-    session: Session, /, action: str, words: tuple[str, ...], wait: int | None, stores: bool
+    session: Session, /, action: str, words: tuple[str, ...], wait: int | None, stores: bool, prove: bool
 ) -> LssFound | LssChanged:
     """Speak to nodes as LSS master.
 
     `scan` finds all nodes without a node-ID by fast scan, `identify` asks only whether there are any. `select` lets one
     node be configured. `node-id` gives a node its node-ID, and is done once the node is seen with it; `store` lets it
-    keep that. `assign` does it for the nodes of a network file that have none, by their identity there. These three ask
-    first.
+    keep that. `assign` does it for the nodes of a network file that have none or a wrong one, by their identity there.
+    These three ask first.
 
     \b
     lss scan
     lss scan --wait 200      for slow nodes
     lss identify
     lss select vendor=0x1E product=0x705302D revision=0x30000 serial=0x12345
+    lss select 5             by what node 5 says of itself (0x1018)
     lss node-id 5            of the selected node
     lss node-id 5 vendor=0x1E product=0x705302D revision=0x30000 serial=0x12345
     lss store 5
+    lss store 5 --prove      reset it, and look again
     lss assign press.yaml --store
     """
-    from dvtcli.operations import lss_assign, lss_find, lss_node_id
+    from dvtcli.operations import lss_assign, lss_find, lss_node_id, lss_store
 
     if wait is not None and action != "scan":
         raise click.UsageError("--wait belongs to lss scan")
     if stores and action != "assign":
         raise click.UsageError("--store belongs to lss assign")
+    if prove and not (stores or action == "store"):
+        raise click.UsageError("--prove belongs to lss store, and to lss assign --store")
     match action:
         case "scan":
             no_words(words)
@@ -65,9 +77,9 @@ def command(
         case "identify":
             return lss_find.lss_identify(session, address_of_words(words) if words else None)
         case "select":
-            return lss_find.lss_select(session, address_of_words(words))
+            return lss_find.lss_select(session, node_or_address(words))
         case "node-id":
             return lss_node_id.lss_node_id(session, *node_id_and_address(words))
         case "assign":
-            return lss_assign.lss_assign(session, one_file(words), stores=stores)
-    return lss_node_id.lss_store(session, only_node_id(words))
+            return lss_assign.lss_assign(session, one_file(words), stores=stores, prove=prove)
+    return lss_store.lss_store(session, only_node_id(words), prove=prove)

@@ -80,6 +80,8 @@ def _given(node: LssGiven) -> list[Cell]:
     line = [Cell(f"node {node.node_id}", "bold"), Cell(f"{name}  {node.address}")]
     if node.before != node.node_id:
         line.append(Cell(f"  (before: {before})", "dim"))
-    if node.stored:
+    if node.proved:
+        line.append(Cell("  stored, proved by a reset", "green"))
+    elif node.stored:
         line.append(Cell("  stored, as the node says", "green"))
     return line

@@ -78,7 +78,7 @@ class LssFound(Answer):
 class LssGiven:
     """A node by its *address* that had node-ID *before* (255: none) and has *node_id* now; *name* is a file's for it.
 
-    *stored* says whether it answered that it keeps the node-ID.
+    *stored* says whether it answered that it keeps the node-ID, *proved* whether it came back with it after a reset.
     """
 
     address: LssAddress
@@ -86,6 +86,7 @@ class LssGiven:
     node_id: int
     stored: bool = False
     name: str = ""
+    proved: bool = False
 
     def document(self) -> Document:
         """One node of `dvtcli.lss-change/1`."""
@@ -96,6 +97,7 @@ class LssGiven:
             "before": before,
             "node": self.node_id,
             "stored": self.stored,
+            "proved": self.proved,
         }
 
 

@@ -155,6 +155,8 @@ class LssSlave:
     def _keep(self) -> int:
         if self._store.fails:
             return MEDIUM_FAILED
+        if self._store.stores_nothing:
+            return 0
         self.stored = self.pending
         self._memory.stored_changes += 1
         return 0

@@ -1,0 +1,100 @@
+"""Who has a node-ID, asked by SDO: the numbers of its LSS address are its 0x1018. Sends no LSS, changes nothing."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
+from dvtcli.device.read_pdos import read_identity
+from dvtcli.domain.lss_services import LssAddress
+from dvtcli.errors import NoAnswer, SafetyRefusal, SdoAborted, SdoProtocolError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Collection
+
+    from dvtcli.domain.ports import CanopenBus
+
+#: What 0x1018:1..4 of a node says; None for what it lacks.
+Identity = tuple[int | None, ...]
+#: how often a node is asked who it is
+_ASKED = 3
+#: how long each node-ID has to answer where it is not known whether anybody has it (s)
+_ANSWER_S = 0.05
+
+
+def answers(bus: CanopenBus, node_id: int) -> bool:
+    """Whether somebody answers SDO requests as *node_id*, be it nonsense."""
+    try:
+        bus.sdo(node_id).upload(0x1000, 0)
+    except NoAnswer:
+        return False
+    except (SdoAborted, SdoProtocolError):
+        return True
+    return True
+
+
+def identity_on(bus: CanopenBus, node_id: int) -> Identity | None:
+    """What 0x1018 of *node_id* says, None where nobody answers, however often."""
+    for _ in range(_ASKED):
+        with suppress(NoAnswer, SdoProtocolError):
+            return tuple(read_identity(bus.sdo(node_id), sub_index) for sub_index in (1, 2, 3, 4))
+    return None
+
+
+def who_is_there(bus: CanopenBus, heard: Collection[int]) -> dict[int, Identity | None]:
+    """Every node-ID that was *heard* or answers, with what its 0x1018 says; None where it does not say."""
+    found: dict[int, Identity | None] = {}
+
+    def ask(node_id: int) -> None:
+        try:
+            bus.sdo(node_id).upload(0x1000, 0, timeout_s=_ANSWER_S, retries=0)
+        except NoAnswer:
+            if node_id not in heard:
+                return
+        except (SdoAborted, SdoProtocolError):
+            pass  # somebody is there
+        found[node_id] = identity_on(bus, node_id)
+
+    def asking(node_id: int) -> Callable[[], None]:
+        return lambda: ask(node_id)
+
+    for failed in bus.side_by_side([asking(node_id) for node_id in range(1, 128)]):
+        raise failed
+    return dict(sorted(found.items()))
+
+
+def require_on(bus: CanopenBus, address: LssAddress, node_id: int) -> None:
+    """NoAnswer where the node's address is not what *its* node-ID says at 0x1018, SafetyRefusal where another's is."""
+    identity = identity_on(bus, node_id)
+    if identity is None:
+        raise NoAnswer(f"{address} did not come up as node {node_id}", node=node_id)
+    if not _is(identity, address):
+        raise SafetyRefusal(
+            f"node {node_id} is another device than the one with {address}", node=node_id,
+            why=f"its 0x1018 says {in_words(identity)}",
+        )  # fmt: skip
+
+
+def in_words(identity: Identity) -> str:
+    """The numbers of a 0x1018, those that it lacks as `-`."""
+    return " ".join("-" if part is None else f"0x{part:X}" for part in identity)
+
+
+def _is(identity: Identity, address: LssAddress) -> bool:
+    """Whether a 0x1018 is of *address*: its vendor, and every other number that it has."""
+    told = zip(identity, address.parts, strict=True)
+    return identity[0] is not None and all(part in (None, wanted) for part, wanted in told)
+
+
+def address_of(bus: CanopenBus, node_id: int) -> LssAddress:
+    """Who the node with *node_id* is by its 0x1018; NoAnswer, SafetyRefusal where it does not tell all four numbers."""
+    identity = identity_on(bus, node_id)
+    if identity is None:
+        raise NoAnswer(f"node {node_id} does not answer", node=node_id, hint="scan shows who is there")
+    vendor, product, revision, serial = identity
+    if vendor is None or product is None or revision is None or serial is None:
+        raise SafetyRefusal(
+            f"node {node_id} does not tell its whole LSS address (0x1018:1..4)", node=node_id,
+            hint="without vendor, product, revision and serial number no LSS master can select it",
+        )  # fmt: skip
+    return LssAddress(vendor, product, revision, serial)
