@@ -101,6 +101,6 @@ def _placed(wrong: DvtcliError, place: str) -> DvtcliError:
     """*wrong* with where it is in the script, innermost first, unless it says that itself."""
     if ":" not in wrong.text or not wrong.text.startswith(place.rpartition(":")[0]):
         wrong.text = f"{place}: {wrong.text}"
-    wrong.state, wrong.rehearsed = "unchanged", True
+    wrong.state, wrong.state_text, wrong.rehearsed = "unchanged", None, True  # what was put back was a twin's
     wrong.details = [row for row in wrong.details if row[0] != DRY_RUN]
     return wrong

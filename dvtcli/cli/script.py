@@ -18,7 +18,7 @@ from dvtcli.cli.boundary import LEAVE, SIGNALLED, usage_error
 from dvtcli.cli.lexer import split
 from dvtcli.cli.run_line import boundary, parse
 from dvtcli.cli.script_changes import ScriptChanges
-from dvtcli.cli.script_run import run_line
+from dvtcli.cli.script_run import look_again, run_line
 from dvtcli.errors import Bug, DvtcliError, InputFileError, LeftChanged, UsageError
 
 if TYPE_CHECKING:
@@ -87,6 +87,8 @@ def enclosed(session: Conversation, source: str, run: Callable[[], int], *, atom
         session.script_changes = changes = ScriptChanges(session, source, atomic=atomic, outer=outer_changes)
     try:
         code = boundary(session, run)
+        if not code and changes is not outer_changes:
+            code = boundary(session, lambda: look_again(session, changes))
         stays = bool(session.staying())
     finally:
         session.scripts.pop()

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from dvtcli.device.restarts import held_plans
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.several import several
-from dvtcli.errors import DvtcliError, LeftChanged, NoAnswer, SdoProtocolError
+from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, NoAnswer, SdoProtocolError
 
 if TYPE_CHECKING:
     from dvtcli.device.change.own_journal import OwnJournal
@@ -47,6 +47,8 @@ class ScriptChanges:
         self._operational: set[int] | None = None
         #: the first line that did what cannot be taken back
         self.final: str | None = None
+        #: whether a node was seen to hold something else than what was set: it is put back all the same then
+        self._lost = False
         #: whether it was tried to take everything back
         self.ended = False
         if atomic:
@@ -100,6 +102,27 @@ class ScriptChanges:
         nodes = self._session.met_nodes()
         found = {id(node) for node in nodes if node.gate.found is NmtState.OPERATIONAL}
         self._operational = found | (self._operational or set())
+
+    def look_again(self) -> None:
+        """Once all lines have worked: do the nodes still hold what the earlier ones set? DeviceRefused where not.
+
+        What the last line set was read back after all else; nothing is looked at behind one that cannot be taken back.
+        """
+        made = {node.node_id: self._made(node) for node in self._session.met_nodes()}
+        if self.final is not None or sum(map(len, made.values())) < 2:
+            return
+        from dvtcli.device.change.expected import no_longer_held
+
+        for node in self._session.met_nodes():
+            changes = [change for plan in made[node.node_id] for change in plan.changes]
+            if lost := no_longer_held(node, changes):
+                self._lost = True
+                raise DeviceRefused(
+                    f"node {node.node_id} does not hold any more what the script set: {lost[0][0]} {lost[0][1]}",
+                    node=node.node_id,
+                    why=several(f"{label} {text}" for label, text in lost[1:]) or None,
+                    hint="a later line altered it with what it wrote, or the node restarted and nobody heard it",
+                )
 
     def complete(self) -> None:
         """Everything stays: no `recover` takes it back any more. JournalKept where a journal cannot be removed."""
@@ -169,7 +192,7 @@ class ScriptChanges:
         try:
             tried.boot_ups = node.bus.boot_ups(node.node_id)
             while self._made(node):
-                tried.not_put_back += _undo_patiently(node)
+                tried.not_put_back += _undo_patiently(node, force=self._lost)
         except (DvtcliError, KeyboardInterrupt) as failed:
             tried.failure = _left(node, made, cause, failed)
         return tried
@@ -216,17 +239,17 @@ class _TakenBack:
         return left
 
 
-def _undo_patiently(node: Node) -> tuple[Finding, ...]:
+def _undo_patiently(node: Node, *, force: bool) -> tuple[Finding, ...]:
     """Undo one change; a node that is silent may be rebooting, so it is asked again for a while.
 
-    Returns what the device did not take back.
+    With *force* whatever it holds by now. Returns what the device did not take back.
     """
     from dvtcli.device.change.put_back import PATIENCE_S, RETRY_S
 
     deadline_s = node.bus.now_s() + PATIENCE_S
     while True:
         try:
-            return node.undo().not_put_back
+            return node.undo(force=force).not_put_back
         except (NoAnswer, SdoProtocolError):
             if node.bus.now_s() >= deadline_s:
                 raise

@@ -53,6 +53,17 @@ def _run_noted(session: Conversation, ctx: click.Context) -> Any:
     return code
 
 
+def look_again(session: Conversation, changes: ScriptChanges) -> None:
+    """All lines of an atomic script have worked: it fails all the same where a node lost what one of them had set."""
+    if not changes.atomic or changes.ended:
+        return
+    try:
+        changes.look_again()
+    except BaseException as failed:
+        _take_back(session, changes, failed)
+        raise
+
+
 def _refuse_half(ctx: click.Context, changes: ScriptChanges, code: int) -> None:
     """A line of an atomic script that ended with *code* but raised nothing, as `verify` does, fails all the same."""
     if not changes.atomic or changes.ended:

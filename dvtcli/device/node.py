@@ -240,6 +240,10 @@ class Node(Changeable):
                 self, plan, findings, found, lambda one, boot_ups: self._done(one, boot_ups, kept=kept)
             )
         else:
+            if found is not None and self.bus.upsets(self.node_id) != found.upsets:
+                from dvtcli.device.change.carry_out import look_again
+
+                look_again(self, plan, found)
             self._remember(plan.changes)
         return Applied(plan, findings)
 

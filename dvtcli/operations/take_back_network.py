@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 _PASSING = (NoAnswer, SdoProtocolError, SdoAborted, DeviceRefused)
 _Put = Callable[["Node"], None]
 _ALL_BACK = "rolled back: every node is as it was, read back equal; nothing was stored"
+_OWN_BACK = "rolled back: what was changed is as it was on every node, read back equal; nothing was stored"
 
 
 @dataclass(slots=True)
@@ -112,7 +113,11 @@ class Course:
         also = f"; look at the NMT state of node {fault.node}" if fault.state == "unknown" else ""
         unwritten = self._never_written()
         also += f"; nothing was written to node {', '.join(map(str, unwritten))}" if unwritten else ""
-        fault.state, fault.state_text = "rolled_back", f"{_ALL_BACK}{also}"
+        restarted = several(
+            str(node_id) for node_id, node in self.nodes.items() if self._before[node_id].restarted(node)
+        )
+        also += f"; node {restarted} restarted: what else it held in RAM only is lost" if restarted else ""
+        fault.state, fault.state_text = "rolled_back", f"{_OWN_BACK if restarted else _ALL_BACK}{also}"
 
     def _never_written(self) -> list[int]:
         """The nodes that failed before anything at all was written to them."""
@@ -204,13 +209,17 @@ class _Before:
         boot_ups = node.bus.boot_ups(node.node_id)
         return cls(dict(node.wanted), dict(node.wanted_values), dict(node.pending.unstored), boot_ups)
 
+    def restarted(self, node: Node) -> bool:
+        """Whether a boot-up of *node* was heard since then."""
+        return node.bus.boot_ups(node.node_id) != self.boot_ups
+
     def restore(self, node: Node) -> None:
         """Know that again, once *node* is as it was; what a restart took of it is said all the same."""
         node.wanted.clear()
         node.wanted.update(self.wanted)
         node.wanted_values.clear()
         node.wanted_values.update(self.values)
-        if node.bus.boot_ups(node.node_id) == self.boot_ups:
+        if not self.restarted(node):
             node.pending.unstored.clear()
             node.pending.unstored.update(self.unstored)
 

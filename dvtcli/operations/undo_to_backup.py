@@ -51,7 +51,7 @@ def undo_to_backup(session: Session, rehearse: Rehearse, when: str | None = None
             place=file,
             hint="undo --backup WHEN takes an earlier one",
         )
-    changes = way_to({pdo: node.pdo(pdo) for pdo in wish.pdos}, wish.pdos)
+    changes = way_to(node.observed(lambda: {pdo: node.pdo(pdo) for pdo in wish.pdos}), wish.pdos)
     applied = node.apply(Plan(node.node_id, changes), force=session.options.force, found=found)
     applied = replace(applied, not_put_back=tuple(_unlike_backup(node, said)))
     return changed(session, node, applied, time.monotonic() - started, undone=True)

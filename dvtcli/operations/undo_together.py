@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from dvtcli.device.applied import Applied
+from dvtcli.device.change.carry_out import enter
 from dvtcli.device.change.taken_back import foreseen
 from dvtcli.operations.change import changed
 from dvtcli.operations.change_together import carry_out_together, complete
@@ -60,7 +61,7 @@ def undo_together(session: Session, undoings: Sequence[Undoing]) -> tuple[Change
         }
         for node_id, back in backs.items():
             if len(back.plan):
-                nodes[node_id].gate.enter()  # whoever is asked is asked before the first write
+                enter(nodes[node_id], found[node_id])  # whoever is asked is asked before the first write
         plans = {node_id: back.plan for node_id, back in backs.items()}
         findings = {node_id: back.unknown for node_id, back in backs.items()}
         with carry_out_together(session, nodes, plans, found, "undo --all", findings) as course:

@@ -17,11 +17,11 @@ from dvtcli.device.node import Node
 from dvtcli.device.observe import Found
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.pdo import Pdo
-from dvtcli.domain.plan import Plan, Step, ValueChange
+from dvtcli.domain.plan import Plan, Step, ValueChange, plan_pdo
 from dvtcli.domain.profile import StepKind
 from dvtcli.domain.request import PdoRequest
 from dvtcli.domain.rules.finding import warning
-from dvtcli.errors import DeviceRefused, DvtcliError, JournalKept, LeftChanged, NoAnswer, SafetyRefusal
+from dvtcli.errors import DeviceRefused, DvtcliError, JournalKept, LeftChanged, NoAnswer, Restarted, SafetyRefusal
 from tests.laws.bench import NODE, DirectBus, DirectSdo, booted, dictionary, profile, refuse, silence
 
 TPDO1, TPDO2 = Pdo.parse("tpdo1"), Pdo.parse("tpdo2")
@@ -322,3 +322,21 @@ def test_a_failure_that_names_no_object_stays_as_it_is(tmp_path: Path) -> None:
     assert (error.text, error.place, error.hint) == ("nobody to ask", None, None)
     assert bench.channel.writes == []
     bench.keeper.lock.release()
+
+
+@pytest.mark.parametrize("held", [True, False])
+def test_what_needed_no_write_is_looked_at_again_where_the_node_restarted_meanwhile(bench: Bench, held: bool) -> None:
+    config = bench.node.pdo(TPDO1)
+    plan = Plan(NODE, (plan_pdo(TPDO1, config, config),))
+    found = bench.node.claim()
+    bench.device.nmt(NmtCommand.RESET_NODE)
+    bench.bus.heard_boot_ups += 1
+    if not held:
+        bench.device.download(0x1800, 5, b"\x09\x00")
+    if held:
+        assert len(bench.node.apply(plan, found=found).plan) == 0
+    else:
+        with pytest.raises(Restarted, match="TPDO1 is not as wanted any more") as caught:
+            bench.node.apply(plan, found=found)
+        assert (caught.value.state, caught.value.why) == ("unchanged", "0x1800:05 is 0x0009, expected 0x0000")
+    assert bench.device.state is OPERATIONAL

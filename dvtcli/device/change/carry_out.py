@@ -9,16 +9,17 @@ from collections.abc import Callable, Sequence
 from itertools import count
 from typing import TYPE_CHECKING
 
-from dvtcli.device.change.failed_change import BRING_BACK, BUS_BACK, left_changed
+from dvtcli.device.change.failed_change import BRING_BACK, BUS_BACK, TRY_AGAIN, left_changed
 from dvtcli.device.change.other_pdos import OtherPdos, cob_ids_beside, is_of_pdo, wholes_beside
 from dvtcli.device.change.pending import CHANGE
 from dvtcli.device.change.progress import Progress
+from dvtcli.device.change.put_back import first_difference
 from dvtcli.device.change.transaction import Transaction
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.plan import Change, Plan, Step
 from dvtcli.domain.several import several
-from dvtcli.errors import DvtcliError, JournalKept, LeftChanged
+from dvtcli.errors import DvtcliError, JournalKept, LeftChanged, Restarted
 
 if TYPE_CHECKING:
     from dvtcli.device.change.changeable import Changeable
@@ -72,7 +73,7 @@ def _carry_out(
     try:
         beside = wholes_beside(node, plan, found)
         untold = any(config.lacking for config in node.last_read.values())
-        node.gate.enter()
+        enter(node, found)
         boot_ups = run(node, plan, OtherPdos(cob_ids, beside))
     except LeftChanged as left:
         left_open(node, left)
@@ -87,6 +88,36 @@ def _carry_out(
         node.keeper.own_journal.carried_out()
     done(boot_ups)
     _end(node, plan, lambda: _return(node, found), keep_journal=keep_journal)
+
+
+def enter(node: Changeable, found: Found) -> None:
+    """Make PDO writes possible; a node that restarted since it was *found* OPERATIONAL goes back there at the end."""
+    was_in = node.gate.entered
+    node.gate.enter()
+    if not was_in and node.gate.entered and node.gate.found is None and restarted_since(node, found):
+        node.gate.found = found.state
+
+
+def restarted_since(node: Changeable, found: Found) -> bool:
+    """Whether *node* may have restarted since it was *found*: its boot-up was heard, or an upload was repeated."""
+    return node.bus.upsets(node.node_id) != found.upsets
+
+
+def look_again(node: Changeable, plan: Plan, found: Found) -> None:
+    """Nothing of *plan* is to be written, and *node* may have restarted since it was *found*: is that still so?
+
+    Restarted where it holds something else by now. It is brought back to the NMT state in which it was found.
+    """
+    differences = node.observed(lambda: [first_difference(node.sdo, change) for change in plan.changes])
+    _return(node, found)
+    difference = next(filter(None, differences), None)
+    if difference is not None:
+        raise Restarted(
+            f"node {node.node_id} restarted while it was looked at: {_labels(plan)} is not as wanted any more",
+            node=node.node_id,
+            why=difference,
+            hint=TRY_AGAIN,
+        )
 
 
 def _is_watched(node: Changeable, plan: Plan) -> bool:
@@ -236,6 +267,6 @@ def _return(node: Changeable, found: Found) -> None:
     if found.state is not NmtState.OPERATIONAL or node.gate.entered:
         return
     rebooted = _rebooted(node, found)
-    unsure = not rebooted and node.bus.upsets(node.node_id) != found.upsets
+    unsure = not rebooted and restarted_since(node, found)
     if rebooted or (unsure and node.access.state(HEARTBEAT_S) is NmtState.PRE_OPERATIONAL):
         node.access.insist(NmtState.OPERATIONAL)

@@ -58,7 +58,8 @@ class Changeable(KnownPdos):
         if self.keeper is not None:
             self.keeper.refuse_while_open()
         self.read_anew()
-        return Found(self.access.state(), self.bus.boot_ups(self.node_id), self.bus.upsets(self.node_id))
+        boot_ups, upsets = self.bus.boot_ups(self.node_id), self.bus.upsets(self.node_id)
+        return Found(self.access.state(), boot_ups, upsets)  # a restart while it tells its state came after that
 
     def let_go(self) -> None:
         """After a change and all that belongs to it: let others write; what they did is read before the next one."""

@@ -6,7 +6,7 @@ write, and does not know why something is not as expected.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -15,6 +15,7 @@ from dvtcli.errors import SafetyRefusal
 
 if TYPE_CHECKING:
     from dvtcli.device.known_pdos import KnownPdos
+    from dvtcli.device.wish import Difference
     from dvtcli.domain.plan import Change
 
 
@@ -88,6 +89,17 @@ class Expected:
             if data != value:
                 place = f"{index:04X}:{sub_index:02X}"
                 yield f"0x{place}", place, f"0x{place} is {data.hex(' ')}, was set to {value.hex(' ')}"
+
+
+def no_longer_held(node: KnownPdos, changes: Iterable[Change]) -> tuple[Difference, ...]:
+    """What *node* does not hold any more of what *changes* left, read once more."""
+    from dvtcli.device.wish import Wish, unlike
+
+    expected = Expected()
+    for change in changes:
+        expected.changed(change)
+    values = {place: value for place, value in expected.values.items() if not _moves(node, *place)}
+    return unlike(node, Wish(expected.pdos, values))
 
 
 def _moves(node: KnownPdos, index: int, sub_index: int) -> bool:

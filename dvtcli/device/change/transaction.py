@@ -165,10 +165,19 @@ class Transaction:
             fault.state_text = self.others.put_back_in_part(self.plan) or fault.state_text
             if self._left:
                 self._say_left(fault)
+            elif self._restarted():
+                self._say_lost(fault)
             if isinstance(fault, NoAnswer):
                 self._explain_silence(fault)
             elif isinstance(fault, SdoProtocolError):
                 fault.hint = fault.hint or "two nodes with one node-ID, or another SDO client? -vv shows the frames"
+
+    def _say_lost(self, fault: DvtcliError) -> None:
+        """What is as it was is the plan's alone: nobody put back what else a restart took."""
+        own, node_id = several(change.label for change in self.plan.changes), self.plan.node_id
+        if fault.state == "rolled_back":
+            text = fault.state_text or f"rolled back: {own} is as it was, read back equal"
+            fault.state_text = f"{text}; node {node_id} restarted: what else it held in RAM only is lost"
 
     def _say_left(self, fault: DvtcliError) -> None:
         """Nobody knows whether a restart that was not heard brought back what is stored, or the change altered it."""

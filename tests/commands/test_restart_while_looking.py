@@ -1,0 +1,123 @@
+"""A node that restarts while a change is planned, or between two lines: what is said of it then is so."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from dvtcli.device.read_pdos import read_pdo
+from dvtcli.domain.nmt import NmtCommand, NmtState
+from dvtcli.domain.pdo import Pdo
+from dvtcli.errors import DvtcliError
+from dvtcli.simulator.device.simulated_faults import Fault
+from dvtcli.simulator.device.strict_device import StrictDevice
+from dvtcli.simulator.network.family_file import family_eds
+from tests.commands.bench import Bench, Ran
+from tests.laws.bench import DirectSdo, booted
+from tests.virtual_time import VirtualTimeBus
+
+TPDO1, TPDO2 = Pdo.parse("tpdo1"), Pdo.parse("tpdo2")
+
+
+class Restarting(StrictDevice):
+    """A device that restarts once, after its answer *at* (1: the next one), where that is not 0."""
+
+    at = 0
+
+    def upload(self, index: int, sub_index: int) -> bytes:
+        data = super().upload(index, sub_index)
+        if self.at:
+            self.at -= 1
+            if not self.at:
+                self.nmt(NmtCommand.RESET_NODE)
+        return data
+
+
+def device(family: str) -> Restarting:
+    """One that is OPERATIONAL."""
+    made = booted(family)
+    restarting = Restarting(made.dictionary, made.family, made.node_id)
+    restarting.boot_up()
+    restarting.nmt(NmtCommand.START)
+    return restarting
+
+
+def bench(node: StrictDevice, *faults: str, family: str = "generic") -> Bench:
+    """As the prompt of a process of its own on a bus where *node* outlives it."""
+    bus = VirtualTimeBus([node], faults=[Fault.parse(one) for one in faults], timeout_s=0.3, simulated=False)
+    return Bench((), {"yes": True, "node": node.node_id, "eds": str(family_eds(family))}, bus)
+
+
+def ended(made: Bench, line: str) -> Ran:
+    """A line as a command of its own, with what its end said."""
+    ran = made.run(line)
+    try:
+        made.session.end_line(ran.code, alone=True)
+    except DvtcliError as failed:
+        return Ran(failed.exit_code, ran.stdout, failed.text)
+    return ran
+
+
+@pytest.mark.parametrize("family", ["generic", "gen4"])
+@pytest.mark.parametrize("line", ["undo", "undo --backup"])
+def test_a_node_that_restarts_while_an_undo_looks_at_it_is_operational_at_its_end(line: str, family: str) -> None:
+    """Whether what a restart brought back is what was to be put back, or had to be written before it."""
+
+    def left(at: int) -> tuple[Restarting, Ran]:
+        """The device after an undo at whose answer *at* it restarted, and how the undo ended."""
+        node = device(family)
+        with bench(node, family=family) as one:
+            assert ended(one, "map tpdo1 6041 --timer 20").code == 0
+            node.at = at
+            return node, ended(one, line)
+
+    most = 1000
+    answers = most - left(most)[0].at
+    ends = set()
+    step = 5 if line == "undo" else 33
+    for at in range(answers - 1, max(0, answers - 100), -step):  # behind the last answer nobody can see it
+        node, ran = left(at)
+        if ran.code:
+            assert "unchanged: nothing was written" in ran.stderr or "what was not stored is lost" in ran.stderr
+        else:
+            assert node.state is NmtState.OPERATIONAL, (at, ran.stderr)
+        ends.add("nothing was written" in ran.stdout)
+    assert ends == {True, False}
+
+
+def test_a_change_that_was_rolled_back_over_a_restart_does_not_say_that_everything_is_as_it_was() -> None:
+    node = device("generic")
+    with bench(node) as one:
+        assert ended(one, "set tpdo2 --timer 70").code == 0
+    with bench(node, "reset@3=0") as one:
+        ran = one.run("map tpdo1 606C 6041")
+    assert ran.code == 5
+    assert read_pdo(DirectSdo(node), TPDO2).communication.event_timer == 0
+    said = " ".join(ran.stderr.split())
+    assert "rolled back: TPDO1 is as it was, read back equal; node 1 restarted: what else it held in RAM only" in said
+    assert "everything is as it was" not in said
+
+
+@pytest.mark.parametrize("faults", [("alters@2=1801:01:0xC0000299",), ("reset-at-read@{}=0", "no-boot-up")])
+def test_an_atomic_script_holds_all_that_it_set_at_its_end(faults: tuple[str, ...], tmp_path: Path) -> None:
+    """Whatever a later line altered of what an earlier one had set, or a restart that nobody heard took of it."""
+    script = tmp_path / "x.dvt"
+    script.write_text("set tpdo2 --timer 9\nwrite 1017 77\nset tpdo3 --timer 30\n")
+    codes = set()
+    for at in range(10, 60, 16) if len(faults) > 1 else [0]:
+        node = device("generic")
+        before = read_pdo(DirectSdo(node), TPDO2)
+        with bench(node, *(one.format(at) for one in faults)) as one:
+            ran = ended(one, f"run {script} --atomic")
+        held = read_pdo(DirectSdo(node), TPDO2)
+        if ran.code == 0:
+            assert held.communication.event_timer == 9, (at, ran.stdout)
+            assert node.value(0x1017, 0) == b"\x4d\x00"
+            assert held.communication.cob_id == before.communication.cob_id
+        else:
+            assert ran.code in (1, 5), ran.stderr
+            assert held == before
+            assert "what the script changed is as it was" in ran.stderr
+        codes.add(ran.code)
+    assert codes - {0}
