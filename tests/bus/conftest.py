@@ -3,11 +3,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from itertools import count
 
-import can
 import pytest
 
 from dvtcli.bus.python_can import CanBus
-from tests.bus.scripted import Script, Server, well_behaved
+from tests.bus.scripted import Lockstep, Script, Server, well_behaved
 
 _NUMBERS = count(1)
 
@@ -20,14 +19,17 @@ def channel() -> str:
 
 @pytest.fixture
 def serve(channel: str) -> Iterator[Callable[..., tuple[CanBus, Server]]]:
-    """Start a scripted server and a bus that talks to it."""
+    """Start a scripted server and a bus that talks to it; where it is not *prompt*, also as slowly as it likes."""
     started: list[tuple[CanBus, Server]] = []
 
-    def start(script: Script = well_behaved, *, timeout_s: float = 0.25, retries: int = 0) -> tuple[CanBus, Server]:
-        ours = can.Bus(channel, interface="virtual", ignore_config=True)
-        pair = CanBus(ours, f"virtual:{channel}", timeout_s=timeout_s, retries=retries), Server(channel, script)
-        started.append(pair)
-        return pair
+    def start(
+        script: Script = well_behaved, *, timeout_s: float = 0.1, retries: int = 0, prompt: bool = True
+    ) -> tuple[CanBus, Server]:
+        ours, server = Lockstep(channel), Server(channel, script)
+        if prompt:
+            ours.server = server
+        started.append((CanBus(ours, f"virtual:{channel}", timeout_s=timeout_s, retries=retries), server))
+        return started[-1]
 
     yield start
     for bus, server in started:

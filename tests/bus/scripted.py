@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Callable, Iterable
 
 import can
+from can.interfaces.virtual import VirtualBus
+
+from tests.process import PATIENCE_S
 
 NODE = 5
 #: what the server sends on a request: 8-byte answers, or whole messages
@@ -52,10 +54,14 @@ class Steps:
 class Server:
     """Runs a script as one or more nodes on a virtual channel and records every frame."""
 
+    #: how many frames it has dealt with: their answers are on the bus
+    dealt_with = 0
+
     def __init__(self, channel: str, script: Script) -> None:
         self.bus = can.Bus(channel, interface="virtual", ignore_config=True)
         self.script = script
         self.heard: list[can.Message] = []
+        self._dealt = threading.Condition()
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._serve, daemon=True)
         self._thread.start()
@@ -64,13 +70,6 @@ class Server:
     def requests(self) -> list[bytes]:
         """Every SDO request so far, client aborts included."""
         return [bytes(heard.data) for heard in list(self.heard) if heard.arbitration_id & 0x780 == 0x600]
-
-    def ended(self) -> list[bytes]:
-        """Every SDO request, once the client's abort is among them."""
-        deadline_s = time.monotonic() + 2
-        while not (self.requests and self.requests[-1][0] == 0x80) and time.monotonic() < deadline_s:
-            time.sleep(0.002)
-        return self.requests
 
     def send(self, can_id: int, data: bytes, *, extended: bool = False) -> None:
         self.bus.send(message(can_id, data, extended=extended))
@@ -86,8 +85,32 @@ class Server:
             if heard is None:
                 continue
             self.heard.append(heard)
-            if heard.arbitration_id & 0x780 != 0x600:
-                continue
-            for answer in self.script(bytes(heard.data)):
-                whole = isinstance(answer, can.Message)
-                self.bus.send(answer if whole else message(heard.arbitration_id - 0x80, answer))
+            if heard.arbitration_id & 0x780 == 0x600:
+                self._answer(heard)
+            with self._dealt:
+                self.dealt_with += 1
+                self._dealt.notify_all()
+
+    def _answer(self, heard: can.Message) -> None:
+        for answer in self.script(bytes(heard.data)):
+            whole = isinstance(answer, can.Message)
+            self.bus.send(answer if whole else message(heard.arbitration_id - 0x80, answer))
+
+    def deal_with(self, frames: int) -> None:
+        """Wait until it has dealt with as many *frames*."""
+        with self._dealt:
+            assert self._dealt.wait_for(lambda: self.dealt_with >= frames, PATIENCE_S), "the server is gone"
+
+
+class Lockstep(VirtualBus):
+    """A bus whose frames *server* has dealt with when they are sent: on no machine its answers come too late."""
+
+    server: Server | None = None
+    _sent = 0
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        self._sent += 1
+        frames = self._sent
+        super().send(msg, timeout)
+        if self.server is not None:
+            self.server.deal_with(frames)

@@ -50,7 +50,7 @@ def test_nothing_is_known_of_a_node_that_says_nothing(serve: Serve) -> None:
 def test_boot_up_means_pre_operational(serve: Serve) -> None:
     bus, server = serve()
     server.send(0x700 + NODE, b"\0")
-    assert bus.wait_boot_up(NODE, 0, 1)
+    assert bus.wait_boot_up(NODE, 0, PATIENCE_S)
     assert bus.boot_ups(NODE) == 1
     assert bus.nmt_state(NODE) is NmtState.PRE_OPERATIONAL
     assert not bus.wait_boot_up(NODE, 1, 0.01)
@@ -202,7 +202,7 @@ def test_what_came_before_is_not_received_unless_it_may_answer_our_frame(serve: 
 def test_frames_arrive_while_another_thread_reads_the_bus(serve: Serve) -> None:
     bus, server = serve(Steps(), timeout_s=0.3)
     thread, _ = in_thread(lambda: bus.sdo(NODE).upload(0x1000, 0))
-    frames = bus.receive(2)
+    frames = bus.receive(PATIENCE_S)
     server.send(0x185, b"\x01")
     assert any(one.can_id == 0x185 for one in frames)
     thread.join()
@@ -268,7 +268,7 @@ def test_a_bus_that_dies_under_a_write_leaves_the_state_unknown(channel: str) ->
 
     server = Server(channel, unplug)
     thread, errors = in_thread(lambda: bus.sdo(1).download(0x1800, 1, bytes(4)))
-    died = errors.get(timeout=2)
+    died = errors.get(timeout=PATIENCE_S)
     thread.join()
     assert isinstance(died, BusUnavailable)
     assert died.state == "unknown"
@@ -288,7 +288,7 @@ def test_a_bus_that_dies_sends_every_waiting_thread_away(channel: str) -> None:
     time.sleep(0.03)
     ours.shutdown()
     for thread, errors in waiting:
-        assert isinstance(errors.get(timeout=2), BusUnavailable)
+        assert isinstance(errors.get(timeout=PATIENCE_S), BusUnavailable)
         thread.join()
     bus.close()
 
@@ -299,7 +299,7 @@ def test_an_interrupted_wait_does_not_block_the_bus(serve: Serve) -> None:
     with pytest.raises(KeyboardInterrupt):
         bus.sdo(NODE).upload(0x1000, 0)
     stop()
-    bus.sdo(NODE).upload(0x1000, 0, timeout_s=1, retries=1)
+    bus.sdo(NODE).upload(0x1000, 0, timeout_s=PATIENCE_S, retries=1)
 
 
 def test_a_wait_that_is_interrupted_by_a_frame_does_not_block_the_bus(serve: Serve) -> None:
@@ -339,15 +339,15 @@ def test_a_background_thread_tells_events_while_nobody_waits(serve: Serve) -> No
     bus.on_event(events.put)
     thread, errors = in_thread(lambda: [bus.idle(0.2) for _ in range(100)])
     server.send(0x700 + NODE, b"\0")
-    assert isinstance(events.get(timeout=1), BootUp)
+    assert isinstance(events.get(timeout=PATIENCE_S), BootUp)
     bus.close()
-    thread.join(1)
+    thread.join(PATIENCE_S)
     assert not thread.is_alive()
     assert errors.empty() or isinstance(errors.get(), BusUnavailable)
 
 
 def test_a_background_thread_gives_way_to_an_sdo_client(serve: Serve) -> None:
-    bus, _ = serve(timeout_s=1)
+    bus, _ = serve(timeout_s=PATIENCE_S)
     thread, _ = in_thread(lambda: bus.idle(30))
     time.sleep(0.05)
     readers: list[threading.Thread] = []
@@ -356,7 +356,7 @@ def test_a_background_thread_gives_way_to_an_sdo_client(serve: Serve) -> None:
         assert bus.sdo(NODE).upload(0x2000, sub_index)[2] == sub_index
     assert readers.count(threading.current_thread()) > 150
     bus.close()
-    thread.join(1)
+    thread.join(PATIENCE_S)
 
 
 def test_idle_ends_in_time(serve: Serve) -> None:
@@ -374,7 +374,7 @@ def test_many_threads_get_their_own_answers(serve: Serve, nodes: list[int]) -> N
     def by_address(request: bytes) -> list[bytes]:
         return well_behaved(request)
 
-    bus, _ = serve(by_address, timeout_s=5)
+    bus, _ = serve(by_address, timeout_s=PATIENCE_S)
 
     def work(node_id: int) -> None:
         for index in range(0x2000, 0x2064):
@@ -383,7 +383,7 @@ def test_many_threads_get_their_own_answers(serve: Serve, nodes: list[int]) -> N
 
     threads = [in_thread(lambda node_id=node_id: work(node_id)) for node_id in nodes]
     for thread, errors in threads:
-        thread.join(30)
+        thread.join(PATIENCE_S)
         assert not thread.is_alive()
         assert errors.empty()
     assert sum(bus.sdo(node_id).dropped.total for node_id in set(nodes)) == 0

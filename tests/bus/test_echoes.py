@@ -11,7 +11,6 @@ from typing import Any
 
 import can
 import pytest
-from can.interfaces.virtual import VirtualBus
 
 from dvtcli.bus.echoes import LOST_AFTER_S, MOST_REMEMBERED, Echoes
 from dvtcli.bus.oddities import SECOND_ANSWERS
@@ -19,7 +18,7 @@ from dvtcli.bus.python_can import CanBus
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import NoAnswer
-from tests.bus.scripted import NODE, Server, message, well_behaved
+from tests.bus.scripted import NODE, Lockstep, Server, message, well_behaved
 
 REQUEST, HEARTBEAT = 0x600 + NODE, 0x700 + NODE
 #: reads the device type, as our own client does
@@ -27,7 +26,7 @@ READ_DEVICE_TYPE = bytes.fromhex("40 00 10 00 00 00 00 00")
 READ_IDENTITY = bytes.fromhex("40 18 10 01 00 00 00 00")
 
 
-class MarkingBus(VirtualBus):
+class MarkingBus(Lockstep):
     """python-can's virtual bus whose driver marks all frames alike: `is_rx` is *marks* for every one."""
 
     def __init__(self, channel: str, *, marks: bool, **options: Any) -> None:
@@ -49,7 +48,7 @@ class Ours:
         self.bus = CanBus(driver, f"virtual:{channel}", timeout_s=0.2, retries=0)
         if told and not echoes:
             self.bus.echoes.rule_out()
-        self.server = Server(channel, well_behaved)
+        self.server = driver.server = Server(channel, well_behaved)
         self.other = can.Bus(channel, interface="virtual", ignore_config=True)
 
     def close(self) -> None:
@@ -122,8 +121,10 @@ def test_another_client_s_answers_are_no_second_node(ours: Ours) -> None:
     """It reads what we have just read, and its answers fit ours."""
     for _ in range(2 * SECOND_ANSWERS):
         ours.bus.sdo(NODE).upload(0x1000, 0)
+        frames = ours.server.dealt_with
         ours.other.send(message(REQUEST, READ_DEVICE_TYPE))
-        ours.bus.sleep(0.03)
+        ours.server.deal_with(frames + 1)
+        ours.bus.drain()
     (said,) = ours.bus.disturbances()
     assert said.startswith(f"another SDO client talks to node {NODE}")
     assert ours.bus.disturbances() == []
@@ -133,7 +134,7 @@ def test_an_abort_of_ours_is_no_other_client(ours: Ours) -> None:
     ours.server.script = lambda _request: []
     with pytest.raises(NoAnswer):
         ours.bus.sdo(NODE).upload(0x1000, 0)
-    assert ours.server.ended()[-1][0] == 0x80
+    assert ours.server.requests[-1][0] == 0x80
     assert ours.others() == 0
 
 

@@ -9,18 +9,15 @@ from time import sleep
 
 import can
 import pytest
-from can.interfaces.virtual import VirtualBus
 
 from dvtcli.bus.python_can import CanBus
 from dvtcli.errors import NoAnswer
-from dvtcli.simulator.device.strict_device import StrictDevice
-from tests.bus.devices import device, dictionary
-from tests.served_nodes import ServedNodes
+from tests.bus.scripted import Lockstep, Server, well_behaved
 
 NODES = (4, 5, 6, 7)
 
 
-class Preempted(VirtualBus):
+class Preempted(Lockstep):
     """A driver whose thread gets the processor late, as on a busy machine: *read_s* to read, *send_s* to send."""
 
     read_s = send_s = 0.0
@@ -35,12 +32,10 @@ class Preempted(VirtualBus):
         super().send(msg, timeout)
 
 
-class Slow(StrictDevice):
-    """Answers late, but in time."""
-
-    def upload(self, index: int, sub_index: int) -> bytes:
-        sleep(0.005)
-        return super().upload(index, sub_index)
+def some_answer(request: bytes) -> list[bytes]:
+    """Nodes 4 to 7 answer late, but in time; the others, who ask for the object 0x1001, do not."""
+    sleep(0.005)
+    return [] if request[1:3] == b"\x01\x10" else well_behaved(request)
 
 
 @pytest.fixture
@@ -51,11 +46,10 @@ def driver(channel: str) -> Preempted:
 @pytest.fixture
 def bus(driver: Preempted, channel: str) -> Iterator[CanBus]:
     made = CanBus(driver, "virtual", timeout_s=0.05, retries=0)
-    theirs = can.Bus(channel, interface="virtual", ignore_config=True)
-    with ServedNodes(theirs, [Slow(dictionary("generic"), device(node).family, node) for node in NODES]):
-        yield made
+    server = driver.server = Server(channel, some_answer)
+    yield made
     made.close()
-    theirs.shutdown()
+    server.stop()
 
 
 def asked(bus: CanBus, *nodes: int) -> list[bytes | None]:
@@ -65,7 +59,7 @@ def asked(bus: CanBus, *nodes: int) -> list[bytes | None]:
     def ask(node: int) -> bytes | None:
         together.wait()
         try:
-            return bus.sdo(node).upload(0x1000, 0)
+            return bus.sdo(node).upload(0x1000 if node in NODES else 0x1001, 0)
         except NoAnswer:
             return None
 

@@ -33,6 +33,7 @@ from dvtcli.simulator.network.in_process_bus import simulate
 from tests.bus import line_gateway
 from tests.bus.devices import device
 from tests.bus.test_contract import Contract
+from tests.process import PATIENCE_S
 from tests.surroundings import ROOT
 
 TPDO1 = Pdo(Direction.TPDO, 1)
@@ -122,7 +123,7 @@ class Gateway:
         return "OK"
 
 
-def connected(gateway: Gateway, *, timeout_s: float = 2.0, retries: int = 0) -> CanopenBus:
+def connected(gateway: Gateway, *, timeout_s: float = 20.0, retries: int = 0) -> CanopenBus:
     return line_gateway.open_bus(gateway.channel, None, {}, timeout_s=timeout_s, retries=retries)
 
 
@@ -154,7 +155,7 @@ class TestGateway(Contract):
         bus.tap(lambda frame, sent: seen.append((frame.can_id, sent)))
         before = bus.boot_ups(2)
         bus.send_nmt(NmtCommand.RESET_NODE, 2)
-        assert bus.wait_boot_up(2, before, 5)
+        assert bus.wait_boot_up(2, before, PATIENCE_S)
         assert (0x702, False) in seen
 
     def test_a_silent_node_is_asked_again_as_often_as_is_said(self, bus: CanopenBus, gateway: Gateway) -> None:

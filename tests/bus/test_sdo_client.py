@@ -6,6 +6,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable
+from queue import SimpleQueue
 
 import can
 import pytest
@@ -14,6 +15,7 @@ from dvtcli.bus.python_can import CanBus
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
 from tests.bus.scripted import NODE, Script, Server, Steps, abort, frame, message, well_behaved
+from tests.process import PATIENCE_S
 
 Serve = Callable[..., tuple[CanBus, Server]]
 
@@ -229,7 +231,7 @@ def test_only_malformed_answers_are_a_protocol_error(serve: Serve) -> None:
     bus, server = serve(lambda request: [request[:3]])
     with pytest.raises(SdoProtocolError, match="malformed"):
         bus.sdo(NODE).upload(0x2000, 3)
-    assert server.ended()[-1] == frame(f"80 00 20 03 {TIME_OUT}")
+    assert server.requests[-1] == frame(f"80 00 20 03 {TIME_OUT}")
 
 
 def test_second_answers_point_at_a_second_node(serve: Serve) -> None:
@@ -254,14 +256,28 @@ def test_one_doubled_answer_means_nothing(serve: Serve) -> None:
 
 def test_the_late_answer_of_an_interrupted_transfer_means_nothing(serve: Serve) -> None:
     late = frame("43 00 20 00")
-    bus, server = serve(lambda request: well_behaved(request) if request[1:3] != b"\0\x20" else [], timeout_s=5)
+    requested: SimpleQueue[bytes] = SimpleQueue()
+
+    def silent(request: bytes) -> list[bytes]:
+        if request[1:3] != b"\0\x20":
+            return well_behaved(request)
+        requested.put(request)
+        return []
+
+    def interrupt() -> None:
+        for _ in range(4):
+            requested.get()
+            time.sleep(0.05)  # it waits for its answer by now, or will do so
+            signal.raise_signal(signal.SIGINT)
+
+    bus, server = serve(silent, timeout_s=PATIENCE_S)
+    interrupting = threading.Thread(target=interrupt)
+    interrupting.start()
     for _ in range(4):
-        timer = threading.Timer(0.05, signal.raise_signal, [signal.SIGINT])
-        timer.start()
         with pytest.raises(KeyboardInterrupt):
             bus.sdo(NODE).upload(0x2000, 0)
-        timer.join()
         server.send(0x580 + NODE, late)
+    interrupting.join()
     bus.sdo(NODE).upload(0x2001, 0)
     dropped = bus.sdo(NODE).dropped
     assert (dropped.doubled, dropped.other_client) == (0, 0)
@@ -274,9 +290,8 @@ def test_two_boot_ups_at_once_mean_two_nodes(serve: Serve) -> None:
     bus.boot_ups(NODE)
     assert bus.disturbances() == []
     time.sleep(1.1)
-    server.send(0x700 + NODE, b"\0")
-    assert bus.disturbances() == []
-    server.send(0x700 + NODE, b"\0")
+    for _ in range(2):
+        server.send(0x700 + NODE, b"\0")
     (said,) = bus.disturbances()
     assert f"two nodes with node-ID {NODE}" in said
     assert bus.disturbances() == []
@@ -337,14 +352,14 @@ def test_wrong_toggle_bit_in_a_read(serve: Serve, script: Script) -> None:
     bus, server = serve(script)
     with pytest.raises(SdoProtocolError, match="toggle"):
         bus.sdo(NODE).upload(0x1008, 0)
-    assert server.ended()[-1] == frame("80 08 10 00 00 00 03 05")
+    assert server.requests[-1] == frame("80 08 10 00 00 00 03 05")
 
 
 def test_wrong_toggle_bit_in_a_write(serve: Serve) -> None:
     bus, server = serve(Steps([frame("60 08 10 00")], [frame("20")], [frame("20")]))
     with pytest.raises(SdoProtocolError, match="toggle") as caught:
         bus.sdo(NODE).download(0x1008, 0, bytes(14))
-    assert server.ended()[-1] == frame("80 08 10 00 00 00 03 05")
+    assert server.requests[-1] == frame("80 08 10 00 00 00 03 05")
     assert caught.value.state == "unknown"
 
 
@@ -362,14 +377,14 @@ def test_more_or_less_than_announced(serve: Serve, announced: int, segments: lis
     bus, server = serve(Steps([initiate], *([segment] for segment in segments)))
     with pytest.raises(SdoProtocolError):
         bus.sdo(NODE).upload(0x1008, 0)
-    assert server.ended()[-1] == frame(f"80 08 10 00 {code}")
+    assert server.requests[-1] == frame(f"80 08 10 00 {code}")
 
 
 def test_more_than_any_object_has_is_not_even_begun(serve: Serve) -> None:
     bus, server = serve(Steps([frame("41 08 10 00 FF FF FF FF")], [b"\x00ABCDEFG"], [b"\x11HIJKLMN"]))
     with pytest.raises(SdoProtocolError, match="announces 4294967295 bytes, more than any object has"):
         bus.sdo(NODE).upload(0x1008, 0)
-    assert server.ended() == [frame("40 08 10 00"), frame("80 08 10 00 05 00 04 05")]
+    assert server.requests == [frame("40 08 10 00"), frame("80 08 10 00 05 00 04 05")]
 
 
 # Silence --------------------------------------------------------------------------------------------------------
@@ -382,7 +397,7 @@ def test_silence_ends_with_an_abort_that_names_the_object(serve: Serve) -> None:
     assert caught.value.node == NODE
     assert caught.value.place == "1A00:03"
     assert caught.value.state == "unchanged"
-    assert server.ended() == [frame("40 00 1A 03"), frame(f"80 00 1A 03 {TIME_OUT}")]
+    assert server.requests == [frame("40 00 1A 03"), frame(f"80 00 1A 03 {TIME_OUT}")]
 
 
 def test_a_read_whose_segment_is_lost_is_begun_anew(serve: Serve) -> None:
@@ -393,14 +408,14 @@ def test_a_read_whose_segment_is_lost_is_begun_anew(serve: Serve) -> None:
     assert bus.upsets(NODE) == 0
     assert channel.upload(0x1008, 0) == bytes(range(1, 8))
     assert bus.upsets(NODE) == 1
-    assert [request[0] for request in server.ended()] == [0x40, 0x60, 0x80, 0x40, 0x40, 0x60]
+    assert [request[0] for request in server.requests] == [0x40, 0x60, 0x80, 0x40, 0x40, 0x60]
 
 
 def test_a_segment_alone_is_never_repeated(serve: Serve) -> None:
     bus, server = serve(Steps([frame("41 08 10 00 07 00 00 00")], []), retries=0)
     with pytest.raises(NoAnswer):
         bus.sdo(NODE).upload(0x1008, 0)
-    assert [request[0] for request in server.ended()] == [0x40, 0x60, 0x80]
+    assert [request[0] for request in server.requests] == [0x40, 0x60, 0x80]
 
 
 def test_a_repeated_reads_second_answer_is_not_the_next_reads(serve: Serve) -> None:
@@ -415,7 +430,7 @@ def test_a_write_is_never_repeated(serve: Serve) -> None:
     with pytest.raises(NoAnswer) as caught:
         bus.sdo(NODE).download(0x1800, 1, bytes(4))
     assert caught.value.state == "unknown"
-    assert [request[0] for request in server.ended()] == [0x23, 0x80]
+    assert [request[0] for request in server.requests] == [0x23, 0x80]
 
 
 def test_a_store_may_take_longer_than_the_usual_time_out(serve: Serve) -> None:
@@ -423,8 +438,8 @@ def test_a_store_may_take_longer_than_the_usual_time_out(serve: Serve) -> None:
         time.sleep(0.06)
         return well_behaved(request)
 
-    bus, _ = serve(slow, timeout_s=0.02)
-    bus.sdo(NODE).download(0x1010, 1, b"save", timeout_s=2)
+    bus, _ = serve(slow, timeout_s=0.02, prompt=False)
+    bus.sdo(NODE).download(0x1010, 1, b"save", timeout_s=PATIENCE_S)
     with pytest.raises(NoAnswer):
         bus.sdo(NODE).download(0x1010, 1, b"save")
 
@@ -433,7 +448,7 @@ def test_time_out_and_retries_of_one_read(serve: Serve) -> None:
     bus, server = serve(Steps(), timeout_s=5)
     with pytest.raises(NoAnswer, match=r"0\.01 s"):
         bus.sdo(NODE).upload(0x1000, 0, timeout_s=0.01, retries=2)
-    assert [request[0] for request in server.ended()] == [0x40, 0x40, 0x40, 0x80]
+    assert [request[0] for request in server.requests] == [0x40, 0x40, 0x40, 0x80]
 
 
 # The toggle bit, segment by segment -----------------------------------------------------------------------------

@@ -20,6 +20,7 @@ from dvtcli.operations.results.bus_events import BusEvent
 from tests.bus.slcan_adapter import Line, SlcanAdapter
 from tests.commands.bench import Bench
 from tests.commands.bus import device
+from tests.process import PATIENCE_S
 from tests.serve.served import wait_for
 from tests.served_nodes import ServedNodes
 
@@ -49,9 +50,10 @@ def plug() -> Iterator[Plug]:
         yield start
 
 
-def options(adapter: SlcanAdapter) -> dict[str, object]:
+def options(adapter: SlcanAdapter, *, timeout_s: float = 20.0) -> dict[str, object]:
     extra = tuple(f"{key}={value}" for key, value in AT_ONCE.items())
-    return {"interface": "slcan", "channel": adapter.port, "bitrate": 500_000, "node": 1, "bus_kwargs": extra}
+    usual = {"interface": "slcan", "channel": adapter.port, "bitrate": 500_000, "node": 1}
+    return {**usual, "bus_kwargs": extra, "timeout": timeout_s}
 
 
 @pytest.mark.parametrize("line", [Line(), Line(pieces=3, late_s=0.0005)], ids=["whole", "in pieces"])
@@ -73,7 +75,7 @@ def test_it_is_found_where_usb_ports_are(plug: Plug, tmp_path: Path) -> None:
     port = plug().plug_into(tmp_path)
     (found,) = serial_ports(str(tmp_path))
     assert (found.interface, found.channel, found.problem) == ("slcan", str(port), None)
-    bus = open_bus(found.interface, found.channel, 500_000, AT_ONCE, timeout_s=2)
+    bus = open_bus(found.interface, found.channel, 500_000, AT_ONCE, timeout_s=20)
     assert bus.sdo(1).upload(0x1018, 1) == b"\x1e\0\0\0"
     bus.close()
 
@@ -96,7 +98,7 @@ def test_damaged_lines_are_left_out_and_told(plug: Plug) -> None:
 def test_what_the_adapter_does_not_send_is_no_success(plug: Plug) -> None:
     """Its transmit buffer is full now and then: reads are asked again, a write that was not sent is found out."""
     adapter = plug()
-    with Bench((), options(adapter)) as bench:
+    with Bench((), options(adapter, timeout_s=1.0)) as bench:
         before = bench.run("pdo tpdo1 --json").document
         adapter.refused = WRITE
         ran = bench.run("map tpdo1 6041 606C/32 --sync 1")
@@ -108,11 +110,11 @@ def test_what_the_adapter_does_not_send_is_no_success(plug: Plug) -> None:
 
 def test_an_adapter_that_is_unplugged_is_told(plug: Plug) -> None:
     adapter = plug()
-    bus = open_bus("slcan", adapter.port, 500_000, AT_ONCE, timeout_s=2)
+    bus = open_bus("slcan", adapter.port, 500_000, AT_ONCE, timeout_s=20)
     bus.sdo(1).upload(0x1000, 0)
     adapter.unplug()
     with pytest.raises(BusUnavailable) as caught:
-        list(bus.receive(60))
+        list(bus.receive(PATIENCE_S))
     assert "plugged in" in str(caught.value.hint)
     bus.close()
 
@@ -126,7 +128,7 @@ def test_an_adapter_that_is_plugged_in_again_is_opened_again(plug: Plug, tmp_pat
         was = bench.session.wire
         first.unplug()
         with pytest.raises(BusUnavailable) as caught:
-            list(was.receive(60))
+            list(was.receive(PATIENCE_S))
 
         def plugged_in_again(event: BusEvent) -> None:
             told.append(event)

@@ -16,6 +16,9 @@ import can
 from tests.forked import Forked
 from tests.process import PATIENCE_S, Ran, environment, run, start
 
+#: how long a node may take to answer on a busy machine (s): a test of one that is silent says how long it waits
+ANSWER_S = "20"
+
 
 @dataclass
 class Served:
@@ -52,7 +55,8 @@ class Served:
 
 def bus_words(port: int) -> list[str]:
     """The options by which dvtcli attaches."""
-    return ["-i", "socketcand", "-c", "can0", "--bus-kwargs", "host=127.0.0.1", "--bus-kwargs", f"port={port}"]
+    words = ["-i", "socketcand", "-c", "can0", "--bus-kwargs", "host=127.0.0.1", "--bus-kwargs", f"port={port}"]
+    return [*words, "--timeout", ANSWER_S]
 
 
 def own_environment(folder: Path) -> dict[str, str]:

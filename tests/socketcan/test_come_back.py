@@ -12,10 +12,11 @@ from tests.forked import Forked
 from tests.process import PATIENCE_S, documents, start
 from tests.prompt.conftest import Open, open_terminal
 from tests.serve.served import own_environment, wait_for
-from tests.socketcan.conftest import ip, on
+from tests.socketcan.conftest import ANSWER_S, ip, on
 
 __all__ = ["open_terminal"]
-VCAN = ("-i", "socketcan", "-c", "vcan0")
+ANSWERS = ("--timeout", str(ANSWER_S))
+VCAN = ("-i", "socketcan", "-c", "vcan0", *ANSWERS)
 
 
 @contextmanager
@@ -58,7 +59,7 @@ def test_a_monitor_goes_on_after_the_adapter_was_unplugged(tmp_path: Path) -> No
     ip("set", "vcan6", "up")
     try:
         with beside(tmp_path, "vcan6") as node:
-            words = ["-i", "socketcan", "-c", "vcan6", "monitor", "--nodes", "1", "--json"]
+            words = ["-i", "socketcan", "-c", "vcan6", *ANSWERS, "monitor", "--nodes", "1", "--json"]
             monitor = start(words, env=own_environment(tmp_path))
             wait_for(lambda: "dvtcli.frame/1" in monitor.so_far()[0], "frames")
             ip("del", "vcan6")
@@ -81,7 +82,7 @@ def test_a_monitor_goes_on_after_the_adapter_was_unplugged(tmp_path: Path) -> No
 def test_a_command_waits_for_a_link_that_is_down(tmp_path: Path) -> None:
     with on("vxcan1", device("gen4")):
         ip("set", "vxcan0", "down")
-        words = ["-i", "socketcan", "-c", "vxcan0", "-n", "1", "read", "1018:1", "--reconnect"]
+        words = ["-i", "socketcan", "-c", "vxcan0", *ANSWERS, "-n", "1", "read", "1018:1", "--reconnect"]
         reading = start(words, env=own_environment(tmp_path))
         wait_for(lambda: "sudo ip link set vxcan0 up): waiting for it" in reading.so_far()[1], "it to wait")
         ip("set", "vxcan0", "up")

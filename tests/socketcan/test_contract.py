@@ -13,7 +13,7 @@ from dvtcli.bus.opening import open_bus
 from dvtcli.domain.ports import CanopenBus
 from tests.bus.devices import device
 from tests.bus.test_contract import CarriesFrames
-from tests.socketcan.conftest import on
+from tests.socketcan.conftest import ANSWER_S, on
 
 
 class OnLinks(CarriesFrames):
@@ -22,7 +22,7 @@ class OnLinks(CarriesFrames):
     @pytest.fixture(params=["no echoes", "echoes"])
     def bus(self, request: pytest.FixtureRequest) -> Iterator[CanopenBus]:
         own = {"receive_own_messages": request.param == "echoes"}
-        bus = open_bus("socketcan", self.ours, None, own, timeout_s=2, retries=0)
+        bus = open_bus("socketcan", self.ours, None, own, timeout_s=ANSWER_S, retries=0)
         with on(self.theirs, device(1), device(2)):
             yield bus
         bus.close()

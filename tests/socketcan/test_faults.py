@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import os
 import signal
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from queue import SimpleQueue
 
 import can
 import pytest
@@ -13,14 +13,35 @@ import pytest
 from dvtcli.simulator.device.simulated_faults import read_faults
 from tests.commands.bench import Bench
 from tests.commands.bus import device
+from tests.forked import Forked
 from tests.process import PATIENCE_S, start
-from tests.serve.served import own_environment, wait_for
+from tests.serve.served import own_environment
 from tests.served_nodes import ServedNodes
+from tests.socketcan.conftest import ANSWER_S
 
-OPTIONS = {"interface": "socketcan", "channel": "vcan0", "node": 1}
+OPTIONS = {"interface": "socketcan", "channel": "vcan0", "node": 1, "timeout": 3.0}
 MAP = ("map", "tpdo1", "6041", "606C/32", "--sync", "1")
 #: CAN-ID of an SDO request to node 1, and how a download begins (CiA 301, 7.2.4.3.3)
 REQUEST, DOWNLOAD = 0x601, 1
+
+
+class Striking(can.BusABC):
+    """*link* as nodes have it, to whom something happens: *strike* with the SDO download *step* to node 1."""
+
+    def __init__(self, link: can.BusABC, step: int, strike: Callable[[], None]) -> None:
+        super().__init__(link.channel_info)
+        self._link, self._left, self._strike = link, step, strike
+
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        frame = self._link.recv(timeout)
+        if frame is not None and frame.arbitration_id == REQUEST and frame.data[0] >> 5 == DOWNLOAD:
+            self._left -= 1
+            if not self._left:
+                self._strike()
+        return frame
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        self._link.send(msg, timeout)
 
 
 @pytest.fixture
@@ -56,32 +77,23 @@ def test_a_fault_in_the_middle_leaves_the_new_or_the_old(link: can.BusABC, fault
 def test_a_signal_in_the_middle_is_taken_back_or_recovered(
     tmp_path: Path, link: can.BusABC, number: signal.Signals, step: int
 ) -> None:
-    ready = tmp_path / "ready"
-    words = ["sim", "gen4@1", "-i", "socketcan", "-c", "vcan0", "--latency", "30", "--ready-file", str(ready)]
-    node = start(words, env=own_environment(tmp_path))
-    wait_for(ready.exists, "the node")
-    with Bench((), OPTIONS) as bench:
-        before = bench.run("pdo tpdo1 --json").document
-    while link.recv(0) is not None:
-        pass
-    words = ["-i", "socketcan", "-c", "vcan0", "-n", "1", "--yes"]
-    changing = start([*words, *MAP], env=own_environment(tmp_path))
-    seen = 0
-    while seen < step:
-        frame = link.recv(PATIENCE_S)
-        assert frame is not None
-        seen += frame.arbitration_id == REQUEST and frame.data[0] >> 5 == DOWNLOAD
-    os.kill(changing.pid, number)
-    _, errors = changing.communicate(PATIENCE_S)
-    if number == signal.SIGKILL:
-        assert changing.returncode == -signal.SIGKILL
-        recovering = start([*words, "recover"], env=own_environment(tmp_path))
-        recovering.communicate(PATIENCE_S)
-        assert recovering.returncode == 0
-    else:
-        assert changing.returncode == 128 + number, errors
-        assert "rolled back" in errors
-    with Bench((), OPTIONS) as bench:
-        assert bench.run("pdo tpdo1 --json").document == before
-    node.send_signal(signal.SIGINT)
-    node.communicate(PATIENCE_S)
+    """It comes with the SDO download *step*, before the node has that."""
+    changing: SimpleQueue[Forked] = SimpleQueue()
+    struck = Striking(link, step, lambda: changing.get(timeout=PATIENCE_S).send_signal(number))
+    words = ["-i", "socketcan", "-c", "vcan0", "-n", "1", "--timeout", str(ANSWER_S), "--yes"]
+    with struck, ServedNodes(struck, [device("gen4")]):
+        with Bench((), OPTIONS) as bench:
+            before = bench.run("pdo tpdo1 --json").document
+        process = start([*words, *MAP], env=own_environment(tmp_path))
+        changing.put(process)
+        _, errors = process.communicate(PATIENCE_S)
+        if number == signal.SIGKILL:
+            assert process.returncode == -signal.SIGKILL
+            recovering = start([*words, "recover"], env=own_environment(tmp_path))
+            recovering.communicate(PATIENCE_S)
+            assert recovering.returncode == 0
+        else:
+            assert process.returncode == 128 + number, errors
+            assert "rolled back" in errors
+        with Bench((), OPTIONS) as bench:
+            assert bench.run("pdo tpdo1 --json").document == before

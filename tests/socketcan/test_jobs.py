@@ -10,11 +10,11 @@ from tests.commands.bench import Bench
 from tests.commands.bus import device
 from tests.process import PATIENCE_S, dvtcli, start
 from tests.serve.served import own_environment
-from tests.socketcan.conftest import on, tool
+from tests.socketcan.conftest import ANSWER_S, on, tool
 from tests.socketcan.recorded import candump, frames_in, log, seen_by
 
-WORDS = ("-i", "socketcan", "-c", "vcan0", "-n", "1")
-OPTIONS = {"interface": "socketcan", "channel": "vcan0", "node": 1}
+WORDS = ("-i", "socketcan", "-c", "vcan0", "-n", "1", "--timeout", str(ANSWER_S))
+OPTIONS = {"interface": "socketcan", "channel": "vcan0", "node": 1, "timeout": ANSWER_S}
 #: frames of 8 bytes that count up, two thousand a second at most
 CANGEN = ("cangen", "vcan0", "-g", "0.5", "-I", "i", "-L", "8", "-D", "i")
 
@@ -22,7 +22,7 @@ CANGEN = ("cangen", "vcan0", "-g", "0.5", "-I", "i", "-L", "8", "-D", "i")
 def test_scan_finds_them_all() -> None:
     nodes = device("gen4", 1), device("generic", 64), device("generic", 127)
     with on("vxcan1", *nodes), Bench((), {"interface": "socketcan", "channel": "vxcan0"}) as bench:
-        ran = bench.run("scan --json")
+        ran = bench.run("scan --json --wait 300")
     assert [row["node"] for row in ran.document["nodes"]] == [1, 64, 127], ran.stderr
 
 
@@ -49,7 +49,7 @@ def test_a_store_names_what_other_processes_changed() -> None:
 def test_monitor_names_what_passes(tmp_path: Path) -> None:
     with on("vcan0", device("gen4")), Bench((), OPTIONS) as bench:
         assert bench.run("nmt start --yes").code == 0
-        monitor = start(["-i", "socketcan", "-c", "vcan0", "monitor", "--json"], env=own_environment(tmp_path))
+        monitor = start([*WORDS, "monitor", "--json"], env=own_environment(tmp_path))
         seen_by(monitor, lambda rows: "tpdo2" in {row.get("pdo") for row in rows})
 
 

@@ -16,7 +16,8 @@ from dvtcli.errors import BusUnavailable
 from tests.bus.devices import device
 from tests.commands.bench import Bench
 from tests.commands.bus import device as family_device
-from tests.socketcan.conftest import ip, on
+from tests.process import PATIENCE_S
+from tests.socketcan.conftest import ANSWER_S, ip, on
 
 
 def test_the_kernel_describes_its_links() -> None:
@@ -79,7 +80,7 @@ def test_a_controller_that_is_not_bus_off_is_not_restarted() -> None:
 
 def test_two_controllers_on_one_wire() -> None:
     with on("can1", device(1)):
-        bus = open_bus("socketcan", "can0", timeout_s=2)
+        bus = open_bus("socketcan", "can0", timeout_s=ANSWER_S)
         assert bus.sdo(1).upload(0x1000, 0) == device(1).upload(0x1000, 0)
         assert bus.disturbances() == []
         bus.close()
@@ -89,7 +90,7 @@ def test_a_link_set_down_in_use_is_told_with_the_command() -> None:
     bus = open_bus("socketcan", "vcan0")
     threading.Timer(0.2, ip, ("set", "vcan0", "down")).start()
     with pytest.raises(BusUnavailable) as caught:
-        list(bus.receive(60))
+        list(bus.receive(PATIENCE_S))
     assert caught.value.hint == "it is down: sudo ip link set vcan0 up"
     with pytest.raises(BusUnavailable) as caught:
         bus.send(Frame(0x080, b""))
@@ -103,7 +104,7 @@ def test_a_link_that_is_gone_is_told_so() -> None:
     bus = open_bus("socketcan", "vcan7")
     threading.Timer(0.2, ip, ("del", "vcan7")).start()
     with pytest.raises(BusUnavailable) as caught:
-        list(bus.receive(60))
+        list(bus.receive(PATIENCE_S))
     assert "vcan7 is gone" in str(caught.value.hint)
     bus.close()
 
@@ -123,7 +124,7 @@ def after_downloads(count: int, act: Callable[[], None]) -> Callable[[Frame, boo
 
 
 def test_a_link_set_down_in_the_middle_of_a_change_leaves_a_journal_and_recover_finishes_it() -> None:
-    options = {"interface": "socketcan", "channel": "vxcan0", "node": 1}
+    options = {"interface": "socketcan", "channel": "vxcan0", "node": 1, "timeout": ANSWER_S}
     with on("vxcan1", family_device("gen4")):
         with Bench((), options) as bench:
             before = bench.run("pdo tpdo1 --json").document

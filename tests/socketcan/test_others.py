@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import time
 from collections.abc import Iterator
+from pathlib import Path
 
 import can
 import canopen
@@ -17,14 +18,17 @@ from dvtcli.simulator.network.family_file import family_eds
 from tests.bus.devices import device
 from tests.commands.bench import Bench
 from tests.commands.bus import device as family_device
-from tests.socketcan.conftest import ip, on, tool
+from tests.process import PATIENCE_S, start
+from tests.serve.served import own_environment, wait_for
+from tests.socketcan.conftest import ANSWER_S, ip, on, tool
+from tests.socketcan.recorded import seen_by
 
-OPTIONS = {"interface": "socketcan", "channel": "vcan0", "node": 1}
+OPTIONS = {"interface": "socketcan", "channel": "vcan0", "node": 1, "timeout": ANSWER_S}
 
 
 @pytest.fixture
 def bus() -> Iterator[CanBus]:
-    opened = open_bus("socketcan", "vcan0", timeout_s=2)
+    opened = open_bus("socketcan", "vcan0", timeout_s=ANSWER_S)
     yield opened
     opened.close()
 
@@ -36,6 +40,7 @@ def test_canopen_reads_what_was_mapped_while_dvtcli_watches(bus: CanBus) -> None
         network.connect(interface="socketcan", channel="vcan0", ignore_config=True)
         try:
             other = network.add_node(1, canopen.ObjectDictionary())
+            other.sdo.RESPONSE_TIMEOUT = ANSWER_S
             assert other.sdo.upload(0x1A00, 0) == b"\x02"
             assert other.sdo.upload(0x1A00, 2) == bytes.fromhex("20006C60")
         finally:
@@ -44,16 +49,16 @@ def test_canopen_reads_what_was_mapped_while_dvtcli_watches(bus: CanBus) -> None
         assert bus.downloads_of_others(1) > 0, "dvtcli itself is another client to a bus beside it"
 
 
-def test_what_cangen_sends_is_decoded() -> None:
-    described = {**OPTIONS, "eds": str(family_eds("gen4"))}
-    with on("vcan0", family_device("gen4")), Bench((), described) as bench:
+def test_what_cangen_sends_is_decoded(tmp_path: Path) -> None:
+    with on("vcan0", family_device("gen4")), Bench((), OPTIONS) as bench:
         assert bench.run("map tpdo1 6041 606C/32 --sync 1").code == 0
         words = ["cangen", "vcan0", "-g", "100", "-I", "181", "-L", "6", "-D", "371224FAFFFF"]
+        watched = ["-i", "socketcan", "-c", "vcan0", "--timeout", str(ANSWER_S), "--eds", str(family_eds("gen4"))]
+        watching = start([*watched, "monitor", "--nodes", "1", "--json"], env=own_environment(tmp_path))
         with subprocess.Popen(words, stdin=subprocess.DEVNULL) as generator:
-            ran = bench.run("monitor --nodes 1 --duration 1 --json")
+            rows = seen_by(watching, lambda rows: "tpdo1" in {row.get("pdo") for row in rows})
             generator.terminate()
-    assert ran.code == 0, ran.stderr
-    (tpdo1, *_) = [row for row in ran.documents if row["pdo"] == "tpdo1"]
+    (tpdo1, *_) = [row for row in rows if row["pdo"] == "tpdo1"]
     assert list(tpdo1["signals"].values()) == [0x1237, -1500]
 
 
@@ -69,7 +74,7 @@ def test_what_cangen_sends_is_decoded() -> None:
 def test_error_frames_are_told_in_words(frame: str, words: str) -> None:
     """On a pair: what is sent with the error flag on one end is the other end's controller's complaint."""
     with on("vxcan1", device(1)):
-        bus = open_bus("socketcan", "vxcan0", timeout_s=2)
+        bus = open_bus("socketcan", "vxcan0", timeout_s=ANSWER_S)
         tool("cansend", "vxcan1", frame)
         bus.sdo(1).upload(0x1000, 0)
         (told,) = bus.disturbances()
@@ -100,7 +105,7 @@ def test_fd_frames_are_not_heard() -> None:
     """A socket that did not ask for FD frames gets none, whatever the link carries."""
     ip("add", "vcan8", "mtu", "72", "type", "vcan")
     ip("set", "vcan8", "up")
-    bus = open_bus("socketcan", "vcan8", timeout_s=2)
+    bus = open_bus("socketcan", "vcan8", timeout_s=ANSWER_S)
     with on("vcan8", device(1)):
         seen: list[Frame] = []
         bus.tap(lambda frame, _sent: seen.append(frame))
@@ -120,7 +125,7 @@ def test_a_full_queue_is_waited_for(bus: CanBus) -> None:
         with can.Bus("vcan0", interface="socketcan", ignore_config=True) as other:
             for number in range(100):
                 bus.send(Frame(0x201, bytes([number])))
-            received = [other.recv(5) for _ in range(100)]
+            received = [other.recv(PATIENCE_S) for _ in range(100)]
         assert [message and message.data[0] for message in received] == list(range(100))
     finally:
         subprocess.run(["tc", "qdisc", "del", "dev", "vcan0", "root"], check=True)
@@ -131,6 +136,6 @@ def test_times_are_the_kernels(bus: CanBus) -> None:
     bus.tap(lambda frame, _sent: seen.append(frame))
     began_s = time.time()
     tool("cansend", "vcan0", "181#01")
-    bus.sleep(0.1)
+    wait_for(lambda: bus.sleep(0.1) or seen, "the frame")
     (frame,) = seen
     assert began_s <= frame.timestamp_s <= time.time()
