@@ -44,6 +44,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--learn", type=int, default=4, metavar="N", help="families, faults and kills in learn [4]")
     parser.addoption("--elsewhere", type=int, default=4, metavar="N", help="tests as on Windows or macOS [4]")
     parser.addoption("--frame-sets", type=int, default=100, metavar="N", help="random sets of frames on a wire [100]")
+    parser.addoption("--block-bytes", type=int, default=20_000, metavar="N", help="longest block transfer [20000]")
     parser.addoption("--signals", type=int, default=8, metavar="N", help="signals in the middle of a change [8]")
     parser.addoption(
         "--cases",

@@ -135,6 +135,10 @@ class WatchedBus(ABC):
         while (wait_s := share.wait_s()) and (left_s := until_s - self.now_s()) > 0:
             self.sleep(min(wait_s, left_s))
 
+    def takes_bursts(self) -> bool:
+        """Whether the bus may be filled for a moment (SdoLink): nothing runs, or all of it was allowed to us."""
+        return self._percent >= 100 or not self._may_run()
+
     def consumes_heartbeat(self, node_id: int, sub_index: int, *, consumes: bool) -> None:
         """Whether 0x1016 of *node_id* is not zero at *sub_index*, as was just read or written (SdoLink)."""
         (self._consumers.add if consumes else self._consumers.discard)((node_id, sub_index))

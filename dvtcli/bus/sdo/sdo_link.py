@@ -38,6 +38,10 @@ class SdoLink(Protocol):
         """Wait until a request and its answer fit into what may be used of the bus."""
         ...
 
+    def takes_bursts(self) -> bool:
+        """Whether many frames may follow one another at once: not while that could stop a machine."""
+        ...
+
     def consumes_heartbeat(self, node_id: int, sub_index: int, *, consumes: bool) -> None:
         """Take what was read or written: whether 0x1016 of *node_id* is not zero at *sub_index*."""
         ...

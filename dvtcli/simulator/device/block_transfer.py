@@ -18,7 +18,6 @@ _MOST_SEGMENTS, _SEGMENT_BYTES = 127, 7
 _MOST_BYTES = 1 << 20
 _LAST = 0x80
 _CRC = 0x04
-_INVALID_BLOCK_SIZE, _INVALID_SEQUENCE, _CRC_ERROR = 0x0504_0002, 0x0504_0003, 0x0504_0004
 
 
 class BlockTransfer(Protocol):
@@ -45,7 +44,9 @@ class BlockDownload:
         self.multiplexer = request[1:4]
         self.finished = False
         self._device = device
-        self._crc = bool(request[0] & _CRC)
+        self._block_size = device.family.block_size
+        self._knows_crc = _CRC if device.family.block_crc else 0
+        self._crc = bool(request[0] & self._knows_crc)
         self._size = int.from_bytes(request[4:8], "little") if request[0] & 0x02 else None
         self._data = bytearray()
         self._acknowledged = 0
@@ -59,8 +60,8 @@ class BlockDownload:
         return int.from_bytes(self.multiplexer[:2], "little"), self.multiplexer[2]
 
     def first(self) -> bytes:
-        """The response to the request that initiates it: CRC supported, 127 segments a sub-block."""
-        return bytes([0xA0 | _CRC]) + self.multiplexer + bytes([_MOST_SEGMENTS, 0, 0, 0])
+        """The response to the request that initiates it: how many segments a sub-block has, and whether CRC is known."""
+        return bytes([0xA0 | self._knows_crc]) + self.multiplexer + bytes([self._block_size, 0, 0, 0])
 
     def takes(self, request: bytes) -> bool:
         """Every request until the last segment, then the one that ends it."""
@@ -79,9 +80,9 @@ class BlockDownload:
             self._ending = last
             if len(self._data) > _MOST_BYTES + _SEGMENT_BYTES:
                 raise Refusal(Abort.OUT_OF_MEMORY)
-        if not last and number < _MOST_SEGMENTS:
+        if not last and number < self._block_size:
             return []
-        answer = bytes([0xA2, self._acknowledged, _MOST_SEGMENTS]) + bytes(5)
+        answer = bytes([0xA2, self._acknowledged, self._block_size]) + bytes(5)
         self._acknowledged = 0
         return [answer]
 
@@ -91,7 +92,7 @@ class BlockDownload:
         if self._size is not None and len(data) != self._size:
             raise Refusal(Abort.TOO_LONG if len(data) > self._size else Abort.TOO_SHORT)
         if self._crc and crc_hqx(data, 0) != int.from_bytes(request[1:3], "little"):
-            raise Refusal(_CRC_ERROR)
+            raise Refusal(Abort.CRC)
         self._device.download(*self._object, data)
         self.finished = True
         return b"\xa1" + bytes(7)
@@ -100,10 +101,11 @@ class BlockDownload:
 class BlockUpload:
     """A block upload of *data*, as *request* initiates it; Refusal where its block size is not 1..127."""
 
-    def __init__(self, request: bytes, data: bytes) -> None:
+    def __init__(self, request: bytes, data: bytes, *, has_crc: bool = True) -> None:
         self.multiplexer = request[1:4]
         self.finished = False
         self._data = data
+        self._has_crc = has_crc
         self._block_size = _checked(request[4])
         #: how many bytes the client has acknowledged, and how many segments it was sent since
         self._acknowledged = 0
@@ -111,8 +113,8 @@ class BlockUpload:
         self._ending = False
 
     def first(self) -> bytes:
-        """The response to the request that initiates it: CRC supported, with the size in bytes."""
-        return bytes([0xC2 | _CRC]) + self.multiplexer + len(self._data).to_bytes(4, "little")
+        """The response to the request that initiates it, with the size in bytes."""
+        return bytes([0xC2 | (_CRC if self._has_crc else 0)]) + self.multiplexer + len(self._data).to_bytes(4, "little")
 
     def takes(self, request: bytes) -> bool:
         """Start, acknowledgement and end."""
@@ -132,7 +134,7 @@ class BlockUpload:
 
     def _next(self, acknowledged: int, block_size: int) -> list[bytes]:
         if acknowledged > self._sent:
-            raise Refusal(_INVALID_SEQUENCE)
+            raise Refusal(Abort.SEQUENCE)
         self._block_size = _checked(block_size)
         complete = acknowledged == self._sent and self._is_last(self._acknowledged, self._sent)
         self._acknowledged += acknowledged * _SEGMENT_BYTES
@@ -140,7 +142,9 @@ class BlockUpload:
             return self._segments()
         self._ending = True
         unused = (-len(self._data) % _SEGMENT_BYTES) if self._data else _SEGMENT_BYTES
-        crc = crc_hqx(self._data, 0)  # also for who did not ask for it: clients look at it all the same
+        crc = (
+            crc_hqx(self._data, 0) if self._has_crc else 0
+        )  # also for who did not ask for it: clients look at it all the same
         return [bytes([0xC1 | unused << 2]) + crc.to_bytes(2, "little") + bytes(5)]
 
     def _segments(self) -> list[bytes]:
@@ -163,5 +167,5 @@ class BlockUpload:
 
 def _checked(block_size: int) -> int:
     if not 1 <= block_size <= _MOST_SEGMENTS:
-        raise Refusal(_INVALID_BLOCK_SIZE)
+        raise Refusal(Abort.BLOCK_SIZE)
     return block_size

@@ -113,6 +113,8 @@ class Family:
       *master_object* is 1; such a master ignores NMT commands. *stays_operational*: whether it goes on in OPERATIONAL
       whatever it is asked, as a vehicle that is being driven does.
     - *plant*: what moves in the simulation where the device has its objects: `cia402`, a motor; "" for nothing.
+    - *block_size*: how many segments of an SDO block transfer it takes at once, 0 for no block transfers;
+      *block_crc*: whether it knows their CRC.
     - *pins*, *motors*: virtual PDOs. *boot_state*: the state after boot-up.
     - *learnt*: it was written by `learn`, along with a profile: it is no second opinion on that.
     """
@@ -168,6 +170,8 @@ class Family:
     state_request: Object | None = None
     master_object: Object | None = None
     stays_operational: bool = False
+    block_size: int = 127
+    block_crc: bool = True
     pins: tuple[PinCopy, ...] = ()
     motors: MotorCopy | None = None
     plant: str = ""

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from dvtcli.domain.pdo import Pdo
 from dvtcli.simulator.device.memory import STORE
 from dvtcli.simulator.device.refusal import Refusal
+from dvtcli.simulator.device.block_transfer import BLOCK_DOWNLOAD, BLOCK_UPLOAD
 from dvtcli.simulator.device.sdo_server import INITIATE_DOWNLOAD, INITIATE_UPLOAD, UPLOAD_SEGMENT, SdoServer
 from dvtcli.simulator.device.simulated_faults import Fault, FaultKind
 from dvtcli.simulator.device.strict_device import StrictDevice
@@ -91,11 +92,13 @@ class FaultyServer:
 
     def handle(self, request: bytes, now_s: float) -> Answer:
         """The answer to *request* at *now_s*, faults included."""
-        if len(request) == 8 and request[0] >> 5 == INITIATE_UPLOAD and self._reads is not None:
+        if len(request) != 8 or self._server.in_block(request):
+            return self._plain(request)
+        if request[0] >> 5 in (INITIATE_UPLOAD, BLOCK_UPLOAD) and self._reads is not None:
             self._reads += 1
             fault = self._due_at_read.pop(self._reads, None)
             return self._plain(request) if fault is None else self._acted_at_read(fault, request, now_s)
-        if len(request) == 8 and request[0] >> 5 == INITIATE_DOWNLOAD:
+        if request[0] >> 5 in (INITIATE_DOWNLOAD, BLOCK_DOWNLOAD):
             self.downloads += 1
             self._reads = 0
             fault = self._due.pop(self.downloads, None)

@@ -24,7 +24,7 @@ from dvtcli.simulator.device.strict_device import StrictDevice
 DOWNLOAD_SEGMENT, INITIATE_DOWNLOAD, INITIATE_UPLOAD, UPLOAD_SEGMENT, ABORT = range(5)
 _SILENT = (NmtState.INITIALISING, NmtState.STOPPED)
 _TOGGLE, _ABORT_BYTE = 0x10, 0x80
-_MOST_BYTES = 1 << 16
+_MOST_BYTES = 1 << 20
 _OUT_OF_MEMORY = 0x0504_0005
 
 
@@ -71,15 +71,16 @@ class SdoServer:
             return None
         if len(request) != 8:
             return None
-        if self._block is not None and request[0] != _ABORT_BYTE:
-            if self._block.takes(request):
-                return self._go_on(self._block, request)
-            self._block = None
+        if self._block is not None and self.in_block(request):
+            return self._go_on(self._block, request)
+        self._block = None
         specifier = request[0] >> 5
         if specifier == ABORT:
             self.reset()
             return None
         service = self._services.get(specifier)
+        if specifier in (BLOCK_UPLOAD, BLOCK_DOWNLOAD) and not self.device.family.block_size:
+            service = None
         place = self._transfer.multiplexer if self._transfer and specifier in (0, 3) else request[1:4]
         try:
             if service is None:
@@ -99,6 +100,18 @@ class SdoServer:
         """What follows the last response; empties `more`."""
         more, self.more = self.more, []
         return more
+
+    def in_block(self, request: bytes) -> bool:
+        """Whether *request* is a frame of the block transfer that is under way."""
+        return self._block is not None and request[0] != _ABORT_BYTE and self._block.takes(request)
+
+    def give_up(self) -> bytes | None:
+        """Abort a block transfer whose client is gone; None where there is none."""
+        if self._block is None:
+            return None
+        multiplexer = self._block.multiplexer
+        self.reset()
+        return b"\x80" + multiplexer + Abort.TIME_OUT.to_bytes(4, "little")
 
     def _go_on(self, block: BlockTransfer, request: bytes) -> bytes | None:
         """Let *block* take *request*."""
@@ -120,7 +133,7 @@ class SdoServer:
         if len(data) <= request[5] and request[5]:
             return self._initiate_upload(request)
         self._transfer = None
-        self._block = block = BlockUpload(request, data)
+        self._block = block = BlockUpload(request, data, has_crc=self.device.family.block_crc)
         return block.first()
 
     def _initiate_block_download(self, request: bytes) -> bytes:

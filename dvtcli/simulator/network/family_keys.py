@@ -190,6 +190,8 @@ FAMILY_KEYS: Schema = {
     "state_request": object_address,
     "master_object": object_address,
     "stays_operational": boolean,
+    "block_size": integer(0, 127),
+    "block_crc": boolean,
     "pins": _pins,
     "motors": _motors,
     "plant": _plant,

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from dvtcli.simulator.device.simulated_faults import Fault
 
 NMT_CAN_ID, SDO_REQUEST, SDO_RESPONSE = 0x000, 0x600, 0x580
+#: how long the next frame of a block transfer is waited for (s)
+_PATIENCE_S = 1.0
 LSS_MASTER, LSS_SLAVE = 0x7E5, 0x7E4
 
 
@@ -45,6 +47,8 @@ class SimulatedNode:
                 self._sources.append(RaisedErrors(device, errors))
         #: answers that are still to come, with their times
         self._later: deque[tuple[float, Frame]] = deque()
+        #: when an SDO request was heard last (s)
+        self._asked_s = float("-inf")
         #: until when an LSS master wants silence (s)
         self._quiet_until_s = float("-inf")
 
@@ -149,6 +153,7 @@ class SimulatedNode:
     def _answer(self, frame: Frame, now_s: float) -> list[Frame]:
         if frame.remote:
             return self.device.take_outbox()
+        self._give_up_on_silence(now_s)
         if self._faulty is not None:
             return self._timed(self._faulty.handle(frame.data, now_s), now_s) + self.device.take_outbox()
         response = self.server.handle(frame.data)
@@ -156,6 +161,12 @@ class SimulatedNode:
         if self.server.more:
             answers += [Frame(SDO_RESPONSE + self.device.node_id, each) for each in self.server.take_more()]
         return answers + self.device.take_outbox()
+
+    def _give_up_on_silence(self, now_s: float) -> None:
+        """A client that ended in the middle of a block transfer is not waited for: the next one would not be heard."""
+        if now_s - self._asked_s > _PATIENCE_S:
+            self.server.give_up()
+        self._asked_s = now_s
 
     def _timed(self, answer: Answer, now_s: float) -> list[Frame]:
         """The frames of *answer* that are due now; a server answers in order, so a late answer delays the next ones."""

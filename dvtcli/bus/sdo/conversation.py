@@ -1,0 +1,293 @@
+"""Requests to one node's SDO server and their answers: canopen's client, with every answer checked before it counts.
+
+canopen 2.4.1 takes a late acknowledgement of an earlier write for the present one's, even if the device aborts
+that; here multiplexer, command specifier and toggle bit of every answer must fit (CiA 301, 7.2.4.3).
+Does not know buses or threads (one transfer at a time: see channel), how a transfer goes on, nor what an object means.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from queue import SimpleQueue
+
+from canopen.objectdictionary import ObjectDictionary
+from canopen.sdo.client import SdoClient
+
+from dvtcli.bus.receiver import Wake
+from dvtcli.bus.sdo.sdo_link import ANSWER_ID, REQUEST_ID, RESTARTED, DroppedAnswers, Inbox, SdoLink, SdoSettings
+from dvtcli.bus.sdo.silence import no_answer
+from dvtcli.domain.abort import Abort
+from dvtcli.errors import BusUnavailable, DvtcliError, NoAnswer, SdoAborted, SdoProtocolError
+
+# Command specifiers, bits 7..5 of the first byte (CiA 301, 7.2.4.3.3 to 7.2.4.3.17).
+_DOWNLOAD_SEGMENT, _DOWNLOAD, _UPLOAD, _UPLOAD_SEGMENT, _ABORT, _BLOCK_UPLOAD, _BLOCK_DOWNLOAD = range(7)
+#: request's specifier -> the answer's; a server may answer a block upload in segments
+_ANSWERS_TO = {
+    _DOWNLOAD_SEGMENT: (1,), _DOWNLOAD: (3,), _UPLOAD: (2,), _UPLOAD_SEGMENT: (0,), _BLOCK_UPLOAD: (6, 2),
+    _BLOCK_DOWNLOAD: (5,),
+}  # fmt: skip
+_INITIATE = (_DOWNLOAD, _UPLOAD, _BLOCK_UPLOAD, _BLOCK_DOWNLOAD)
+#: answers that begin a transfer, with the bits of their sub-command, which are 0 then
+_INITIATED = {3: 0, 2: 0, 6: 0x01, 5: 0x03}
+_WITH_MULTIPLEXER = (2, 3, 4)
+_TOGGLE, _EXPEDITED = 0x10, 0x02
+_ABORT_BYTE = 0x80
+#: reads the device type, which every node has (CiA 301, 7.5.2.1)
+_FENCE = bytes.fromhex("40 00 10 00 00 00 00 00")
+
+
+class Conversation(SdoClient):
+    """canopen's client with its request, response and abort replaced; raises only errors of dvtcli.
+
+    One transfer at a time: `begin` starts it, by its first request.
+    """
+
+    def __init__(self, node_id: int, link: SdoLink, settings: SdoSettings) -> None:
+        # An empty dictionary: canopen would cut data to the length that an EDS declares.
+        rx, tx = REQUEST_ID + node_id, ANSWER_ID + node_id
+        super().__init__(rx, tx, ObjectDictionary())  # type: ignore[no-untyped-call]
+        self.node_id = node_id
+        self.settings = settings
+        self.timeout_s = settings.timeout_s
+        self.retries = settings.retries
+        self.dropped = DroppedAnswers()
+        self.inbox: Inbox = SimpleQueue()
+        self.link = link
+        #: of the present transfer, which sets them when it begins: its object, and whether its first request was sent
+        self._multiplexer = bytes(3)
+        self.requested = False
+        self._asked: deque[bytes] = deque(maxlen=8)
+        #: an answer may still come that is not the next request's
+        self._unsettled = False
+        #: and segments of a block transfer that was torn
+        self._leftovers = False
+        self._late_answers = 0
+        self._toggle_errors = 0
+        self._has_answered = False
+        #: how many requests had to be sent again because no answer came, or segments went wrong
+        self.repeated = 0
+
+    @property
+    def place(self) -> str:
+        """The object that is being read or written."""
+        index, sub_index = _object_of(self._multiplexer)
+        return f"{index:04X}:{sub_index:02X}"
+
+    def request_response(self, sdo_request: bytes | bytearray) -> bytes:
+        """Send a request and return its answer, and no other; raises SdoAborted, NoAnswer, SdoProtocolError."""
+        request = bytes(sdo_request)
+        kind = request[0] >> 5
+        attempts = 1
+        if kind in _INITIATE:
+            self.requested = False
+        self.link.await_share()
+        if kind in _INITIATE:
+            self.begin(request[1:4])
+            if kind in (_UPLOAD, _BLOCK_UPLOAD):  # the only requests that may be asked again: they change nothing
+                attempts += self.retries
+        else:
+            self.discard()
+        malformed = self.dropped.malformed
+        for attempt in range(attempts):
+            self.repeated += attempt > 0
+            answer = self._exchange(request)
+            if answer is not None:
+                return answer
+        if self._toggle_errors:
+            raise self.broken("does not alternate the toggle bit", Abort.TOGGLE_BIT)
+        if self.dropped.malformed > malformed:
+            raise self.broken("answers with malformed frames", Abort.TIME_OUT)
+        raise self.silent()
+
+    @contextmanager
+    def told(self, *, in_blocks: bool = False) -> Iterator[None]:
+        """A transfer of many frames: the server is told where it is torn, by Ctrl-C for one.
+
+        What a server *in_blocks* has still on its way then is no answer to anything.
+        """
+        try:
+            yield
+        except SdoAborted:
+            raise
+        except BaseException as torn:
+            if in_blocks:
+                self._unsettled = self._leftovers = True
+            if self.requested and not isinstance(torn, DvtcliError):  # with those it was told already, or cannot be
+                with suppress(BusUnavailable):
+                    self.abort()
+            raise
+
+    def give_up(self, code: Abort) -> None:
+        """Abort a transfer in blocks, whatever the server has still on its way."""
+        self._unsettled = self._leftovers = True
+        self.abort(code)
+
+    def send(self, request: bytes) -> None:
+        """Send a frame of a block transfer, as soon as the bus has room for it."""
+        self.link.await_share()
+        self.link.send_sdo(self.rx_cobid, request)
+
+    def next_frame(self, timeout_s: float | None = None) -> bytes | None:
+        """The next frame of the server in a block transfer; None after *timeout_s*, None: the usual one.
+
+        SdoAborted where it aborts the transfer, NoAnswer where it restarted.
+        """
+        deadline_s = self.link.now_s() + (self.timeout_s if timeout_s is None else timeout_s)
+        while (frame := self.link.take(self.inbox, deadline_s)) is not None:
+            if self._is_of_block(frame):
+                return frame
+        return None
+
+    def sweep(self) -> int:
+        """Drop what has come so far, of which nothing was asked for; how much that was. Raises as `next_frame`."""
+        self.link.drain()
+        count = 0
+        while not self.inbox.empty():
+            item = self.inbox.get_nowait()
+            if not isinstance(item, Wake) and self._is_of_block(item):
+                count += 1
+                self.drop(item)
+        return count
+
+    def _is_of_block(self, frame: bytes) -> bool:
+        if frame is RESTARTED:
+            raise self.silent()
+        if len(frame) != 8 or (frame[0] == _ABORT_BYTE and frame[1:4] != self._multiplexer):
+            self.drop(frame)
+            return False
+        if frame[0] == _ABORT_BYTE:
+            self._refuse_abort(frame)
+        return True
+
+    def abort(self, abort_code: int = Abort.GENERAL) -> None:
+        """Tell the device that the present transfer is over, with the object's address."""
+        self.link.send_sdo(self.rx_cobid, b"\x80" + self._multiplexer + abort_code.to_bytes(4, "little"))
+
+    def receive(self, can_id: int, data: bytes, *, extended: bool) -> None:
+        """Take a frame of this node's SDO channel that is not ours, from the thread that reads the bus."""
+        if extended:
+            self.dropped.foreign += 1
+        elif can_id == self.tx_cobid:
+            self.inbox.put(data)
+        else:
+            self.dropped.other_client += 1
+
+    def begin(self, multiplexer: bytes) -> None:
+        """Start a transfer with nothing left over from those before."""
+        self.requested = False
+        self.discard()
+        self._toggle_errors = 0
+        if self._unsettled:
+            self._settle(multiplexer)
+        self._multiplexer = multiplexer
+        self._asked.append(multiplexer)
+        self.requested = True
+
+    def discard(self) -> None:
+        """Drop what has come so far: an answer that comes before its request is none."""
+        self.link.drain()
+        while not self.inbox.empty():
+            item = self.inbox.get_nowait()
+            if not isinstance(item, Wake) and item is not RESTARTED:
+                self.drop(item)
+
+    def _settle(self, multiplexer: bytes) -> None:
+        """After a time-out, make sure that no late answer can be taken for the next request's.
+
+        A server answers in order: once a read of another object is answered, everything before it was, or never
+        will be. Without it, a late acknowledgement of a write would pass for that of its repetition.
+        """
+        self._multiplexer = _FENCE[1:4]
+        self._asked.append(self._multiplexer)
+        try:
+            for _ in range(1 + self.retries):
+                answer = self._exchange(_FENCE)
+                if answer is not None:
+                    break
+            else:
+                self._multiplexer = multiplexer
+                raise self.silent()
+            if not answer[0] & _EXPEDITED:  # a device type in segments: it ends here
+                self.abort()
+        except SdoAborted:
+            pass  # a refusal is an answer as good as any
+        self._unsettled = self._leftovers = False
+        self._late_answers = 0
+
+    def _exchange(self, request: bytes) -> bytes | None:
+        """Send *request* once; its answer, or None at the time-out.
+
+        However it ends without one, by Ctrl-C too, the answer is expected late.
+        """
+        unsettled_before, self._unsettled = self._unsettled, True
+        take, inbox = self.link.take, self.inbox
+        answered = False
+        try:
+            self.link.send_sdo(self.rx_cobid, request)
+            deadline_s = self.link.now_s() + self.timeout_s
+            while (answer := take(inbox, deadline_s)) is not None:
+                if answer is RESTARTED:  # unless it had answered, it will not: a store need not be waited for any more
+                    deadline_s = min(deadline_s, self.link.now_s() + self.settings.timeout_s)
+                elif self._fits(request, answer):
+                    answered = True
+                    break
+        finally:
+            if not answered:
+                self._late_answers += 1
+        if answer is None:
+            return None
+        self._unsettled, self._has_answered = unsettled_before, True
+        self._refuse_abort(answer)
+        return answer
+
+    def _refuse_abort(self, answer: bytes) -> None:
+        """Raise SdoAborted where *answer* is that."""
+        if answer[0] >> 5 == _ABORT:
+            raise SdoAborted(*_object_of(answer[1:4]), int.from_bytes(answer[4:], "little"), node=self.node_id)
+
+    def _fits(self, request: bytes, answer: bytes) -> bool:
+        """Whether *answer* is the answer to *request*; any other is dropped and counted."""
+        if len(answer) == 8:
+            kind, specifier = request[0] >> 5, answer[0] >> 5
+            fits = specifier in _ANSWERS_TO[kind]
+            if specifier == _ABORT or (fits and kind in _INITIATE):
+                if answer[1:4] == self._multiplexer and not answer[0] & _INITIATED.get(specifier, 0):
+                    return True
+            elif fits:
+                if not (answer[0] ^ request[0]) & _TOGGLE:
+                    return True
+                self._toggle_errors += 1
+        self.drop(answer)
+        return False
+
+    def drop(self, answer: bytes) -> None:
+        """Count a frame that is no answer to what was asked."""
+        if self._leftovers:
+            return
+        if len(answer) != 8 or answer[0] >> 5 > _ABORT:
+            self.dropped.malformed += 1
+        elif answer[0] >> 5 in _WITH_MULTIPLEXER and answer[1:4] not in self._asked:
+            self.dropped.foreign += 1  # a client of somebody else's is known by its requests, which are heard, too
+        else:
+            self.dropped.stale += 1
+            if self._late_answers:
+                self._late_answers -= 1
+            else:
+                self.dropped.doubled += 1
+
+    def broken(self, what: str, code: Abort) -> SdoProtocolError:
+        """End a transfer that breaks the protocol."""
+        self.abort(code)
+        return SdoProtocolError(f"node {self.node_id} {what} (0x{self.place})", node=self.node_id, place=self.place)
+
+    def silent(self) -> NoAnswer:
+        """End a transfer whose answer did not come."""
+        self.abort(Abort.TIME_OUT)
+        why = f"its answers that did not count: {self.dropped}" if self.dropped.total else None
+        return no_answer(self.node_id, self.place, self.timeout_s, why, answered=self._has_answered)
+
+
+def _object_of(multiplexer: bytes) -> tuple[int, int]:
+    return int.from_bytes(multiplexer[:2], "little"), multiplexer[2]
