@@ -227,7 +227,7 @@ def test_ctrl_c_aborts_an_upload(at: int) -> None:
 
 def test_a_server_that_stops_is_no_answer() -> None:
     node = device()
-    line = Line(node, faults={number: "lost" for number in range(200, 10_000)})
+    line = Line(node, faults=dict.fromkeys(range(200, 10000), "lost"))
     with pytest.raises(NoAnswer) as caught:
         line.sdo(1).download(TEXT, 0, pattern(5000))
     assert caught.value.state == "unknown"

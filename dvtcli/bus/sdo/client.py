@@ -31,7 +31,9 @@ class StrictSdoClient(Conversation):
     def upload(self, index: int, subindex: int) -> bytes:
         """Read an object, from 128 announced bytes on by blocks; more or less data than that is an SdoProtocolError.
 
-        What does not come by blocks comes in segments. Reading changes nothing, so a transfer whose segments go wrong is begun anew as often as `retries` says.
+        What does not come by blocks comes in segments.
+
+        Reading changes nothing, so a transfer whose segments go wrong is begun anew as often as `retries` says.
         """
         left = self.retries
         in_blocks = self.takes_blocks and self.link.takes_bursts()
