@@ -93,7 +93,7 @@ def test_segments_keep_to_the_announced_size(segment: str, code: int) -> None:
 def test_a_download_that_never_ends_is_refused() -> None:
     client = Client.on(booted())
     client.ask(bytes.fromhex("2002200000000000"))
-    for count in range((1 << 16) // 7):
+    for count in range((1 << 20) // 7):
         client.ask(bytes([0x10 * (count % 2)]) + b"AAAAAAA")
     with pytest.raises(Aborted, match="05040005"):
         client.ask(b"\0AAAAAAA")

@@ -60,7 +60,7 @@ class BlockDownload:
         return int.from_bytes(self.multiplexer[:2], "little"), self.multiplexer[2]
 
     def first(self) -> bytes:
-        """The response to the request that initiates it: how many segments a sub-block has, and whether CRC is known."""
+        """The response to the request that initiates it: the segments of a sub-block, and whether CRC is known."""
         return bytes([0xA0 | self._knows_crc]) + self.multiplexer + bytes([self._block_size, 0, 0, 0])
 
     def takes(self, request: bytes) -> bool:
