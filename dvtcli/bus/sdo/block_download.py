@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from binascii import crc_hqx
 
-from dvtcli.bus.sdo.conversation import Conversation
+from dvtcli.bus.sdo.dialogue import Dialogue
 from dvtcli.domain.abort import Abort
 
 _INITIATE, _SIZE_GIVEN, _CRC, _END = 0xC0, 0x02, 0x04, 0xC1
@@ -22,7 +22,7 @@ _PATIENCE = 3
 class BlockDownload:
     """*data*, which is not empty, on its way by *talk*."""
 
-    def __init__(self, talk: Conversation, data: bytes) -> None:
+    def __init__(self, talk: Dialogue, data: bytes) -> None:
         self._talk = talk
         self._data = data
         self._segments = -(-len(data) // _SEGMENT_BYTES)

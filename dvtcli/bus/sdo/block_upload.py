@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from binascii import crc_hqx
 
-from dvtcli.bus.sdo.conversation import Conversation
+from dvtcli.bus.sdo.dialogue import Dialogue
 from dvtcli.domain.abort import Abort
 
 _INITIATE, _START, _ACKNOWLEDGE, _END = 0xA0, 0xA3, 0xA2, 0xA1
@@ -23,7 +23,7 @@ _QUIET_S = 0.2
 class BlockUpload:
     """An object on its way here by *talk*, of *most_bytes* at most."""
 
-    def __init__(self, talk: Conversation, most_bytes: int) -> None:
+    def __init__(self, talk: Dialogue, most_bytes: int) -> None:
         self._talk = talk
         self._most_bytes = most_bytes
         self._data = bytearray()

@@ -1,6 +1,6 @@
 """A strict SDO client for one node: reading and writing objects, expedited, in segments, and by blocks where that pays.
 
-Does not know how an answer is matched (see conversation), buses or threads, nor what an object means.
+Does not know how an answer is matched (see dialogue), buses or threads, nor what an object means.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from canopen.sdo.constants import SDO_STRUCT
 
 from dvtcli.bus.sdo.block_download import BlockDownload
 from dvtcli.bus.sdo.block_upload import BlockUpload
-from dvtcli.bus.sdo.conversation import Conversation
+from dvtcli.bus.sdo.dialogue import Dialogue
 from dvtcli.domain.abort import Abort
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
 
@@ -22,7 +22,7 @@ _BLOCKS_FROM = 128
 _ABOUT_THE_TRANSFER = 0x05
 
 
-class StrictSdoClient(Conversation):
+class StrictSdoClient(Dialogue):
     """Uploads and downloads; raises only errors of dvtcli."""
 
     #: whether the server is not known to refuse block transfers
@@ -70,7 +70,7 @@ class StrictSdoClient(Conversation):
 
     def _no_blocks_after(self, refused: SdoAborted) -> None:
         """Raise *refused* unless it is about the way of the transfer: then segments are tried, from now on at once."""
-        if refused.code >> 24 != _ABOUT_THE_TRANSFER:
+        if refused.code >> 24 != _ABOUT_THE_TRANSFER or refused.code == Abort.OUT_OF_MEMORY:
             raise refused
         if refused.code == Abort.COMMAND_SPECIFIER:
             self.takes_blocks = False

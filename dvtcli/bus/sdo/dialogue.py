@@ -38,7 +38,7 @@ _ABORT_BYTE = 0x80
 _FENCE = bytes.fromhex("40 00 10 00 00 00 00 00")
 
 
-class Conversation(SdoClient):
+class Dialogue(SdoClient):
     """canopen's client with its request, response and abort replaced; raises only errors of dvtcli.
 
     One transfer at a time: `begin` starts it, by its first request.
