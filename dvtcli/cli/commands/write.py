@@ -36,13 +36,23 @@ def _final(params: Mapping[str, Any]) -> Final | None:
 def command(session: Session, /, object_: ObjectWord, value: str, data_type: DataType | None) -> Changed | Stored:
     """Write VALUE to OBJECT, read it back, and put the old value back where that differs.
 
+    @FILE is what a file holds, byte for byte; @@ is a text that begins with @.
+
     \b
     write 1017 1000
     write 60FF -1500
     write 1017 0x3E8 --as u16
     write 1010:1 save          the same as store
     write 3:1017 1000          of node 3
+    write 2002 @curve.bin      the bytes of a file
     """
     node = session.node(object_.node_id)
     index, sub_index = object_.resolve(node)
+    if value.startswith("@") and not value.startswith("@@"):
+        from dvtcli.operations.object_files import write_from_file
+
+        if data_type is not None:
+            raise click.UsageError("--as is of no use with @FILE: its bytes are written as they are")
+        return write_from_file(session, node, index, sub_index, value[1:])
+    value = value.removeprefix("@") if value.startswith("@@") else value
     return write_text(session, node, index, sub_index, value, data_type)

@@ -110,7 +110,13 @@ def step_value(step: Step, data: bytes | None) -> str:
 def shown(data: bytes) -> str:
     """A step's value as the field writes it: words in hex, counts and times decimal."""
     value = int.from_bytes(data, "little")
-    return f"0x{value:08X}" if len(data) == 4 else str(value) if len(data) <= 2 else data.hex(" ").upper()
+    return f"0x{value:08X}" if len(data) == 4 else str(value) if len(data) <= 2 else _some(data)
+
+
+def _some(data: bytes) -> str:
+    """The first of many bytes, and how many there are: a line beside others has room for few."""
+    most = 16
+    return data.hex(" ").upper() if len(data) <= most else f"{data[:4].hex(' ').upper()} … {len(data):,} bytes"
 
 
 def _reason(step: Step, result: Changed) -> str:

@@ -8,13 +8,16 @@ from dvtcli.cli.view.lines import Cell, Line, Table
 from dvtcli.domain.drive_state import STATUSWORD, drive_state
 from dvtcli.operations.results.values import ObjectListing, ValueRead
 
+#: how many bytes of a long value are shown
+MOST_SHOWN = 128
+
 
 def value_lines(result: ValueRead, _width: int) -> Iterator[Line]:
     """An object with its value, decoded and raw."""
     number = result.value
     shown = repr(number) if isinstance(number, str) else str(number)
     if isinstance(number, bytes):
-        shown = number.hex(" ").upper()
+        shown = cut_bytes(number)
     elif isinstance(number, int) and not isinstance(number, bool):
         size = 2 * max(1, len(result.raw))
         shown = f"{number}  (0x{number & ((1 << 4 * size) - 1):0{size}X})"
@@ -29,6 +32,13 @@ def value_lines(result: ValueRead, _width: int) -> Iterator[Line]:
         Cell(f"{verb}{shown}{unit}"),
         Cell(f"  {result.type_name}", "dim"),
     ]
+
+
+def cut_bytes(data: bytes) -> str:
+    """The first of many bytes, and how many there are."""
+    if len(data) <= MOST_SHOWN:
+        return data.hex(" ").upper()
+    return f"{data[:MOST_SHOWN].hex(' ').upper()} … {len(data):,} bytes"
 
 
 def object_lines(result: ObjectListing, width: int) -> Iterator[Line]:

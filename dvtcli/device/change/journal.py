@@ -32,7 +32,7 @@ from dvtcli.errors import InputFileError, SafetyRefusal
 
 SCHEMA = "dvtcli.journal/1"
 #: A journal is no larger than what `MOST_CHANGES` fill; anything larger is something else.
-MOST_BYTES = 4_000_000
+MOST_BYTES = 5_000_000
 
 #: What a journal's new name says of it: closed with what the device held, or set aside unused.
 ACCEPTED, DISCARDED = "accepted", "discarded"

@@ -6,6 +6,7 @@ The only place that writes a plan to a device. Does not decide what is legal and
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 
 from dvtcli.device.cancellation import Cancellation
@@ -20,6 +21,9 @@ from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, write
 from dvtcli.domain.ports import SdoTransport
 from dvtcli.domain.several import several
 from dvtcli.errors import DeviceRefused, DvtcliError, Interrupted, NoAnswer, SdoAborted, SdoProtocolError
+
+#: how many bytes make a download long: half a second of segments at 125 kbit/s
+_LONG_BYTES = 1000
 
 
 @dataclass(slots=True)
@@ -96,7 +100,8 @@ class Transaction:
     def _download(self, step: Step, change: Change, number: int, total: int) -> None:
         touched, self._touched = self._touched, True
         try:
-            self.sdo.download(step.index, step.sub_index, step.after)
+            with self._stoppable(step):
+                self.sdo.download(step.index, step.sub_index, step.after)
         except SdoAborted as aborted:
             self.explain(aborted)
             raise refused(aborted, step, self.plan.node_id, f"step {number} of {total} of {change.label}") from aborted
@@ -106,6 +111,13 @@ class Transaction:
             raise
         self._acknowledged.took(step, change)
         self.on_step(step)
+
+    def _stoppable(self, step: Step) -> AbstractContextManager[None]:
+        """In a download that takes seconds there are safe points: what it has not sent whole the device does not take.
+
+        What it held before is put back all the same, where it differs.
+        """
+        return self.cancellation.released() if len(step.after) >= _LONG_BYTES else nullcontext()
 
     def _verify(self) -> None:
         """Read back what the plan set; what differs is a refusal that came without an abort."""
