@@ -163,9 +163,9 @@ class VirtualTimeBus(WatchedBus):
             self._to_us(frame)
             self._deliver(frame, sender=node)
 
-    def nodes_said(self, frame: Frame) -> None:
-        """Let *frame* come from some node."""
-        self._to_us(frame)
+    def nodes_said(self, frame: Frame, after_s: float = ANSWER_S) -> None:
+        """Let *frame* come from some node, *after_s* seconds of virtual time from now."""
+        self._to_us(frame, after_s)
 
     def _to_us(self, frame: Frame, delay_s: float = ANSWER_S) -> None:
         due_s = self._now_s + delay_s

@@ -1,4 +1,4 @@
-"""Networks, checked: files without any node, and nodes as they are on a bus. Writes nothing.
+"""Network files, checked without any node. Writes nothing.
 
 Judges nothing itself: the rules are in `domain/network/check`, and those of `map` and `link`.
 """
@@ -17,10 +17,9 @@ from dvtcli.operations.results.checked_files import FileRule
 from dvtcli.operations.results.checked_networks import NetworkFinding, NetworkReport, NetworksChecked
 
 if TYPE_CHECKING:
-    from dvtcli.domain.network.check.checked_network import NetSpot
+    from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetSpot
     from dvtcli.domain.network.network_state import NetworkState
     from dvtcli.domain.network.wanted_state import Mark, NetworkWish
-    from dvtcli.operations.session import Session
 
 #: Rules that no state is asked for.
 FILE_RULES = (
@@ -29,7 +28,7 @@ FILE_RULES = (
     LintRule("cannot-be-made", ERROR, "what the file wants cannot be made on its nodes",
              "the rules of `map` and `link`"),
 )  # fmt: skip
-_USUAL_BIT_RATE = 500_000
+USUAL_BIT_RATE = 500_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +36,8 @@ class CheckWishes:
     """How `check` looks: which rules by name (*only*, none: all; not those in *without*).
 
     With *strict* a warning is as bad as an error; *bit_rate* (bit/s) is the bus's where nobody else says it. With
-    *as_findings* what cannot be read of a file is a finding, and no error.
+    *as_findings* what cannot be read of a file is a finding, and no error. A bus is listened to for *for_s* seconds
+    (None: `LISTEN_S`, and not at all where nobody else can be on it).
     """
 
     only: Collection[str] = ()
@@ -45,6 +45,7 @@ class CheckWishes:
     strict: bool = False
     bit_rate: int | None = None
     as_findings: bool = False
+    for_s: float | None = None
 
 
 def check_networks(files: Sequence[str], wishes: CheckWishes | None = None) -> NetworksChecked:
@@ -55,27 +56,13 @@ def check_networks(files: Sequence[str], wishes: CheckWishes | None = None) -> N
     is not.
     """
     wishes = wishes or CheckWishes()
-    rules, names = _chosen(wishes), tuple(dict.fromkeys(files))
+    rules, names = chosen_rules(wishes), tuple(dict.fromkeys(files))
     report = _report if len(names) == 1 and not wishes.as_findings else _report_anyway
     return NetworksChecked(tuple(report(file, wishes, rules) for file in names))
 
 
-def check_live(session: Session, wishes: CheckWishes | None = None) -> NetworksChecked:
-    """Look at the nodes on the bus as they are: those that are known, and those that are heard."""
-    from dvtcli.operations.network_load import live_state
-
-    wishes = wishes or CheckWishes()
-    rules = _chosen(wishes)
-    state, bus = live_state(session), session.wire
-    bit_rate = wishes.bit_rate or bus.bitrate or session.options.bitrate or _USUAL_BIT_RATE
-    findings = tuple(_found(state, bit_rate, rules))
-    nodes = tuple((node.title, node.node_id, len(node.pdos)) for node in state.nodes)
-    return NetworksChecked(
-        (NetworkReport(bus.name, _shown(rules), findings, nodes, is_live=True, strict=wishes.strict),)
-    )
-
-
-def _chosen(wishes: CheckWishes) -> tuple[LintRule, ...]:
+def chosen_rules(wishes: CheckWishes) -> tuple[LintRule, ...]:
+    """The rules that *wishes* name; UsageError for one that there is not."""
     from dvtcli.domain.network.check.network_rules import NETWORK_RULES
 
     known = {rule.name: rule for rule in (*FILE_RULES, *NETWORK_RULES)}
@@ -88,7 +75,8 @@ def _chosen(wishes: CheckWishes) -> tuple[LintRule, ...]:
     )
 
 
-def _shown(rules: tuple[LintRule, ...]) -> tuple[FileRule, ...]:
+def asked_rules(rules: Sequence[LintRule]) -> tuple[FileRule, ...]:
+    """*rules* as an answer names them."""
     return tuple(FileRule(rule.name, str(rule.severity), rule.sense, rule.source) for rule in rules)
 
 
@@ -98,7 +86,7 @@ def _report(file: str, wishes: CheckWishes, rules: tuple[LintRule, ...]) -> Netw
     findings = tuple(_judged(file, wish, wishes, rules))
     nodes = tuple((node.name, node.node_id, len(node.pdos)) for node in wish.nodes)
     notes = tuple((one.mark.line, one.mark.column, one.times, one.text) for one in wish.notes)
-    return NetworkReport(file, _shown(rules), findings, nodes, len(wish.links), notes, strict=wishes.strict)
+    return NetworkReport(file, asked_rules(rules), findings, nodes, len(wish.links), notes, strict=wishes.strict)
 
 
 def _report_anyway(file: str, wishes: CheckWishes, rules: tuple[LintRule, ...]) -> NetworkReport:
@@ -108,7 +96,7 @@ def _report_anyway(file: str, wishes: CheckWishes, rules: tuple[LintRule, ...]) 
     except (InputFileError, UsageError) as failed:
         found = tuple(_unreadable(failed, file))
         asked = tuple(dict.fromkeys((FILE_RULES[0], *rules)))
-        return NetworkReport(file, _shown(asked), found, strict=wishes.strict, unread=failed.exit_code)
+        return NetworkReport(file, asked_rules(asked), found, strict=wishes.strict, unread=failed.exit_code)
 
 
 def _unreadable(failed: DvtcliError, file: str) -> Iterator[NetworkFinding]:
@@ -123,12 +111,13 @@ def _unreadable(failed: DvtcliError, file: str) -> Iterator[NetworkFinding]:
 
 def _judged(file: str, wish: NetworkWish, wishes: CheckWishes, rules: tuple[LintRule, ...]) -> Iterator[NetworkFinding]:
     """What the rules say of the network that *file* makes; where that cannot be made, why, and of it without links."""
+    from dvtcli.domain.network.check.checked_network import CheckedNetwork
     from dvtcli.operations.described_network import described_network
 
-    bit_rate = wishes.bit_rate or _USUAL_BIT_RATE
+    bit_rate = wishes.bit_rate or USUAL_BIT_RATE
     names = {rule.name for rule in rules}
     try:
-        yield from _found(described_network(file, for_rules=True), bit_rate, rules)
+        yield from findings_of(CheckedNetwork(described_network(file, for_rules=True), bit_rate), rules)
     except (RuleError, UsageError) as refused:
         if FILE_RULES[1].name in names:
             yield from _refused(wish, refused)
@@ -136,7 +125,7 @@ def _judged(file: str, wish: NetworkWish, wishes: CheckWishes, rules: tuple[Lint
             state = described_network(file, for_rules=True, with_links=False)
         except (RuleError, UsageError):
             return
-        yield from _found(state, bit_rate, rules)
+        yield from findings_of(CheckedNetwork(state, bit_rate), rules)
 
 
 def _refused(wish: NetworkWish, refused: DvtcliError) -> Iterator[NetworkFinding]:
@@ -148,13 +137,12 @@ def _refused(wish: NetworkWish, refused: DvtcliError) -> Iterator[NetworkFinding
         yield _finding(FILE_RULES[1], refused.node, None, "", text, mark)
 
 
-def _found(state: NetworkState, bit_rate: int, rules: tuple[LintRule, ...]) -> Iterator[NetworkFinding]:
-    from dvtcli.domain.network.check.checked_network import CheckedNetwork
+def findings_of(network: CheckedNetwork, rules: Sequence[LintRule]) -> Iterator[NetworkFinding]:
+    """What *rules* say of *network*, at the places of its file."""
     from dvtcli.domain.network.check.network_rules import network_findings
 
-    found = network_findings(CheckedNetwork(state, bit_rate), {rule.name for rule in rules})
-    for rule, spot, text in found:
-        yield _finding(rule, spot.node_id, spot, spot.object, text, _mark(state, spot))
+    for rule, spot, text in network_findings(network, {rule.name for rule in rules}):
+        yield _finding(rule, spot.node_id, spot, spot.object, text, _mark(network.state, spot))
 
 
 def _mark(state: NetworkState, spot: NetSpot) -> Mark | None:

@@ -49,6 +49,7 @@ def find_nodes(session: Session, answer_s: float = _ANSWER_S) -> NodeListing:
         found += pool.map(lambda node_id: _ask(bus, node_id, None), late)
     rows = [_with_own_state(session, row) for row in found if row is not None]
     rows.sort(key=lambda row: row.node)
+    session.network.scanned = tuple(row.node for row in rows)
     return NodeListing(bus.name, tuple(rows), time.monotonic() - started)
 
 

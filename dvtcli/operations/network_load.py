@@ -5,7 +5,7 @@ Computes nothing itself, and says nothing to the user.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,12 +16,12 @@ from dvtcli.domain.network.network_state import NetworkState
 from dvtcli.domain.network.wanted_state import Endpoint
 from dvtcli.domain.pdo import Pdo
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError, UsageError
+from dvtcli.operations.live_network import answering, has_bus, listen, present, refuse_without_bus
 from dvtcli.operations.network_states import network_after, network_state
 from dvtcli.operations.results.loads import Measured, NetworkLoad
 from dvtcli.watch.frame_count import FrameCount
 
 if TYPE_CHECKING:
-    from dvtcli.device.node import Node
     from dvtcli.domain.network.bus_need import BusNeed
     from dvtcli.domain.network.network_plan import NetworkPlan
     from dvtcli.operations.session import Session
@@ -29,12 +29,6 @@ if TYPE_CHECKING:
 #: What a bus runs at where nobody says, in bit/s: said with the answer.
 USUAL_BIT_RATE = 500_000
 MEASURED_S = 3.0
-#: How long is listened to find nodes (s): most send a heartbeat once a second or faster.
-HEARD_S = 1.2
-_SLICE_S = 0.25
-_HEARTBEATS = range(0x701, 0x780)
-_OF_ONE_NODE = (range(0x081, 0x100), range(0x181, 0x200), range(0x281, 0x300), range(0x381, 0x400),
-                range(0x481, 0x500), range(0x581, 0x600), _HEARTBEATS)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,8 +55,8 @@ def network_load(session: Session, file: str | None = None, wishes: LoadWishes |
     """
     wishes = wishes or LoadWishes()
     if file is None:
-        _refuse_without_bus(session)
-    measured = _measured(session, wishes.for_s) if _has_bus(session) else None
+        refuse_without_bus(session)
+    measured = _measured(session, wishes.for_s) if has_bus(session) else None
     state = _state(session, file, measured)
     told = wishes.bit_rate or (session.wire.bitrate if session.is_open else None) or session.options.bitrate
     bit_rate = told or USUAL_BIT_RATE
@@ -88,35 +82,9 @@ def load_after(session: Session, plan: NetworkPlan) -> BusNeed | None:
     return bus_need(streams_of(network_after(state, plan)), bit_rate)
 
 
-def live_state(session: Session) -> NetworkState:
-    """What the nodes on the bus hold, with what only rules look at: those that are known, and those that are heard.
-
-    UsageError where nobody chose a bus.
-    """
-    _refuse_without_bus(session)
-    heard = None if session.network.simulated_ids else _measured(session, HEARD_S)
-    return network_state(_answering(session, _present(session, heard)), for_rules=True)
-
-
-def _has_bus(session: Session) -> bool:
-    """Whether somebody chose a bus."""
-    options = session.options
-    return session.is_open or bool(options.sim or options.interface or options.channel or options.bus)
-
-
-def _refuse_without_bus(session: Session) -> None:
-    from dvtcli.operations.settings import NOBODY
-
-    if not _has_bus(session) and session.chosen_by() == NOBODY:
-        raise UsageError(
-            "no FILE, and no bus", hint="give a network file, or a bus: -i socketcan -c can0, or --sim gen4"
-        )
-    session.open_network()
-
-
 def _state(session: Session, file: str | None, measured: Measured | None) -> NetworkState:
     if file is None:
-        return network_state(_answering(session, _present(session, measured)))
+        return network_state(answering(session, present(session, () if measured is None else measured.count.by_id)))
     if measured is None:
         from dvtcli.operations.described_network import described_network
 
@@ -130,46 +98,11 @@ def _state(session: Session, file: str | None, measured: Measured | None) -> Net
     return network_after(network_state(session.node(one.node_id) for one in plan.nodes), plan, wish)
 
 
-def _present(session: Session, measured: Measured | None) -> list[int]:
-    """The nodes that are known without asking, and those of which something was heard."""
-    found = {*session.network.simulated_ids, *session.known_ids()}
-    for can_id, extended in measured.count.by_id if measured is not None else ():
-        if not extended and any(can_id in one for one in _OF_ONE_NODE):
-            found.add(can_id & 0x7F)
-    return sorted(found)
-
-
-def _answering(session: Session, node_ids: Iterable[int]) -> list[Node]:
-    """Those of *node_ids* that tell their PDOs; a word for each that does not."""
-    nodes = []
-    for node_id in node_ids:
-        try:
-            node = session.node(node_id)
-            node.pdos()
-            nodes.append(node)
-        except (NoAnswer, SdoAborted, SdoProtocolError) as silent:
-            session.tell.note(f"node {node_id} is not counted: {silent.text}")
-    return nodes
-
-
 def _measured(session: Session, for_s: float) -> Measured:
     """What passes on the bus within *for_s*."""
-    bus = session.open_network().bus
     count = FrameCount()
-    if not for_s or not bus.carries_frames:
-        return Measured(count, 0.0)
-    errors = bus.error_frame_count()
-    lost = bus.lost_frame_count()
-    untap = bus.tap(lambda frame, _sent: count.add(frame))
-    begun_s = bus.now_s()
-    try:
-        while (left_s := begun_s + for_s - bus.now_s()) > 0:
-            session.tell.progress("listening", round(10 * (for_s - left_s)), round(10 * for_s))
-            bus.sleep(min(_SLICE_S, left_s))
-    finally:
-        untap()
-    seconds = bus.now_s() - begun_s
-    return Measured(count, seconds, bus.error_frame_count() - errors, bus.lost_frame_count() - lost)
+    heard = listen(session, for_s, lambda frame, _sent: count.add(frame))
+    return Measured(count, heard.seconds, heard.error_frames, heard.lost_frames)
 
 
 def _what_if(session: Session, state: NetworkState, wishes: LoadWishes) -> WhatIf:

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.read_pdos import read_number
 from dvtcli.domain.network.network_state import (
+    BOOT_TIME,
+    CONCISE_DCF,
     CONSUMER_HEARTBEAT,
     EMCY_COB_ID,
     EMCY_INHIBIT,
@@ -20,6 +22,8 @@ from dvtcli.domain.network.network_state import (
     LIFE_TIME_FACTOR,
     NMT_STARTUP,
     PRODUCER_HEARTBEAT,
+    REQUEST_GUARDING,
+    REQUEST_NMT,
     SLAVE_ASSIGNMENT,
     SYNC_COB_ID,
     SYNC_OVERFLOW,
@@ -48,9 +52,13 @@ TIMING = (
 #: What the rules of `check` look at besides.
 JUDGED = (
     *((IDENTITY, sub_index, 4) for sub_index in range(1, 5)), (ERROR_BEHAVIOUR, 1, 1), (NMT_STARTUP, 0, 4),
+    (BOOT_TIME, 0, 4),
 )  # fmt: skip
 #: Objects with an entry a node: the length of each in bytes.
-_ARRAYS = {CONSUMER_HEARTBEAT: 4, SLAVE_ASSIGNMENT: 4, 0x1F84: 4, 0x1F85: 4, 0x1F86: 4, 0x1F87: 4, 0x1F88: 4}
+_ARRAYS = {
+    CONSUMER_HEARTBEAT: 4, SLAVE_ASSIGNMENT: 4, REQUEST_NMT: 1, REQUEST_GUARDING: 1, 0x1F84: 4, 0x1F85: 4, 0x1F86: 4,
+    0x1F87: 4, 0x1F88: 4,
+}  # fmt: skip
 
 
 def node_state(node: Node, *, for_rules: bool = False) -> NodeState:
@@ -59,7 +67,19 @@ def node_state(node: Node, *, for_rules: bool = False) -> NodeState:
     places = (*TIMING, *(JUDGED if for_rules else ()))
     arrays = _ARRAYS if for_rules else {CONSUMER_HEARTBEAT: 4}
     numbers = node.observed(lambda: dict(_numbers(node.memory, places, arrays)))
-    return NodeState(node.node_id, "", pdos, numbers, node.dictionary, node.profile, node.title)
+    downloads = node.observed(lambda: dict(_downloads(node.memory))) if numbers.get((NMT_STARTUP, 0)) else {}
+    return NodeState(node.node_id, "", pdos, numbers, node.dictionary, node.profile, node.title, downloads=downloads)
+
+
+def _downloads(sdo: SdoReader) -> Iterator[tuple[int, bytes]]:
+    """What a manager downloads to each node at its boot-up (0x1F22), where it tells."""
+    for node_id in range(1, min(_number(sdo, CONCISE_DCF, 0, 1) or 0, 127) + 1):
+        try:
+            data = sdo.upload(CONCISE_DCF, node_id)
+        except (SdoAborted, SdoProtocolError):
+            continue
+        if any(data):
+            yield node_id, data
 
 
 def _numbers(

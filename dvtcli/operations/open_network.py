@@ -43,6 +43,8 @@ class Network:
     met: Callable[[], Iterable[int]] = tuple
     #: whether this process makes one change and ends
     only_one: Callable[[], bool] = lambda: False
+    #: node-IDs that answered when all were asked last
+    scanned: tuple[int, ...] = ()
     #: told of every object that is read of a node ahead of a change or for a list
     on_look: Callable[[Looking], None] = lambda _looking: None
     #: shows what nobody may miss

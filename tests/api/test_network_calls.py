@@ -47,6 +47,25 @@ def test_load_of_a_file_and_of_the_nodes() -> None:
             bus.load(for_s=-1)
 
 
+def test_check_of_files_of_nodes_and_of_both(tmp_path: Path) -> None:
+    file = ROOT / "examples" / "line.yaml"
+    with dvtcli.simulate("gen4@1", "generic@5") as bus:
+        checked = bus.check(file)
+        assert checked
+        assert [(one.path, one.bus, one.is_live) for one in checked.reports] == [
+            (str(file), "", False), ("sim", "", True), (str(file), "sim", True),
+        ]  # fmt: skip
+        assert checked.document()["schema"] == "dvtcli.network-check/1"
+        strict = bus.check(rules=["unbounded-event-pdo"], strict=True)
+        assert (bool(strict), strict.exit_code, len(strict.reports[0].findings)) == (False, 3, 3)
+        assert bus.check(without=["unbounded-event-pdo"], for_s=0.05, bit_rate=125_000).reports[0].heard is not None
+        missing = bus.check(tmp_path / "none.yaml")
+        assert (missing.exit_code, missing.reports[0].findings[0].rule) == (2, "network-file")
+        for wrong in ({"rules": "x"}, {"rules": ["no-such"]}, {"bit_rate": 5}, {"for_s": -1}, {"strict": 1}):
+            with pytest.raises(UsageError):
+                bus.check(**wrong)  # type: ignore[arg-type]
+
+
 def test_the_time_that_an_answer_takes_is_none_of_the_change_s(tmp_path: Path) -> None:
     file = tmp_path / "net.yaml"
     file.write_text("a: {node_id: 1, tpdo: {1: {event_timer: 20}}}\n")

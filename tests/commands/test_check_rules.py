@@ -104,7 +104,7 @@ def test_nodes_on_a_bus() -> None:
         for line in ("node 1", "write 1016:1 0x00050064"):
             assert bench.run(line).code == 0
         ran = bench.run(f"check {LINE} --live --json")
-        assert (ran.code, [one["bus"] for one in ran.document["files"]]) == (3, [None, "sim"])
+        assert (ran.code, [one["bus"] for one in ran.document["files"]]) == (3, [None, "sim", "sim"])
         assert "heartbeat-too-short" in rules(ran.document)
 
 

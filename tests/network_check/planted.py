@@ -12,10 +12,14 @@ from typing import Any, NamedTuple
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.datatypes import BY_SHORT_NAME, U8, U16, U32
 from dvtcli.domain.mapping import PdoMappingEntry
+from dvtcli.domain.network.check.checked_network import CheckedNetwork
+from dvtcli.domain.network.heard_traffic import HeardTraffic
 from dvtcli.domain.network.network_state import NetworkState, NodeState
 from dvtcli.domain.network.wanted_state import MasterRole
+from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.object_dictionary import Access, DeviceInfo, ObjectDictionary, ObjectType, OdEntry, OdObject
 from dvtcli.domain.pdo import Direction, Pdo, PdoCommunicationParameter, PdoConfig
+from dvtcli.domain.ports import Frame
 from dvtcli.domain.profile import GENERIC, BitPolicy, Severity
 
 BIT_RATE = 500_000
@@ -152,11 +156,63 @@ def master(**role: Any) -> Change:
     return lambda state: replace(state, master=MasterRole(**role))
 
 
+def same(state: NetworkState) -> NetworkState:
+    """No change."""
+    return state
+
+
+#: How long the sound network is listened to, in seconds.
+HEARD_S = 3.0
+
+
+def _each(period_s: float, can_id: int, data: bytes, first_s: float = 0.001) -> list[Frame]:
+    times = (first_s + number * period_s for number in range(int(HEARD_S / period_s)))
+    return [Frame(can_id, data, timestamp_s=1 + at_s) for at_s in times]
+
+
+_RUNS = bytes([NmtState.OPERATIONAL])
+#: What the sound network sends: SYNC, heartbeats, a TPDO with each SYNC, one every 50 ms.
+_SOUND_FRAMES = (
+    *_each(0.01, 0x080, b""),
+    *_each(0.01, 0x181, bytes(4), 0.002),
+    *_each(0.05, 0x185, bytes(3)),
+    *(frame for node_id in (1, 5, 10) for frame in _each(0.5, 0x700 + node_id, _RUNS)),
+)
+
+
+def hears(*more: Frame, without: int | None = None, error_frames: int = 0) -> Callable[[], HeardTraffic]:
+    """What the sound network sends and *more*, *without* a CAN-ID."""
+
+    def heard() -> HeardTraffic:
+        traffic = HeardTraffic(HEARD_S, error_frames)
+        frames = [frame for frame in _SOUND_FRAMES if frame.can_id != without]
+        for frame in sorted([*frames, *more], key=lambda one: one.timestamp_s):
+            traffic.add(frame)
+        return traffic
+
+    return heard
+
+
+def concise(*entries: tuple[int, int, int, int]) -> bytes:
+    """A concise DCF: index, sub-index, length and value of each entry."""
+    parts = (index.to_bytes(2, "little") + bytes([sub]) + size.to_bytes(4, "little") + value.to_bytes(size, "little")
+             for index, sub, size, value in entries)  # fmt: skip
+    return len(entries).to_bytes(4, "little") + b"".join(parts)
+
+
 class Planted(NamedTuple):
-    """A fault, and the rule that finds it."""
+    """A fault, and the rule that finds it: in what nodes hold, in what is *heard*, or in who is *present*."""
 
     rule: str
-    change: Change
+    change: Change = same
+    heard: Callable[[], HeardTraffic] | None = None
+    present: frozenset[int] | None = None
+
+    @property
+    def network(self) -> CheckedNetwork:
+        """The network with the fault."""
+        traffic = None if self.heard is None else self.heard()
+        return CheckedNetwork(self.change(SOUND), BIT_RATE, traffic, self.present)
 
 
 _NO_RTR = dict.fromkeys(Direction, BitPolicy.SET)
@@ -286,6 +342,15 @@ PLANTED = (
     Planted("boot-identity", holds(10, x1F86_05=9)),
     Planted("boot-device-type", also(holds(10, x1F84_01=0x192), holds(1, x1000=0x191))),
     Planted("guarded-by-manager", holds(10, x1F81_05=100 << 16 | 3 << 8 | 1)),
+    Planted("guarded-by-manager", holds(10, x1F83_05=1)),
+    Planted("manager-misses", holds(10, x1F82_05=1)),
+    Planted("boot-time", holds(10, x1F81_05=9, x1F89=400)),
+    Planted("concise-dcf-form", node(10, downloads={5: b"\1\0\0\0\0"})),
+    Planted("concise-dcf-form", node(10, downloads={5: concise((0x1017, 0, 2, 500)) + b"\0"})),
+    Planted("concise-dcf", node(10, downloads={5: concise((0x1017, 0, 2, 700))})),
+    Planted("concise-dcf", node(10, downloads={5: concise((0x1800, 1, 4, 0x8000_0185), (0x1800, 5, 2, 20))})),
+    Planted("concise-dcf", node(10, downloads={1: concise((0x1A00, 0, 1, 2), (0x1A00, 1, 4, 0x6041_0010), (
+        0x1A00, 2, 4, 0x6061_0008))})),
     Planted("nobody-starts", holds(10, x1F80=0)),
     Planted("object-exists", has(5, T2, pdo(0x333, entry(0x6099), inhibit=1000))),
     Planted("direction", has(5, R2, pdo(0x333, _STATUS))),
@@ -304,4 +369,29 @@ PLANTED = (
     Planted("dummy-length", has(5, R2, pdo(0x333, entry(5, 16)))),
     Planted("double-target", has(5, R2, pdo(0x333, entry(0x6042), entry(0x6042)))),
     Planted("can-id-length", has(5, T2, pdo(0x1333, _STATUS, inhibit=1000))),
+    Planted("sync-not-heard", heard=hears(without=0x080)),
+    Planted("sync-heard-twice", heard=hears(*_each(0.01, 0x080, b"", 0.004))),
+    Planted("sync-heard-twice", holds(10, x1006=0), hears(*_each(0.02, 0x080, b"\7", 0.004))),
+    Planted("sync-heard-twice", holds(10, x1006=0), hears(
+        *(Frame(0x080, bytes([1 + n // 2]), timestamp_s=1 + n / 100) for n in range(20)), without=0x080)),
+    Planted("sync-uneven", holds(10, x1006=0), hears(*_each(0.01, 0x080, b"", 0.004))),
+    Planted("comes-too-often", heard=hears(*_each(0.005, 0x185, bytes(3), 0.003))),
+    Planted("other-length", heard=hears(*_each(0.5, 0x185, bytes(8), 0.01), without=0x185)),
+    Planted("other-length", heard=hears(Frame(0x185, bytes(2), timestamp_s=1.5))),
+    Planted("not-heard", heard=hears(without=0x185)),
+    Planted("from-nobody", heard=hears(Frame(0x2A0, bytes(8), timestamp_s=2))),
+    Planted("from-nobody", heard=hears(Frame(0x1_0000, bytes(8), extended=True, timestamp_s=2))),
+    Planted("other-master", heard=hears(Frame(0x000, b"\1\0", timestamp_s=2))),
+    Planted("other-master", heard=hears(Frame(0x605, bytes(8), timestamp_s=2))),
+    Planted("other-master", heard=hears(Frame(0x622, bytes(8), timestamp_s=2))),
+    Planted("other-master", heard=hears(Frame(0x7E5, bytes(8), timestamp_s=2))),
+    Planted("node-id-twice", heard=hears(*_each(0.5, 0x705, _RUNS, 0.2))),
+    Planted("node-id-twice", heard=hears(*_each(1.5, 0x705, b"\x7F", 0.2))),
+    Planted("heartbeat-not-heard", heard=hears(without=0x705)),
+    Planted("heard-not-read", heard=hears(*_each(1, 0x709, _RUNS))),
+    Planted("restarts", heard=hears(Frame(0x705, b"\0", timestamp_s=2))),
+    Planted("emergency", heard=hears(Frame(0x085, b"\x10\x32\1\0\0\0\0\0", timestamp_s=2))),
+    Planted("error-frames", heard=hears(error_frames=3)),
+    Planted("not-on-the-bus", present=frozenset({1, 10})),
+    Planted("not-in-the-file", present=frozenset({1, 5, 10, 11})),
 )  # fmt: skip

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand
-from dvtcli.cli.commands._load_params import BitRateType
+from dvtcli.cli.commands._load_params import BitRateType, PeriodType
 from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import FILE
 from dvtcli.operations.options import SPECIAL_FORMATS
@@ -27,7 +27,10 @@ TASK = ("Scripts and files", 40)
 @click.option("--without", multiple=True, metavar="NAME", help="All rules but this one; repeatable.")
 @click.option("--strict", is_flag=True, help="A warning is as bad as an error, too.")
 @click.option("--at", "bit_rate", type=BitRateType(), metavar="BIT/S", help="The bus's bit rate [its own, or 500000].")
-@click.option("--live", is_flag=True, help="The nodes on the bus, too.")
+@click.option("--live", is_flag=True, help="The nodes on the bus, too, and FILE against them.")
+@click.option(
+    "--for", "for_s", type=PeriodType("s", 0, 3600), metavar="S", help="Listen to the bus so long [2]; 0: not."
+)
 @click.pass_obj
 def command(
     session: Conversation,
@@ -38,25 +41,30 @@ def command(
     strict: bool,
     bit_rate: int | None,
     live: bool,
+    for_s: float | None,
 ) -> NetworksChecked:
     """Say what is wrong with network files (YAML), and with the nodes on a bus; nothing is written.
 
     Of a file: what cannot be read, with line, column and a caret, then what the rules find in the network that it makes
-    of its nodes' EDS, DCF or family. Without FILE, or with --live, the nodes on the bus. An error in a file is exit
-    code 4, in nodes 3; of several files, a wrong or missing one keeps no other from being checked. --format github,
-    junit or sarif is for CI.
+    of its nodes' EDS, DCF or family. An error in a file is exit code 4, in nodes 3; of several files, a wrong or
+    missing one keeps no other from being checked. Without FILE, or with --live, the nodes on the bus: what they hold,
+    and what is heard: SYNC, heartbeats, other masters, frames from nobody; with --live also whether they are those of
+    FILE. --format github, junit or sarif is for CI.
 
     \b
     check press.yaml
     check press.yaml bus.yml
     check line.yaml --strict --format github
     check line.yaml --rule unbounded-event-pdo --rule too-late
-    check --live      the nodes on the bus
+    check --live --for 10      the nodes on the bus
+    check press.yaml --live    and whether they are those of the file
     """
-    from dvtcli.operations.check_networks import CheckWishes, check_live, check_networks
-    from dvtcli.operations.results import NetworksChecked
+    from dvtcli.operations.check_networks import CheckWishes, check_networks
 
     as_findings = live or session.output.format in SPECIAL_FORMATS  # so that the rest is looked at, too
-    wishes = CheckWishes(only, without, strict, bit_rate or session.options.bitrate, as_findings)
-    reports = check_networks(files, wishes).reports if files else ()
-    return NetworksChecked((*reports, *(check_live(session, wishes).reports if live or not files else ())))
+    wishes = CheckWishes(only, without, strict, bit_rate or session.options.bitrate, as_findings, for_s)
+    if files and not live:
+        return check_networks(files, wishes)
+    from dvtcli.operations.check_live import check_all
+
+    return check_all(session, files, wishes)

@@ -46,4 +46,8 @@ def _sum(report: NetworkReport) -> Line:
     found = ", ".join(plural(counted[severity], severity) for severity in SEVERITIES if counted[severity])
     if report.unread:
         return f"{report.path}: not checked; {found}"
-    return f"{report.path}: {plural(len(report.nodes), 'node')}, {plural(pdos, 'PDO')}{links}; {found or 'no error'}"
+    if report.bus:
+        return f"{report.path} against {report.bus}: {plural(len(report.nodes), 'node')}; {found or 'no error'}"
+    heard = "" if report.heard is None else f", heard {report.heard[0]:.1f} s, {plural(report.heard[1], 'frame')}"
+    nodes = plural(len(report.nodes), "node")
+    return f"{report.path}: {nodes}, {plural(pdos, 'PDO')}{links}{heard}; {found or 'no error'}"

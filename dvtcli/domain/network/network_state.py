@@ -20,7 +20,10 @@ SYNC_COB_ID, SYNC_PERIOD, SYNC_WINDOW, SYNC_OVERFLOW = 0x1005, 0x1006, 0x1007, 0
 GUARD_TIME, LIFE_TIME_FACTOR = 0x100C, 0x100D
 TIME_COB_ID, EMCY_COB_ID, EMCY_INHIBIT = 0x1012, 0x1014, 0x1015
 CONSUMER_HEARTBEAT, PRODUCER_HEARTBEAT, IDENTITY, ERROR_BEHAVIOUR = 0x1016, 0x1017, 0x1018, 0x1029
-NMT_STARTUP, SLAVE_ASSIGNMENT = 0x1F80, 0x1F81
+NMT_STARTUP, SLAVE_ASSIGNMENT, REQUEST_NMT, REQUEST_GUARDING, BOOT_TIME = 0x1F80, 0x1F81, 0x1F82, 0x1F83, 0x1F89
+CONCISE_DCF = 0x1F22
+#: The sub-indices of 0x1018 from 1 on, as `Identity` names them.
+IDENTITY_NAMES = ("vendor", "product", "revision", "serial")
 #: Bit 30 of 0x1005 and 0x1012: the node produces it (CiA 301, 7.5.2.5 and 7.5.2.16).
 PRODUCES = 1 << 30
 _FRAME, _OFF = 1 << 29, 1 << 31
@@ -31,7 +34,8 @@ class NodeState:
     """One node: its *pdos*, and the *numbers* that other objects hold, those that it has and tells.
 
     *name* is the node's in a file, *title* what the device calls itself; *mark* is where the file speaks of it. *asked*
-    is the identity that somebody wants of it, by the names of `Identity`.
+    is the identity that somebody wants of it, by the names of `Identity`. *downloads* are what it, a manager, downloads
+    to other nodes by node-ID (0x1F22).
     """
 
     node_id: int
@@ -44,10 +48,19 @@ class NodeState:
     mark: Mark = NOWHERE
     marks: Mapping[Pdo, Mark] = field(default_factory=dict)
     asked: Identity = field(default_factory=dict)
+    downloads: Mapping[int, bytes] = field(default_factory=dict)
 
     def number(self, index: int, sub_index: int = 0) -> int | None:
         """What an object holds, None where the node has none or does not tell it."""
         return self.numbers.get((index, sub_index))
+
+    def holds(self, index: int, sub_index: int) -> int | None:
+        """The same of any object that is known of it, a PDO's parameters among them."""
+        pdo = Pdo.at(index)
+        config = None if pdo is None else self.pdos.get(pdo)
+        if pdo is None or config is None:
+            return self.number(index, sub_index)
+        return _communication(config, sub_index) if index == pdo.communication_index else _mapping(config, sub_index)
 
     @property
     def produces_sync(self) -> bool:
@@ -92,6 +105,24 @@ class NodeState:
         """The CAN-ID of the time stamp as it has it, 0x100 unless it says another one."""
         held = self.number(TIME_COB_ID)
         return (0x100, False) if held is None else _identifier(held)
+
+
+def _communication(config: PdoConfig, sub_index: int) -> int | None:
+    """A communication parameter (CiA 301, 7.5.2.35 and 7.5.2.37)."""
+    held = config.communication
+    if sub_index == 1:
+        return held.cob_id.raw if config.has_cob_id else None
+    by_sub_index = {2: held.transmission_type, 3: held.inhibit_time, 5: held.event_timer, 6: held.sync_start_value}
+    return by_sub_index.get(sub_index)
+
+
+def _mapping(config: PdoConfig, sub_index: int) -> int | None:
+    """An entry of a mapping, or how many there are; None where nobody knows, or it is beyond them."""
+    if not config.has_mapping:
+        return None
+    if sub_index == 0:
+        return config.count
+    return config.mapping[sub_index - 1].raw if sub_index <= len(config.mapping) else None
 
 
 #: A CAN-ID, and whether it has 29 bits.

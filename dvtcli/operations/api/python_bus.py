@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
@@ -21,7 +21,15 @@ if TYPE_CHECKING:
     from canopen import RemoteNode
 
     from dvtcli.bus.canopen_node import CanopenNetwork
-    from dvtcli.operations.results import NetworkApplied, NetworkLoad, NetworkPlanned, NodeListing, SyncCheck, Synced
+    from dvtcli.operations.results import (
+        NetworkApplied,
+        NetworkLoad,
+        NetworkPlanned,
+        NetworksChecked,
+        NodeListing,
+        SyncCheck,
+        Synced,
+    )
 
 
 class Bus:
@@ -170,6 +178,29 @@ class Bus:
         chosen = None if file is None else str(path("file", file))
         wishes = load_wishes(for_s, bit_rate, sync_ms, inhibit_ms)
         return self._calls.run(lambda: network_load(self._session, chosen, wishes))
+
+    def check(
+        self,
+        *files: str | Path,
+        rules: Sequence[str] = (),
+        without: Sequence[str] = (),
+        strict: bool = False,
+        bit_rate: int | None = None,
+        for_s: float | None = None,
+    ) -> NetworksChecked:
+        """What is wrong with the network *files*, with the nodes on the bus, and between them; true where nothing is.
+
+        Only *rules* are asked (none: all), and none of *without*; with *strict* a warning is wrong, too. *bit_rate*
+        (bit/s) counts instead of the bus's own. The bus is listened to for *for_s* seconds (0…3600; None: 2, and not at
+        all where nobody else can be on it). What cannot be read of a file is a finding. Writes nothing. UsageError for
+        a rule that there is not.
+        """
+        from dvtcli.operations.api.check_arguments import check_wishes
+        from dvtcli.operations.check_live import check_all
+
+        chosen = [str(path("files", file)) for file in files]
+        wishes = check_wishes(rules, without, bit_rate, for_s, strict=strict)
+        return self._calls.run(lambda: check_all(self._session, chosen, wishes))
 
     def apply(self, file: str | Path, *, prove: bool = False, yes: bool = False, force: bool = False) -> NetworkApplied:
         """Make the nodes what the network *file* says, or a plan that `dvtcli plan -o` saved: all of them, or none.

@@ -40,11 +40,12 @@ class NetworkFinding(FileFinding):
 
 @dataclass(frozen=True, slots=True)
 class NetworkReport:
-    """What the *rules* found in the network of a file, or on a bus where *is_live*.
+    """What the *rules* found in the network of a file, or on a bus where *is_live*; with *bus*, of a file on a bus.
 
     *nodes* are name, node-ID and number of PDOs of each; *notes* are what the file says and means nothing here: line,
     column, times, text. With *strict* a warning is as bad as an error. *unread* is the exit code of a
-    file that could not be read, 0 of one that was.
+    file that could not be read, 0 of one that was. *heard* is how long (s) a bus was listened to, and how many frames
+    others sent meanwhile.
     """
 
     made_by: ClassVar = "check"
@@ -58,6 +59,8 @@ class NetworkReport:
     is_live: bool = False
     strict: bool = False
     unread: int = 0
+    heard: tuple[float, int] | None = None
+    bus: str = ""
 
     def is_bad(self, finding: FileFinding) -> bool:
         """Whether *finding* makes the network wrong."""
@@ -76,8 +79,9 @@ class NetworkReport:
     def fields(self) -> Document:
         """One of `files` in `dvtcli.network-check/1`."""
         return {
-            "file": None if self.is_live else self.path,
-            "bus": self.path if self.is_live else None,
+            "file": self.path if self.bus or not self.is_live else None,
+            "bus": self.bus or (self.path if self.is_live else None),
+            "heard": None if self.heard is None else {"seconds": round(self.heard[0], 3), "frames": self.heard[1]},
             "nodes": [{"name": name or None, "node": node, "pdos": pdos} for name, node, pdos in self.nodes],
             "links": self.links,
             "notes": [dict(zip(("line", "column", "times", "text"), note, strict=True)) for note in self.notes],
@@ -96,6 +100,10 @@ class NetworksChecked(Answer):
     at_leisure: ClassVar = True
 
     reports: tuple[NetworkReport, ...]
+
+    def __bool__(self) -> bool:
+        """Whether nothing is wrong."""
+        return self.exit_code == 0
 
     @property
     def exit_code(self) -> int:

@@ -27,6 +27,8 @@ def sync_not_produced(network: CheckedNetwork) -> NetFound:
 @check("sync-from-elsewhere", WARNING, "PDOs are synchronous, no node sends SYNC, and no master is named", _TYPES)
 def sync_from_elsewhere(network: CheckedNetwork) -> NetFound:
     """Somebody has to who is not known here."""
+    if network.traffic is not None and any(network.traffic.count(node.sync) for node in network.nodes):
+        return  # somebody does
     if network.state.master is None:
         yield from _without_sync(network)
 

@@ -9,6 +9,7 @@ from functools import cached_property
 from dvtcli.domain.network.bus_need import BusNeed, bus_need
 from dvtcli.domain.network.check.judged_pdos import judged_pdos
 from dvtcli.domain.network.frame_streams import SYNCHRONOUS, streams_of
+from dvtcli.domain.network.heard_traffic import HeardTraffic
 from dvtcli.domain.network.network_state import Identifier, NetworkState, NodeState, identifier_of
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.rules import Finding
@@ -57,10 +58,16 @@ class Heard:
 
 @dataclass(frozen=True)
 class CheckedNetwork:
-    """A network of *state* on a bus of *bit_rate* bit/s."""
+    """A network of *state* on a bus of *bit_rate* bit/s.
+
+    *traffic* is what was heard there, None where nobody listened. *present* are the nodes on the bus where the network
+    of a file is held against it, else None.
+    """
 
     state: NetworkState
     bit_rate: int
+    traffic: HeardTraffic | None = None
+    present: frozenset[int] | None = None
 
     @cached_property
     def nodes(self) -> tuple[NodeState, ...]:

@@ -6,9 +6,12 @@ from collections.abc import Collection, Iterator
 
 from dvtcli.domain.lint.lint_rule import Check, LintRule, checks_of
 from dvtcli.domain.network.check import (
+    check_against_file,
+    check_boot,
     check_bus,
     check_can_ids,
     check_each_pdo,
+    check_heard,
     check_heartbeats,
     check_layouts,
     check_nodes,
@@ -17,9 +20,16 @@ from dvtcli.domain.network.check import (
 from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetSpot
 
 CHECKS: list[Check[CheckedNetwork, NetSpot]] = [
-    *checks_of(check_can_ids, check_layouts, check_sync, check_heartbeats, check_bus, check_nodes),
+    *checks_of(
+        check_can_ids, check_layouts, check_sync, check_heartbeats, check_bus, check_nodes, check_boot, check_heard,
+        check_against_file,
+    ),
     *check_each_pdo.CHECKS,
-]
+]  # fmt: skip
+#: The rules by which the network of a file is held against the nodes on a bus.
+AGAINST_FILE: tuple[LintRule, ...] = tuple(
+    one.rule for one in checks_of(check_nodes, check_boot, check_against_file) if one.rule.name != "nobody-starts"
+)
 #: Every rule there is.
 NETWORK_RULES: tuple[LintRule, ...] = tuple(one.rule for one in CHECKS)
 

@@ -1,0 +1,23 @@
+"""Rules by which the network of a file is held against the nodes on a bus. They say nothing where that is not asked."""
+
+from __future__ import annotations
+
+from dvtcli.domain.lint.lint_rule import NOTE, WARNING, check
+from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetFound, NetSpot, at
+
+
+@check("not-on-the-bus", WARNING, "a node of the file is not on the bus", "the network file")
+def not_on_the_bus(network: CheckedNetwork) -> NetFound:
+    """It is off, has another node-ID, or the file is another bus's."""
+    for node in network.nodes if network.present is not None else ():
+        if network.present is not None and node.node_id not in network.present:
+            yield at(node), "it does not answer on the bus"
+
+
+@check("not-in-the-file", NOTE, "a node on the bus is none of the file's", "the network file")
+def not_in_the_file(network: CheckedNetwork) -> NetFound:
+    """What it sends is not in the file's load, nor looked at for CAN-IDs."""
+    for node_id in sorted(network.present or ()):
+        master = network.state.master
+        if network.state.node(node_id) is None and (master is None or master.node_id != node_id):
+            yield NetSpot(node_id), "it is on the bus, and the file does not name it"

@@ -1,0 +1,249 @@
+"""Rules about what was heard on a bus beside what its nodes hold: SYNC, other masters, frames from nobody.
+
+They say nothing where nobody listened.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+
+from dvtcli.domain.frame import byte_length
+from dvtcli.domain.lint.lint_rule import ERROR, WARNING, check
+from dvtcli.domain.network.bus_need import most_frames
+from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetFound, NetSpot, at, held
+from dvtcli.domain.network.frame_streams import EVENT_DRIVEN, Stream
+from dvtcli.domain.network.heard_traffic import HeardId
+from dvtcli.domain.network.network_state import (
+    PRODUCER_HEARTBEAT,
+    SYNC_COB_ID,
+    Identifier,
+    NetworkState,
+    identifier_of,
+)
+from dvtcli.domain.nmt import NmtState
+from dvtcli.domain.several import plural, several
+
+_SET = "CiA 301, 7.3.5: the pre-defined connection set"
+_SYNC = "CiA 301, 7.2.5: one producer"
+#: How many of its periods something is waited for before it counts as missing.
+_PATIENCE = 2.5
+#: From so many SYNC messages on their times say something; so many of the gaps have to be short (share), below so much
+#: of the long ones.
+_ENOUGH, _SHORT_ONES, _SHORT = 8, 0.25, 0.6
+#: CAN-IDs that the pre-defined connection set gives to services other than PDOs.
+_SERVICES = (range(0x001), range(0x080, 0x101), range(0x580, 0x680), range(0x700, 0x780), range(0x7E4, 0x7E6))
+
+
+def _sync_ids(state: NetworkState) -> set[Identifier]:
+    return {node.sync for node in state.nodes} or {(0x080, False)}
+
+
+@check("sync-not-heard", ERROR, "PDOs are synchronous, and no SYNC was heard", "CiA 301, 7.5.2.35 and 7.5.2.37")
+def sync_not_heard(network: CheckedNetwork) -> NetFound:
+    """They are never sent, and never taken over."""
+    traffic, periods = network.traffic, network.state.sync_periods_us
+    if traffic is None or not network.synchronous or any(map(traffic.count, _sync_ids(network.state))):
+        return
+    if traffic.seconds * 1_000_000 < _PATIENCE * max(periods, default=0):
+        return
+    listed = several(f"{node.node_id}:{pdo}" for node, pdo, _ in network.synchronous)
+    node, pdo, _ = network.synchronous[0]
+    yield at(node, pdo), f"no SYNC within {traffic.seconds:.1f} s, and these wait for it: {listed}"
+
+
+@check("sync-heard-twice", ERROR, "more SYNC messages were heard than one producer sends", _SYNC)
+def sync_heard_twice(network: CheckedNetwork) -> NetFound:
+    """Synchronous PDOs come twice as often, at wrong times."""
+    traffic = network.traffic
+    for identifier in () if traffic is None else sorted(_sync_ids(network.state)):
+        heard = traffic.by_id.get(identifier) if traffic else None
+        if heard is None or traffic is None:
+            continue
+        why = _second_counter(heard) or _more(network, "sync", identifier)
+        if why:
+            yield _sync_spot(network), f"0x{identifier[0]:03X}: {why}"
+
+
+def _sync_spot(network: CheckedNetwork) -> NetSpot:
+    node = next((one for one in network.nodes if one.produces_sync), None)
+    return NetSpot() if node is None else held(node, SYNC_COB_ID)
+
+
+def _second_counter(heard: HeardId) -> str:
+    """Why it is plain from their content that two send them."""
+    if len(heard.lengths) > 1:
+        return "some have a counter, some have none"
+    counters = [one for one in heard.first_bytes if one is not None]
+    jumps = sum(after not in (before + 1, 1) for before, after in pairwise(counters))
+    return f"its counter jumps, {jumps} times of {len(counters) - 1}" if jumps > len(counters) // 4 else ""
+
+
+@check("sync-uneven", WARNING, "SYNC comes at uneven times: two may send it", _SYNC)
+def sync_uneven(network: CheckedNetwork) -> NetFound:
+    """Two producers of one period are heard as a short time and a long one by turns."""
+    for identifier in () if network.traffic is None else sorted(_sync_ids(network.state)):
+        heard = network.traffic.by_id.get(identifier) if network.traffic else None
+        gaps = [] if heard is None else sorted(heard.gaps_s)
+        if heard is None or len(gaps) < _ENOUGH or _second_counter(heard) or _more(network, "sync", identifier):
+            continue
+        typical_s = gaps[int(0.9 * len(gaps))]
+        short = [one for one in gaps if one < _SHORT * typical_s]
+        if len(short) >= _SHORT_ONES * len(gaps):
+            times = f"{1000 * gaps[0]:.1f} to {1000 * gaps[-1]:.1f} ms"
+            yield NetSpot(), f"0x{identifier[0]:03X} comes after {times}"
+
+
+def _more(network: CheckedNetwork, kind: str, identifier: Identifier) -> str:
+    """In words, how much more often frames of *kind* came than what is held has room for; empty where they did not."""
+    traffic, streams = network.traffic, _streams(network, kind, identifier)
+    most = most_frames(streams, traffic.seconds) if traffic is not None and streams else None
+    if traffic is None or most is None or traffic.count(identifier) <= most:
+        return ""
+    rate = sum(1_000_000 / float(one.frame.period_us) for one in streams if one.frame.period_us)
+    return f"{traffic.rate_hz(identifier):.1f} a second were heard, {rate:.1f} are to come at most"
+
+
+def _streams(network: CheckedNetwork, kind: str, identifier: Identifier) -> list[Stream]:
+    found = (one.stream for one in network.need.needs if one.stream.kind == kind)
+    return [one for one in found if (one.frame.can_id, one.frame.extended) == identifier]
+
+
+@check("comes-too-often", WARNING, "a TPDO comes more often than what its node holds lets it",
+       "CiA 301, 7.5.2.37: inhibit time, event timer; SYNC")  # fmt: skip
+def comes_too_often(network: CheckedNetwork) -> NetFound:
+    """Something else sends on its CAN-ID, or the device does not keep to what it holds."""
+    for node, pdo, config in network.tpdos:
+        if why := _more(network, "tpdo", identifier_of(config)):
+            yield at(node, pdo), why
+
+
+@check("other-length", ERROR, "a TPDO was heard with another length than it maps", _SET)
+def other_length(network: CheckedNetwork) -> NetFound:
+    """Something else sends on its CAN-ID."""
+    for node, pdo, config in network.tpdos:
+        heard = None if network.traffic is None else network.traffic.by_id.get(identifier_of(config))
+        is_known = config.has_mapping and not config.inconsistency and config.mpdo is None
+        if heard is not None and is_known and heard.lengths != {byte_length(config.bits)}:
+            lengths = several(str(one) for one in sorted(heard.lengths))
+            yield at(node, pdo), f"{lengths} bytes were heard, it maps {byte_length(config.bits)}"
+
+
+@check("not-heard", WARNING, "a TPDO with an event timer was not heard, though its node is OPERATIONAL",
+       "CiA 301, 7.5.2.37: event timer")  # fmt: skip
+def not_heard(network: CheckedNetwork) -> NetFound:
+    """Consumers wait for it in vain."""
+    traffic = network.traffic
+    for node, pdo, config in () if traffic is None else network.tpdos:
+        timer = config.communication.event_timer
+        if traffic is None or not timer or config.communication.transmission_type not in EVENT_DRIVEN:
+            continue
+        is_running = traffic.states.get(node.node_id) == [NmtState.OPERATIONAL]
+        if is_running and traffic.seconds * 1000 > _PATIENCE * timer and not traffic.count(identifier_of(config)):
+            yield at(node, pdo), f"its event timer is {timer} ms, and none came within {traffic.seconds:.1f} s"
+
+
+@check("from-nobody", WARNING, "a frame was heard that no node here sends", _SET)
+def from_nobody(network: CheckedNetwork) -> NetFound:
+    """A controller that is no CANopen node, another tool, or a node that was not read."""
+    for identifier, heard in () if network.traffic is None else sorted(network.traffic.by_id.items()):
+        if identifier not in _known(network) and network.traffic is not None:
+            hears = [f"{node.node_id}:{pdo}" for node, pdo, held in network.rpdos if identifier_of(held) == identifier]
+            who = f"; {several(hears)} {'hear' if len(hears) > 1 else 'hears'} it" if hears else ""
+            often = f"{network.traffic.rate_hz(identifier):.1f} a second" if heard.frames > 1 else "once"
+            yield NetSpot(), f"0x{identifier[0]:03X} was heard, {often}, and no node that was read sends it{who}"
+
+
+def _known(network: CheckedNetwork) -> set[Identifier]:
+    """CAN-IDs that a node, or a service that every network may have, sends."""
+    own = {one for node in network.nodes for one in (node.sync, node.time, node.emcy) if one is not None}
+    services = {(can_id, False) for one in _SERVICES for can_id in one}
+    return own | services | network.sent
+
+
+@check("other-master", WARNING, "another master talks to the nodes: NMT, LSS or SDO that is not ours",
+       "CiA 301, 7.2.8.3.1; 7.2.4.3.1: one SDO client; CiA 305")  # fmt: skip
+def other_master(network: CheckedNetwork) -> NetFound:
+    """What is read or changed here, it may change meanwhile."""
+    traffic = network.traffic
+    if traffic is None:
+        return
+    for node_id, count in sorted(traffic.requests.items()):
+        spot = NetSpot(node_id) if network.state.node(node_id) is not None else NetSpot()
+        whom = "it" if spot.node_id else f"node {node_id}"
+        yield spot, f"another SDO client asks {whom}: {plural(count, 'request')} that {_are(count)} not ours"
+    for command, count in sorted(traffic.commands.items()):
+        yield NetSpot(), f"somebody commands: {command}{_often(count)}"
+    if traffic.lss:
+        yield NetSpot(), f"somebody sends LSS commands: {plural(traffic.lss, 'frame')}"
+
+
+def _are(count: int) -> str:
+    return "is" if count == 1 else "are"
+
+
+def _often(count: int) -> str:
+    return "" if count == 1 else f", {count} times"
+
+
+@check("node-id-twice", ERROR, "two nodes seem to have one node-ID", "CiA 301, 7.3.4: a node-ID is there once")
+def node_id_twice(network: CheckedNetwork) -> NetFound:
+    """Both answer each request, and one of them is set up wrong."""
+    for node in network.nodes:
+        for why in _signs_of_two(network, node.node_id):
+            yield at(node), why
+
+
+def _signs_of_two(network: CheckedNetwork, node_id: int) -> Iterator[str]:
+    traffic = network.traffic
+    if traffic is None:
+        return
+    if why := _more(network, "heartbeat", (0x700 + node_id, False)):
+        yield f"of its heartbeats {why}"
+    states = [one for one in traffic.states.get(node_id, ()) if one is not NmtState.INITIALISING]
+    if len(states) > 2 and not traffic.commands and not traffic.boot_ups[node_id]:
+        yield f"its heartbeats say {states[0].label} and {states[1].label} by turns, without an NMT command"
+
+
+@check("heartbeat-not-heard", ERROR, "a node is to send a heartbeat, and none was heard", "CiA 301, 7.5.2.18")
+def heartbeat_not_heard(network: CheckedNetwork) -> NetFound:
+    """Who watches it takes it for gone."""
+    traffic = network.traffic
+    for node in () if traffic is None else network.nodes:
+        wait_ms = _PATIENCE * node.heartbeat_ms
+        if traffic is not None and 0 < wait_ms < traffic.seconds * 1000 and node.node_id not in traffic.states:
+            text = f"0x1017 is {node.heartbeat_ms} ms, and none came within {traffic.seconds:.1f} s"
+            yield held(node, PRODUCER_HEARTBEAT), text
+
+
+@check("heard-not-read", WARNING, "a node is heard, and does not tell what it holds", "ours")
+def heard_not_read(network: CheckedNetwork) -> NetFound:
+    """What it sends and hears is not looked at."""
+    for node_id in () if network.traffic is None else sorted(network.traffic.states):
+        if network.state.node(node_id) is None:
+            yield NetSpot(), f"node {node_id} sends heartbeats, and was not read"
+
+
+@check("restarts", WARNING, "a node restarted while the bus was listened to", "CiA 301, 7.2.8.3.3: boot-up")
+def restarts(network: CheckedNetwork) -> NetFound:
+    """What it holds in RAM only is lost."""
+    for node_id, count in () if network.traffic is None else sorted(network.traffic.boot_ups.items()):
+        if count:
+            yield NetSpot(node_id), f"its boot-up was heard{_often(count)}"
+
+
+@check("emergency", WARNING, "a node sent an EMCY while the bus was listened to", "CiA 301, 7.2.7")
+def emergency(network: CheckedNetwork) -> NetFound:
+    """`faults` says what it means."""
+    from dvtcli.domain.emergency_codes import emergency_text
+
+    for node_id, codes in () if network.traffic is None else sorted(network.traffic.emergencies.items()):
+        for code, count in sorted(codes.items()):
+            yield NetSpot(node_id), f"EMCY 0x{code:04X}, {emergency_text(code)}{_often(count)}"
+
+
+@check("error-frames", WARNING, "error frames were heard", "ISO 11898-1: error flags; wiring, termination, bit rate")
+def error_frames(network: CheckedNetwork) -> NetFound:
+    """Wiring, termination, or a node with another bit rate."""
+    if network.traffic is not None and network.traffic.error_frames:
+        yield NetSpot(), f"{plural(network.traffic.error_frames, 'error frame')} in {network.traffic.seconds:.1f} s"

@@ -1,0 +1,104 @@
+"""What was heard on a bus in a while: how often each CAN-ID came, who gave commands, what nodes said of themselves.
+
+Pure: frames are handed in. Judges nothing, and knows no configuration.
+"""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+from dvtcli.domain.network.network_state import Identifier
+from dvtcli.domain.nmt import NmtCommand, NmtState
+from dvtcli.domain.ports import Frame
+
+_NMT, _LSS = 0x000, 0x7E5
+_REQUESTS = range(0x601, 0x680)
+_EMERGENCIES = range(0x081, 0x100)
+_HEARTBEATS = range(0x701, 0x780)
+#: Times of one CAN-ID that are remembered.
+_MOST_TIMES = 1000
+
+
+@dataclass(slots=True)
+class HeardId:
+    """The frames of one CAN-ID: how many came, how long they were, and the first of the times (s) and contents."""
+
+    frames: int = 0
+    lengths: set[int] = field(default_factory=set)
+    times_s: list[float] = field(default_factory=list)
+    first_bytes: list[int | None] = field(default_factory=list)
+
+    @property
+    def gaps_s(self) -> list[float]:
+        """The times between them; none where the bus gives no times."""
+        return [after - before for before, after in pairwise(self.times_s)]
+
+
+@dataclass(slots=True)
+class HeardTraffic:
+    """Frames that others sent within *seconds*, and how many error frames there were."""
+
+    seconds: float = 0.0
+    error_frames: int = 0
+    frames: int = 0
+    by_id: defaultdict[Identifier, HeardId] = field(default_factory=lambda: defaultdict(HeardId))
+    #: SDO requests by the node that is asked
+    requests: Counter[int] = field(default_factory=Counter)
+    #: NMT commands in words, and how many LSS commands there were
+    commands: Counter[str] = field(default_factory=Counter)
+    lss: int = 0
+    #: what each node's heartbeat said, one after the other, without repeats
+    states: defaultdict[int, list[NmtState]] = field(default_factory=lambda: defaultdict(list))
+    boot_ups: Counter[int] = field(default_factory=Counter)
+    #: error codes of EMCY messages by node
+    emergencies: defaultdict[int, Counter[int]] = field(default_factory=lambda: defaultdict(Counter))
+
+    def add(self, frame: Frame) -> None:
+        """One more came."""
+        self.frames += 1
+        if frame.remote:
+            return
+        heard = self.by_id[frame.can_id, frame.extended]
+        heard.frames += 1
+        heard.lengths.add(len(frame.data))
+        if frame.timestamp_s and len(heard.times_s) < _MOST_TIMES:
+            heard.times_s.append(frame.timestamp_s)
+            heard.first_bytes.append(frame.data[0] if frame.data else None)
+        if not frame.extended:
+            self._of_service(frame)
+
+    def _of_service(self, frame: Frame) -> None:
+        can_id, node_id, data = frame.can_id, frame.can_id & 0x7F, frame.data
+        if can_id == _NMT and len(data) == 2:
+            self._command(data)
+        elif can_id == _LSS:
+            self.lss += 1
+        elif can_id in _REQUESTS:
+            self.requests[node_id] += 1
+        elif can_id in _EMERGENCIES and len(data) >= 2:
+            self.emergencies[node_id][int.from_bytes(data[:2], "little")] += 1
+        elif can_id in _HEARTBEATS and len(data) == 1:
+            self._heartbeat(node_id, data[0] & 0x7F)
+
+    def _command(self, data: bytes) -> None:
+        known = data[0] in set(NmtCommand)
+        what = f"nmt {NmtCommand(data[0]).word}" if known else f"NMT command 0x{data[0]:02X}"
+        self.commands[f"{what} {'all' if data[1] == 0 else data[1]}"] += 1
+
+    def _heartbeat(self, node_id: int, state: int) -> None:
+        if state not in set(NmtState):
+            return
+        self.boot_ups[node_id] += state == NmtState.INITIALISING
+        if self.states[node_id][-1:] != [state]:
+            self.states[node_id].append(NmtState(state))
+
+    def count(self, identifier: Identifier) -> int:
+        """How many frames of a CAN-ID came."""
+        heard = self.by_id.get(identifier)
+        return 0 if heard is None else heard.frames
+
+    def rate_hz(self, identifier: Identifier) -> float:
+        """Frames a second of a CAN-ID."""
+        return self.count(identifier) / self.seconds if self.seconds else 0.0
