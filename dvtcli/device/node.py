@@ -219,11 +219,12 @@ class Node(Changeable):
         force: bool = False,
         kept: bool = True,
         found: Found | None = None,
+        is_part: bool = False,
     ) -> Applied:
         """Run a checked *plan* inside the gate; on a real bus with lock, backup and journal.
 
         With *kept* it is remembered, so that `undo` can put it back. *found* is what `claim` answered before the reads
-        that the plan was made from.
+        that the plan was made from. *is_part* says that it is one of several, which end a stamp by themselves.
         """
         from dvtcli.device.access_level import level_findings
         from dvtcli.device.applied import Applied, refuse
@@ -232,7 +233,7 @@ class Node(Changeable):
         from dvtcli.domain.several import several
 
         if len(plan):
-            plan, warnings = with_way_back(self, plan)
+            plan, warnings = with_way_back(self, plan if is_part else self._with_stamp_ended(plan))
             locked = (*level_findings(self.access, plan), *(warnings if kept else ()))
             refuse(locked, f"{several(change.label for change in plan.changes)} not changed", self.node_id, force=force)
             findings += locked
@@ -246,6 +247,16 @@ class Node(Changeable):
                 look_again(self, plan, found)
             self._remember(plan.changes)
         return Applied(plan, findings)
+
+    def _with_stamp_ended(self, plan: Plan) -> Plan:
+        """*plan*, ahead of which a stamp of ours goes that vouches for what it changes."""
+        from dvtcli.domain.plan import STAMP
+
+        if self.has_no_stamp or (self.dictionary is not None and STAMP not in self.dictionary):
+            return plan
+        from dvtcli.device.stamped import with_stamp_ended
+
+        return with_stamp_ended(self, plan)
 
     def _done(self, plan: Plan, boot_ups: int, *, kept: bool) -> None:
         """*plan* was carried out, and read back after *boot_ups* boot-ups: whatever fails from here on, it is so.

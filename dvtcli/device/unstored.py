@@ -31,6 +31,11 @@ def held_unstored(node: KnownPdos, past: Past, identity: Identity) -> Mapping[st
     }
 
 
+def is_remembered(node: KnownPdos, past: Past) -> bool:
+    """Whether *past* has a change of *node* that no store is known to have taken; nothing of it is read for that."""
+    return bool(_unstored(node, past, node.identity()))
+
+
 def _unstored(node: KnownPdos, past: Past, identity: Identity) -> dict[str, Change]:
     """The last remembered change of each PDO and object, where it was not stored; oldest first."""
     try:

@@ -13,6 +13,8 @@ from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
 
+#: Verify configuration (CiA 301): date and time that stand for what a device holds (`stamp`).
+STAMP = 0x1020
 TRANSMISSION_TYPE, INHIBIT_TIME, EVENT_TIMER, SYNC_START = 2, 3, 5, 6
 #: Transmission types of TPDOs that are sent on a remote frame.
 ON_REQUEST = (252, 253)
@@ -61,7 +63,7 @@ class PdoChange:
 
 @dataclass(frozen=True, slots=True)
 class ValueChange:
-    """One object that is not part of a PDO, in one step."""
+    """One object that is not part of a PDO, in one step; a stamp that replaces another one goes by way of 0."""
 
     step: Step
 
@@ -72,8 +74,15 @@ class ValueChange:
 
     @property
     def steps(self) -> tuple[Step, ...]:
-        """The one step, as of every change."""
-        return (self.step,)
+        """The steps, as of every change."""
+        before, after = self.step.before, self.step.after
+        if self.step.index != STAMP or not any(before or b"") or not any(after):
+            return (self.step,)
+        nothing = bytes(len(after))
+        return (
+            replace(self.step, after=nothing, reason="what it vouched for changes"),
+            replace(self.step, before=nothing),
+        )
 
     def reversed(self) -> ValueChange:
         """The change that puts the old value back; ValueError where it is not known."""

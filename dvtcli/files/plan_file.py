@@ -63,8 +63,9 @@ def _node(document: Any) -> NodePlan:
         identity, plan = read_plan(document)
     wanted, values = _wanted([*_holds(document), *plan.changes])
     return NodePlan(
-        name, plan, identity, store=str(store), wanted=wanted, values=values, unstored=tuple(map(str, unstored))
-    )
+        name, plan, identity, store=str(store), wanted=wanted, values=values, unstored=tuple(map(str, unstored)),
+        is_read=document.get("read") is not False,
+    )  # fmt: skip
 
 
 def _holds(document: dict[str, Any]) -> list[Change]:

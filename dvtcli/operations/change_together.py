@@ -98,6 +98,7 @@ class _Run:
                     force=self.session.options.force,
                     kept=False,
                     found=self.found[part.node_id],
+                    is_part=True,
                 )
 
     @contextmanager

@@ -28,12 +28,15 @@ if TYPE_CHECKING:
     from dvtcli.operations.session import Session
 
 
-def planned(session: Session, file: str, saved: str | None = None, *, tells: bool = False) -> NetworkPlanned:
+def planned(
+    session: Session, file: str, saved: str | None = None, *, tells: bool = False, trust_stamp: bool = False
+) -> NetworkPlanned:
     """What has to be written for the network *file* to be so, *saved* as a file where that is named.
 
-    With *tells* its exit code is 3 where something differs. Raises as `plan_network`.
+    With *tells* its exit code is 3 where something differs; with *trust_stamp* nodes are not read whose stamp (0x1020)
+    says that they are so. Raises as `plan_network`.
     """
-    plan = plan_network(session, file)
+    plan = plan_network(session, file, trust_stamp=trust_stamp)
     keepers = {one.node_id: session.node(one.node_id).keeper for one in plan.nodes}
     interrupted = (node_id for node_id, keeper in keepers.items() if keeper is not None and keeper.open_journal())
     answer = NetworkPlanned(plan, tells, saved or "", load_after(session, plan), tuple(interrupted))
@@ -48,15 +51,17 @@ def applied(
     file: str,
     *,
     prove: str | None = None,
+    trust_stamp: bool = False,
     on_plan: Callable[[NetworkPlan], None] = lambda _plan: None,
 ) -> NetworkApplied:
     """Make a network what *file* says, a network file or a saved plan; *on_plan* is told what is about to be written.
 
+    With *trust_stamp* nodes are not read whose stamp (0x1020) says that they are so; UsageError with a saved plan.
     Raises as `plan_network` and `apply_network`.
     """
     from dvtcli.operations.apply_network import apply_network
 
-    plan = _plan_of(session, file)
+    plan = _plan_of(session, file, trust_stamp=trust_stamp)
     on_plan(plan)
     return apply_network(session, plan, prove=prove)
 
@@ -73,11 +78,15 @@ def may_store(file: str) -> bool:
         return False  # nothing of it is carried out
 
 
-def _plan_of(session: Session, file: str) -> NetworkPlan:
+def _plan_of(session: Session, file: str, *, trust_stamp: bool) -> NetworkPlan:
     with _opened(file):
         saved = read_network_plan(Path(file)) if is_network_plan(Path(file)) else None
     if saved is None:
-        return plan_network(session, file)
+        return plan_network(session, file, trust_stamp=trust_stamp)
+    if trust_stamp:
+        raise UsageError(
+            f"{file} is a saved plan, which says itself what was read", hint="plan --trust-stamp makes one"
+        )
     nodes = {one.node_id: session.node(one.node_id) for one in saved.nodes}
     for one in saved.nodes:
         if not len(one.plan) and one.plan.changes:

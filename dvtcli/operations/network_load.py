@@ -70,10 +70,10 @@ def network_load(session: Session, file: str | None = None, wishes: LoadWishes |
 def load_after(session: Session, plan: NetworkPlan) -> BusNeed | None:
     """What the nodes of *plan* need of the bus at worst once it is carried out; None where its bit rate is not known.
 
-    Reads all of their PDOs. None, too, where one of them does not tell what it holds.
+    Reads all of their PDOs. None, too, where one of them does not tell what it holds, or is not to be read.
     """
     bit_rate = session.wire.bitrate or session.options.bitrate
-    if bit_rate is None:
+    if bit_rate is None or plan.unread:
         return None
     try:
         state = network_state(session.node(one.node_id) for one in plan.nodes)

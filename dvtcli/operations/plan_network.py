@@ -22,7 +22,7 @@ from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.network.consumers import left_findings, length_findings, moved_tpdos
 from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
 from dvtcli.domain.network.wanted_state import Endpoint
-from dvtcli.domain.plan import PdoChange, Plan, Step, ValueChange, plan_pdo
+from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, plan_pdo
 from dvtcli.domain.rules import check_pdo, errors_in
 from dvtcli.domain.several import plural, several
 from dvtcli.errors import DvtcliError, InputFileError, NoAnswer, RuleError, SdoProtocolError, UsageError
@@ -32,6 +32,8 @@ from dvtcli.operations.linked_wishes import with_links
 from dvtcli.operations.meet_network import Met, meet
 from dvtcli.operations.network_wish import read_wish
 from dvtcli.operations.possible_stores import refuse_stores_of
+from dvtcli.operations.stamped_words import linked_with
+from dvtcli.operations.stamping import stamping, stamps_of, trusted
 from dvtcli.operations.wanted_words import NodeWants, node_wants
 
 if TYPE_CHECKING:
@@ -39,12 +41,14 @@ if TYPE_CHECKING:
     from dvtcli.domain.network.wanted_state import NetworkWish, NodeWish, PdoWish
     from dvtcli.domain.pdo import Pdo, PdoConfig
     from dvtcli.domain.rules import Finding
+    from dvtcli.domain.stamp import Stamp
     from dvtcli.operations.session import Session
 
 
-def plan_network(session: Session, file: str) -> NetworkPlan:
+def plan_network(session: Session, file: str, *, trust_stamp: bool = False) -> NetworkPlan:
     """What has to be written for the nodes of the network *file* to hold what it says; reads them, writes nothing.
 
+    With *trust_stamp* not those whose 0x1020 says that they do, which the answer says.
     SafetyRefusal where a node is another device, InputFileError with everything that is wrong in the file, also what
     only a node's dictionary knows, RuleError with all that the rules refuse, NoAnswer where nodes are silent: the first
     of these that there is, with all else that is wrong among its details.
@@ -53,7 +57,7 @@ def plan_network(session: Session, file: str) -> NetworkPlan:
     for note in wish.notes:
         session.tell.note(f"{file}:{note.mark.line}:{note.mark.column}: {note.text}")
     wish = _of_nodes(session, file, wish, _named(session))
-    return plan_wish(session, wish, FileLog(file, Path(file).read_text("utf-8-sig")))
+    return plan_wish(session, wish, FileLog(file, Path(file).read_text("utf-8-sig")), trust_stamp=trust_stamp)
 
 
 def _named(session: Session) -> tuple[int, ...]:
@@ -73,13 +77,20 @@ def _of_nodes(session: Session, file: str, wish: NetworkWish, ids: tuple[int, ..
         return wish
     if unknown := [one for one in ids if one not in {node.node_id for node in wish.nodes}]:
         raise UsageError(f"{file} has no node {', '.join(map(str, unknown))}", place=file)
-    chosen, alone = _without_torn_links(wish, wish.of(ids))
+    chosen, alone = _without_torn_links(wish, _without_stamps(wish, wish.of(ids)))
     if left_out := len(wish.links) - len(chosen.links):
         stay = ", ".join(f"{end.node_id}:{end.pdo}" for end in alone)
         session.tell.note(
             f"{plural(left_out, 'link')} of {file} left out: not both ends are among -n; left as they are: {stay}"
         )
     return chosen
+
+
+def _without_stamps(wish: NetworkWish, chosen: NetworkWish) -> NetworkWish:
+    """*chosen* of *wish*, where no node gets a stamp that stands for links with nodes that are left out, too."""
+    ids = {node.node_id for node in chosen.nodes}
+    nodes = (node if linked_with(wish, node.node_id) <= ids else replace(node, stamp=None) for node in chosen.nodes)
+    return replace(chosen, nodes=tuple(nodes))
 
 
 def _without_torn_links(wish: NetworkWish, chosen: NetworkWish) -> tuple[NetworkWish, list[Endpoint]]:
@@ -100,19 +111,27 @@ def _without_torn_links(wish: NetworkWish, chosen: NetworkWish) -> tuple[Network
     return replace(chosen, nodes=nodes, links=links), alone
 
 
-def plan_wish(session: Session, wish: NetworkWish, log: FileLog) -> NetworkPlan:
+def plan_wish(session: Session, wish: NetworkWish, log: FileLog, *, trust_stamp: bool = False) -> NetworkPlan:
     """What has to be written for the nodes of *wish* to hold what it says; what it cannot mean is told to *log*.
 
-    Raises as `plan_network`.
+    *trust_stamp* and what is raised as of `plan_network`.
     """
     met = meet(session, log.file, wish)
+    unread = trusted(met.nodes, wish) if trust_stamp else frozenset()
     planned: list[NodePlan] = []
     try:
-        planned = _judged(session, met, wish.of(met.nodes), log)
+        planned = _judged(session, met, wish.of(met.nodes.keys() - unread), log)
     except (InputFileError, RuleError, NoAnswer, SdoProtocolError) as failed:
         met.failures.append(failed)
     met.end()
-    return NetworkPlan(log.file, tuple(planned))
+    planned += (_unread(met.nodes[node.node_id], node) for node in wish.nodes if node.node_id in unread)
+    return NetworkPlan(log.file, tuple(sorted(planned, key=lambda one: one.node_id)))
+
+
+def _unread(node: Node, wish: NodeWish) -> NodePlan:
+    """Nothing is to be done about *node*, which was not read."""
+    plan = Plan(node.node_id, ())
+    return NodePlan(wish.name, plan, node.identity(), node.title, wish.mark.line, is_read=False)
 
 
 def _judged(session: Session, met: Met, wish: NetworkWish, log: FileLog) -> list[NodePlan]:
@@ -122,6 +141,7 @@ def _judged(session: Session, met: Met, wish: NetworkWish, log: FileLog) -> list
     """
     nodes = met.nodes
     said: Mapping[int, tuple[Finding, ...]] = {}
+    stamps = stamps_of(nodes, wish)
     try:
         if wish.links:
             found = with_links(nodes, _known(session, nodes), wish)
@@ -136,8 +156,8 @@ def _judged(session: Session, met: Met, wish: NetworkWish, log: FileLog) -> list
             wants[node.node_id] = understood
     planned: list[NodePlan] = []
     try:
-        found_plans = _planned(nodes, wish.of(wants), wants)
-        planned = [replace(one, findings=said.get(one.node_id, ())) for one in found_plans]
+        found_plans = _planned(nodes, wish.of(wants), wants, stamps)
+        planned = [replace(one, findings=(*said.get(one.node_id, ()), *one.findings)) for one in found_plans]
         planned = list(checked(nodes, planned, force=session.options.force))
     except RuleError as refused:
         met.failures.append(refused)
@@ -158,7 +178,9 @@ def _known(session: Session, nodes: Mapping[int, Node]) -> Iterator[Node]:
                 yield session.network.node(node_id)
 
 
-def _planned(nodes: Mapping[int, Node], wish: NetworkWish, wants: Mapping[int, NodeWants]) -> list[NodePlan]:
+def _planned(
+    nodes: Mapping[int, Node], wish: NetworkWish, wants: Mapping[int, NodeWants], stamps: Mapping[int, Stamp]
+) -> list[NodePlan]:
     """Each node's changes, not judged yet; RuleError with all objects that devices lack."""
     senders = Senders(nodes, {one.node_id: {pdo.pdo: _said(pdo) for pdo in one.pdos} for one in wish.nodes})
     planned: list[NodePlan] = []
@@ -167,7 +189,8 @@ def _planned(nodes: Mapping[int, Node], wish: NetworkWish, wants: Mapping[int, N
         node.bus.side_by_side([partial(_look_ahead, nodes[node_id], want) for node_id, want in wants.items()])
     for one in wish.nodes:
         try:
-            planned.append(_node_plan(nodes[one.node_id], one, wants[one.node_id], senders))
+            stamp = stamps.get(one.node_id)
+            planned.append(_node_plan(nodes[one.node_id], one, wants[one.node_id], senders, stamp))
         except RuleError as error:
             refused.append(error)
     if refused:
@@ -189,7 +212,7 @@ def _said(wish: PdoWish) -> CobId | None:
     return CobId(wish.cob_id, extended=wish.extended)
 
 
-def _node_plan(node: Node, wish: NodeWish, wants: NodeWants, senders: Senders) -> NodePlan:
+def _node_plan(node: Node, wish: NodeWish, wants: NodeWants, senders: Senders, stamp: Stamp | None) -> NodePlan:
     elsewhere = partial(senders.besides, node.node_id)
     lengths = untyped_lengths(node, wants.pdos.values())
     now = node.observed(lambda: {pdo: node.known_pdo(pdo) for pdo in wants.pdos})
@@ -201,12 +224,15 @@ def _node_plan(node: Node, wish: NodeWish, wants: NodeWants, senders: Senders) -
         for place, data in wants.values.items()
         if held[place] != data
     ]
-    changes = [plan_pdo(pdo, now[pdo], want) for pdo, want in wanted.items()]
-    plan = Plan(node.node_id, (*values, *(change for change in changes if change.steps)))
+    pdos = [plan_pdo(pdo, now[pdo], want) for pdo, want in wanted.items()]
+    changes: tuple[Change, ...] = (*values, *(change for change in pdos if change.steps))
+    stamped = stamping(node, stamp, changes)
+    plan = Plan(node.node_id, (*stamped.changes, *changes))
     return NodePlan(
-        wish.name, plan, node.identity(), node.title, wish.mark.line, str(wish.store or ""), wanted, dict(wants.values),
-        wants.pruned, lines={pdo.pdo: pdo.mark.line for pdo in wish.pdos},
-        names=names(node, plan.changes), unstored=_unstored(node, plan) if wish.store else (),
+        wish.name, plan, node.identity(), node.title, wish.mark.line, str(wish.store or ""), wanted,
+        {**wants.values, **stamped.values}, wants.pruned, stamped.findings,
+        lines={pdo.pdo: pdo.mark.line for pdo in wish.pdos}, names=names(node, plan.changes),
+        unstored=_unstored(node, plan) if wish.store else (),
     )  # fmt: skip
 
 

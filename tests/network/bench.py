@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 from dvtcli.domain.cob_id import CobId
@@ -33,9 +34,10 @@ _HEARTBEAT_MS = 100
 Layouts = tuple[tuple[int, ...], tuple[int, ...]]
 
 
-def device(node_id: int, family: str) -> StrictDevice:
+def device(node_id: int, family: str, *, clears_stamp: bool = True) -> StrictDevice:
     """A device in PRE-OPERATIONAL with a stored heartbeat; RAM and what is stored differ in a PDO that changes."""
-    made = StrictDevice(dictionary(family), load_family(family), node_id)
+    behaviour = replace(load_family(family), clears_stamp=clears_stamp)
+    made = StrictDevice(dictionary(family), behaviour, node_id)
     made.boot_up()
     made.set_value(0x1017, 0, _HEARTBEAT_MS.to_bytes(2, "little"))
     made._memory.save(0x1017, 0x1017)
@@ -100,9 +102,12 @@ class Chain:
         operational: bool = True,
         families: dict[int, str] = CHAIN,
         bus: type[Heard] = Heard,
+        clears_stamps: bool = True,
     ) -> None:
         self.folder, self._families = folder, families
-        self.devices = {node_id: device(node_id, family) for node_id, family in families.items()}
+        self.devices = {
+            node_id: device(node_id, family, clears_stamp=clears_stamps) for node_id, family in families.items()
+        }
         self.bus = bus(list(self.devices.values()), [Fault.parse(text) for text in faults or []])
         if operational:
             self.bus.send_nmt(NmtCommand.START, 0)
@@ -119,9 +124,9 @@ class Chain:
                 session.open_network().files.own_profile[node_id] = family
             yield session
 
-    def plan(self, file: Path = FILE) -> NetworkPlanned:
+    def plan(self, file: Path = FILE, *, trust_stamp: bool = False) -> NetworkPlanned:
         with self.session() as session:
-            return planned(session, str(file))
+            return planned(session, str(file), trust_stamp=trust_stamp)
 
     def apply(self, file: Path = FILE, *, prove: str | None = None) -> NetworkApplied:
         with self.session() as session:

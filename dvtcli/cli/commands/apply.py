@@ -9,6 +9,7 @@ import click
 
 from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.commands._network_plan import show_plan
+from dvtcli.cli.commands._trust_stamp import trust_stamp as trust_stamp_option
 from dvtcli.cli.effect import Effect, Final
 from dvtcli.cli.params import FILE
 
@@ -29,8 +30,9 @@ def _stores(params: Mapping[str, Any]) -> Final | None:
 @click.command("apply", cls=DvtCommand, short_help=__doc__, effect=Effect.CHANGES, stores=_stores)
 @click.argument("file", type=FILE)
 @click.option("--prove", is_flag=True, help="Restart each node that stored, and compare what it comes up with.")
+@trust_stamp_option
 @click.pass_context
-def command(ctx: click.Context, /, file: str, prove: bool) -> NetworkApplied:
+def command(ctx: click.Context, /, file: str, prove: bool, trust_stamp: bool) -> NetworkApplied:
     """Carry out what plan shows for the network FILE, or a saved plan, on all nodes; with a fault on one, on none.
 
     Asks first. PDOs go off, everything is written and read back, then consumers go on, then producers. Nodes store
@@ -40,7 +42,9 @@ def command(ctx: click.Context, /, file: str, prove: bool) -> NetworkApplied:
     apply press.yaml --yes
     apply plan.json --yes
     apply press.yaml --dry-run
+    apply press.yaml --trust-stamp   read only nodes whose 0x1020 is not that of this file
     """
     from dvtcli.operations.network_files import applied
 
-    return applied(ctx.obj, file, prove="reset" if prove else None, on_plan=partial(show_plan, ctx.obj.output))
+    show, prove_by = partial(show_plan, ctx.obj.output), "reset" if prove else None
+    return applied(ctx.obj, file, prove=prove_by, trust_stamp=trust_stamp, on_plan=show)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.commands._trust_stamp import trust_stamp as trust_stamp_option
 from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import FILE
 from dvtcli.operations.options import CASE_FORMATS
@@ -19,8 +20,9 @@ TASK = ("Networks", 20)
 
 @click.command("diff", cls=DvtCommand, short_help=__doc__, effect=Effect.READS, formats=CASE_FORMATS)
 @click.argument("file", type=FILE)
+@trust_stamp_option
 @click.pass_context
-def command(ctx: click.Context, /, file: str) -> NetworkPlanned:
+def command(ctx: click.Context, /, file: str, trust_stamp: bool) -> NetworkPlanned:
     """Read the nodes of the network FILE and show what differs: plan, with exit code 3 where it does.
 
     \b
@@ -29,4 +31,4 @@ def command(ctx: click.Context, /, file: str) -> NetworkPlanned:
     """
     from dvtcli.operations.network_files import planned
 
-    return planned(ctx.obj, file, None, tells=True)
+    return planned(ctx.obj, file, None, tells=True, trust_stamp=trust_stamp)

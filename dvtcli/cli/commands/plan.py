@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.commands._trust_stamp import trust_stamp as trust_stamp_option
 from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import FILE
 from dvtcli.operations.options import CASE_FORMATS
@@ -21,8 +22,9 @@ TASK = ("Networks", 10)
 @click.argument("file", type=FILE)
 @click.option("-o", "saved", type=FILE, metavar="PLAN", help="Save the plan as a file that apply takes.")
 @click.option("--exit-code", "tells", is_flag=True, help="End with 3 where something would be written or stored.")
+@trust_stamp_option
 @click.pass_context
-def command(ctx: click.Context, /, file: str, saved: str | None, tells: bool) -> NetworkPlanned:
+def command(ctx: click.Context, /, file: str, saved: str | None, tells: bool, trust_stamp: bool) -> NetworkPlanned:
     """Read the nodes of the network FILE and show what differs, and what apply would write.
 
     Everything that is wrong, on any node, is said at once. --format github or junit is for CI.
@@ -35,4 +37,4 @@ def command(ctx: click.Context, /, file: str, saved: str | None, tells: bool) ->
     """
     from dvtcli.operations.network_files import planned
 
-    return planned(ctx.obj, file, saved, tells=tells)
+    return planned(ctx.obj, file, saved, tells=tells, trust_stamp=trust_stamp)

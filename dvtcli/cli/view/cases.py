@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 class Case:
     """One PDO or object of a *node*: *says* what is not as it should be, nothing where all is.
 
-    *level* is `error`, `warning` or `notice`; *file* with *line* (0: nowhere) says what should be.
+    *level* is `error`, `warning` or `notice`, or `skipped` where nobody looked; *file* with *line* (0: nowhere) says
+    what should be.
     """
 
     node: int
@@ -48,6 +49,9 @@ def cases_of(result: NetworkPlanned | Compared | ComparedNodes) -> Iterator[Case
 def _planned(result: NetworkPlanned, node: NodePlan) -> Iterator[Case]:
     """What differs is an error where that is to be told, else a notice: it is what `apply` would write."""
     level = "error" if result.tells else "notice"
+    if not node.is_read:
+        says = ("not read: its stamp (0x1020) is that of the file",)
+        yield Case(node.node_id, "stamp", says, "skipped", result.plan.file, node.line)
     for change in node.plan.changes:
         yield Case(
             node.node_id, change.label, tuple(_differences(change)), level, result.plan.file, _line(node, change)

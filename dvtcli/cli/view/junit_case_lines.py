@@ -27,12 +27,16 @@ def junit_case_lines(result: NetworkPlanned | Compared | ComparedNodes, _width: 
 def _suite(node: int, cases: list[Case]) -> ET.Element:
     failed = [case for case in cases if _fails(case)]
     counts = {"tests": str(len(cases)), "failures": str(len(failed)), "errors": "0"}
+    if skipped := sum(case.level == "skipped" for case in cases):
+        counts["skipped"] = str(skipped)
     suite = ET.Element("testsuite", {"name": f"node {node}", **counts})
     for case in cases:
         element = ET.SubElement(suite, "testcase", {"classname": safe(f"{case.file}.node{node}"), "name": case.name})
         text = "\n".join(map(safe, case.says))
         if _fails(case):
             ET.SubElement(element, "failure", {"type": "differs", "message": safe(case.says[0])}).text = text
+        elif case.level == "skipped":
+            ET.SubElement(element, "skipped", {"message": safe(case.says[0])})
         elif text:
             ET.SubElement(element, "system-out").text = text
     return suite

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from dvtcli.cli.view.change_lines import step_value
 from dvtcli.cli.view.lines import Cell, Line, Table
 from dvtcli.domain.pdo import transmission_type_text
-from dvtcli.domain.plan import PdoChange, Step
+from dvtcli.domain.plan import STAMP, PdoChange, Step
 from dvtcli.domain.several import plural, several
 from dvtcli.operations.results.networks import action, differing
 
@@ -36,7 +36,7 @@ def planned_lines(result: NetworkPlanned, width: int) -> Iterator[Line]:
     if not result.plan.changed and result.plan.to_do:
         yield "Every node holds what the file says, and not all of it is stored."
     elif not result.plan.changed:
-        yield "No difference: every node holds what the file says. Nothing was written."
+        yield f"No difference: {_every(result.plan)} holds what the file says. Nothing was written."
     if result.need is not None:
         yield from _load(result.need)
     if not result.interrupted and not result.plan.to_do:
@@ -47,6 +47,13 @@ def planned_lines(result: NetworkPlanned, width: int) -> Iterator[Line]:
         nodes = ", ".join(map(str, result.interrupted))
         after = f"dvtcli recover, since a change of node {nodes} was interrupted; then plan again"
     yield f"Nothing was written.{saved} Next: {after}"
+
+
+def _every(plan: NetworkPlan) -> str:
+    """Of whom it is said that nothing differs."""
+    if len(plan.unread) == len(plan.nodes):
+        return f"every node, as its stamp (0x{STAMP:04X}) says,"
+    return "every node that was read" if plan.unread else "every node"
 
 
 def _load(need: BusNeed) -> Iterator[Line]:
@@ -68,7 +75,7 @@ def applied_lines(result: NetworkApplied, _width: int) -> Iterator[Line]:
     """What was made of a plan that was shown before, and where that is kept."""
     plan = result.plan
     if not plan.changed and not result.stored:
-        yield "Every node holds what the file says already; nothing was written."
+        yield f"{_every(plan).capitalize()} holds what the file says already; nothing was written."
         return
     writes, nodes = plural(plan.writes, "write"), plural(sum(bool(len(one.plan)) for one in plan.nodes), "node")
     if result.dry_run:
@@ -124,6 +131,8 @@ def _node(plan: NetworkPlan, node: NodePlan, width: int) -> Iterator[Line]:
             yield from _pdo(node, change, width)
         else:
             yield _object(change.step)
+    if not node.is_read:
+        yield [Cell("  = ", "dim"), Cell(f"not read: its stamp (0x{STAMP:04X}) is that of the file")]
     if node.store and node.unstored:
         yield [Cell("  ! ", "yellow"), Cell(f"not stored yet: {several(node.unstored)}")]
     if node.unchanged > 0:

@@ -40,6 +40,8 @@ class NodePlan:
     names: dict[str, str] = field(default_factory=dict)
     #: what it holds as wanted and is known not to have stored
     unstored: tuple[str, ...] = ()
+    #: False where its stamp (0x1020) was trusted instead: nothing else is known of it
+    is_read: bool = True
 
     @property
     def node_id(self) -> int:
@@ -62,7 +64,7 @@ class NodePlan:
     @property
     def unchanged(self) -> int:
         """How many PDOs and single objects of the file are as wanted."""
-        return len(self.wanted) + len(self.values) - len(self.plan.changes)
+        return len(self.holds)
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +83,11 @@ class NetworkPlan:
     def to_do(self) -> bool:
         """Whether anything is to be written or stored."""
         return any(len(node.plan) or node.stores for node in self.nodes)
+
+    @property
+    def unread(self) -> tuple[int, ...]:
+        """Node-IDs of those that were not read, since their stamps were trusted."""
+        return tuple(node.node_id for node in self.nodes if not node.is_read)
 
     @property
     def writes(self) -> int:

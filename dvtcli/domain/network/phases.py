@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 from dvtcli.domain.pdo import PdoConfig
-from dvtcli.domain.plan import Change, PdoChange, Plan, disables, needs_rtr_first, plan_pdo
+from dvtcli.domain.plan import STAMP, Change, Plan, ValueChange, disables, needs_rtr_first, plan_pdo
 
 
 def phases(plans: Iterable[Plan]) -> tuple[tuple[Plan, ...], ...]:
@@ -17,8 +17,10 @@ def phases(plans: Iterable[Plan]) -> tuple[tuple[Plan, ...], ...]:
 
     First every TPDO that changes is disabled, then every RPDO; then everything is written; then RPDOs are enabled, and
     at last TPDOs. The writes are the same as in *plans*. Backwards, phase by phase, the order holds as well.
+
+    A stamp goes ahead of everything else of its node, and the new one behind it: a device may clear it meanwhile.
     """
-    split = [(plan.node_id, [part for change in plan.changes for part in _parts(change)]) for plan in plans]
+    split = [(plan.node_id, [part for change in _ordered(plan) for part in _parts(change)]) for plan in plans]
     found = []
     for phase in range(5):
         parts = ((node_id, tuple(change for number, change in parts if number == phase)) for node_id, parts in split)
@@ -26,13 +28,28 @@ def phases(plans: Iterable[Plan]) -> tuple[tuple[Plan, ...], ...]:
     return tuple(found)
 
 
-_WRITE = 2
+_FIRST, _WRITE, _LAST = 0, 2, 4
+
+
+def _ordered(plan: Plan) -> Iterator[Change]:
+    """The changes of *plan*, those that end a stamp first and those that set one last."""
+    yield from (part for change in plan.changes for part in _stamps(change) if not any(part.step.after))
+    yield from (change for change in plan.changes if not _is_stamp(change))
+    yield from (part for change in plan.changes for part in _stamps(change) if any(part.step.after))
+
+
+def _is_stamp(change: Change) -> bool:
+    return isinstance(change, ValueChange) and change.step.index == STAMP
+
+
+def _stamps(change: Change) -> tuple[ValueChange, ...]:
+    return tuple(map(ValueChange, change.steps)) if _is_stamp(change) else ()
 
 
 def _parts(change: Change) -> Iterator[tuple[int, Change]]:
     """The parts of *change* that write something, each with the number of its phase."""
-    if not isinstance(change, PdoChange):
-        yield _WRITE, change
+    if isinstance(change, ValueChange):
+        yield (_LAST if any(change.step.after) else _FIRST) if _is_stamp(change) else _WRITE, change
         return
     off, on = (0, 4) if change.pdo.is_tpdo else (1, 3)
     now, want = change.before, change.after

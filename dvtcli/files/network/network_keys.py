@@ -151,7 +151,10 @@ KEYS: tuple[NetworkKey, ...] = (
         "what is stored afterwards: true or `all`, `communication`, `application`, a sub-index of 0x1010", 1, 127,
     ),
     NetworkKey(Where.NODE, "prune", Kind.TRUTH, "whether enabled PDOs that are not in the file are disabled"),
-    NetworkKey(Where.NODE, "stamp", Kind.TRUTH, "whether 0x1020 is set before the store: noted, not carried out yet"),
+    NetworkKey(
+        Where.NODE, "stamp", Kind.TRUTH,
+        "whether 0x1020 gets a date and time that stand for these settings, before the store; needs `store: true`",
+    ),
     *_noted(Where.NODE, "where dcfgen's output goes", "dcf_path"),
     *_noted(Where.NODE, "how the master watches the node", "heartbeat_multiplier", "retry_factor"),
     *_noted(

@@ -53,8 +53,9 @@ def read_node(name: str, branch: Branch, around: Surroundings, log: FileLog) -> 
     pins = tuple(_pins(found.get("vpdo"), log))
     identity = _identity(branch, found, name, log)
     pdos = sorted(_pdos(found, name, log), key=lambda wish: (not wish.pdo.is_tpdo, wish.pdo.number))
-    if found.get("stamp"):
-        log.note(key_mark(branch, "stamp"), "stamp is not carried out yet: 0x1020 is left alone")
+    if found.get("stamp") and found.get("store") not in ("all", "1"):
+        log.complain(key_mark(branch, "stamp"), "a stamp that is not stored with all the rest vouches for nothing: "
+                     "it needs `store: true`")  # fmt: skip
     if "node_id" not in found:
         return None
     profile: FileWord | None = found.get("profile")

@@ -146,16 +146,18 @@ class Bus:
             whole("node_ids", node_id, "a node-ID", 127, low=1)
         return self._calls.run(lambda: check_sync(self._session, node_ids))
 
-    def plan(self, file: str | Path) -> NetworkPlanned:
+    def plan(self, file: str | Path, *, trust_stamp: bool = False) -> NetworkPlanned:
         """What has to be written for the network *file* (YAML) to be so; reads its nodes, and writes nothing.
 
+        With *trust_stamp* not those whose 0x1020 has the stamp of what the file says; the answer names them.
         InputFileError with everything that is wrong in the file; RuleError with everything that the rules refuse, on
         all nodes; SafetyRefusal where a node is another device than the file says.
         """
         from dvtcli.operations.network_files import planned
 
         chosen = str(path("file", file))
-        return self._calls.run(lambda: planned(self._session, chosen))
+        flags(trust_stamp=trust_stamp)
+        return self._calls.run(lambda: planned(self._session, chosen, trust_stamp=trust_stamp))
 
     def load(
         self,
@@ -202,21 +204,32 @@ class Bus:
         wishes = check_wishes(rules, without, bit_rate, for_s, strict=strict)
         return self._calls.run(lambda: check_all(self._session, chosen, wishes))
 
-    def apply(self, file: str | Path, *, prove: bool = False, yes: bool = False, force: bool = False) -> NetworkApplied:
+    def apply(
+        self,
+        file: str | Path,
+        *,
+        prove: bool = False,
+        trust_stamp: bool = False,
+        yes: bool = False,
+        force: bool = False,
+    ) -> NetworkApplied:
         """Make the nodes what the network *file* says, or a plan that `dvtcli plan -o` saved: all of them, or none.
 
-        Asks first, unless *yes*; *force* is as for a node's changes. Nodes store where the file says so, once all of
-        them were read back; with *prove* each is restarted then, and compared. A fault on one node brings every node
-        back; LeftChanged where one could not be, or where not all have stored. SafetyRefusal where a node has changed
-        since the plan was saved.
+        Asks first, unless *yes*; *force* is as for a node's changes; *trust_stamp* as of `plan`. Nodes store where the
+        file says so, once all of them were read back; with *prove* each is restarted then, and compared. A fault on one
+        node brings every node back; LeftChanged where one could not be, or where not all have stored. SafetyRefusal
+        where a node has changed since the plan was saved.
         """
         from dvtcli.operations.network_files import applied
 
         chosen = str(path("file", file))
-        flags(prove=prove)
+        flags(prove=prove, trust_stamp=trust_stamp)
         prove_by = "reset" if prove else None
         return self._calls.run(
-            lambda: applied(self._session, chosen, prove=prove_by), changes=True, yes=yes, force=force
+            lambda: applied(self._session, chosen, prove=prove_by, trust_stamp=trust_stamp),
+            changes=True,
+            yes=yes,
+            force=force,
         )
 
     def link(

@@ -83,6 +83,7 @@ def _node_document(node: NodePlan) -> Document:
         "name": node.name,
         "identity": node.identity,
         "store": node.store or None,
+        "read": node.is_read,
         "unstored": list(node.unstored),
         "unchanged": node.unchanged,
         "pdos": [_pdo_document(node, change) for change in changes if isinstance(change, PdoChange)],

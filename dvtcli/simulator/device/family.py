@@ -106,6 +106,7 @@ class Family:
       *save_answer*: what it answers to "save", 0 for accepted. *store_lasts*: whether a store outlasts a reset;
       *communication_reset_reloads*: whether a reset of communication brings stored values back, or leaves all as it
       is.
+    - *clears_stamp*: whether a write that changes its configuration makes both values of 0x1020 0 (7.5.2.22).
     - *login*: access levels, None for none. *extended_error*: the object that explains abort 0x08000000;
       *reasons*: abort code → reason, for codes that this family hides behind 0x08000000.
     - *error_list* lists the errors that are active, the highest code first.
@@ -162,6 +163,7 @@ class Family:
     save_answer: int = 0
     store_lasts: bool = True
     communication_reset_reloads: bool = True
+    clears_stamp: bool = True
     login: Login | None = None
     extended_error: Object | None = None
     reasons: Mapping[int, int] = field(default_factory=dict)

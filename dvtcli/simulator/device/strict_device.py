@@ -22,6 +22,8 @@ from dvtcli.simulator.device.memory import Backing, Memory
 from dvtcli.simulator.device.parameter_areas import ParameterAreas
 from dvtcli.simulator.device.refusal import Refusal
 
+#: Verify configuration (CiA 301, 7.5.2.22).
+_STAMP = 0x1020
 _STATES = {
     NmtCommand.START: NmtState.OPERATIONAL,
     NmtCommand.STOP: NmtState.STOPPED,
@@ -174,10 +176,21 @@ class StrictDevice:
         if self._gates.is_passcode(index, sub_index):
             self._gates.log_in(data)
             return
+        held = self._memory.read(index, sub_index) if self._clears_stamp_for(index, sub_index) else data
         self._memory.write(index, sub_index, data)
+        if held != data:
+            for part in (1, 2):
+                self._memory.write(_STAMP, part, bytes(4))
         self.areas.keep_written(index)
         self.services.written(index)
         self.state = self._gates.granted(self._gates.forced_state(index, sub_index), self.state)
+
+    def _clears_stamp_for(self, index: int, sub_index: int) -> bool:
+        """Whether a write to the object ends what 0x1020 says: it is configuration, and no process value."""
+        if not self.family.clears_stamp or index == _STAMP or self._memory.entry(_STAMP, 1) is None:
+            return False
+        entry = self._memory.entry(index, sub_index)
+        return entry is None or not entry.pdo_mapping
 
     def _reset(self, *, communication_only: bool) -> None:
         self._initialise(communication_only=communication_only, powered=True)

@@ -182,6 +182,7 @@ FAMILY_KEYS: Schema = {
     "save_answer": _ABORT,
     "store_lasts": boolean,
     "communication_reset_reloads": boolean,
+    "clears_stamp": boolean,
     "login": _login,
     "extended_error": object_address,
     "reasons": _numbered(0xFFFF_FFFF, integer(0, 0xFFFF)),

@@ -150,7 +150,7 @@ FIXTURES: dict[tuple[Where, str], Fixture] = {
     ),
     (Where.NODE, "store"): _node("store: 4", store="4"),
     (Where.NODE, "prune"): _node("prune: true", prune=True),
-    (Where.NODE, "stamp"): _node("stamp: true", stamp=True),
+    (Where.NODE, "stamp"): _node("store: true\nstamp: true", store="all", stamp=True),
     **{
         (Where.NODE, name): _left_alone(f"{name}: {value}")
         for name, value in {

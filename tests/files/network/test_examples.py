@@ -14,6 +14,7 @@ NODES = {
     "bus.yml": ("generic@2", "generic@3"),
     "line.yaml": ("gen4@1", "generic@5"),
     "press.yaml": ("gen4@1", "tmcm@5"),
+    "stamped.yaml": ("generic@5", "generic@9"),
     "traction.yaml": ("gen4@1", "generic@5", "generic@9"),
 }
 #: one that `check` is shown with, and one that only says which node-IDs nodes get

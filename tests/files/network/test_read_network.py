@@ -193,8 +193,8 @@ def test_what_defaults_have_wrong_is_said_once() -> None:
 
 
 def test_anchors_and_keys_with_a_dot_are_for_sharing() -> None:
-    wish = read(".x: &x {prune: true, stamp: true}\na: {<<: *x, node_id: 2, stamp: false}\n")
-    assert wish.nodes == (NodeWish("a", 2, prune=True, stamp=False),)
+    wish = read(".x: &x {prune: true, stamp: true, store: true}\na: {<<: *x, node_id: 2, stamp: false}\n")
+    assert wish.nodes == (NodeWish("a", 2, prune=True, stamp=False, store="all"),)
 
 
 def test_an_unset_heartbeat_clears_no_entry_and_a_false_one_does() -> None:

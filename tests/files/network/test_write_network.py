@@ -66,6 +66,7 @@ def node_wishes(draw: DrawFn, node_id: int, name: str) -> NodeWish:
     values = {word: draw(st.integers(-5, 1 << 40).map(str) | TEXT | st.sampled_from(["010", "true", "1e5"]))
               for word in draw(st.sets(OBJECTS, max_size=2))}  # fmt: skip
     watches = {producer: draw(U16) for producer in sorted(draw(st.sets(st.integers(1, 127), max_size=2)))}
+    store = draw(st.none() | st.sampled_from([False, "all", "communication", "4"]))
     pins = sorted(draw(st.sets(st.tuples(st.sampled_from(["motor", "digital-in"]), st.integers(1, 254)), max_size=3)))
     return NodeWish(
         name, node_id,
@@ -75,8 +76,7 @@ def node_wishes(draw: DrawFn, node_id: int, name: str) -> NodeWish:
         tuple(ValueWish(FileWord(word), FileWord(value)) for word, value in values.items()),
         tuple(HeartbeatWatch(producer, time_ms) for producer, time_ms in watches.items()),
         tuple(PinWish(group, pin, draw(st.none() | OBJECTS.map(FileWord))) for group, pin in pins),
-        draw(st.none() | st.sampled_from([False, "all", "communication", "4"])),
-        draw(st.none() | st.booleans()), draw(st.none() | st.booleans()),
+        store, draw(st.none() | st.booleans()), draw(st.sampled_from([None, False, *[True] * (store == "all")])),
     )  # fmt: skip
 
 

@@ -1,0 +1,80 @@
+"""The stamp that a node holds in 0x1020, and how a change ends it. Writes nothing by itself.
+
+Does not know what a stamp is made from.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from dvtcli.device.read_pdos import read_optional
+from dvtcli.device.store_parameters import RESTORE, STORE
+from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.plan import STAMP, Plan, Step, ValueChange, alters
+from dvtcli.domain.stamp import DATE, TIME, Stamp
+from dvtcli.errors import SdoAborted, SdoProtocolError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from dvtcli.device.known_pdos import KnownPdos
+    from dvtcli.domain.plan import Change
+
+#: What 0x1020 says of a configuration that nobody vouches for.
+NO_STAMP = Stamp(0, 0)
+_ENDS = "a configuration that changes loses its stamp"
+
+
+def held_stamp(node: KnownPdos) -> Stamp | None:
+    """What 0x1020 of *node* holds, as it was read since the last change; None where it has none that can be set."""
+    if node.dictionary is not None:
+        entries = [node.dictionary.entry(STAMP, sub_index) for sub_index in (DATE, TIME)]
+        if any(entry is None or not (entry.access.readable and entry.access.writable) for entry in entries):
+            return None
+    elif node.has_no_stamp:
+        return None
+    try:
+        days = read_optional(node.memory, STAMP, DATE, 4)
+        ms = None if days is None else read_optional(node.memory, STAMP, TIME, 4)
+    except (SdoAborted, SdoProtocolError):
+        return None
+    node.has_no_stamp = ms is None
+    return None if days is None or ms is None else Stamp(days, ms)
+
+
+def stamp_changes(held: Stamp, wanted: Stamp, reason: str) -> tuple[ValueChange, ...]:
+    """What makes *wanted* of *held*; both sub-indices, also where they stay, by way of 0."""
+    steps = (Step(STAMP, sub_index, held.data(sub_index), wanted.data(sub_index), reason) for sub_index in (DATE, TIME))
+    return tuple(ValueChange(step) for step in steps if any(step.before or b"") or any(step.after))
+
+
+def ended_stamp(node: KnownPdos, changes: Sequence[Change]) -> tuple[ValueChange, ...]:
+    """What has to be written ahead of *changes* where *node* holds a stamp of ours, which vouches for what is changed.
+
+    A device should clear it by itself (CiA 301, 0x1020), and not every one does.
+    """
+    if any(_is_stamp(change) for change in changes) or not any(_configures(node, change) for change in changes):
+        return ()
+    held = held_stamp(node)
+    return stamp_changes(held, NO_STAMP, _ENDS) if held is not None and held.is_own else ()
+
+
+def with_stamp_ended(node: KnownPdos, plan: Plan) -> Plan:
+    """*plan* with that ahead of it."""
+    return Plan(plan.node_id, (*ended_stamp(node, plan.changes), *plan.changes))
+
+
+def _is_stamp(change: Change) -> bool:
+    return isinstance(change, ValueChange) and change.step.index == STAMP
+
+
+def _configures(node: KnownPdos, change: Change) -> bool:
+    """Whether *change* is one of the configuration: no command, no target, no store."""
+    if not isinstance(change, ValueChange):
+        return alters(change)
+    step = change.step
+    if Pdo.at(step.index) is not None:
+        return True
+    entry = None if node.dictionary is None else node.dictionary.entry(step.index, step.sub_index)
+    saves = (step.index, step.sub_index) == node.profile.store.saved_by or step.index in (STORE, RESTORE)
+    return alters(change) and not saves and not (entry is not None and entry.pdo_mapping)

@@ -1,0 +1,65 @@
+"""The stamp of a configuration: a date and time in 0x1020 that is recognised as dvtcli's own without any memory.
+
+Knows what a stamp is made of. Does not know what a configuration says, nor a device.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from datetime import date, timedelta
+
+#: Sub-indices of 0x1020: the date, days since 1 January 1984, and the time, ms after midnight (CiA 301).
+DATE, TIME = 1, 2
+
+_EPOCH = date(1984, 1, 1)
+#: Own dates: valid ones, none of which a clock shows before the year 2163.
+_FIRST_DAY, _LAST_DAY = 65_536, 2_900_000
+#: Own times leave this rest that the date and the quotient say; 8,663 of them begin on a day.
+_PRIME, _QUOTIENTS = 9_973, 8_663
+
+
+@dataclass(frozen=True, slots=True)
+class Stamp:
+    """What 0x1020 holds: *days* since 1 January 1984, *ms* after midnight; both 0 for nothing."""
+
+    days: int
+    ms: int
+
+    @classmethod
+    def of(cls, words: str) -> Stamp:
+        """The own stamp of a configuration that *words* say; others have it once in 2 to the 34."""
+        number = int.from_bytes(hashlib.sha256(words.encode()).digest(), "big")
+        number, day = divmod(number, _LAST_DAY - _FIRST_DAY + 1)
+        quotient = number % _QUOTIENTS
+        days = _FIRST_DAY + day
+        return cls(days, quotient * _PRIME + _rest(days, quotient))
+
+    @property
+    def is_own(self) -> bool:
+        """Whether dvtcli made it: of another date and time in that range one in 9,973 is taken for one."""
+        if not _FIRST_DAY <= self.days <= _LAST_DAY:
+            return False
+        quotient, rest = divmod(self.ms, _PRIME)
+        return quotient < _QUOTIENTS and rest == _rest(self.days, quotient)
+
+    @property
+    def is_foreign(self) -> bool:
+        """Whether somebody else wrote it: it is not 0, and not ours."""
+        return bool(self.days or self.ms) and not self.is_own
+
+    def data(self, sub_index: int) -> bytes:
+        """What *sub_index* (1 or 2) of 0x1020 holds."""
+        return (self.days if sub_index == DATE else self.ms).to_bytes(4, "little")
+
+    def __str__(self) -> str:
+        seconds, ms = divmod(self.ms, 1000)
+        time = f"{seconds // 3600:02}:{seconds // 60 % 60:02}:{seconds % 60:02}.{ms:03}"
+        try:
+            return f"{_EPOCH + timedelta(self.days)} {time}"
+        except OverflowError:
+            return f"day {self.days} {time}"
+
+
+def _rest(days: int, quotient: int) -> int:
+    return (days * 7_919 + quotient * 5_171 + 1_020) % _PRIME
