@@ -19,6 +19,7 @@ from dvtcli.operations.session import Session
 
 if TYPE_CHECKING:
     from dvtcli.cli.script_changes import ScriptChanges
+    from dvtcli.cli.script_report import ScriptReport
     from dvtcli.cli.view.output import Output
     from dvtcli.domain.object_dictionary import ObjectDictionary
     from dvtcli.domain.ports import Frame
@@ -86,6 +87,8 @@ class Conversation(Session):
         self.scripts: list[str] = []
         #: what the lines of the outermost script have changed
         self.script_changes: ScriptChanges | None = None
+        #: what the lines of a script come to, where a report of them is asked for
+        self.report: ScriptReport | None = None
         #: `FILE:LINE` of the script line that runs
         self.place: str | None = None
         #: whether no line so far was of a command that does something to nodes

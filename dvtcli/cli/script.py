@@ -114,16 +114,37 @@ def _run_lines(
 ) -> list[int]:
     """Run the lines and answer the exit codes of those that failed."""
     codes: list[int] = []
-    for line, ctx in parsed:
+    lines = iter(parsed)
+    for line, ctx in lines:
         session.place = f"{source}:{line.number}"
-        code = run_line(session, ctx)
+        code = _reported(session, source, line, ctx)
         if code == LEAVE:
             break
         if code:
             codes.append(code)
             if not keep_going or code in SIGNALLED:
                 break
+    if session.report is not None:
+        for line, _ in lines:
+            session.report.left_out(source, line.number, _shown(session, line))
     return codes
+
+
+def _reported(session: Conversation, source: str, line: ScriptLine, ctx: click.Context) -> int:
+    """Run a parsed line and answer its exit code, which a report learns."""
+    report = session.report
+    if report is None:
+        return run_line(session, ctx)
+    ran = report.begin(source, line.number, _shown(session, line))
+    code = run_line(session, ctx)
+    report.end(ran, 0 if code == LEAVE else code)
+    return code
+
+
+def _shown(session: Conversation, line: ScriptLine) -> str:
+    """The line as a report names it; of one that may hold a passcode the command only."""
+    text = " ".join(line.words)
+    return line.words[0] if session.is_secret(text) else text
 
 
 def script_lines(data: bytes, source: str) -> list[ScriptLine]:

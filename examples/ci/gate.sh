@@ -12,10 +12,7 @@ echo "== what its frames need of a bus of 125 kbit/s, at worst"
 dvtcli load network.yaml --at 125000
 
 echo "== nodes as they come from their makers take it, keep it, and then nothing is left to do"
-dvtcli --sim gen4@1 --sim generic@5 --yes --quiet <<END
-apply network.yaml --prove
-diff network.yaml
-END
+dvtcli --sim gen4@1 --sim generic@5 --yes --quiet run rehearsal.dvt "${format[@]}"
 
 if [ -n "${BUS:-}" ]; then
     echo "== the bench holds what the file says"

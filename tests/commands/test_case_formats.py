@@ -80,3 +80,55 @@ def test_a_failure_leaves_no_report_empty(bench: Bench, file: Path) -> None:
     ran = bench.run(f"verify {file} --format github")
     assert (ran.code, ran.stdout.count("::error title=")) == (6, 2)
     assert bench.run(f"apply {file} --format github").code == 2
+
+
+SCRIPT = """# set up
+read 1017
+set tpdo1 --timer 20
+map tpdo1 1018:1
+store
+"""
+
+
+def test_a_script_has_a_case_for_each_line(bench: Bench) -> None:
+    Path("setup.dvt").write_text(SCRIPT)
+    ran = bench.run("run setup.dvt --format junit")
+    suites = ET.fromstring(ran.stdout)  # noqa: S314 - our own
+    assert (ran.code, dict(suites.attrib)) == (1, {"tests": "4", "failures": "1", "errors": "0"})
+    (suite,) = suites
+    assert [(one.attrib["name"], one.attrib["line"]) for one in suite] == [
+        ("2: read 1017", "2"), ("3: set tpdo1 --timer 20", "3"), ("4: map tpdo1 1018:1", "4"), ("5: store", "5"),
+    ]  # fmt: skip
+    read, _, mapped, store = suite
+    assert "0x1017:00" in (read[0].text or "")
+    assert (mapped[0].tag, mapped[0].attrib["type"]) == ("failure", "rules")
+    assert "is not mappable" in mapped[0].attrib["message"]
+    assert [one.tag for one in store] == ["skipped"]
+    assert "setup.dvt:4: error: TPDO1 not changed" in ran.stderr, "who looks on is told as ever"
+    assert bench.run("read 1017").stdout.startswith("0x1017:00"), "the next line is shown as lines are"
+
+
+def test_a_script_s_lines_are_annotated(bench: Bench) -> None:
+    Path("setup.dvt").write_text(SCRIPT)
+    lines = bench.run("run setup.dvt --format github --keep-going").stdout.splitlines()
+    assert lines[:2] == ["::group::read 1017", lines[1]]
+    assert lines[1].startswith("| 0x1017:00")
+    assert sum(line.startswith("::error file=setup.dvt,line=4,title=map::TPDO1 not changed") for line in lines) == 1
+    assert lines[-1] == "4 lines, 1 failed, 0 not reached"
+
+
+def test_scripts_that_cannot_run_and_lines_that_are_secret(bench: Bench) -> None:
+    Path("wrong.dvt").write_text("read 1017\nmapp tpdo1\n")
+    ran = bench.run("run wrong.dvt --format github")
+    assert (ran.code, ran.stdout.splitlines()[0]) == (
+        2, "::error file=wrong.dvt,line=2,title=run::no command is called 'mapp'; did you mean 'map'? (exit code 2)",
+    )  # fmt: skip
+    assert counted(bench.run("run none.dvt --format junit").stdout) == (1, 1, 0)
+    Path("inner.dvt").write_text("read 1017\nverify tpdo9\n")
+    Path("outer.dvt").write_text("run inner.dvt\nread 1017\n")
+    nested = bench.run("run outer.dvt --format junit").stdout
+    assert counted(nested) == (4, 2, 0)
+    assert [one.attrib["name"] for one in ET.fromstring(nested)] == ["outer.dvt", "inner.dvt"]  # noqa: S314
+    Path("secret.dvt").write_text("write 5000:02 4711\n")
+    secret = bench.run("run secret.dvt --format junit").stdout
+    assert ('name="1: write"' in secret, "4711" in secret) == (True, False)

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+from functools import partial
+from typing import TYPE_CHECKING
+
 import click
 
 from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import FILE, CanopenType
 from dvtcli.cli.ways import ways
+from dvtcli.operations.options import CASE_FORMATS
+
+if TYPE_CHECKING:
+    from dvtcli.cli.conversation import Conversation
 
 TASK = ("Scripts and files", 10)
 
@@ -29,7 +36,7 @@ class SecondsType(CanopenType):
         return seconds
 
 
-@click.command("run", cls=DvtCommand, short_help=__doc__, effect=Effect.RUNS)
+@click.command("run", cls=DvtCommand, short_help=__doc__, effect=Effect.RUNS, formats=CASE_FORMATS)
 @click.argument("file", type=FILE)
 @click.option("--keep-going", is_flag=True, help="Run on after a failing line; end with the first failure's code.")
 @click.option("--atomic", is_flag=True, help="A failing line takes back all lines before it, over all nodes.")
@@ -44,6 +51,13 @@ def command(ctx: click.Context, /, file: str, keep_going: bool, atomic: bool, mo
     run scripts/pdo_config.dvt
     run setup.dvt --dry-run
     run setup.dvt --atomic
+    run setup.dvt --format junit     a test case for each line, for CI
     run scripts/pdo_config.tcl
     """
-    return ways(ctx).file(ctx.obj, file, keep_going=keep_going, atomic=atomic, most_seconds=most_seconds)
+    session: Conversation = ctx.obj
+    run = partial(ways(ctx).file, session, file, keep_going=keep_going, atomic=atomic, most_seconds=most_seconds)
+    if session.output.format not in CASE_FORMATS:
+        return run()
+    from dvtcli.cli.reported_run import reported_run
+
+    return reported_run(session, file, run)

@@ -25,7 +25,7 @@ def github_case_lines(result: NetworkPlanned | Compared | ComparedNodes, _width:
         for case in cases:
             if case.says and case.level == level:
                 text = f"{case.name} of node {case.node}: {'; '.join(case.says)}"
-                yield _command(command, case.file, case.line, f"node {case.node}", text)
+                yield workflow_command(command, case.file, case.line, f"node {case.node}", text)
     differing = sum(bool(case.says) for case in cases)
     yield f"{plural(len(cases), 'case')}, {plural(differing, 'notice')} or worse"
 
@@ -34,15 +34,16 @@ def github_error_lines(error: DvtcliError) -> Iterator[Line]:
     """A command for each complaint about a file, else one for the failure, and one for what failed with it."""
     complaints = error.complaints if isinstance(error, InputFileError | RuleError) else ()
     for one in complaints:
-        yield _command("error", one.file, one.line, "dvtcli", one.text, one.column)
+        yield workflow_command("error", one.file, one.line, "dvtcli", one.text, one.column)
     if not complaints:
-        yield _command("error", "", 0, error.slug, str(error))
+        yield workflow_command("error", "", 0, error.slug, str(error))
     for label, text in error.details:
         if label == "also":
-            yield _command("error", "", 0, error.slug, text)
+            yield workflow_command("error", "", 0, error.slug, text)
 
 
-def _command(level: str, file: str, line: int, title: str, text: str, column: int = 0) -> str:
+def workflow_command(level: str, file: str, line: int, title: str, text: str, column: int = 0) -> str:
+    """A workflow command of *level* about a place, the parts of which may be empty."""
     places = (("file", file), ("line", line), ("col", column), ("title", title))
     words = ",".join(f"{key}={as_property(str(value))}" for key, value in places if value)
     return f"::{level} {words}::{as_data(text)}"

@@ -45,6 +45,8 @@ class Output:
         #: shows a text that is more than a screen, and says whether it did
         self.pager: Callable[[str], bool] | None = None
         self.progress_line = ProgressLine(self.stderr)
+        #: the failure that was shown last
+        self.failed: DvtcliError | None = None
         #: messages that wait until the screen is free, None where it is
         self._held: list[Line] | None = None
 
@@ -74,7 +76,7 @@ class Output:
         from dvtcli.cli.view.renderers import remarks, text
 
         if self.format in result.formats:
-            self._machine_lines(text(result, 0, self.format))
+            self.machine_lines(text(result, 0, self.format))
             return
         if not self.quiet:
             self.lines(remarks(result))
@@ -85,7 +87,7 @@ class Output:
                     print(line, file=self.stdout)
                 self.stdout.flush()
 
-    def _machine_lines(self, lines: Iterable[Line]) -> None:
+    def machine_lines(self, lines: Iterable[Line]) -> None:
         """Print what another program reads: no colours, no wrapping, no pager."""
         from dvtcli.cli.view.paint import painted
 
@@ -124,6 +126,7 @@ class Output:
 
         With *readable* it is lines on stderr in any case: for a stdout without documents. CI's formats have it, too.
         """
+        self.failed = error
         if self.json and not readable:
             from dvtcli.cli.view.error_lines import error_document
 
@@ -133,7 +136,7 @@ class Output:
 
         if self.format in CASE_FORMATS and not readable and error.exit_code != _USAGE:
             module = import_module(f"dvtcli.cli.view.{self.format}_case_lines")
-            self._machine_lines(getattr(module, _ERROR_LINES[self.format])(error))
+            self.machine_lines(getattr(module, _ERROR_LINES[self.format])(error))
         with self._answering():
             self.stdout.flush()
         self.lines(error_lines(error, at))

@@ -1,0 +1,44 @@
+"""A script run for a report: what its lines say goes into it, and stdout is the report's. Does not know its format."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+from dvtcli.cli.boundary import guarded
+from dvtcli.cli.script_report import LineRan, ScriptReport
+
+if TYPE_CHECKING:
+    from dvtcli.cli.conversation import Conversation
+    from dvtcli.errors import DvtcliError
+
+
+def reported_run(session: Conversation, file: str, run: Callable[[], int]) -> int:
+    """The exit code of *run*, which runs the script *file*; its lines are reported in the format that is asked for.
+
+    What fails is said on stderr as well. A file that cannot be run, or whose lines nobody knows beforehand (Tcl), is
+    one case.
+    """
+    output, outer = session.output, session.report
+    output.failed = None
+    name, stdout = output.format, output.stdout
+    session.report = report = ScriptReport(output)
+    output.stdout = report.kept
+    try:
+        with session.under(format="text"):
+            whole = LineRan(file, 1, f"run {file}")
+            whole.code = guarded(session, run)
+            whole.error, whole.said = output.failed, report.kept.getvalue()
+            whole.number = _line_of(file, whole.error) or 1
+    finally:
+        output.stdout, session.report = stdout, outer
+    make = getattr(import_module("dvtcli.cli.view.script_cases"), f"{name}_script_lines")
+    output.machine_lines(make(report.lines or [whole]))
+    return whole.code
+
+
+def _line_of(file: str, error: DvtcliError | None) -> int:
+    """The line of *file* that *error* is about, 0 for none."""
+    place, _, number = ((error.place or "") if error is not None else "").rpartition(":")
+    return int(number) if place == file and number.isdigit() else 0

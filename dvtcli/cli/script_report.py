@@ -1,0 +1,55 @@
+"""What each line of a script came to, kept for a report while it runs. Knows no format, and runs nothing."""
+
+from __future__ import annotations
+
+import io
+import time
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from dvtcli.cli.view.output import Output
+    from dvtcli.errors import DvtcliError
+
+
+@dataclass(slots=True)
+class LineRan:
+    """A line: where it is, what it said on stdout, and its exit *code* (None: it did not run), with its *error*."""
+
+    file: str
+    number: int
+    words: str
+    code: int | None = None
+    said: str = ""
+    error: DvtcliError | None = None
+    seconds: float = 0.0
+
+
+@dataclass(slots=True)
+class ScriptReport:
+    """The lines of a script, those of the scripts that it runs among them, while they write to *output*.
+
+    What they would print is kept here: stdout is the report's.
+    """
+
+    output: Output
+    lines: list[LineRan] = field(default_factory=list)
+    kept: io.StringIO = field(default_factory=io.StringIO)
+
+    def begin(self, file: str, number: int, words: str) -> LineRan:
+        """A line begins."""
+        line = LineRan(file, number, words, seconds=time.monotonic())
+        self.lines.append(line)
+        self.output.failed = None
+        self.kept.seek(0)
+        self.kept.truncate()
+        return line
+
+    def end(self, line: LineRan, code: int) -> None:
+        """It ended with *code*."""
+        line.code, line.error, line.said = code, self.output.failed, self.kept.getvalue()
+        line.seconds = time.monotonic() - line.seconds
+
+    def left_out(self, file: str, number: int, words: str) -> None:
+        """A line was not reached."""
+        self.lines.append(LineRan(file, number, words))
