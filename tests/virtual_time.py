@@ -24,6 +24,7 @@ from dvtcli.domain.ports import Frame
 from dvtcli.errors import BusUnavailable
 from dvtcli.simulator.device.simulated_faults import Fault
 from dvtcli.simulator.device.strict_device import StrictDevice
+from dvtcli.simulator.network.roster import Roster
 from dvtcli.simulator.network.station import SimulatedNode, stations
 
 if TYPE_CHECKING:
@@ -56,6 +57,7 @@ class VirtualTimeBus(WatchedBus):
     ) -> None:
         super().__init__("virtual time", simulated=simulated, timeout_s=timeout_s, retries=retries)
         self.nodes = stations(devices, faults, signals)
+        self._roster = Roster(self.nodes)
         self._now_s = 0.0
         #: frames on their way to us: (time, order, frame)
         self._coming: list[tuple[float, int, Frame]] = []
@@ -66,7 +68,7 @@ class VirtualTimeBus(WatchedBus):
         for node in self.nodes:
             if node.device.state is NmtState.INITIALISING:
                 node.device.boot_up()
-            self._spread(node, node.poll(0.0))
+            self._poll(node)
         self.sleep(ANSWER_S)
 
     def now_s(self) -> float:
@@ -121,7 +123,7 @@ class VirtualTimeBus(WatchedBus):
     def take(self, inbox: Inbox, deadline_s: float) -> bytes | None:
         """Wait for an SDO answer in *inbox* until *deadline_s* (SdoLink)."""
         self._use()
-        if not self._gave_turn(lambda: not inbox.empty(), deadline_s):
+        if not self._gave_turn_for(inbox, deadline_s):
             self._until(lambda: not inbox.empty(), deadline_s)
         item = None if inbox.empty() else inbox.get_nowait()
         return None if isinstance(item, Wake) else item
@@ -134,9 +136,8 @@ class VirtualTimeBus(WatchedBus):
         """Raise BusUnavailable where the bus was closed, or a fault has killed it."""
         if self._closed:
             raise bus_closed()
-        for node in self.nodes:
-            if node.bus_failed:
-                raise BusUnavailable(f"{self.name} failed", why="a simulated fault", hint="it stays so")
+        if self._roster.bus_failed:
+            raise BusUnavailable(f"{self.name} failed", why="a simulated fault", hint="it stays so")
 
     def _send(self, frame: Frame) -> None:
         self._use()
@@ -148,15 +149,24 @@ class VirtualTimeBus(WatchedBus):
         waiting = deque([(frame, sender)])
         while waiting:
             heard, source = waiting.popleft()
-            for node in self.nodes:
+            for node in self._roster.listeners(heard):
                 if node is source:
                     continue
                 for answer in node.handle(heard, self._now_s):
                     self._to_us(answer)
                     waiting.append((answer, node))
+                self._roster.looked_at(node)
         if frame.can_id & ~0x7F != REQUEST_ID or frame.data[:1] != _UPLOAD:
-            for node in self.nodes:  # a new heartbeat time counts from now on; reading changes nothing
-                self._spread(node, node.poll(self._now_s))
+            self._poll_due()  # a new heartbeat time counts from now on; reading changes nothing
+
+    def _poll_due(self) -> None:
+        for node in self._roster.due(self._now_s):
+            self._poll(node)
+
+    def _poll(self, node: SimulatedNode) -> None:
+        frames = node.poll(self._now_s)
+        self._roster.looked_at(node)
+        self._spread(node, frames)
 
     def _spread(self, node: SimulatedNode, frames: list[Frame]) -> None:
         for frame in frames:
@@ -175,11 +185,7 @@ class VirtualTimeBus(WatchedBus):
 
     def _step(self, until_s: float) -> bool:
         """Go on to the next thing that happens up to *until_s*, and let it happen; False, then, where nothing does."""
-        next_s = self._coming[0][0] if self._coming else _NEVER
-        for node in self.nodes:
-            due_s = node.next_poll_s()
-            if due_s is not None and due_s < next_s:
-                next_s = due_s
+        next_s = min(self._coming[0][0] if self._coming else _NEVER, self._roster.next_s())
         if next_s > until_s:
             self._now_s = max(self._now_s, until_s)
             return False
@@ -187,8 +193,7 @@ class VirtualTimeBus(WatchedBus):
         if self._coming and self._coming[0][0] <= self._now_s:
             self._hear(heappop(self._coming)[2])
             return True
-        for node in self.nodes:
-            self._spread(node, node.poll(self._now_s))
+        self._poll_due()
         return True
 
     def _hear(self, frame: Frame) -> None:

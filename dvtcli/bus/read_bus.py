@@ -14,14 +14,13 @@ from typing import Generic, TypeVar
 from weakref import WeakSet
 
 from dvtcli.bus.receiver import Receiver, Wake
-from dvtcli.bus.sdo.sdo_link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S
+from dvtcli.bus.sdo.sdo_link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S, Inbox
 from dvtcli.bus.traffic import Tap, Traffic
 from dvtcli.bus.watched_bus import WatchedBus
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import BusUnavailable
 
 M = TypeVar("M")
-T = TypeVar("T")
 
 
 class ReadBus(WatchedBus, Generic[M]):
@@ -76,9 +75,9 @@ class ReadBus(WatchedBus, Generic[M]):
         if duration_s > 0 and not self._gave_turn(lambda: False, monotonic() + duration_s):
             self._receiver.idle(duration_s)
 
-    def take(self, inbox: SimpleQueue[T | Wake], deadline_s: float) -> T | None:
+    def take(self, inbox: Inbox, deadline_s: float) -> bytes | None:
         """Wait for what `_deliver` puts into *inbox* until *deadline_s* (as `now_s` tells); None where nothing came."""
-        if self._gave_turn(lambda: not inbox.empty(), deadline_s):
+        if self._gave_turn_for(inbox, deadline_s):
             item = None if inbox.empty() else inbox.get_nowait()
             return None if isinstance(item, Wake) else item
         return self._receiver.take(inbox, deadline_s)

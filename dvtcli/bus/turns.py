@@ -7,9 +7,13 @@ buses nor signals: whoever owns the wire reads it while all of them wait.
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Sequence
+from collections import deque
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
+from heapq import heappop, heappush
 from math import inf
 
+from dvtcli.bus.sdo.sdo_link import Inbox
 from dvtcli.errors import BusUnavailable
 
 Ready = Callable[[], bool]
@@ -18,11 +22,15 @@ _LOOK_S = 0.1
 
 
 class _Worker:
-    """One piece of work; *ready* and *deadline_s* say when it goes on, *thrown* with what."""
+    """One piece of work, the *number*-th; *deadline_s* says when it goes on at the latest, *thrown* with what."""
 
-    def __init__(self, job: Callable[[], None], back: threading.Lock) -> None:
-        self.ready: Ready = lambda: True
+    def __init__(self, number: int, job: Callable[[], None], back: threading.Lock) -> None:
+        self.number = number
+        #: what is asked again and again whether it goes on; None where it is told
+        self.ready: Ready | None = None
         self.deadline_s = inf
+        #: how often it has waited so far: what it was told before the present time counts no longer
+        self.waits = 0
         self.thrown: BaseException | None = None
         self.fault: BaseException | None = None
         self.ended = self.started = False
@@ -40,21 +48,21 @@ class _Worker:
             self.ended = True
             self._back.release()
 
-    def take_turn(self, begin: Callable[[], None]) -> None:
+    def take_turn(self, run: Callable[[_Worker], None]) -> None:
         """Let it run until it waits again, or ends; called by the thread that has the turn.
 
-        *begin* starts its thread, the first time.
+        *run* is what its thread does, from the first time on.
         """
+        self.ready, self.deadline_s = None, inf
         if self.started:
             self._go.release()
         else:
             self.started = True
-            begin()
+            threading.Thread(target=run, args=(self,), daemon=True).start()
         self._back.acquire()
 
-    def wait(self, ready: Ready, deadline_s: float) -> None:
-        """Give the turn away until *ready*, or *deadline_s*; called by its own thread."""
-        self.ready, self.deadline_s = ready, deadline_s
+    def wait(self) -> None:
+        """Give the turn away; called by its own thread."""
         self._back.release()
         self._go.acquire()
         if self.thrown is not None:
@@ -65,7 +73,8 @@ class _Worker:
 class Turns:
     """*jobs* that take turns, *width* of them at most at once.
 
-    *until*(ready, deadline_s) reads the bus until one of them is ready, or that time of *now_s*.
+    *until*(ready, deadline_s) reads the bus until one of them is ready, or that time of *now_s*. Who waits for an
+    answer is told of it: a frame costs the same however many wait.
     """
 
     def __init__(
@@ -77,9 +86,17 @@ class Turns:
     ) -> None:
         self._back = threading.Lock()
         self._back.acquire()
-        self._workers = [_Worker(job, self._back) for job in jobs]
+        self._workers = [_Worker(number, job, self._back) for number, job in enumerate(jobs)]
         self._width, self._until, self._now_s = width, until, now_s
         self._by_thread: dict[int, _Worker] = {}
+        #: those that were begun and have not ended, in the order of their beginning
+        self._going: dict[_Worker, None] = {}
+        #: those of them that are asked whether they are ready
+        self._asked: dict[_Worker, None] = {}
+        #: those that were told that something came, each with how often it had waited
+        self._told: deque[tuple[_Worker, int]] = deque()
+        #: (deadline, number, how often it had waited) of whoever waits; those of the past lie there, too
+        self._deadlines: list[tuple[float, int, int]] = []
         self._torn = self._finished = False
         self._ended = threading.Lock()
         self._ended.acquire()
@@ -92,7 +109,31 @@ class Turns:
 
     def wait(self, ready: Ready, deadline_s: float) -> None:
         """Let others go on until *ready*, or *deadline_s*."""
-        self._by_thread[threading.get_ident()].wait(ready, deadline_s)
+        worker = self._waiting(deadline_s)
+        worker.ready = ready
+        self._asked[worker] = None
+        worker.wait()
+
+    def wait_for(self, inbox: Inbox, deadline_s: float) -> None:
+        """Let others go on until something is in *inbox*, or *deadline_s*."""
+        worker = self._waiting(deadline_s)
+        told = partial(self._told.append, (worker, worker.waits))
+        inbox.on_arrival = told
+        if not inbox.empty():
+            told()
+        try:
+            worker.wait()
+        finally:
+            inbox.on_arrival = None
+
+    def _waiting(self, deadline_s: float) -> _Worker:
+        """The present thread's piece of work, which waits until *deadline_s* at most."""
+        worker = self._by_thread[threading.get_ident()]
+        worker.waits += 1
+        worker.deadline_s = deadline_s
+        if deadline_s < inf:
+            heappush(self._deadlines, (deadline_s, worker.number, worker.waits))
+        return worker
 
     def run(self) -> None:
         """Run them all; after a fault of one no other is begun, and those that were go on to their end.
@@ -125,40 +166,69 @@ class Turns:
             self._ended.release()
 
     def _run_all(self) -> None:
-        going: list[_Worker] = []
         waiting = list(reversed(self._workers))
-        while going or (waiting and not self.faults):
-            while waiting and len(going) < self._width and not self.faults:
-                going.append(waiting.pop())
-                self._take_turn(going[-1])
-            going = [one for one in going if not one.ended]
-            for one in self._ready(going):
+        while self._going or (waiting and not self.faults):
+            while waiting and len(self._going) < self._width and not self.faults:
+                self._take_turn(waiting.pop())
+            for one in self._ready():
                 self._take_turn(one)
-            going = [one for one in going if not one.ended]
 
-    def _ready(self, going: Sequence[_Worker]) -> Sequence[_Worker]:
+    def _ready(self) -> Iterable[_Worker]:
         """Who goes on: those whose time has come once the bus was read."""
-        if not going:
+        if not self._going:
             return ()
         try:
-            deadline_s = min(one.deadline_s for one in going)
-            self._until(lambda: self._torn or any(one.ready() for one in going), deadline_s)
+            self._until(self._anybody_ready, self._first_s())
         except BusUnavailable as failed:
-            for one in going:
-                one.thrown = BusUnavailable(failed.text, why=failed.why, hint=failed.hint)
-            return going
+            return self._throw(partial(BusUnavailable, failed.text, why=failed.why, hint=failed.hint))
         if self._torn:
             self._torn = False
-            for one in going:
-                one.thrown = KeyboardInterrupt()
-            return going
-        ready = [one for one in going if one.ready()]
-        return ready or [one for one in going if one.deadline_s <= self._now_s()]
+            return self._throw(KeyboardInterrupt)
+        return self._take_told() or self._overdue()
+
+    def _throw(self, fault: Callable[[], BaseException]) -> Iterable[_Worker]:
+        """All of them go on, each with a *fault* of its own."""
+        for one in self._going:
+            one.thrown = fault()
+        return tuple(self._going)
+
+    def _anybody_ready(self) -> bool:
+        return self._torn or bool(self._told) or any(one.ready is not None and one.ready() for one in self._asked)
+
+    def _take_told(self) -> Iterable[_Worker]:
+        """Those that were told of what they wait for, and of the others those that are ready, each once."""
+        found: dict[_Worker, None] = {}
+        while self._told:
+            worker, waits = self._told.popleft()
+            if worker.waits == waits and worker in self._going:
+                found[worker] = None
+        return (*found, *(one for one in self._asked if one.ready is not None and one.ready()))
+
+    def _first_s(self) -> float:
+        """When the first of them does not want to wait any more."""
+        while self._deadlines and self._is_past(*self._deadlines[0]):
+            heappop(self._deadlines)
+        return self._deadlines[0][0] if self._deadlines else inf
+
+    def _overdue(self) -> Iterable[_Worker]:
+        """Those that have waited long enough, in their order."""
+        now_s, found = self._now_s(), list[_Worker]()
+        while self._first_s() <= now_s:
+            found.append(self._workers[heappop(self._deadlines)[1]])
+        return sorted(found, key=lambda one: one.number)
+
+    def _is_past(self, deadline_s: float, number: int, waits: int) -> bool:
+        worker = self._workers[number]
+        return worker.waits != waits or worker.deadline_s != deadline_s
 
     def _take_turn(self, worker: _Worker) -> None:
-        worker.take_turn(threading.Thread(target=self._begin, args=(worker,), daemon=True).start)
-        if worker.ended and worker.fault is not None:
-            self.faults.append(worker.fault)
+        self._going[worker] = None
+        self._asked.pop(worker, None)
+        worker.take_turn(self._begin)
+        if worker.ended:
+            del self._going[worker]
+            if worker.fault is not None:
+                self.faults.append(worker.fault)
 
     def _begin(self, worker: _Worker) -> None:
         self._by_thread[threading.get_ident()] = worker

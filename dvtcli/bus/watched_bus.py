@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.bus.node_watch import NodeWatch
 from dvtcli.bus.oddities import Oddities
-from dvtcli.bus.sdo.sdo_link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S, DroppedAnswers, SdoSettings
+from dvtcli.bus.sdo.sdo_link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S, DroppedAnswers, Inbox, SdoSettings
 from dvtcli.bus.traffic import Tap
 from dvtcli.bus.turns import Turns, one_by_one
 from dvtcli.domain.nmt import NmtCommand, NmtState
@@ -110,6 +110,14 @@ class WatchedBus(ABC):
         if turns is None or not turns.mine():
             return False
         turns.wait(ready, deadline_s)
+        return True
+
+    def _gave_turn_for(self, inbox: Inbox, deadline_s: float) -> bool:
+        """The same until something is in *inbox*."""
+        turns = self._turns
+        if turns is None or not turns.mine():
+            return False
+        turns.wait_for(inbox, deadline_s)
         return True
 
     def set_timeout(self, timeout_s: float) -> None:

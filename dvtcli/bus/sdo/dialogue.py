@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from queue import SimpleQueue
 
 from canopen.objectdictionary import ObjectDictionary
 from canopen.sdo.client import SdoClient
@@ -53,7 +52,7 @@ class Dialogue(SdoClient):
         self.timeout_s = settings.timeout_s
         self.retries = settings.retries
         self.dropped = DroppedAnswers()
-        self.inbox: Inbox = SimpleQueue()
+        self.inbox = Inbox()
         self.link = link
         #: of the present transfer, which sets them when it begins: its object, and whether its first request was sent
         self._multiplexer = bytes(3)

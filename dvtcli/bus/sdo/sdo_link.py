@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from queue import SimpleQueue
 from threading import Lock
@@ -20,7 +21,17 @@ DEFAULT_RETRIES = 1
 #: what stands in an inbox for "the node sent a boot-up": longer than what a CAN frame carries
 RESTARTED = b"restarted"
 
-Inbox = SimpleQueue[bytes | Wake]
+
+class Inbox(SimpleQueue[bytes | Wake]):
+    """What a node answered; *on_arrival* is called with each of it, by the thread that reads the bus."""
+
+    on_arrival: Callable[[], None] | None = None
+
+    def put(self, item: bytes | Wake, block: bool = True, timeout: float | None = None) -> None:
+        """Put *item* in, and tell who waits for it; there is always room."""
+        super().put(item, block, timeout)
+        if self.on_arrival is not None:
+            self.on_arrival()
 
 
 class SdoLink(Protocol):

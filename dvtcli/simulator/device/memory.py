@@ -55,6 +55,8 @@ class Memory:
         self._initials: dict[Key, bytes] = {}
         #: how often something was written or noted, so that whoever looks on sees that there is something new
         self.changes = 0
+        #: called each time that this grows
+        self.on_change: list[Callable[[], None]] = []
 
     def take_node_id(self, node_id: int) -> None:
         """Make *node_id* (1..127, 255 for none) the node's own: defaults with $NODEID follow it."""
@@ -137,12 +139,14 @@ class Memory:
 
     def write(self, index: int, sub_index: int, data: bytes) -> None:
         """Put *data* into RAM, unchecked."""
-        self.changes += 1
         self._ram[index, sub_index] = bytes(data)
+        self.touch()
 
     def touch(self) -> None:
-        """Note that something changed beside the objects."""
+        """Note that something changed, beside the objects for one."""
         self.changes += 1
+        for callback in self.on_change:
+            callback()
 
     def data_type(self, index: int, sub_index: int) -> DataType | None:
         """The object's type by the dictionary, else by CiA 301 for PDO parameters and 0x1010/0x1011, else None."""
@@ -197,9 +201,9 @@ class Memory:
 
     def reload(self, first: int, last: int) -> None:
         """Put indices *first*..*last* back to their stored values, else their defaults, as a reset does."""
-        self.changes += 1
         self._ram = {key: data for key, data in self._ram.items() if not first <= key[0] <= last}
         self._ram.update({key: data for key, data in self._stored.items() if first <= key[0] <= last})
+        self.touch()
 
 
 def _is_cob_id(index: int, sub_index: int) -> bool:

@@ -6,7 +6,7 @@ Knows the order in which a CANopen device judges a request. Does not know SDO fr
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.nmt import UNCONFIGURED, NmtCommand, NmtState
@@ -80,6 +80,10 @@ class StrictDevice:
     def changes(self) -> int:
         """A number that grows whenever an object was written, or may have been."""
         return self._memory.changes
+
+    def on_change(self, callback: Callable[[], None]) -> None:
+        """Call *callback* each time that this number grows: at once, so it must be quick."""
+        self._memory.on_change.append(callback)
 
     def power_on(self, stored: Mapping[tuple[int, int], bytes], node_id: int | None = None) -> None:
         """Wake with *stored* and *node_id* as what was kept, and nothing else; INITIALISING until `boot_up`."""

@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.ports import Frame
+from dvtcli.simulator.network.roster import Roster
 from dvtcli.simulator.network.station import SimulatedNode, stations
 
 if TYPE_CHECKING:
@@ -23,7 +24,6 @@ _AT_ONCE, _REST_S = 500, 0.02
 _MOST_WAITING = 4096
 #: What was due while nobody looked happens at its own time, up to so many times; then all that is left happens now.
 _MOST_MISSED = 1000
-_NEVER = float("inf")
 
 
 class NodesOnABus:
@@ -40,6 +40,7 @@ class NodesOnABus:
         say: Callable[[Frame, float], None],
     ) -> None:
         self.nodes = stations(devices, faults, signals)
+        self._roster = Roster(self.nodes)
         self._say = say
         self._now_s = 0.0
         self._rests_until_s = 0.0
@@ -49,14 +50,14 @@ class NodesOnABus:
     @property
     def bus_failed(self) -> bool:
         """Whether a fault has killed the bus."""
-        return any(node.bus_failed for node in self.nodes)
+        return self._roster.bus_failed
 
     def boot(self, now_s: float) -> None:
         """Start every node at *now_s*: its boot-up is said."""
         self._now_s = now_s
         for node in self.nodes:
             node.device.boot_up()
-            self._send(node, node.poll(now_s))
+            self._poll_node(node, now_s)
 
     def hear(self, frame: Frame, now_s: float) -> None:
         """Let every node hear *frame* of somebody else at *now_s*; what answers at once has been said on return."""
@@ -68,7 +69,7 @@ class NodesOnABus:
     def pass_time(self, now_s: float) -> None:
         """Let all happen that is due by *now_s*, each at its own time."""
         for _ in range(_MOST_MISSED):
-            due_s = self._due_s()
+            due_s = self._roster.next_s()
             if due_s > now_s:
                 break
             self._poll(max(due_s, self._now_s))
@@ -80,18 +81,18 @@ class NodesOnABus:
 
     def next_s(self) -> float:
         """When something is due, infinite for never."""
-        return min(self._due_s(), self._rests_until_s) if self._said else self._due_s()
-
-    def _due_s(self) -> float:
-        """When a node has something to do by itself."""
-        times = [due_s for node in self.nodes if (due_s := node.next_poll_s()) is not None]
-        return min(times, default=_NEVER)
+        due_s = self._roster.next_s()
+        return min(due_s, self._rests_until_s) if self._said else due_s
 
     def _poll(self, now_s: float) -> None:
         self._now_s = now_s
-        for node in self.nodes:
-            self._send(node, node.poll(now_s))
+        for node in self._roster.due(now_s):
+            self._poll_node(node, now_s)
         self._settle()
+
+    def _poll_node(self, node: SimulatedNode, now_s: float) -> None:
+        self._send(node, node.poll(now_s))
+        self._roster.looked_at(node)
 
     def _settle(self, *, rested: bool = False) -> None:
         """Let every node hear what the others and the bus have said, and what is answered to that."""
@@ -101,9 +102,10 @@ class NodesOnABus:
             if not self._said:
                 return
             heard, sender = self._said.popleft()
-            for node in self.nodes:
+            for node in self._roster.listeners(heard):
                 if node is not sender:
                     self._send(node, node.handle(heard, self._now_s))
+                    self._roster.looked_at(node)
         self._rests_until_s = self._now_s + _REST_S
 
     def _send(self, node: SimulatedNode, frames: list[Frame]) -> None:

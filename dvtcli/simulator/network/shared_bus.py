@@ -15,11 +15,10 @@ from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.hub import Hub
 from dvtcli.simulator.network.hub_client import Client
 from dvtcli.simulator.network.socketcand import told_frame
-from dvtcli.simulator.network.station import LSS_MASTER, NMT_CAN_ID, SDO_REQUEST, SDO_RESPONSE, SimulatedNode
+from dvtcli.simulator.network.roster import Roster
+from dvtcli.simulator.network.station import SDO_RESPONSE, SimulatedNode
 from dvtcli.simulator.network.wire import Wire
 
-#: what every node obeys, whatever its state
-_NETWORK_IDS = (NMT_CAN_ID, LSS_MASTER)
 #: longest wait (s) where nothing is due: whoever has something wakes the thread
 _LONGEST_WAIT_S = 1.0
 #: the end of a frame's time is spent watching the clock, since the system wakes a thread some 0.1 ms late (s)
@@ -28,8 +27,6 @@ _WATCHED_S = 0.0002
 _MOST_WAITING = 64
 #: frames between two looks at the clients: nodes that answer each other for ever must not keep them out
 _AT_ONCE = 2000
-#: CAN-IDs that are remembered; nobody has more, but a client may try
-_MOST_ROUTES = 4096
 
 
 class Member(Protocol):
@@ -74,11 +71,7 @@ class Server:
         self._stored, self._on_stored = {node: node.device.areas.changes for node in nodes}, stored
         self._bus_failed, self._on_bus_failed = False, bus_failed
         self._frames_lost, self._on_frames_lost = False, frames_lost
-        #: which nodes a CAN-ID means something to, as long as no node's hearing changes
-        self._routes: dict[tuple[int, bool, bool], list[SimulatedNode]] = {}
-        self._hearing: dict[SimulatedNode, tuple[int, int]] = {}
-        #: when each node has something to say by itself; nodes that never do are not in it
-        self._due_s: dict[SimulatedNode, float] = {}
+        self._roster = Roster(self._nodes)
         #: SDO answers that a server is still thinking about: (time, order, node, frame)
         self._thinking: list[tuple[float, int, SimulatedNode, Frame]] = []
         self._answers = 0
@@ -112,9 +105,7 @@ class Server:
             due_s = min(due_s, wire_s - _WATCHED_S)
         if self._thinking:
             due_s = min(due_s, self._thinking[0][0])
-        if self._due_s:
-            due_s = min(due_s, *self._due_s.values())
-        return max(0.0, due_s - monotonic())
+        return max(0.0, min(due_s, self._roster.next_s()) - monotonic())
 
     def _move(self) -> None:
         """Let everything happen that is due."""
@@ -122,7 +113,7 @@ class Server:
         for member in self._members:
             for frame in member.heard():
                 self._wire.offer(member, frame, now_s)
-        for node in [node for node, due_s in self._due_s.items() if due_s <= now_s]:
+        for node in self._roster.due(now_s):
             self._poll(node, now_s)
         for _ in range(_AT_ONCE):
             while self._thinking and self._thinking[0][0] <= now_s:
@@ -141,27 +132,9 @@ class Server:
         for member in self._members:
             if member is not source:
                 member.tell(frame)
-        for node in self._listeners(frame):
+        for node in self._roster.listeners(frame):
             if node is not source:
                 self._hear(node, frame, at_s)
-
-    def _listeners(self, frame: Frame) -> Sequence[SimulatedNode]:
-        """The nodes that *frame* may mean something to; remembered by CAN-ID."""
-        key = (frame.can_id, frame.extended, frame.remote)
-        route = self._routes.get(key)
-        if route is None:
-            if len(self._routes) >= _MOST_ROUTES:
-                self._routes.clear()
-            route = self._routes[key] = [node for node in self._nodes if self._concerns(node, frame)]
-        return route
-
-    @staticmethod
-    def _concerns(node: SimulatedNode, frame: Frame) -> bool:
-        """SDOs have CAN-IDs that CiA 301 keeps from PDOs: they concern one node, or none."""
-        function, node_id = frame.can_id & ~0x7F, frame.can_id & 0x7F
-        if frame.extended or not node_id or function not in (SDO_REQUEST, SDO_RESPONSE):
-            return (frame.can_id in _NETWORK_IDS and not frame.extended) or node.device.services.hears(frame)
-        return function == SDO_REQUEST and node.device.node_id == node_id
 
     def _hear(self, node: SimulatedNode, frame: Frame, at_s: float) -> None:
         answers = node.handle(frame, at_s)
@@ -179,15 +152,7 @@ class Server:
     def _poll(self, node: SimulatedNode, now_s: float) -> None:
         for frame in node.poll(now_s):
             self._say(node, frame, now_s)
-        hearing = (node.device.node_id, node.device.services.hearing_changes)
-        if hearing != self._hearing.get(node):
-            self._hearing[node] = hearing
-            self._routes.clear()
-        due_s = node.next_poll_s()
-        if due_s is None:
-            self._due_s.pop(node, None)
-        else:
-            self._due_s[node] = due_s
+        self._roster.looked_at(node)
 
     def _say(self, node: SimulatedNode, frame: Frame, at_s: float) -> None:
         """Let *node* send *frame*, an SDO answer after its latency."""

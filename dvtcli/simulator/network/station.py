@@ -53,6 +53,11 @@ class SimulatedNode:
         self._quiet_until_s = float("-inf")
 
     @property
+    def has_faults(self) -> bool:
+        """Whether something may go wrong with it on purpose."""
+        return self._faulty is not None
+
+    @property
     def bus_failed(self) -> bool:
         """Whether a fault has killed the bus."""
         return self._faulty is not None and self._faulty.bus_failed

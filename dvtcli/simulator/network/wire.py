@@ -7,6 +7,7 @@ threads or what a frame means; times are seconds on a clock of the caller's.
 from __future__ import annotations
 
 from collections import deque
+from heapq import heappop, heappush
 
 from dvtcli.domain.bus_load import arbitration, frame_bits
 from dvtcli.domain.ports import Frame
@@ -25,6 +26,11 @@ class Wire:
     def __init__(self, bitrate: int | None = None) -> None:
         self._bit_s = 0.0 if bitrate is None else 1 / bitrate
         self._waiting: dict[object, deque[tuple[float, Frame]]] = {}
+        #: the first frame of each source that waits: (time, order, source) of those that want to go later than the
+        #: wire was looked at, and (priority, order, source) of the others
+        self._later: list[tuple[float, int, object]] = []
+        self._ready: list[tuple[int, int, object]] = []
+        self._heads = 0
         self._straight: deque[tuple[float, object, Frame]] = deque()
         self._free_s = 0.0
         self._travelling: tuple[float, object, Frame] | None = None
@@ -37,6 +43,7 @@ class Wire:
             self._waiting[source].append((at_s, frame))
         else:
             self._waiting[source] = deque([(at_s, frame)])
+            self._is_head(source)
 
     def waiting(self, source: object) -> int:
         """How many frames of *source*, or of all where they take no time, have not begun to travel."""
@@ -69,19 +76,28 @@ class Wire:
 
     def _start_s(self) -> float | None:
         """When the next frame begins to travel, None where none waits."""
-        if not self._waiting:
-            return None
-        return max(self._free_s, min(queue[0][0] for queue in self._waiting.values()))
+        if self._ready:
+            return self._free_s
+        return max(self._free_s, self._later[0][0]) if self._later else None
+
+    def _is_head(self, source: object) -> None:
+        """The first frame of *source* takes part from its time on."""
+        self._heads += 1
+        heappush(self._later, (self._waiting[source][0][0], self._heads, source))
 
     def _begin(self, now_s: float) -> None:
         """Let the winner begin, if that is not later than *now_s*."""
         start_s = None if self._travelling is not None else self._start_s()
         if start_s is None or start_s > now_s:
             return
-        ready = [source for source, queue in self._waiting.items() if queue[0][0] <= start_s]
-        winner = min(ready, key=lambda source: _priority(self._waiting[source][0][1]))
+        while self._later and self._later[0][0] <= start_s:
+            _, order, source = heappop(self._later)
+            heappush(self._ready, (_priority(self._waiting[source][0][1]), order, source))
+        winner = heappop(self._ready)[2]
         _, frame = self._waiting[winner].popleft()
-        if not self._waiting[winner]:
+        if self._waiting[winner]:
+            self._is_head(winner)
+        else:
             del self._waiting[winner]
         self._free_s = start_s + frame_bits(frame.can_id, frame.data, frame.extended, frame.remote) * self._bit_s
         self._travelling = (self._free_s, winner, frame)

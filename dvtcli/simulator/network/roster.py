@@ -1,0 +1,101 @@
+"""The nodes of one bus by what they hear, and by when they have something to do: a frame costs the same on a large bus.
+
+Does not know what a frame means to a node, nor who carries it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from heapq import heappop, heappush
+
+from dvtcli.domain.ports import Frame
+from dvtcli.simulator.network.station import LSS_MASTER, NMT_CAN_ID, SDO_REQUEST, SDO_RESPONSE, SimulatedNode
+
+#: what every node obeys, whatever its state
+_NETWORK_IDS = (NMT_CAN_ID, LSS_MASTER)
+#: CAN-IDs that are remembered; nobody has more, but a client may try
+_MOST_ROUTES = 4096
+_NEVER = float("inf")
+
+
+class Roster:
+    """Who of *nodes* is concerned by a frame, and who is due; whoever lets one hear or poll says so by `looked_at`."""
+
+    def __init__(self, nodes: Sequence[SimulatedNode]) -> None:
+        self._nodes = tuple(nodes)
+        self._numbers = {node: number for number, node in enumerate(self._nodes)}
+        self._breakable = tuple(node for node in self._nodes if node.has_faults)
+        #: which nodes a CAN-ID means something to, as long as no node's hearing changes
+        self._routes: dict[tuple[int, bool, bool], tuple[SimulatedNode, ...]] = {}
+        self._hearing: dict[SimulatedNode, tuple[int, int]] = {}
+        #: when each node has something to do by itself; nodes that never do are not in it
+        self._due_s: dict[SimulatedNode, float] = {}
+        #: (time, number of the node), those that count no longer among them
+        self._times: list[tuple[float, int]] = []
+        #: nodes in whose devices something changed since they were looked at
+        self._changed = set(self._nodes)
+        for node in self._nodes:
+            node.device.on_change(partial(self._changed.add, node))
+
+    @property
+    def bus_failed(self) -> bool:
+        """Whether a fault has killed the bus."""
+        return any(node.bus_failed for node in self._breakable)
+
+    def listeners(self, frame: Frame) -> Sequence[SimulatedNode]:
+        """The nodes that *frame* may mean something to, in their order; remembered by CAN-ID."""
+        self._look_at_changed()
+        key = (frame.can_id, frame.extended, frame.remote)
+        route = self._routes.get(key)
+        if route is None:
+            if len(self._routes) >= _MOST_ROUTES:
+                self._routes.clear()
+            route = self._routes[key] = tuple(node for node in self._nodes if _concerns(node, frame))
+        return route
+
+    def next_s(self) -> float:
+        """When one of them has something to do by itself; infinite for never."""
+        self._look_at_changed()
+        while self._times:
+            due_s, number = self._times[0]
+            if self._due_s.get(self._nodes[number]) == due_s:
+                return due_s
+            heappop(self._times)
+        return _NEVER
+
+    def due(self, now_s: float) -> Sequence[SimulatedNode]:
+        """The nodes that have something to do by *now_s*, in their order."""
+        found: set[int] = set()
+        while self.next_s() <= now_s:
+            found.add(heappop(self._times)[1])
+        for number in found:
+            del self._due_s[self._nodes[number]]
+            self._changed.add(self._nodes[number])  # whether it is polled now or not
+        return [self._nodes[number] for number in sorted(found)]
+
+    def looked_at(self, node: SimulatedNode) -> None:
+        """*node* has heard something, or was polled: it may hear other frames from now on, and be due at another time."""
+        self._changed.discard(node)
+        hearing = (node.device.node_id, node.device.services.hearing_changes)
+        if hearing != self._hearing.get(node):
+            self._hearing[node] = hearing
+            self._routes.clear()
+        due_s = node.next_poll_s()
+        if due_s is None:
+            self._due_s.pop(node, None)
+        elif self._due_s.get(node) != due_s:
+            self._due_s[node] = due_s
+            heappush(self._times, (due_s, self._numbers[node]))
+
+    def _look_at_changed(self) -> None:
+        while self._changed:
+            self.looked_at(self._changed.pop())
+
+
+def _concerns(node: SimulatedNode, frame: Frame) -> bool:
+    """SDOs have CAN-IDs that CiA 301 keeps from PDOs: they concern one node, or none."""
+    function, node_id = frame.can_id & ~0x7F, frame.can_id & 0x7F
+    if frame.extended or not node_id or function not in (SDO_REQUEST, SDO_RESPONSE):
+        return (frame.can_id in _NETWORK_IDS and not frame.extended) or node.device.services.hears(frame)
+    return function == SDO_REQUEST and node.device.node_id == node_id
