@@ -71,6 +71,11 @@ class VirtualTimeBus(WatchedBus):
             self._poll(node)
         self.sleep(ANSWER_S)
 
+    def join(self, devices: Sequence[StrictDevice]) -> None:
+        """Let *devices* be on the bus, too, as they are."""
+        self.nodes += stations(devices)
+        self._roster = Roster(self.nodes)
+
     def now_s(self) -> float:
         """The virtual time in seconds."""
         return self._now_s

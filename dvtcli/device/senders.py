@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from dvtcli.device.neighbours import producers
+from dvtcli.domain.network.consumers import by_id
 from dvtcli.domain.rules.finding import Producer
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
 
 if TYPE_CHECKING:
     from dvtcli.device.known_pdos import KnownPdos
     from dvtcli.domain.cob_id import CobId
+    from dvtcli.domain.network.consumers import Id
     from dvtcli.domain.pdo import Pdo
 
 
@@ -26,6 +28,8 @@ class Senders:
     nodes: Mapping[int, KnownPdos]
     after: dict[int, dict[Pdo, CobId | None]] = field(default_factory=dict)
     _now: dict[int, tuple[Producer, ...]] = field(default_factory=dict)
+    _sent: Mapping[Id, Sequence[Producer]] | None = None
+    _heard: Mapping[Id, Sequence[Producer]] | None = None
 
     def besides(self, node_id: int) -> tuple[Producer, ...]:
         """What the other nodes will send, and nodes that were met and are not in the plan send now."""
@@ -36,13 +40,20 @@ class Senders:
             for one in self._of(other)
         )
 
-    def sent(self) -> Iterator[Producer]:
-        """What all nodes will send."""
-        for node in (*self.nodes.values(), *self._strangers()):
-            yield from self._of(node)
+    def sent(self) -> Mapping[Id, Sequence[Producer]]:
+        """What all nodes will send, by its CAN-ID; from the first call on that stays so."""
+        if self._sent is None:
+            nodes = (*self.nodes.values(), *self._strangers())
+            self._sent = by_id(one for node in nodes for one in self._of(node))
+        return self._sent
 
-    def heard(self) -> Iterator[Producer]:
-        """Every RPDO that will be enabled, of nodes that answer."""
+    def heard(self) -> Mapping[Id, Sequence[Producer]]:
+        """Every RPDO that will be enabled, of nodes that answer, by its CAN-ID; as `sent`."""
+        if self._heard is None:
+            self._heard = by_id(self._rpdos())
+        return self._heard
+
+    def _rpdos(self) -> Iterator[Producer]:
         for node in (*self.nodes.values(), *self._strangers()):
             after = self.after.get(node.node_id, {})
             try:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,7 +19,7 @@ from dvtcli.device.senders import Senders
 from dvtcli.device.unstored import held_unstored
 from dvtcli.device.virtual_pdos import names_objects, tie_findings
 from dvtcli.domain.cob_id import CobId
-from dvtcli.domain.network.consumers import left_findings, length_findings, moved_tpdos
+from dvtcli.domain.network.consumers import Id, Sent, left_findings, length_findings, moved_tpdos, sent_by_id
 from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
 from dvtcli.domain.network.wanted_state import Endpoint
 from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, plan_pdo
@@ -213,7 +213,7 @@ def _said(wish: PdoWish) -> CobId | None:
 
 
 def _node_plan(node: Node, wish: NodeWish, wants: NodeWants, senders: Senders, stamp: Stamp | None) -> NodePlan:
-    elsewhere = partial(senders.besides, node.node_id)
+    elsewhere = cache(partial(senders.besides, node.node_id))
     lengths = untyped_lengths(node, wants.pdos.values())
     now = node.observed(lambda: {pdo: node.known_pdo(pdo) for pdo in wants.pdos})
     wanted = {pdo: resolve(node, pdo, now[pdo], want, lengths, elsewhere) for pdo, want in wants.pdos.items()}
@@ -255,7 +255,8 @@ def checked(nodes: Mapping[int, Node], planned: Iterable[NodePlan], *, force: bo
     planned = list(planned)
     after = {one.node_id: _cob_ids(one) for one in planned}
     senders = Senders(nodes, after)
-    judged = [replace(one, findings=(*one.findings, *_all_findings(nodes, one, planned, senders))) for one in planned]
+    sent = sent_by_id(planned)
+    judged = [replace(one, findings=(*one.findings, *_all_findings(nodes, one, sent, senders))) for one in planned]
     refused = [
         RuleError(f"node {one.node_id} not changed: {errors[0].text}", errors, node=one.node_id)
         for one in judged
@@ -267,10 +268,10 @@ def checked(nodes: Mapping[int, Node], planned: Iterable[NodePlan], *, force: bo
 
 
 def _all_findings(
-    nodes: Mapping[int, Node], one: NodePlan, planned: list[NodePlan], senders: Senders
+    nodes: Mapping[int, Node], one: NodePlan, sent: Mapping[Id, Iterable[Sent]], senders: Senders
 ) -> Iterator[Finding]:
     yield from _findings(nodes[one.node_id], one, senders)
-    yield from length_findings(one, planned)
+    yield from length_findings(one, sent)
     if moved := moved_tpdos(one):
         yield from left_findings(one, moved, senders.sent(), senders.heard())
 
@@ -283,10 +284,10 @@ def _cob_ids(plan: NodePlan) -> dict[Pdo, CobId | None]:
 def _findings(node: Node, planned: NodePlan, senders: Senders) -> Iterator[Finding]:
     together: dict[Pdo, PdoConfig] = dict(planned.wanted)
     changes = planned.plan.changes
+    elsewhere = cache(partial(senders.besides, node.node_id))
     together |= {change.pdo: change.after for change in changes if isinstance(change, PdoChange)}
     for change in changes:
         if isinstance(change, PdoChange):
-            elsewhere = partial(senders.besides, node.node_id)
             yield from check_pdo(proposal(node, change.pdo, change.before, change.after, together, elsewhere))
         else:
             step = change.step

@@ -8,7 +8,6 @@ from dvtcli.domain.ports import Frame
 from dvtcli.operations.network_files import applied
 from dvtcli.operations.options import Options
 from dvtcli.operations.session import Session
-from dvtcli.simulator.network.station import stations
 from tests.network.bench import device
 from tests.virtual_time import VirtualTimeBus
 
@@ -51,7 +50,7 @@ def test_a_changed_node_that_stays_away_is_asked_once_a_line(tmp_path: Path) -> 
         session.end_line(0)
         session.node(9)
         assert (back.asked, list(session.network.left)) == (2 * asked, [5]), "another line asks again"
-        back.nodes.extend(stations([away], [], []))
+        back.join([away])
         back.nodes_said(Frame(0x705, b"\0"))
         back.sleep(0.01)
         assert not session.network.left, "who is heard is asked at once"

@@ -90,7 +90,7 @@ class Journals:
 
     def tidy(self, whole: str | None) -> None:
         """After a journal of the *whole* of this id is gone: so is what the last one needed."""
-        if whole is not None and not self.all_of(whole):
+        if whole is not None and self._marker(whole).exists() and next(self._of(whole), None) is None:
             self.close_whole(whole)
 
     def counts(self, path: Path) -> bool:
@@ -105,12 +105,14 @@ class Journals:
 
     def all_of(self, whole: str) -> list[Journal]:
         """The journals that belong to the *whole* of this id, by node-ID; those that cannot be used are passed over."""
-        found = []
+        return sorted(self._of(whole), key=lambda one: one.plan.node_id)
+
+    def _of(self, whole: str) -> Iterator[Journal]:
         for path in self.folder.glob(f"{file_name(self.bus)}-*.json"):
             with suppress(InputFileError, SafetyRefusal):
-                found.append(read_journal(path))
-        ours = (one for one in found if (one.bus, one.part.whole) == (self.bus, whole))
-        return sorted(ours, key=lambda one: one.plan.node_id)
+                found = read_journal(path)
+                if (found.bus, found.part.whole) == (self.bus, whole):
+                    yield found
 
     def write(self, plan: Plan, identity: Identity, nmt_state: int | None, part: Part | None = None) -> Path:
         """Put *plan*, which belongs to *part*, on disk, whole and synced, before its first write; for its owner only.

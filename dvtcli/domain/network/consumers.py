@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping
+from dataclasses import dataclass
 
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.network.network_plan import NodePlan
@@ -19,18 +20,53 @@ RULES = (
 )  # fmt: skip
 
 
-def length_findings(consumer: NodePlan, plans: Iterable[NodePlan]) -> Iterator[Finding]:
-    """A warning for each RPDO of *consumer* that is mapped for another length than a TPDO of *plans* sends.
+#: a CAN-ID, and whether it has 29 bits
+Id = tuple[int, bool]
+
+
+@dataclass(frozen=True, slots=True)
+class Sent:
+    """The TPDO *pdo* of *plan*'s node as it will be, and whether the plan *changes* it."""
+
+    plan: NodePlan
+    pdo: Pdo
+    config: PdoConfig
+    changes: bool
+
+
+def sent_by_id(plans: Iterable[NodePlan]) -> dict[Id, list[Sent]]:
+    """The TPDOs that *plans* are about and that will be enabled, by what they are sent with."""
+    found: dict[Id, list[Sent]] = {}
+    for plan in plans:
+        changed = _changed(plan)
+        for pdo, config in _ends(plan).items():
+            if pdo.is_tpdo and config.enabled:
+                sent = Sent(plan, pdo, config, pdo in changed)
+                found.setdefault(_id(config.communication.cob_id), []).append(sent)
+    return found
+
+
+def by_id(pdos: Iterable[Producer]) -> dict[Id, list[Producer]]:
+    """Enabled *pdos* by what they are sent with, or heard."""
+    found: dict[Id, list[Producer]] = {}
+    for one in pdos:
+        if one.cob_id.valid:
+            found.setdefault(_id(one.cob_id), []).append(one)
+    return found
+
+
+def length_findings(consumer: NodePlan, sent: Mapping[Id, Iterable[Sent]]) -> Iterator[Finding]:
+    """A warning for each RPDO of *consumer* that is mapped for another length than a TPDO of another node, *sent*.
 
     Looked at are PDOs that the plans are about, and of them pairs of which one side changes.
     """
-    for other in plans:
-        sent = {pdo: config for pdo, config in _ends(other).items() if pdo.is_tpdo and other is not consumer}
-        for rpdo, takes in _ends(consumer).items():
-            for tpdo, sends in sent.items() if not rpdo.is_tpdo else ():
-                changes = _changes(other, tpdo) or _changes(consumer, rpdo)
-                if changes and _meet(sends, takes) and sends.bits != takes.bits:
-                    yield _finding(rpdo, takes, other.node_id, tpdo, sends)
+    changed = _changed(consumer)
+    for rpdo, takes in _ends(consumer).items():
+        cob_id = takes.communication.cob_id
+        for one in sent.get(_id(cob_id), ()) if not rpdo.is_tpdo and cob_id.valid else ():
+            changes = one.changes or rpdo in changed
+            if changes and one.plan is not consumer and one.config.bits != takes.bits:
+                yield _finding(rpdo, takes, one.plan.node_id, one.pdo, one.config)
 
 
 def moved_tpdos(plan: NodePlan) -> dict[Pdo, CobId]:
@@ -41,25 +77,21 @@ def moved_tpdos(plan: NodePlan) -> dict[Pdo, CobId]:
 
 
 def left_findings(
-    plan: NodePlan, moved: Mapping[Pdo, CobId], sent: Iterable[Producer], heard: Iterable[Producer]
+    plan: NodePlan, moved: Mapping[Pdo, CobId], sent: Container[Id], heard: Mapping[Id, Iterable[Producer]]
 ) -> Iterator[Finding]:
     """A warning for each RPDO of *heard* that goes on hearing what a TPDO of *moved* gave up, and nothing of *sent* is.
 
     Both are what nodes send and hear once *plan*, and those of the other nodes, are carried out.
     """
-    sending = [one.cob_id for one in sent]
-    hearing = list(heard)
     for pdo, gone in moved.items():
-        if any(_same_id(gone, one) for one in sending):
-            continue
-        for one in hearing:
-            if one.node_id != plan.node_id and _same_id(gone, one.cob_id):
+        for one in heard.get(_id(gone), ()) if _id(gone) not in sent else ():
+            if one.node_id != plan.node_id:
                 text = f"{one.node_id}:{one.pdo} goes on hearing {gone}, which {plan.node_id}:{pdo} sends no more"
                 yield warning("consumer-left", f"0x{pdo.communication_index:04X}:01", text)
 
 
 def _same_id(one: CobId, other: CobId) -> bool:
-    return one.valid and other.valid and (one.can_id, one.extended) == (other.can_id, other.extended)
+    return one.valid and other.valid and _id(one) == _id(other)
 
 
 def _finding(rpdo: Pdo, takes: PdoConfig, node_id: int, tpdo: Pdo, sends: PdoConfig) -> Finding:
@@ -75,9 +107,9 @@ def _ends(plan: NodePlan) -> Mapping[Pdo, PdoConfig]:
     return {**plan.wanted, **changes}
 
 
-def _meet(sends: PdoConfig, takes: PdoConfig) -> bool:
-    return _same_id(sends.communication.cob_id, takes.communication.cob_id)
+def _id(cob_id: CobId) -> Id:
+    return cob_id.can_id, cob_id.extended
 
 
-def _changes(plan: NodePlan, pdo: Pdo) -> bool:
-    return any(isinstance(change, PdoChange) and change.pdo == pdo for change in plan.plan.changes)
+def _changed(plan: NodePlan) -> set[Pdo]:
+    return {change.pdo for change in plan.plan.changes if isinstance(change, PdoChange)}

@@ -26,9 +26,11 @@ class Roster:
         self._nodes = tuple(nodes)
         self._numbers = {node: number for number, node in enumerate(self._nodes)}
         self._breakable = tuple(node for node in self._nodes if node.has_faults)
-        #: which nodes a CAN-ID means something to, as long as no node's hearing changes
+        #: which nodes have a node-ID, and which ones a CAN-ID means something to, as long as no node's hearing changes
+        self._by_id: dict[int, tuple[SimulatedNode, ...]] = {}
         self._routes: dict[tuple[int, bool, bool], tuple[SimulatedNode, ...]] = {}
-        self._hearing: dict[SimulatedNode, tuple[int, int]] = {}
+        self._ids: dict[SimulatedNode, int] = {}
+        self._hearing: dict[SimulatedNode, int] = {}
         #: when each node has something to do by itself; nodes that never do are not in it
         self._due_s: dict[SimulatedNode, float] = {}
         #: (time, number of the node), those that count no longer among them
@@ -44,8 +46,14 @@ class Roster:
         return any(node.bus_failed for node in self._breakable)
 
     def listeners(self, frame: Frame) -> Sequence[SimulatedNode]:
-        """The nodes that *frame* may mean something to, in their order; remembered by CAN-ID."""
+        """The nodes that *frame* may mean something to, in their order; remembered by CAN-ID.
+
+        SDOs have CAN-IDs that CiA 301 keeps from PDOs: they concern one node, or none.
+        """
         self._look_at_changed()
+        function, node_id = frame.can_id & ~0x7F, frame.can_id & 0x7F
+        if function in (SDO_REQUEST, SDO_RESPONSE) and node_id and not frame.extended:
+            return self._by_id.get(node_id, ()) if function == SDO_REQUEST else ()
         key = (frame.can_id, frame.extended, frame.remote)
         route = self._routes.get(key)
         if route is None:
@@ -75,9 +83,11 @@ class Roster:
         return [self._nodes[number] for number in sorted(found)]
 
     def looked_at(self, node: SimulatedNode) -> None:
-        """*node* has heard something, or was polled: it may hear other frames from now on, and be due at another time."""
+        """*node* has heard something, or was polled: what it hears, and when it is due, may be other from now on."""
         self._changed.discard(node)
-        hearing = (node.device.node_id, node.device.services.hearing_changes)
+        node_id, hearing = node.device.node_id, node.device.services.hearing_changes
+        if node_id != self._ids.get(node):
+            self._has_id(node, node_id)
         if hearing != self._hearing.get(node):
             self._hearing[node] = hearing
             self._routes.clear()
@@ -88,14 +98,18 @@ class Roster:
             self._due_s[node] = due_s
             heappush(self._times, (due_s, self._numbers[node]))
 
+    def _has_id(self, node: SimulatedNode, node_id: int) -> None:
+        """*node* has *node_id* from now on."""
+        before, self._ids[node] = self._ids.get(node), node_id
+        for one in (node_id,) if before is None else (before, node_id):
+            self._by_id[one] = tuple(other for other in self._nodes if self._ids.get(other) == one)
+        self._routes.clear()
+
     def _look_at_changed(self) -> None:
         while self._changed:
             self.looked_at(self._changed.pop())
 
 
 def _concerns(node: SimulatedNode, frame: Frame) -> bool:
-    """SDOs have CAN-IDs that CiA 301 keeps from PDOs: they concern one node, or none."""
-    function, node_id = frame.can_id & ~0x7F, frame.can_id & 0x7F
-    if frame.extended or not node_id or function not in (SDO_REQUEST, SDO_RESPONSE):
-        return (frame.can_id in _NETWORK_IDS and not frame.extended) or node.device.services.hears(frame)
-    return function == SDO_REQUEST and node.device.node_id == node_id
+    """Whether *frame*, no SDO, may mean something to *node*."""
+    return (frame.can_id in _NETWORK_IDS and not frame.extended) or node.device.services.hears(frame)

@@ -1,0 +1,56 @@
+"""What one more node costs does not grow with their number: in calls of functions, which no machine makes slower.
+
+The bus among it: who waits for an answer is told of it, and only nodes that a frame concerns hear it.
+"""
+
+from __future__ import annotations
+
+import sys
+import threading
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+from types import CodeType, FrameType
+from typing import TypeVar
+
+from tests.network.test_many_nodes import many
+
+T = TypeVar("T")
+FEW, MANY = 2, 6
+#: how many more calls of one function a node may cost where there are many, of some 90,000 in all: what looks at every
+#: other node's PDOs would be more
+MOST_GROWN = 40
+
+
+def calls(work: Callable[[], T]) -> Counter[CodeType]:
+    """The functions that *work* calls, in whatever thread, and how often."""
+    counted: Counter[CodeType] = Counter()
+
+    def count(frame: FrameType, event: str, _argument: object) -> None:
+        if event == "call":
+            counted[frame.f_code] += 1
+
+    threading.setprofile(count)
+    sys.setprofile(count)
+    try:
+        work()
+    finally:
+        sys.setprofile(None)
+        threading.setprofile(None)
+    return counted
+
+
+def costs(folder: Path, count: int) -> dict[str, Counter[CodeType]]:
+    """The calls of a plan, and of its `apply`, for *count* nodes."""
+    folder.mkdir()
+    chain, file = many(folder, count)
+    return {"plan": calls(lambda: chain.plan(file)), "apply": calls(lambda: chain.apply(file))}
+
+
+def test_nodes_cost_the_same_however_many_there_are(tmp_path: Path) -> None:
+    few, many_ = costs(tmp_path / "few", FEW), costs(tmp_path / "many", MANY)
+    for what, counted in many_.items():
+        grown = {code: number / MANY - few[what][code] / FEW for code, number in counted.items()}
+        worst = sorted(((round(by), code.co_qualname, code.co_filename) for code, by in grown.items()), reverse=True)
+        assert worst[0][0] <= MOST_GROWN, (what, worst[:3])
+        assert counted.total() / MANY <= few[what].total() / FEW, (what, worst[:3])
