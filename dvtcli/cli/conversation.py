@@ -83,6 +83,8 @@ class Conversation(Session):
         self.on_open = on_open
         #: at the prompt and in scripts the bus is chosen already
         self.started = False
+        #: whether a line was `exit`
+        self.left = False
         #: the scripts that run, the outermost first
         self.scripts: list[str] = []
         #: what the lines of the outermost script have changed

@@ -42,8 +42,10 @@ class ScriptLine:
     words: list[str]
 
 
-def run_script(session: Conversation, data: bytes, source: str, *, keep_going: bool, atomic: bool = False) -> int:
-    """Run a script's *data*; *source* names it in messages.
+def run_script(
+    session: Conversation, data: bytes, source: str, *, keep_going: bool, atomic: bool = False, first_line: int = 1
+) -> int:
+    """Run a script's *data*; *source* names it in messages, *first_line* is where the data begins in it.
 
     The first failing line stops it and gives the exit code; with *keep_going* it runs on and ends with the
     first failure's code, or 7 where there was one, or that of the signal that ended it. With *atomic* a failing line
@@ -52,7 +54,7 @@ def run_script(session: Conversation, data: bytes, source: str, *, keep_going: b
     refuse_own_run(session, source)
     if atomic and keep_going:
         raise UsageError("--atomic and --keep-going exclude each other: a failing line takes all lines back")
-    lines = script_lines(data, source)
+    lines = script_lines(data, source, first_line)
     session.started = True
     reach = Reach()
     parsed = _all_parsed(lines, session, [*session.scripts, source], {}, reach)
@@ -60,12 +62,12 @@ def run_script(session: Conversation, data: bytes, source: str, *, keep_going: b
         reach.refuse()
 
     def run() -> int:
-        return _worst(_run_lines(session, parsed, source, keep_going=keep_going))
+        return worst(_run_lines(session, parsed, source, keep_going=keep_going))
 
     return enclosed(session, source, run, atomic=atomic)
 
 
-def _worst(codes: list[int]) -> int:
+def worst(codes: list[int]) -> int:
     """The exit code of a script whose failing lines ended with *codes*."""
     if 7 in codes:
         return 7
@@ -119,6 +121,7 @@ def _run_lines(
         session.place = f"{source}:{line.number}"
         code = _reported(session, source, line, ctx)
         if code == LEAVE:
+            session.left = len(session.scripts) == 1  # a nested script ends alone
             break
         if code:
             codes.append(code)
@@ -147,18 +150,21 @@ def _shown(session: Conversation, line: ScriptLine) -> str:
     return line.words[0] if session.is_secret(text) else text
 
 
-def script_lines(data: bytes, source: str) -> list[ScriptLine]:
-    """The commands in *data*; a backslash at a line's end continues it. UsageError or InputFileError with FILE:LINE."""
+def script_lines(data: bytes, source: str, first_line: int = 1) -> list[ScriptLine]:
+    """The commands in *data*, which begins at *first_line*; a backslash at a line's end continues it.
+
+    UsageError or InputFileError with FILE:LINE.
+    """
     text = script_text(data, source)
     found: list[ScriptLine] = []
     pending: list[str] = []
     began = 0
     raws = _LINE_END.split(text)
-    for number, raw in enumerate(raws, 1):
+    for number, raw in enumerate(raws, first_line):
         if not raw and not pending:
             continue
         began = began or number
-        if raw.endswith("\\") and number < len(raws):
+        if raw.endswith("\\") and number < first_line + len(raws) - 1:
             pending.append(raw[:-1])
             continue
         words = _words(" ".join([*pending, raw]), f"{source}:{began}")

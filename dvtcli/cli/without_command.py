@@ -10,11 +10,15 @@ if TYPE_CHECKING:
 
 
 def without_command(session: Conversation) -> int:
-    """Run the prompt where stdin is a terminal, else stdin as a script; the exit code."""
+    """Run the prompt where stdin is a terminal, else stdin as a script, a program's line by line; the exit code."""
     if sys.stdin.isatty():
         from dvtcli.cli.prompt.loop import run_prompt
 
         return run_prompt(session)
+    from dvtcli.cli.live_lines import answer_lines, is_a_program
+
+    if is_a_program(session):
+        return answer_lines(session)
     from dvtcli.cli.script import MOST_BYTES, run_script
 
     return run_script(session, sys.stdin.buffer.read(MOST_BYTES + 1), "<stdin>", keep_going=False)

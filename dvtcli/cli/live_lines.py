@@ -1,0 +1,111 @@
+"""Lines of a program, answered as they come: `--json`, and a pipe on stdin that stays open.
+
+Lines that wait together are a script of their own: parsed whole, run inside one NMT gate, stopped by the first that
+fails. Then the next ones are waited for, and the bus is listened to meanwhile. Does not know what lines do.
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import stat
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from threading import Event, Thread
+from typing import TYPE_CHECKING
+
+from dvtcli.cli.boundary import SIGNALLED
+from dvtcli.cli.run_line import boundary
+from dvtcli.cli.script import MOST_BYTES, run_script, worst
+from dvtcli.errors import BusUnavailable, InputFileError
+
+if TYPE_CHECKING:
+    from dvtcli.cli.conversation import Conversation
+
+#: What a pipe holds: where so much came at once there is more, which is waited for so long (s).
+_FULL, _MORE_S = 65_536, 0.2
+#: How long the bus is read in one go (s).
+_TICK_S = 0.1
+_SOURCE = "<stdin>"
+
+
+def is_a_program(session: Conversation) -> bool:
+    """Whether a program may be at the other end of stdin that waits for each answer: not of a file."""
+    if not session.output.json:
+        return False
+    kind = os.fstat(sys.stdin.fileno()).st_mode
+    return stat.S_ISFIFO(kind) or stat.S_ISSOCK(kind)
+
+
+def answer_lines(session: Conversation) -> int:
+    """Answer lines until stdin ends, or one of them is `exit`; the exit code of the first that failed, or 7."""
+    session.started = True
+    codes, number = [], 1
+    with _listening(session):
+        for lines in _chunks(session):
+            code = boundary(session, lambda: _run(session, lines, number))  # noqa: B023 - called at once
+            number += lines.count(b"\n")
+            codes += [code] if code else []
+            if session.left or code in SIGNALLED:
+                break
+    return worst(codes)
+
+
+def _run(session: Conversation, lines: bytes, number: int) -> int:
+    return run_script(session, lines, _SOURCE, keep_going=False, first_line=number)
+
+
+def _chunks(session: Conversation) -> Iterator[bytes]:
+    """Whole lines as they come; those that wait together come together."""
+    pending = b""
+    while data := _waiting(session):
+        pending += data
+        if len(pending) > MOST_BYTES:
+            raise InputFileError(f"{_SOURCE}: {len(pending)} bytes are no line", place=_SOURCE)
+        end = pending.rfind(b"\n") + 1
+        if end and not pending[:end].rstrip(b"\r\n").endswith(b"\\"):
+            yield pending[:end]
+            pending = pending[end:]
+    if pending:
+        yield pending
+
+
+def _waiting(session: Conversation) -> bytes:
+    """What is in the pipe, once there is something; nothing at its end."""
+    file = sys.stdin.fileno()
+    with session.cancellation.released():
+        data = found = os.read(file, _FULL)
+        while len(found) == _FULL and _comes(file):
+            found = os.read(file, _FULL)
+            data += found
+    return data
+
+
+def _comes(file: int) -> bool:
+    """Whether more is there, or comes at once."""
+    return os.name == "posix" and bool(select.select((file,), (), (), _MORE_S)[0])
+
+
+@contextmanager
+def _listening(session: Conversation) -> Iterator[None]:
+    """A block in which the bus is read also while nobody asks anything: heartbeats, boot-ups and EMCY count."""
+    stopping = Event()
+    thread = Thread(target=_listen, args=(session, stopping), name="listening", daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        stopping.set()
+        thread.join(1.0)
+
+
+def _listen(session: Conversation, stopping: Event) -> None:
+    while not stopping.is_set():
+        if not session.is_open:
+            stopping.wait(_TICK_S)
+            continue
+        try:
+            session.wire.idle(_TICK_S)
+        except BusUnavailable:  # the next line says so
+            stopping.wait(_TICK_S)
