@@ -223,6 +223,7 @@ class _TakenBack:
         try:
             if self.made and self.node.bus.boot_ups(self.node.node_id) != self.boot_ups:
                 raise NoAnswer("it restarted meanwhile")  # what was put back before that may be lost again
+            self._look_again()
             if self.node.keeper is not None:
                 self.node.keeper.own_journal.end_whole()
         except (DvtcliError, KeyboardInterrupt) as failed:
@@ -237,6 +238,17 @@ class _TakenBack:
         if unknown:
             left.hint = "set it by hand: its value before is not known"
         return left
+
+    def _look_again(self) -> None:
+        """Read once more what was put back, a restart need not be heard; DeviceRefused where it is not as before."""
+        if self.not_put_back or not self.made:
+            return
+        from dvtcli.device.change.expected import still_there
+        from dvtcli.device.change.way_back import beginnings
+        from dvtcli.device.wish import unlike
+
+        if lost := unlike(self.node, still_there(self.node, beginnings(self.made))):
+            raise DeviceRefused(f"it does not hold what it held before: {lost[0][0]} {lost[0][1]}")
 
 
 def _undo_patiently(node: Node, *, force: bool) -> tuple[Finding, ...]:

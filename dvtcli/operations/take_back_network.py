@@ -140,31 +140,47 @@ class Course:
             failures[node_id] = self._left(node, fault, failed)
 
     def _settle_all(self, failures: dict[int, LeftChanged], fault: BaseException) -> None:
-        """Look at all nodes, and at all once more where one restarted meanwhile; then forget what was put back."""
+        """Look at all nodes until they all were as before twice in turn; then forget what was put back.
+
+        Twice, since what was read of the first ones may be lost, unheard, while the last ones are put back.
+        """
         taken = list(dict.fromkeys(part.node_id for part in self.done))
-        again = taken
-        for _ in range(MOST_LOOKS):
-            seen = {node_id: self.nodes[node_id].bus.boot_ups(node_id) for node_id in taken}
-            for node_id in taken:
-                if node_id not in failures:
-                    self._try(node_id, failures, fault, self._settle)
-            again = [node_id for node_id in taken if self.nodes[node_id].bus.boot_ups(node_id) != seen[node_id]]
-            if not again:
+        unsettled, clean = list[int](), 0
+        for _ in range(MOST_LOOKS + 1):
+            unsettled = self._look_at(taken, failures, fault)
+            clean = 0 if unsettled else clean + 1
+            if clean == 2:
                 break
         for node_id in taken:
-            if node_id in again and node_id not in failures:
+            if node_id in failures:
+                continue
+            if node_id in unsettled:
                 restarts = DeviceRefused(f"it restarted each of {MOST_LOOKS} times that it was looked at")
                 failures[node_id] = self._left(self.nodes[node_id], fault, restarts)
-            elif node_id not in failures:
+            else:
                 self._try(node_id, failures, fault, self._forget)
 
-    def _settle(self, node: Node) -> None:
-        """Once all nodes had their turn: *node* is as it was, or it is put back again, for the last time.
+    def _look_at(self, taken: Sequence[int], failures: dict[int, LeftChanged], fault: BaseException) -> list[int]:
+        """Look at each of *taken* but the *failures*, and put it back where it is not as it was.
+
+        Which of them were put back once more, or restarted meanwhile.
+        """
+        seen = {node_id: self.nodes[node_id].bus.boot_ups(node_id) for node_id in taken}
+        rewritten: list[int] = []
+        for node_id in taken:
+            if node_id not in failures:
+                self._try(node_id, failures, fault, lambda node: self._settle(node, rewritten))
+        restarted = {node_id for node_id in taken if self.nodes[node_id].bus.boot_ups(node_id) != seen[node_id]}
+        return [one for one in taken if one not in failures and (one in restarted or one in rewritten)]
+
+    def _settle(self, node: Node, rewritten: list[int]) -> None:
+        """Once all nodes had their turn: *node* is as it was, or it is put back again, which *rewritten* notes.
 
         That is looked at of all that was planned: a restart takes what was not begun, too, back to what is stored.
         """
         plan = self.plans[node.node_id]
         if _difference(node, plan):
+            rewritten.append(node.node_id)
             _put_back(node, plan)
             if difference := _difference(node, plan):
                 raise DeviceRefused("it does not read back as it was", why=difference)

@@ -6,15 +6,16 @@ from pathlib import Path
 
 import pytest
 
+from dvtcli.device.change.progress import Progress
 from dvtcli.device.read_pdos import read_pdo
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.pdo import Pdo
 from dvtcli.errors import DvtcliError
 from dvtcli.simulator.device.simulated_faults import Fault
 from dvtcli.simulator.device.strict_device import StrictDevice
-from dvtcli.simulator.network.family_file import family_eds
+from dvtcli.simulator.network.family_file import family_eds, load_family
 from tests.commands.bench import Bench, Ran
-from tests.laws.bench import DirectSdo, booted
+from tests.laws.bench import DirectSdo, booted, dictionary
 from tests.virtual_time import VirtualTimeBus
 
 TPDO1, TPDO2 = Pdo.parse("tpdo1"), Pdo.parse("tpdo2")
@@ -121,3 +122,26 @@ def test_an_atomic_script_holds_all_that_it_set_at_its_end(faults: tuple[str, ..
             assert "what the script changed is as it was" in ran.stderr
         codes.add(ran.code)
     assert codes - {0}
+
+
+def test_an_atomic_script_that_was_taken_back_is_looked_at_once_more(tmp_path: Path) -> None:
+    """A node restarts, unheard, once its lines were undone, while the other node's are: it is not as it was."""
+    first, second = booted(), StrictDevice(dictionary("generic"), load_family("generic"), 2)
+    bus = VirtualTimeBus([first, second], timeout_s=0.3, simulated=False)
+    (tmp_path / "x.dvt").write_text("set 2:tpdo3 --timer 44\nset 1:tpdo1 --timer 55\nread 5FFF\n")
+    steps: list[int] = []
+
+    def took(step: Progress) -> None:
+        steps.append(step.node)
+        if steps == [2, 2, 1, 2, 1]:
+            second.restart()
+            second.boot_up()
+            second.take_outbox()
+
+    with Bench((), {"yes": True, "node": 1}, bus) as one:
+        one.session.open_network().on_step = took
+        assert one.run("pdo tpdo1").code == one.run("set 2:tpdo3 --timer 33").code == 0
+        ran = one.run(f"run {tmp_path / 'x.dvt'} --atomic")
+    assert steps == [2, 2, 1, 2, 1]
+    assert ran.code == 7
+    assert "it does not hold what it held before: TPDO3 event timer is 0" in " ".join(ran.stderr.split())

@@ -184,8 +184,11 @@ def test_a_disk_that_is_full_between_two_stores_is_told_and_ends_the_whole(chain
     assert types(chain) == {5: 1, 9: 1}
 
 
+@pytest.mark.parametrize("restart", [heard, silent])
 @pytest.mark.parametrize("at", [23, 26, 29])
-def test_a_node_that_restarts_once_it_was_taken_back_is_put_back_again(home: Path, at: int) -> None:
+def test_a_node_that_restarts_once_it_was_taken_back_is_put_back_again(
+    home: Path, at: int, restart: Callable[[int], Act]
+) -> None:
     """RAM held 7, the file wants 1, node 9 refuses; node 5 restarts at the *at*-th request to node 9."""
     (home.parent / "files").mkdir()
     families = {5: "generic", 9: "generic"}
@@ -199,7 +202,7 @@ def test_a_node_that_restarts_once_it_was_taken_back_is_put_back_again(home: Pat
         if can_id == 0x609 and (seen or data[0] >> 5 == 1):
             seen.append(1)
             if len(seen) == at:
-                heard(5)(chain)
+                restart(5)(chain)
 
     vars(chain.bus)["send_sdo"] = send_sdo
     with pytest.raises(DvtcliError) as told:

@@ -15,7 +15,7 @@ from dvtcli.errors import SafetyRefusal
 
 if TYPE_CHECKING:
     from dvtcli.device.known_pdos import KnownPdos
-    from dvtcli.device.wish import Difference
+    from dvtcli.device.wish import Difference, Wish
     from dvtcli.domain.plan import Change
 
 
@@ -83,7 +83,7 @@ class Expected:
             for text in texts:
                 yield pdo.label, f"{pdo.communication_index:04X}:01", f"{pdo.label}: {text}"
         for (index, sub_index), value in self.values.items():
-            if _moves(node, index, sub_index):
+            if moves(node, index, sub_index):
                 continue
             data = node.upload(index, sub_index)
             if data != value:
@@ -98,11 +98,17 @@ def no_longer_held(node: KnownPdos, changes: Iterable[Change]) -> tuple[Differen
     expected = Expected()
     for change in changes:
         expected.changed(change)
-    values = {place: value for place, value in expected.values.items() if not _moves(node, *place)}
-    return unlike(node, Wish(expected.pdos, values))
+    return unlike(node, still_there(node, Wish(expected.pdos, expected.values)))
 
 
-def _moves(node: KnownPdos, index: int, sub_index: int) -> bool:
+def still_there(node: KnownPdos, wish: Wish) -> Wish:
+    """*wish* without the commands and targets of the machine, which it changes all the time."""
+    from dvtcli.device.wish import Wish
+
+    return Wish(wish.pdos, {place: value for place, value in wish.values.items() if not moves(node, *place)})
+
+
+def moves(node: KnownPdos, index: int, sub_index: int) -> bool:
     """Whether an object is a command or a target, which the machine changes all the time: an RPDO can take it."""
     entry = node.dictionary.entry(index, sub_index) if node.dictionary else None
     return entry is not None and bool(entry.pdo_mapping) and entry.access.writable

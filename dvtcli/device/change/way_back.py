@@ -83,7 +83,7 @@ def refuse_unless_left(node: Changeable, plans: Sequence[Plan], count: int) -> i
         return count
     for gone in range(1, len(plans) + 1):
         left = plans[len(plans) - count : len(plans) - gone]
-        if not unlike(node, _beginnings(plans[-gone:])) and not unlike(node, _ends(left)):
+        if not unlike(node, beginnings(plans[-gone:])) and not unlike(node, _ends(left)):
             return max(gone, count)
     raise SafetyRefusal(
         f"node {node.node_id} does not hold what that change left: {found[0][0]} {found[0][1]}",
@@ -99,7 +99,7 @@ def _ends(plans: Sequence[Plan]) -> Wish:
     return _wish((change for plan in plans for change in plan.changes), before=False)
 
 
-def _beginnings(plans: Sequence[Plan]) -> Wish:
+def beginnings(plans: Sequence[Plan]) -> Wish:
     """What was before the first of *plans*."""
     return _wish((change for plan in reversed(plans) for change in reversed(plan.changes)), before=True)
 
