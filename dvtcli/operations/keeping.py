@@ -85,6 +85,11 @@ def _how_to_finish(journal: Journal) -> str:
         return f"{what} was interrupted: `recover` puts the old configuration back"
     if journal.part.whole is None:
         return f"a change of {labels} of node {node_id} was interrupted: `recover` puts the old configuration back"
+    if journal.part.stores:
+        return (
+            f"{journal.part.name} was interrupted while nodes stored what it changed, {labels} of node {node_id}: "
+            "`recover --finish` stores on the rest of them, `recover` takes every line of it back, on all nodes"
+        )
     return (
         f"{journal.part.name} was interrupted, which changed {labels} of node {node_id}: `recover` takes every line of "
         "it back, on all nodes"

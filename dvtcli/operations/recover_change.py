@@ -73,17 +73,31 @@ def _recovered(session: Session, file: str | None, *, finish: bool) -> Changed |
 
 
 def _rather_finishes(session: Session, journals: list[Journal]) -> bool:
-    """Whether the stores are to be gone on with, where they had begun; SafetyRefusal where nobody can say so."""
+    """Whether the stores are to be gone on with, where they had begun; SafetyRefusal where nobody can say so.
+
+    Beside other interrupted changes nobody is asked: that each of them may be finished by itself is said.
+    """
     from dvtcli.operations.finish_stores import may_finish
 
-    if not may_finish(journals):
-        return False
+    wholes = {one.part.whole: [other for other in journals if other.part.whole == one.part.whole] for one in journals}
+    finishing = [ours for ours in wholes.values() if may_finish(ours)]
+    alone = len(wholes) == 1
+    for ours in finishing:
+        if session.options.yes or session.dry_run or not alone:
+            which = "" if alone else f"-n {ours[0].plan.node_id} "
+            session.tell.note(f"{_begun_stores(ours)}: recover goes back, {which}recover --finish would go on")
+        else:
+            return _asked_to_finish(session, _begun_stores(ours))
+    return False
+
+
+def _begun_stores(journals: list[Journal]) -> str:
     part = furthest(journals)
     told = "; ".join(f"{label}: node {', '.join(map(str, ids))}" for label, ids in stores_of(part).items() if ids)
-    text = f"every node held what {part.name} wanted, and it ended while they stored ({told})"
-    if session.options.yes or session.dry_run:
-        session.tell.note(f"{text}: recover goes back, recover --finish would go on")
-        return False
+    return f"every node held what {part.name} wanted, and it ended while they stored ({told})"
+
+
+def _asked_to_finish(session: Session, text: str) -> bool:
     answer = session.tell.ask(f"{text}; store on the others? No goes on to the way back")
     if answer is None:
         raise SafetyRefusal(f"nobody can answer: {text}", hint="recover --finish goes on, recover --yes goes back")

@@ -146,6 +146,7 @@ def test_stores_that_a_kill_cut_short_are_finished(nodes: Served) -> None:
     assert killed(nodes, "defaults: {store: true}\n" + FILE, 2, is_save) == -SIGKILL
     planned = nodes.dvtcli("plan", str(nodes.folder / "net.yaml"))
     assert "Next: dvtcli apply" not in planned.stdout
+    assert "`recover --finish` stores on the rest of them, `recover` takes every line of it back" in planned.stderr
     asked = nodes.dvtcli("recover")
     assert asked.returncode == 6
     assert "stored: node 1; unknown: node 3" in asked.stderr

@@ -7,18 +7,33 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
 
+from dvtcli import Bus
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.errors import DvtcliError, LeftChanged, SafetyRefusal, UsageError
 from dvtcli.operations.network_files import applied
 from dvtcli.operations.recover_change import recover
+from dvtcli.operations.telling import Silent
 from tests.network.bench import Chain
 from tests.network.killed import Watched, afterwards
 
 Act = Callable[[Chain], None]
+
+
+@dataclass
+class Said(Silent):
+    """Keeps the notes."""
+
+    notes: list[str] = field(default_factory=list)
+
+    def note(self, text: str) -> None:
+        self.notes.append(text)
+
+
 TYPE = (0x1800, 2)
 
 
@@ -228,9 +243,35 @@ def test_finish_beside_another_interrupted_change_says_how_to_go_on(home: Path) 
         with after.session(node=None) as session, pytest.raises(UsageError, match="one network at a time") as told:
             recover(session, finish=True)
         assert "-n 5 recover --finish" in str(told.value.hint)
+        with after.session(node=None, dry_run=True) as session:
+            session.tell = said = Said()
+            assert recover(session)
+        assert [text for text in said.notes if "-n 5 recover --finish would go on" in text]
         with after.session(node=5) as session:
             assert recover(session, finish=True)
         assert {after.stored()[one][TYPE] for one in (5, 9)} == {b"\x01"}
         assert after.journals() == [path]
 
     killed(chain, home, file(home), look)
+
+
+@pytest.mark.parametrize("finishes", [True, False])
+def test_a_program_finishes_the_stores_or_goes_back_on_all_nodes(chain: Chain, home: Path, *, finishes: bool) -> None:
+    before = types(chain)
+
+    def finished(after: Chain) -> None:
+        with after.session(node=None, yes=False) as session, Bus(session) as bus:
+            with pytest.raises(SafetyRefusal, match="nobody can answer"):
+                bus.finish_stores()
+            assert bus.finish_stores(yes=True) == (5, 9)
+            assert bus.finish_stores(yes=True) == bus.recover(yes=True) == ()
+        assert {after.stored()[one][TYPE] for one in (5, 9)} == {b"\x01"}
+
+    def recovered(after: Chain) -> None:
+        with after.session(node=None, yes=False) as session, Bus(session) as bus:
+            done = bus.recover(yes=True)
+        assert [(one.node, bool(one)) for one in done] == [(5, True), (9, True)]
+        assert types(after) == before
+        assert after.journals() == []
+
+    killed(chain, home, file(home), finished if finishes else recovered)

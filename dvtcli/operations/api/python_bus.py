@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
     from dvtcli.bus.canopen_node import CanopenNetwork
     from dvtcli.operations.results import (
+        Changed,
         NetworkApplied,
         NetworkLoad,
         NetworkPlanned,
@@ -272,6 +273,39 @@ class Bus:
             yes=yes,
             force=force,
         )
+
+    def recover(self, *, yes: bool = False, force: bool = False) -> tuple[Changed, ...]:
+        """Put back what every interrupted change of the bus replaced, on all nodes, as `recover` without `-n`.
+
+        Needs *yes*, or asks. None of it where no change was interrupted; each is false where its node does not take
+        back what it held. LeftChanged where a node could not be put back.
+        """
+        from dvtcli.operations.recover_change import recover
+        from dvtcli.operations.results import Changed, ChangedNodes
+
+        def work() -> tuple[Changed, ...]:
+            self._session.selected = None
+            done = recover(self._session)
+            return done.nodes if isinstance(done, ChangedNodes) else (done,) if isinstance(done, Changed) else ()
+
+        return self._calls.run(work, changes=True, yes=yes, force=force)
+
+    def finish_stores(self, *, yes: bool = False) -> tuple[int, ...]:
+        """Go on with an `apply` that ended while its nodes stored, as `recover --finish`; who stored, by node-ID.
+
+        Needs *yes*, or asks. Every node is verified once more before that; SafetyRefusal, and nothing is stored, where
+        one holds something else by now. None where no change was interrupted; UsageError where not all nodes had been
+        verified. LeftChanged where a node did not store.
+        """
+        from dvtcli.operations.recover_change import recover
+        from dvtcli.operations.results import Facts
+
+        def work() -> tuple[int, ...]:
+            self._session.selected = None
+            done = recover(self._session, finish=True)
+            return tuple(dict(done.rows).get("stored", ())) if isinstance(done, Facts) else ()
+
+        return self._calls.run(work, changes=True, yes=yes)
 
     def script(self, *, history: bool = False) -> str:
         """What this program's changes come to, as the text of a script that `dvtcli run` takes.
