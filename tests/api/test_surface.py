@@ -17,8 +17,8 @@ from tests.process import ROOT, environment
 PUBLIC = {
     "dvtcli": ["Bus", "Node", "__version__", "connect", "errors", "results", "simulate"],
     "Bus": [
-        "apply", "check_sync", "close", "dry_run", "finish_stores", "is_dry_run", "link", "load", "name", "node",
-        "plan", "recover", "scan", "script", "sync", "unlink",
+        "apply", "check", "check_sync", "close", "dry_run", "finish_stores", "is_dry_run", "link", "load", "name",
+        "node", "plan", "recover", "scan", "script", "sync", "unlink",
     ],
     "Node": [
         "canopen", "clear", "clear_faults", "disable", "enable", "faults", "identity", "login", "map", "nmt", "node_id",
