@@ -102,7 +102,8 @@ def unknown_command(name: str, others: Sequence[str] = ()) -> str:
     if _A_PDO.fullmatch(name):
         return f"no command is called {name!r}: pdo {name} shows it, map {name} OBJECT... sets what it carries"
     if name in _TCL_WORDS:
-        return f"no command is called {name!r}: it is Tcl's, and a Tcl script is a file whose name ends in .tcl"
+        script = "a Tcl script is a file whose name ends in .tcl"
+        return f"no command is called {name!r}: it is Tcl's, at the prompt `tcl {name} …`; {script}"
     close = get_close_matches(
         name.lower(), [*command_names(), *others, *WORDS], n=1, cutoff=_NEAR if len(name) > _SHORT else 0.6
     )

@@ -20,6 +20,7 @@ from dvtcli.operations.session import Session
 if TYPE_CHECKING:
     from dvtcli.cli.script_changes import ScriptChanges
     from dvtcli.cli.script_report import ScriptReport
+    from dvtcli.cli.typed_tcl import TypedTcl
     from dvtcli.cli.view.output import Output
     from dvtcli.domain.object_dictionary import ObjectDictionary
     from dvtcli.domain.ports import Frame
@@ -95,6 +96,10 @@ class Conversation(Session):
         self.place: str | None = None
         #: whether no line so far was of a command that does something to nodes
         self.only_looked = True
+        #: whether lines are typed at the prompt, where one follows the other
+        self.at_prompt = False
+        #: the Tcl of its lines, None until there was one
+        self.tcl: TypedTcl | None = None
         #: words of the prompt's user, each with what it stands for
         self.aliases: dict[str, str] = {}
         #: whether this is a stage for another one's lines: what is noticed on the bus is told there

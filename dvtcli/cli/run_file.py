@@ -32,7 +32,7 @@ def run_file(
     except OSError as failed:
         raise UsageError(f"{file}: {failed.strerror}", place=file, hint="run takes the path of a script") from failed
     if file.lower().endswith(".tcl"):
-        from dvtcli.cli.dvt.tcl import run_tcl
+        from dvtcli.cli.dvt.tcl_script import run_tcl
 
         if atomic:
             raise UsageError("--atomic is for .dvt scripts: what a Tcl script does is not known before it runs")

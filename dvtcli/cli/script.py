@@ -252,7 +252,12 @@ def _nested(file: str, session: Conversation, sources: list[str], checked: dict[
 def _parsed(line: ScriptLine, session: Conversation, source: str) -> click.Context:
     place = f"{source}:{line.number}"
     try:
-        return _parsed_as_asked(line, session)
+        ctx = _parsed_as_asked(line, session)
+        if ctx.command.name == "tcl":
+            raise UsageError(
+                "tcl is for the prompt and the shell: a Tcl script is a file of its own", hint="run FILE.tcl"
+            )
+        return ctx
     except click.ClickException as wrong:
         raise _placed(usage_error(wrong), place) from wrong
     except DvtcliError as wrong:

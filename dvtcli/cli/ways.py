@@ -12,6 +12,7 @@ import click
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
+    from dvtcli.cli.typed_tcl import TypedTcl
     from dvtcli.device.wish import Wish
 
 
@@ -31,6 +32,9 @@ class Ways(Protocol):
         most_seconds: float | None = None,
     ) -> int:
         """Run the script *file*, stdin with `-`; the exit code. UsageError where it cannot be read."""
+
+    def tcl(self, session: Conversation) -> TypedTcl:
+        """The session's Tcl; its process is started with the first line."""
 
     def line(self, session: Conversation, words: Sequence[str]) -> int:
         """Run one line as the prompt does; the exit code."""

@@ -9,6 +9,7 @@ from dvtcli.cli.registry import REGISTRY
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
+    from dvtcli.cli.typed_tcl import TypedTcl
     from dvtcli.device.wish import Wish
 
 
@@ -34,6 +35,12 @@ class WaysIn:
         from dvtcli.cli.run_file import run_file
 
         return run_file(session, file, keep_going=keep_going, atomic=atomic, most_seconds=most_seconds)
+
+    def tcl(self, session: Conversation) -> TypedTcl:
+        """The session's Tcl; its process is started with the first line."""
+        from dvtcli.cli.dvt.tcl_mode import tcl_of
+
+        return tcl_of(session)
 
     def line(self, session: Conversation, words: Sequence[str]) -> int:
         """Run one line as the prompt does; the exit code."""

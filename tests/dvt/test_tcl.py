@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from dvtcli.cli.dvt.tcl import LIMITS, run_tcl
+from dvtcli.cli.dvt.tcl_script import LIMITS, run_tcl
 from tests.commands.bench import Bench, Ran
 from tests.process import SCRIPTS, documents, dvtcli, environment, run
 
@@ -102,7 +102,7 @@ def test_an_error_of_the_script_names_its_line_only_and_the_tcl_form_of_a_comman
         document = ran.documents[-1]
         assert (document["at"], document["exit_code"]) == (None, 2)
         assert document["file"] == f"{tmp_path}/x.tcl:3"
-        assert document["hint"].startswith("in a Tcl script it is `dvtcli map …`; ")
+        assert document["hint"].startswith("in Tcl it is `dvtcli map …`; ")
         ran = tcl(bench, tmp_path, "sdo_rnx 1 0x1018 1\nputs hi\nnosuch\n")
         assert ran.stderr.startswith(f"error: {tmp_path}/x.tcl:3: invalid command name")
         (tmp_path / "x.dvt").write_text("puts hi\n")

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from dvtcli.cli.dvt.tcl import LIMITS, TclScript
 from dvtcli.cli.dvt.tcl_process import TclProcess
+from dvtcli.cli.dvt.tcl_script import LIMITS, TclScript
 from dvtcli.cli.dvt.tcl_wire import (  # fmt: skip
     Answer,
     Call,

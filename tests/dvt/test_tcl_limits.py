@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from dvtcli.cli.dvt.tcl import LIMITS, run_tcl
+from dvtcli.cli.dvt.tcl_script import LIMITS, run_tcl
 from tests.commands.bench import Bench
 from tests.dvt.children import started
 from tests.dvt.test_tcl import tcl

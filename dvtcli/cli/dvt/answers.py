@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+from dvtcli.cli.dvt.notation import meant_in_hex
 from dvtcli.domain.abort import Abort
 from dvtcli.errors import DeviceRefused, DvtcliError, NoAnswer, RuleError, SdoAborted, SdoProtocolError
 from dvtcli.operations.results import DvtAnswer
@@ -12,6 +13,9 @@ from dvtcli.operations.results import DvtAnswer
 if TYPE_CHECKING:
     from dvtcli.cli.dvt.word import Word
     from dvtcli.operations.session import Session
+
+
+_NOT_THERE = (Abort.NO_OBJECT, Abort.NO_SUB_INDEX)
 
 
 def answer(word: Word, session: Session, values: Sequence[Any]) -> DvtAnswer:
@@ -23,14 +27,34 @@ def answer(word: Word, session: Session, values: Sequence[Any]) -> DvtAnswer:
         done = word.run(session, *values)
     except (SdoAborted, DeviceRefused, RuleError) as refused:
         code = Abort.GENERAL if refused.abort is None else refused.abort
-        return DvtAnswer(word.name, node, f"Abort 0x{code:08X}", _reasons(refused), exit_code=1, dry_run=dry_run)
+        reasons = _reasons(refused)
+        if code in _NOT_THERE and (meant := _meant(session, word, values)):
+            reasons = (f"{reasons[0]}; {meant}", *reasons[1:])
+        return DvtAnswer(word.name, node, f"Abort 0x{code:08X}", reasons, exit_code=1, dry_run=dry_run)
     except (NoAnswer, SdoProtocolError) as silent:
         return DvtAnswer(word.name, node, "Timeout", _reasons(silent), exit_code=5, dry_run=dry_run)
-    return DvtAnswer(word.name, node, done.text, findings=done.findings, dry_run=dry_run)
+    return DvtAnswer(word.name, node, done.text, findings=done.findings, dry_run=dry_run, rows=done.rows)
 
 
 def _node(session: Session, given: int | None) -> int | None:
     return session.selected_id() if given is None else given
+
+
+def _meant(session: Session, word: Word, values: Sequence[Any]) -> str:
+    """What an object that is not there was meant to be, where its digits read as hexadecimal are one that is there."""
+    named = {argument.name: value for argument, value in zip(word.arguments, values, strict=False)}
+    if "INDEX" not in named:
+        return ""
+    dictionary = session.node(named["NODE"]).dictionary
+    index, sub_index = named["INDEX"], named["SUB"]
+    for one in dict.fromkeys(((index, meant_in_hex(sub_index)), (meant_in_hex(index), sub_index),
+                              (meant_in_hex(index), meant_in_hex(sub_index)))):  # fmt: skip
+        if one != (index, sub_index) and dictionary is not None and dictionary.entry(*one) is not None:
+            typed = f"{index} {sub_index}"
+            return (
+                f"without 0x a number is decimal: {typed} would be 0x{one[0]:04X} 0x{one[1]:02X} in hex, which is there"
+            )
+    return ""
 
 
 def _reasons(error: DvtcliError) -> tuple[str, ...]:

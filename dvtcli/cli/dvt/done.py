@@ -15,3 +15,5 @@ class Done:
 
     text: str = "OK"
     findings: tuple[Finding, ...] = ()
+    #: the lines of a text of ours that has several
+    rows: tuple[str, ...] = ()

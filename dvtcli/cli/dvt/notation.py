@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dvtcli.domain.datatypes import parse_number
+from dvtcli.domain.datatypes import Value, parse_number
 
 #: Widths of values in bytes.
 WIDTHS = (1, 2, 3, 4, 8)
@@ -58,6 +58,18 @@ def value_bytes(text: str, wanted: int | None) -> bytes:
     if not low <= number < 1 << 8 * size:
         raise ValueError(f"{text} does not fit into {size} byte{'' if size == 1 else 's'}")
     return (number % (1 << 8 * size)).to_bytes(size, "little")
+
+
+def decimal(value: Value) -> str:
+    """A value that was read as Tcl gets it: numbers in decimal, text as it is, bytes in the order of the wire."""
+    if isinstance(value, bytes):
+        return value.hex(" ").upper()
+    return str(int(value) if isinstance(value, bool) else value)
+
+
+def meant_in_hex(number: int) -> int:
+    """The number that was meant where *number* was typed with hexadecimal digits and without `0x`."""
+    return int(str(number), 16)
 
 
 def _width_of_digits(text: str) -> int:

@@ -1,15 +1,17 @@
-"""`map_in_tpdo`, `locate_tpdo`, `clear_all_pdos`: the DVT's ways with whole PDOs, by the safe sequence."""
+"""`map_in_tpdo`, `locate_tpdo`, `clear_all_pdos`, `pdo_config`: the DVT's ways with whole PDOs, checked."""
 
 from __future__ import annotations
 
+from itertools import zip_longest
 from typing import TYPE_CHECKING
 
 from dvtcli.cli.dvt.done import Done
 from dvtcli.cli.dvt.notation import can_id
-from dvtcli.cli.dvt.word import NODE, OBJECT, Argument, Word
+from dvtcli.cli.dvt.word import MAYBE_NODE, NODE, OBJECT, Argument, Word
 from dvtcli.cli.effect import Effect
 
 if TYPE_CHECKING:
+    from dvtcli.operations.results import PdoRow
     from dvtcli.operations.session import Session
 
 
@@ -27,6 +29,24 @@ def locate(session: Session, node_id: int, index: int, sub_index: int) -> Done:
     return Done(locate_tpdo(session, node_id, index, sub_index))
 
 
+def config(session: Session, node_id: int | None) -> Done:
+    """What every PDO of a node that carries something is set to, a line each, and how PDOs are set."""
+    from dvtcli.operations.list_pdos import list_pdos
+
+    listing = list_pdos(session, node_id)
+    lines = [_one(row) for row in listing.rows if row.config.mapping or row.config.enabled]
+    return Done("\n".join(rows := (*lines, *_HOW)), rows=rows)
+
+
+def _one(row: PdoRow) -> str:
+    """`TPDO1 0x181 type 255: 0x6041:00/16 Statusword`."""
+    parameter = row.config.communication
+    where = f"0x{parameter.cob_id.can_id:03X}" if row.config.enabled else "off"
+    pairs = zip_longest(row.config.mapping, row.names)
+    mapped = [f"0x{entry.object}/{entry.bits} {name.name if name else ''}".rstrip() for entry, name in pairs if entry]
+    return f"{row.pdo.label} {where} type {parameter.transmission_type}: {', '.join(mapped) or 'nothing'}"
+
+
 def clear(session: Session, node_id: int) -> Done:
     """Empty and disable every PDO whose mapping can be changed."""
     from dvtcli.operations.switch import clear_all
@@ -34,12 +54,21 @@ def clear(session: Session, node_id: int) -> Done:
     return Done(findings=clear_all(session, node_id).findings)
 
 
+#: Where the DVT has a script of this name, dvtcli has these.
+_HOW = (
+    "set one: map_in_tpdo, clear_all_pdos, sdo_wnx (help dvt), or: map tpdo1 6041 --sync 1",
+    "set all: a script with such lines; run FILE.dvt or FILE.tcl",
+)
+
 WORDS = (
     Word(
         "map_in_tpdo", (*OBJECT, Argument("COB-ID", can_id, required=False)),
         "put an object into the first TPDO with room", "map tpdo1 6041 --sync 1", Effect.CHANGES, map_in,
     ),
     Word("locate_tpdo", OBJECT, "which TPDO holds an object", "pdo --all", Effect.READS, locate),
+    Word(
+        "pdo_config", (MAYBE_NODE,), "what the PDOs are set to, and how they are set", "pdo", Effect.READS, config
+    ),
     Word(
         "clear_all_pdos", (NODE,), "no mapping, and disabled, for every PDO", "clear all", Effect.CHANGES, clear
     ),

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from dvtcli.cli.dvt.done import Done
+from dvtcli.cli.dvt.notation import decimal
 from dvtcli.cli.dvt.word import OBJECT, VALUE, Word
 from dvtcli.cli.effect import Effect, Final, final_write
 
@@ -27,10 +28,7 @@ def read_decimal(session: Session, node_id: int, index: int, sub_index: int) -> 
     from dvtcli.operations.object_values import value_result
 
     node = session.node(node_id)
-    value = value_result(node, index, sub_index, node.upload(index, sub_index), None).value
-    if isinstance(value, bytes):
-        return Done(value.hex(" ").upper())
-    return Done(str(int(value) if isinstance(value, bool) else value))
+    return Done(decimal(value_result(node, index, sub_index, node.upload(index, sub_index), None).value))
 
 
 def write(session: Session, node_id: int, index: int, sub_index: int, data: bytes) -> Done:

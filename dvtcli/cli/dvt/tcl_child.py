@@ -15,7 +15,21 @@ from queue import SimpleQueue
 from typing import IO
 
 from dvtcli.cli.dvt.tcl_interp import BRIDGE, SAFE, BareInterpreter
-from dvtcli.cli.dvt.tcl_wire import NO_MEMORY, Answer, Call, End, Go, Gone, Ready, Setup, WireError, receive, send
+from dvtcli.cli.dvt.tcl_wire import (
+    MOST_CHARACTERS,
+    NO_MEMORY,
+    Answer,
+    Call,
+    End,
+    Go,
+    Gone,
+    Ready,
+    Setup,
+    Typed,
+    WireError,
+    receive,
+    send,
+)
 
 #: How often (s) it is looked after whether the script must stop.
 _TICK_S = 0.1
@@ -48,11 +62,11 @@ class Parent:
         for stream in (0, 1):  # Tcl has channels of its own for these
             os.dup2(nothing, stream)
         os.close(nothing)
-        self._heard: SimpleQueue[Setup | Go | Answer] = SimpleQueue()
+        self._heard: SimpleQueue[Setup | Go | Typed | Answer] = SimpleQueue()
         threading.stack_size(_STACK_BYTES)
         threading.Thread(target=_hear, args=(self._answers, self._heard), daemon=True).start()
 
-    def told(self) -> Setup | Go | Answer:
+    def told(self) -> Setup | Go | Typed | Answer:
         """Wait for what it says next."""
         return self._heard.get()
 
@@ -68,10 +82,10 @@ class Parent:
         send(self._calls, frame)
 
 
-def _hear(answers: IO[bytes], heard: SimpleQueue[Setup | Go | Answer]) -> None:
+def _hear(answers: IO[bytes], heard: SimpleQueue[Setup | Go | Typed | Answer]) -> None:
     try:
         while True:
-            heard.put(receive(answers, Setup, Go, Answer))
+            heard.put(receive(answers, Setup, Go, Typed, Answer))
     except (Gone, WireError, MemoryError):
         os._exit(1)
 
@@ -86,6 +100,12 @@ def _serve(parent: Parent) -> None:
         return
     _limit_memory(setup.memory_bytes)
     script = Script(parent, setup, tcl)
+    if not setup.path:
+        parent.tell(Ready("", 0))
+        script.register()
+        while isinstance(typed := parent.told(), Typed):
+            parent.tell(script.line(typed.text))
+        return
     unclosed = script.unclosed()
     parent.tell(Ready("", unclosed))
     if not unclosed:
@@ -139,14 +159,34 @@ class Script:
 
     def run(self) -> End:
         """Run it to its end."""
-        self._register()
-        self._started_s = time.monotonic()
-        self._arm()
+        self.register()
+        self._arm_anew()
         try:
             self._tcl.call("interp", "invokehidden", SAFE, "source", "-encoding", "utf-8", self._setup.path)
         except self._tcl.error as failed:
             return self._failed(str(failed))
         return End("done", "", 0, "")
+
+    def line(self, text: str) -> End:
+        """Run what was typed, after everything before it; its result is the message."""
+        if not self._complete(text):
+            return End("open", "", 0, "")
+        self._arm_anew()
+        try:
+            result = str(self._tcl.call("interp", "eval", SAFE, text))
+        except self._tcl.error as failed:
+            return self._failed(str(failed))
+        return End("done", result[:MOST_CHARACTERS], 0, "")
+
+    def _arm_anew(self) -> None:
+        """Let everything count from now on."""
+        self._refused, self._too_long = ("", 0, ""), False
+        self._started_s, self._waited_s = time.monotonic(), 0.0
+        for limit, value in (("commands", "-value"), ("time", "-seconds")):  # one that is passed lets nothing be asked
+            self._tcl.call("interp", "limit", SAFE, limit, value, "")
+        so_far = int(self._tcl.call("interp", "invokehidden", SAFE, "dvt_count"))
+        self._tcl.call("interp", "limit", SAFE, "commands", "-value", so_far + self._setup.steps)
+        self._arm()
 
     def _failed(self, message: str) -> End:
         """What ended the script, with its place."""
@@ -158,7 +198,8 @@ class Script:
             _, line, file = self._refused
         return End(_kind(message), message[:10_000], line, file)
 
-    def _register(self) -> None:
+    def register(self) -> None:
+        """Give Tcl what is served, and nothing else that reaches outside."""
         tcl = self._tcl
         tcl.createcommand("dvt_word", self._called)
         tcl.createcommand("dvt_refuse", self._refuse)
@@ -170,7 +211,6 @@ class Script:
             tcl.call("interp", "alias", SAFE, name, "", "dvt_call", name)
         for name in ("source", "open"):
             tcl.call("interp", "alias", SAFE, name, "", f"dvt_{name}")
-        tcl.call("interp", "limit", SAFE, "commands", "-value", self._setup.steps)
 
     def _arm(self) -> None:
         """Have `_tick` called in a moment, wherever Tcl is then; nothing but this lets the script go on."""

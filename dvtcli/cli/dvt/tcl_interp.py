@@ -34,6 +34,10 @@ interp eval {SAFE} {{rename ::tcl::info::frame ::dvt_frame}}
 interp hide {SAFE} dvt_frame
 proc dvt_frame {{args}} {{interp invokehidden {SAFE} dvt_frame {{*}}$args}}
 interp alias {SAFE} ::tcl::info::frame {{}} dvt_frame
+interp eval {SAFE} {{rename ::tcl::info::cmdcount ::dvt_count}}
+interp hide {SAFE} dvt_count
+proc dvt_count {{}} {{interp invokehidden {SAFE} dvt_count}}
+interp alias {SAFE} ::tcl::info::cmdcount {{}} dvt_count
 proc dvt_here {{}} {{
     for {{set level [dvt_frame]}} {{$level > 0}} {{incr level -1}} {{
         set frame [dvt_frame $level]

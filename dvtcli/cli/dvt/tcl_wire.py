@@ -34,7 +34,7 @@ class Limits(NamedTuple):
 
 
 class Setup(NamedTuple):
-    """First of all: the script's absolute path, the commands that are served, and the `Limits`."""
+    """First of all: the script's absolute path (empty: lines follow), the commands that are served, the `Limits`."""
 
     path: str
     names: tuple[str, ...]
@@ -54,6 +54,12 @@ class Go(NamedTuple):
     """The script may begin."""
 
 
+class Typed(NamedTuple):
+    """A line, or several, that Tcl is to run now, after those before it."""
+
+    text: str
+
+
 class Call(NamedTuple):
     """The script calls a served command, at *line* of *file*; 0 and empty where that is not known."""
 
@@ -71,7 +77,10 @@ class Answer(NamedTuple):
 
 
 class End(NamedTuple):
-    """The script ended: `done`, `failed` with Tcl's *message*, or stopped by a limit: `seconds`, `steps`, `memory`."""
+    """The script, or what was typed, ended: `done`, `failed`, or stopped by a limit: `seconds`, `steps`, `memory`.
+
+    *message* is Tcl's, of what was typed its result. What was typed may also be `open`: not run: more must follow.
+    """
 
     how: str
     message: str
@@ -79,8 +88,8 @@ class End(NamedTuple):
     file: str
 
 
-Frame = Setup | Ready | Go | Call | Answer | End
-_KINDS: dict[str, type[Any]] = {kind.__name__: kind for kind in (Setup, Ready, Go, Call, Answer, End)}
+Frame = Setup | Ready | Go | Typed | Call | Answer | End
+_KINDS: dict[str, type[Any]] = {kind.__name__: kind for kind in (Setup, Ready, Go, Typed, Call, Answer, End)}
 #: What a field of each annotated type may be.
 _FITS: dict[str, Callable[[Any], bool]] = {
     "str": lambda value: isinstance(value, str),

@@ -15,7 +15,7 @@ from prompt_toolkit.validation import ValidationError, Validator
 
 from dvtcli.cli.boundary import usage_error
 from dvtcli.cli.lexer import split
-from dvtcli.cli.prompt.line import checked, cut, expanded
+from dvtcli.cli.prompt.line import checked, cut, expanded, tcl_line
 from dvtcli.cli.run_line import parse
 from dvtcli.cli.view.lines import Cell
 from dvtcli.cli.view.safe import safe
@@ -66,6 +66,9 @@ class LineValidator(Validator):
                 raise Refused(_place(document.text, wrong), wrong, self._columns())
 
     def _wrong(self, line: str) -> str | None:
+        tcl = self._session.tcl
+        if (tcl is not None and tcl.on) or tcl_line(line, self._session.aliases) is not None:
+            return None  # Tcl says itself what is wrong
         try:
             command, destination = cut(expanded(line, self._session.aliases))
             if destination is not None:

@@ -16,9 +16,10 @@ _HEXADECIMAL = re.compile(r"0x[0-9a-f]+(:[0-9a-fx]+)?|[0-9a-f]{4}(:[0-9a-f]{1,2}
 
 
 class LineLexer(Lexer):
-    """Styles the words of a line; *aliases* are known as commands are."""
+    """Styles the words of a line; *aliases* are known as commands are. While *is_plain*() nothing is styled."""
 
-    def __init__(self, aliases: Iterable[str]) -> None:
+    def __init__(self, aliases: Iterable[str], is_plain: Callable[[], bool] = lambda: False) -> None:
+        self._is_plain = is_plain
         self._commands = frozenset({*command_names(), *aliases})
 
     def lex_document(self, document: Document) -> Callable[[int], StyleAndTextTuples]:
@@ -26,6 +27,8 @@ class LineLexer(Lexer):
         lines = document.lines
 
         def styled(number: int) -> StyleAndTextTuples:
+            if self._is_plain():
+                return [("", lines[number])]
             return self._styled(lines[number], first=not number or not lines[number - 1].endswith("\\"))
 
         return styled

@@ -41,6 +41,8 @@ class LineCompleter(Completer):
 
     def get_completions(self, document: Document, complete_event: CompleteEvent) -> Iterable[Completion]:
         """What the word before the cursor may become."""
+        if (tcl := self._session.tcl) is not None and tcl.on:
+            return
         before = last_line(document.text_before_cursor)
         line, destination = self._taken_apart(before)
         if line is None or destination == "|":

@@ -1,6 +1,6 @@
 """What a typed line means before any command sees it: aliases, and where its results go.
 
-Knows quotes as `registry.split` does. Does not know commands, and opens nothing.
+Knows quotes as `lexer.split` does, and the word behind which they are Tcl's. Does not know commands, and opens nothing.
 """
 
 from __future__ import annotations
@@ -28,6 +28,12 @@ def expanded(line: str, aliases: Mapping[str, str]) -> str:
     text = line.lstrip()
     name = text.split(maxsplit=1)[0] if text else ""
     return line if name not in aliases else aliases[name] + text[len(name) :]
+
+
+def tcl_line(line: str, aliases: Mapping[str, str]) -> str | None:
+    """The Tcl behind the word `tcl`, as it was typed: its quotes and signs are Tcl's; None where there is none."""
+    name, _, text = expanded(line, aliases).strip().partition(" ")
+    return text.strip() or None if name.lower() == "tcl" else None
 
 
 def cut(line: str) -> tuple[str, Destination | None]:

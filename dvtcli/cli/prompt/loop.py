@@ -41,7 +41,7 @@ def run_prompt(session: Conversation) -> int:
     session.require_settings()
     session.comes_back = not session.options.no_reconnect
     first_start(session)
-    session.started = True
+    session.started = session.at_prompt = True
     session.aliases = _aliases(session.settings.aliases)
     session.output.pager = lambda text: not session.in_script and paged(text)
     _banner(session)
@@ -56,6 +56,8 @@ def run_prompt(session: Conversation) -> int:
         return Prompt(session, status, lines, life.line).run()
     finally:
         life.stop()
+        if session.tcl is not None:
+            session.tcl.close()
 
 
 def _aliases(found: dict[str, str]) -> dict[str, str]:
@@ -90,8 +92,9 @@ class Prompt:
                 self._session.output.progress_line.end()  # where a slow node was asked: the prompt begins its line
                 code = self._turn()
             except EOFError:
-                code = LEAVE
+                code = self._left_tcl()
             except KeyboardInterrupt:
+                self._forget_open_tcl()
                 code = 0  # Ctrl-C throws the line away; other signals are told apart below
             if self._terminated():
                 return self._session.cancellation.exit_code
@@ -120,13 +123,17 @@ class Prompt:
 
     def _run(self, line: str) -> int:
         """Run one line; unless it left something changed, every node goes back to the state it was found in."""
-        from dvtcli.cli.prompt.line import checked, cut, expanded
+        from dvtcli.cli.prompt.line import checked, cut, expanded, tcl_line
         from dvtcli.cli.prompt.redirect import sent
 
         session = self._session
         self._has_run = True
 
         def run() -> int:
+            if session.tcl is not None and session.tcl.on:
+                return session.tcl.typed(line)
+            if (tcl := tcl_line(line, session.aliases)) is not None:
+                return run_words(["tcl", tcl], session)
             command, destination = cut(expanded(line, session.aliases))
             words = split(command)
             if destination is not None:
@@ -141,6 +148,18 @@ class Prompt:
         code = code or settled
         self._answers = code != SILENT
         return code
+
+    def _left_tcl(self) -> int:
+        """What Ctrl-D leaves: Tcl's lines where they are typed, else the prompt."""
+        tcl = self._session.tcl
+        if tcl is None or not tcl.on:
+            return LEAVE
+        tcl.leave()
+        return 0
+
+    def _forget_open_tcl(self) -> None:
+        if self._session.tcl is not None:
+            self._session.tcl.forget()
 
     def _terminated(self) -> bool:
         return self._session.cancellation.exit_code != INTERRUPTED

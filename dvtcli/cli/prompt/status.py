@@ -67,6 +67,8 @@ class Status:
         words = [where, *([SHORT_STATES[state]] if state is not None else [])]
         if self._session.dry_run:
             words.append("DRY-RUN")
+        if (tcl := self._session.tcl) is not None and tcl.on:
+            words.append("tcl ..." if tcl.continues else "tcl")
         return safe(" ".join(words)) + ("*" if self.unstored() else "") + "> "
 
     def unstored(self) -> dict[int, list[str]]:

@@ -179,7 +179,10 @@ def _prompt_session(session: Conversation, status: Status, show_help: Callable[[
         buffer, low = get_app().current_buffer, get_app().output.get_size().rows <= ROWS_OF_TEXT + 1
         rest = "" if low else getattr(buffer.validation_error, "rest", "")
         wrong: StyleAndTextTuples = [("class:validation-toolbar", f"{rest}\n")] if rest else []
-        return wrong + status.toolbar(columns(), "" if low else buffer.document.text_before_cursor)
+        return wrong + status.toolbar(columns(), "" if low or types_tcl() else buffer.document.text_before_cursor)
+
+    def types_tcl() -> bool:
+        return session.tcl is not None and session.tcl.on
 
     def is_secret(line: str) -> bool:
         return session.is_secret(expanded(line, session.aliases))
@@ -191,7 +194,7 @@ def _prompt_session(session: Conversation, status: Status, show_help: Callable[[
         completer=LineCompleter(session),
         complete_in_thread=True,
         complete_style=CompleteStyle.COLUMN,
-        lexer=LineLexer(session.aliases),
+        lexer=LineLexer(session.aliases, types_tcl),
         bottom_toolbar=toolbar,
         validator=LineValidator(session, columns),
         validate_while_typing=False,

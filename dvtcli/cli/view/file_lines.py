@@ -15,5 +15,5 @@ def fact_lines(result: Facts, _width: int) -> Iterable[Line]:
 
 
 def answer_lines(result: DvtAnswer, _width: int) -> Iterable[Line]:
-    """The word's answer alone, as the DVT prints it."""
-    return (result.answer,)
+    """The word's answer alone, as the DVT prints it; rows where it has several."""
+    return result.rows or (result.answer,)

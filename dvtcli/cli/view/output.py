@@ -47,6 +47,8 @@ class Output:
         self.progress_line = ProgressLine(self.stderr)
         #: the failure that was shown last
         self.failed: DvtcliError | None = None
+        #: takes what would be printed as text, and says whether it did
+        self._taker: Callable[[Result], bool] = lambda _result: False
         #: messages that wait until the screen is free, None where it is
         self._held: list[Line] | None = None
 
@@ -68,10 +70,22 @@ class Output:
 
         return min(MAX_WIDTH, _columns(self.stdout) or MAX_WIDTH)
 
+    @contextmanager
+    def offered_to(self, taker: Callable[[Result], bool]) -> Iterator[None]:
+        """Offer every result to *taker* meanwhile; what it takes (True) is not printed as text."""
+        before, self._taker = self._taker, taker
+        try:
+            yield
+        finally:
+            self._taker = before
+
     def result(self, result: Result) -> None:
         """Print what a command answered, where anybody reads it; OSError where there is no room for it."""
         if self.json:
             self._document(result.document())
+            self._taker(result)
+            return
+        if self._taker(result):
             return
         from dvtcli.cli.view.renderers import remarks, text
 

@@ -13,7 +13,7 @@ from dvtcli.operations.results.documents import Answer, Document, finding_docume
 class DvtAnswer(Answer):
     """What *word* answered: `OK`, a value, `Abort 0x…` or `Timeout`; *reasons* say why, what first.
 
-    *dry_run* says that the node's twin answered.
+    *dry_run* says that the node's twin answered; *rows* are the lines of an answer of ours that has several.
     """
 
     renderer: ClassVar = "file_lines:answer_lines"
@@ -26,6 +26,7 @@ class DvtAnswer(Answer):
     exit_code: int = 0
     findings: tuple[Finding, ...] = ()
     dry_run: bool = False
+    rows: tuple[str, ...] = ()
 
     @property
     def remark(self) -> str:

@@ -24,7 +24,7 @@ _MAY_PRINT = {"cli/view/output.py": "the one place", "bus/drivers.py": "a child'
 INNER = {
     "simulator/network/socketcand.py:RubbishError", "simulator/device/signal_shapes.py:RowsError",
     "simulator/device/refusal.py:Refusal", "cli/dvt/tcl_safe.py:Exit", "cli/dvt/tcl_process.py:Late",
-    "cli/dvt/tcl.py:_Ended", "cli/dvt/tcl_wire.py:WireError", "cli/dvt/tcl_wire.py:Gone",
+    "cli/dvt/tcl_calls.py:Ended", "cli/dvt/tcl_wire.py:WireError", "cli/dvt/tcl_wire.py:Gone",
     "cli/prompt/key_bindings.py:ThrownAway", "cli/prompt/checking.py:Refused", "cli/view/streams.py:ReaderLeft",
     "domain/object_syntax.py:UnknownName",
 }  # fmt: skip

@@ -1,0 +1,47 @@
+"""Run a line of Tcl with the DVT's words; alone, at the prompt, all lines are Tcl's until `exit`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.effect import Effect
+from dvtcli.cli.params import TEXT
+from dvtcli.cli.ways import ways
+from dvtcli.errors import UsageError
+
+if TYPE_CHECKING:
+    from dvtcli.cli.conversation import Conversation
+
+TASK = ("Scripts and files", 15)
+
+
+@click.command("tcl", cls=DvtCommand, short_help=__doc__, effect=Effect.RUNS)
+@click.argument("words", type=TEXT, nargs=-1, metavar="[LINE]")
+@click.pass_context
+def command(ctx: click.Context, /, words: tuple[str, ...]) -> int:
+    """Run LINE as Tcl with the DVT's words (help dvt), in safe mode; its result is printed.
+
+    `dvtcli read OBJECT` is the value there. At the prompt LINE stands as it is, variables and procedures stay for the
+    next one, and `tcl` alone makes every line Tcl's until `exit` or Ctrl-D. A Tcl script is run by `run FILE.tcl`.
+
+    \b
+    tcl puts [expr 2*3]
+    tcl sdo_rnx 1 0x6041 0
+    tcl "set volts [expr {[dvtcli read battery_voltage] / 16.0}]"
+    """
+    session: Conversation = ctx.obj
+    tcl = ways(ctx).tcl(session)
+    if words:
+        try:
+            return tcl.run(" ".join(words))
+        finally:
+            if not session.at_prompt:
+                tcl.close()
+    if not session.at_prompt:
+        raise UsageError("tcl needs a line of Tcl, or the prompt", hint="tcl puts [expr 2*3]; run FILE.tcl")
+    tcl.on = True
+    session.output.note("every line is Tcl's now; `exit` or Ctrl-D goes back")
+    return 0

@@ -1,0 +1,107 @@
+"""Tcl scripts: run by a process of their own in Tcl's safe mode, with the DVT's words served from here.
+
+Does not know what the words do (`words`), nor what a script may do besides them (`tcl_safe`), nor Tcl (`tcl_child`).
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dvtcli.cli.dvt.tcl_calls import Calls, Ended
+from dvtcli.cli.dvt.tcl_process import TclProcess
+from dvtcli.cli.dvt.tcl_run import LIMITS, START_S, TclRun
+from dvtcli.cli.dvt.tcl_safe import Exit
+from dvtcli.cli.dvt.tcl_wire import Call, End, Frame, Go, Limits
+from dvtcli.cli.script import enclosed, refuse_own_run, script_text
+from dvtcli.errors import UsageError
+
+if TYPE_CHECKING:
+    from dvtcli.cli.conversation import Conversation
+
+_MOST_OF_A_PATH = 4096
+
+
+def run_tcl(
+    session: Conversation,
+    data: bytes,
+    source: str,
+    *,
+    keep_going: bool,
+    most_seconds: float | None,
+    limits: Limits = LIMITS,
+) -> int:
+    """Run the Tcl script *source*, whose content is *data*, inside one NMT gate; its exit code.
+
+    It stays within *limits*, with *most_seconds* for theirs. Raises DvtcliError where Python has no Tcl, UsageError or
+    InputFileError with FILE:LINE for a script that is none.
+    """
+    if keep_going:
+        raise UsageError(
+            "--keep-going is for .dvt scripts: a Tcl script runs on after an Abort by itself, and looks at the answers"
+        )
+    refuse_own_run(session, source)
+    if not Path(source).is_file():  # Tcl reads it itself: a pipe would be empty by then
+        raise UsageError(f"{source}: a Tcl script is a file", place=source)
+    script_text(data, source)
+    if most_seconds is not None:
+        limits = limits._replace(seconds=most_seconds)
+    with TclProcess() as process:
+        script = TclScript(session, source, process, limits)
+        script.check()
+        session.started = True
+        return enclosed(session, source, script.run)
+
+
+class TclScript(TclRun):
+    """One run of the Tcl script at *source* by *process*, which may take *start_s* to begin, within *limits*."""
+
+    def __init__(
+        self, session: Conversation, source: str, process: TclProcess, limits: Limits, start_s: float = START_S
+    ) -> None:
+        self._path = Path(source).resolve()
+        super().__init__(session, source, process, Calls(session, source, self._path.parent), limits, start_s)
+        self._ended_hint = f"the script ended at this line; {self._ended_hint}"
+        self._endless_hint += "; run --max-seconds N gives it more"
+
+    def check(self) -> None:
+        """Raise UsageError with the line where a command begins that never ends, DvtcliError where there is no Tcl."""
+        if line := self._begin(str(self._path)).unclosed:
+            place = f"{self._source}:{line}"
+            raise UsageError(f"{place}: a brace, bracket or quote that begins here is not closed", place=place)
+
+    def run(self) -> int:
+        """Run it to its end; its exit code. Raises what a word raised that is neither Abort nor Timeout."""
+        said: Frame = Go()
+        try:
+            while isinstance(heard := self._next(said), Call):
+                said = self._answered(heard)
+        except (Ended, Exit) as ended:
+            return ended.code
+        finally:
+            self._calls.flush()
+        return self._outcome(heard)
+
+    def _outcome(self, end: End) -> int:
+        if end.how == "done":
+            return self._verdict()
+        raise self._placed(self._failure(end, self._place(end.file, end.line)))
+
+    def _verdict(self) -> int:
+        """0, or the first failed word's code: nobody said that the failure was meant."""
+        if not self._calls.failures:
+            return 0
+        place, first = self._calls.failures[0]
+        count = len(self._calls.failures)
+        self._session.output.warning(
+            f"{count} word{' was' if count == 1 else 's were'} refused, first at {place} ({first.word}: "
+            f"{first.answer}); where that is meant, end the script with `exit 0`"
+        )
+        return first.exit_code
+
+    def _place(self, file: str, line: int) -> str:
+        """`FILE:LINE` as it is shown, of a path and a line that Tcl's process says."""
+        if not file or not line or len(file) > _MOST_OF_A_PATH:
+            return self._source
+        shown = self._source if file == str(self._path) else Path(file).name
+        return f"{shown}:{line}"
