@@ -11,7 +11,7 @@ from dvtcli.device.read_pdos import read_optional
 from dvtcli.device.store_parameters import RESTORE, STORE
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import STAMP, Plan, Step, ValueChange, alters
-from dvtcli.domain.stamp import DATE, TIME, Stamp
+from dvtcli.domain.stamp import DATE, TIME, Stamp, is_own_date
 from dvtcli.errors import SdoAborted, SdoProtocolError
 
 if TYPE_CHECKING:
@@ -27,19 +27,24 @@ _ENDS = "a configuration that changes loses its stamp"
 
 def held_stamp(node: KnownPdos) -> Stamp | None:
     """What 0x1020 of *node* holds, as it was read since the last change; None where it has none that can be set."""
+    days = _read(node, DATE)
+    ms = None if days is None else _read(node, TIME)
+    return None if days is None or ms is None else Stamp(days, ms)
+
+
+def _read(node: KnownPdos, sub_index: int) -> int | None:
     if node.dictionary is not None:
-        entries = [node.dictionary.entry(STAMP, sub_index) for sub_index in (DATE, TIME)]
-        if any(entry is None or not (entry.access.readable and entry.access.writable) for entry in entries):
+        entry = node.dictionary.entry(STAMP, sub_index)
+        if entry is None or not (entry.access.readable and entry.access.writable):
             return None
     elif node.has_no_stamp:
         return None
     try:
-        days = read_optional(node.memory, STAMP, DATE, 4)
-        ms = None if days is None else read_optional(node.memory, STAMP, TIME, 4)
+        found = read_optional(node.memory, STAMP, sub_index, 4)
     except (SdoAborted, SdoProtocolError):
         return None
-    node.has_no_stamp = ms is None
-    return None if days is None or ms is None else Stamp(days, ms)
+    node.has_no_stamp = found is None
+    return found
 
 
 def stamp_changes(held: Stamp, wanted: Stamp, reason: str) -> tuple[ValueChange, ...]:
@@ -54,6 +59,8 @@ def ended_stamp(node: KnownPdos, changes: Sequence[Change]) -> tuple[ValueChange
     A device should clear it by itself (CiA 301, 0x1020), and not every one does.
     """
     if any(_is_stamp(change) for change in changes) or not any(_configures(node, change) for change in changes):
+        return ()
+    if not is_own_date(_read(node, DATE) or 0):
         return ()
     held = held_stamp(node)
     return stamp_changes(held, NO_STAMP, _ENDS) if held is not None and held.is_own else ()

@@ -38,7 +38,7 @@ class Stamp:
     @property
     def is_own(self) -> bool:
         """Whether dvtcli made it: of another date and time in that range one in 9,973 is taken for one."""
-        if not _FIRST_DAY <= self.days <= _LAST_DAY:
+        if not is_own_date(self.days):
             return False
         quotient, rest = divmod(self.ms, _PRIME)
         return quotient < _QUOTIENTS and rest == _rest(self.days, quotient)
@@ -59,6 +59,11 @@ class Stamp:
             return f"{_EPOCH + timedelta(self.days)} {time}"
         except OverflowError:
             return f"day {self.days} {time}"
+
+
+def is_own_date(days: int) -> bool:
+    """Whether an own stamp may have that date."""
+    return _FIRST_DAY <= days <= _LAST_DAY
 
 
 def _rest(days: int, quotient: int) -> int:

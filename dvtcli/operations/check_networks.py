@@ -19,7 +19,7 @@ from dvtcli.operations.results.checked_networks import NetworkFinding, NetworkRe
 if TYPE_CHECKING:
     from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetSpot
     from dvtcli.domain.network.network_state import NetworkState
-    from dvtcli.domain.network.wanted_state import Mark, NetworkWish
+    from dvtcli.domain.network.wanted_state import FileNote, Mark, NetworkWish
 
 #: Rules that no state is asked for.
 FILE_RULES = (
@@ -85,8 +85,26 @@ def _report(file: str, wishes: CheckWishes, rules: tuple[LintRule, ...]) -> Netw
     wish = read_wish(file)
     findings = tuple(_judged(file, wish, wishes, rules))
     nodes = tuple((node.name, node.node_id, len(node.pdos)) for node in wish.nodes)
-    notes = tuple((one.mark.line, one.mark.column, one.times, one.text) for one in wish.notes)
+    notes = tuple((one.mark.line, one.mark.column, one.times, one.text) for one in (*wish.notes, *_unknown(file, wish)))
     return NetworkReport(file, asked_rules(rules), findings, nodes, len(wish.links), notes, strict=wishes.strict)
+
+
+def _unknown(file: str, wish: NetworkWish) -> Iterator[FileNote]:
+    """A note for each node whose names nothing says the objects of, at the first of them."""
+    from dvtcli.domain.network.wanted_state import FileNote
+    from dvtcli.operations.described_network import simulated_word
+    from dvtcli.operations.named_objects import is_name
+
+    for node in wish.nodes:
+        words = [word for pdo in node.pdos for word in pdo.mapping or ()]
+        words += [one.object for one in node.values]
+        names = [word for word in words if is_name(word.text)]
+        if names and simulated_word(file, node) is None:
+            text = (
+                f"nothing here says which object {names[0].text!r} of node {node.node_id} is: `plan` needs its `dcf:`, "
+                "its `profile:`, or `eds add` of a file with its identity"
+            )
+            yield FileNote(text, names[0].mark, len(names))
 
 
 def _report_anyway(file: str, wishes: CheckWishes, rules: tuple[LintRule, ...]) -> NetworkReport:

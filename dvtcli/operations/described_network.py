@@ -5,20 +5,30 @@ Sends nothing to any real bus. Judges nothing.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.mapping import PdoMappingEntry
+from dvtcli.domain.network.heartbeats import MISSED, watch_time_ms
 from dvtcli.domain.network.network_state import NetworkState, NodeState
-from dvtcli.domain.network.wanted_state import FileWord, NetworkWish, NodeWish, PdoWish, WantedIdentity
+from dvtcli.domain.network.wanted_state import (
+    Endpoint,
+    FileWord,
+    HeartbeatWatch,
+    LinkWish,
+    NetworkWish,
+    NodeWish,
+    PdoWish,
+    WantedIdentity,
+)
 from dvtcli.domain.object_syntax import MappedObject, Skipped, UnknownName, resolve_entry
 from dvtcli.domain.pdo import PdoCommunicationParameter, PdoConfig
 from dvtcli.files.network.file_log import FileLog
 from dvtcli.operations.network_states import network_after, network_state, with_wish
-from dvtcli.operations.network_wish import read_wish
+from dvtcli.operations.network_wish import eds_of, read_wish
 from dvtcli.operations.options import Options
 from dvtcli.operations.plan_network import plan_wish
 from dvtcli.operations.session import Session
@@ -36,12 +46,11 @@ def described_network(
     identity is of. Of one that is none of these only what the file says is known. InputFileError with all that the file
     cannot mean, RuleError where what it wants cannot be made. Without *with_links* its links are left out.
     """
-    wish = read_wish(file) if with_links else replace(read_wish(file), links=())
-    words = {node.node_id: word for node in wish.nodes if (word := simulated_word(file, node))}
+    read = read_wish(file) if with_links else replace(read_wish(file), links=())
+    words = {node.node_id: word for node in read.nodes if (word := simulated_word(file, node))}
+    wish = _with_untold_links(read, words.keys())
     known = tuple(replace(node, identity=WantedIdentity()) for node in wish.nodes if node.node_id in words)
-    links = tuple(
-        link for link in wish.links if {end.node_id for end in (link.producer, *link.consumers)} <= words.keys()
-    )
+    links = tuple(link for link in wish.links if _is_told(link, words.keys()))
     state = NetworkState(file=file, master=wish.master, links=links)
     if known:
         state = _simulated(file, replace(wish, nodes=known, links=links), words, tell, for_rules=for_rules)
@@ -50,6 +59,65 @@ def described_network(
     untold = [node for node in wish.nodes if node.node_id not in words]
     nodes = sorted([*met, *map(told_state, untold)], key=lambda one: one.node_id)
     return replace(state, nodes=tuple(nodes), untold=tuple(node.node_id for node in untold))
+
+
+def _is_told(link: LinkWish, told: Collection[int]) -> bool:
+    """Whether all ends of *link* are on nodes that are *told*, by an EDS or a family."""
+    return all(end.node_id in told for end in link.ends)
+
+
+def _with_untold_links(wish: NetworkWish, told: Collection[int]) -> NetworkWish:
+    """*wish* where both ends of each link with a node that nothing describes have one CAN-ID, and are on.
+
+    That of the TPDO is what the file says, else the pre-defined one. What their frames hold only a dictionary tells.
+    """
+    ends: dict[Endpoint, int] = {}
+    for link in wish.links:
+        can_id = _said_can_id(wish, link.producer)
+        if not _is_told(link, told) and can_id is not None:
+            ends |= dict.fromkeys(link.ends, can_id)
+    consumers = {end for link in wish.links for end in link.consumers}
+    untold = [link for link in wish.links if not _is_told(link, told)]
+    nodes = (_linked_node(_watching(wish, node, untold), ends, consumers, told) for node in wish.nodes)
+    return replace(wish, nodes=tuple(nodes))
+
+
+def _watching(wish: NetworkWish, node: NodeWish, links: Collection[LinkWish]) -> NodeWish:
+    """*node*, which watches the heartbeats of those whom it hears by *links*, as the file says how often."""
+    watched = {watch.producer for watch in node.watches}
+    found: dict[int, HeartbeatWatch] = {}
+    for link in links:
+        producer, hears = link.producer.node_id, any(end.node_id == node.node_id for end in link.consumers)
+        time_ms = link.heartbeat or _said_heartbeat_ms(wish, producer)
+        late_ms = watch_time_ms(time_ms, MISSED if wish.multiplier is None else wish.multiplier) if time_ms else None
+        if hears and link.heartbeat is not False and late_ms and producer not in watched:
+            found[producer] = HeartbeatWatch(producer, late_ms)
+    return replace(node, watches=(*node.watches, *found.values()))
+
+
+def _said_heartbeat_ms(wish: NetworkWish, node_id: int) -> int:
+    said = (one for node in wish.nodes if node.node_id == node_id for one in node.objects)
+    return next((int.from_bytes(one.data, "little") for one in said if one.index == 0x1017), 0)
+
+
+def _said_can_id(wish: NetworkWish, end: Endpoint) -> int | None:
+    node = next((node for node in wish.nodes if node.node_id == end.node_id), None)
+    said = next((pdo.cob_id for pdo in node.pdos if pdo.pdo == end.pdo), None) if node is not None else None
+    return said if isinstance(said, int) else end.pdo.default_can_id(end.node_id)
+
+
+def _linked_node(
+    node: NodeWish, ends: Mapping[Endpoint, int], consumers: Collection[Endpoint], told: Collection[int]
+) -> NodeWish:
+    pdos = {pdo.pdo: pdo for pdo in node.pdos}
+    for end, can_id in ends.items():
+        if end.node_id == node.node_id:
+            said = pdos.get(end.pdo, PdoWish(end.pdo))
+            hears = end in consumers and node.node_id not in told  # what it maps is laid out as the TPDO sends it
+            pdos[end.pdo] = replace(
+                said, cob_id=can_id, enabled=said.enabled is not False, mapping=None if hears else said.mapping
+            )
+    return replace(node, pdos=tuple(pdos.values()))
 
 
 def _simulated(
@@ -68,8 +136,8 @@ def simulated_word(file: str, node: NodeWish) -> str | None:
     from dvtcli.files.profile.library import profile_for_identity
     from dvtcli.simulator.network.family_file import family_names
 
-    if node.dcf is not None and (path := Path(file).parent / node.dcf.text).is_file():
-        return str(path)
+    if node.dcf is not None and (path := eds_of(file, node)) is not None:
+        return node.dcf.text if node.dcf.text in family_names() else str(path)
     if node.profile in family_names():
         return node.profile
     vendor, product = node.identity.vendor, node.identity.product

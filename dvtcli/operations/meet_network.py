@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.file_fits import refuse_unlike_file
 from dvtcli.errors import DvtcliError, InputFileError, NoAnswer, RuleError, SafetyRefusal, SdoProtocolError
+from dvtcli.operations.network_wish import eds_of
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
@@ -73,12 +74,12 @@ def _choose_files(session: Session, file: str, node: NodeWish) -> None:
         files.own_profile[node.node_id] = node.profile
     if node.dcf is None or session.options.eds is not None:
         return
-    path = Path(file).parent / node.dcf.text
-    if path.is_file():
+    path = eds_of(file, node)
+    if path is not None:
         files.own_eds[node.node_id] = path
     else:
-        place = f"{file}:{node.dcf.mark.line}:{node.dcf.mark.column}"
-        session.tell.note(f"{place}: there is no {path}: what is known of node {node.node_id} otherwise counts")
+        place, named = f"{file}:{node.dcf.mark.line}:{node.dcf.mark.column}", Path(file).parent / node.dcf.text
+        session.tell.note(f"{place}: there is no {named}: what is known of node {node.node_id} otherwise counts")
 
 
 def _unlike(node: Node, wanted: WantedIdentity, *, force: bool) -> Iterator[DvtcliError]:

@@ -24,6 +24,17 @@ def entry_at(node: Node, text: str) -> MappedObject | Skipped:
     return _resolved(resolve_entry, text, node)
 
 
+def is_name(text: str) -> bool:
+    """Whether *text* is an object, or a mapping entry, by its name: nobody knows which without a dictionary."""
+    try:
+        resolve_entry(text, None, {})
+    except UnknownName:
+        return True
+    except ValueError:
+        return False
+    return False
+
+
 def name_hint(unknown: UnknownName) -> str:
     """What to do about a name that nothing knows."""
     if unknown.similar:

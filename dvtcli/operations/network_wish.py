@@ -9,7 +9,7 @@ from dvtcli.errors import UsageError
 from dvtcli.files.network.read_network import read_network_file
 
 if TYPE_CHECKING:
-    from dvtcli.domain.network.wanted_state import NetworkWish
+    from dvtcli.domain.network.wanted_state import NetworkWish, NodeWish
 
 
 def read_wish(file: str) -> NetworkWish:
@@ -18,3 +18,18 @@ def read_wish(file: str) -> NetworkWish:
         return read_network_file(Path(file))
     except OSError as failed:
         raise UsageError(f"{file}: {failed.strerror or failed}", place=file) from failed
+
+
+def eds_of(file: str, node: NodeWish) -> Path | None:
+    """What `dcf` of *node* in the network *file* names: a file beside it, else that of a simulated family of that name.
+
+    None where it names neither, or nothing.
+    """
+    if node.dcf is None:
+        return None
+    path = Path(file).parent / node.dcf.text
+    if path.is_file():
+        return path
+    from dvtcli.simulator.network.family_file import family_eds, family_names
+
+    return family_eds(node.dcf.text) if node.dcf.text in family_names() else None

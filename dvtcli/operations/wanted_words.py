@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.read_pdos import read_optional
 from dvtcli.device.store_parameters import SIGNATURES
+from dvtcli.domain.object_syntax import UnknownName
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.request import PdoRequest, Switched
 from dvtcli.errors import DvtcliError, SdoAborted, UsageError
@@ -27,6 +28,11 @@ if TYPE_CHECKING:
 
 Place = tuple[int, int]
 _CONSUMER_HEARTBEAT = 0x1016
+#: What helps where a name is looked up on a node that no file describes.
+_NO_EDS = (
+    "`dcf: drive.eds` beside its `node_id` gives one (`dcf: gen4`: that of a simulated family), or `eds add drive.eds` "
+    "for all files; numbers need none"
+)
 
 
 @dataclass(slots=True)
@@ -72,7 +78,14 @@ def _entries(node: Node, words: tuple[FileWord, ...], log: FileLog) -> Iterator[
         try:
             yield entry_at(node, word.text)
         except UsageError as wrong:
-            log.complain(word.mark, _text(wrong))
+            log.complain(word.mark, _unknown(node, wrong))
+
+
+def _unknown(node: Node, wrong: UsageError) -> str:
+    """Why a word means nothing there, and what helps in a file."""
+    if node.dictionary is None and isinstance(wrong.__cause__, UnknownName):
+        return f"{wrong.text}: {_NO_EDS}"
+    return _text(wrong)
 
 
 def _text(wrong: DvtcliError) -> str:
@@ -88,7 +101,7 @@ def _values(node: Node, wish: NodeWish, log: FileLog) -> Iterator[WantedValue]:
         try:
             place = object_at(node, one.object.text)
         except UsageError as wrong:
-            log.complain(one.object.mark, _text(wrong))
+            log.complain(one.object.mark, _unknown(node, wrong))
             continue
         if refusal := _why_not(node, place):
             log.complain(one.object.mark, refusal)

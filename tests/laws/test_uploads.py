@@ -83,7 +83,7 @@ def test_nothing_is_read_twice_before_it_is_written_or_when_it_is_read_back(benc
 def test_an_event_timer_reads_its_own_pdo_and_who_the_device_is(bench: Counted) -> None:
     before, after = backed_up(bench).reads(CHANGES["event timer"])
     own = ["1800:01", "1800:02", "1800:03", "1800:05", "1800:06", "1A00:00", "1A00:01"]
-    assert sorted(before) == ["1018:01", "1018:02", "1018:03", "1018:04", *own]
+    assert sorted(before) == ["1018:01", "1018:02", "1018:03", "1018:04", "1020:01", *own], "who it is, and its stamp"
     assert sorted(after) == own
     assert len(before + after) <= 20
 

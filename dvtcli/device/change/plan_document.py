@@ -17,6 +17,9 @@ from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, plan_
 MOST_CHANGES = 2048
 _LIMITS = {"transmission_type": 0xFF, "inhibit_time": 0xFFFF, "event_timer": 0xFFFF, "sync_start_value": 0xFF}
 
+#: The reason of a step of which there is nothing to say; and how many characters of one are kept.
+_NO_REASON, _MOST_REASON = "write", 200
+
 Identity = dict[str, int | None]
 
 
@@ -25,7 +28,8 @@ def change_document(change: Change) -> dict[str, Any]:
     if isinstance(change, ValueChange):
         step = change.step
         held = None if step.before is None else step.before.hex()
-        return {"object": [step.index, step.sub_index], "before": held, "after": step.after.hex()}
+        said = {} if step.reason == _NO_REASON else {"reason": step.reason}
+        return {"object": [step.index, step.sub_index], "before": held, "after": step.after.hex(), **said}
     before, after = _config_document(change.before), _config_document(change.after)
     back = None if change.back is None else _config_document(change.back)
     return {"pdo": str(change.pdo), "before": before, "after": after, "back": back}
@@ -86,7 +90,8 @@ def _value(document: dict[str, Any]) -> ValueChange:
     index, sub_index = (read_number({"": part}, "", most) for part, most in zip(where, (0xFFFF, 0xFF), strict=True))
     before = document.get("before")
     held = None if before is None else bytes.fromhex(str(before))
-    return ValueChange(Step(index, sub_index, held, bytes.fromhex(str(document.get("after"))), "write"))
+    reason = str(document.get("reason", _NO_REASON))[:_MOST_REASON]
+    return ValueChange(Step(index, sub_index, held, bytes.fromhex(str(document.get("after"))), reason))
 
 
 def _config(document: Any) -> PdoConfig:

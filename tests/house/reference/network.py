@@ -51,7 +51,7 @@ def _row(key: NetworkKey) -> tuple[str, str, str]:
 def _takes(key: NetworkKey) -> str:
     if not key.high:
         return str(key.kind)
-    high = f"0x{int(key.high):X}" if key.high >= 0xFFFF and not key.unit else f"{key.high:g}"
+    high = f"0x{int(key.high):X}" if key.high >= 0xFFFF and not key.unit else f"{key.high:.12g}"
     span = f"{key.low:g}…{high}{f' × {key.unit}' if key.unit[:1].isdigit() else f' {key.unit}'}".rstrip()
     if key.kind in (Kind.INTEGER, Kind.NUMBER):
         return span

@@ -1,0 +1,46 @@
+"""Names in a network file, on nodes that no EDS describes: what helps is said, and helps."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from tests.commands.bench import Bench
+from tests.commands.bus import Wire, device
+
+FILE = "nodes:\n  one:\n    node_id: 1\n{more}    tpdo: {{1: {{mapping: [velocity_actual_value]}}}}\n"
+
+
+def test_plan_names_what_gives_one_and_that_helps(tmp_path: Path) -> None:
+    path = tmp_path / "net.yaml"
+    path.write_text(FILE.format(more=""))
+    with Wire(device("generic")) as wire:
+        with Bench((), {**wire.options, "yes": True}) as bench:
+            refused = bench.run(f"plan {path} --json")
+        assert refused.code == 4
+        (complaint,) = refused.documents[-1]["complaints"]
+        assert (complaint["line"], complaint["column"]) == (4, 26)
+        for word in ("`dcf: drive.eds`", "`eds add drive.eds`", "numbers need none"):
+            assert word in complaint["text"]
+        path.write_text(FILE.format(more="    dcf: generic\n"))
+        with Bench((), {**wire.options, "yes": True}) as bench:
+            ran = bench.run(f"plan {path} --json")
+        assert (ran.code, ran.document["nodes"][0]["pdos"][0]["map"][1]) == (0, ["606C:00/32"])
+
+
+def test_check_notes_it(tmp_path: Path) -> None:
+    path = tmp_path / "net.yaml"
+    path.write_text(FILE.format(more=""))
+    with Bench(()) as bench:
+        (note,) = bench.run(f"check {path} --json").document["files"][0]["notes"]
+        assert "'velocity_actual_value' of node 1" in note["text"]
+        for more in ("dcf: generic", "profile: generic"):
+            path.write_text(FILE.format(more=f"    {more}\n"))
+            assert bench.run(f"check {path} --json").document["files"][0]["notes"] == []
+
+
+def test_a_saved_plan_keeps_why(tmp_path: Path) -> None:
+    path, saved = tmp_path / "net.yaml", tmp_path / "plan.json"
+    path.write_text("one: {node_id: 1, heartbeat_producer: 700}\n")
+    with Bench(("generic@1",), {"yes": True}) as bench:
+        assert bench.run(f"plan {path} -o {saved}").code == 0
+        assert "0x1017:00  500 -> 700  heartbeat_producer" in bench.run(f"apply {saved}").stdout
