@@ -30,8 +30,8 @@ Place = tuple[int, int]
 _CONSUMER_HEARTBEAT = 0x1016
 #: What helps where a name is looked up on a node that no file describes.
 _NO_EDS = (
-    "`dcf: drive.eds` beside its `node_id` gives one (`dcf: gen4`: that of a simulated family), or `eds add drive.eds` "
-    "for all files; numbers need none"
+    "`dcf: drive.eds` beside its `node_id` gives one (`dcf: generic`: that of a simulated family), or "
+    "`eds add drive.eds` for all files; numbers need none"
 )
 
 
