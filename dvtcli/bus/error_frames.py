@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     import can
 
-_CONTROLLER, _NO_ACKNOWLEDGE, _BUS_OFF = 0x004, 0x020, 0x040
+_CONTROLLER, _NO_ACKNOWLEDGE, _BUS_OFF, _RESTARTED = 0x004, 0x020, 0x040, 0x100
 #: bits of data[1] where the class is _CONTROLLER
 _WARNING, _PASSIVE = 0x0C, 0x30
 #: one or two error frames happen when something is plugged in
@@ -21,7 +21,8 @@ MANY = 5
 _BIT_RATE = "does -b/--bitrate fit the nodes'? Is there a 120 ohm terminator at each end of the line?"
 _TEXTS = {
     "bus-off": f"the CAN controller went bus-off: nothing is sent or heard until it is restarted (SocketCAN: sudo ip "
-    f"link set CHANNEL down, then up). {_BIT_RATE}",
+    f"link set CHANNEL type can restart). {_BIT_RATE}",
+    "restarted": f"the CAN controller was bus-off and is restarted: meanwhile nothing was sent or heard. {_BIT_RATE}",
     "no acknowledge": "no other node acknowledges our frames: is a node connected and powered, with this bit rate?",
     "error-passive": f"the CAN controller is error-passive, so most frames fail: {_BIT_RATE}",
     "error warning": f"the CAN controller counts many errors: {_BIT_RATE}",
@@ -39,6 +40,9 @@ class ErrorFrames:
     def notice(self, message: can.Message) -> None:
         """Take one error frame into account; quick, since a broken bus has thousands a second."""
         self.count += 1
+        if message.arbitration_id & _RESTARTED:
+            self._kinds = {"restarted": False}  # it begins anew; when it goes off again, that is news
+            return
         kind = _kind(message.arbitration_id, bytes(message.data))
         if kind is None and self.count >= MANY:
             kind = "bus errors"

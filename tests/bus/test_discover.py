@@ -56,7 +56,8 @@ def test_serial_ports_that_may_not_be_opened_say_so(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("error_class", "data", "times", "text"),
     [
-        (0x040, b"", 1, "bus-off"),
+        (0x040, b"", 1, "went bus-off"),
+        (0x100, b"", 1, "was bus-off and is restarted"),
         (0x004, b"\x00\x10", 1, "error-passive"),
         (0x004, b"\x00\x04", 1, "counts many errors"),
         (0x020, b"", 1, "no other node acknowledges"),
@@ -77,6 +78,21 @@ def test_error_frames_are_explained_once(error_class: int, data: bytes, times: i
     finally:
         other.shutdown()
         bus.close()
+
+
+def test_a_controller_that_goes_off_again_after_its_restart_is_told_again() -> None:
+    channel = f"error-frames-{next(_NUMBERS)}"
+    bus = open_bus("virtual", channel)
+    other = can.Bus(channel, interface="virtual", ignore_config=True)
+    told = []
+    try:
+        for error_class in (0x040, 0x040, 0x100, 0x040):
+            other.send(can.Message(arbitration_id=error_class, is_error_frame=True))
+            told += [text.partition(":")[0].removeprefix("the CAN controller ") for text in bus.disturbances()]
+    finally:
+        other.shutdown()
+        bus.close()
+    assert told == ["went bus-off", "was bus-off and is restarted", "went bus-off"]
 
 
 def test_a_single_error_frame_is_no_news() -> None:

@@ -17,13 +17,17 @@ from collections.abc import Iterator
 from contextlib import suppress
 from itertools import count
 from pathlib import Path
+from typing import Any
 
 import can
 import pytest
 
 from tests.commands.bus import device
+from tests.forked import Fresh
 from tests.process import PATIENCE_S, Ran, environment, run
+from tests.serve.served import wait_for
 from tests.served_nodes import ServedNodes
+from tests.socketcan.recorded import interrupted, seen_by
 
 _NUMBERS = count(1)
 _MESSAGE = struct.Struct("=IBB8s2x")
@@ -61,22 +65,32 @@ class Adapter:
         )
         self._node = ServedNodes(self._theirs, [device("gen4")])
         self._node.start()
-        self._over = threading.Event()
+        self._line: socket.socket | None = None
         self.bit_rate = b""
         #: after so many frames from the program the plug is pulled; 0: never
         self.unplugged_after = 0
         self._threads = [threading.Thread(target=self._serve, daemon=True)]
         self._threads[0].start()
 
+    @property
+    def variables(self) -> dict[str, str]:
+        """An environment in which python-can finds the library."""
+        return environment() | {"LD_LIBRARY_PATH": str(self._library), "TESTS_PCAN_WIRE": str(self._path)}
+
     def dvtcli(self, *words: str) -> Ran:
-        """Run dvtcli on this adapter, as python-can finds its library."""
-        variables = {"LD_LIBRARY_PATH": str(self._library), "TESTS_PCAN_WIRE": str(self._path)}
-        return _fresh(words, environment() | variables)
+        """Run dvtcli on this adapter."""
+        return _fresh(words, self.variables)
+
+    def unplug(self) -> None:
+        """Pull the plug; it is plugged in again at once."""
+        if self._line is not None:
+            self._line.shutdown(socket.SHUT_RDWR)
 
     def _serve(self) -> None:
         with suppress(OSError):
             while True:
                 line, _ = self._listener.accept()
+                self._line = line
                 over = threading.Event()
                 back = threading.Thread(target=self._back, args=(line, over), daemon=True)
                 back.start()
@@ -113,6 +127,11 @@ class Adapter:
         self._theirs.shutdown()
 
 
+def event(row: dict[str, Any]) -> str | None:
+    """What a document of `monitor` says of the bus."""
+    return row["event"] if row["schema"] == "dvtcli.bus/1" else None
+
+
 def _fresh(words: tuple[str, ...], variables: dict[str, str]) -> Ran:
     """dvtcli in a Python of its own: where libraries are looked for is read at its start."""
     return subprocess.run(
@@ -139,6 +158,21 @@ def test_a_change_and_a_proven_store_over_pcan(adapter: Adapter) -> None:
     ran = adapter.dvtcli(*PCAN, "store", "--prove")
     assert ran.returncode == 0, ran.stderr
     assert "proved" in ran.stdout
+
+
+@needs_compiler
+def test_scan_log_and_a_monitor_that_goes_on_after_the_plug_was_pulled(adapter: Adapter, tmp_path: Path) -> None:
+    ran = adapter.dvtcli(*PCAN, "scan", "--json")
+    assert [row["node"] for row in json.loads(ran.stdout)["nodes"]] == [1], ran.stderr
+    path = tmp_path / "run.log"
+    recording = Fresh([*PCAN, "log", str(path)], env=adapter.variables)
+    wait_for(lambda: path.exists() and " 701#" in path.read_text("utf-8"), "a heartbeat in the file")
+    interrupted(recording)
+    watching = Fresh([*PCAN, "monitor", "--json"], env=adapter.variables)
+    wait_for(lambda: '"heartbeat"' in watching.so_far()[0], "a heartbeat")
+    adapter.unplug()
+    rows = seen_by(watching, lambda rows: rows[-1]["schema"] == "dvtcli.frame/1" and "back" in map(event, rows))
+    assert [event(row) for row in rows if event(row)] == ["gone", "back"]
 
 
 @needs_compiler

@@ -20,9 +20,10 @@ from dvtcli.operations.results.bus_events import BusEvent
 from tests.bus.slcan_adapter import Line, SlcanAdapter
 from tests.commands.bench import Bench
 from tests.commands.bus import device
-from tests.process import PATIENCE_S
-from tests.serve.served import wait_for
+from tests.process import PATIENCE_S, start
+from tests.serve.served import own_environment, wait_for
 from tests.served_nodes import ServedNodes
+from tests.socketcan.recorded import interrupted, seen_by
 
 pytestmark = [
     pytest.mark.skipif(not find_spec("serial"), reason="pyserial is not installed"),
@@ -78,6 +79,19 @@ def test_it_is_found_where_usb_ports_are(plug: Plug, tmp_path: Path) -> None:
     bus = open_bus(found.interface, found.channel, 500_000, AT_ONCE, timeout_s=20)
     assert bus.sdo(1).upload(0x1018, 1) == b"\x1e\0\0\0"
     bus.close()
+
+
+def test_scan_monitor_and_log_over_an_adapter(plug: Plug, tmp_path: Path) -> None:
+    adapter = plug()
+    with Bench((), options(adapter)) as bench:
+        assert [row["node"] for row in bench.run("scan --json").document["nodes"]] == [1]
+    path = tmp_path / "run.log"
+    words = ["-i", "slcan", "-c", adapter.port, "-b", "500000", "--bus-kwargs", "sleep_after_open=0"]
+    recording = start([*words, "log", str(path)], env=own_environment(tmp_path))
+    wait_for(lambda: path.exists() and " 701#" in path.read_text("utf-8"), "a heartbeat in the file")
+    interrupted(recording)
+    watching = start([*words, "monitor", "--json"], env=own_environment(tmp_path))
+    assert seen_by(watching, lambda rows: "heartbeat" in {row.get("kind") for row in rows})
 
 
 def test_damaged_lines_are_left_out_and_told(plug: Plug) -> None:

@@ -20,6 +20,8 @@ from tests.served_nodes import ServedNodes
 
 #: how long an answer may take on a busy machine, where one is wanted (s): of SDO, by any client
 ANSWER_S = 20.0
+#: ours and the nodes' end: of a link that is looped back, of a pair, and of two controllers on one wire
+PAIRS = [("vcan0", "vcan0"), ("vxcan0", "vxcan1"), ("can0", "can1")]
 #: what `run` makes in its machine: links may be set down, deleted and flooded there
 MACHINE = Path("/run/dvtcli-socketcan")
 

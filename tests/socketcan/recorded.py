@@ -22,20 +22,30 @@ from tests.serve.served import own_environment, wait_for
 
 #: CAN-IDs of 29 bits, which nothing else here sends: what records is there, and has everything until there
 BEGUN, OVER = 0x1FFFFF01, 0x1FFFFF02
+#: how a CAN-ID stands in a candump file, and in what `monitor --json` says
+CANDUMP, MONITORED = "{:08X}#", '"cob_id":{},'
+#: how much of a recording's end is looked at (bytes)
+_TAIL = 1 << 20
 #: a frame of 11 bits in a candump file, whoever wrote it
 _SHORT = re.compile(r"^\(\S+\) \S+ [0-9A-F]{3}#", re.MULTILINE)
 
 
-def mark(link: str, can_id: int, *paths: Path) -> None:
-    """Send *can_id* on *link* until all recordings at *paths* (candump's format) have it."""
+def mark(link: str, can_id: int, *paths: Path, form: str = CANDUMP) -> None:
+    """Send *can_id* on *link* until all recordings at *paths* have it, in the *form* of theirs."""
     until_s = time.monotonic() + PATIENCE_S
     with can.Bus(
         link, interface="socketcan", ignore_config=True, can_filters=[{"can_id": 0, "can_mask": 0x7FF}]
     ) as bus:
-        while not all(path.exists() and f"{can_id:08X}#" in path.read_text("utf-8") for path in paths):
+        while not all(path.exists() and form.format(can_id) in _end(path) for path in paths):
             assert time.monotonic() < until_s, f"no recording of {can_id:X} within {PATIENCE_S:.0f} s"
             bus.send(can.Message(arbitration_id=can_id))
             time.sleep(0.05)
+
+
+def _end(path: Path) -> str:
+    with path.open("rb") as file:
+        file.seek(max(0, path.stat().st_size - _TAIL))
+        return file.read().decode("utf-8", "replace")
 
 
 def frames_in(path: Path) -> int:

@@ -6,13 +6,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import pytest
+
 from dvtcli.bus.kernel_links import kernel_links
 from tests.commands.bus import device
 from tests.forked import Forked
 from tests.process import PATIENCE_S, documents, start
 from tests.prompt.conftest import Open, open_terminal
 from tests.serve.served import own_environment, wait_for
-from tests.socketcan.conftest import ANSWER_S, ip, on
+from tests.socketcan.conftest import ANSWER_S, PAIRS, ip, on
 
 __all__ = ["open_terminal"]
 ANSWERS = ("--timeout", str(ANSWER_S))
@@ -79,12 +81,13 @@ def test_a_monitor_goes_on_after_the_adapter_was_unplugged(tmp_path: Path) -> No
             ip("del", "vcan6")
 
 
-def test_a_command_waits_for_a_link_that_is_down(tmp_path: Path) -> None:
-    with on("vxcan1", device("gen4")):
-        ip("set", "vxcan0", "down")
-        words = ["-i", "socketcan", "-c", "vxcan0", *ANSWERS, "-n", "1", "read", "1018:1", "--reconnect"]
+@pytest.mark.parametrize(("ours", "theirs"), PAIRS[1:])
+def test_a_command_waits_for_a_link_that_is_down(tmp_path: Path, ours: str, theirs: str) -> None:
+    with on(theirs, device("gen4")):
+        ip("set", ours, "down")
+        words = ["-i", "socketcan", "-c", ours, *ANSWERS, "-n", "1", "read", "1018:1", "--reconnect"]
         reading = start(words, env=own_environment(tmp_path))
-        wait_for(lambda: "sudo ip link set vxcan0 up): waiting for it" in reading.so_far()[1], "it to wait")
-        ip("set", "vxcan0", "up")
+        wait_for(lambda: f"sudo ip link set {ours} up): waiting for it" in reading.so_far()[1], "it to wait")
+        ip("set", ours, "up")
         out, errors = reading.communicate(PATIENCE_S)
     assert (reading.returncode, "0x0000001E" in out) == (0, True), errors

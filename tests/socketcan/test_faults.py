@@ -44,12 +44,13 @@ class Striking(can.BusABC):
         self._link.send(msg, timeout)
 
 
-@pytest.fixture
-def link() -> Iterator[can.BusABC]:
-    with can.Bus("vcan0", interface="socketcan", ignore_config=True) as bus:
+@pytest.fixture(params=["vcan0"])
+def link(request: pytest.FixtureRequest) -> Iterator[can.BusABC]:
+    with can.Bus(request.param, interface="socketcan", ignore_config=True) as bus:
         yield bus
 
 
+@pytest.mark.parametrize("link", ["vcan0", "can1"], indirect=True)
 @pytest.mark.parametrize(
     ("fault", "codes"),
     [
@@ -63,7 +64,8 @@ def link() -> Iterator[can.BusABC]:
     ],
 )
 def test_a_fault_in_the_middle_leaves_the_new_or_the_old(link: can.BusABC, fault: str, codes: set[int]) -> None:
-    with ServedNodes(link, [device("gen4")], read_faults([fault], [1])), Bench((), OPTIONS) as bench:
+    options = OPTIONS | {"channel": "can0" if "can1" in str(link.channel_info) else "vcan0"}
+    with ServedNodes(link, [device("gen4")], read_faults([fault], [1])), Bench((), options) as bench:
         before = bench.run("pdo tpdo1 --json").document
         ran = bench.run(" ".join(MAP))
         assert ran.code in codes, ran.stderr

@@ -17,7 +17,7 @@ from tests.bus.devices import device
 from tests.commands.bench import Bench
 from tests.commands.bus import device as family_device
 from tests.process import PATIENCE_S
-from tests.socketcan.conftest import ANSWER_S, ip, on
+from tests.socketcan.conftest import ANSWER_S, PAIRS, ip, on, tool
 
 
 def test_the_kernel_describes_its_links() -> None:
@@ -109,6 +109,11 @@ def test_a_link_that_is_gone_is_told_so() -> None:
     bus.close()
 
 
+def tc(*words: str) -> None:
+    """Change what a link makes of the frames that it is to send."""
+    subprocess.run(["tc", "qdisc", *words], check=True, capture_output=True)
+
+
 def after_downloads(count: int, act: Callable[[], None]) -> Callable[[Frame, bool], None]:
     """A tap that does *act* when as many SDO downloads were sent."""
     sent = 0
@@ -123,17 +128,46 @@ def after_downloads(count: int, act: Callable[[], None]) -> Callable[[Frame, boo
     return tap
 
 
-def test_a_link_set_down_in_the_middle_of_a_change_leaves_a_journal_and_recover_finishes_it() -> None:
-    options = {"interface": "socketcan", "channel": "vxcan0", "node": 1, "timeout": ANSWER_S}
-    with on("vxcan1", family_device("gen4")):
+def test_a_controller_that_goes_bus_off_in_the_middle_of_a_change_is_told_and_recover_finishes_it() -> None:
+    """As the kernel does it: what is sent gets nowhere, an error frame says so, another one tells the restart."""
+    options = {"interface": "socketcan", "channel": "vxcan0", "node": 1, "timeout": 1.0}
+
+    def goes_off() -> None:
+        tc("add", "dev", "vxcan0", "root", "netem", "loss", "100%")
+        tool("cansend", "vxcan1", "20000040#0000000000000000")
+
+    with on("vxcan1", family_device("gen4")), Bench((), options) as bench:
+        before = bench.run("pdo tpdo1 --json").document
+        stop = bench.session.wire.tap(after_downloads(2, goes_off))
+        try:
+            ran = bench.run("map tpdo1 6041 606C/32 --sync 1")
+        finally:
+            stop()
+            tc("del", "dev", "vxcan0", "root")
+        assert ran.code == 7, ran.stderr
+        assert "the CAN controller went bus-off" in ran.stderr
+        assert "link set CHANNEL type can restart" in ran.stderr
+        tool("cansend", "vxcan1", "20000100#0000000000000000")
+        ran = bench.run("recover --yes")
+        assert ran.code == 0, ran.stderr
+        assert "was bus-off and is restarted" in ran.stderr
+        assert bench.run("pdo tpdo1 --json").document == before
+
+
+@pytest.mark.parametrize(("ours", "theirs"), PAIRS[1:])
+def test_a_link_set_down_in_the_middle_of_a_change_leaves_a_journal_and_recover_finishes_it(
+    ours: str, theirs: str
+) -> None:
+    options = {"interface": "socketcan", "channel": ours, "node": 1, "timeout": ANSWER_S}
+    with on(theirs, family_device("gen4")):
         with Bench((), options) as bench:
             before = bench.run("pdo tpdo1 --json").document
-            bench.session.wire.tap(after_downloads(2, lambda: ip("set", "vxcan0", "down")))
+            bench.session.wire.tap(after_downloads(2, lambda: ip("set", ours, "down")))
             ran = bench.run("map tpdo1 6041 606C/32 --sync 1")
             assert ran.code == 7, ran.stderr
             assert "Network is down" in ran.stderr
             assert "bring the bus back first (`doctor` looks at it)" in ran.stderr
-        ip("set", "vxcan0", "up")
+        ip("set", ours, "up")
         with Bench((), options) as bench:
             ran = bench.run("recover --yes")
             assert ran.code == 0, ran.stderr

@@ -69,6 +69,7 @@ def test_what_cangen_sends_is_decoded(tmp_path: Path) -> None:
         ("20000004#0004000000000000", "counts many errors"),
         ("20000020#0000000000000000", "no other node acknowledges"),
         ("20000040#0000000000000000", "went bus-off"),
+        ("20000100#0000000000000000", "was bus-off and is restarted"),
     ],
 )
 def test_error_frames_are_told_in_words(frame: str, words: str) -> None:
