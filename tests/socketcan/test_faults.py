@@ -19,7 +19,7 @@ from tests.serve.served import own_environment
 from tests.served_nodes import ServedNodes
 from tests.socketcan.conftest import ANSWER_S
 
-OPTIONS = {"interface": "socketcan", "channel": "vcan0", "node": 1, "timeout": 3.0}
+OPTIONS = {"interface": "socketcan", "channel": "vcan0", "node": 1, "timeout": 2.0}
 MAP = ("map", "tpdo1", "6041", "606C/32", "--sync", "1")
 #: CAN-ID of an SDO request to node 1, and how a download begins (CiA 301, 7.2.4.3.3)
 REQUEST, DOWNLOAD = 0x601, 1

@@ -25,7 +25,7 @@ on_each_pair = pytest.mark.parametrize(("ours", "theirs"), PAIRS)
 def test_scan_finds_them_all(ours: str, theirs: str) -> None:
     nodes = device("gen4", 1), device("generic", 64), device("generic", 127)
     with on(theirs, *nodes), Bench((), OPTIONS | {"channel": ours}) as bench:
-        ran = bench.run("scan --json --wait 300")
+        ran = bench.run("scan --json --wait 150")
     assert [row["node"] for row in ran.document["nodes"]] == [1, 64, 127], ran.stderr
 
 

@@ -130,7 +130,7 @@ def after_downloads(count: int, act: Callable[[], None]) -> Callable[[Frame, boo
 
 def test_a_controller_that_goes_bus_off_in_the_middle_of_a_change_is_told_and_recover_finishes_it() -> None:
     """As the kernel does it: what is sent gets nowhere, an error frame says so, another one tells the restart."""
-    options = {"interface": "socketcan", "channel": "vxcan0", "node": 1, "timeout": 1.0}
+    options = {"interface": "socketcan", "channel": "vxcan0", "node": 1, "timeout": 0.5}
 
     def goes_off() -> None:
         tc("add", "dev", "vxcan0", "root", "netem", "loss", "100%")
