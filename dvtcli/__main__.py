@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import gc
 import sys
 from collections import namedtuple
+
+#: How many new objects bring the collector of cycles. A command makes 60,000, nearly all of them code that stays; with
+#: Python's own 700 it looks through them 80 times.
+_NEW_OBJECTS = 100_000
 
 
 def entry() -> None:
     """Run dvtcli and end the process with its exit code."""
+    gc.set_threshold(_NEW_OBJECTS)
     try:
         if None in (sys.stdin, sys.stdout, sys.stderr):
             from dvtcli.cli.view.streams import open_missing
@@ -21,6 +27,8 @@ def entry() -> None:
     # CPython kills the process at its end where a Ctrl-C once arrived in a string that it executed, as those of which
     # dataclasses are made, even if it was caught. It forgets that with the next such string, as in making this.
     namedtuple("Forgotten", ())
+    gc.disable()  # the process takes all of it along: nobody need look for cycles
+    gc.freeze()
     sys.exit(code)
 
 

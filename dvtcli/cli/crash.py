@@ -13,13 +13,12 @@ from pathlib import Path
 
 from dvtcli.device.trust import private_folder
 from dvtcli.errors import SafetyRefusal
+from dvtcli.files.user_folders import user_folder
 
 
 def keep(bug: BaseException) -> str:
     """Write the traceback of *bug* into `crash/` of the state folder, else the system's folder; the file's path."""
-    import platformdirs
-
-    state = Path(platformdirs.user_state_dir("dvtcli"))
+    state = user_folder("state")
     try:
         private_folder(state)
         private_folder(state / "crash")

@@ -5,6 +5,7 @@ Knows the grammar (`domain.object_syntax`). Looks names up only in dictionaries 
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -79,11 +80,14 @@ class ObjectType(CanopenType):
         return EntryWord(text) if self.entry else ObjectWord(text)
 
     def _check_name(self, text: str, session: Conversation) -> None:
-        dictionaries = session.offline_dictionaries()
+        resolve = resolve_entry if self.entry else resolve_object
+        with suppress(ValueError):
+            resolve(text, None)  # a number needs no dictionary: none is read for it
+            return
         failure: ValueError | None = None
-        for dictionary, profile in dictionaries:
+        for dictionary, profile in session.offline_dictionaries():
             try:
-                (resolve_entry if self.entry else resolve_object)(text, dictionary, profile.aliases)
+                resolve(text, dictionary, profile.aliases)
             except ValueError as wrong:
                 failure = failure or wrong
             else:

@@ -5,7 +5,6 @@ Knows the grammar and looks names up in a dictionary it is given. Does not know 
 
 from __future__ import annotations
 
-import difflib
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -118,9 +117,11 @@ def _only(found: list[OdEntry], dictionary: ObjectDictionary, text: str) -> OdEn
 
 def similar(text: str, dictionary: ObjectDictionary, aliases: Mapping[str, str]) -> list[str]:
     """Names close to *text*, best first, at most three."""
+    from difflib import get_close_matches
+
     names = [*aliases, *(normalised(entry.name) for entry in dictionary.entries())]
     wanted = normalised(text)
-    close = difflib.get_close_matches(wanted, dict.fromkeys(names), n=3, cutoff=0.6)
+    close = get_close_matches(wanted, dict.fromkeys(names), n=3, cutoff=0.6)
     return close or list(dict.fromkeys(name for name in names if len(wanted) > 2 and wanted in name))[:3]
 
 

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import os
+from functools import cache
 from pathlib import Path
 
 _FOLDER = Path(__file__).parents[1] / "families"
 
 
+@cache
 def families_with(file: str) -> tuple[str, ...]:
     """The families whose folder holds *file*, in alphabetical order."""
-    return tuple(sorted(path.parent.name for path in _FOLDER.glob(f"*/{file}")))
+    return tuple(sorted(name for name in os.listdir(_FOLDER) if family_path(name, file).is_file()))  # noqa: PTH208
 
 
 def family_path(name: str, file: str) -> Path:

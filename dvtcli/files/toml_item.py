@@ -5,7 +5,6 @@ Knows no file of ours in particular, and not how TOML is written (`toml_text`).
 
 from __future__ import annotations
 
-import difflib
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -205,7 +204,9 @@ def by_number(high: int) -> Callable[[Item], dict[int, str]]:
 
 def suggest(word: str, known: Iterable[str]) -> str | None:
     """ "did you mean …?" with the nearest of *known*, or None."""
-    near = difflib.get_close_matches(word, list(known), n=1)
+    from difflib import get_close_matches
+
+    near = get_close_matches(word, list(known), n=1)
     return f"did you mean {near[0]!r}?" if near else None
 
 

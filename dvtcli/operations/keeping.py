@@ -16,6 +16,7 @@ from dvtcli.device.past import Past
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.several import several
 from dvtcli.errors import InputFileError, SafetyRefusal
+from dvtcli.files.user_folders import user_folder
 from dvtcli.operations.options import Options
 
 if TYPE_CHECKING:
@@ -100,6 +101,4 @@ def state_folder(options: Options | None) -> Path:
     """Where journals and backups are kept: --journal, else the user's state folder (which None asks for)."""
     if options is not None and options.journal:
         return Path(options.journal)
-    import platformdirs
-
-    return Path(platformdirs.user_state_dir("dvtcli"))
+    return user_folder("state")

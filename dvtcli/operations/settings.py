@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from dvtcli.errors import DvtcliError, InputFileError, UsageError
+from dvtcli.files.user_folders import user_folder
 from dvtcli.operations.options import Options, checked, is_repeated
 from dvtcli.operations.settings_search import Found, content, project_file, user_file
 
@@ -164,10 +165,8 @@ class Settings:
         """What to say of keys that a project's file has in vain; None where it has none."""
         if self.project is None or not self.project.ignored:
             return None
-        import platformdirs
-
         names = ", ".join(name.replace("_", "-") for name in self.project.ignored)
-        own = platformdirs.user_config_path("dvtcli") / "config.toml"
+        own = user_folder("config") / "config.toml"
         return f"{self.project.path}: {names}: never taken from a project's file; it may stand in {own}"
 
     def described_buses(self) -> str:

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 from dvtcli.device.trust import replaceable, stranger, sudo_user
 from dvtcli.errors import DvtcliError, InputFileError, SafetyRefusal, UsageError
+from dvtcli.files.user_folders import user_folder
 
 #: The variable that names a project's file, which is trusted then and taken wherever it is.
 VARIABLE = "DVTCLI_CONFIG"
@@ -96,9 +97,7 @@ def _homes() -> set[str]:
 
 def user_file() -> Found | None:
     """The user's own `config.toml`, None where there is none."""
-    import platformdirs
-
-    path = os.path.join(platformdirs.user_config_dir("dvtcli"), "config.toml")  # noqa: PTH118
+    path = str(user_folder("config") / "config.toml")
     return Found(path) if os.path.lexists(path) else None
 
 

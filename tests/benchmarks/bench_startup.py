@@ -17,7 +17,7 @@ from time import perf_counter
 ROOT = Path(__file__).resolve().parents[2]
 #: byte code is cached, as it is where dvtcli was installed
 ENVIRONMENT = {key: value for key, value in os.environ.items() if key != "PYTHONDONTWRITEBYTECODE"}
-ENTRY = "import sys; from dvtcli.cli.main import main; sys.exit(main({words!r}))"
+ENTRY = "import sys; from dvtcli.__main__ import entry; sys.argv[1:] = {words!r}; entry()"
 #: name, words of Python's command line, goal as a ratio to the row before it
 ROWS: list[tuple[str, list[str], float | None]] = [
     ("python -c pass", ["-c", "pass"], None),

@@ -14,7 +14,7 @@ from dvtcli.domain.pdo import Direction
 from dvtcli.domain.profile import GENERIC, BitPolicy, PreOperational, Severity, VpdoGroup
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.profile.library import load_profile, profile_for_identity, profile_names
-from dvtcli.files.profile.toml import read_profile
+from dvtcli.files.profile.toml import builtin_names, may_be_of, read_profile
 
 FOLDER = Path(dvtcli.__file__).parent / "families"
 SOURCE = re.compile(
@@ -229,6 +229,14 @@ def test_junk_is_an_input_file_error(text: str) -> None:
     except InputFileError as error:
         place = error.place or ""
     assert re.fullmatch(r"x\.toml:\d+(:\d+)?", place)
+
+
+def test_a_built_in_profile_s_vendors_are_known_without_parsing_it() -> None:
+    profiles = [load_profile(name) for name in builtin_names()]
+    vendors = {vendor for profile in profiles for vendor in profile.vendor_ids}
+    assert {0x1E, 0x469} <= vendors
+    for profile in profiles:
+        assert {one for one in (0, 1, *vendors) if may_be_of(profile.name, one)} == set(profile.vendor_ids)
 
 
 FAMILIES = sorted(FOLDER.glob("*/*.eds"))

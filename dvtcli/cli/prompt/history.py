@@ -11,6 +11,7 @@ from prompt_toolkit.history import FileHistory, History, InMemoryHistory
 from dvtcli.cli.view.output import Output
 from dvtcli.device.trust import open_private, private_folder
 from dvtcli.errors import SafetyRefusal
+from dvtcli.files.user_folders import user_folder
 
 
 class KeptHistory(FileHistory):
@@ -38,9 +39,7 @@ def open_history(output: Output, is_secret: Callable[[str], bool]) -> History:
 
     Lines that *is_secret* says may hold a passcode are not kept.
     """
-    import platformdirs
-
-    path = platformdirs.user_state_path("dvtcli") / "history"
+    path = user_folder("state") / "history"
     try:
         _prepare(path)
     except OSError as failed:

@@ -8,15 +8,14 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
-import platformdirs
-
 from dvtcli.domain.object_dictionary import DeviceInfo
 from dvtcli.errors import InputFileError
+from dvtcli.files.user_folders import user_folder
 
 
 def folder() -> Path:
     """Where the collection is kept, whether it exists or not."""
-    return Path(platformdirs.user_data_dir("dvtcli")) / "eds"
+    return user_folder("data") / "eds"
 
 
 def add(path: Path, info: DeviceInfo) -> Path:

@@ -13,8 +13,9 @@ from pathlib import Path
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.profile import GENERIC, DeviceProfile, ObjectAddress
 from dvtcli.errors import InputFileError, UsageError
-from dvtcli.files.profile.toml import builtin_names, builtin_path, read_profile
+from dvtcli.files.profile.toml import builtin_names, builtin_path, may_be_of, read_profile
 from dvtcli.files.toml_item import suggest
+from dvtcli.files.user_folders import user_folder
 
 #: A profile is a page of text; beyond this many bytes it is something else.
 _MOST_BYTES = 1_000_000
@@ -26,9 +27,7 @@ OwnFiles = tuple[tuple[Path, int, int], ...]
 
 def folder() -> Path:
     """Where the user's own profiles are kept, whether it exists or not."""
-    import platformdirs
-
-    return Path(platformdirs.user_config_dir("dvtcli")) / "profiles"
+    return user_folder("config") / "profiles"
 
 
 def own_names() -> tuple[str, ...]:
@@ -119,9 +118,9 @@ def profile_for_identity(vendor_id: int, product_code: int) -> DeviceProfile:
 
 @cache
 def _fitting(vendor_id: int, product_code: int, _own: OwnFiles) -> DeviceProfile:
-    fitting = [load_profile(name) for name in profile_names()]
-    fitting = [profile for profile in fitting if profile.matches(vendor_id, product_code)]
     own = set(own_names())
+    names = (name for name in profile_names() if name in own or may_be_of(name, vendor_id))
+    fitting = [profile for profile in map(load_profile, names) if profile.matches(vendor_id, product_code)]
     fitting.sort(key=lambda one: (product_code in one.product_codes, bool(one.product_masks), one.name in own))
     return fitting[-1] if fitting else load_profile("generic")
 

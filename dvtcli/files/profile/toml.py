@@ -53,6 +53,8 @@ from dvtcli.files.toml_item import (
 _FILE = "profile.toml"
 #: How "not worth a word" is written, since TOML has no null.
 _FINE = "fine"
+#: How a built-in profile writes its vendors, and what it is like.
+_VENDORS, _LIKE = re.compile(r"^vendor_ids = \[([^\]]*)\]", re.M), re.compile(r'^like = "([^"]*)"', re.M)
 
 
 def builtin_names() -> tuple[str, ...]:
@@ -63,6 +65,15 @@ def builtin_names() -> tuple[str, ...]:
 def builtin_path(name: str) -> Path:
     """Where the built-in profile *name* is kept."""
     return family_path(name, _FILE)
+
+
+def may_be_of(name: str, vendor_id: int) -> bool:
+    """Whether a device of the vendor *vendor_id* can be of the built-in profile *name*; it is not parsed for that."""
+    text = builtin_path(name).read_text(encoding="utf-8")
+    if said := _VENDORS.search(text):
+        return vendor_id in [int(number, 0) for number in said[1].split(",") if number.strip()]
+    base = _LIKE.search(text)
+    return base is not None and may_be_of(base[1], vendor_id)
 
 
 def read_profile(text: str, source: str) -> DeviceProfile:

@@ -6,9 +6,9 @@ file imported, when it is first used: a command needs two or three of them.
 
 from __future__ import annotations
 
+import os
 import re
 from importlib import import_module
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -37,11 +37,16 @@ if TYPE_CHECKING:
     from dvtcli.operations.results.values import *  # noqa: F403
     from dvtcli.operations.results.vpdos import *  # noqa: F403
 
+_ROOM = os.path.dirname(__file__)  # noqa: PTH120
+
 
 def __getattr__(name: str) -> Any:
-    defines = re.compile(rf"^(?:class|def) {re.escape(name)}\b|^{re.escape(name)} = ", re.M)
-    for file in sorted(Path(__file__).parent.glob("[!_]*.py")):
-        if defines.search(file.read_text("utf-8")):
-            found = globals()[name] = getattr(import_module(f"{__name__}.{file.stem}"), name)
-            return found
+    defines = re.compile(rf"^(?:class|def) {re.escape(name)}\b|^{re.escape(name)} = ".encode(), re.M)
+    for file in sorted(os.listdir(_ROOM)):  # noqa: PTH208 - these lines are run by every command
+        if file.endswith(".py") and not file.startswith("_"):
+            with open(os.path.join(_ROOM, file), "rb") as text:  # noqa: PTH118, PTH123
+                is_here = defines.search(text.read())
+            if is_here:
+                found = globals()[name] = getattr(import_module(f"{__name__}.{file.removesuffix('.py')}"), name)
+                return found
     raise AttributeError(f"dvtcli.operations.results has no {name}")
