@@ -8,8 +8,7 @@ from hypothesis import strategies as st
 from dvtcli.domain.mapping import DUMMY_BITS
 from dvtcli.domain.nmt import UNCONFIGURED, NmtState
 from dvtcli.domain.ports import Frame
-from dvtcli.simulator.device.block_transfer import BLOCK_DOWNLOAD, BLOCK_UPLOAD
-from dvtcli.simulator.device.sdo_server import SdoServer
+from dvtcli.simulator.device.sdo_server import BLOCK_DOWNLOAD, BLOCK_UPLOAD, SdoServer
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.station import SimulatedNode
 from tests.simulator.bench import booted

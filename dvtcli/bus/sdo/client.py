@@ -7,8 +7,6 @@ from __future__ import annotations
 
 from canopen.sdo.constants import SDO_STRUCT
 
-from dvtcli.bus.sdo.block_download import BlockDownload
-from dvtcli.bus.sdo.block_upload import BlockUpload
 from dvtcli.bus.sdo.dialogue import Dialogue
 from dvtcli.domain.abort import Abort
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
@@ -60,6 +58,8 @@ class StrictSdoClient(Dialogue):
 
     def _upload_blocks(self, index: int, sub_index: int) -> bytes | None:
         """Read an object by a block upload; None where that does not work, and segments may."""
+        from dvtcli.bus.sdo.block_upload import BlockUpload
+
         try:
             return BlockUpload(self, MOST_BYTES).run(index, sub_index)
         except SdoAborted as refused:
@@ -109,6 +109,8 @@ class StrictSdoClient(Dialogue):
             self.request_response(header + data.ljust(4, b"\0"))
             return
         if size >= _BLOCKS_FROM and self.takes_blocks and not force_segment and self.link.takes_bursts():
+            from dvtcli.bus.sdo.block_download import BlockDownload
+
             try:
                 if BlockDownload(self, data).run(index, subindex):
                     return

@@ -13,7 +13,7 @@ from dvtcli.domain.abort import Abort
 from dvtcli.simulator.device.refusal import Refusal
 from dvtcli.simulator.device.strict_device import StrictDevice
 
-BLOCK_UPLOAD, BLOCK_DOWNLOAD = 5, 6
+_BLOCK_UPLOAD = 5
 _MOST_SEGMENTS, _SEGMENT_BYTES = 127, 7
 _MOST_BYTES = 1 << 20
 _LAST = 0x80
@@ -118,7 +118,7 @@ class BlockUpload:
 
     def takes(self, request: bytes) -> bool:
         """Start, acknowledgement and end."""
-        return request[0] >> 5 == BLOCK_UPLOAD and request[0] & 0x03 != 0
+        return request[0] >> 5 == _BLOCK_UPLOAD and request[0] & 0x03 != 0
 
     def handle(self, request: bytes) -> list[bytes]:
         """Send a sub-block at the start and after each acknowledgement, and the end after the last one."""

@@ -10,10 +10,16 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from dvtcli.domain.pdo import Pdo
-from dvtcli.simulator.device.block_transfer import BLOCK_DOWNLOAD, BLOCK_UPLOAD
 from dvtcli.simulator.device.memory import STORE
 from dvtcli.simulator.device.refusal import Refusal
-from dvtcli.simulator.device.sdo_server import INITIATE_DOWNLOAD, INITIATE_UPLOAD, UPLOAD_SEGMENT, SdoServer
+from dvtcli.simulator.device.sdo_server import (
+    BLOCK_DOWNLOAD,
+    BLOCK_UPLOAD,
+    INITIATE_DOWNLOAD,
+    INITIATE_UPLOAD,
+    UPLOAD_SEGMENT,
+    SdoServer,
+)
 from dvtcli.simulator.device.simulated_faults import Fault, FaultKind
 from dvtcli.simulator.device.strict_device import StrictDevice
 

@@ -8,20 +8,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.nmt import NmtState
-from dvtcli.simulator.device.block_transfer import (
-    BLOCK_DOWNLOAD,
-    BLOCK_UPLOAD,
-    BlockDownload,
-    BlockTransfer,
-    BlockUpload,
-)
 from dvtcli.simulator.device.refusal import Refusal
 from dvtcli.simulator.device.strict_device import StrictDevice
 
-DOWNLOAD_SEGMENT, INITIATE_DOWNLOAD, INITIATE_UPLOAD, UPLOAD_SEGMENT, ABORT = range(5)
+if TYPE_CHECKING:
+    from dvtcli.simulator.device.block_transfer import BlockTransfer
+
+DOWNLOAD_SEGMENT, INITIATE_DOWNLOAD, INITIATE_UPLOAD, UPLOAD_SEGMENT, ABORT, BLOCK_UPLOAD, BLOCK_DOWNLOAD = range(7)
 _SILENT = (NmtState.INITIALISING, NmtState.STOPPED)
 _TOGGLE, _ABORT_BYTE = 0x10, 0x80
 _MOST_BYTES = 1 << 20
@@ -129,6 +126,8 @@ class SdoServer:
         """A client that allows it (protocol switch threshold) gets short data without a block transfer."""
         if request[0] & 0x03:
             raise Refusal(Abort.COMMAND_SPECIFIER)
+        from dvtcli.simulator.device.block_transfer import BlockUpload
+
         data = self.device.upload(*_object(request[1:4]))
         if len(data) <= request[5] and request[5]:
             return self._initiate_upload(request)
@@ -137,6 +136,8 @@ class SdoServer:
         return block.first()
 
     def _initiate_block_download(self, request: bytes) -> bytes:
+        from dvtcli.simulator.device.block_transfer import BlockDownload
+
         self._transfer = None
         self._block = block = BlockDownload(self.device, request)
         return block.first()
