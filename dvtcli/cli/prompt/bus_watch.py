@@ -19,6 +19,7 @@ from dvtcli.bus.receiver import bus_closed
 from dvtcli.cli.prompt.events import event_text
 from dvtcli.cli.prompt.notices import Notices
 from dvtcli.cli.prompt.recent_load import BusLoad
+from dvtcli.cli.prompt.silences import Silences
 from dvtcli.domain.heard import LastFrames
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.node_events import BootUp, Emergency, NodeEvent
@@ -64,8 +65,7 @@ class Life:
         #: what ended the listening, None while all is well
         self.failure: str | None = None
         self._beats: dict[int, Beat] = {}
-        #: nodes whose heartbeat was said to be missing
-        self._missing: set[int] = set()
+        self._silences = Silences()
         #: the last frame of each CAN-ID, at times of time.monotonic
         self.frames = LastFrames()
         self._load = self._empty_load()
@@ -145,7 +145,7 @@ class Life:
         if not come_back(self._session, self._bus, failed, self._is_stopping, self._tell_event, self._between_lines):
             return
         self._bus = self._session.wire
-        self.emergencies, self._missing, self._seen, self._booted = {}, set(), set(), set()
+        self.emergencies, self._silences, self._seen, self._booted = {}, Silences(), set(), set()
         self.frames.clear()
         self._load = self._empty_load()
         self._hook()
@@ -176,18 +176,11 @@ class Life:
         raise bus_closed()
 
     def _tell_silence(self) -> None:
-        """Say once that a heartbeat is missing, and once that it is back."""
-        for node_id in tuple(self._beats):
-            silence = self.silence_s(node_id)
-            overdue = silence is not None and silence[1]
-            if silence is None or overdue == (node_id in self._missing):
-                continue
-            if overdue:
-                self._missing.add(node_id)
-                self._say(f"node {node_id}  no heartbeat any more: the last one came {silence[0]:.1f} s ago")
-            else:
-                self._missing.discard(node_id)
-                self._say(f"node {node_id}  heartbeat is back")
+        """Say which heartbeats are missing, and which are back."""
+        found = {node_id: self.silence_s(node_id) for node_id in tuple(self._beats)}
+        silences = {node_id: silence for node_id, silence in found.items() if silence is not None}
+        for text in self._silences.heard_of(silences, monotonic()):
+            self._say(text)
 
     def _say(self, text: str) -> None:
         self.notices.add(f"{strftime('%H:%M:%S')}  {text}")
@@ -210,7 +203,7 @@ class Life:
         if isinstance(event, BootUp):
             self._booted.add(node_id)
             self._beats.pop(node_id, None)
-            self._missing.discard(node_id)
+            self._silences.started(node_id)
         elif isinstance(event, Emergency):
             count, _ = self.emergencies.get(node_id, (0, 0))
             self.emergencies[node_id] = count + 1, event.code
