@@ -40,7 +40,7 @@ def read_network_plan(path: Path) -> NetworkPlan:
         planned = tuple(sorted(map(_node, nodes), key=lambda one: one.node_id))
         if len({one.node_id for one in planned}) != len(planned):
             raise ValueError("a node stands twice")
-        return NetworkPlan(str(document.get("file", path)), planned)
+        return NetworkPlan(str(document.get("file", path)), planned, document.get("sync_master") is True)
     except (ValueError, RecursionError) as wrong:
         raise InputFileError(
             f"{path} is not a plan that can be used", place=str(path), why=str(wrong), hint="plan again, with -o"

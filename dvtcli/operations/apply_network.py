@@ -19,8 +19,10 @@ from dvtcli.errors import SafetyRefusal
 from dvtcli.operations.change_together import carry_out_together, complete
 from dvtcli.operations.last_look import Verified
 from dvtcli.operations.other_master import refuse_other_master
+from dvtcli.operations.plan_network import with_unknown_syncs
 from dvtcli.operations.results.networks import NetworkApplied
 from dvtcli.operations.store_network import store_network
+from dvtcli.operations.unknown_sync import short_frames
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -48,7 +50,9 @@ def apply_network(
     if planned:
         if asks or any(nodes[one.node_id].access.state() is NmtState.OPERATIONAL for one in planned):
             session.consent(_question(nodes, planned, f"{name}:" if name else "apply"))
-        refuse_other_master(session)
+        with short_frames(session.bus) as frames:
+            refuse_other_master(session)
+        plan = with_unknown_syncs(session, plan, frames)
     started = time.monotonic()  # nobody's time to think counts
     with session.cancellation.guard(), session.agreed():
         found = {node_id: node.claim() for node_id, node in sorted(nodes.items())}

@@ -93,7 +93,7 @@ def _plan_of(session: Session, file: str, *, trust_stamp: bool) -> NetworkPlan:
             raise InputFileError(f"{file}: node {one.node_id} changes nothing", place=file)
     known = [_known(nodes[one.node_id], one) for one in saved.nodes]
     refuse_impossible_stores(nodes, {one.node_id: one.store for one in known})
-    return NetworkPlan(saved.file, tuple(checked(nodes, known, force=session.options.force)))
+    return replace(saved, nodes=tuple(checked(nodes, known, force=session.options.force)))
 
 
 def _known(node: Node, planned: NodePlan) -> NodePlan:

@@ -34,6 +34,7 @@ from dvtcli.operations.network_wish import read_wish
 from dvtcli.operations.possible_stores import refuse_stores_of
 from dvtcli.operations.stamped_words import linked_with
 from dvtcli.operations.stamping import stamping, stamps_of, trusted
+from dvtcli.operations.unknown_sync import short_frames, sync_note, unknown_syncs
 from dvtcli.operations.wanted_words import NodeWants, node_wants
 
 if TYPE_CHECKING:
@@ -43,6 +44,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.rules import Finding
     from dvtcli.domain.stamp import Stamp
     from dvtcli.operations.session import Session
+    from dvtcli.operations.unknown_sync import ShortFrames
 
 
 def plan_network(session: Session, file: str, *, trust_stamp: bool = False) -> NetworkPlan:
@@ -116,6 +118,27 @@ def plan_wish(session: Session, wish: NetworkWish, log: FileLog, *, trust_stamp:
 
     *trust_stamp* and what is raised as of `plan_network`.
     """
+    with short_frames(session.bus) as frames:
+        plan = _planned_wish(session, wish, log, trust_stamp=trust_stamp)
+    return with_unknown_syncs(session, replace(plan, has_sync_master=_master_syncs(wish)), frames)
+
+
+def _master_syncs(wish: NetworkWish) -> bool:
+    return wish.master is not None and bool(wish.master.sync_period_us)
+
+
+def with_unknown_syncs(session: Session, plan: NetworkPlan, frames: ShortFrames) -> NetworkPlan:
+    """*plan* with SYNC among *frames* that nobody who is known sends; what is new of that is told."""
+    if plan.has_sync_master:
+        return plan
+    found = unknown_syncs(frames, [session.network.nodes[node_id] for node_id in sorted(session.network.nodes)])
+    for can_id in found:
+        if can_id not in plan.unknown_syncs:
+            session.tell.note(sync_note(can_id))
+    return replace(plan, unknown_syncs=tuple(sorted({*plan.unknown_syncs, *found})))
+
+
+def _planned_wish(session: Session, wish: NetworkWish, log: FileLog, *, trust_stamp: bool) -> NetworkPlan:
     met = meet(session, log.file, wish)
     unread = trusted(met.nodes, wish) if trust_stamp else frozenset()
     planned: list[NodePlan] = []

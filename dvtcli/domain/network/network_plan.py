@@ -73,6 +73,10 @@ class NetworkPlan:
 
     file: str
     nodes: tuple[NodePlan, ...]
+    #: whether the file says that a master sends SYNC
+    has_sync_master: bool = False
+    #: CAN-IDs of SYNC that was heard and that no node sends
+    unknown_syncs: tuple[int, ...] = ()
 
     @property
     def changed(self) -> bool:

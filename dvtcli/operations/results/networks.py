@@ -59,6 +59,8 @@ class NetworkPlanned(Answer):
             "file": plan.file,
             "changed": plan.changed,
             "writes": plan.writes,
+            "sync_master": plan.has_sync_master,
+            "unknown_syncs": list(plan.unknown_syncs),
             "load": None if self.need is None else need_document(self.need),
             "nodes": [_node_document(node) for node in plan.nodes],
         }
@@ -167,6 +169,7 @@ class NetworkApplied(Answer):
             "file": self.plan.file,
             "changed": self.plan.changed and not self.dry_run,
             "writes": self.plan.writes,
+            "unknown_syncs": list(self.plan.unknown_syncs),
             "verified": True,
             "dry_run": self.dry_run,
             "seconds": round(self.seconds, 3),
