@@ -106,6 +106,18 @@ class Node(Changeable):
         self.wanted, self.wanted_values = before.wanted, before.wanted_values
         self.pending, self.expected = before.pending, before.expected
 
+    def look_after_gap(self) -> tuple[str, ...]:
+        """Nobody listened for a while: what it does not hold any more of what was set and not stored, as labels."""
+        from dvtcli.device.wish import Wish, unlike
+
+        pdos = {pdo: config for pdo, config in self.wanted.items() if pdo.label in self.unstored}
+        values = {at: data for at, data in self.wanted_values.items() if f"{at[0]:04X}:{at[1]:02X}" in self.unstored}
+        lost = tuple(dict.fromkeys(label for label, _ in unlike(self, Wish(pdos, values))))
+        if lost:
+            self.pending.lost(lost)
+            self.pending.lost_until = len(self.history)
+        return lost
+
     def undo(self, *, everything: bool = False, force: bool = False) -> Applied:
         """Put back what the last plan replaced, or all of them, in one transaction."""
         applied, count = self.put_back(self.history, everything=everything, force=force, own=True)

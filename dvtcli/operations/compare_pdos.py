@@ -54,7 +54,11 @@ def verify(
 def _wishes(session: Session, rehearse: Rehearse, pdos: Sequence[NodePdo], file: str | None) -> dict[int, Wish]:
     """What should be on each node, by *file* or by what this session set."""
     if file is None:
-        return {node_id: session_wish(node) for node_id, node in sorted(session.network.nodes.items())}
+        network = session.network
+        for node_id, before in tuple(network.left.items()):
+            if before.wanted or before.wanted_values:
+                network.node(node_id)  # it was changed before the bus was gone: who is it now?
+        return {node_id: session_wish(node) for node_id, node in sorted(network.nodes.items())}
     if file.lower().endswith((".yaml", ".yml")):
         return _network_wishes(session, file)
     if _is_script(file):

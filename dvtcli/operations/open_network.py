@@ -12,7 +12,8 @@ from dvtcli.device.file_fits import as_file_says
 from dvtcli.device.looking import Looking
 from dvtcli.device.node import Node
 from dvtcli.domain.ports import CanopenBus
-from dvtcli.errors import NoAnswer, SafetyRefusal, SdoProtocolError
+from dvtcli.domain.several import several
+from dvtcli.errors import NoAnswer, SafetyRefusal, SdoAborted, SdoProtocolError, UsageError
 from dvtcli.operations.device_files import DeviceFiles
 
 if TYPE_CHECKING:
@@ -101,6 +102,12 @@ class Network:
             if unlike:
                 raise another_device(node.node_id, unlike)
             node.go_on_from(before)
+            with suppress(SdoAborted, UsageError):  # what cannot be read is not called lost
+                if lost := node.look_after_gap():
+                    self.warn(
+                        f"node {node.node_id} does not hold any more what was set and not stored: {several(lost)}; "
+                        "it may have restarted"
+                    )
             self.left.pop(node.node_id, None)
         self.identities[node.node_id] = now
 

@@ -4,7 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
+from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.ports import Frame
+from dvtcli.domain.request import PdoRequest
+from dvtcli.errors import SafetyRefusal
+from dvtcli.operations.change import configure_pdo
+from dvtcli.operations.compare_pdos import verify
 from dvtcli.operations.network_files import applied
 from dvtcli.operations.options import Options
 from dvtcli.operations.session import Session
@@ -55,3 +62,37 @@ def test_a_changed_node_that_stays_away_is_asked_once_a_line(tmp_path: Path) -> 
         back.sleep(0.01)
         assert not session.network.left, "who is heard is asked at once"
         assert sorted(session.network.nodes) == [5, 9]
+
+
+def changed(session: Session) -> None:
+    """Node 5 has two changes of this session in its RAM, and the bus is gone."""
+    configure_pdo(session, 5, Pdo.parse("tpdo1"), PdoRequest(event_timer=70))
+    configure_pdo(session, 5, Pdo.parse("tpdo2"), PdoRequest(event_timer=80))
+    session.end_line(0)
+    session.leave_bus("it is gone")
+
+
+@pytest.mark.parametrize("restarted", [True, False])
+def test_what_a_restart_took_while_nobody_listened_is_not_called_unstored(tmp_path: Path, restarted: bool) -> None:
+    node, said = device(5, "generic"), list[str]()
+    bus = VirtualTimeBus([node], simulated=False)
+    with Session(Options(yes=True, journal=str(tmp_path)), open_bus=lambda _options: bus) as session:
+        session.comes_back = True
+        changed(session)
+        session.tell.warning = said.append  # type: ignore[method-assign]
+        if restarted:
+            node.restart()
+        session.take_bus(VirtualTimeBus([node], simulated=False))
+        assert list(session.node(5).unstored) == ([] if restarted else ["TPDO1", "TPDO2"])
+    lost = "node 5 does not hold any more what was set and not stored: TPDO1, TPDO2; it may have restarted"
+    assert said == ([lost] if restarted else [])
+
+
+def test_verify_does_not_leave_out_a_device_that_is_another_one_now(tmp_path: Path) -> None:
+    bus = VirtualTimeBus([device(5, "generic")], simulated=False)
+    with Session(Options(yes=True, journal=str(tmp_path)), open_bus=lambda _options: bus) as session:
+        session.comes_back = True
+        changed(session)
+        session.take_bus(VirtualTimeBus([device(5, "tmcm")], simulated=False))
+        with pytest.raises(SafetyRefusal, match="another device"):
+            verify(session, lambda _file, _node_id=None: {})

@@ -85,6 +85,11 @@ class Pending:
             self.suspicions.clear()
         return self.forget(group)
 
+    def lost(self, labels: tuple[str, ...]) -> None:
+        """The node does not hold *labels* any more, which were not stored: nothing may be stored by itself then."""
+        self.unstored = {label: index for label, index in self.unstored.items() if label not in labels}
+        self.suspicions[REBOOT] = f"it does not hold any more what was not stored ({several(labels)})"
+
     def rebooted(self, boot_ups: int) -> tuple[str, ...]:
         """Whether the node restarted by itself: returns what is lost, and remembers why nothing may be stored then."""
         known, self.boot_ups = self.boot_ups, boot_ups
