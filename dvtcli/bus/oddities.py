@@ -59,7 +59,10 @@ class Oddities:
         self._dropped[node_id] = replace(now)
         others = now.other_client - (before.other_client if before else 0)
         if others > 0:
-            yield f"another SDO client talks to node {node_id}: {others} frames on its SDO channel were not ours"
+            yield (
+                f"another SDO client talks to node {node_id}: {others} frames on its SDO channel were not ours; a "
+                "dvtcli beside this one, as `monitor`, is such a client, too"
+            )
             self._doubled[node_id] = now.doubled  # the answers to what it asked may look like second ones to us
         doubled = now.doubled - self._doubled[node_id]
         if doubled >= SECOND_ANSWERS:

@@ -113,7 +113,8 @@ def test_another_client_s_request_is_another_client(ours: Ours) -> None:
     ours.other.send(message(REQUEST, READ_DEVICE_TYPE))  # the very request that we have just made
     assert ours.others() == 2
     assert ours.bus.disturbances() == [
-        f"another SDO client talks to node {NODE}: 2 frames on its SDO channel were not ours"
+        f"another SDO client talks to node {NODE}: 2 frames on its SDO channel were not ours; a dvtcli beside "
+        "this one, as `monitor`, is such a client, too"
     ]
 
 

@@ -38,7 +38,11 @@ def test_it_says_so_waits_and_goes_on_and_nothing_that_was_read_counts(tmp_path:
         terminal.wait_prompt(prompt(server, "PRE-OP*> "))
         assert "GONE" not in terminal.toolbar
         terminal.run("verify")
+        terminal.wait("does not hold any more what was set and not stored: TPDO1")
         terminal.wait("TPDO1  event timer is 0, expected 70")
+        terminal.wait_prompt(prompt(server, "PRE-OP> "))
+        terminal.run("set tpdo2 --timer 80")
+        terminal.wait("TPDO2 set")
     terminal.until(lambda: times(terminal, "is gone (") == 3, "the bus to be gone again")  # an error said it, too
     terminal.type(CTRL_D)
     terminal.wait("not stored: leave? [y/N]")

@@ -21,8 +21,16 @@ TASK = ("Check and keep", 50)
 _NEWEST = "newest"
 
 
+class All(click.Choice[str]):
+    """The word `all`; whoever types a PDO is told that changes are taken back, and no part of one."""
+
+    def get_invalid_choice_message(self, value: object, ctx: click.Context | None) -> str:  # noqa: ARG002
+        """What is said of another word."""
+        return f"{value!r} is not 'all': undo takes the last change back, of whatever it was, and --all every one"
+
+
 @click.command("undo", cls=DvtCommand, short_help=__doc__, effect=Effect.CHANGES)
-@click.argument("word", type=click.Choice(["all"], case_sensitive=False), required=False, metavar="[all]")
+@click.argument("word", type=All(["all"], case_sensitive=False), required=False, metavar="[all]")
 @click.option(
     "--all", "everything", is_flag=True, help="Every change of this session on every node; else earlier ones."
 )
