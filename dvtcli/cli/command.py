@@ -30,7 +30,8 @@ class DvtCommand(click.Command):
 
     *effect* is what it does to nodes; where that depends on a line's parameters, *final* says of them what no undo
     reverts, and *stores* what the line may store beside its changes. With *needs_settings* it does not run where a
-    settings file is wrong. *formats* are those of its answers that not every command has (`sarif`).
+    settings file is wrong. *formats* are those of its answers that not every command has (`sarif`). Where *each* says
+    so of a line's parameters, it is done for each of the nodes that `-n 1,3,5` or `-n all` names.
     """
 
     def __init__(
@@ -41,11 +42,12 @@ class DvtCommand(click.Command):
         stores: Callable[[Mapping[str, Any]], Final | None] = lambda _params: None,
         needs_settings: bool = True,
         formats: Sequence[str] = (),
+        each: Callable[[Mapping[str, Any]], bool] = lambda _params: False,
         **kwargs: Any,
     ) -> None:
         super().__init__(*args, **kwargs)
         self.effect, self.needs_settings, self._final = effect, needs_settings, final
-        self.stores, self.formats = stores, formats
+        self.stores, self.formats, self._each = stores, formats, each
         self.params.extend(global_options(hidden=True))
 
     def final(self, params: Mapping[str, Any]) -> Final | None:
@@ -75,6 +77,7 @@ class DvtCommand(click.Command):
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command with its line's own global options in force."""
         session: Conversation = ctx.obj
+        run = super().invoke
         session.only_looked &= self.effect in _LOOKING
         with session.line(taken(ctx.params)):
             self._require_format(session.output.format)
@@ -82,7 +85,12 @@ class DvtCommand(click.Command):
                 session.require_settings()
             for text in _notation_notes(ctx.params.values()):
                 session.output.note(text)
-            return _deliver(session, super().invoke(ctx))
+            if self._each(ctx.params) and _of_several(session, ctx):
+                from dvtcli.cli.each_node import on_each_node
+
+                go_on = self.effect in _LOOKING
+                return on_each_node(session, lambda: _deliver(session, run(ctx)), go_on=go_on)
+            return _deliver(session, run(ctx))
 
     def _require_format(self, name: str) -> None:
         """Refuse a format that the answer does not have, before anything is done."""
@@ -107,6 +115,21 @@ def _notation_notes(values: Iterable[Any]) -> Iterator[str]:
             yield from _notation_notes(value)
         elif note := getattr(value, "notation_note", None):
             yield note
+
+
+def _of_several(session: Conversation, ctx: click.Context) -> bool:
+    """Whether -n names several nodes, none was selected since, and the line names none itself."""
+    base = session.base
+    several = base.every_node or len(base.nodes) > 1
+    return several and session.selected is None and not _names_node(ctx.params.values())
+
+
+def _names_node(values: Iterable[Any]) -> bool:
+    """Whether a word of the line says which node it is about (`3:6041`)."""
+    return any(
+        _names_node(value) if isinstance(value, tuple) else getattr(value, "node_id", None) is not None
+        for value in values
+    )
 
 
 def _deliver(session: Conversation, result: Any) -> Any:

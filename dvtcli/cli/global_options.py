@@ -34,7 +34,7 @@ _TABLE: list[tuple[tuple[str, ...], dict[str, Any]]] = [
     ),
     (("--bus-kwargs",), {"multiple": True, "metavar": "KEY=VALUE", "help": "More of python-can's keys; repeatable."}),
     (("--bus",), {"metavar": "NAME", "help": "The bus that a settings file describes in its table [bus.NAME]."}),
-    (("-n", "--node"), {"metavar": "ID", "help": "Node-ID 1…127, decimal or 0x; several: 1,3,5."}),
+    (("-n", "--node"), {"metavar": "ID", "help": "Node-ID 1…127, decimal or 0x; several: 1,3,5, or all."}),
     (("--sim",), {"multiple": True, "metavar": "WHAT[@ID]", "help": "Simulated node: a family or an EDS/DCF file."}),
     (
         ("--fault",),

@@ -36,6 +36,8 @@ BIT_RATES = range(1_000, 1_000_001)
 FORMATS, SPECIAL_FORMATS = ("text", "json", "jsonl"), ("github", "junit", "sarif")
 #: Those of answers that go through PDOs and objects one by one.
 CASE_FORMATS = ("github", "junit")
+#: What `--node` takes for every node on the bus.
+ALL_NODES = "all"
 #: Options that are one word of a few.
 CHOICES = {"format": FORMATS + SPECIAL_FORMATS, "color": ("auto", "always", "never")}
 
@@ -51,7 +53,7 @@ class Options(NamedTuple):
     bitrate: int | None = None
     bus_kwargs: tuple[str, ...] = ()
     bus: str | None = None
-    node: int | tuple[int, ...] | None = None
+    node: int | tuple[int, ...] | str | None = None
     sim: tuple[str, ...] = ()
     fault: tuple[str, ...] = ()
     signal: tuple[str, ...] = ()
@@ -79,8 +81,15 @@ class Options(NamedTuple):
 
     @property
     def nodes(self) -> tuple[int, ...]:
-        """Every node-ID that `--node` names, in order; none where it is not given."""
-        return self.node if isinstance(self.node, tuple) else () if self.node is None else (self.node,)
+        """Every node-ID that `--node` names, in order; none where it is not given, or is `all`."""
+        if isinstance(self.node, tuple):
+            return self.node
+        return (self.node,) if isinstance(self.node, int) else ()
+
+    @property
+    def every_node(self) -> bool:
+        """Whether `--node` is `all`."""
+        return self.node == ALL_NODES
 
     @property
     def one_node(self) -> int | None:
@@ -121,8 +130,10 @@ def checked(name: str, value: Any) -> Any:
     return value if isinstance(default, int) else str(value)
 
 
-def _node_ids(value: Any) -> int | tuple[int, ...]:
-    """A node-ID, or several of them: `1,3,5`."""
+def _node_ids(value: Any) -> int | tuple[int, ...] | str:
+    """A node-ID, or several of them: `1,3,5`; or `all`."""
+    if value == ALL_NODES:
+        return ALL_NODES
     words = [str(one) for one in value] if isinstance(value, list | tuple) else str(value).split(",")
     found = sorted({node_id(word.strip()) for word in words})
     return found[0] if len(words) == 1 else tuple(found)

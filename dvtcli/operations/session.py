@@ -65,10 +65,11 @@ class Session(Opened):
         """The node-ID that is selected before any `node ID`."""
         if self.base.one_node is not None:
             return self.base.one_node
-        if self.base.nodes:
+        if self.base.nodes or self.base.every_node:
+            said = ",".join(map(str, self.base.nodes)) or "all"
             raise UsageError(
-                f"-n {','.join(map(str, self.base.nodes))} names several nodes, and this is about one",
-                hint="`plan`, `diff`, `verify`, `apply` of a network file and `import` take several",
+                f"-n {said} names several nodes, and this is about one",
+                hint="pdo, read, node, faults, store, and plan, diff, verify, apply and import of a file take several",
             )
         if self.base.sim and (simulated := self.network.simulated_ids):
             return simulated[0]

@@ -22,7 +22,14 @@ def _final(params: Mapping[str, Any]) -> Final | None:
     return Final("faults --clear") if params["clear"] else None
 
 
-@click.command("faults", cls=DvtCommand, short_help=__doc__, effect=Effect.READS, final=_final)
+@click.command(
+    "faults",
+    cls=DvtCommand,
+    short_help=__doc__,
+    effect=Effect.READS,
+    final=_final,
+    each=lambda params: not params["watch"],
+)
 @click.option("--clear", is_flag=True, help="Empty the error history (0 to 0x1003), and read back that it is empty.")
 @click.option("--watch", is_flag=True, help="Show the EMCY messages of all nodes as they come, until Ctrl-C.")
 @click.option("--for", "duration_s", type=DurationType(), metavar="TIME", help="End --watch after TIME (500ms, 5s).")

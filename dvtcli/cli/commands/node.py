@@ -17,7 +17,13 @@ if TYPE_CHECKING:
 TASK = ("Find nodes", 20)
 
 
-@click.command("node", cls=DvtCommand, short_help=__doc__, effect=Effect.SELECTS)
+@click.command(
+    "node",
+    cls=DvtCommand,
+    short_help=__doc__,
+    effect=Effect.SELECTS,
+    each=lambda params: params["node_id"] is None,
+)
 @click.argument("node_id", type=NODE_ID, required=False, metavar="[ID]")
 @click.pass_obj
 def command(session: Session, /, node_id: int | None) -> NodeListing:

@@ -17,7 +17,13 @@ if TYPE_CHECKING:
 TASK = ("See", 10)
 
 
-@click.command("pdo", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
+@click.command(
+    "pdo",
+    cls=DvtCommand,
+    short_help=__doc__,
+    effect=Effect.READS,
+    each=lambda params: not any(word == EDIT for word in params["words"]),
+)
 @click.argument("words", type=EditOrPdo(), nargs=-1, metavar="[edit] [PDO]")
 @click.option("--all", "show_all", is_flag=True, help="Also PDOs that are off and empty.")
 @click.pass_obj

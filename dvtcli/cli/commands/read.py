@@ -19,7 +19,13 @@ if TYPE_CHECKING:
 TASK = ("See", 30)
 
 
-@click.command("read", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
+@click.command(
+    "read",
+    cls=DvtCommand,
+    short_help=__doc__,
+    effect=Effect.READS,
+    each=lambda params: params["output"] is None,
+)
 @click.argument("object_", type=OBJECT, metavar="OBJECT")
 @click.option("--as", "data_type", type=DataTypeParam(), metavar="TYPE", help="Decode as u8…u64, i8…i64, r32, vs, …")
 @click.option("-o", "--output", type=FILE, metavar="FILE", help="Its bytes into FILE, for what is long.")

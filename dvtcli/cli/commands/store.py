@@ -20,7 +20,9 @@ if TYPE_CHECKING:
 TASK = ("Check and keep", 30)
 
 
-@click.command("store", cls=DvtCommand, short_help=__doc__, effect=Effect.KEEPS)
+@click.command(
+    "store", cls=DvtCommand, short_help=__doc__, effect=Effect.KEEPS, each=lambda params: params["prove"] != "power"
+)
 @click.argument("group", type=StoreGroup(), required=False, metavar="[all|communication|application|N]")
 @click.option(
     "--prove",

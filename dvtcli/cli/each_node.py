@@ -1,0 +1,43 @@
+"""A line that is done for each of several nodes, one after the other. Does not know what it does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from dvtcli.cli.boundary import SIGNALLED, guarded
+from dvtcli.cli.view.lines import Cell
+from dvtcli.errors import LeftChanged
+
+if TYPE_CHECKING:
+    from dvtcli.cli.conversation import Conversation
+    from dvtcli.operations.session import Session
+
+
+def several_ids(session: Session) -> tuple[int, ...]:
+    """The nodes that -n names where it names several; `all` are those that are simulated, else those that are found."""
+    if not session.base.every_node:
+        return session.base.nodes
+    from dvtcli.operations.find_nodes import find_nodes
+
+    return session.network.simulated_ids or tuple(row.node for row in find_nodes(session).rows)
+
+
+def on_each_node(session: Conversation, run: Callable[[], Any], *, go_on: bool) -> int:
+    """Do *run* with each node that -n names selected; the exit code of the first that failed, or 7.
+
+    With *go_on* a node that fails keeps no other from its turn.
+    """
+    codes: list[int] = []
+    try:
+        for node_id in several_ids(session):
+            session.selected = node_id
+            if not session.output.json:
+                session.output.said([[Cell(f"node {node_id}", "bold")]], error=False)
+            code = guarded(session, run)
+            codes += [code] if code else []
+            if code in SIGNALLED or (code and not go_on):
+                break
+    finally:
+        session.selected = None
+    return LeftChanged.exit_code if LeftChanged.exit_code in codes else codes[0] if codes else 0

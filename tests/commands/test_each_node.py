@@ -1,0 +1,69 @@
+"""`-n 1,3,5` and `-n all`: what is read, and stored, of one node is so of each of several."""
+
+from __future__ import annotations
+
+import pytest
+
+from dvtcli.errors import UsageError
+from dvtcli.operations.options import checked
+from dvtcli.operations.simulated_nodes import simulated_device, simulated_nodes
+from tests.commands.bench import Bench
+from tests.virtual_time import VirtualTimeBus
+
+NODES = ("gen4@1", "generic@5", "tmcm@7")
+
+
+@pytest.mark.parametrize(("named", "met"), [((1, 7), [1, 7]), ("all", [1, 5, 7])])
+def test_what_is_read_is_read_of_each(named: object, met: list[int]) -> None:
+    with Bench(NODES, {"node": named}) as bench:
+        for line in ("read 1017", "pdo", "pdo tpdo1", "faults", "store"):
+            ran = bench.run(f"{line} --json")
+            assert (ran.code, [one["node"] for one in ran.documents]) == (0, met), line
+        assert [one["nodes"][0]["node"] for one in bench.run("node --json").documents] == met
+        heads = [line for line in bench.run("read 1017").stdout.splitlines() if line.startswith("node ")]
+        assert heads == [f"node {one}" for one in met]
+
+
+def test_a_node_that_is_named_in_the_line_or_selected_is_the_only_one() -> None:
+    with Bench(NODES, {"node": (1, 7)}) as bench:
+        assert [one["node"] for one in bench.run("read 5:1017 --json").documents] == [5]
+        assert [one["node"] for one in bench.run("pdo 5:tpdo1 --json").documents] == [5]
+        assert bench.run("node 5").code == 0
+        assert [one["node"] for one in bench.run("read 1017 --json").documents] == [5]
+
+
+def test_a_silent_node_keeps_no_other_from_being_read() -> None:
+    with Bench(NODES, {"node": (1, 6, 7), "timeout": 0.01}) as bench:
+        ran = bench.run("read 1017 --json")
+        assert (ran.code, [one.get("value") for one in ran.documents]) == (5, [500, None, 500])
+        ran = bench.run("store --json")
+        assert (ran.code, [one["node"] for one in ran.documents]) == (5, [1, 6]), "what stores ends there"
+
+
+def test_lines_that_are_about_one_node_refuse_several() -> None:
+    for named in ((1, 7), "all"):
+        with Bench(NODES, {"node": named}) as bench:
+            for line in ("map tpdo1 6041", "write 1017 500", "restore"):
+                ran = bench.run(line)
+                assert (ran.code, "names several nodes" in ran.stderr) == (2, True), line
+
+
+def test_all_are_those_that_a_scan_finds() -> None:
+    bus = VirtualTimeBus([simulated_device(one) for one in simulated_nodes(("generic@5", "tmcm@7"))], simulated=False)
+    with Bench((), {"sim": (), "node": "all"}, bus) as bench:
+        assert [one["node"] for one in bench.run("read 1017 --json").documents] == [5, 7]
+
+
+def test_a_script_s_lines_are_done_on_each() -> None:
+    with Bench(NODES, {"node": (1, 5)}) as bench:
+        documents = bench.script("read 1017 --json", "read 1000 --json").documents
+        assert [(one["node"], one["object"]) for one in documents] == [
+            (1, "1017:00"), (5, "1017:00"), (1, "1000:00"), (5, "1000:00"),
+        ]  # fmt: skip
+
+
+def test_words_that_are_no_nodes() -> None:
+    assert checked("node", "all") == "all"
+    for word in ("All", "all,1", "1,", "128"):
+        with pytest.raises(UsageError):
+            checked("node", word)
