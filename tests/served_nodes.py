@@ -29,8 +29,9 @@ class ServedNodes:
     """Serves *devices* on *bus* between `start` and `stop`; also a context manager.
 
     *faults* go wrong with them, *signals* move them; where a fault kills the bus, *on_bus_error* is called once, from
-    the serving thread. *lock* is held while a frame is dealt with; take it to look at a device or to change it from
-    another thread. *error* is what ended the thread early, None otherwise.
+    the serving thread. With *bit_rate* (bit/s) nodes are heard by who is tuned to theirs. *lock* is held while a frame
+    is dealt with; take it to look at a device or to change it from another thread. *error* is what ended the thread
+    early, None otherwise.
     """
 
     def __init__(
@@ -40,9 +41,11 @@ class ServedNodes:
         faults: Sequence[Fault] = (),
         signals: Sequence[Signal] = (),
         on_bus_error: Callable[[], None] = lambda: None,
+        *,
+        bit_rate: int | None = None,
     ) -> None:
         self.bus = bus
-        self._nodes_on_it = NodesOnABus(devices, faults, signals, self._say)
+        self._nodes_on_it = NodesOnABus(devices, faults, signals, self._say, bit_rate=bit_rate)
         self.nodes = self._nodes_on_it.nodes
         self._on_bus_error = on_bus_error
         self._bus_failed = False
@@ -64,6 +67,11 @@ class ServedNodes:
         self._stopping.clear()
         self._thread = threading.Thread(target=self._serve, name="simulated nodes", daemon=True)
         self._thread.start()
+
+    def tune(self, bit_rate: int, *, listening: bool) -> None:
+        """Who is on *bus* speaks at *bit_rate* (bit/s, 0: not at all) from now on, or is only *listening*."""
+        with self.lock:
+            self._nodes_on_it.bit_rate, self._nodes_on_it.only_heard = bit_rate, listening
 
     def stop(self) -> None:
         """End the thread within 50 ms; may be called twice."""

@@ -22,6 +22,7 @@ from dvtcli.bus.watched_bus import WatchedBus
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import BusUnavailable
+from dvtcli.simulator.device.lss_slave import BIT_RATES
 from dvtcli.simulator.device.simulated_faults import Fault
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.roster import Roster
@@ -39,7 +40,8 @@ _NEVER = float("inf")
 class VirtualTimeBus(WatchedBus):
     """A CanopenBus of *devices*, which boot now, with *faults* and *signals*; its clock starts at 0 s.
 
-    Where it is not *simulated* whoever uses it takes it for one that others use, too, with nodes that outlive it.
+    Where it is not *simulated* whoever uses it takes it for one that others use, too, with nodes that outlive it. With
+    *bit_rate* (bit/s) who runs at another one neither hears nor is heard.
     """
 
     #: how many nodes are asked at once where none is OPERATIONAL
@@ -54,10 +56,14 @@ class VirtualTimeBus(WatchedBus):
         timeout_s: float = DEFAULT_TIMEOUT_S,
         retries: int = DEFAULT_RETRIES,
         simulated: bool = True,
+        bit_rate: int | None = None,
     ) -> None:
         super().__init__("virtual time", simulated=simulated, timeout_s=timeout_s, retries=retries)
-        self.nodes = stations(devices, faults, signals)
+        known_rates = () if bit_rate is None else tuple(BIT_RATES.values())
+        self.nodes = stations(devices, faults, signals, bit_rate=bit_rate, known_rates=known_rates)
         self._roster = Roster(self.nodes)
+        #: what we run at (bit/s), None where frames take no time; frames that not all could read
+        self.bit_rate, self.destroyed = bit_rate, 0
         self._now_s = 0.0
         #: frames on their way to us: (time, order, frame)
         self._coming: list[tuple[float, int, Frame]] = []
@@ -75,6 +81,22 @@ class VirtualTimeBus(WatchedBus):
         """Let *devices* be on the bus, too, as they are."""
         self.nodes += stations(devices)
         self._roster = Roster(self.nodes)
+
+    @property
+    def runs_at(self) -> int | None:
+        """The bit rate (bit/s) at which we hear and speak."""
+        return self.bit_rate
+
+    def require_settable(self, bit_rate: int, *, listen_only: bool = False) -> None:
+        """Nothing stands in the way of another bit rate."""
+
+    def set_bit_rate(self, bit_rate: int, *, listen_only: bool = False) -> None:
+        """Hear and speak at *bit_rate* (bit/s) from now on."""
+        self.bit_rate = bit_rate
+
+    def error_frame_count(self) -> int:
+        """How many frames not all could read so far."""
+        return self.destroyed
 
     def now_s(self) -> float:
         """The virtual time in seconds."""
@@ -154,11 +176,14 @@ class VirtualTimeBus(WatchedBus):
         waiting = deque([(frame, sender)])
         while waiting:
             heard, source = waiting.popleft()
+            bit_rate = self.bit_rate if source is None else source.bit_rate
+            self.destroyed += bit_rate != self.bit_rate or self._roster.are_others_than(bit_rate)
             for node in self._roster.listeners(heard):
-                if node is source:
+                if node is source or node.bit_rate != bit_rate:
                     continue
                 for answer in node.handle(heard, self._now_s):
-                    self._to_us(answer)
+                    if node.bit_rate == self.bit_rate:
+                        self._to_us(answer)
                     waiting.append((answer, node))
                 self._roster.looked_at(node)
         if frame.can_id & ~0x7F != REQUEST_ID or frame.data[:1] != _UPLOAD:
@@ -175,7 +200,8 @@ class VirtualTimeBus(WatchedBus):
 
     def _spread(self, node: SimulatedNode, frames: list[Frame]) -> None:
         for frame in frames:
-            self._to_us(frame)
+            if node.bit_rate == self.bit_rate:
+                self._to_us(frame)
             self._deliver(frame, sender=node)
 
     def nodes_said(self, frame: Frame, after_s: float = ANSWER_S) -> None:

@@ -39,11 +39,15 @@ class ErrorFrames:
 
     def notice(self, message: can.Message) -> None:
         """Take one error frame into account; quick, since a broken bus has thousands a second."""
-        self.count += 1
         if message.arbitration_id & _RESTARTED:
+            self.count += 1
             self._kinds = {"restarted": False}  # it begins anew; when it goes off again, that is news
             return
-        kind = _kind(message.arbitration_id, bytes(message.data))
+        self.count_one(_kind(message.arbitration_id, bytes(message.data)))
+
+    def count_one(self, kind: str | None = None) -> None:
+        """Count one of *kind*, None where it says nothing by itself."""
+        self.count += 1
         if kind is None and self.count >= MANY:
             kind = "bus errors"
         if kind is not None:

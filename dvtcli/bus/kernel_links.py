@@ -14,7 +14,9 @@ from dataclasses import dataclass
 #: rtnetlink's messages (linux/rtnetlink.h), and what a request for all links is marked with
 _NEW_LINK, _GET_LINK, _ERROR, _DONE, _ALL = 16, 18, 2, 3, 0x301
 #: attributes of a link (linux/if_link.h), and inside of its INFO_DATA those of a CAN controller (linux/can/netlink.h)
-_NAME, _LINK_INFO, _INFO_KIND, _INFO_DATA, _BIT_TIMING, _STATE = 3, 18, 1, 2, 1, 4
+_NAME, _LINK_INFO, _INFO_KIND, _INFO_DATA, _BIT_TIMING, _STATE, _MODE = 3, 18, 1, 2, 1, 4, 5
+#: a controller's mode (linux/can/netlink.h, struct can_ctrlmode): a mask, then flags
+_FLAGS, _LISTEN_ONLY = 4, 0x02
 #: Linux's number for the hardware type CAN, its flag of a link that is up, and a controller's state bus-off
 _ARPHRD_CAN, _IFF_UP, _BUS_OFF = 280, 1, 3
 _HEADER, _LINK, _ATTRIBUTE = struct.Struct("=IHHII"), struct.Struct("=BxHiII"), struct.Struct("=HH")
@@ -36,6 +38,8 @@ class KernelLink:
     up: bool
     bit_rate: int | None = None
     bus_off: bool = False
+    #: whether it says nothing, not even an acknowledge
+    listen_only: bool = False
 
     @property
     def wired(self) -> bool:
@@ -99,7 +103,8 @@ def _link(said: dict[int, bytes], *, up: bool) -> KernelLink:
     controller = dict(_attributes(info.get(_INFO_DATA, b""))) if kind == "can" else {}
     name = said.get(_NAME, b"").rstrip(b"\0").decode("utf-8", "replace")
     state = _number(controller.get(_STATE, b""))
-    return KernelLink(name, kind, up, _number(controller.get(_BIT_TIMING, b"")) or None, state == _BUS_OFF)
+    silent = bool(_number(controller.get(_MODE, b"")[_FLAGS:]) & _LISTEN_ONLY)
+    return KernelLink(name, kind, up, _number(controller.get(_BIT_TIMING, b"")) or None, state == _BUS_OFF, silent)
 
 
 def _number(data: bytes) -> int:

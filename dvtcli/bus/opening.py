@@ -16,8 +16,10 @@ from typing import Any
 import can
 from can import util
 
+from dvtcli.bus.bit_rate_setter import BitRateSetter
 from dvtcli.bus.carrier import Carrier
 from dvtcli.bus.kernel_carrier import KernelCarrier, check_link
+from dvtcli.bus.kernel_links import kernel_link
 from dvtcli.bus.maker_drivers import PcanCarrier, check_bit_rate, is_missing, what_to_install, why_missing
 from dvtcli.bus.python_can import CanBus
 from dvtcli.bus.sdo.sdo_link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S
@@ -107,16 +109,51 @@ def open_bus(
             check_link(config.get("channel"))
         if config["interface"] == "pcan":
             check_bit_rate(config, _bitrate(config))
-        options: dict[str, Any] = {**config, "ignore_config": True}
-        bus = can.Bus(**options)
+        bus = _open(config)
     except OPEN_FAILURES as error:
         raise _unavailable(config, error) from error
     carrier = _carrier(config, bus)
     bit_rate = carrier.bit_rate or _bitrate(config)
-    opened = CanBus(bus, _name(config), timeout_s=timeout_s, retries=retries, bitrate=bit_rate, carrier=carrier)
+    opened = CanBus(
+        bus,
+        _name(config),
+        timeout_s=timeout_s,
+        retries=retries,
+        bitrate=bit_rate,
+        carrier=carrier,
+        setter=BitRateSetter(config, _open),
+    )
     if config["interface"] in _NO_ECHO_UNASKED and not config.get("receive_own_messages"):
         opened.echoes.rule_out()
     return opened
+
+
+def open_listening(
+    interface: str | None, channel: str | None, bit_rate: int, extra: Mapping[str, object], *, listen_only: bool
+) -> CanBus:
+    """Open a CAN interface to listen at *bit_rate* (bit/s), and at others after that (`set_bit_rate`).
+
+    With *listen_only* without a word; SafetyRefusal where that is not known of it, or its bit rate cannot be set from
+    here. A link of the system's is listened to as it is where that says nothing by its own. BusUnavailable.
+    """
+    given = {key: value for key, value in _given(interface, channel, bit_rate, extra).items() if value is not None}
+    config = given
+    try:
+        config = _completed(given)
+        setter = BitRateSetter(config, _open)
+        link = kernel_link(str(config.get("channel"))) if config["interface"] == "socketcan" else None
+        if link is not None and link.up and link.listen_only:
+            return CanBus(_open(config), _name(config), bitrate=link.bit_rate, setter=setter)
+        setter.require(bit_rate, listen_only=listen_only)
+        bus = setter.reopened(bit_rate, listen_only=listen_only)
+    except OPEN_FAILURES as error:
+        raise _unavailable(config, error) from error
+    return CanBus(bus, _name(config), bitrate=bit_rate, carrier=_carrier(config, bus), setter=setter)
+
+
+def _open(config: Mapping[str, object]) -> can.BusABC:
+    options: dict[str, Any] = {**config, "ignore_config": True}
+    return can.Bus(**options)
 
 
 def open_transport(

@@ -13,6 +13,7 @@ from time import monotonic, sleep
 
 import can
 
+from dvtcli.bus.bit_rate_setter import BitRateSetter
 from dvtcli.bus.can_message import frame_of
 from dvtcli.bus.carrier import Carrier
 from dvtcli.bus.echoes import Echoes
@@ -55,10 +56,15 @@ class CanBus(FrameBus[can.Message]):
         retries: int = DEFAULT_RETRIES,
         bitrate: int | None = None,
         carrier: Carrier | None = None,
+        setter: BitRateSetter | None = None,
     ) -> None:
         super().__init__(name, frame_of, timeout_s=timeout_s, retries=retries, bitrate=bitrate)
         self._bus = bus
         self._carrier = carrier or Carrier()
+        self._setter = setter
+        #: held while the driver is read, and while another one takes its place, which is when it is *_changing*
+        self._read_lock = threading.Lock()
+        self._changing = False
         self._send_lock = threading.Lock()
         #: since when more is heard than what nodes say to a configurator, as somebody wants
         self._hears_all_s = inf
@@ -74,6 +80,28 @@ class CanBus(FrameBus[can.Message]):
     def carries_remote_frames(self) -> bool:
         """Whether a remote frame can be sent: some ways to a bus would make a data frame of it."""
         return self.name.partition(":")[0] not in _NO_REMOTE_FRAMES
+
+    def require_settable(self, bit_rate: int, *, listen_only: bool = False) -> None:
+        """SafetyRefusal where *bit_rate* (bit/s) cannot be set from here, with the way to do it by hand."""
+        if self._setter is None:
+            super().require_settable(bit_rate, listen_only=listen_only)
+        else:
+            self._setter.require(bit_rate, listen_only=listen_only)
+
+    def set_bit_rate(self, bit_rate: int, *, listen_only: bool = False) -> None:
+        """Close the interface, and open it at *bit_rate* (bit/s); whoever reads waits. BusUnavailable."""
+        self.require_settable(bit_rate)
+        assert self._setter is not None  # noqa: S101 - else nothing is settable
+        self._changing = True
+        try:
+            with self._read_lock, self._send_lock:
+                self._leave()
+                self._bus = self._setter.reopened(bit_rate, listen_only=listen_only)
+        except BUS_FAILURES as error:
+            raise self._failed(f"open at {bit_rate} bit/s", error) from error
+        finally:
+            self._changing = False
+        self.bitrate = bit_rate
 
     def tap(self, callback: Tap) -> Callable[[], None]:
         """Call *callback*(frame, sent) for each frame received or sent here; returns what ends that."""
@@ -152,8 +180,12 @@ class CanBus(FrameBus[can.Message]):
                 raise
 
     def _read(self, wait_s: float) -> can.Message | None:
+        if self._changing:
+            sleep(wait_s)
+            return None
         try:
-            message = self._bus.recv(wait_s)
+            with self._read_lock:
+                message = self._bus.recv(wait_s)
             if message is None:
                 self.echoes.caught_up(monotonic())
                 if self._carrier.hung_up():

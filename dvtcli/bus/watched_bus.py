@@ -21,7 +21,7 @@ from dvtcli.bus.turns import Turns, one_by_one
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.node_events import Emergency, HeardEmergency, NodeEvent
 from dvtcli.domain.ports import Frame, SdoTransport
-from dvtcli.errors import BusUnavailable, UsageError
+from dvtcli.errors import BusUnavailable, SafetyRefusal, UsageError
 
 if TYPE_CHECKING:
     from dvtcli.bus.bus_share import BusShare
@@ -248,6 +248,21 @@ class WatchedBus(ABC):
     def lost_frame_count(self) -> int:
         """None that is known of."""
         return 0
+
+    @property
+    def runs_at(self) -> int | None:
+        """The bit rate (bit/s) as far as it is known."""
+        return self.bitrate
+
+    def require_settable(self, bit_rate: int, *, listen_only: bool = False) -> None:  # noqa: ARG002 - of no bit rate
+        """SafetyRefusal: no bit rate can be set here, unless a transport says so."""
+        raise SafetyRefusal(
+            f"the bit rate of {self.name} cannot be set from here", hint="a CAN adapter of this machine lets it be set"
+        )
+
+    def set_bit_rate(self, bit_rate: int, *, listen_only: bool = False) -> None:
+        """SafetyRefusal: no bit rate can be set here, unless a transport says so."""
+        self.require_settable(bit_rate, listen_only=listen_only)
 
     @property
     def carries_frames(self) -> bool:

@@ -128,12 +128,31 @@ class LssMaster:
 
         DeviceRefused with its reason, NoAnswer.
         """
+        self._configure(lss.CONFIGURE_NODE_ID, bytes([node_id]), f"node-ID {node_id}", lss.NODE_ID_REFUSED)
+
+    def configure_bit_rate(self, bit_rate: int) -> None:
+        """Give who is being configured *bit_rate* (bit/s, one of the standard's), which counts once it is activated.
+
+        DeviceRefused with its reason, NoAnswer.
+        """
+        timing = bytes([0, lss.BIT_TIMINGS[bit_rate]])
+        self._configure(lss.CONFIGURE_BIT_TIMING, timing, f"bit rate {bit_rate}", lss.BIT_TIMING_REFUSED)
+
+    def activate_bit_rate(self, delay_ms: int) -> None:
+        """Let every node that got a bit rate switch to it within *delay_ms*, and be silent for as long again.
+
+        Nobody answers, and all are being configured afterwards.
+        """
+        self._send(lss.SWITCH_GLOBAL, bytes([lss.CONFIGURATION]))
+        self._send(lss.ACTIVATE_BIT_TIMING, delay_ms.to_bytes(2, "little"))
+
+    def _configure(self, service: int, data: bytes, what: str, reasons: dict[int, str]) -> None:
         for _ in range(_TRIES):
-            answers = self._ask(lss.CONFIGURE_NODE_ID, bytes([node_id]), lss.CONFIGURE_NODE_ID, ANSWER_S, settle=_ALL)
+            answers = self._ask(service, data, service, ANSWER_S, settle=_ALL)
             if answers:
-                _require_success(answers, f"node-ID {node_id}", lss.NODE_ID_REFUSED)
+                _require_success(answers, what, reasons)
                 return
-        raise NoAnswer(f"no answer to LSS configure node-ID {node_id}", hint="lss scan shows who is there")
+        raise NoAnswer(f"no answer to LSS configure {what}", hint="lss scan shows who is there")
 
     def store(self) -> None:
         """Let who is being configured keep its node-ID without power; DeviceRefused with its reason, NoAnswer."""

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 REQUEST_ID, ANSWER_ID = 0x7E5, 0x7E4
 
 SWITCH_GLOBAL, CONFIGURE_NODE_ID, STORE_CONFIGURATION = 0x04, 0x11, 0x17
+CONFIGURE_BIT_TIMING, ACTIVATE_BIT_TIMING = 0x13, 0x15
 #: the first of the four frames of *switch state selective*, the answer to the last, and the six of *identify*
 SELECT, SELECTED, IDENTIFY, IDENTIFIED = 0x40, 0x44, 0x46, 0x4F
 IDENTIFY_UNCONFIGURED, IDENTIFIED_UNCONFIGURED, FAST_SCAN = 0x4C, 0x50, 0x51
@@ -22,7 +23,10 @@ SCAN_RESET = 0x80
 BITS, PARTS = 32, 4
 #: error codes of the configuration services (CiA 305); 0 is success, 255 the maker's own
 NODE_ID_REFUSED = {1: "it takes no such node-ID"}
+BIT_TIMING_REFUSED = {1: "it cannot run at that bit rate"}
 STORE_REFUSED = {1: "it cannot store its node-ID", 2: "its storage medium failed"}
+#: the standard's bit rates (bit/s), each with its index in the table of bit timings (table selector 0)
+BIT_TIMINGS = {1_000_000: 0, 800_000: 1, 500_000: 2, 250_000: 3, 125_000: 4, 50_000: 6, 20_000: 7, 10_000: 8}
 _OWN = 0xFF
 
 

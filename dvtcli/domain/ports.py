@@ -74,6 +74,26 @@ class CanopenBus(Protocol):
         """The bit rate in bit/s, None where nobody said."""
         ...
 
+    @property
+    def runs_at(self) -> int | None:
+        """The bit rate (bit/s) that `set_bit_rate` could go back to, also of simulated nodes; None: not known."""
+        ...
+
+    def require_settable(self, bit_rate: int, *, listen_only: bool = False) -> None:
+        """SafetyRefusal where *bit_rate* (bit/s) cannot be set from here, with the way to do it by hand.
+
+        With *listen_only* also where the interface is not known to listen without a word: a frame that is read at a
+        wrong bit rate is destroyed for others by who acknowledges and complains.
+        """
+        ...
+
+    def set_bit_rate(self, bit_rate: int, *, listen_only: bool = False) -> None:
+        """Leave the bus, and be on it again at *bit_rate* (bit/s), with *listen_only* without a word; BusUnavailable.
+
+        What was heard so far stays known.
+        """
+        ...
+
     def side_by_side(self, jobs: Sequence[Callable[[], None]]) -> list[BaseException]:
         """Do *jobs*, each of which waits for answers of a node of its own: side by side where that harms nobody.
 

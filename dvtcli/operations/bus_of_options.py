@@ -38,10 +38,10 @@ def bus_of(options: Options, open_bus: OpenBus | None = None) -> tuple[CanopenBu
     signals = simulated_signals(options.signal, simulated)
     if not simulated:
         return (open_bus or open_real_bus)(options), ()
-    from dvtcli.simulator.network.in_process_bus import simulate
+    from dvtcli.simulator.network.in_process_bus import BIT_RATE, simulate
 
-    devices = [simulated_device(one) for one in simulated]
-    return simulate(devices, faults=faults, signals=signals, timeout_s=options.timeout), tuple(
+    devices, rate = [simulated_device(one) for one in simulated], options.bitrate or BIT_RATE
+    return simulate(devices, faults=faults, signals=signals, timeout_s=options.timeout, bit_rate=rate), tuple(
         one for one in simulated if one.node_id != UNCONFIGURED
     )
 
@@ -52,3 +52,14 @@ def open_real_bus(options: Options) -> CanopenBus:
 
     extra = dict(pair.split("=", 1) for pair in options.bus_kwargs)
     return open_transport(options.interface, options.channel, options.bitrate, extra, timeout_s=options.timeout)
+
+
+def listening_bus(options: Options, bit_rate: int, *, listen_only: bool) -> CanopenBus:
+    """Open the interface that *options* name at *bit_rate* (bit/s), without a word where *listen_only*.
+
+    SafetyRefusal where it is not known to be silent then, or cannot be set; BusUnavailable.
+    """
+    from dvtcli.bus.opening import open_listening
+
+    extra = dict(pair.split("=", 1) for pair in options.bus_kwargs)
+    return open_listening(options.interface, options.channel, bit_rate, extra, listen_only=listen_only)

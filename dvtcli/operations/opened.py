@@ -41,6 +41,8 @@ class Opened(Said):
         self._untap: Callable[[], None] | None = None
         #: what to say to whoever wants a bus that is gone; None while it is there
         self._gone: str | None = None
+        #: what the bus was set to since it was opened (bit/s), so that it is opened again at that
+        self._set_rate: int | None = None
         #: whether a bus that is gone is waited for
         self.comes_back = False
 
@@ -142,7 +144,12 @@ class Opened(Said):
         """The bus of the options, opened once more, by any thread; BusUnavailable."""
         from dvtcli.operations.bus_of_options import bus_of
 
-        return bus_of(self.base, self._open_bus)[0]
+        given = self.base if self._set_rate is None else self.base._replace(bitrate=self._set_rate)
+        return bus_of(given, self._open_bus)[0]
+
+    def take_bit_rate(self, bit_rate: int) -> None:
+        """The bus runs at *bit_rate* (bit/s) from now on, whatever the options say."""
+        self._set_rate = bit_rate
 
     def leave_bus(self, why: str) -> None:
         """The bus is gone, and *why*: whoever wants it is told so until `take_bus`."""

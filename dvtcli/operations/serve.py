@@ -110,7 +110,10 @@ def serving(
         if many > 1:
             warn(f"{many} nodes have node-ID {one}, as --state {wanted.state} keeps it: they will answer as one")
     faults = simulated_faults(options.fault, nodes)
-    signals = simulated_signals(options.signal, nodes)
+    for fault in faults:
+        if fault.kind.of_bit_rate:
+            raise UsageError(f"--fault {fault}: a served bus keeps its one bit rate", hint="it is for --sim")
+    signals, rate = simulated_signals(options.signal, nodes), options.bitrate
     latencies_s = _latencies(wanted.latencies, devices)
     with ExitStack() as stack:
         hub = _hub(wanted.address, warn)
@@ -119,9 +122,9 @@ def serving(
         if joined is not None:
             stack.callback(joined.close)
         server = Server(
-            stations(devices, faults, signals, bit_rate=options.bitrate),
+            stations(devices, faults, signals, bit_rate=rate, known_rates=() if rate is None else (rate,)),
             hub,
-            Wire(None if wanted.join else options.bitrate),
+            Wire(None if wanted.join else rate),
             [] if joined is None else [joined],
             latencies_s=latencies_s,
             stored=keep,

@@ -12,6 +12,7 @@ import re
 import select
 import threading
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -59,10 +60,15 @@ class SlcanAdapter:
     line: Line = field(default_factory=Line)
     refusing: int = 0
     refused: bytes | None = None
+    #: told its bit rate (bit/s, 0 while it is closed), and whether it only listens
+    tune: Callable[[int, bool], None] = lambda _bit_rate, _listening: None
     #: what it was asked that it did not understand, or not now
     complaints: list[bytes] = field(default_factory=list)
     bit_rate_kbit: int | None = None
     is_open: bool = False
+    listening: bool = False
+    #: how it was opened so far: `O` to speak, `L` to listen
+    opened: set[bytes] = field(default_factory=set)
     sent: int = 0
 
     def __enter__(self) -> SlcanAdapter:
@@ -120,7 +126,9 @@ class SlcanAdapter:
         if line in (b"O", b"L") and (self.is_open or self.bit_rate_kbit is None):
             return ERROR
         if line in (b"O", b"L", b"C"):
-            self.is_open = line != b"C"
+            self.opened |= {line} - {b"C"}
+            self.is_open, self.listening = line != b"C", line == b"L"
+            self.tune(1000 * (self.bit_rate_kbit or 0) if self.is_open else 0, self.listening or not self.is_open)
             return OK
         if line == b"":
             return OK
@@ -129,7 +137,7 @@ class SlcanAdapter:
             return OK
         if line in (b"V", b"N", b"F"):
             return {b"V": b"V1013", b"N": b"NA123", b"F": b"F00"}[line] + OK
-        return self._send(line) if self.is_open else ERROR
+        return self._send(line) if self.is_open and not self.listening else ERROR
 
     def _send(self, line: bytes) -> bytes:
         """Put the frame of *line* on the bus."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, suppress
@@ -17,10 +18,12 @@ from dvtcli.bus.opening import open_bus
 from dvtcli.errors import BusUnavailable, NoAnswer
 from dvtcli.operations.come_back import come_back
 from dvtcli.operations.results.bus_events import BusEvent
+from dvtcli.simulator.device.strict_device import StrictDevice
 from tests.bus.slcan_adapter import Line, SlcanAdapter
 from tests.commands.bench import Bench
 from tests.commands.bus import device
-from tests.process import PATIENCE_S, start
+from tests.lss_nodes import unconfigured
+from tests.process import PATIENCE_S, dvtcli, start
 from tests.serve.served import own_environment, wait_for
 from tests.served_nodes import ServedNodes
 from tests.socketcan.recorded import interrupted, seen_by
@@ -49,6 +52,45 @@ def plug() -> Iterator[Plug]:
             return stack.enter_context(SlcanAdapter(channel, **how))  # type: ignore[arg-type]
 
         yield start
+
+
+@pytest.fixture
+def tuned() -> Iterator[tuple[SlcanAdapter, list[StrictDevice]]]:
+    """An adapter on a wire on which two nodes run at 125 kbit/s and say so."""
+    nodes = [unconfigured(number, node_id=number) for number in (1, 5)]
+    for node in nodes:
+        node.set_value(0x1017, 0, (20).to_bytes(2, "little"))
+    channel = f"slcan-{next(_NUMBERS)}"
+    with (
+        can.Bus(channel, interface="virtual", ignore_config=True) as theirs,
+        ServedNodes(theirs, nodes, bit_rate=125_000) as served,
+        SlcanAdapter(channel, tune=lambda rate, listening: served.tune(rate, listening=listening)) as adapter,
+    ):
+        yield adapter, nodes
+
+
+def test_the_bit_rate_is_listened_for_without_a_word(tuned: tuple[SlcanAdapter, list[StrictDevice]]) -> None:
+    adapter, nodes = tuned
+    nodes[0].set_value(0x1016, 1, (5 << 16 | 300).to_bytes(4, "little"))
+    words = ["-i", "slcan", "-c", adapter.port, "--bus-kwargs", "sleep_after_open=0"]
+    ran = dvtcli(*words, "bitrate", "--for", "300ms", "--json")
+    assert ran.returncode == 0, ran.stderr
+    told = json.loads(ran.stdout)
+    assert (told["bit_rate"], [one["bit_rate"] for one in told["heard"]]) == (125_000, [500_000, 250_000, 125_000])
+    assert adapter.opened == {b"L"}
+    assert adapter.sent == 0
+
+
+@pytest.mark.long
+def test_all_nodes_behind_an_adapter_get_another_bit_rate(tuned: tuple[SlcanAdapter, list[StrictDevice]]) -> None:
+    adapter, nodes = tuned
+    with Bench((), {**options(adapter), "bitrate": 125_000, "yes": True}) as bench:
+        ran = bench.run("lss bitrate 1M --store --json")
+        assert ran.code == 0, ran.stderr
+        assert (ran.document["before"], [one["stored"] for one in ran.document["nodes"]]) == (125_000, [True, True])
+        assert adapter.bit_rate_kbit == 1000
+        assert {node.lss.bit_rate for node in nodes} == {1_000_000}
+        assert bench.run("read 5:1018:4").code == 0
 
 
 def options(adapter: SlcanAdapter, *, timeout_s: float = 20.0) -> dict[str, object]:

@@ -317,6 +317,10 @@ def test_a_node_that_is_another_one_once_it_boots_is_left_and_said(tmp_path: Pat
 WRONG = [
     ("lss assign", "takes one network file"),
     ("lss scan --store", "belongs to lss assign"),
+    ("lss bitrate 500k --prove", "belongs to lss store"),
+    ("lss bitrate", "takes a bit rate"),
+    ("lss bitrate 500kHz", "is not a bit rate"),
+    ("lss bitrate 100k", "knows no bit rate 100000"),
     ("lss select vendor=1", "product, revision, serial missing"),
     ("lss select vendor=1 vendor=2", "given twice"),
     ("lss select vendor=1 model=2", "write vendor="),

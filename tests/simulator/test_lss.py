@@ -25,7 +25,7 @@ def node_of(node_id: int = 1, bit_rate: int | None = None, serial: int = ADDRESS
         device.set_value(0x1018, sub_index, number.to_bytes(4, "little"))
     device.boot_up()
     device.take_outbox()
-    (node,) = stations([device], bit_rate=bit_rate)
+    (node,) = stations([device], bit_rate=bit_rate, known_rates=() if bit_rate is None else (bit_rate,))
     return node
 
 

@@ -63,6 +63,18 @@ def one_file(words: tuple[str, ...]) -> str:
     return words[0]
 
 
+def rate_and_file(words: tuple[str, ...]) -> tuple[int, str | None]:
+    """The bit rate (bit/s), written `500k` or `500000`, and the network file behind it where one is given."""
+    if not 1 <= len(words) <= 2:
+        raise UsageError("lss bitrate takes a bit rate, and a network file or none", hint="lss bitrate 500k")
+    digits = words[0].lower().removesuffix("bit/s").strip()
+    factor = {"k": 1_000, "m": 1_000_000}.get(digits[-1:], 1)
+    number = digits if factor == 1 else digits[:-1]
+    if not (number.isascii() and number.isdigit() and len(number) <= 7):
+        raise UsageError(f"{words[0]!r} is not a bit rate", hint="lss bitrate 500k, or 500000; 1M")
+    return int(number) * factor, words[1] if len(words) == 2 else None
+
+
 def _node_id(word: str) -> int:
     try:
         return NODE_ID.parse(word, None)

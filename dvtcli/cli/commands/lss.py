@@ -15,40 +15,41 @@ from dvtcli.cli.commands._lss_words import (
     node_or_address,
     one_file,
     only_node_id,
+    rate_and_file,
 )
 from dvtcli.cli.effect import Effect, Final
 from dvtcli.cli.params import TEXT, NumberType
 
 if TYPE_CHECKING:
-    from dvtcli.operations.results.lss_nodes import LssChanged, LssFound
+    from dvtcli.operations.results.lss_nodes import LssBitRate, LssChanged, LssFound
     from dvtcli.operations.session import Session
 
 TASK = ("Find nodes", 15)
 
-_ACTIONS = ("scan", "identify", "select", "node-id", "store", "assign")
+_ACTIONS = ("scan", "identify", "select", "node-id", "store", "assign", "bitrate")
 
 
 def _final(params: Mapping[str, Any]) -> Final | None:
     """No undo takes a node-ID back."""
-    return Final(f"lss {params['action']}") if params["action"] in ("node-id", "store", "assign") else None
+    return Final(f"lss {params['action']}") if params["action"] in ("node-id", "store", "assign", "bitrate") else None
 
 
 @click.command("lss", cls=DvtCommand, short_help=__doc__, effect=Effect.COMMANDS, final=_final)
 @click.argument("action", type=click.Choice(_ACTIONS), metavar="|".join(_ACTIONS))
-@click.argument("words", type=TEXT, nargs=-1, metavar="[NODE|FILE] [vendor=… product=… revision=… serial=…]")
+@click.argument("words", type=TEXT, nargs=-1, metavar="[NODE|FILE|RATE] [vendor=… product=… revision=… serial=…]")
 @click.option("--wait", type=NumberType(5, 2000, "a time in ms"), metavar="MS", help="scan: per question [50].")
-@click.option("--store", "stores", is_flag=True, help="assign: store the node-IDs, too, once all came up.")
+@click.option("--store", "stores", is_flag=True, help="assign, bitrate: store it, too, once all came up.")
 @click.option("--prove", is_flag=True, help="store, assign --store: reset the nodes then, and look again.")
 @click.pass_obj
 def command(
     session: Session, /, action: str, words: tuple[str, ...], wait: int | None, stores: bool, prove: bool
-) -> LssFound | LssChanged:
+) -> LssFound | LssChanged | LssBitRate:
     """Speak to nodes as LSS master.
 
     `scan` finds all nodes without a node-ID by fast scan, `identify` asks only whether there are any. `select` lets one
     node be configured. `node-id` gives a node its node-ID, and is done once the node is seen with it; `store` lets it
     keep that. `assign` does it for the nodes of a network file that have none or a wrong one, by their identity there.
-    These three ask first.
+    `bitrate` lets the whole bus run at another bit rate: every node on it is told, or none. These four ask first.
 
     \b
     lss scan
@@ -61,14 +62,16 @@ def command(
     lss store 5
     lss store 5 --prove      reset it, and look again
     lss assign press.yaml --store
+    lss bitrate 250k
+    lss bitrate 250k press.yaml --store      refused unless just its nodes are there
     """
-    from dvtcli.operations import lss_assign, lss_find, lss_node_id, lss_store
+    from dvtcli.operations import lss_assign, lss_bit_rate, lss_find, lss_node_id, lss_store
 
     if wait is not None and action != "scan":
         raise click.UsageError("--wait belongs to lss scan")
-    if stores and action != "assign":
-        raise click.UsageError("--store belongs to lss assign")
-    if prove and not (stores or action == "store"):
+    if stores and action not in ("assign", "bitrate"):
+        raise click.UsageError("--store belongs to lss assign and lss bitrate")
+    if prove and not (action == "store" or (stores and action == "assign")):
         raise click.UsageError("--prove belongs to lss store, and to lss assign --store")
     match action:
         case "scan":
@@ -82,4 +85,6 @@ def command(
             return lss_node_id.lss_node_id(session, *node_id_and_address(words))
         case "assign":
             return lss_assign.lss_assign(session, one_file(words), stores=stores, prove=prove)
+        case "bitrate":
+            return lss_bit_rate.lss_bit_rate(session, *rate_and_file(words), stores=stores)
     return lss_store.lss_store(session, only_node_id(words), prove=prove)

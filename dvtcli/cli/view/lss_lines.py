@@ -10,7 +10,7 @@ from dvtcli.domain.nmt import UNCONFIGURED
 from dvtcli.domain.several import plural
 
 if TYPE_CHECKING:
-    from dvtcli.operations.results.lss_nodes import LssChanged, LssFound, LssGiven
+    from dvtcli.operations.results.lss_nodes import LssBitRate, LssChanged, LssFound, LssGiven
 
 _DRY_RUN = Cell("dry run: ", "cyan")
 _WOULD = {
@@ -85,3 +85,20 @@ def _given(node: LssGiven) -> list[Cell]:
     elif node.stored:
         line.append(Cell("  stored, as the node says", "green"))
     return line
+
+
+def bit_rate_lines(result: LssBitRate, _width: int) -> Iterator[Line]:
+    """What the bus and its nodes run at now."""
+    if result.dry_run:
+        yield [_DRY_RUN, Cell(f"lss bitrate would set {result.bit_rate} bit/s by LSS. Nothing was sent.")]
+        return
+    if not result.nodes:
+        yield f"the bus runs at {result.bit_rate} bit/s already"
+        return
+    for node in result.nodes:
+        name = "no node-ID" if node.node_id == UNCONFIGURED else f"node {node.node_id}"
+        stored = [Cell("  stored, as the node says", "green")] if node.stored else []
+        yield [Cell(name, "bold"), Cell(f"  {node.address}"), *stored]
+    yield f"{plural(len(result.nodes), 'node')} at {result.bit_rate} bit/s (before: {result.before})"
+    if not all(node.stored for node in result.nodes):
+        yield [Cell("  lost with the power until it is stored: lss store NODE, for each", "dim")]

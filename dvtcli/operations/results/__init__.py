@@ -12,6 +12,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from dvtcli.operations.results.bit_rates import *  # noqa: F403
     from dvtcli.operations.results.bus_events import *  # noqa: F403
     from dvtcli.operations.results.changes import *  # noqa: F403
     from dvtcli.operations.results.checked_files import *  # noqa: F403

@@ -95,7 +95,7 @@ class LssGiven:
             **_identity(self.address),
             "name": self.name,
             "before": before,
-            "node": self.node_id,
+            "node": None if self.node_id == UNCONFIGURED else self.node_id,
             "stored": self.stored,
             "proved": self.proved,
         }
@@ -128,5 +128,34 @@ class LssChanged(Answer):
             "action": self.action,
             "nodes": [node.document() for node in self.nodes],
             "missing": list(self.missing),
+            "dry_run": self.dry_run,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class LssBitRate(Answer):
+    """The bit rate (bit/s) that a bus with all its *nodes* was changed to: each was seen there afterwards.
+
+    *before* is what it ran at, None where that was not looked at.
+    """
+
+    renderer: ClassVar = "lss_lines:bit_rate_lines"
+    exit_code: ClassVar[int] = 0
+
+    bit_rate: int
+    before: int | None = None
+    nodes: tuple[LssGiven, ...] = ()
+    dry_run: bool = False
+
+    def document(self) -> Document:
+        """`dvtcli.lss-bit-rate/1`."""
+        return {
+            "schema": "dvtcli.lss-bit-rate/1",
+            "bit_rate": self.bit_rate,
+            "before": self.before,
+            "nodes": [
+                {**_identity(node.address), "node": node.document()["node"], "stored": node.stored}
+                for node in self.nodes
+            ],
             "dry_run": self.dry_run,
         }

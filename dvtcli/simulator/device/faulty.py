@@ -76,8 +76,23 @@ class FaultyServer:
             self._no_boot_up = True
         elif fault.kind is FaultKind.SLOW_STORE:
             self._store_delay_s = fault.seconds or 0.0
+        elif fault.kind.of_bit_rate:
+            self._mistime(fault)
         else:
             self._break(fault.kind)
+
+    def _mistime(self, fault: Fault) -> None:
+        """What is wrong with the device's bit rate."""
+        lss = self._server.device.lss
+        match fault.kind:
+            case FaultKind.BIT_RATE:
+                lss.run_at(fault.code, lss.known_rates)
+            case FaultKind.NO_BIT_TIMING:
+                lss.known_rates = ()
+            case FaultKind.KEEPS_BIT_RATE:
+                lss.keeps_rate = True
+            case FaultKind.LOSES_BIT_RATE:
+                lss.loses_rate = True
 
     def _break(self, kind: FaultKind) -> None:
         """What is wrong with the device all the time."""

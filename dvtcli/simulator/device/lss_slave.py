@@ -6,6 +6,8 @@ node does with a new node-ID (`strict_device`).
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 from dvtcli.domain.nmt import UNCONFIGURED
 from dvtcli.simulator.device.memory import Memory
 from dvtcli.simulator.device.parameter_areas import ParameterAreas
@@ -21,6 +23,8 @@ INQUIRE, INQUIRE_NODE_ID = range(0x5A, 0x5E), 0x5E
 NOT_SUPPORTED, MEDIUM_FAILED = 1, 2
 #: indices of the standard's table of bit timings, in bit/s (CiA 305, table selector 0)
 BIT_RATES = {0: 1_000_000, 1: 800_000, 2: 500_000, 3: 250_000, 4: 125_000, 6: 50_000, 7: 20_000, 8: 10_000}
+#: what nobody runs at: a node that a bit timing has put out of reach
+LOST_RATE = 0
 #: fast scan: every unconfigured slave answers, and starts over
 _SCAN_RESET = 0x80
 #: which part of the identity each frame of *identify remote slave* speaks of
@@ -31,7 +35,7 @@ class LssSlave:
     """The LSS slave of one node, whose own node-ID *memory* holds.
 
     *pending* is the node-ID that the next reset of communication makes the node's own, *stored* the one that power-on
-    brings back. *bit_rate* is the bus's, in bit/s: the one bit timing that can be had; None where frames take no time.
+    brings back. *bit_rate* is what the node runs at (bit/s), None where frames take no time.
     """
 
     def __init__(self, memory: Memory, store: ParameterAreas, node_id: int) -> None:
@@ -39,19 +43,34 @@ class LssSlave:
         self._store = store
         self.pending = self.stored = node_id
         self.bit_rate: int | None = None
+        #: which bit rates it can be told (bit/s), and what it runs at after power-on
+        self.known_rates: Collection[int] = ()
+        self.stored_rate: int | None = None
+        #: whether it stays at its bit rate although it took another one; whether it is lost once that is activated
+        self.keeps_rate = self.loses_rate = False
         #: for how long the node neither hears nor sends from now on, in ms; whoever obeys sets it back to 0
         self.quiet_ms = 0
         #: whether the node has just left its configuration with the first node-ID of its life
         self.woken = False
-        self._new_timing = False
+        #: the bit rate that was configured, and counts once it is activated
+        self._new_rate: int | None = None
         self.reset()
+
+    def run_at(self, bit_rate: int | None, known_rates: Collection[int] = ()) -> None:
+        """Run at *bit_rate* (bit/s) from now on, and after power-on; *known_rates* are those that it can be told."""
+        self.bit_rate = self.stored_rate = bit_rate
+        self.known_rates = known_rates
+
+    def power_on(self) -> None:
+        """Run at what is stored."""
+        self.bit_rate, self._new_rate = self.stored_rate, None
 
     def reset(self, *, communication_only: bool = True) -> None:
         """Start over, as a reset does: the pending node-ID, after a reset of the node the stored one, is the node's."""
         if not communication_only:
             self.pending = self.stored
         self._memory.take_node_id(self.pending)
-        self._configuring = self.woken = self._new_timing = False
+        self._configuring = self.woken = False
         #: how many parts of an address have matched so far, and which part a fast scan is at
         self._matched = self._scanned = 0
 
@@ -135,8 +154,8 @@ class LssSlave:
             return _frame(service, bytes([self._take_bit_timing(*request[1:3])]))
         if service == STORE_CONFIGURATION:
             return _frame(service, bytes([self._keep()]))
-        if service == ACTIVATE_BIT_TIMING and self._new_timing:
-            self.quiet_ms = 2 * int.from_bytes(request[1:3], "little")
+        if service == ACTIVATE_BIT_TIMING and self._new_rate is not None:
+            self._activate(2 * int.from_bytes(request[1:3], "little"))
         return None
 
     def _take_node_id(self, node_id: int) -> int:
@@ -146,11 +165,19 @@ class LssSlave:
         return 0
 
     def _take_bit_timing(self, table: int, entry: int) -> int:
-        """A simulated bus keeps its bit rate: only that one may be chosen."""
-        if table or self.bit_rate is None or BIT_RATES.get(entry) != self.bit_rate:
+        rate = BIT_RATES.get(entry)
+        if table or rate is None or rate not in self.known_rates:
             return NOT_SUPPORTED
-        self._new_timing = True
+        self._new_rate = rate
         return 0
+
+    def _activate(self, quiet_ms: int) -> None:
+        """Switch within the first half of *quiet_ms*, and say nothing before its end."""
+        self.quiet_ms = quiet_ms
+        if self.loses_rate:
+            self.bit_rate = LOST_RATE
+        elif not self.keeps_rate:
+            self.bit_rate = self._new_rate
 
     def _keep(self) -> int:
         if self._store.fails:
@@ -158,6 +185,7 @@ class LssSlave:
         if self._store.stores_nothing:
             return 0
         self.stored = self.pending
+        self.stored_rate = self.bit_rate if self._new_rate is None else self._new_rate
         self._memory.stored_changes += 1
         return 0
 

@@ -45,6 +45,10 @@ class FaultKind(StrEnum):
     RESTORES_NOTHING = "restores-nothing"
     IGNORES_NMT = "ignores-nmt"
     EMCY = "emcy"
+    BIT_RATE = "bit-rate"
+    NO_BIT_TIMING = "no-bit-timing"
+    KEEPS_BIT_RATE = "keeps-bit-rate"
+    LOSES_BIT_RATE = "loses-bit-rate"
 
     @property
     def counted(self) -> bool:
@@ -55,6 +59,16 @@ class FaultKind(StrEnum):
     def at_read(self) -> bool:
         """Whether K counts the uploads since the node's last download, instead of downloads."""
         return self in (FaultKind.REFUSE_READ, FaultKind.RESET_AFTER_READ, FaultKind.RESET_AT_READ)
+
+    @property
+    def of_bit_rate(self) -> bool:
+        """Whether it is about the node's bit rate."""
+        return self in (
+            FaultKind.BIT_RATE,
+            FaultKind.NO_BIT_TIMING,
+            FaultKind.KEEPS_BIT_RATE,
+            FaultKind.LOSES_BIT_RATE,
+        )
 
 
 #: what is wrong all the time
@@ -70,12 +84,19 @@ _LASTING = frozenset(
         FaultKind.NO_BOOT_UP,
         FaultKind.ENABLE_ALTERS,
         FaultKind.EMCY,
+        FaultKind.BIT_RATE,
+        FaultKind.NO_BIT_TIMING,
+        FaultKind.KEEPS_BIT_RATE,
+        FaultKind.LOSES_BIT_RATE,
     }
 )
 _REFUSALS = (FaultKind.REFUSE, FaultKind.REFUSE_READ)
 _RESETS = (FaultKind.RESET, FaultKind.RESET_AFTER_READ, FaultKind.RESET_AT_READ)
 _TIMED = (FaultKind.LATE, *_RESETS, FaultKind.SLOW_STORE, FaultKind.CORRECTS, FaultKind.EMCY)
-_CODED = (*_REFUSALS, FaultKind.EMCY)
+_CODED = (*_REFUSALS, FaultKind.EMCY, FaultKind.BIT_RATE)
+#: the largest number of those that have one, and what it is
+_LARGEST = {FaultKind.EMCY: (0xFFFF, "an error code"), FaultKind.BIT_RATE: (1_000_000, "a bit rate in bit/s")}
+_ANY_ABORT = (0xFFFF_FFFF, "an abort code")
 _ALTERING = (FaultKind.ALTERS, FaultKind.ENABLE_ALTERS)
 
 
@@ -121,6 +142,12 @@ _FORMS = {
     FaultKind.EMCY: _Form(
         "emcy=CODE[:S]", "the node raises error CODE (0x3210) S seconds after each start [0]; 0: its errors are gone"
     ),
+    FaultKind.BIT_RATE: _Form("bit-rate=N", "the node runs at N bit/s (250000), and hears nothing else"),
+    FaultKind.NO_BIT_TIMING: _Form("no-bit-timing", "LSS cannot tell it another bit rate: it refuses each"),
+    FaultKind.KEEPS_BIT_RATE: _Form("keeps-bit-rate", "it takes another bit rate by LSS, and stays at the old one"),
+    FaultKind.LOSES_BIT_RATE: _Form(
+        "loses-bit-rate", "it takes another bit rate by LSS, and is not heard any more until it is switched off and on"
+    ),
 }
 _FORM = re.compile(r"(?:(?P<node>\w+):)?(?P<kind>[a-z-]+)(?:@(?P<at>\w+))?(?:=(?P<value>.+))?")
 
@@ -132,8 +159,8 @@ class Fault:
     - *at*: the SDO download at which it happens, from 1; None for the kinds that last. What counts are the
       requests of the node's SDO server that begin a download, refused ones too. So K is the step's number that
       `map` prints, as long as nothing (a login, a forced state, an earlier command) wrote to the node before.
-    - *code*: the abort code of `refuse` and `refuse-read`, the error code of `emcy`. *seconds*: of the kinds that take
-      a time, 0..3600.
+    - *code*: the abort code of `refuse` and `refuse-read`, the error code of `emcy`, the bit rate (bit/s) of
+      `bit-rate`. *seconds*: of the kinds that take a time, 0..3600.
     - *place*: index and sub-index of the object that the node changes by itself, and its *value* then.
     - *node_id*: 1..127, None for the first simulated node.
     """
@@ -150,10 +177,10 @@ class Fault:
         """Raise ValueError where a number is missing, has no meaning for the kind, or is out of its range."""
         if (self.at is not None) != self.kind.counted or (self.at is not None and self.at < 1):
             raise _wrong(self.kind, "K counts SDO downloads from 1")
-        highest = 0xFFFF if self.kind is FaultKind.EMCY else 0xFFFF_FFFF
+        highest, what = _LARGEST.get(self.kind, _ANY_ABORT)
         if (self.code is not None) != (self.kind in _CODED) or not 0 <= (self.code or 0) <= highest:
-            what = "error" if self.kind is FaultKind.EMCY else "abort"
-            raise _wrong(self.kind, f"CODE is an {what} code, 0…0x{highest:X}")
+            shown = str(highest) if self.kind is FaultKind.BIT_RATE else f"0x{highest:X}"
+            raise _wrong(self.kind, f"the number is {what}, 0…{shown}")
         if (self.seconds is not None) != (self.kind in _TIMED) or not 0 <= (self.seconds or 0) <= _LONGEST_S:
             raise _wrong(self.kind, f"S is a time, 0…{_LONGEST_S:.0f} seconds")
         if (self.place is not None) != (self.kind in _ALTERING) or (self.place is None) != (self.value is None):
@@ -170,7 +197,7 @@ class Fault:
         kind, value = FaultKind(found["kind"]), found["value"]
         node_id = None if found["node"] is None else _whole(found["node"], kind)
         at = None if found["at"] is None else _whole(found["at"], kind)
-        if kind in _REFUSALS:
+        if kind in _REFUSALS or kind is FaultKind.BIT_RATE:
             return cls(kind, at, code=None if value is None else _whole(value, kind), node_id=node_id)
         if kind is FaultKind.EMCY:
             code, _, seconds = (value or "").partition(":")
@@ -188,7 +215,7 @@ class Fault:
         if self.kind is FaultKind.EMCY:
             return f"{text}=0x{self.code or 0:04X}:{self.seconds!r}"
         if self.code is not None:
-            return f"{text}=0x{self.code:08X}"
+            return f"{text}={self.code}" if self.kind is FaultKind.BIT_RATE else f"{text}=0x{self.code:08X}"
         if self.place is not None:
             return f"{text}={self.place[0]:04X}:{self.place[1]:02X}:0x{self.value:X}"
         return text if self.seconds is None else f"{text}={self.seconds!r}"

@@ -13,6 +13,7 @@ from queue import Empty, SimpleQueue
 from time import monotonic, time
 from typing import TYPE_CHECKING
 
+from dvtcli.bus.error_frames import ErrorFrames
 from dvtcli.bus.frame_bus import FrameBus
 from dvtcli.bus.receiver import bus_closed
 from dvtcli.bus.sdo.sdo_link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S
@@ -25,11 +26,15 @@ if TYPE_CHECKING:
     from dvtcli.simulator.device.signals import Signal
     from dvtcli.simulator.device.simulated_faults import Fault
 
+#: what nodes run at where nobody says it (bit/s)
+BIT_RATE = 500_000
+
 
 class InProcessBus(FrameBus[Frame]):
     """A CanopenBus of *devices*, with their *faults* and *signals*, which boot now.
 
     *timeout_s* (s) and *retries* are those of `SdoSettings`. A fault may kill the bus, as if an adapter was unplugged.
+    Frames take no time; *bit_rate* (bit/s) only decides who hears whom.
     """
 
     def __init__(
@@ -40,14 +45,41 @@ class InProcessBus(FrameBus[Frame]):
         signals: Sequence[Signal] = (),
         timeout_s: float = DEFAULT_TIMEOUT_S,
         retries: int = DEFAULT_RETRIES,
+        bit_rate: int = BIT_RATE,
     ) -> None:
         super().__init__("sim", lambda frame: frame, simulated=True, timeout_s=timeout_s, retries=retries)
         #: held while time passes for the nodes, or they hear a frame
         self._lock = threading.Lock()
         self._said: SimpleQueue[Frame] = SimpleQueue()
         self._wall_s = time() - monotonic()
-        self._nodes = NodesOnABus(devices, faults, signals, self._say)
+        self._error_frames = ErrorFrames()
+        self._nodes = NodesOnABus(
+            devices, faults, signals, self._say, bit_rate=bit_rate, destroyed=self._error_frames.count_one
+        )
         self._nodes.boot(monotonic())
+
+    @property
+    def runs_at(self) -> int | None:
+        """The bit rate (bit/s) at which we hear and speak."""
+        return self._nodes.bit_rate
+
+    def require_settable(self, bit_rate: int, *, listen_only: bool = False) -> None:
+        """Nothing stands in the way of another bit rate."""
+
+    def set_bit_rate(self, bit_rate: int, *, listen_only: bool = False) -> None:
+        """Hear and speak at *bit_rate* (bit/s) from now on; with *listen_only* only hear, and disturb nobody."""
+        with self._lock:
+            self._nodes.pass_time(monotonic())
+            self._nodes.bit_rate, self._nodes.only_heard = bit_rate, listen_only
+
+    def error_frame_count(self) -> int:
+        """How many frames were destroyed so far, since not all on the bus run at one bit rate."""
+        return self._error_frames.count
+
+    def disturbances(self) -> list[str]:
+        """What was noticed since the last call: error frames, another SDO client, a node-ID used twice."""
+        odd = super().disturbances()
+        return [*self._error_frames.news(), *odd]
 
     def _say(self, frame: Frame, at_s: float) -> None:
         self._said.put(Frame(frame.can_id, frame.data, frame.extended, frame.remote, self._wall_s + at_s))
@@ -56,6 +88,8 @@ class InProcessBus(FrameBus[Frame]):
         if self._closed:
             raise bus_closed()
         self._check_if_alive("send")
+        if self._nodes.only_heard:
+            raise BusUnavailable("nothing is sent while it is only listened")
         frame = Frame(can_id, data, extended, remote)
         self._traffic.sent(frame)
         with self._lock:
@@ -104,6 +138,9 @@ def simulate(
     signals: Sequence[Signal] = (),
     timeout_s: float = DEFAULT_TIMEOUT_S,
     retries: int = DEFAULT_RETRIES,
+    bit_rate: int = BIT_RATE,
 ) -> InProcessBus:
-    """Start *devices*, with their *faults* and *signals*, on a bus of their own and join it."""
-    return InProcessBus(devices, faults=faults, signals=signals, timeout_s=timeout_s, retries=retries)
+    """Start *devices*, with their *faults* and *signals*, on a bus of their own, at *bit_rate* (bit/s), and join it."""
+    return InProcessBus(
+        devices, faults=faults, signals=signals, timeout_s=timeout_s, retries=retries, bit_rate=bit_rate
+    )

@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.ports import Frame
+from dvtcli.simulator.device.lss_slave import BIT_RATES
 from dvtcli.simulator.network.roster import Roster
 from dvtcli.simulator.network.station import SimulatedNode, stations
 
@@ -29,6 +30,9 @@ _MOST_MISSED = 1000
 class NodesOnABus:
     """*devices* with their *faults* and *signals*; *say* is called for each frame that one sends, with its time.
 
+    With *bit_rate* (bit/s) a node hears only what is sent at its own one, and *destroyed* is called for each frame that
+    not all on the bus can read: CAN repeats it until those others have given up disturbing it.
+
     Times are seconds on a monotonic clock of the caller's.
     """
 
@@ -38,14 +42,21 @@ class NodesOnABus:
         faults: Sequence[Fault],
         signals: Sequence[Signal],
         say: Callable[[Frame, float], None],
+        *,
+        bit_rate: int | None = None,
+        destroyed: Callable[[], None] = lambda: None,
     ) -> None:
-        self.nodes = stations(devices, faults, signals)
+        known_rates = () if bit_rate is None else tuple(BIT_RATES.values())
+        self.nodes = stations(devices, faults, signals, bit_rate=bit_rate, known_rates=known_rates)
+        #: what those who are not simulated run at (bit/s), and whether they only listen
+        self.bit_rate, self.only_heard = bit_rate, False
         self._roster = Roster(self.nodes)
         self._say = say
+        self._destroyed = destroyed
         self._now_s = 0.0
         self._rests_until_s = 0.0
-        #: what was said on the bus, with the node that said it, and not heard by the nodes yet
-        self._said: deque[tuple[Frame, SimulatedNode | None]] = deque()
+        #: what was said on the bus, with the node that said it and its bit rate, and not heard by the nodes yet
+        self._said: deque[tuple[Frame, SimulatedNode | None, int | None]] = deque()
 
     @property
     def bus_failed(self) -> bool:
@@ -62,7 +73,7 @@ class NodesOnABus:
     def hear(self, frame: Frame, now_s: float) -> None:
         """Let every node hear *frame* of somebody else at *now_s*; what answers at once has been said on return."""
         self.pass_time(now_s)
-        self._said.append((frame, None))
+        self._carry(frame, None, self.bit_rate)
         self._settle(rested=True)
         self._poll(now_s)
 
@@ -101,9 +112,9 @@ class NodesOnABus:
         for _ in range(_AT_ONCE):
             if not self._said:
                 return
-            heard, sender = self._said.popleft()
+            heard, sender, bit_rate = self._said.popleft()
             for node in self._roster.listeners(heard):
-                if node is not sender:
+                if node is not sender and node.bit_rate == bit_rate:
                     self._send(node, node.handle(heard, self._now_s))
                     self._roster.looked_at(node)
         self._rests_until_s = self._now_s + _REST_S
@@ -112,5 +123,13 @@ class NodesOnABus:
         for frame in frames:
             if len(self._said) >= _MOST_WAITING:
                 return
-            self._say(frame, self._now_s)
-            self._said.append((frame, node))
+            if node.bit_rate == self.bit_rate:
+                self._say(frame, self._now_s)
+            self._carry(frame, node, node.bit_rate)
+
+    def _carry(self, frame: Frame, sender: SimulatedNode | None, bit_rate: int | None) -> None:
+        """Let *frame* be heard by those who run at *bit_rate*; we destroy it for all if we speak at another one."""
+        if bit_rate != self.bit_rate or self._roster.are_others_than(bit_rate):
+            self._destroyed()
+        if bit_rate == self.bit_rate or self.only_heard:
+            self._said.append((frame, sender, bit_rate))

@@ -17,6 +17,8 @@ _NETWORK_IDS = (NMT_CAN_ID, LSS_MASTER)
 #: CAN-IDs that are remembered; nobody has more, but a client may try
 _MOST_ROUTES = 4096
 _NEVER = float("inf")
+#: what no node runs at
+_NO_RATE = -1
 
 
 class Roster:
@@ -31,6 +33,9 @@ class Roster:
         self._routes: dict[tuple[int, bool, bool], tuple[SimulatedNode, ...]] = {}
         self._ids: dict[SimulatedNode, int] = {}
         self._hearing: dict[SimulatedNode, int] = {}
+        #: what each node runs at (bit/s), and which bit rates these are
+        self._rate_of: dict[SimulatedNode, int | None] = {}
+        self._rates: frozenset[int | None] = frozenset()
         #: when each node has something to do by itself; nodes that never do are not in it
         self._due_s: dict[SimulatedNode, float] = {}
         #: (time, number of the node), those that count no longer among them
@@ -62,6 +67,10 @@ class Roster:
             route = self._routes[key] = tuple(node for node in self._nodes if _concerns(node, frame))
         return route
 
+    def are_others_than(self, bit_rate: int | None) -> bool:
+        """Whether one of them runs at another bit rate than *bit_rate* (bit/s)."""
+        return not self._rates <= {bit_rate}
+
     def next_s(self) -> float:
         """When one of them has something to do by itself; infinite for never."""
         self._look_at_changed()
@@ -91,6 +100,9 @@ class Roster:
         if hearing != self._hearing.get(node):
             self._hearing[node] = hearing
             self._routes.clear()
+        if node.bit_rate != self._rate_of.get(node, _NO_RATE):
+            self._rate_of[node] = node.bit_rate
+            self._rates = frozenset(self._rate_of.values())
         due_s = node.next_poll_s()
         if due_s is None:
             self._due_s.pop(node, None)

@@ -6,7 +6,7 @@ Knows the pre-defined connection set and which service a frame belongs to. Does 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.nmt import NmtState
@@ -56,6 +56,11 @@ class SimulatedNode:
     def has_faults(self) -> bool:
         """Whether something may go wrong with it on purpose."""
         return self._faulty is not None
+
+    @property
+    def bit_rate(self) -> int | None:
+        """What the node runs at (bit/s); None where frames take no time."""
+        return self.device.lss.bit_rate
 
     @property
     def bus_failed(self) -> bool:
@@ -191,13 +196,15 @@ def stations(
     signals: Sequence[Signal] = (),
     *,
     bit_rate: int | None = None,
+    known_rates: Collection[int] = (),
 ) -> list[SimulatedNode]:
     """*devices* as nodes, each with its own of *faults* and *signals*; those that name no node are the first one's.
 
-    *bit_rate* is the bus's (bit/s), None where frames take no time. ValueError where a signal has no object.
+    *bit_rate* is what they run at (bit/s), None where frames take no time; *known_rates* are those that LSS can tell
+    them instead. ValueError where a signal has no object.
     """
     for device in devices:
-        device.lss.bit_rate = bit_rate
+        device.lss.run_at(bit_rate, known_rates)
     if not (faults or signals):
         nodes = [SimulatedNode(device) for device in devices]
         for node in nodes:

@@ -62,6 +62,18 @@ class TwinBus:
         """The wrapped bus's."""
         return self._wrapped.bitrate
 
+    @property
+    def runs_at(self) -> int | None:
+        """The wrapped bus's."""
+        return self._wrapped.runs_at
+
+    def require_settable(self, bit_rate: int, *, listen_only: bool = False) -> None:
+        """As the wrapped bus."""
+        self._wrapped.require_settable(bit_rate, listen_only=listen_only)
+
+    def set_bit_rate(self, bit_rate: int, *, listen_only: bool = False) -> None:
+        """Nothing: twins run at no bit rate."""
+
     def sdo(self, node_id: int) -> Twin:
         """The dictionary of *node_id*'s twin; the same object for the same node."""
         if not 1 <= node_id <= 127:

@@ -1,0 +1,77 @@
+"""Opening an interface again at another bit rate: which of python-can's can, and what is to be done by hand instead.
+
+Does not know what goes over it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import can
+
+from dvtcli.bus.kernel_links import kernel_link
+from dvtcli.bus.listen_only import is_silent, silent_settings
+from dvtcli.errors import BusUnavailable, SafetyRefusal
+
+#: interfaces whose bit rate is a setting of their own when they are opened, besides those that can only listen
+_SETTABLE = {
+    "canalystii", "etas", "gs_usb", "iscan", "ixxat", "neousys", "neovi", "nican", "robotell", "usb2can",
+}  # fmt: skip
+#: settings beside which a bit rate is not all of the bit timing
+_TIMINGS = ("timing", "btr", "fd", "f_clock", "data_bitrate", "fd_bitrate")
+
+#: Opens the interface by these settings.
+Open = Callable[[Mapping[str, object]], can.BusABC]
+
+
+class BitRateSetter:
+    """The way to another bit rate of the interface that *config* describes, which *opens* opens."""
+
+    def __init__(self, config: Mapping[str, object], opens: Open) -> None:
+        self._config, self._open = config, opens
+        self._interface, self._channel = str(config["interface"]), config.get("channel")
+
+    def require(self, bit_rate: int, *, listen_only: bool) -> None:
+        """SafetyRefusal where *bit_rate* cannot be set, or *listen_only* not be had, with what to do."""
+        where = f"{self._interface}:{self._channel}"
+        if self._interface == "socketcan":
+            raise SafetyRefusal(
+                f"the bit rate of {where} is the system's to set, and not dvtcli's",
+                hint=_link_lines(str(self._channel), bit_rate, listen_only=listen_only),
+            )
+        if self._interface not in _SETTABLE | silent_settings().keys():
+            raise SafetyRefusal(
+                f"the bit rate of {where} cannot be set from here", why="whoever serves that bus sets it",
+                hint="set it there; or open a CAN adapter of this machine",
+            )  # fmt: skip
+        timing = next((key for key in _TIMINGS if self._config.get(key)), None)
+        if timing is not None:
+            raise SafetyRefusal(
+                f"{where} was opened with {timing}, which a bit rate alone does not replace",
+                hint="open it with -b/--bitrate",
+            )
+        if listen_only and self._interface not in silent_settings():
+            raise SafetyRefusal(
+                f"{self._interface} is not known to listen without a word",
+                why="at a wrong bit rate it would destroy the frames of others",
+                hint=f"these are: {', '.join(silent_settings())}; where nothing is at work: --force",
+            )
+
+    def reopened(self, bit_rate: int, *, listen_only: bool) -> can.BusABC:
+        """The interface, open at *bit_rate* (bit/s); what was open before must be closed. Raises as its driver does."""
+        silence = silent_settings()[self._interface] if listen_only else {}
+        bus = self._open({**self._config, "bitrate": bit_rate, **silence})
+        if not is_silent(bus, silence):
+            bus.shutdown()
+            raise BusUnavailable(f"{self._interface}:{self._channel} does not say that it listens only")
+        return bus
+
+
+def _link_lines(name: str, bit_rate: int, *, listen_only: bool) -> str:
+    """The lines that let the CAN link *name* of Linux run at *bit_rate* (bit/s)."""
+    link = kernel_link(name)
+    if link is not None and not link.wired:
+        return f"{name} is virtual, and has no bit rate"
+    how = f"type can bitrate {bit_rate} listen-only {'on' if listen_only else 'off'}"
+    lines = f"sudo ip link set {name} down; sudo ip link set {name} up {how}"
+    return f"{lines}; then `bitrate` again" if listen_only else lines

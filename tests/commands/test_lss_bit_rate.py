@@ -1,0 +1,238 @@
+"""`lss bitrate`: all nodes on a bus run at another bit rate and are seen there, or all run at the old one again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from dvtcli.domain.lss_services import BIT_TIMINGS, REQUEST_ID
+from dvtcli.domain.nmt import NmtState
+from dvtcli.domain.ports import Frame
+from dvtcli.simulator.device.simulated_faults import Fault
+from dvtcli.simulator.device.strict_device import StrictDevice
+from tests.commands.bench import Bench, Ran
+from tests.lss_nodes import unconfigured
+from tests.virtual_time import VirtualTimeBus
+
+OLD, NEW = 250_000, 500_000
+
+
+def three() -> list[StrictDevice]:
+    return [unconfigured(1, node_id=3), unconfigured(2, node_id=5), unconfigured(3)]
+
+
+def bench(bus: VirtualTimeBus, **options: Any) -> Bench:
+    return Bench((), {"yes": True, **options}, bus)
+
+
+def bus_of(nodes: list[StrictDevice], *faults: str, bit_rate: int | None = OLD) -> VirtualTimeBus:
+    return VirtualTimeBus(nodes, faults=[Fault.parse(one) for one in faults], simulated=False, bit_rate=bit_rate)
+
+
+def rates(nodes: list[StrictDevice]) -> list[tuple[int | None, int | None]]:
+    """What each runs at, and has stored."""
+    return [(one.lss.bit_rate, one.lss.stored_rate) for one in nodes]
+
+
+def ran(bus: VirtualTimeBus, line: str, **options: Any) -> Ran:
+    with bench(bus, **options) as desk:
+        return desk.run(line)
+
+
+@pytest.mark.parametrize("bit_rate", [rate for rate in BIT_TIMINGS if rate != OLD])
+def test_all_nodes_run_at_the_new_one(bit_rate: int) -> None:
+    nodes = three()
+    with bench(bus := bus_of(nodes)) as desk:
+        told = desk.run(f"lss bitrate {bit_rate} --json").document
+        assert (told["before"], told["bit_rate"]) == (OLD, bit_rate)
+        assert [(one["node"], one["stored"]) for one in told["nodes"]] == [(3, False), (5, False), (None, False)]
+        assert (rates(nodes), bus.bit_rate) == ([(bit_rate, OLD)] * 3, bit_rate)
+        assert desk.run("read 5:1018:4 --json").document["value"] == 2
+        assert desk.run("lss identify --json").document["without_node_id"] == 1
+        assert "already" in desk.run(f"lss bitrate {bit_rate}").stdout
+
+
+def test_it_is_stored_once_all_are_back() -> None:
+    nodes = three()
+    assert [one["stored"] for one in ran(bus_of(nodes), "lss bitrate 500k --store --json").document["nodes"]] == [
+        True,
+        True,
+        True,
+    ]
+    assert rates(nodes) == [(NEW, NEW)] * 3
+
+
+def test_nodes_are_silent_and_so_are_we_while_all_switch() -> None:
+    """CiA 305: no frame from the activation until twice the switch delay is over."""
+    nodes = three()
+    nodes[0].set_value(0x1017, 0, (50).to_bytes(2, "little"))
+    bus = bus_of(nodes)
+    frames: list[tuple[float, Frame]] = []
+    bus.tap(lambda frame, _ours: frames.append((bus.now_s(), frame)))
+    assert ran(bus, "lss bitrate 500k").code == 0
+    (began_s,) = [at_s for at_s, frame in frames if frame.can_id == REQUEST_ID and frame.data[0] == 0x15]
+    assert not [frame for at_s, frame in frames if began_s + 0.001 < at_s < began_s + 2]
+    assert bus.destroyed == 0
+
+
+@pytest.mark.parametrize("kind", ["keeps-bit-rate", "no-bit-timing"])
+@pytest.mark.parametrize("faulty", ["3", "5"])
+def test_where_one_does_not_take_it_all_have_the_old_one(kind: str, faulty: str) -> None:
+    nodes = three()
+    bus = bus_of(nodes, f"{faulty}:{kind}")
+    told = ran(bus, "lss bitrate 500k --store")
+    assert (told.code, "bit/s as before" in told.stderr) == (5 if kind == "keeps-bit-rate" else 1, True), told.stderr
+    assert (rates(nodes), bus.bit_rate) == ([(OLD, OLD)] * 3, OLD)
+    assert ran(bus_of(nodes, bit_rate=OLD), "lss store 3").code == 0
+    assert rates(nodes)[0] == (OLD, OLD)
+
+
+def test_one_that_is_lost_is_said_and_a_power_on_brings_it_back() -> None:
+    nodes = three()
+    bus = bus_of(nodes, "5:loses-bit-rate")
+    told = ran(bus, "lss bitrate 500k --store")
+    assert (told.code, f"not all could be brought back to {OLD}" in told.stderr) == (7, True)
+    assert "node 5" in told.stderr
+    assert "switch all nodes off and on" in told.stderr
+    assert [rates(nodes)[0], rates(nodes)[2]] == [(OLD, OLD)] * 2
+    nodes[1].restart()
+    assert rates(nodes) == [(OLD, OLD)] * 3
+
+
+def test_where_one_cannot_store_nobody_has_the_new_one_stored() -> None:
+    nodes = three()
+    told = ran(bus_of(nodes, "5:store-fails"), "lss bitrate 500k --store")
+    assert (told.code, "storage medium failed" in told.stderr) == (1, True)
+    assert "have that stored" in told.stderr
+    assert rates(nodes) == [(OLD, OLD)] * 3
+
+
+@settings(max_examples=15)
+@given(st.integers(0, 2), st.integers(1, 60))
+def test_a_node_whose_power_fails_leaves_no_bus_of_two_bit_rates(which: int, after: int) -> None:
+    """It comes back at what it has stored, whenever it goes: then all run there, or it is said who does not."""
+    nodes = three()
+    bus = bus_of(nodes)
+    requests = 0
+
+    def fail(frame: Frame, ours: bool) -> None:
+        nonlocal requests
+        requests += ours and frame.can_id == REQUEST_ID
+        if ours and requests == after and frame.can_id == REQUEST_ID:
+            nodes[which].restart()
+            nodes[which].boot_up()
+
+    bus.tap(fail)
+    told = ran(bus, "lss bitrate 500k")
+    now = {one.lss.bit_rate for one in nodes}
+    assert now == {bus.bit_rate} or told.code == 7, told.stderr
+    assert now == {NEW} or told.code != 0, told.stderr
+    assert {one.lss.stored_rate for one in nodes} == {OLD}
+    if told.code == 7:
+        assert "switch all nodes off and on" in told.stderr
+
+
+def strange(bus: VirtualTimeBus, frame: Frame) -> None:
+    """Let *frame* be said while we listen for other masters."""
+    began = False
+
+    def say(_frame: Frame, _ours: bool) -> None:
+        nonlocal began
+        if not began:
+            began = True
+            bus.nodes_said(frame)
+
+    bus.tap(say)
+    bus.nodes_said(frame)
+
+
+@pytest.mark.parametrize(
+    ("frame", "said"),
+    [
+        (Frame(0x123, b"\1"), "0x123 is heard"),
+        (Frame(0x080, b""), "0x080 is heard"),
+        (Frame(0x701, b"\x7f"), "does not tell its whole LSS address"),
+        (Frame(0x605, b"\x40\0\x10\0\0\0\0\0"), "another master is active"),
+    ],
+)
+def test_whoever_else_is_heard_stops_it(frame: Frame, said: str) -> None:
+    nodes = three()
+    bus = bus_of(nodes)
+    strange(bus, frame)
+    told = ran(bus, "lss bitrate 500k")
+    assert (told.code, said in told.stderr) == (6, True), told.stderr
+    assert rates(nodes) == [(OLD, OLD)] * 3
+
+
+def test_a_machine_that_runs_is_left_alone() -> None:
+    nodes = three()
+    bus = bus_of(nodes)
+    nodes[1].set_value(0x1017, 0, (100).to_bytes(2, "little"))
+    nodes[1].nmt(1)
+    told = ran(bus, "lss bitrate 500k")
+    assert (told.code, "OPERATIONAL: node 5" in told.stderr) == (6, True), told.stderr
+    assert rates(nodes) == [(OLD, OLD)] * 3
+
+
+@pytest.mark.parametrize(
+    ("lines", "said"),
+    [
+        (["a: {node_id: 3}"], "node 5 on the bus, and not in"),
+        (["a: {node_id: 3}", "b: {node_id: 5}", "c: {node_id: 7}"], "but in"),
+        (["a: {node_id: 3}", "b: {node_id: 5}"], "nodes without a node-ID are on the bus"),
+    ],
+)
+def test_a_file_names_all_who_may_be_there(tmp_path: Path, lines: list[str], said: str) -> None:
+    nodes = three()
+    file = tmp_path / "line.yaml"
+    file.write_text("nodes:\n" + "".join(f"  {line}\n" for line in lines), "utf-8")
+    told = ran(bus_of(nodes), f"lss bitrate 500k {file}")
+    assert (told.code, said in told.stderr) == (6, True), told.stderr
+    assert rates(nodes) == [(OLD, OLD)] * 3
+    del nodes[2]
+    assert ran(bus_of(nodes), f"lss bitrate 500k {file}").code == (6 if len(lines) != 2 else 0)
+
+
+@pytest.mark.parametrize("options", [{"yes": False}, {"dry_run": True}])
+def test_nothing_is_changed_without_consent(options: dict[str, bool]) -> None:
+    nodes = three()
+    told = ran(bus_of(nodes), "lss bitrate 500k", **options)
+    assert told.code == (0 if "dry_run" in options else 6)
+    assert rates(nodes) == [(OLD, OLD)] * 3
+
+
+def test_a_node_that_takes_no_part_in_lss_stops_it() -> None:
+    nodes = three()
+    bus = bus_of(nodes)
+    nodes[1].set_value(0x1018, 4, b"\0\0\0\0")
+    nodes[1].lss.handle = lambda _request: None  # type: ignore[method-assign]
+    told = ran(bus, "lss bitrate 500k")
+    assert (told.code, "node 5 takes no part in LSS" in told.stderr) == (6, True), told.stderr
+    assert rates(nodes) == [(OLD, OLD)] * 3
+
+
+def test_a_bus_of_no_bit_rate_is_refused() -> None:
+    nodes = three()
+    told = ran(bus_of(nodes, bit_rate=None), "lss bitrate 500k")
+    assert (told.code, "not known" in told.stderr) == (6, True)
+
+
+def test_a_simulated_bus_can_be_rehearsed_on() -> None:
+    with Bench(("gen4", "tmcm@5"), {"yes": True, "bitrate": 125_000}) as desk:
+        told = desk.run("lss bitrate 1M --json").document
+        assert (told["before"], told["bit_rate"], len(told["nodes"])) == (125_000, 1_000_000, 2)
+        assert desk.run("read 5:1000").code == 0
+
+
+def test_a_simulated_node_at_another_bit_rate_is_not_heard_and_disturbs() -> None:
+    with Bench(("gen4", "tmcm@5"), {"fault": ("5:bit-rate=125000",), "timeout": 0.05}) as desk:
+        told = [desk.run("read 1:1000"), *(desk.run("read 5:1000") for _ in range(3))]
+        assert [one.code for one in told] == [0, 5, 5, 5]
+        assert desk.session.bus.error_frame_count() >= 5
+        assert any("error frames" in one.stderr for one in told)
+        assert desk.session.bus.nmt_state(5) is None
+        assert desk.session.bus.nmt_state(1) is NmtState.PRE_OPERATIONAL
