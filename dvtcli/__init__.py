@@ -15,15 +15,18 @@ from dvtcli.version import __version__
 
 if TYPE_CHECKING:
     from dvtcli import errors, results
+    from dvtcli.operations.api.known_profiles import profile, profiles
     from dvtcli.operations.api.open_bus import connect, simulate
     from dvtcli.operations.api.python_bus import Bus
     from dvtcli.operations.api.python_node import Node
 
-__all__ = ["Bus", "Node", "__version__", "connect", "errors", "results", "simulate"]
+__all__ = ["Bus", "Node", "__version__", "connect", "errors", "profile", "profiles", "results", "simulate"]
 
 _FROM = {
     "Bus": "operations.api.python_bus",
     "connect": "operations.api.open_bus",
+    "profile": "operations.api.known_profiles",
+    "profiles": "operations.api.known_profiles",
     "simulate": "operations.api.open_bus",
     "Node": "operations.api.python_node",
 }

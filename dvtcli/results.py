@@ -11,6 +11,8 @@ from dvtcli.domain.rules import Finding
 from dvtcli.operations.api.told import Message
 from dvtcli.operations.results.changes import Changed
 from dvtcli.operations.results.comparisons import Compared
+from dvtcli.operations.results.device_profiles import ProfileListing, ProfileRow, ProfileShown
+from dvtcli.operations.results.learnt import Difference, LearnForecast, LearntDevice
 from dvtcli.operations.results.loads import NetworkLoad
 from dvtcli.operations.results.logged_in import LoggedIn
 from dvtcli.operations.results.networks import NetworkApplied, NetworkPlanned
@@ -27,10 +29,13 @@ __all__ = [
     "CobId",
     "Commanded",
     "Compared",
+    "Difference",
     "FaultRow",
     "Faults",
     "Finding",
     "Frame",
+    "LearnForecast",
+    "LearntDevice",
     "LoggedIn",
     "MappedName",
     "Message",
@@ -49,6 +54,9 @@ __all__ = [
     "PdoRow",
     "PinRow",
     "Plan",
+    "ProfileListing",
+    "ProfileRow",
+    "ProfileShown",
     "Progress",
     "Proof",
     "Step",

@@ -58,13 +58,14 @@ class _Prepared:
 
 def learn(
     session: Session,
+    node_id: int | None = None,
     *,
     save: str | None = None,
     compare: str | None = None,
     isolated: bool = False,
     with_store: bool = False,
 ) -> LearntDevice | LearnForecast:
-    """Find out what the selected node takes, and put everything back.
+    """Find out what the node *node_id* (None: the selected one) takes, and put everything back.
 
     *save* is the name of the profile and of the folder that are written, *compare* that of a profile, or the path of
     such a folder, to compare with; *isolated* asserts that nothing else is on the bus; *with_store* lets the node be
@@ -72,7 +73,7 @@ def learn(
     be stored, and without force where *save* was learnt of another device; DeviceRefused where no PDO can be asked,
     UsageError where *save* names somebody else's folder.
     """
-    node = session.node()
+    node = session.node(node_id)
     if save is not None:
         refuse_name(save)
     known = None if compare is None else profile_to_compare(compare)

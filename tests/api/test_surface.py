@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import inspect
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -12,25 +13,28 @@ import pytest
 
 import dvtcli
 from dvtcli import errors, results, testing
+from dvtcli.cli.catalogue import command_names
+from tests.house.pages import text
 from tests.process import ROOT, environment
 
 PUBLIC = {
-    "dvtcli": ["Bus", "Node", "__version__", "connect", "errors", "results", "simulate"],
+    "dvtcli": ["Bus", "Node", "__version__", "connect", "errors", "profile", "profiles", "results", "simulate"],
     "Bus": [
         "apply", "check", "check_sync", "close", "dry_run", "finish_stores", "is_dry_run", "link", "load", "name",
         "node", "plan", "recover", "scan", "script", "sync", "unlink",
     ],
     "Node": [
-        "canopen", "clear", "clear_faults", "disable", "enable", "faults", "identity", "login", "map", "nmt", "node_id",
-        "objects", "pdo", "pdos", "read", "recover", "require", "restore", "script", "set", "store", "tie", "undo",
-        "verify", "vpdo", "write",
+        "canopen", "clear", "clear_faults", "disable", "enable", "faults", "identity", "learn", "login", "map", "nmt",
+        "node_id", "objects", "pdo", "pdos", "read", "recover", "require", "restore", "script", "set", "store", "tie",
+        "undo", "verify", "vpdo", "write",
     ],
     "results": [
-        "Changed", "CobId", "Commanded", "Compared", "FaultRow", "Faults", "Finding", "Frame", "LoggedIn",
-        "MappedName", "Message", "NetworkApplied", "NetworkLoad", "NetworkPlanned",
-        "NodeListing", "NodeRow", "ObjectListing", "ObjectRow", "Pdo", "PdoCommunicationParameter", "PdoConfig",
-        "PdoListing", "PdoMappingEntry", "PdoRow", "PinRow", "Plan", "Progress", "Proof", "Step", "Stored", "SyncCheck",
-        "SyncSource", "Synced", "ValueRead", "VpdoListing", "VpdoRow",
+        "Changed", "CobId", "Commanded", "Compared", "Difference", "FaultRow", "Faults", "Finding", "Frame",
+        "LearnForecast", "LearntDevice", "LoggedIn", "MappedName", "Message", "NetworkApplied", "NetworkLoad",
+        "NetworkPlanned", "NodeListing", "NodeRow", "ObjectListing", "ObjectRow", "Pdo", "PdoCommunicationParameter",
+        "PdoConfig", "PdoListing", "PdoMappingEntry", "PdoRow", "PinRow", "Plan", "ProfileListing", "ProfileRow",
+        "ProfileShown", "Progress", "Proof", "Step", "Stored", "SyncCheck", "SyncSource", "Synced", "ValueRead",
+        "VpdoListing", "VpdoRow",
     ],
     "testing": [
         "ServedBus", "dvtcli_bus", "dvtcli_node", "dvtcli_nodes", "dvtcli_serve", "dvtcli_simulate", "dvtcli_state",
@@ -74,6 +78,12 @@ def test_every_error_that_a_call_can_raise_is_public() -> None:
     kinds = [kind for _, kind in inspect.getmembers(errors, inspect.isclass) if issubclass(kind, Exception)]
     assert len(kinds) > 10
     assert all(issubclass(kind, errors.DvtcliError) for kind in kinds)
+
+
+def test_every_command_has_its_call_or_is_said_to_have_none() -> None:
+    section = text("docs/how-to/python.md").partition("## Commands and calls")[2].partition("\n## ")[0]
+    said = {word for words in re.findall(r"`([^`]+)`", section) for word in [words.split()[0]]}
+    assert set(command_names()) - said == set()
 
 
 def test_the_import_costs_nothing() -> None:

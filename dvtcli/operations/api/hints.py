@@ -25,7 +25,7 @@ _SENTENCES = {
     "or --sim generic": "or dvtcli.simulate('generic')",
 }
 _ANSWERS = "yes|force|extended|frame"
-_METHODS = "undo|map|set|enable|disable|clear|write|store|restore|verify|recover"
+_METHODS = "learn|undo|map|set|enable|disable|clear|write|store|restore|verify|recover"
 
 
 def in_python(hint: str) -> str:

@@ -23,10 +23,12 @@ from dvtcli.operations.api.arguments import (
     request,
 )
 from dvtcli.operations.api.arguments import type_of as type_named
-from dvtcli.operations.api.checks import flags, number, whole, word
+from dvtcli.operations.api.checks import flags, number, path, whole, word
 from dvtcli.operations.api.read_node import ReadNode
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from dvtcli.device.node import Node as DeviceNode
     from dvtcli.domain.datatypes import Value
     from dvtcli.domain.pdo import Pdo
@@ -35,6 +37,8 @@ if TYPE_CHECKING:
         Changed,
         Commanded,
         Faults,
+        LearnForecast,
+        LearntDevice,
         LoggedIn,
         Stored,
         VpdoListing,
@@ -260,6 +264,38 @@ class Node(ReadNode):
             return done if isinstance(done, Changed) else None
 
         return self._change(finish, yes=yes, force=force)
+
+    def learn(
+        self,
+        *,
+        save: str | None = None,
+        compare: str | Path | None = None,
+        isolated: bool = False,
+        with_store: bool = False,
+        yes: bool = False,
+        force: bool = False,
+    ) -> LearntDevice | LearnForecast:
+        """Find out what the node's PDOs take, and put everything back; needs *yes*, and starts no node.
+
+        *save* writes a profile and a simulated family into the folder of that name. *compare* is a profile's name, or
+        such a folder: the answer is false where the device differs from it. *isolated* says that nothing else is on the
+        bus, so that restricted CAN-IDs are asked for, too; *with_store* lets the node save, with two writes to 0x1010
+        at most. In a dry run the answer is what would be asked. UsageError for a name or a profile that cannot be.
+        """
+        from dvtcli.operations.learn_device import learn
+
+        flags(isolated=isolated, with_store=with_store)
+        if save is not None:
+            word("save", save, "the name of a profile, and of the folder for it")
+        against = None if compare is None else str(path("compare", compare))
+        session = self._calls.session
+        return self._change(
+            lambda node: learn(
+                session, node.node_id, save=save, compare=against, isolated=isolated, with_store=with_store
+            ),
+            yes=yes,
+            force=force,
+        )
 
     def _change(self, work: Callable[[DeviceNode], T], *, yes: bool, force: bool) -> T:
         calls = self._calls

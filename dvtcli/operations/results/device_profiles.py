@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -38,6 +39,12 @@ class ProfileListing(Answer):
     rows: tuple[ProfileRow, ...]
     folder: str
     exit_code: int = 0
+
+    def __iter__(self) -> Iterator[ProfileRow]:
+        return iter(self.rows)
+
+    def __len__(self) -> int:
+        return len(self.rows)
 
     def document(self) -> Document:
         """`dvtcli.profiles/1`."""

@@ -50,6 +50,10 @@ class LearntDevice(Answered):
     compared: tuple[str, Sequence[Difference]] | None = None
     identified: bool = True
 
+    def __bool__(self) -> bool:
+        """Whether the device is as the profile that it was compared with says; true where it was compared with none."""
+        return self.exit_code == 0
+
     @property
     def exit_code(self) -> int:
         """3 where the device differs from the profile that it was compared with."""

@@ -15,7 +15,7 @@ from tests.house.reference.markdown import cell, code, fenced, table
 
 def calls() -> Iterator[str]:
     """Functions and classes with their methods, in the order of the package's own list."""
-    for name in ("connect", "simulate"):
+    for name in ("connect", "simulate", "profiles", "profile"):
         yield from _function(name, getattr(dvtcli, name), "dvtcli.")
     for name in ("Bus", "Node"):
         kind = getattr(dvtcli, name)
