@@ -16,6 +16,7 @@ from dvtcli.domain.several import plural, several
 from dvtcli.errors import UsageError
 from dvtcli.files.network.write_network import write_network
 from dvtcli.operations.exported_objects import exported_objects, exported_watches
+from dvtcli.operations.exported_pins import exported_pins
 from dvtcli.operations.results import Facts
 from dvtcli.operations.save_script import ask_before_overwriting, place_of, write_whole
 
@@ -106,13 +107,13 @@ def network_place(file: str, example: str) -> Path:
 
 
 def exported(holder: Holder, held: Mapping[Pdo, PdoConfig], values: SdoReader) -> Exported:
-    """The PDOs that *holder* has, *held*, as a network file has them, and what *values* say of heartbeat and SYNC."""
+    """The PDOs that *holder* has, *held*, as a network file has them, and what *values* say of the rest."""
     remarks: dict[str, str] = {}
     wishes = tuple(_pdo(holder, pdo, config, remarks) for pdo, config in held.items() if is_whole(config))
     objects = sorted(exported_objects(values, holder.dictionary), key=lambda one: (one.index, one.sub_index))
     wish = NodeWish(
         _name(holder), holder.node_id, _identity(holder), pdos=wishes, objects=tuple(objects),
-        watches=tuple(exported_watches(values)),
+        watches=tuple(exported_watches(values)), pins=tuple(exported_pins(values, holder.profile.vpdo)),
     )  # fmt: skip
     left_out = tuple(pdo.label for pdo, config in held.items() if not is_whole(config))
     return Exported(wish, {(holder.node_id, word): text for word, text in remarks.items()}, left_out)
