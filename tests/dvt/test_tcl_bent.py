@@ -10,7 +10,7 @@ import pytest
 
 from dvtcli.cli.catalogue import command_names
 from dvtcli.cli.command import DvtCommand
-from dvtcli.cli.commands import verify
+from dvtcli.cli.commands import read, verify
 from dvtcli.cli.dvt.tcl_safe import ON_NODES
 from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import FileType
@@ -81,6 +81,26 @@ def test_verify_opens_no_file(words: str, tmp_path: Path) -> None:
         assert "x.tcl:1: dvtcli verify with a file is not available" in done.stderr
 
 
+@pytest.mark.parametrize(
+    "line", ["read 1008 -o {file}", "read -o{file} 1008", "read 1008 --output={file}", "write 2002 @{file}"]
+)
+def test_an_object_is_neither_read_into_a_file_nor_written_from_one(line: str, tmp_path: Path) -> None:
+    own, other = tmp_path / "scripts", tmp_path / "secret"
+    own.mkdir()
+    other.write_text("root:passcode\n")
+    (own / "x.tcl").write_text(f"dvtcli {line.format(file=other)}\n")
+    done = dvtcli("--sim", "generic", "--yes", "run", "x.tcl", cwd=own)
+    assert done.returncode == 2, done.stderr
+    assert f"x.tcl:1: dvtcli {line.split(maxsplit=1)[0]} with a file is not available" in done.stderr
+    assert other.read_text() == "root:passcode\n"
+
+
+def test_a_value_may_begin_with_at(tmp_path: Path) -> None:
+    with Bench(("generic",), {"yes": True}) as bench:
+        ran = tcl(bench, tmp_path, "dvtcli write 2002 @@secret\nputs [dvtcli read 2002]\n")
+        assert (ran.code, "@secret" in ran.stdout) == (0, True), ran.stderr
+
+
 def test_verify_of_pdos_works_as_ever(tmp_path: Path) -> None:
     with Bench() as bench:
         ran = tcl(bench, tmp_path, "dvtcli map tpdo1 606C\ndvtcli verify tpdo1\ndvtcli verify TPDO1 --timeout 1\n")
@@ -116,4 +136,4 @@ def test_no_other_command_of_a_script_takes_a_file() -> None:
         assert command is not None
         own = [param for param in command.params if not getattr(param, "hidden", False)]
         files = [param.name for param in own if isinstance(param.type, FileType) or param.metavar == "FILE"]
-        assert not files or command is verify.command, f"{name} {files}"
+        assert not files or command in (read.command, verify.command), f"{name} {files}"

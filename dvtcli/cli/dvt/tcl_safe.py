@@ -135,8 +135,8 @@ def refuse_beyond_nodes(words: Sequence[str], session: Conversation) -> None:
         raise UsageError("dvtcli: a command is missing behind it, as in: dvtcli read 6041")
     if words[0] not in ON_NODES:
         raise _refused(f"dvtcli {words[0]}")
-    if words[0] == "verify" and not all(map(_names_a_pdo, _arguments(words, session))):
-        raise _refused("dvtcli verify with a file")
+    if words[0] in _WITH_FILES and any(map(_WITH_FILES[words[0]], _arguments(words, session))):
+        raise _refused(f"dvtcli {words[0]} with a file")
 
 
 def _arguments(line: Sequence[str], session: Conversation) -> list[str]:
@@ -150,8 +150,16 @@ def _arguments(line: Sequence[str], session: Conversation) -> list[str]:
     return [text for text in texts if isinstance(text, str)]
 
 
-def _names_a_pdo(word: str) -> bool:
-    return _PDO.fullmatch(word) is not None and not Path(word).is_file()
+def _names_no_pdo(word: str) -> bool:
+    return _PDO.fullmatch(word) is None or Path(word).is_file()
+
+
+#: Commands of `ON_NODES` that take files, and which text of theirs is one.
+_WITH_FILES: dict[str, Callable[[str], bool]] = {
+    "verify": _names_no_pdo,
+    "read": lambda _file: True,  # -o FILE is its only text
+    "write": lambda value: value.startswith("@") and not value.startswith("@@"),
+}
 
 
 def _refused(name: str) -> UsageError:
