@@ -35,6 +35,7 @@ def listen(session: Session, for_s: float, take: Callable[[Frame, bool], None]) 
     bus = session.open_network().bus
     if not for_s or not bus.carries_frames:
         return Listened()
+    bus.heard_nodes()  # takes what waits here since before: it did not come within that time
     errors, lost = bus.error_frame_count(), bus.lost_frame_count()
     untap = bus.tap(take)
     begun_s = bus.now_s()

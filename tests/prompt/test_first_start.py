@@ -94,3 +94,11 @@ def test_without_a_terminal_nobody_is_asked(tmp_path: Path) -> None:
     assert done.returncode == 5
     assert "no CAN interface is configured" in done.stderr
     assert "Use which?" not in done.stderr
+
+
+def test_a_named_bus_is_called_by_its_name(open_terminal: Open, tmp_path: Path) -> None:
+    (tmp_path / "dvtcli.toml").write_text('[bus.bench]\nsim = "gen4"\n')
+    terminal = open_terminal("--bus", "bench")
+    terminal.wait_prompt("bench/1 PRE-OP> ")
+    terminal.type("doctor\r")
+    terminal.wait("chosen by [bus.bench]")

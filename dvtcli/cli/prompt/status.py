@@ -144,6 +144,9 @@ class Status:
         return [Part(1, "", ("F1 help", ""))] if "help" in command_names() else []
 
     def _bus_name(self) -> str:
+        """The name that `--bus` chose it by, else its channel."""
+        if self._session.base.bus is not None:
+            return self._session.base.bus
         name = self._session.wire.name
         return name.partition(":")[2] or name
 

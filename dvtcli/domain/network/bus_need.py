@@ -124,9 +124,9 @@ def fitting_bit_rates(found: Streams) -> tuple[int, ...]:
     return tuple(rate for rate in BIT_RATES if bus_need(found, rate).fits)
 
 
-#: How far the clocks of two devices may be apart, and frames beyond what a period has room for: the first, and one that
-#: was late before it.
-_CLOCKS, _AT_ENDS = 1.02, 2
+#: How far the clocks of two devices, and when frames come to be counted, may be apart; and frames beyond what a period
+#: has room for: the first, and one that was late before it.
+_CLOCKS, _AT_ENDS = 1.05, 2
 
 
 def most_frames(streams: Iterable[Stream], seconds: float) -> int | None:
