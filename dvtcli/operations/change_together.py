@@ -41,7 +41,7 @@ def carry_out_together(
     Any error of a node with state `rolled_back`: everything is taken back then; LeftChanged where a node could not be.
     *findings* are what the rules had said of each.
     """
-    course = Course(session, nodes, name)
+    course = Course(session, nodes, name, {node_id: one.boot_ups for node_id, one in found.items()})
     for node_id, plan in plans.items():
         if len(plan):
             course.plans[node_id], _ = with_way_back(nodes[node_id], plan)

@@ -40,6 +40,8 @@ class Course:
     session: Session
     nodes: Mapping[int, Node]
     name: str
+    #: boot-ups of each node before anything was read of it
+    boot_ups: Mapping[int, int]
     done: list[Plan] = field(default_factory=list)
     plans: dict[int, Plan] = field(default_factory=dict)
     #: whether it is a whole by itself, and no line of a script that is one
@@ -52,7 +54,7 @@ class Course:
         self._alone = self.session.whole.id is None
         if self._alone:
             self.session.whole.begin(self.name)
-        self._before = {node_id: _Before.of(node) for node_id, node in self.nodes.items()}
+        self._before = {node_id: _Before.of(node, self.boot_ups[node_id]) for node_id, node in self.nodes.items()}
 
     def journals(self) -> list[OwnJournal]:
         """Those of the nodes, where they are this plan's alone."""
@@ -221,8 +223,7 @@ class _Before:
     boot_ups: int
 
     @classmethod
-    def of(cls, node: Node) -> _Before:
-        boot_ups = node.bus.boot_ups(node.node_id)
+    def of(cls, node: Node, boot_ups: int) -> _Before:
         return cls(dict(node.wanted), dict(node.wanted_values), dict(node.pending.unstored), boot_ups)
 
     def restarted(self, node: Node) -> bool:

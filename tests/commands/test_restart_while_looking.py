@@ -145,3 +145,22 @@ def test_an_atomic_script_that_was_taken_back_is_looked_at_once_more(tmp_path: P
     assert steps == [2, 2, 1, 2, 1]
     assert ran.code == 7
     assert "it does not hold what it held before: TPDO3 event timer is 0" in " ".join(ran.stderr.split())
+
+
+def test_nodes_that_are_as_they_were_do_not_count_one_that_restarted_before_the_plan_was_made() -> None:
+    """Node 1 restarts while `undo --all` looks at it: what it held in RAM is lost, and nothing puts that back."""
+    told = set()
+    for at in range(4, 30, 5):
+        nodes = [device("generic"), StrictDevice(dictionary("generic"), load_family("generic"), 2)]
+        options, bus = {"yes": True, "node": 1}, VirtualTimeBus(nodes, timeout_s=0.3, simulated=False)
+        with Bench((), options, bus) as one:
+            assert one.run("set 1:tpdo1 --timer 9").code == one.run("set 2:tpdo1 --timer 8").code == 0
+            nodes[0].at = at
+            ran = one.run("undo --all")
+        timer = read_pdo(DirectSdo(nodes[0]), TPDO1).communication.event_timer
+        text = " ".join(ran.stderr.split())
+        assert ran.code or not timer
+        if ran.code:
+            assert timer == 9 or "every node is as it was" not in text, (at, text)
+            told.add("node 1 restarted: what else it held in RAM only is lost" in text)
+    assert told == {True}
