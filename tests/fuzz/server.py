@@ -58,6 +58,9 @@ class HostileLink:
 
     def await_share(self) -> None: ...
 
+    def takes_bursts(self) -> bool:
+        return True
+
     def consumes_heartbeat(self, node_id: int, sub_index: int, *, consumes: bool) -> None: ...
 
     def hold(self, lock: Lock) -> None:

@@ -56,7 +56,7 @@ def command(
     check press.yaml bus.yml
     check line.yaml --strict --format github
     check line.yaml --rule unbounded-event-pdo --rule too-late
-    check --live --for 10      the nodes on the bus
+    check --live --for 1       the nodes on the bus
     check press.yaml --live    and whether they are those of the file
     """
     from dvtcli.operations.check_networks import CheckWishes, check_networks
