@@ -56,7 +56,7 @@ def become() -> None:
     _streams()
     _folders()
     modules: dict[str, ModuleType] = {
-        "os": facade("os", _OS, name="nt", linesep="\r\n", O_BINARY=0x8000, O_NOINHERIT=0, startfile=None),
+        "os": facade("os", _OS, name="nt", linesep="\r\n", O_BINARY=0x8000, O_NOINHERIT=0, startfile=None, kill=_kill),
         "sys": facade("sys", "abiflags getdlopenflags", platform="win32"),
         "signal": facade("signal", _SIGNALS, SIGBREAK=_SIGBREAK, CTRL_C_EVENT=0, CTRL_BREAK_EVENT=1, signal=_signal),
         "select": facade("select", "poll epoll kqueue POLLIN POLLERR POLLHUP POLLNVAL", select=_select),
@@ -96,6 +96,17 @@ def _folders() -> None:
     finally:
         sys.platform = real
         del sys.modules["ctypes"]
+
+
+def _kill(process_id: int, number: int) -> None:
+    """Whatever is sent to another process ends it at once, and none of its handlers learns of it.
+
+    But for Ctrl-C and Ctrl-Break: whoever sends SIGINT, or Ctrl-Break's number, means these keys.
+    """
+    events = {0: signal.SIGINT, 1: _SIGBREAK}
+    number = events.get(number, number)
+    is_heard = process_id == os.getpid() or number in (signal.SIGINT, _SIGBREAK)
+    os.kill(process_id, number if is_heard else signal.SIGKILL)
 
 
 def _signal(number: int, handler: Any) -> Any:

@@ -16,7 +16,7 @@ import pytest
 
 from tests.posix import SIGKILL
 from tests.process import start
-from tests.serve.served import Served, bus_words, own_environment, served
+from tests.serve.served import Served, bus_words, own_environment, served, state_folder
 
 NODES = (1, 3)
 FILE = """
@@ -85,7 +85,7 @@ def killed_in(nodes: Served, line: list[str], at: int, which: Callable[[can.Mess
 
 
 def journals(nodes: Served) -> list[Path]:
-    return sorted((nodes.folder / "state-home" / "dvtcli" / "journals").glob("*"))
+    return sorted((state_folder(nodes.folder) / "journals").glob("*"))
 
 
 @pytest.mark.drawn(1)

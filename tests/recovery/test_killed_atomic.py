@@ -18,7 +18,7 @@ import pytest
 from tests.forked import Forked
 from tests.posix import SIGKILL
 from tests.process import start
-from tests.serve.served import Served, bus_words, own_environment, served
+from tests.serve.served import Served, bus_words, own_environment, served, state_folder
 
 NODES = (1, 3)
 #: both nodes, one PDO twice, an object of its own, a swap of CAN-IDs, and a mapping entry behind the count
@@ -111,7 +111,7 @@ def killed(
 
 def waiting(nodes: Served) -> list[int]:
     """Node-IDs of the journals that wait."""
-    folder = nodes.folder / "state-home" / "dvtcli" / "journals"
+    folder = state_folder(nodes.folder) / "journals"
     ids = sorted(int(path.stem.rpartition("-")[2]) for path in folder.glob("*.json"))
     if not ids:
         assert not list(folder.glob("*")), "nothing else is left there either"
@@ -205,7 +205,7 @@ def test_what_a_kill_leaves_of_the_journals_of_a_complete_script_counts_no_longe
     lines = [*LINES[:3], *AFTERWARDS]
     assert killed(nodes, lines, 1, is_upload_of(0x1009)) == -SIGKILL
     assert waiting(nodes) == [1, 3]
-    (marker,) = (nodes.folder / "state-home" / "dvtcli" / "journals").glob("*.whole")
+    (marker,) = (state_folder(nodes.folder) / "journals").glob("*.whole")
     marker.unlink()
     held_now = held(nodes)
     recovered = nodes.dvtcli("recover", "--yes", "--json")

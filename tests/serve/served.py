@@ -61,7 +61,14 @@ def bus_words(port: int) -> list[str]:
 
 def own_environment(folder: Path) -> dict[str, str]:
     """An environment in which locks and journals are *folder*'s."""
-    return environment() | {"XDG_STATE_HOME": str(folder / "state-home")}
+    state = str(folder / "state-home")
+    return environment() | {"XDG_STATE_HOME": state, "LOCALAPPDATA": state}
+
+
+def state_folder(folder: Path) -> Path:
+    """Where dvtcli keeps locks and journals in that environment."""
+    own = folder / "state-home" / "dvtcli"
+    return own / "dvtcli" if os.name == "nt" else own  # Windows has a folder for whoever made it, too
 
 
 @contextmanager

@@ -20,7 +20,7 @@ import pytest
 
 from dvtcli.simulator.network.family_file import family_eds
 from tests.process import dvtcli, environment
-from tests.serve.served import PATIENCE_S, Served, own_environment, raw_client, received, served, wait_for
+from tests.serve.served import PATIENCE_S, Served, own_environment, raw_client, received, served, state_folder, wait_for
 
 #: what pdo_config.dvt puts into the frames, as the simulated controller's values are
 FRAMES = {
@@ -52,7 +52,7 @@ def test_a_script_a_store_and_a_logger(gen4: Served, tmp_path: Path) -> None:
         synced = gen4.dvtcli("-n", "1", "sync", "--count", "3", "--period", "20")
         assert "3 SYNCs sent, 12 frames came" in synced.stdout
         assert logger.tpdos(12) == 3 * list(FRAMES.items())
-    folder = tmp_path / "state-home" / "dvtcli"
+    folder = state_folder(tmp_path)
     assert [path.name for path in (folder / "locks").iterdir()] == [f"socketcand_127.0.0.1_{gen4.port}-1.lock"]
     assert list((folder / "journals").iterdir()) == []
 
