@@ -97,10 +97,15 @@ Change = PdoChange | ValueChange
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """The changes for one node, in order."""
+    """The changes for one node, in order.
+
+    It may be a part of a larger change: *looked_at* are PDOs that whoever carries that out reads whole after its last
+    part, and takes back with it.
+    """
 
     node_id: int
     changes: tuple[Change, ...]
+    looked_at: frozenset[Pdo] = frozenset()
 
     @property
     def steps(self) -> Iterator[Step]:
@@ -126,6 +131,12 @@ def alters(change: Change) -> bool:
 def writes_cob_id(plan: Plan) -> bool:
     """Whether *plan* writes the COB-ID of a PDO, which a device may take as a reason to move others."""
     return any(step.sub_index == 1 and step.index == _communication_index(step.index) for step in plan.steps)
+
+
+def only_cob_id(change: Change) -> bool:
+    """Whether *change* writes the COB-ID of a PDO, and nothing else of it."""
+    place = (change.pdo.communication_index, 1) if isinstance(change, PdoChange) else None
+    return bool(change.steps) and all((step.index, step.sub_index) == place for step in change.steps)
 
 
 def _communication_index(index: int) -> int | None:

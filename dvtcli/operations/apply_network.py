@@ -105,7 +105,7 @@ def refuse_stale(node: Node, planned: NodePlan, changes: Iterable[Change]) -> No
     if node.identity() != planned.identity:
         raise SafetyRefusal(f"node {node.node_id} is another device than the plan is for", node=node.node_id, hint=hint)
     for change in changes:
-        difference = first_difference(node.sdo, change, wanted_before=True)
+        difference = first_difference(node.memory, change, wanted_before=True)  # which is empty since it was claimed
         if difference:
             raise SafetyRefusal(
                 f"node {node.node_id} has changed since the plan was made: {change.label}",

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.change.taken_back import with_way_back
 from dvtcli.domain.network.phases import phases
+from dvtcli.domain.plan import PdoChange
 from dvtcli.errors import Interrupted, JournalKept
 from dvtcli.operations.last_look import last_look
 from dvtcli.operations.take_back_network import Course
@@ -89,6 +90,8 @@ class _Run:
     def _part(self, phase: int, part: Plan) -> None:
         """Carry *part* out; noted before it is done: what fails once it was verified must be taken back, too."""
         node = self.course.nodes[part.node_id]
+        changes = self.course.plans[part.node_id].changes
+        part = replace(part, looked_at=frozenset(one.pdo for one in changes if isinstance(one, PdoChange)))
         with self._told(phase, node):
             _stop_if_cancelled(self.session)
             with self.course.doing(with_way_back(node, part)[0]):

@@ -24,13 +24,15 @@ class Unheard(Heard):
         VirtualTimeBus._deliver(self, frame, sender)
 
 
-def many(folder: Path, count: int, faults: list[str] | None = None) -> tuple[Chain, Path]:
+def many(
+    folder: Path, count: int, faults: list[str] | None = None, *, bus: type[Heard] = Unheard
+) -> tuple[Chain, Path]:
     """*count* nodes, none of which is OPERATIONAL, and the file about them."""
     families = dict.fromkeys(range(1, count + 1), "generic")
     (folder / "files").mkdir()
     file = folder / "many.yaml"
     file.write_text(network(count).replace("{store: true}", "{}"))
-    return Chain(folder / "files", faults, operational=False, families=families, bus=Unheard), file
+    return Chain(folder / "files", faults, operational=False, families=families, bus=bus), file
 
 
 @pytest.fixture(autouse=True)

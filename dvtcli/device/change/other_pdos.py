@@ -78,10 +78,13 @@ def altered_too(plan: Plan, altered: Mapping[Pdo, str]) -> DeviceRefused:
 
 
 def cob_ids_beside(node: Changeable, plan: Plan) -> dict[Pdo, CobId]:
-    """The COB-IDs that *plan* leaves alone, to be compared right after it; none where it writes no COB-ID."""
-    if not writes_cob_id(plan):
+    """The COB-IDs that *plan* leaves alone, to be compared right after it; none where it writes no COB-ID.
+
+    Not of PDOs that are looked at whole once the change that it is a part of is made.
+    """
+    own = {*_own(plan), *plan.looked_at}
+    if not writes_cob_id(plan) or own.issuperset(node.present()):
         return {}
-    own = set(_own(plan))
     return {pdo: cob_id for pdo, cob_id in node.known_cob_ids().items() if pdo not in own}
 
 

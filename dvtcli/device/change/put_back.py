@@ -16,7 +16,7 @@ from dvtcli.domain.abort import may_pass
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Change, PdoChange, Step, ValueChange, plan_pdo
-from dvtcli.domain.ports import SdoTransport
+from dvtcli.domain.ports import SdoReader, SdoTransport
 from dvtcli.errors import DeviceRefused, NoAnswer, SdoAborted, SdoProtocolError
 
 #: How long a roll-back keeps trying where the node is silent or refuses, and the pause between two tries, in seconds.
@@ -187,7 +187,7 @@ def _pdo_steps_back(sdo: SdoTransport, change: PdoChange, fillers: Sequence[Valu
     )
 
 
-def first_difference(sdo: SdoTransport, change: Change, *, wanted_before: bool = False) -> str | None:
+def first_difference(sdo: SdoReader, change: Change, *, wanted_before: bool = False) -> str | None:
     """Read *change* back and name the first difference to what it wanted (or had *before*), or None."""
     if isinstance(change, ValueChange):
         before = change.step.before
@@ -206,6 +206,14 @@ def first_difference(sdo: SdoTransport, change: Change, *, wanted_before: bool =
     telling = (step for step in differing if (step.index, step.sub_index) != cob_id)
     step = next(telling, None) or replace(differing[0], after=differing[-1].after)  # the COB-ID alone
     return f"0x{step.object} is {_hex(step.before)}, expected {_hex(step.after)}"
+
+
+def cob_id_difference(sdo: SdoReader, change: PdoChange) -> str | None:
+    """How the COB-ID differs from what *change* wanted, None where it does not; nothing else is read."""
+    held, wanted = read_cob_id(sdo, change.pdo), change.after.communication.cob_id
+    if held == wanted:
+        return None
+    return f"0x{change.pdo.communication_index:04X}:01 is 0x{held.raw:08X}, expected 0x{wanted.raw:08X}"
 
 
 def altered_cob_ids(sdo: SdoTransport, others: Mapping[Pdo, CobId]) -> dict[Pdo, CobId]:

@@ -13,11 +13,11 @@ from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.change.acknowledged import Acknowledged
 from dvtcli.device.change.failed_change import TRY_AGAIN, left_changed, refused, step_text
 from dvtcli.device.change.other_pdos import OtherPdos, altered_too
-from dvtcli.device.change.put_back import Clock, first_difference, restore_patiently
+from dvtcli.device.change.put_back import Clock, cob_id_difference, first_difference, restore_patiently
 from dvtcli.device.change.taken_back import put_back_findings
 from dvtcli.device.observe import MOST_LOOKS, Undisturbed, Witness, observed
 from dvtcli.domain.pdo import Pdo
-from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, writes_cob_id
+from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, only_cob_id, writes_cob_id
 from dvtcli.domain.ports import SdoTransport
 from dvtcli.domain.several import several
 from dvtcli.errors import DeviceRefused, DvtcliError, Interrupted, NoAnswer, SdoAborted, SdoProtocolError
@@ -123,7 +123,7 @@ class Transaction:
         """Read back what the plan set; what differs is a refusal that came without an abort."""
         self.boot_ups_verified = self.witness.boot_ups()
         for change in self.plan.changes:
-            difference = first_difference(self.sdo, change)
+            difference = self._difference(change)
             if difference:
                 raise self._differs(change, difference)
         if self._others_matter() and self._restarted():
@@ -131,6 +131,12 @@ class Transaction:
         altered = self._altered()
         if altered:
             raise altered_too(self.plan, altered)
+
+    def _difference(self, change: Change) -> str | None:
+        """What *change* has not come to; only the COB-ID is read where nothing else was written and more follows."""
+        if isinstance(change, PdoChange) and change.pdo in self.plan.looked_at and only_cob_id(change):
+            return cob_id_difference(self.sdo, change)
+        return first_difference(self.sdo, change)
 
     def _others_matter(self) -> bool:
         return bool(self.others.cob_ids) and writes_cob_id(self.plan)
