@@ -9,7 +9,7 @@ from __future__ import annotations
 import sys
 
 #: what a TPDO sends and the RPDO of the next node takes, of one length: objects that the generic family has
-_PAIRS = (("6041", "6040"), ("606C", "60FF"), ("6064", "607A"), ("6061", "6060"))
+PAIRS = (("6041", "6040"), ("606C", "60FF"), ("6064", "607A"), ("6061", "6060"))
 
 
 def network(count: int) -> str:
@@ -18,11 +18,11 @@ def network(count: int) -> str:
     for node_id in range(1, count + 1):
         before = node_id - 1 or count
         lines += [f"  n{node_id}:", f"    node_id: {node_id}", "    tpdo:"]
-        for number, (sent, _) in enumerate(_PAIRS):
+        for number, (sent, _) in enumerate(PAIRS):
             keys = f"enabled: true, transmission: 254, event_timer: {100 + number}, mapping: [{sent}]"
             lines.append(f"      {number + 1}: {{cob_id: 0x{can_id(node_id, number):X}, {keys}}}")
         lines.append("    rpdo:")
-        for number, (_, taken) in enumerate(_PAIRS):
+        for number, (_, taken) in enumerate(PAIRS):
             keys = f"enabled: {str(count > 1).lower()}, transmission: 255, mapping: [{taken}]"
             lines.append(f"      {number + 1}: {{cob_id: 0x{can_id(before, number):X}, {keys}}}")
     return "\n".join(lines) + "\n"

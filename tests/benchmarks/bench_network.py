@@ -1,6 +1,7 @@
 """`apply` of a network on a wire that takes time, in virtual time: `python tests/benchmarks/bench_network.py [NODES…]`.
 
-Four TPDOs and four RPDOs of each node change, and are read back; nothing is stored, which goes one by one on purpose.
+Four TPDOs and four RPDOs of each node change, and are read back; stores, which go one by one on purpose, are a column
+of their own. The peer is canopen's `PdoMap.read()` and `save()` of the same PDOs on that wire, with no reading back.
 Beside the time stands the physical limit of the frames that were sent: all their bits on the wire, or the longest chain
 of one node's requests and answers, whichever is longer. The ratio says how well the wire or the slowest node is used;
 what is sent is another question.
@@ -16,6 +17,8 @@ import tracemalloc
 from heapq import heappop, heappush
 from pathlib import Path
 
+import canopen
+
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from dvtcli.bus.sdo.sdo_link import REQUEST_ID
@@ -29,7 +32,7 @@ from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family
 from dvtcli.simulator.network.station import SimulatedNode
 from dvtcli.simulator.network.wire import Wire
-from examples.many_nodes import network
+from examples.many_nodes import PAIRS, can_id, network
 from tests.laws.bench import dictionary
 from tests.virtual_time import VirtualTimeBus
 
@@ -92,17 +95,68 @@ class WireTimedBus(VirtualTimeBus):
         return max(self.bits / self.bitrate_, max(self.chains_s.values(), default=0.0))
 
 
-def run(count: int, bitrate: int, server_s: float, *, width: int = 64) -> tuple[float, float, float]:
-    """Seconds of virtual time, the limit in seconds, and seconds of CPU, of an `apply` of *count* nodes."""
+class OnTheWire(canopen.Network):
+    """canopen's network on *bus*: whoever sends a request has its answer when that returns."""
+
+    def __init__(self, bus: WireTimedBus) -> None:
+        super().__init__()
+        self._wire = bus
+        self._answers = 0
+        bus.tap(self._heard)
+
+    def _heard(self, frame: Frame, sent: bool) -> None:
+        if not sent:
+            self._answers += 1
+            self.notify(frame.can_id, bytearray(frame.data), frame.timestamp_s)
+
+    def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
+        """Send, and wait for the answer."""
+        seen = self._answers
+        self._wire.send_sdo(can_id, bytes(data))
+        self._wire._until(lambda: self._answers > seen, self._wire.now_s() + 1.0)
+
+
+def wired(count: int, bitrate: int, server_s: float) -> WireTimedBus:
+    """A bus of *count* generic nodes, none of which is OPERATIONAL."""
     devices = [StrictDevice(dictionary("generic"), load_family("generic"), node_id) for node_id in range(1, count + 1)]
     for one in devices:
         one.boot_up()
         one.take_outbox()
-    bus = WireTimedBus(devices, bitrate, server_s)
+    return WireTimedBus(devices, bitrate, server_s)
+
+
+def run_canopen(count: int, bitrate: int, server_s: float) -> float:
+    """Seconds of virtual time in which canopen reads all eight PDOs of each node, sets them, and saves them."""
+    bus = wired(count, bitrate, server_s)
+    network = OnTheWire(bus)
+    for node_id in range(1, count + 1):
+        node = canopen.RemoteNode(node_id, str(family_eds("generic")))
+        network.add_node(node)
+        before = node_id - 1 or count
+        for number, (sends, takes) in enumerate(PAIRS):
+            for pdo, entry, sender in (
+                (node.tpdo[number + 1], sends, node_id),
+                (node.rpdo[number + 1], takes, before),
+            ):
+                pdo.read()
+                pdo.clear()
+                pdo.add_variable(int(entry, 16))
+                pdo.cob_id, pdo.enabled, pdo.trans_type = can_id(sender, number), True, 254
+                if pdo is node.tpdo[number + 1]:
+                    pdo.event_timer = 100 + number
+                pdo.save()
+    return bus.now_s()
+
+
+def run(
+    count: int, bitrate: int, server_s: float, *, width: int = 64, store: bool = False
+) -> tuple[float, float, float]:
+    """Seconds of virtual time, the limit in seconds, and seconds of CPU, of an `apply` of *count* nodes."""
+    bus = wired(count, bitrate, server_s)
     bus.most_at_once = width
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "many.yaml"
-        file.write_text(network(count).replace("{store: true}", "{}"))
+        file.write_text(network(count) if store else network(count).replace("{store: true}", "{}"))
         with Session(Options(yes=True, journal=folder), open_bus=lambda _options: bus) as session:
             for node_id in range(1, count + 1):
                 session.open_network().files.own_eds[node_id] = family_eds("generic")
@@ -118,15 +172,17 @@ def run(count: int, bitrate: int, server_s: float, *, width: int = 64) -> tuple[
 
 def main(counts: tuple[int, ...]) -> None:
     os.environ["XDG_STATE_HOME"] = tempfile.mkdtemp()
-    print("nodes kbit/s server   apply     limit  ratio one by one  CPU/node")
+    print("nodes kbit/s server   apply     limit  ratio one by one with stores   canopen  CPU/node")
     for count in counts:
         for bitrate in BIT_RATES:
             for server_s in SERVERS_S:
                 took_s, limit_s, cpu_s = run(count, bitrate, server_s)
                 alone = f"{run(count, bitrate, server_s, width=1)[0]:8.2f} s" if count <= 16 else "-"
+                stored = f"{run(count, bitrate, server_s, store=True)[0]:8.2f} s" if count <= 16 else "-"
                 print(
                     f"{count:5} {bitrate // 1000:6} {1000 * server_s:3.0f} ms {took_s:7.2f} s {limit_s:7.2f} s "
-                    f"{took_s / limit_s:5.2f} {alone:>10} {1000 * cpu_s / count:6.1f} ms",
+                    f"{took_s / limit_s:5.2f} {alone:>10} {stored:>11} "
+                    f"{run_canopen(count, bitrate, server_s):8.2f} s {1000 * cpu_s / count:6.1f} ms",
                     flush=True,
                 )
     tracemalloc.start()

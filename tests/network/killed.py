@@ -64,7 +64,7 @@ def _look(chain: Chain, home: Path, look: Callable[[Chain], None]) -> None:
         os.environ[name] = str(other / home.name)
     chain.folder = other / chain.folder.name
     layouts = chain.bus.layouts
-    chain.bus = Watched(list(chain.devices.values()), [])
+    chain.bus = type(chain.bus)(list(chain.devices.values()), [])
     chain.bus.layouts |= layouts
     look(chain)
     shutil.rmtree(other)

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
+from functools import partial
 
 import pytest
 
 from dvtcli.domain.bus_load import frame_bits
+from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import UsageError
 from dvtcli.operations.options import checked
@@ -33,8 +35,9 @@ class _Cyclic:
 class BusyBus(WireTimedBus):
     """Nodes that answer at once, and another one that sends PDOs for *others* (0..1) of the time, and heartbeats."""
 
-    def __init__(self, bitrate: int, others: float, state: bytes, server_s: float = 0.0) -> None:
-        devices = [StrictDevice(dictionary("generic"), load_family("generic"), node_id) for node_id in range(1, 5)]
+    def __init__(self, bitrate: int, others: float, state: bytes, server_s: float = 0.0, count: int = 4) -> None:
+        ids = range(1, count + 1)
+        devices = [StrictDevice(dictionary("generic"), load_family("generic"), node_id) for node_id in ids]
         for one in devices:
             one.boot_up()
             one.take_outbox()
@@ -78,6 +81,22 @@ class BusyBus(WireTimedBus):
                 bits -= window.popleft()[1]
             highest = max(highest, bits)
         return highest / self.bitrate if self.bitrate else 0.0
+
+
+def test_reading_64_nodes_leaves_the_load_at_the_share_while_one_runs() -> None:
+    bus = BusyBus(250_000, 0.3, OPERATIONAL, 0.002, count=64)
+    bus.sleep(0.5)
+    assert bus.heard_nodes()[0x64] is NmtState.OPERATIONAL
+    read: list[int] = []
+
+    def reads(node_id: int) -> None:
+        for sub_index in range(1, 5):
+            bus.sdo(node_id).upload(0x1018, sub_index)
+        read.append(node_id)
+
+    assert bus.side_by_side([partial(reads, node_id) for node_id in range(1, 65)]) == []
+    assert sorted(read) == list(range(1, 65))
+    assert 0.4 < bus.highest_load() <= 0.5
 
 
 @pytest.mark.parametrize("bitrate", [10_000, 50_000, 250_000])
