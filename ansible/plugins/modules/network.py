@@ -16,16 +16,6 @@ options:
     description: The network file, or a plan that C(dvtcli plan -o) saved, on the host.
     type: path
     required: true
-  bus:
-    description: The bus, with the names of python-can. Left out, the host's own dvtcli.toml or environment chooses.
-    type: dict
-    default: {}
-    suboptions:
-      interface: {description: Interface of python-can, type: str}
-      channel: {description: Its channel, type: str}
-      bitrate: {description: Bit rate in bit/s, type: int}
-      kwargs: {description: Further keys of the interface, type: dict, default: {}}
-      sim: {description: Simulated nodes instead of a bus, type: list, elements: str, default: []}
   prove:
     description: Restart each node that stored, and compare what it comes up with.
     type: bool
@@ -34,13 +24,7 @@ options:
     description: Go on where dvtcli's rules refuse, or another master is heard.
     type: bool
     default: false
-  timeout:
-    description: SDO time-out in seconds.
-    type: float
-  executable:
-    description: The dvtcli to run.
-    type: str
-    default: dvtcli
+extends_documentation_fragment: dvtcli.canopen.program
 attributes:
   check_mode: {support: full, description: Nodes are read and compared.}
   diff_mode: {support: full, description: Each parameter before and after.}

@@ -8,24 +8,7 @@ module: nodes_facts
 short_description: The nodes of a CANopen bus as facts
 description:
   - Runs C(dvtcli scan) on the host that has the bus. Nothing is written.
-options:
-  bus:
-    description: The bus, with the names of python-can. Left out, the host's own dvtcli.toml or environment chooses.
-    type: dict
-    default: {}
-    suboptions:
-      interface: {description: Interface of python-can, type: str}
-      channel: {description: Its channel, type: str}
-      bitrate: {description: Bit rate in bit/s, type: int}
-      kwargs: {description: Further keys of the interface, type: dict, default: {}}
-      sim: {description: Simulated nodes instead of a bus, type: list, elements: str, default: []}
-  timeout:
-    description: SDO time-out in seconds.
-    type: float
-  executable:
-    description: The dvtcli to run.
-    type: str
-    default: dvtcli
+extends_documentation_fragment: dvtcli.canopen.program
 attributes:
   check_mode: {support: full, description: It only reads.}
 author:

@@ -51,8 +51,25 @@ class FileFinding:
         }
 
 
+class Judged:
+    """A report whose *findings* make what it is about wrong, or not; with *strict* a warning is as bad as an error."""
+
+    __slots__ = ()
+    findings: Sequence[FileFinding]
+    strict: bool
+
+    def is_bad(self, finding: FileFinding) -> bool:
+        """Whether *finding* makes it wrong."""
+        return finding.severity == "error" or (self.strict and finding.severity == "warning")
+
+    def count(self) -> dict[str, int]:
+        """How many findings of each severity."""
+        counted = Counter(finding.severity for finding in self.findings)
+        return {severity: counted[severity] for severity in SEVERITIES}
+
+
 @dataclass(frozen=True, slots=True)
-class FileReport(Answer):
+class FileReport(Judged, Answer):
     """What `eds check` found: sections in the file, sections understood, the *rules* asked, and findings by line.
 
     With *strict* a warning is as bad as an error.
@@ -84,15 +101,6 @@ class FileReport(Answer):
     def exit_code(self) -> int:
         """4 where a finding is bad enough."""
         return 4 if any(self.is_bad(finding) for finding in self.findings) else 0
-
-    def is_bad(self, finding: FileFinding) -> bool:
-        """Whether *finding* makes the file invalid."""
-        return finding.severity == "error" or (self.strict and finding.severity == "warning")
-
-    def count(self) -> dict[str, int]:
-        """How many findings of each severity."""
-        counted = Counter(finding.severity for finding in self.findings)
-        return {severity: counted[severity] for severity in SEVERITIES}
 
     def document(self) -> Document:
         """`dvtcli.eds/1`."""

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from dvtcli.operations.results.checked_files import SEVERITIES, FileFinding, FileReport, FileRule
+from dvtcli.operations.results.checked_files import FileFinding, FileReport, FileRule, Judged
 from dvtcli.operations.results.documents import Answer, Document
 
 if TYPE_CHECKING:
@@ -39,7 +38,7 @@ class NetworkFinding(FileFinding):
 
 
 @dataclass(frozen=True, slots=True)
-class NetworkReport:
+class NetworkReport(Judged):
     """What the *rules* found in the network of a file, or on a bus where *is_live*; with *bus*, of a file on a bus.
 
     *nodes* are name, node-ID and number of PDOs of each; *notes* are what the file says and means nothing here: line,
@@ -62,19 +61,10 @@ class NetworkReport:
     heard: tuple[float, int] | None = None
     bus: str = ""
 
-    def is_bad(self, finding: FileFinding) -> bool:
-        """Whether *finding* makes the network wrong."""
-        return finding.severity == "error" or (self.strict and finding.severity == "warning")
-
     @property
     def exit_code(self) -> int:
         """2 where there is no such file, 4 where a file is wrong, 3 where nodes are."""
         return self.unread or ((3 if self.is_live else 4) if any(map(self.is_bad, self.findings)) else 0)
-
-    def count(self) -> dict[str, int]:
-        """How many findings of each severity."""
-        counted = Counter(finding.severity for finding in self.findings)
-        return {severity: counted[severity] for severity in SEVERITIES}
 
     def fields(self) -> Document:
         """One of `files` in `dvtcli.network-check/1`."""
