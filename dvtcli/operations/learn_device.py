@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from dvtcli.device.learn.safely import Asked
     from dvtcli.device.learn.saving import Saved
     from dvtcli.device.node import Node
+    from dvtcli.device.observe import Found
     from dvtcli.domain.learning.absence import Absence
     from dvtcli.domain.learning.probe import Probe, Subject
     from dvtcli.domain.learning.storage import Storage
@@ -79,12 +80,7 @@ def learn(
     known = None if compare is None else profile_to_compare(compare)
     if save is not None and not session.options.force:
         refuse_other(save, node)
-    found = node.claim()
-    if found.state is NmtState.STOPPED:
-        raise SafetyRefusal(
-            f"node {node.node_id} is STOPPED: it answers no SDO", node=node.node_id, hint=f"nmt preop {node.node_id}"
-        )
-    refuse(level_finding(node.access), "nothing was asked", node.node_id, force=False)
+    found = _claimed(node)
     pdos = node.pdos()
     heard = frozenset[int]() if session.dry_run else _heard(session)
     prepared = _prepared(node, subjects(node, pdos, heard), found.state, isolated=isolated, with_store=with_store)
@@ -110,6 +106,17 @@ def learn(
         None if known is None else (compare or "", differences(known, learnt)),
         save is None or bool(node.identity().get("vendor")),
     )  # fmt: skip
+
+
+def _claimed(node: Node) -> Found:
+    """The node as it was found, which no other dvtcli writes to now; SafetyRefusal where it cannot be asked."""
+    found = node.claim()
+    if found.state is NmtState.STOPPED:
+        raise SafetyRefusal(
+            f"node {node.node_id} is STOPPED: it answers no SDO", node=node.node_id, hint=f"nmt preop {node.node_id}"
+        )
+    refuse(level_finding(node.access), "nothing was asked", node.node_id, force=False)
+    return found
 
 
 def _told(session: Session, prepared: _Prepared) -> Callable[[], None]:
