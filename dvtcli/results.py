@@ -19,6 +19,7 @@ from dvtcli.operations.results.networks import NetworkApplied, NetworkPlanned
 from dvtcli.operations.results.node_errors import FaultRow, Faults
 from dvtcli.operations.results.nodes import Commanded, NodeListing, NodeRow, Synced
 from dvtcli.operations.results.pdos import MappedName, PdoListing, PdoRow
+from dvtcli.operations.results.programs import ProgramLoaded
 from dvtcli.operations.results.stores import Stored
 from dvtcli.operations.results.sync_producers import SyncCheck, SyncSource
 from dvtcli.operations.results.values import ObjectListing, ObjectRow, ValueRead
@@ -57,6 +58,7 @@ __all__ = [
     "ProfileListing",
     "ProfileRow",
     "ProfileShown",
+    "ProgramLoaded",
     "Progress",
     "Proof",
     "Step",

@@ -59,11 +59,12 @@ def commands(lines: list[str]) -> list[Command]:
 
 
 def workplace(folder: Path) -> Path:
-    """*folder* with the project's scripts and tests in it, and a firmware's EDS: where sessions are run."""
+    """*folder* with the project's scripts and tests in it, and a firmware with its EDS: where sessions are run."""
     for name in ("examples", "scripts", "tests"):
         (folder / name).symlink_to(ROOT / name)
     (folder / "fw").mkdir()
-    (folder / "fw/pump.eds").symlink_to(ROOT / "tests/transcripts/pump.eds")
+    for name in ("pump.eds", "pump.hex"):
+        (folder / "fw" / name).symlink_to(ROOT / "tests/transcripts" / name)
     return folder
 
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from dvtcli.device.change.safekeeping import Keeper
 from dvtcli.device.change.whole import Whole
 from dvtcli.device.past import Past
+from dvtcli.device.program_note import ProgramNotes
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.several import several
 from dvtcli.errors import InputFileError, SafetyRefusal
@@ -46,7 +47,13 @@ class Keeping:
         interrupted, is_damaged = _interrupted(keeper)
         if interrupted:
             (self.warn if is_damaged else self.say)(interrupted)
+        if (program := self.programs().told(node_id)) and keeper.lock.is_free():
+            self.warn(program)
         return keeper
+
+    def programs(self) -> ProgramNotes:
+        """What is noted of program downloads that are under way on this bus, or were not completed."""
+        return ProgramNotes(self.folder / "programs", self.bus)
 
     def interrupted(self, node_id: int, keeper: Keeper | None) -> str:
         """What to say of a change of the node that was interrupted and not finished; empty where there is none.

@@ -35,7 +35,7 @@ def read_to_file(session: Session, object_: str, file: str, node_id: int | None 
         data = node.upload(index, sub_index)
     _write_bytes(path, data)
     rows = (("node", node.node_id), ("object", place), ("file", file), ("bytes", len(data)))
-    return Facts("object_file", rows, (f"{file}: {len(data):,} bytes of 0x{place} of node {node.node_id}",))
+    return Facts("object-file", rows, (f"{file}: {len(data):,} bytes of 0x{place} of node {node.node_id}",))
 
 
 def write_from_file(session: Session, node: Node, index: int, sub_index: int, file: str) -> Changed:

@@ -24,17 +24,17 @@ PUBLIC = {
         "node", "plan", "recover", "scan", "script", "sync", "unlink",
     ],
     "Node": [
-        "canopen", "clear", "clear_faults", "disable", "enable", "faults", "identity", "learn", "login", "map", "nmt",
-        "node_id", "objects", "pdo", "pdos", "read", "recover", "require", "restore", "script", "set", "store", "tie",
-        "undo", "verify", "vpdo", "write",
+        "canopen", "clear", "clear_faults", "disable", "download", "enable", "faults", "identity", "learn", "login",
+        "map", "nmt", "node_id", "objects", "pdo", "pdos", "read", "recover", "require", "restore", "script", "set",
+        "store", "tie", "undo", "verify", "vpdo", "write",
     ],
     "results": [
         "Changed", "CobId", "Commanded", "Compared", "Difference", "FaultRow", "Faults", "Finding", "Frame",
         "LearnForecast", "LearntDevice", "LoggedIn", "MappedName", "Message", "NetworkApplied", "NetworkLoad",
         "NetworkPlanned", "NodeListing", "NodeRow", "ObjectListing", "ObjectRow", "Pdo", "PdoCommunicationParameter",
         "PdoConfig", "PdoListing", "PdoMappingEntry", "PdoRow", "PinRow", "Plan", "ProfileListing", "ProfileRow",
-        "ProfileShown", "Progress", "Proof", "Step", "Stored", "SyncCheck", "SyncSource", "Synced", "ValueRead",
-        "VpdoListing", "VpdoRow",
+        "ProfileShown", "ProgramLoaded", "Progress", "Proof", "Step", "Stored", "SyncCheck", "SyncSource", "Synced",
+        "ValueRead", "VpdoListing", "VpdoRow",
     ],
     "testing": [
         "ServedBus", "dvtcli_bus", "dvtcli_node", "dvtcli_nodes", "dvtcli_serve", "dvtcli_simulate", "dvtcli_state",

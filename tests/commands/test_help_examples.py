@@ -50,6 +50,8 @@ def folder(recordings: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPat
     shutil.copy(family_eds("gen4"), tmp_path / "eds-files")
     for name in ("press.yaml", "line.yaml", "bus.yml"):
         shutil.copy(ROOT / "examples" / name, tmp_path / name)
+    (tmp_path / "fw.bin").write_bytes(bytes(3000))
+    (tmp_path / "fw.hex").write_text(":10010000214601360121470136007EFE09D2190140\n:00000001FF\n", encoding="ascii")
     (tmp_path / "curve.bin").write_bytes(bytes(300))
     (tmp_path / "drive.dbc").write_text(DBC, encoding="utf-8")
     (tmp_path / "setup.dvt").write_text("map tpdo1 6041\nverify\n", encoding="utf-8")

@@ -53,7 +53,7 @@ def test_json_has_all_of_it(bench: Bench, tmp_path: Path) -> None:
     assert bench.run(f"write 2002 @{tmp_path / 'in.bin'} --json").document["steps"][0]["after"] == DATA.hex(" ").upper()
     assert bench.run("read 2002 --json").document["raw"] == DATA.hex(" ").upper()
     document = bench.run(f"read 2002 -o {tmp_path / 'out.bin'} --json").document
-    assert (document["object"], document["bytes"], document["schema"]) == ("2002:00", 5000, "dvtcli.object_file/1")
+    assert (document["object"], document["bytes"], document["schema"]) == ("2002:00", 5000, "dvtcli.object-file/1")
 
 
 def test_an_at_sign_of_a_text_is_doubled(bench: Bench) -> None:

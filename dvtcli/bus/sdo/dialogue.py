@@ -91,6 +91,8 @@ class Dialogue(SdoClient):
         malformed = self.dropped.malformed
         for attempt in range(attempts):
             self.repeated += attempt > 0
+            if attempt == 1 and not self._has_answered:  # it may wait for a block of a client that was killed
+                self.abort(Abort.TIME_OUT)
             answer = self._exchange(request)
             if answer is not None:
                 return answer

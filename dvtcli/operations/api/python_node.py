@@ -40,6 +40,7 @@ if TYPE_CHECKING:
         LearnForecast,
         LearntDevice,
         LoggedIn,
+        ProgramLoaded,
         Stored,
         VpdoListing,
     )
@@ -187,6 +188,29 @@ class Node(ReadNode):
         return self._change(
             lambda node: restore_defaults(self._calls.session, node, chosen, prove=prove), yes=yes, force=force
         )
+
+    def download(
+        self,
+        file: str | Path,
+        *,
+        program: int = 1,
+        expect: int | Literal["crc32"] | None = None,
+        yes: bool = False,
+        force: bool = False,
+    ) -> ProgramLoaded:
+        """Load a program file (.bin, .hex) as *program* (1..254), start it and see it run: as the command `download`.
+
+        *expect* is what its software identification (0x1F56) has to be, "crc32" for the CRC-32 of what is sent; needs
+        *yes*. LeftChanged says what the device holds where it failed once the old program was cleared.
+        """
+        from dvtcli.operations.load_program import load_program
+
+        whole("program", program, "a program", 254, low=1)
+        session, node_id = self._calls.session, self._node_id
+        return self._calls.run(
+            lambda: load_program(session, str(file), number=program, expect=expect, node_id=node_id),
+            changes=True, yes=yes, force=force,
+        )  # fmt: skip
 
     def nmt(
         self, command: Literal["start", "stop", "preop", "reset-node", "reset-comm"], *, yes: bool = False

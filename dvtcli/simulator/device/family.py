@@ -116,6 +116,7 @@ class Family:
     - *plant*: what moves in the simulation where the device has its objects: `cia402`, a motor; "" for nothing.
     - *block_size*: how many segments of an SDO block transfer it takes at once, 0 for no block transfers;
       *block_crc*: whether it knows their CRC.
+    - *boot_loader*: whether a program can be downloaded (CiA 302-3).
     - *pins*, *motors*: virtual PDOs. *boot_state*: the state after boot-up.
     - *learnt*: it was written by `learn`, along with a profile: it is no second opinion on that.
     """
@@ -174,6 +175,7 @@ class Family:
     stays_operational: bool = False
     block_size: int = 127
     block_crc: bool = True
+    boot_loader: bool = False
     pins: tuple[PinCopy, ...] = ()
     motors: MotorCopy | None = None
     plant: str = ""

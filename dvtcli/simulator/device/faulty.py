@@ -110,6 +110,14 @@ class FaultyServer:
                 store.restores_nothing = True
             case FaultKind.IGNORES_NMT:
                 self._server.device.ignores_nmt = True
+            case FaultKind.FLASH_FAILS | FaultKind.FLASH_ALTERS:
+                self._break_flash(kind)
+
+    def _break_flash(self, kind: FaultKind) -> None:
+        loader = self._server.device.loader
+        if loader is None:
+            raise ValueError(f"{kind}: the node has no boot loader: no program can be downloaded")
+        loader.fails, loader.alters = kind is FaultKind.FLASH_FAILS, kind is FaultKind.FLASH_ALTERS
 
     def handle(self, request: bytes, now_s: float) -> Answer:
         """The answer to *request* at *now_s*, faults included."""

@@ -49,6 +49,8 @@ class FaultKind(StrEnum):
     NO_BIT_TIMING = "no-bit-timing"
     KEEPS_BIT_RATE = "keeps-bit-rate"
     LOSES_BIT_RATE = "loses-bit-rate"
+    FLASH_FAILS = "flash-fails"
+    FLASH_ALTERS = "flash-alters"
 
     @property
     def counted(self) -> bool:
@@ -88,6 +90,8 @@ _LASTING = frozenset(
         FaultKind.NO_BIT_TIMING,
         FaultKind.KEEPS_BIT_RATE,
         FaultKind.LOSES_BIT_RATE,
+        FaultKind.FLASH_FAILS,
+        FaultKind.FLASH_ALTERS,
     }
 )
 _REFUSALS = (FaultKind.REFUSE, FaultKind.REFUSE_READ)
@@ -139,6 +143,8 @@ _FORMS = {
     FaultKind.KEEPS_RAM: _Form("keeps-ram", "an NMT reset leaves RAM as it is; only a power cycle does not"),
     FaultKind.RESTORES_NOTHING: _Form("restores-nothing", "every restore is acknowledged, and nothing is restored"),
     FaultKind.IGNORES_NMT: _Form("ignores-nmt", "NMT start, stop and pre-operational are not obeyed; resets are"),
+    FaultKind.FLASH_FAILS: _Form("flash-fails", "no program can be written: 0x1F57 says so"),
+    FaultKind.FLASH_ALTERS: _Form("flash-alters", "a program that is written has one byte wrong: 0x1F56 says so"),
     FaultKind.EMCY: _Form(
         "emcy=CODE[:S]", "the node raises error CODE (0x3210) S seconds after each start [0]; 0: its errors are gone"
     ),

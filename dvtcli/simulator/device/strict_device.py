@@ -7,6 +7,7 @@ Knows the order in which a CANopen device judges a request. Does not know SDO fr
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
 
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.nmt import UNCONFIGURED, NmtCommand, NmtState
@@ -21,6 +22,9 @@ from dvtcli.simulator.device.lss_slave import LssSlave
 from dvtcli.simulator.device.memory import Backing, Memory
 from dvtcli.simulator.device.parameter_areas import ParameterAreas
 from dvtcli.simulator.device.refusal import Refusal
+
+if TYPE_CHECKING:
+    from dvtcli.simulator.device.boot_loader import BootLoader
 
 #: Verify configuration (CiA 301, 7.5.2.22).
 _STAMP = 0x1020
@@ -59,6 +63,8 @@ class StrictDevice:
         self.areas = ParameterAreas(self._memory, family)
         #: what it sends and hears besides SDO and NMT commands
         self.services = FrameServices(self._memory, family)
+        #: what programs it, None for a device whose program stays, and for a twin
+        self.loader = _loader() if family.boot_loader and backing is None else None
         self.lss = LssSlave(self._memory, self.areas, node_id)
         self._judge = Judge(self._memory, family, self._gates, self.areas, self.services.judges)
 
@@ -99,6 +105,8 @@ class StrictDevice:
             raise Refusal(Abort.WRITE_ONLY)
         if (index, sub_index) == self.family.state_object:
             return bytes([self.state])
+        if self.loader is not None and self.loader.handles(index, sub_index):
+            return self.loader.read(index)
         return self._memory.read(index, sub_index)
 
     def download(self, index: int, sub_index: int, data: bytes) -> None:
@@ -114,6 +122,8 @@ class StrictDevice:
         """Refuse what is hopeless whatever the value: existence, access, and *size* in bytes where it is known."""
         try:
             self._judge.check_access(index, sub_index, size)
+            if self.loader is not None and self.loader.handles(index, sub_index):
+                self.loader.begin(index)
         except Refusal as refusal:
             raise self._gates.explained(refusal) from None
 
@@ -181,6 +191,10 @@ class StrictDevice:
         if self._gates.is_passcode(index, sub_index):
             self._gates.log_in(data)
             return
+        if self.loader is not None and self.loader.handles(index, sub_index):
+            if self.loader.take(index, data, self.state):
+                self._reset(communication_only=False)
+            return
         held = self._memory.read(index, sub_index) if self._clears_stamp_for(index, sub_index) else data
         self._memory.write(index, sub_index, data)
         if held != data:
@@ -203,6 +217,15 @@ class StrictDevice:
 
     def _initialise(self, *, communication_only: bool, powered: bool) -> None:
         self.lss.reset(communication_only=communication_only)
+        if self.loader is not None:
+            self.loader.restart()
         self.areas.reset(communication_only=communication_only, powered=powered)
         self.services.reset()
         self._gates.reset(communication_only=communication_only)
+
+
+def _loader() -> BootLoader:
+    """A boot loader, which few devices have."""
+    from dvtcli.simulator.device.boot_loader import BootLoader
+
+    return BootLoader()

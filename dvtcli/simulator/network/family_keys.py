@@ -193,6 +193,7 @@ FAMILY_KEYS: Schema = {
     "stays_operational": boolean,
     "block_size": integer(0, 127),
     "block_crc": boolean,
+    "boot_loader": boolean,
     "pins": _pins,
     "motors": _motors,
     "plant": _plant,

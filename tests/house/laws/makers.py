@@ -12,8 +12,8 @@ from tests.house.laws.source_tree import SourceTree
 from tests.house.source import PACKAGE
 
 FAMILIES = PACKAGE / "families"
-#: what is no maker's: how CiA 301 alone behaves
-_NOBODY = "generic"
+#: what is no maker's: how CiA 301 alone behaves, and CiA 302-3
+_NOBODY = ("generic", "loader")
 #: makers whose devices have no family here
 _OTHERS = ("borgwarner", "maxon", "schunk", "faulhaber", "systec", "ingenia", "axiomatic")
 _PROSE = ("help", "hint", "epilog", "short_help")
@@ -24,7 +24,7 @@ def names() -> frozenset[str]:
     """Names of families, and of their makers as titles and EDS files say them."""
     found = {*_OTHERS}
     for folder in FAMILIES.iterdir():
-        if folder.name == _NOBODY or not folder.is_dir():
+        if folder.name in _NOBODY or not folder.is_dir():
             continue
         found.add(folder.name.partition("-")[0])
         for file in folder.glob("*.toml"):

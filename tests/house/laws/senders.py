@@ -34,6 +34,7 @@ MAY_SEND = {
     "device/nmt_gate.py": "the NMT gate, and the device's own state object",
     "device/seen_state.py": "the remote frame of node guarding",
     "device/lss_master.py": "LSS requests, and the reset that makes a node-ID count",
+    "device/program_download.py": "program control and program data, under consent",
     "device/learn/saving.py": "signatures to 0x1010 that were agreed to, at most two",
     "device/learn/asking.py": "probes of what a device takes, whose way back is in a journal",
     "device/quirks/reversed_entries.py": "a plan's writes in the order of old firmware",

@@ -1,0 +1,69 @@
+"""Load a program (firmware) into a device, and see it run (CiA 302-3)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.effect import Effect, Final
+from dvtcli.cli.params import FILE, CanopenType, NumberType
+from dvtcli.domain.datatypes import parse_number
+
+if TYPE_CHECKING:
+    from dvtcli.operations.results import Facts, ProgramLoaded
+    from dvtcli.operations.session import Session
+
+TASK = ("Check and keep", 65)
+
+
+class _ExpectType(CanopenType):
+    """A software identification: a number of 32 bits, or `crc32` for that of what is sent."""
+
+    name = "identification"
+
+    def parse(self, text: str, ctx: click.Context | None) -> int | str:  # noqa: ARG002 - click's interface
+        """The number, or the word; ValueError."""
+        if text.lower() == "crc32":
+            return "crc32"
+        number = parse_number(text)
+        if not 0 <= number <= 0xFFFF_FFFF:
+            raise ValueError(f"{text}: 0…0xFFFFFFFF, or crc32")
+        return number
+
+
+def _final(params: Mapping[str, Any]) -> Final | None:
+    """A program that was cleared comes back by no `undo`."""
+    return None if params["forget"] else Final("download")
+
+
+@click.command("download", cls=DvtCommand, short_help=__doc__, effect=Effect.COMMANDS, final=_final)
+@click.argument("file", type=FILE, required=False)
+@click.option("--program", type=NumberType(1, 254, "a program"), default=1, metavar="N", help="Which one [1].")
+@click.option("--expect", type=_ExpectType(), metavar="ID|crc32", help="What 0x1F56 has to say then.")
+@click.option("--forget", is_flag=True, help="Say no more that a download was not completed.")
+@click.pass_obj
+def command(
+    session: Session, /, file: str | None, program: int, expect: int | str | None, forget: bool
+) -> ProgramLoaded | Facts:
+    """Load FILE (.bin .hex) as the node's program.
+
+    The old program is stopped and cleared, the new one is sent, checked by the device's flash status and software
+    identification, started, and seen to run. It asks first; there is no way back once the old one is cleared, so that a
+    failure says what the device holds. A download that was killed is told of whenever the node is met.
+
+    \b
+    download fw.bin
+    download fw.hex --expect 0xAA58267D
+    download fw.bin --expect crc32 --program 2
+    download --forget
+    """
+    from dvtcli.operations.load_program import forget_download, load_program
+
+    if forget == (file is not None):
+        raise click.UsageError("name a file (.bin .hex), or --forget alone")
+    if file is None:
+        return forget_download(session)
+    return load_program(session, file, number=program, expect=expect)

@@ -1,0 +1,213 @@
+"""Loading a program into a device: stop, clear, transfer, check, start, and see it run (CiA 302-3).
+
+Nothing of it can be put back once the old program is cleared: every failure says what the device holds then. Asks
+nobody anything; does not know files.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field
+
+from dvtcli.device.cancellation import Cancellation
+from dvtcli.device.read_pdos import ABSENT
+from dvtcli.domain.abort import Abort
+from dvtcli.domain.ports import CanopenBus
+from dvtcli.domain.program import (
+    CLEAR,
+    FLASH_STATUS,
+    PROGRAM_CONTROL,
+    PROGRAM_DATA,
+    SOFTWARE_IDENTIFICATION,
+    START,
+    STOP,
+    FlashStatus,
+    Stage,
+)
+from dvtcli.errors import DeviceRefused, DvtcliError, Interrupted, LeftChanged, NoAnswer, SdoAborted, SdoProtocolError
+
+#: how long clearing, and the answer after the last byte, may take (s)
+SLOW_S = 30.0
+#: how long a flash memory may be at work after that (s), and how often it is asked
+FLASH_S, _ASK_S = 120.0, 0.1
+#: how long a node may take from the command that starts its program to its boot-up message (s)
+BOOT_S = 20.0
+#: how long a node that starts its program without a restart is listened to for one (s)
+_NO_RESTART_S = 3.0
+_UNREADABLE = (*ABSENT, Abort.WRITE_ONLY)
+
+
+@dataclass(slots=True)
+class ProgramDownload:
+    """A program on its way into program *number* (1..254) of *node_id*.
+
+    *on_stage* is told of each stage before it begins; *cancellation* is looked at as long as the old program is there.
+    """
+
+    bus: CanopenBus
+    node_id: int
+    number: int
+    on_stage: Callable[[Stage], None]
+    cancellation: Cancellation
+    stage: Stage = field(default=Stage.STOPPING, init=False)
+    #: whether a boot-up message was heard once the program was started
+    restarted: bool = field(default=False, init=False)
+
+    def identification(self) -> int | None:
+        """What the software identification says of the program; None where the device has no such object."""
+        return self._read(SOFTWARE_IDENTIFICATION)
+
+    def run(self, data: bytes, expected: int | None) -> None:
+        """Load *data*, see that its identification is *expected* (None: whatever it is), start it and see it run.
+
+        The failure that ends it, with state `rolled_back` where the old program was seen to run again; LeftChanged,
+        which says what the device holds, otherwise.
+        """
+        with self.cancellation.guard():
+            try:
+                self._stop()
+            except BaseException as failed:
+                raise self._old_again(failed) from failed
+            try:
+                self._replace(data, expected)
+            except BaseException as failed:
+                raise self._left(failed) from failed
+
+    def _enter(self, stage: Stage) -> None:
+        self.on_stage(stage)
+        self.stage = stage
+
+    def _stop(self) -> None:
+        self._enter(Stage.STOPPING)
+        try:
+            self._control(STOP)
+        except (NoAnswer, SdoProtocolError):
+            self._await_answer()  # it may have restarted into its boot loader
+        if self._read(PROGRAM_CONTROL) == START:
+            raise DeviceRefused(f"node {self.node_id} did not stop its program", node=self.node_id)
+        if self.cancellation.requested:
+            raise Interrupted("stopped before the old program was cleared", node=self.node_id)
+
+    def _replace(self, data: bytes, expected: int | None) -> None:
+        self._enter(Stage.CLEARING)
+        try:
+            self._control(CLEAR, SLOW_S)
+        except NoAnswer:
+            self._control(CLEAR, SLOW_S)  # whether it is clear already, or not
+        self._await_flash("clear its program")
+        self._enter(Stage.LOADING)
+        with self.cancellation.released():  # what is not whole is no program, wherever it ends
+            self.bus.sdo(self.node_id).download(PROGRAM_DATA, self.number, data, timeout_s=SLOW_S)
+        self._await_flash("write its program")
+        self._enter(Stage.CHECKING)
+        self._check(expected)
+        self._enter(Stage.STARTING)
+        self._start()
+        self._check(expected)
+
+    def _check(self, expected: int | None) -> None:
+        found = self.identification()
+        if expected is not None and found != expected:
+            raise DeviceRefused(
+                f"node {self.node_id} holds another program than the one it was sent", node=self.node_id,
+                place=f"{SOFTWARE_IDENTIFICATION:04X}:{self.number:02X}",
+                why=f"0x1F56 says {'nothing' if found is None else f'0x{found:08X}'}, expected is 0x{expected:08X}",
+            )  # fmt: skip
+
+    def _start(self) -> None:
+        seen = self.bus.boot_ups(self.node_id)
+        try:
+            self._control(START)
+        except NoAnswer:
+            pass  # it may restart before it answers; whether it did is seen
+        except SdoAborted:
+            self.stage = Stage.CHECKING if self.stage is Stage.STARTING else self.stage
+            raise
+        deadline_s, patient_s = self.bus.now_s() + BOOT_S, self.bus.now_s() + _NO_RESTART_S
+        while not self.bus.wait_boot_up(self.node_id, seen, 0.5):
+            if self.bus.now_s() >= patient_s and self._runs():
+                return
+            if self.bus.now_s() >= deadline_s:
+                raise NoAnswer(f"node {self.node_id} sent no boot-up message within {BOOT_S:g} s", node=self.node_id)
+        self.restarted = True
+        self._await_answer()
+        if self._read(PROGRAM_CONTROL) in (STOP, CLEAR):
+            raise DeviceRefused(f"node {self.node_id} restarted, and does not run its program", node=self.node_id)
+
+    def _runs(self) -> bool:
+        """Whether it says that its program runs; False also where it says nothing."""
+        with suppress(NoAnswer, SdoProtocolError):
+            return self._read(PROGRAM_CONTROL) == START
+        return False
+
+    def _control(self, command: int, timeout_s: float | None = None) -> None:
+        sdo = self.bus.sdo(self.node_id)
+        sdo.download(PROGRAM_CONTROL, self.number, bytes([command]), timeout_s=timeout_s)
+
+    def _read(self, index: int) -> int | None:
+        """What the object of this program says; None where the device has none, or it cannot be read."""
+        try:
+            return int.from_bytes(self.bus.sdo(self.node_id).upload(index, self.number), "little")
+        except SdoAborted as aborted:
+            if aborted.code in _UNREADABLE:
+                return None
+            raise
+
+    def _await_answer(self) -> None:
+        """Wait until a node that restarts answers; NoAnswer where it does not."""
+        deadline_s = self.bus.now_s() + BOOT_S
+        while True:
+            try:
+                self.bus.sdo(self.node_id).upload(0x1000, 0)
+            except (NoAnswer, SdoProtocolError):
+                if self.bus.now_s() >= deadline_s:
+                    raise
+            else:
+                return
+
+    def _await_flash(self, what: str) -> None:
+        """Wait until the flash memory is not at work any more; DeviceRefused where it says what went wrong."""
+        deadline_s = self.bus.now_s() + FLASH_S
+        while True:
+            try:
+                status = FlashStatus(self._read(FLASH_STATUS) or 0)
+            except NoAnswer:
+                if self.bus.now_s() >= deadline_s:
+                    raise
+                continue  # a processor that writes its flash memory may be deaf meanwhile
+            if not status.is_at_work:
+                break
+            if self.bus.now_s() >= deadline_s:
+                raise NoAnswer(f"node {self.node_id} did not {what} within {FLASH_S:g} s", node=self.node_id)
+            self.bus.sleep(_ASK_S)
+        if status.error:
+            place = f"{FLASH_STATUS:04X}:{self.number:02X}"
+            text = f"node {self.node_id} did not {what}: {status.error}"
+            raise DeviceRefused(text, node=self.node_id, place=place)
+
+    def _old_again(self, failed: BaseException) -> BaseException:
+        """*failed*, before anything was cleared, after the old program was seen to run again; LeftChanged where not."""
+        try:
+            if self._read(PROGRAM_CONTROL) != START:
+                self._start()
+        except DvtcliError:
+            return self._left(failed)
+        if isinstance(failed, DvtcliError):
+            failed.state, failed.state_text = "rolled_back", "its old program runs, as it says"
+        return failed
+
+    def _left(self, failed: BaseException) -> BaseException:
+        """The failure that says what the device holds now."""
+        if not isinstance(failed, (DvtcliError, KeyboardInterrupt)):
+            return failed
+        text = failed.text if isinstance(failed, DvtcliError) else "stopped in the middle of the transfer"
+        left = LeftChanged(
+            f"{text}; the program of node {self.node_id} was not loaded", node=self.node_id, state="left_changed",
+            place=failed.place if isinstance(failed, DvtcliError) else None,
+            abort=failed.abort if isinstance(failed, DvtcliError) else None,
+            why=failed.why if isinstance(failed, DvtcliError) else None,
+            hint="download the file again: its boot loader takes it as before; where it is silent, power it off and on",
+        )  # fmt: skip
+        left.state_text = f"the device holds {self.stage.value}"
+        return left

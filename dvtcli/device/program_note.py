@@ -1,0 +1,59 @@
+"""What is kept of a program download that is under way: whoever meets the node after a kill is told.
+
+One file a node, there from before the first write until the new program was seen to run. Reads and writes no device.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+from dvtcli.device.change.private_file import file_name, remove, sync_folder, write_private
+from dvtcli.domain.program import Stage
+
+SCHEMA = "dvtcli.program_download/1"
+_MOST_BYTES = 10_000
+
+
+@dataclass(frozen=True, slots=True)
+class ProgramNotes:
+    """The notes of the nodes on the bus called *bus*, in *folder*."""
+
+    folder: Path
+    bus: str
+
+    def _path(self, node_id: int) -> Path:
+        return self.folder / f"{file_name(self.bus)}-{node_id}.json"
+
+    def write(self, node_id: int, file: str, number: int, stage: Stage) -> None:
+        """Note that *file* is on its way as program *number* of *node_id*, and has come to *stage*; OSError."""
+        now = datetime.now(UTC).isoformat(timespec="seconds")
+        document = {"schema": SCHEMA, "bus": self.bus, "node": node_id, "file": file, "program": number}
+        write_private(self._path(node_id), json.dumps({**document, "stage": stage.name, "when": now}) + "\n")
+
+    def forget(self, node_id: int) -> bool:
+        """Nothing is under way any more; whether something was."""
+        path = self._path(node_id)
+        was_there = path.exists()
+        remove(path)
+        if was_there:
+            sync_folder(self.folder)
+        return was_there
+
+    def told(self, node_id: int) -> str:
+        """What to say of a download that was not completed; empty where there is none."""
+        try:
+            with self._path(node_id).open("rb") as opened:
+                document = json.loads(opened.read(_MOST_BYTES))
+            stage, file = Stage[document["stage"]], str(document["file"])
+            said = f"the download of {file} into node {node_id} was not completed ({document['when']}): it holds "
+        except FileNotFoundError:
+            return ""
+        except (OSError, ValueError, KeyError, TypeError):
+            return f"a program download into node {node_id} was not completed: {_NEXT}"
+        return f"{said}{stage.value}; {_NEXT}"
+
+
+_NEXT = "`download FILE` begins anew, `download --forget` where it is all right"

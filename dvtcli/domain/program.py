@@ -1,0 +1,49 @@
+"""Program download: its objects, what is written to them, and what they say (CiA 302-3). Does not know a device."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+#: one sub-index a program, 1..254
+PROGRAM_DATA, PROGRAM_CONTROL, SOFTWARE_IDENTIFICATION, FLASH_STATUS = 0x1F50, 0x1F51, 0x1F56, 0x1F57
+#: what is written to the program control; what it reads is the one that was obeyed last
+STOP, START, CLEAR = 0, 1, 3
+
+_FLASH_ERRORS = {
+    1: "no valid program",
+    2: "data format unknown",
+    3: "data format error, or its CRC is wrong",
+    4: "flash not cleared before the download",
+    5: "flash write error",
+    6: "address error",
+    7: "flash secured",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class FlashStatus:
+    """What the flash status object (u32) says: bit 0 at work, bits 1..7 the last error; the rest is the maker's."""
+
+    raw: int
+
+    @property
+    def is_at_work(self) -> bool:
+        """Whether the flash memory is being cleared or written."""
+        return bool(self.raw & 1)
+
+    @property
+    def error(self) -> str:
+        """What went wrong, in words; empty where nothing did."""
+        code = self.raw >> 1 & 0x7F
+        return _FLASH_ERRORS.get(code, f"error {code}") + f" (0x{self.raw:08X})" if code else ""
+
+
+class Stage(Enum):
+    """How far a program download has come; its value says what the device holds if it ends there."""
+
+    STOPPING = "its old program, which may be stopped"
+    CLEARING = "its old program or none: it was told to clear it"
+    LOADING = "no program: the old one is cleared, the new one is not whole"
+    CHECKING = "a program that was loaded and not started"
+    STARTING = "the new program; whether it runs is not known"

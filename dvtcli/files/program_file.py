@@ -1,0 +1,54 @@
+"""Program files: `.bin` as it is, `.hex` in Intel's form. Does not know what is in a program."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from dvtcli.errors import InputFileError, UsageError
+from dvtcli.files.extras import extra
+
+SUFFIXES = (".bin", ".hex")
+#: no program of a device with a CAN bus is larger (bytes)
+MOST_BYTES = 16 << 20
+#: what an erased flash memory holds where a file says nothing
+_ERASED = 0xFF
+
+
+def read_program(file: str) -> bytes:
+    """The program that *file* holds; gaps of a .hex file are 0xFF.
+
+    UsageError for another suffix or a file that cannot be read, InputFileError where it is empty, damaged or too large.
+    """
+    suffix = Path(file).suffix.lower()
+    if suffix not in SUFFIXES:
+        raise UsageError(f"{file}: a program file ends in .bin or .hex", place=file)
+    try:
+        with Path(file).open("rb") as opened:
+            data = opened.read(4 * MOST_BYTES)
+    except OSError as failed:
+        raise UsageError(f"{file}: {failed.strerror or failed}", place=file) from failed
+    program = data if suffix == ".bin" else _of_hex(file, data)
+    if not program:
+        raise InputFileError(f"{file} holds no program", place=file)
+    if len(program) > MOST_BYTES:
+        raise InputFileError(f"{file}: a program of more than {MOST_BYTES:,} bytes", place=file)
+    return program
+
+
+def _of_hex(file: str, data: bytes) -> bytes:
+    package = extra("intelhex", "hex", "reading a .hex file")
+    import io
+
+    read = package.IntelHex()
+    try:
+        read.loadhex(io.StringIO(data.decode("ascii")))
+    except (package.IntelHexError, UnicodeDecodeError) as wrong:
+        raise InputFileError(f"{file} is no Intel HEX file: {wrong}", place=file) from wrong
+    first, last = read.minaddr(), read.maxaddr()
+    if first is None or last is None:
+        return b""
+    if last - first >= MOST_BYTES:
+        text = f"{file}: from 0x{first:X} to 0x{last:X} are more than {MOST_BYTES:,} bytes"
+        raise InputFileError(text, place=file)
+    read.padding = _ERASED
+    return bytes(read.tobinarray(start=first, end=last))

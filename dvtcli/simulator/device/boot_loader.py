@@ -1,0 +1,95 @@
+"""A boot loader: one program in flash memory, downloaded, cleared, started and stopped (CiA 302-3, 0x1F50 to 0x1F57).
+
+A program is there whole or not at all, with or without power. Does not know SDO, nor what a program does.
+"""
+
+from __future__ import annotations
+
+from binascii import crc32
+
+from dvtcli.domain.abort import Abort
+from dvtcli.domain.nmt import NmtState
+from dvtcli.simulator.device.refusal import Refusal
+
+_DATA, _CONTROL, _IDENTIFICATION, _STATUS = 0x1F50, 0x1F51, 0x1F56, 0x1F57
+_STOPPED, _STARTED, _CLEARED = 0, 1, 3
+_AT_WORK, _NO_PROGRAM, _NOT_CLEARED, _WRITE_ERROR = 1, 1 << 1, 4 << 1, 5 << 1
+#: how often the status says "at work" after a program was cleared or written
+_BUSY_READS = 2
+FACTORY_PROGRAM = b"the program that a simulated device comes with"
+
+
+class BootLoader:
+    """What is wrong with it: *fails*, no program can be written; *alters*, one byte of it is another one then."""
+
+    def __init__(self) -> None:
+        self.program: bytes | None = FACTORY_PROGRAM
+        self.fails = self.alters = False
+        self._control = _STARTED
+        self._status = self._busy = 0
+        self._is_clear = False
+
+    def handles(self, index: int, sub_index: int) -> bool:
+        """Whether the object is one of its own."""
+        return sub_index == 1 and index in (_DATA, _CONTROL, _IDENTIFICATION, _STATUS)
+
+    def read(self, index: int) -> bytes:
+        """What the control, identification or status object holds."""
+        if index == _CONTROL:
+            return bytes([self._control])
+        if index == _IDENTIFICATION:
+            return (0 if self.program is None else crc32(self.program)).to_bytes(4, "little")
+        if self._busy:
+            self._busy -= 1
+            return _AT_WORK.to_bytes(4, "little")
+        return self._status.to_bytes(4, "little")
+
+    def begin(self, index: int) -> None:
+        """A program's data is about to come: Refusal unless the flash memory is clear, which it is not from now on."""
+        if index != _DATA:
+            return
+        if not self._is_clear:
+            self._status = _NOT_CLEARED
+            raise Refusal(Abort.DEVICE_STATE)
+        self._is_clear = False
+
+    def take(self, index: int, data: bytes, state: NmtState) -> bool:
+        """Take a program, or a command; whether the device resets for it. Refusal where it is not the time for that."""
+        if index == _DATA:
+            self._write(data)
+            return False
+        if state is not NmtState.PRE_OPERATIONAL:
+            raise Refusal(Abort.DEVICE_STATE)
+        match data[0]:
+            case 0:
+                self._control = _STOPPED
+            case 1:
+                return self._start()
+            case 3 if self._control == _STARTED:
+                raise Refusal(Abort.DEVICE_STATE)
+            case 3:
+                self.program, self._control, self._is_clear = None, _CLEARED, True
+                self._status, self._busy = 0, _BUSY_READS
+            case _:
+                raise Refusal(Abort.VALUE_RANGE)
+        return False
+
+    def _start(self) -> bool:
+        if self.program is None:
+            self._status = _NO_PROGRAM
+            raise Refusal(Abort.DEVICE_STATE)
+        return True
+
+    def _write(self, data: bytes) -> None:
+        self._busy = _BUSY_READS
+        if self.fails:
+            self._status = _WRITE_ERROR
+            return
+        self.program = data if not self.alters else data[:-1] + bytes([data[-1] ^ 0x01])
+        self._status, self._control = 0, _STOPPED
+
+    def restart(self) -> None:
+        """Run the program where there is one, after a reset or at power-on."""
+        self._busy, self._is_clear = 0, False
+        self._control = _STOPPED if self.program is None else _STARTED
+        self._status = _NO_PROGRAM if self.program is None else 0

@@ -1,0 +1,73 @@
+"""A `download` that is killed: the next dvtcli names the file and what the device holds, and loads it anew.
+
+Real processes: the node lives in this one behind a socketcand server, dvtcli in a child that gets SIGKILL.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from dvtcli.simulator.device.boot_loader import FACTORY_PROGRAM
+from tests.recovery.test_killed import Bench
+
+PROGRAM = bytes(count * 7 % 251 for count in range(2000))
+#: what the node is sent when it comes: stop, clear, a segment in the middle (it looks like a download), start
+HOLDS = {1: "its old program, which may be stopped", 2: "its old program or none", 40: "no program"}
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Iterator[Bench]:
+    made = Bench(tmp_path, "loader")
+    yield made
+    made.wire.close()
+
+
+@pytest.mark.parametrize("number", HOLDS)
+def test_the_next_one_says_what_was_interrupted_and_begins_anew(bench: Bench, number: int, tmp_path: Path) -> None:
+    file, loader = tmp_path / "fw.bin", bench.wire.device.loader
+    file.write_bytes(PROGRAM)
+    assert loader is not None
+    child = bench.start("download", str(file), "--yes")
+
+    def kill(count: int) -> None:
+        if count == number:
+            child.kill()
+            child.wait()
+
+    bench.wire.at_download = kill
+    child.communicate(timeout=60)
+    assert child.returncode == -9
+    bench.wire.at_download = lambda _number: None
+    with bench.wire.at_work:
+        assert loader.program == (None if number == 40 else loader.program)
+    code, _, stderr = bench.run("read", "1000", "--timeout", "1")
+    said = " ".join(stderr.split())
+    assert code == 0, stderr
+    assert f"the download of {file} into node 5 was not completed" in said
+    assert f"it holds {HOLDS[number]}" in said
+    code, stdout, stderr = bench.run("download", str(file), "--yes", "--expect", "crc32")
+    assert code == 0, stderr
+    assert "as expected" in stdout
+    with bench.wire.at_work:
+        assert loader.program == PROGRAM
+    assert "was not completed" not in bench.run("read", "1000")[2]
+
+
+def test_while_another_dvtcli_is_at_it_nothing_was_interrupted(bench: Bench, tmp_path: Path) -> None:
+    file, loader = tmp_path / "fw.bin", bench.wire.device.loader
+    file.write_bytes(PROGRAM)
+    said: list[str] = []
+
+    def look(count: int) -> None:
+        if count == 2:
+            said.extend(path.read_text() for path in (tmp_path / "programs").iterdir())
+
+    bench.wire.at_download = look
+    assert bench.run("download", str(file), "--yes")[0] == 0
+    assert str(file) in said[0]
+    assert not list((tmp_path / "programs").iterdir())
+    assert loader is not None
+    assert loader.program != FACTORY_PROGRAM
