@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from dvtcli.cli.boundary import SIGNALLED, guarded
 from dvtcli.cli.view.lines import Cell
-from dvtcli.errors import LeftChanged
+from dvtcli.errors import LeftChanged, NoAnswer
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
@@ -20,7 +20,10 @@ def several_ids(session: Session) -> tuple[int, ...]:
         return session.base.nodes
     from dvtcli.operations.find_nodes import find_nodes
 
-    return session.network.simulated_ids or tuple(row.node for row in find_nodes(session).rows)
+    found = session.network.simulated_ids or tuple(row.node for row in find_nodes(session).rows)
+    if not found:
+        raise NoAnswer("no node was found: nothing was done", hint="`scan` looks again; is the bus the right one?")
+    return found
 
 
 def on_each_node(session: Conversation, run: Callable[[], Any], *, go_on: bool) -> int:

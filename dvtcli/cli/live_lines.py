@@ -43,7 +43,7 @@ def answer_lines(session: Conversation) -> int:
     session.started = True
     codes, number = [], 1
     with _listening(session):
-        for lines in _chunks(session):
+        for lines in chunks(session, sys.stdin.fileno()):
             code = boundary(session, lambda: _run(session, lines, number))  # noqa: B023 - called at once
             number += lines.count(b"\n")
             codes += [code] if code else []
@@ -56,10 +56,10 @@ def _run(session: Conversation, lines: bytes, number: int) -> int:
     return run_script(session, lines, _SOURCE, keep_going=False, first_line=number)
 
 
-def _chunks(session: Conversation) -> Iterator[bytes]:
-    """Whole lines as they come; those that wait together come together."""
+def chunks(session: Conversation, file: int) -> Iterator[bytes]:
+    """Whole lines of the descriptor *file* as they come; those that wait together come together."""
     pending = b""
-    while data := _waiting(session):
+    while data := _waiting(session, file):
         pending += data
         if len(pending) > MOST_BYTES:
             raise InputFileError(f"{_SOURCE}: {len(pending)} bytes are no line", place=_SOURCE)
@@ -71,10 +71,11 @@ def _chunks(session: Conversation) -> Iterator[bytes]:
         yield pending
 
 
-def _waiting(session: Conversation) -> bytes:
+def _waiting(session: Conversation, file: int) -> bytes:
     """What is in the pipe, once there is something; nothing at its end."""
-    file = sys.stdin.fileno()
     with session.cancellation.released():
+        if session.cancellation.requested:  # a signal that came when the last line was complete already
+            raise KeyboardInterrupt
         data = found = os.read(file, _FULL)
         while len(found) == _FULL and _comes(file):
             found = os.read(file, _FULL)

@@ -33,7 +33,8 @@ def test_a_node_that_is_named_in_the_line_or_selected_is_the_only_one() -> None:
 
 
 def test_a_silent_node_keeps_no_other_from_being_read() -> None:
-    with Bench(NODES, {"node": (1, 6, 7), "timeout": 0.01}) as bench:
+    bus = VirtualTimeBus([simulated_device(one) for one in simulated_nodes(NODES)], simulated=False)
+    with Bench((), {"sim": (), "node": (1, 6, 7)}, bus) as bench:
         ran = bench.run("read 1017 --json")
         assert (ran.code, [one.get("value") for one in ran.documents]) == (5, [500, None, 500])
         ran = bench.run("store --json")
@@ -52,6 +53,13 @@ def test_all_are_those_that_a_scan_finds() -> None:
     bus = VirtualTimeBus([simulated_device(one) for one in simulated_nodes(("generic@5", "tmcm@7"))], simulated=False)
     with Bench((), {"sim": (), "node": "all"}, bus) as bench:
         assert [one["node"] for one in bench.run("read 1017 --json").documents] == [5, 7]
+
+
+@pytest.mark.parametrize("line", ["store", "read 1017", "faults"])
+def test_where_no_node_is_found_nothing_is_called_done(line: str) -> None:
+    with Bench((), {"sim": (), "node": "all"}, VirtualTimeBus([], simulated=False)) as bench:
+        ran = bench.run(f"{line} --json")
+        assert (ran.code, ran.document["error"]) == (5, "no_answer")
 
 
 def test_a_script_s_lines_are_done_on_each() -> None:

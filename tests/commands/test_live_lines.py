@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -13,6 +14,8 @@ from typing import Any
 
 import pytest
 
+from dvtcli.cli.live_lines import chunks
+from tests.commands.bench import Bench
 from tests.posix import needs_signals
 from tests.process import PATIENCE_S, environment
 
@@ -110,3 +113,12 @@ def test_a_signal_ends_it_while_it_waits(number: int, code: int) -> None:
         assert driven.ask("read 1017")["value"] == 500
         driven.process.send_signal(number)
         assert driven.process.wait(PATIENCE_S) == code
+
+
+def test_a_signal_that_came_before_it_waits_is_not_lost() -> None:
+    with Bench() as bench:
+        session, (there, here) = bench.session, os.pipe()
+        session.cancellation.hold()  # as a line does that is complete
+        session.cancellation.asked(130, insists=True)
+        with os.fdopen(there, "rb") as stdin, os.fdopen(here, "wb"), pytest.raises(KeyboardInterrupt):
+            next(chunks(session, stdin.fileno()))
