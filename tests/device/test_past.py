@@ -150,11 +150,11 @@ def test_a_file_of_the_largest_size_is_read_and_one_above_is_not(tmp_path: Path)
 @pytest.mark.parametrize(
     ("sizes", "left"),
     [
-        ((200_000, 200_000, 200_000, 200_000), [1, 2, 3, 4]),
-        ((200_000, 200_000, 200_000, 200_000, 200_000), [4, 5]),
-        ((200_000, 200_000, 200_000, 450_000), [3, 4]),
-        ((600_000, 600_000), [2]),
-        ((200_000, MOST_BYTES // 4), []),  # it alone is too large
+        ((250_000, 250_000, 250_000, 250_000), [1, 2, 3, 4]),
+        ((250_000, 250_000, 250_000, 250_000, 250_000), [4, 5]),
+        ((250_000, 250_000, 250_000, 562_500), [3, 4]),
+        ((750_000, 750_000), [2]),
+        ((250_000, MOST_BYTES // 4), []),  # it alone is too large
     ],
 )
 def test_what_would_be_too_large_to_be_read_loses_its_older_half(
