@@ -2,6 +2,7 @@
 
 from dvtcli.device.change.progress import Progress
 from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.lss_services import LssAddress
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
 from dvtcli.domain.plan import Plan, Step
@@ -15,6 +16,7 @@ from dvtcli.operations.results.device_profiles import ProfileListing, ProfileRow
 from dvtcli.operations.results.learnt import Difference, LearnForecast, LearntDevice
 from dvtcli.operations.results.loads import NetworkLoad
 from dvtcli.operations.results.logged_in import LoggedIn
+from dvtcli.operations.results.lss_nodes import LssBitRate, LssChanged, LssFound, LssGiven, LssNode
 from dvtcli.operations.results.networks import NetworkApplied, NetworkPlanned
 from dvtcli.operations.results.node_errors import FaultRow, Faults
 from dvtcli.operations.results.nodes import Commanded, NodeListing, NodeRow, Synced
@@ -38,6 +40,12 @@ __all__ = [
     "LearnForecast",
     "LearntDevice",
     "LoggedIn",
+    "LssAddress",
+    "LssBitRate",
+    "LssChanged",
+    "LssFound",
+    "LssGiven",
+    "LssNode",
     "MappedName",
     "Message",
     "NetworkApplied",

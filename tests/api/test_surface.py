@@ -18,11 +18,12 @@ from tests.house.pages import text
 from tests.process import ROOT, environment
 
 PUBLIC = {
-    "dvtcli": ["Bus", "Node", "__version__", "connect", "errors", "profile", "profiles", "results", "simulate"],
+    "dvtcli": ["Bus", "Lss", "Node", "__version__", "connect", "errors", "profile", "profiles", "results", "simulate"],
     "Bus": [
-        "apply", "check", "check_sync", "close", "dry_run", "finish_stores", "is_dry_run", "link", "load", "name",
-        "node", "plan", "recover", "scan", "script", "sync", "unlink",
+        "apply", "check", "check_sync", "close", "dry_run", "finish_stores", "is_dry_run", "link", "load", "lss",
+        "name", "node", "plan", "recover", "scan", "script", "sync", "unlink",
     ],
+    "Lss": ["assign", "bit_rate", "identify", "node_id", "scan", "select", "store"],
     "Node": [
         "canopen", "clear", "clear_faults", "disable", "download", "enable", "faults", "identity", "learn", "login",
         "map", "nmt", "node_id", "objects", "pdo", "pdos", "read", "recover", "require", "restore", "script", "set",
@@ -30,7 +31,8 @@ PUBLIC = {
     ],
     "results": [
         "Changed", "CobId", "Commanded", "Compared", "Difference", "FaultRow", "Faults", "Finding", "Frame",
-        "LearnForecast", "LearntDevice", "LoggedIn", "MappedName", "Message", "NetworkApplied", "NetworkLoad",
+        "LearnForecast", "LearntDevice", "LoggedIn", "LssAddress", "LssBitRate", "LssChanged", "LssFound", "LssGiven",
+        "LssNode", "MappedName", "Message", "NetworkApplied", "NetworkLoad",
         "NetworkPlanned", "NodeListing", "NodeRow", "ObjectListing", "ObjectRow", "Pdo", "PdoCommunicationParameter",
         "PdoConfig", "PdoListing", "PdoMappingEntry", "PdoRow", "PinRow", "Plan", "ProfileListing", "ProfileRow",
         "ProfileShown", "ProgramLoaded", "Progress", "Proof", "Step", "Stored", "SyncCheck", "SyncSource", "Synced",
@@ -51,6 +53,7 @@ def test_the_names_are_those_that_were_promised() -> None:
     assert {
         "dvtcli": sorted(dvtcli.__all__),
         "Bus": members(dvtcli.Bus),
+        "Lss": members(dvtcli.Lss),
         "Node": members(dvtcli.Node),
         "results": sorted(results.__all__),
         "testing": sorted(testing.__all__),

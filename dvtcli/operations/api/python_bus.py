@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from canopen import RemoteNode
 
     from dvtcli.bus.canopen_node import CanopenNetwork
+    from dvtcli.operations.api.python_lss import Lss
     from dvtcli.operations.results import (
         Changed,
         NetworkApplied,
@@ -61,6 +62,13 @@ class Bus:
     def name(self) -> str:
         """How the bus is called, for example `socketcan:can0`."""
         return self._name
+
+    @property
+    def lss(self) -> Lss:
+        """The LSS master (CiA 305): finds nodes without a node-ID, gives node-IDs, changes the bit rate."""
+        from dvtcli.operations.api.python_lss import Lss
+
+        return Lss(self._calls)
 
     @property
     def is_dry_run(self) -> bool:

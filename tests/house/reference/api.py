@@ -17,7 +17,7 @@ def calls() -> Iterator[str]:
     """Functions and classes with their methods, in the order of the package's own list."""
     for name in ("connect", "simulate", "profiles", "profile"):
         yield from _function(name, getattr(dvtcli, name), "dvtcli.")
-    for name in ("Bus", "Node"):
+    for name in ("Bus", "Node", "Lss"):
         kind = getattr(dvtcli, name)
         yield from ("", f"### {name}", "", *_prose(kind))
         for member, value in ((name, value) for one in reversed(kind.__mro__) for name, value in vars(one).items()):
