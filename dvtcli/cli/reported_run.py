@@ -1,4 +1,4 @@
-"""A script run for a report: what its lines say goes into it, and stdout is the report's. Does not know its format."""
+"""A script run for a report: what its lines say goes into it, and stdout is the report's. Does not know its layout."""
 
 from __future__ import annotations
 
@@ -12,6 +12,9 @@ from dvtcli.cli.script_report import LineRan, ScriptReport
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
     from dvtcli.errors import DvtcliError
+
+#: what makes the report of each format
+_REPORTS = {"github": "github_script_lines", "junit": "junit_script_lines"}
 
 
 def reported_run(session: Conversation, file: str, run: Callable[[], int]) -> int:
@@ -33,7 +36,7 @@ def reported_run(session: Conversation, file: str, run: Callable[[], int]) -> in
             whole.number = _line_of(file, whole.error) or 1
     finally:
         output.stdout, session.report = stdout, outer
-    make = getattr(import_module("dvtcli.cli.view.script_cases"), f"{name}_script_lines")
+    make = getattr(import_module("dvtcli.cli.view.script_cases"), _REPORTS[name])
     output.machine_lines(make(report.lines or [whole]))
     return whole.code
 
