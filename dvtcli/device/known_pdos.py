@@ -14,6 +14,7 @@ from dvtcli.device.came_up import CameUp
 from dvtcli.device.reached import Reached
 from dvtcli.device.read_pdos import UNREADABLE, WHATEVER, present_pdos, read_cob_id, read_pdo
 from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.errors import BusUnavailable, SdoAborted
 
@@ -41,6 +42,10 @@ class KnownPdos(Reached):
     _pdos: dict[Pdo, PdoConfig] = field(default_factory=dict, init=False)
     _shown: dict[Pdo, PdoConfig] = field(default_factory=dict, init=False)
     _present: list[Pdo] | None = field(default=None, init=False)
+
+    def describe(self, dictionary: ObjectDictionary) -> None:
+        """Take the node's *dictionary*, which was not known when it was met."""
+        self.dictionary, self._present = dictionary, None
 
     def present(self) -> list[Pdo]:
         """The PDOs the node has, TPDOs first."""

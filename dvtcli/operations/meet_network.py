@@ -46,6 +46,7 @@ def meet(session: Session, file: str, wish: NetworkWish) -> Met:
     for node in wish.nodes:
         try:
             found = session.network.node(node.node_id)
+            session.network.describe(node.node_id)
             found.read_anew()
             failures = list(_unlike(found, node.identity, force=session.options.force))
         except (NoAnswer, SdoProtocolError) as failed:
@@ -68,9 +69,9 @@ def _joined(failures: list[DvtcliError]) -> None:
 
 def _choose_files(session: Session, file: str, node: NodeWish) -> None:
     files, met = session.network.files, session.network.nodes
-    if node.node_id in met:
+    if node.node_id in met and met[node.node_id].dictionary is not None:
         return
-    if node.profile is not None and session.options.profile is None:
+    if node.profile is not None and session.options.profile is None and node.node_id not in met:
         files.own_profile[node.node_id] = node.profile
     if node.dcf is None or session.options.eds is not None:
         return

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import tempfile
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -65,13 +65,11 @@ def file_bytes(file: str) -> bytes:
 
 def _write_bytes(path: Path, data: bytes) -> None:
     try:
-        with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as file:
-            made = Path(file.name)
-            try:
-                file.write(data)
-            except OSError:
-                made.unlink()
-                raise
-        put_in_place(made, path)
+        made = path.with_name(f".{path.name}.{os.getpid()}")
+        try:
+            made.write_bytes(data)
+            put_in_place(made, path)
+        finally:
+            made.unlink(missing_ok=True)
     except OSError as failed:
         raise UsageError(f"{path}: {failed.strerror or failed}", place=str(path)) from failed

@@ -92,6 +92,13 @@ class Network:
             self.nodes[node_id] = node
         return self.nodes[node_id]
 
+    def describe(self, node_id: int) -> None:
+        """Give a node that was met without an EDS the one that is known by now."""
+        node = self.nodes[node_id]
+        if node.dictionary is None and (dictionary := self.files.dictionary(node_id)) is not None:
+            node.describe(dictionary)
+            node.unlike_file = self.files.unlike(node_id, dictionary)
+
     def _identify(self, node: Node) -> None:
         """Know who *node* is; SafetyRefusal where it was somebody else."""
         now, before = node.identity(), self.left.get(node.node_id)

@@ -27,6 +27,16 @@ def test_plan_names_what_gives_one_and_that_helps(tmp_path: Path) -> None:
         assert (ran.code, ran.document["nodes"][0]["pdos"][0]["map"][1]) == (0, ["606C:00/32"])
 
 
+def test_a_node_that_was_met_before_the_file_was_read_is_described_by_it(tmp_path: Path) -> None:
+    path = tmp_path / "net.yaml"
+    path.write_text(FILE.format(more="    dcf: generic\n"))
+    with Wire(device("generic")) as wire, Bench((), {**wire.options, "yes": True, "node": 1}) as bench:
+        assert bench.run("set tpdo2 --timer 230").code == 0
+        ran = bench.run(f"apply {path} --json")
+        assert (ran.code, ran.documents[-1]["verified"]) == (0, True)
+        assert bench.run("undo --all").code == 0, "what was done before is not forgotten"
+
+
 def test_check_notes_it(tmp_path: Path) -> None:
     path = tmp_path / "net.yaml"
     path.write_text(FILE.format(more=""))

@@ -43,6 +43,7 @@ def test_there_and_back(bench: Bench, tmp_path: Path) -> None:
     ran = bench.run(f"read 2002 -o {target}")
     assert (ran.code, target.read_bytes()) == (0, DATA)
     assert ran.stdout == f"{target}: 5,000 bytes of 0x2002:00 of node 1\n"
+    assert target.stat().st_mode == source.stat().st_mode, "others may read it as they may any file"
     assert len(bench.run("read 2002 --as os").stdout) < 600
     assert bench.run("undo").code == 0
     assert held(bench) != DATA
