@@ -21,7 +21,7 @@ def reported_run(session: Conversation, file: str, run: Callable[[], int]) -> in
     """The exit code of *run*, which runs the script *file*; its lines are reported in the format that is asked for.
 
     What fails is said on stderr as well. A file that cannot be run, or whose lines nobody knows beforehand (Tcl), is
-    one case.
+    one case; so is what fails behind the last line.
     """
     output, outer = session.output, session.report
     output.failed = None
@@ -32,13 +32,20 @@ def reported_run(session: Conversation, file: str, run: Callable[[], int]) -> in
         with session.under(format="text"):
             whole = LineRan(file, 1, f"run {file}")
             whole.code = guarded(session, run)
-            whole.error, whole.said = output.failed, report.kept.getvalue()
+            whole.error, whole.said = output.failed, "" if report.lines else report.kept.getvalue()
             whole.number = _line_of(file, whole.error) or 1
     finally:
         output.stdout, session.report = stdout, outer
     make = getattr(import_module("dvtcli.cli.view.script_cases"), _REPORTS[name])
-    output.machine_lines(make(report.lines or [whole]))
+    output.machine_lines(make(_cases(report, whole)))
     return whole.code
+
+
+def _cases(report: ScriptReport, whole: LineRan) -> list[LineRan]:
+    """The lines that ran, and the script as a *whole* where no line has what it failed with, or where there is none."""
+    if report.lines and (not whole.code or any(line.code for line in report.lines)):
+        return report.lines
+    return [*report.lines, whole]
 
 
 def _line_of(file: str, error: DvtcliError | None) -> int:

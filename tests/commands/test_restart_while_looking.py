@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from xml.etree import ElementTree as ET
 
 import pytest
 
@@ -122,6 +123,26 @@ def test_an_atomic_script_holds_all_that_it_set_at_its_end(faults: tuple[str, ..
             assert "what the script changed is as it was" in ran.stderr
         codes.add(ran.code)
     assert codes - {0}
+
+
+@pytest.mark.parametrize("form", ["junit", "github"])
+def test_what_fails_behind_the_last_line_is_in_the_report(form: str, tmp_path: Path) -> None:
+    """Every line has worked, and the script fails at its end: no report of it is without a failure."""
+    script = tmp_path / "x.dvt"
+    script.write_text("set tpdo2 --timer 9\nset tpdo3 --timer 30\n")
+    with bench(device("generic"), "alters@2=1801:01:0xC0000299") as one:
+        ran = one.run(f"run {script} --atomic --format {form}")
+    assert (ran.code, "does not hold any more" in ran.stderr) == (1, True)
+    if form == "github":
+        assert f"::error file={script},line=1,title=run::" in ran.stdout
+        assert ran.stdout.splitlines()[-1] == "3 lines, 1 failed, 0 not reached"
+        return
+    suites = ET.fromstring(ran.stdout)  # noqa: S314 - our own
+    assert (suites.attrib["tests"], suites.attrib["failures"]) == ("3", "1")
+    last = suites[0][2]
+    assert (last.attrib["name"], last[0].tag) == (f"1: run {script}", "failure")
+    assert "does not hold any more what the script set" in last[0].attrib["message"]
+    assert last.find("system-out") is None, "what the line before it said is that line's"
 
 
 def test_an_atomic_script_that_was_taken_back_is_looked_at_once_more(tmp_path: Path) -> None:
