@@ -261,7 +261,7 @@ def _undo_patiently(node: Node, *, force: bool) -> tuple[Finding, ...]:
     deadline_s = node.bus.now_s() + PATIENCE_S
     while True:
         try:
-            return node.undo(force=force).not_put_back
+            return node.undo(force=force, rolls_back=True).not_put_back
         except (NoAnswer, SdoProtocolError):
             if node.bus.now_s() >= deadline_s:
                 raise

@@ -118,9 +118,11 @@ class Node(Changeable):
             self.pending.lost_until = len(self.history)
         return lost
 
-    def undo(self, *, everything: bool = False, force: bool = False) -> Applied:
+    def undo(self, *, everything: bool = False, force: bool = False, rolls_back: bool = False) -> Applied:
         """Put back what the last plan replaced, or all of them, in one transaction."""
-        applied, count = self.put_back(self.history, everything=everything, force=force, own=True)
+        applied, count = self.put_back(
+            self.history, everything=everything, force=force, own=True, rolls_back=rolls_back
+        )
         self.was_undone(applied, count)
         return applied
 
@@ -135,13 +137,19 @@ class Node(Changeable):
             self.pending.unstored.clear()  # the device holds what was stored, or found, again
 
     def put_back(
-        self, plans: Sequence[Plan], *, everything: bool = False, force: bool = False, own: bool = False
+        self,
+        plans: Sequence[Plan],
+        *,
+        everything: bool = False,
+        force: bool = False,
+        own: bool = False,
+        rolls_back: bool = False,
     ) -> tuple[Applied, int]:
         """Put back what the newest of *plans* (oldest first) replaced, or *everything* of them; and how many that were.
 
         These are more than one also where the device has lost the newest ones, as after a reset. *own* says that they
         are of this session's history. SafetyRefusal where the device holds something else by now, UsageError where
-        nobody knows what it held before; with *force* neither.
+        nobody knows what it held before; with *force* neither. *rolls_back* says that nothing was stored since.
         """
         from dataclasses import replace
 
@@ -149,20 +157,26 @@ class Node(Changeable):
         from dvtcli.device.change.way_back import plan_back
 
         found = self.claim()
-        back = self.way_back(plans, everything=everything, force=force, own=own)
+        back = self.way_back(plans, everything=everything, force=force, own=own, rolls_back=rolls_back)
         try:
             applied = self._apply_back(back.plan, back.unknown, found, is_patient=bool(foreseen(back.undone)))
         except DeviceRefused:
             if not foreseen(back.undone) or self.bus.boot_ups(self.node_id) != found.boot_ups:
                 raise
-            plan = self.observed(lambda: plan_back(self, back.undone, as_taken=True))
+            plan = self.observed(lambda: plan_back(self, back.undone, as_taken=True, rolls_back=rolls_back))
             applied = self.apply(plan, back.unknown, kept=False)
             applied = replace(applied, not_put_back=put_back_findings(foreseen(back.undone)))
         self.unkept += not own
         return applied, len(back.undone)
 
     def way_back(
-        self, plans: Sequence[Plan], *, everything: bool = False, force: bool = False, own: bool = False
+        self,
+        plans: Sequence[Plan],
+        *,
+        everything: bool = False,
+        force: bool = False,
+        own: bool = False,
+        rolls_back: bool = False,
     ) -> WayBack:
         """The way back that `put_back` takes, of a node that is claimed; raises as that does, and writes nothing."""
         from dvtcli.device.change.gap import unbroken
@@ -173,7 +187,8 @@ class Node(Changeable):
         if not force:
             count = refuse_unless_left(self, chain, count)
         undone = chain[-count:]
-        plan, unknown = self.observed(lambda: plan_back(self, undone)), unknown_before(undone)
+        plan = self.observed(lambda: plan_back(self, undone, rolls_back=rolls_back))
+        unknown = unknown_before(undone)
         if unknown and not plan.changes and not force:
             raise UsageError(
                 unknown[0].text, node=self.node_id, hint="undo --force leaves it so and forgets that change"

@@ -5,17 +5,17 @@ Does not know what a stamp is made from.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeGuard
 
 from dvtcli.device.read_pdos import read_optional
-from dvtcli.device.store_parameters import RESTORE, STORE
+from dvtcli.device.store_parameters import STORE
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import STAMP, Plan, Step, ValueChange, alters
 from dvtcli.domain.stamp import DATE, TIME, Stamp, is_own_date
 from dvtcli.errors import SdoAborted, SdoProtocolError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from dvtcli.device.known_pdos import KnownPdos
     from dvtcli.domain.plan import Change
@@ -58,7 +58,7 @@ def ended_stamp(node: KnownPdos, changes: Sequence[Change]) -> tuple[ValueChange
 
     A device should clear it by itself (CiA 301, 0x1020), and not every one does.
     """
-    if any(_is_stamp(change) for change in changes) or not any(_configures(node, change) for change in changes):
+    if any(is_stamp(change) for change in changes) or not any(_configures(node, change) for change in changes):
         return ()
     if not is_own_date(_read(node, DATE) or 0):
         return ()
@@ -66,22 +66,44 @@ def ended_stamp(node: KnownPdos, changes: Sequence[Change]) -> tuple[ValueChange
     return stamp_changes(held, NO_STAMP, _ENDS) if held is not None and held.is_own else ()
 
 
+def stamp_back(
+    node: KnownPdos, others: Sequence[Change], before: Mapping[int, bytes]
+) -> tuple[ValueChange, ...] | None:
+    """What becomes of a stamp where *others* put back what was changed; *before* is what 0x1020 held, by sub-index.
+
+    Ours says that what it stands for is stored, too, and nobody knows what was stored since: it is never put back, and
+    one that *node* holds ends. None where no stamp of ours is in it: 0x1020 is an object as any other then.
+    """
+    held = held_stamp(node)
+    if held is None:
+        return None
+    was = {sub_index: before.get(sub_index, held.data(sub_index)) for sub_index in (DATE, TIME)}
+    old = Stamp(*(int.from_bytes(was[sub_index], "little") for sub_index in (DATE, TIME)))
+    if not (held.is_own or old.is_own):
+        return None
+    is_half = 0 in (held.days, held.ms)  # whoever wrote it was killed
+    return (
+        stamp_changes(held, NO_STAMP, _ENDS) if held != old and (held.is_own or is_half) else ended_stamp(node, others)
+    )
+
+
 def with_stamp_ended(node: KnownPdos, plan: Plan) -> Plan:
     """*plan* with that ahead of it."""
     return Plan(plan.node_id, (*ended_stamp(node, plan.changes), *plan.changes))
 
 
-def _is_stamp(change: Change) -> bool:
+def is_stamp(change: Change) -> TypeGuard[ValueChange]:
+    """Whether *change* is one of 0x1020."""
     return isinstance(change, ValueChange) and change.step.index == STAMP
 
 
 def _configures(node: KnownPdos, change: Change) -> bool:
-    """Whether *change* is one of the configuration: no command, no target, no store."""
+    """Whether *change* is one of the configuration, as a restore is: no command, no target, no store."""
     if not isinstance(change, ValueChange):
         return alters(change)
     step = change.step
     if Pdo.at(step.index) is not None:
         return True
     entry = None if node.dictionary is None else node.dictionary.entry(step.index, step.sub_index)
-    saves = (step.index, step.sub_index) == node.profile.store.saved_by or step.index in (STORE, RESTORE)
+    saves = (step.index, step.sub_index) == node.profile.store.saved_by or step.index == STORE
     return alters(change) and not saves and not (entry is not None and entry.pdo_mapping)

@@ -36,6 +36,8 @@ RULES = (
 )  # fmt: skip
 
 _PLACE = f"0x{STAMP:04X}"
+#: Indices that are stored, restored and reset together with 0x1020 (CiA 301, 7.5.2.13).
+_COMMUNICATION = range(0x1000, 0x2000)
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,8 +81,9 @@ def trusted(nodes: Mapping[int, Node], wish: NetworkWish) -> frozenset[int]:
     """The nodes of *wish* whose stamp says that they hold, and have stored, what it says of them.
 
     Not one of which a change waits to be recovered, or is remembered and not stored; and where links join several,
-    all of them or none. Not one either of which the file says what it keeps without a store: an old stamp may come
-    back with a restart, beside a new value.
+    all of them or none. Not one either of which the file names objects that go other ways than 0x1020: those kept
+    without a store, and all but 0x1000..0x1FFF, which an RPDO may write, and which have a group of their own in 0x1010
+    and 0x1011. An old stamp may come back with a restart then, beside a new value.
     """
     stamps = stamps_of(nodes, wish)
     own = {one.node_id for one in wish.nodes if _is_stamped(nodes, one, stamps.get(one.node_id))}
@@ -94,7 +97,7 @@ def _is_stamped(nodes: Mapping[int, Node], wish: NodeWish, wanted: Stamp | None)
     keeper = node.keeper
     if node.unstored or (keeper is not None and (keeper.open_journal() or is_remembered(node, keeper.past))):
         return False
-    stored = all(node.profile.store.needed_for(index) for index in _indices(node, wish))
+    stored = all(index in _COMMUNICATION and node.profile.store.needed_for(index) for index in _indices(node, wish))
     return stored and held_stamp(node) == wanted
 
 

@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING
 from dvtcli.device.change.pending import COMMUNICATION, EVERYTHING, GROUPS
 from dvtcli.device.change.proven import Restart, prepare_proof, prove_restore, prove_store, restart_and_read
 from dvtcli.device.held import Held
-from dvtcli.device.store_parameters import RESTORE, STORE, await_power_cycle, reset_and_wait, return_to, sign
+from dvtcli.device.stamped import NO_STAMP, held_stamp, stamp_changes
+from dvtcli.device.store_parameters import RESTORE, STORE, await_power_cycle, chosen, reset_and_wait, return_to, sign
 from dvtcli.device.storing import is_stored, prepare_store
 from dvtcli.domain.nmt import NmtCommand
+from dvtcli.domain.plan import Plan
 from dvtcli.domain.proof import POWER, RESET_COMM, RESET_NODE
 from dvtcli.errors import DeviceRefused, SdoAborted
 from dvtcli.operations.reset_consent import consent_to_reset
@@ -142,6 +144,7 @@ def restore_defaults(session: Session, node: Node, sub_index: int | None, *, pro
     )
     state = node.access.state() if prove else None
     before, lost = _before_restore(node, restart) if prove else (None, ())
+    _end_stamp(session, node, sub_index)
     done = sign(node.access, node.profile.store, RESTORE, sub_index, node.cancellation, node.dictionary)
     node.gate.done.append(f"0x{done.place} acknowledged the restore")
     proof = prove_restore(node, done, restart, before, lost) if prove else None
@@ -159,6 +162,17 @@ def restore_defaults(session: Session, node: Node, sub_index: int | None, *, pro
         node.node_id, done.place, "restore", done.seconds, node.profile.store.timeout_s, (), session.dry_run, proof,
         prove_asked=asked,
     )  # fmt: skip
+
+
+def _end_stamp(session: Session, node: Node, sub_index: int | None) -> None:
+    """Before *node* is asked for its defaults: a stamp of ours ends, since what it stands for is stored no longer."""
+    held = held_stamp(node)
+    if held is None or not held.is_own:
+        return
+    chosen(node.access, node.profile.store, RESTORE, sub_index, node.dictionary)  # a device without it keeps its stamp
+    session.tell.note(f"0x1020 of node {node.node_id} <- 0: what is no longer stored loses its stamp")
+    ending = stamp_changes(held, NO_STAMP, "what is no longer stored loses its stamp")
+    node.apply(Plan(node.node_id, ending), force=session.options.force, kept=False)
 
 
 def _before_restore(node: Node, restart: Restart) -> tuple[Held | None, tuple[str, ...]]:

@@ -246,7 +246,7 @@ def _put_back(node: Node, plan: Plan) -> None:
     deadline_s = node.bus.now_s() + PATIENCE_S
     while True:
         try:
-            node.put_back([plan], force=True, own=True)
+            node.put_back([plan], force=True, own=True, rolls_back=True)
         except _PASSING:
             if node.bus.now_s() >= deadline_s:
                 raise

@@ -28,9 +28,23 @@ def test_text_names_who_was_not_read(bench: Bench) -> None:
     said = bench.run(f"plan {FILE} --trust-stamp").stdout
     assert said.count("not read: its stamp (0x1020) is that of the file") == 1
     assert bench.run("undo").code == bench.run("node 9").code == bench.run("store").code == 0
+    said = bench.run(f"plan {FILE} --trust-stamp").stdout
+    assert said.count("not read: its stamp (0x1020) is that of the file") == 1
+    assert bench.run(f"apply {FILE}").code == 0
     said = bench.run(f"diff {FILE} --trust-stamp").stdout
     assert "No difference: every node, as its stamp (0x1020) says, holds what the file says." in said
     assert "Every node, as its stamp (0x1020) says, holds" in bench.run(f"apply {FILE} --trust-stamp").stdout
+
+
+def test_an_atomic_script_that_is_taken_back_leaves_the_stamp_as_it_was(bench: Bench, tmp_path: Path) -> None:
+    script = tmp_path / "lines.dvt"
+    script.write_text("node 5\nset tpdo1 --timer 70\nwrite 1018:1 0\n")
+    before = bench.run("read 5:1020:1").stdout, bench.run("read 5:1020:2").stdout
+    assert bench.run(f"run --atomic {script}").code != 0
+    assert (bench.run("read 5:1020:1").stdout, bench.run("read 5:1020:2").stdout) == before
+    script.write_text("node 5\nset tpdo1 --timer 70\n")
+    assert bench.run(f"run --atomic {script}").code == 0
+    assert bench.run("read 5:1020:1").stdout != before[0]
 
 
 def test_documents_say_it(bench: Bench) -> None:

@@ -5,6 +5,8 @@ Each with devices that clear 0x1020 when their configuration changes, and with d
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -19,6 +21,8 @@ from dvtcli.operations.change import configure_pdo
 from dvtcli.operations.link_pdos import link_pdos
 from dvtcli.operations.network_files import applied, planned
 from dvtcli.operations.recover_change import recover
+from dvtcli.operations.session import Session
+from dvtcli.operations.store_restore import restore_defaults, store_settings
 from dvtcli.operations.undo_changes import undo
 from tests.network.bench import Chain
 from tests.network.killed import Watched, afterwards
@@ -40,11 +44,12 @@ nodes:
 """
 LINKED = FILE + "links:\n  - {{from: one:tpdo1, to: other:rpdo1}}\n"
 NOTHING = (bytes(4), bytes(4))
+HOMES = ("HOME", "XDG_DATA_HOME", "XDG_STATE_HOME", "XDG_CONFIG_HOME")
 
 
 @pytest.fixture(autouse=True)
 def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    for name in ("HOME", "XDG_DATA_HOME", "XDG_STATE_HOME", "XDG_CONFIG_HOME"):
+    for name in HOMES:
         monkeypatch.setenv(name, str(tmp_path / "home"))
     (tmp_path / "home").mkdir()
     return tmp_path / "home"
@@ -118,7 +123,7 @@ def test_a_saved_stamp_of_one_device_is_not_believed_of_another(chain: Chain, tm
     assert unread(chain, path) == (1,)
 
 
-def test_a_change_by_hand_ends_it_and_an_undo_brings_it_back(chain: Chain, tmp_path: Path) -> None:
+def test_a_change_by_hand_ends_it_and_apply_brings_it_back(chain: Chain, tmp_path: Path) -> None:
     path = file(tmp_path)
     chain.apply(path)
     made = held(chain, 1)
@@ -129,8 +134,116 @@ def test_a_change_by_hand_ends_it_and_an_undo_brings_it_back(chain: Chain, tmp_p
     assert unread(chain, path) == (5,)
     with chain.session(node=1) as session:
         assert undo(session)
+    assert held(chain, 1) == NOTHING
+    assert {step.object for node in chain.plan(path).plan.nodes for step in node.plan.steps} == {"1020:01", "1020:02"}
+    chain.apply(path)
     assert held(chain, 1) == made
-    assert not chain.plan(path).plan.to_do
+
+
+def elsewhere(chain: Chain, path: Path) -> tuple[int, ...]:
+    """Who is not read by a computer that knows nothing of what was done."""
+    with another_computer(chain):
+        return unread(chain, path)
+
+
+@contextmanager
+def another_computer(chain: Chain) -> Iterator[None]:
+    """Whose user's files, journals and locks are its own."""
+    own, chain.folder = chain.folder, chain.folder.parent / "elsewhere"
+    try:
+        with pytest.MonkeyPatch.context() as patch:
+            for name in HOMES:
+                patch.setenv(name, str(chain.folder))
+            yield
+    finally:
+        chain.folder = own
+
+
+def by_hand(session: Session, event_timer: int = 70) -> None:
+    configure_pdo(session, 1, Pdo.parse("tpdo1"), PdoRequest(event_timer=event_timer))
+
+
+def stored_by(chain: Chain) -> None:
+    with chain.session(node=1) as session:
+        store_settings(session, session.node(1), None)
+
+
+@pytest.mark.parametrize("everything", [False, True])
+@pytest.mark.parametrize("later", [False, True], ids=["session", "later"])
+def test_an_undo_after_a_store_brings_no_stamp_back(
+    chain: Chain, tmp_path: Path, *, everything: bool, later: bool
+) -> None:
+    path = file(tmp_path)
+    chain.apply(path)
+    before = chain.held()
+    with chain.session(node=1) as session:
+        by_hand(session)
+        store_settings(session, session.node(1), None)
+        if not later:
+            assert undo(session, everything=everything)
+    if later:
+        with chain.session(node=1) as session:
+            assert undo(session)
+    assert chain.held() == before or everything
+    assert held(chain, 1) == NOTHING
+    assert 1 not in elsewhere(chain, path)
+    restarted(chain)
+    assert 1 not in elsewhere(chain, path)
+
+
+def test_an_undo_behind_the_undo_of_a_stamped_file_is_not_refused(chain: Chain, tmp_path: Path) -> None:
+    path = file(tmp_path)
+    before = chain.held()
+    with chain.session(node=None) as session:
+        applied(session, str(path))
+        by_hand(session)
+        assert undo(session)
+        assert undo(session, everything=True)
+    assert chain.held() == before
+    assert [held(chain, node_id) for node_id in NODES] == [NOTHING, NOTHING]
+
+
+def test_an_undo_of_several_nodes_ends_a_stamp_that_came_later_from_elsewhere(chain: Chain, tmp_path: Path) -> None:
+    path, early = file(tmp_path), file(tmp_path, timer=25, text=FILE.replace(", stamp: true", ""))
+    chain.apply(early)
+    with another_computer(chain):
+        chain.apply(file(tmp_path, timer=25))
+        assert unread(chain, file(tmp_path, timer=25)) == (1, 5)
+    with chain.session(node=None) as session:
+        assert undo(session, everything=True)
+    assert [held(chain, node_id) for node_id in NODES] == [NOTHING, NOTHING]
+    assert elsewhere(chain, path) == ()
+
+
+@pytest.mark.parametrize("group", [None, 3], ids=["all", "application"])
+def test_who_is_asked_for_its_defaults_has_no_stamp(chain: Chain, tmp_path: Path, group: int | None) -> None:
+    path = file(tmp_path)
+    chain.apply(path)
+    with chain.session(node=1) as session:
+        restore_defaults(session, session.node(1), group, prove=False)
+    assert held(chain, 1) == NOTHING
+    assert elsewhere(chain, path) == (5,)
+
+
+def test_a_restore_that_is_written_ends_it(chain: Chain, tmp_path: Path) -> None:
+    chain.apply(file(tmp_path))
+    with chain.session(node=1) as session:
+        session.node(1).write(0x1011, 1, b"load")
+    assert held(chain, 1) == NOTHING
+
+
+def test_values_that_go_other_ways_than_the_stamp_are_read(chain: Chain, tmp_path: Path) -> None:
+    """An RPDO may write 0x6072, and 0x1011:03 restores it alone: the stamp does not say that it is as it was."""
+    text = FILE.replace(
+        "    tpdo:\n      1: {{inh", "    sdo: [{{index: 0x6072, sub_index: 0, value: 700}}]\n    tpdo:\n      1: {{inh"
+    )
+    path = file(tmp_path, text=text)
+    chain.apply(path)
+    assert stamp(chain, 5).is_own
+    with chain.session(node=5) as session:
+        session.node(5).write(0x6072, 0, (500).to_bytes(2, "little"))
+    assert elsewhere(chain, path) == (1,)
+    assert chain.plan(path, trust_stamp=True).plan.nodes[1].plan.changes
 
 
 def test_a_command_ends_no_stamp(chain: Chain, tmp_path: Path) -> None:
@@ -219,22 +332,24 @@ def test_nobody_is_told_wrong_by_a_stamp_whenever_apply_was_killed(
     before = chain.held(), {node_id: held(chain, node_id) for node_id in NODES}
     chosen = part(range(1, 29), pytestconfig.getoption("--kills"), pytestconfig, f"stamp {clears} {len(text)}")
 
-    def elsewhere(after: Chain) -> None:
+    def look_from_elsewhere(after: Chain) -> None:
         """From a computer that knows nothing of the other one."""
-        for path in (old, new):
-            trusted = after.plan(path, trust_stamp=True).plan.unread
-            differing = [one.node_id for one in after.plan(path).plan.nodes if len(one.plan)]
-            assert not set(trusted) & set(differing), (path, trusted, differing)
+        with another_computer(after):
+            for path in (old, new):
+                trusted = unread(after, path)
+                differing = [one.node_id for one in after.plan(path).plan.nodes if len(one.plan)]
+                assert not set(trusted) & set(differing), (path, trusted, differing)
 
     def look(after: Chain) -> None:
-        own, after.folder = after.folder, after.folder.parent / "elsewhere"
-        elsewhere(after)
-        after.folder = own
+        look_from_elsewhere(after)
         assert unread(after, new) == ()
         with after.session(node=None) as session:
             recover(session)
-        assert (after.held(), {node_id: held(after, node_id) for node_id in NODES}) == before
-        assert not after.plan(old).plan.changed
+        assert after.held() == before[0]
+        assert all(held(after, node_id) in (NOTHING, before[1][node_id]) for node_id in NODES)
+        look_from_elsewhere(after)
+        restarted(after)
+        look_from_elsewhere(after)
 
     wrong: dict[int, str] = {}
     first = chain.bus.writes
@@ -248,14 +363,14 @@ def test_nobody_is_told_wrong_by_a_stamp_whenever_apply_was_killed(
     assert wrong == {}
 
 
-def test_an_undo_of_everything_brings_the_stamps_of_before_back(chain: Chain, tmp_path: Path) -> None:
+def test_an_undo_of_everything_leaves_no_stamp(chain: Chain, tmp_path: Path) -> None:
     chain.apply(file(tmp_path))
-    before, stamps = chain.held(), {node_id: held(chain, node_id) for node_id in NODES}
+    before = chain.held()
     with chain.session(node=None) as session:
         applied(session, str(file(tmp_path, timer=30, inhibit=40)))
         assert undo(session, everything=True)
     assert chain.held() == before
-    assert {node_id: held(chain, node_id) for node_id in NODES} == stamps
+    assert [held(chain, node_id) for node_id in NODES] == [NOTHING, NOTHING]
 
 
 def test_nodes_that_are_linked_are_trusted_together(chain: Chain, tmp_path: Path) -> None:

@@ -16,11 +16,13 @@ from dvtcli.device.change.taken_back import put_back_findings
 from dvtcli.device.change.way_back import plan_back
 from dvtcli.device.compare import differences
 from dvtcli.device.observe import MOST_LOOKS, BusWitness
+from dvtcli.device.stamped import NO_STAMP, held_stamp, is_stamp, stamp_back
 from dvtcli.domain.network.phases import phases
 from dvtcli.domain.nmt import NmtState
-from dvtcli.domain.plan import PdoChange, Plan, Step, plan_pdo
+from dvtcli.domain.plan import STAMP, PdoChange, Plan, Step, ValueChange, plan_pdo
 from dvtcli.domain.script_line import value_line, whole_line
 from dvtcli.domain.several import several
+from dvtcli.domain.stamp import DATE, TIME
 from dvtcli.errors import (
     BusUnavailable,
     DeviceRefused,
@@ -106,6 +108,8 @@ class Recovery:
     journal: Journal
     plan: Plan
     as_taken: Plan
+    #: what goes back, newest last: that of the journal, but for a stamp of ours, which ends
+    changes: tuple[Change, ...]
     #: what was put back otherwise than it was, and boot-ups seen before it was put back
     _otherwise: tuple[PdoChange, ...] = ()
     _boot_ups: int = 0
@@ -118,7 +122,7 @@ class Recovery:
             node.keeper.lock.take()
         node.read_anew()
         plan, as_taken = plan_back(node, [journal.plan]), plan_back(node, [journal.plan], as_taken=True)
-        return cls(node, journal, plan, as_taken)
+        return cls(node, journal, plan, as_taken, _without_stamp(node, journal.plan, plan))
 
     def ahead(self) -> Iterator[Plan]:
         """What goes ahead of `put_back` where other nodes are put back, too: one part for each phase but the last.
@@ -144,7 +148,7 @@ class Recovery:
     def put_back(self) -> None:
         """Put everything back and verify that, whatever the node holds; LeftChanged leaves the journal."""
         self._boot_ups = self.node.bus.boot_ups(self.node.node_id)
-        self._otherwise = self._restore(self.journal.plan.changes, given_up=(DvtcliError, KeyboardInterrupt))
+        self._otherwise = self._restore(self.changes, given_up=(DvtcliError, KeyboardInterrupt))
 
     def start(self) -> None:
         """Start the node where it was found OPERATIONAL; put back anew where it restarted since it was verified.
@@ -182,7 +186,7 @@ class Recovery:
         """From what the interrupted change wanted to what was put back instead."""
         taken = {one.pdo: one.back for one in self._otherwise}
         changes: list[Change] = []
-        for change in self.journal.plan.changes:
+        for change in self.changes:
             if isinstance(change, PdoChange):
                 changes.append(plan_pdo(change.pdo, change.after, taken.get(change.pdo) or change.before))
             elif change.step.before is not None:
@@ -215,6 +219,23 @@ class Recovery:
             hint=_next_step(self.node, fault, self.journal),
             state="left_changed",
         )
+
+
+def _without_stamp(node: KnownPdos, interrupted: Plan, back: Plan) -> tuple[Change, ...]:
+    """The changes of *interrupted* where *back* puts them back; instead of a stamp of ours its end, which goes first.
+
+    Also where none is held: a restart may bring one back that stands for what was stored.
+    """
+    stamps = {step.sub_index: step for step in (one.step for one in filter(is_stamp, interrupted.changes))}
+    before = {sub_index: step.before for sub_index, step in stamps.items() if step.before is not None}
+    held = held_stamp(node)
+    if held is None or (stamp_back(node, back.changes, before) is None and (stamps or held != NO_STAMP)):
+        return interrupted.changes
+    others = tuple(change for change in interrupted.changes if not is_stamp(change))
+    if held.is_own and not any(map(is_stamp, back.changes)):
+        return others  # nothing of what it stands for changes
+    ends = (Step(STAMP, one, bytes(4), held.data(one), "a stamp is not put back") for one in (DATE, TIME))
+    return (*others, *map(ValueChange, ends))
 
 
 def recover_together(recoveries: Sequence[Recovery]) -> dict[int, DvtcliError]:

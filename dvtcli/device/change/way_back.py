@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.change.gap import refuse_gap
 from dvtcli.device.change.safekeeping import who_else
+from dvtcli.device.stamped import is_stamp, stamp_back
 from dvtcli.device.wish import Wish, unlike
 from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, plan_pdo
+from dvtcli.domain.plan import STAMP, Change, PdoChange, Plan, Step, ValueChange, plan_pdo
 from dvtcli.domain.rules.finding import Finding, warning
 from dvtcli.domain.rules.rule import WARNING, Rule
 from dvtcli.domain.several import several
+from dvtcli.domain.stamp import DATE, TIME, is_own_date
 from dvtcli.errors import SafetyRefusal
 
 if TYPE_CHECKING:
@@ -35,11 +37,12 @@ class WayBack:
     unknown: tuple[Finding, ...]
 
 
-def plan_back(node: KnownPdos, plans: Iterable[Plan], *, as_taken: bool = False) -> Plan:
+def plan_back(node: KnownPdos, plans: Iterable[Plan], *, as_taken: bool = False, rolls_back: bool = False) -> Plan:
     """The plan from what *node* holds now to what it held before the oldest of *plans* (oldest first).
 
     Whoever asks has dropped what was read before the node was its own to change. A write-only object stays as it is
-    (`unknown_before`). With *as_taken* a PDO of which a refusal was foreseen becomes what a device takes instead.
+    (`unknown_before`). With *as_taken* a PDO of which a refusal was foreseen becomes what a device takes instead. Only
+    what *rolls_back* a change, since which nothing was stored, brings a stamp of ours back (`stamp_back`).
     """
     pdos: dict[Pdo, PdoConfig] = {}
     values: dict[tuple[int, int], Step] = {}
@@ -49,7 +52,20 @@ def plan_back(node: KnownPdos, plans: Iterable[Plan], *, as_taken: bool = False)
         else:
             values[change.step.index, change.step.sub_index] = change.step
     changes = [plan_pdo(pdo, node.known_pdo(pdo), before) for pdo, before in pdos.items()]
-    return Plan(node.node_id, (*changes, *_value_changes(node, pdos, values)))
+    put_back = (*changes, *_value_changes(node, pdos, values))
+    return Plan(node.node_id, put_back if rolls_back else _stamp_ended(node, put_back, values))
+
+
+def _stamp_ended(
+    node: KnownPdos, put_back: tuple[Change, ...], values: dict[tuple[int, int], Step]
+) -> tuple[Change, ...]:
+    """*put_back*, behind the end of a stamp of ours and without its return; *values* are what was changed."""
+    others = tuple(one for one in put_back if not is_stamp(one))
+    before = {at[1]: step.before for at, step in values.items() if at[0] == STAMP and step.before is not None}
+    if not (others or before):
+        return ()
+    ended = stamp_back(node, others, before)
+    return put_back if ended is None else (*ended, *others)
 
 
 def _value_changes(
@@ -107,9 +123,10 @@ def beginnings(plans: Sequence[Plan]) -> Wish:
 def _wish(changes: Iterable[Change], *, before: bool) -> Wish:
     """What the last of *changes* of each object left, or found where *before*.
 
-    Not what cannot be read, nor entries behind a mapping's count, which mean nothing.
+    Not what cannot be read, nor entries behind a mapping's count, which mean nothing, nor stamps of ours, which end by
+    themselves and do not come back.
     """
-    wish = Wish()
+    wish, own = Wish(), False
     for change in changes:
         if isinstance(change, PdoChange):
             wish.pdos[change.pdo] = change.before if before else change.after
@@ -117,7 +134,15 @@ def _wish(changes: Iterable[Change], *, before: bool) -> Wish:
         step = change.step
         if step.before is not None and Pdo.at(step.index) is None:
             wish.values[step.index, step.sub_index] = step.before if before else step.after
+        own = own or ((step.index, step.sub_index) == (STAMP, DATE) and _is_own_date(step))
+    if own:
+        for sub_index in (DATE, TIME):
+            wish.values.pop((STAMP, sub_index), None)
     return wish
+
+
+def _is_own_date(step: Step) -> bool:
+    return any(is_own_date(int.from_bytes(data or b"", "little")) for data in (step.before, step.after))
 
 
 def unknown_before(plans: Iterable[Plan]) -> tuple[Finding, ...]:
