@@ -264,6 +264,8 @@ def _hint(config: Mapping[str, object], error: Exception) -> str:
         near = get_close_matches(interface, known, n=3)
         meant = f"did you mean {near[0]}? " if near else ""
         return f"{meant}known interfaces: {', '.join(sorted(known))}"
+    if interface == "socketcan" and {"host", "port"} & config.keys():
+        return "socketcan is a link of this computer; a server at a host and port is -i socketcand"
     number = errno.ETIMEDOUT if isinstance(error, TimeoutError) else _errno_of(error)
     if number in _ERRNO_HINTS:
         return _ERRNO_HINTS[number]

@@ -135,7 +135,11 @@ def _node_ids(value: Any) -> int | tuple[int, ...] | str:
     if value == ALL_NODES:
         return ALL_NODES
     words = [str(one) for one in value] if isinstance(value, list | tuple) else str(value).split(",")
-    found = sorted({node_id(word.strip()) for word in words})
+    try:
+        found = sorted({node_id(word.strip()) for word in words})
+    except UsageError as wrong:
+        wrong.hint = "one node-ID, several as in 1,3,5, or all"
+        raise
     return found[0] if len(words) == 1 else tuple(found)
 
 

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.nmt import UNCONFIGURED
 from dvtcli.errors import BusUnavailable, InputFileError, UsageError
 from dvtcli.files.sim_state import read_state, write_state
 from dvtcli.operations.options import Options, node_id
@@ -107,7 +108,7 @@ def serving(
     keep = _keeper(wanted.state, nodes, devices, warn)
     nodes = tuple(replace(one, node_id=device.node_id) for one, device in zip(nodes, devices, strict=True))
     for one, many in Counter(device.node_id for device in devices).items():
-        if many > 1:
+        if many > 1 and one != UNCONFIGURED:
             warn(f"{many} nodes have node-ID {one}, as --state {wanted.state} keeps it: they will answer as one")
     faults = simulated_faults(options.fault, nodes)
     for fault in faults:

@@ -56,7 +56,8 @@ def test_a_changed_node_that_stays_away_is_asked_once_a_line(tmp_path: Path) -> 
         assert back.asked == asked
         session.end_line(0)
         session.node(9)
-        assert (back.asked, list(session.network.left)) == (2 * asked, [5]), "another line asks again"
+        assert asked < back.asked <= 2 * asked, "another line asks again, once (and needs no abort before it)"
+        assert list(session.network.left) == [5]
         back.join([away])
         back.nodes_said(Frame(0x705, b"\0"))
         back.sleep(0.01)
