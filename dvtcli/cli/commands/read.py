@@ -1,4 +1,4 @@
-"""Read an object by SDO upload and decode it."""
+"""Read objects by SDO upload and decode them: one, several, or again and again."""
 
 from __future__ import annotations
 
@@ -7,14 +7,15 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.commands._live_params import DurationType
 from dvtcli.cli.effect import Effect
 from dvtcli.cli.object_params import OBJECT, DataTypeParam, ObjectWord
 from dvtcli.cli.params import FILE
 
 if TYPE_CHECKING:
+    from dvtcli.cli.conversation import Conversation
     from dvtcli.domain.datatypes import DataType
-    from dvtcli.operations.results import Facts, ValueRead
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.results import Facts, ValueRead, ValuesRead, ValuesWatched
 
 TASK = ("See", 30)
 
@@ -24,16 +25,27 @@ TASK = ("See", 30)
     cls=DvtCommand,
     short_help=__doc__,
     effect=Effect.READS,
-    each=lambda params: params["output"] is None,
+    each=lambda params: params["output"] is None and params["every_s"] is None,
 )
-@click.argument("object_", type=OBJECT, metavar="OBJECT")
+@click.argument("objects", type=OBJECT, metavar="OBJECT…", nargs=-1, required=True)
 @click.option("--as", "data_type", type=DataTypeParam(), metavar="TYPE", help="Decode as u8…u64, i8…i64, r32, vs, …")
-@click.option("-o", "--output", type=FILE, metavar="FILE", help="Its bytes into FILE, for what is long.")
+@click.option("--every", "every_s", type=DurationType(), metavar="TIME", help="Again and again (100ms, 5s).")
+@click.option("--for", "for_s", type=DurationType(), metavar="TIME", help="End --every after TIME [until Ctrl-C].")
+@click.option("-o", "--output", type=FILE, metavar="FILE", help="One object's bytes into FILE; with --every a .csv.")
 @click.pass_obj
 def command(
-    session: Session, /, object_: ObjectWord, data_type: DataType | None, output: str | None
-) -> ValueRead | Facts:
-    """Read OBJECT.
+    session: Conversation,
+    /,
+    objects: tuple[ObjectWord, ...],
+    data_type: DataType | None,
+    every_s: float | None,
+    for_s: float | None,
+    output: str | None,
+) -> ValueRead | ValuesRead | ValuesWatched | Facts:
+    """Read each OBJECT.
+
+    With --every a line each time, and at the end the least, the most and the course of each; with --json a document
+    each time. An object that cannot be read ends it.
 
     \b
     read 6041
@@ -42,13 +54,31 @@ def command(
     read 1018:1 --as u32
     read 3:6041              of node 3
     read 1008 -o name.txt    its bytes, as they are
+    read 6041 606C
+    read 6041 606C --every 100ms --for 300ms
+    read 606C --every 50ms --for 200ms -o speed.csv
     """
+    if for_s is not None and every_s is None:
+        raise click.UsageError("--for belongs to --every")
+    asked = [(word.text, word.node_id) for word in objects]
+    if every_s is not None:
+        from dvtcli.operations.watch_objects import watch_objects
+
+        show = session.output.stream
+        return watch_objects(session, asked, every_s, for_s, show, data_type=data_type, file=output)
+    if len(objects) > 1 and output is not None:
+        raise click.UsageError("-o takes the bytes of one object; with --every the values of several as .csv")
+    if len(objects) > 1:
+        from dvtcli.operations.watch_objects import read_objects
+
+        return read_objects(session, asked, data_type)
+    (only,) = objects
     if output is not None:
         from dvtcli.operations.object_files import read_to_file
 
         if data_type is not None:
             raise click.UsageError("--as is of no use with -o: the bytes are written as they are")
-        return read_to_file(session, object_.text, output, object_.node_id)
+        return read_to_file(session, only.text, output, only.node_id)
     from dvtcli.operations.read_object import read_object
 
-    return read_object(session, object_.text, data_type, object_.node_id)
+    return read_object(session, only.text, data_type, only.node_id)

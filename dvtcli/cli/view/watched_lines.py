@@ -1,0 +1,52 @@
+"""The text of several objects' values, and of the course they took."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from dvtcli.cli.view.lines import Cell, Line, Table
+from dvtcli.cli.view.value_lines import cut_bytes, value_lines
+from dvtcli.watch.statistics import spark
+
+if TYPE_CHECKING:
+    from dvtcli.operations.results.values import ValueRead
+    from dvtcli.operations.results.watched_values import ValuesRead, ValuesWatched
+
+_LEVELS = "▁▂▃▄▅▆▇█"
+
+
+def values_lines(result: ValuesRead, width: int) -> Iterator[Line]:
+    """One object a line, or all of them in a line with its time."""
+    if result.at_s is not None:
+        yield [Cell(f"{result.at_s:9.3f} s", "dim"), *(Cell(f"  {_place(one)} {_value(one)}") for one in result.values)]
+        return
+    several_nodes = len({one.node for one in result.values}) > 1
+    for one in result.values:
+        for line in value_lines(one, width):
+            assert isinstance(line, list)  # noqa: S101 - it is one of cells
+            yield [Cell(f"node {one.node}  "), *line] if several_nodes else line
+
+
+def watched_lines(result: ValuesWatched, width: int) -> Iterator[Line]:
+    """Least, most and last of each object, and its last values as a picture."""
+    header = ("NODE", "OBJECT", "NAME", "READ", "LEAST", "MOST", "LAST", "COURSE")
+    table = Table(header, right=frozenset({3, 4, 5, 6}), shrink=2)
+    for course in result.courses:
+        last = course.last
+        if last is not None:
+            least, most = ("-" if number is None else f"{number:g}" for number in (course.least, course.most))
+            drawn = Cell(spark(list(course.points), _LEVELS), "green")
+            table.add(str(last.node), last.object, last.name, f"{course.samples}x", least, most, _value(last), drawn)
+    yield from table.lines(width)
+    if result.file is not None:
+        yield f"{result.file}: {result.courses[0].samples} rows"
+
+
+def _place(one: ValueRead) -> str:
+    return f"{one.node}:{one.object}"
+
+
+def _value(one: ValueRead) -> str:
+    shown = cut_bytes(one.value) if isinstance(one.value, bytes) else str(one.value)
+    return f"{shown} {one.unit}".rstrip()

@@ -1,0 +1,78 @@
+"""Several objects' values, read once or again and again, as answers. Knows no terminal and no session."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+from dvtcli.operations.results.documents import Answer, Document, json_value
+from dvtcli.operations.results.values import ValueRead
+
+#: values of an object that are kept for its picture
+MOST_POINTS = 40
+
+
+@dataclass(frozen=True, slots=True)
+class ValuesRead(Answer):
+    """What several objects held, a list of `ValueRead`; *at_s*: since the first time, None where there is only one."""
+
+    renderer: ClassVar = "watched_lines:values_lines"
+
+    values: tuple[ValueRead, ...]
+    at_s: float | None = None
+    exit_code: int = 0
+
+    def document(self) -> Document:
+        """`dvtcli.values/1`."""
+        values = [{key: said for key, said in one.document().items() if key != "schema"} for one in self.values]
+        time = {} if self.at_s is None else {"time_s": round(self.at_s, 3)}
+        return {"schema": "dvtcli.values/1", **time, "values": values}
+
+
+@dataclass(slots=True)
+class ObjectCourse:
+    """What an object held over a while: how often it was read, its least and most, the last values."""
+
+    samples: int = 0
+    last: ValueRead | None = None
+    least: float | None = None
+    most: float | None = None
+    points: deque[float] = field(default_factory=lambda: deque(maxlen=MOST_POINTS))
+
+    def add(self, value: ValueRead) -> None:
+        """Take what was read."""
+        self.samples += 1
+        self.last = value
+        number = value.value
+        if isinstance(number, int | float):
+            self.least = number if self.least is None else min(self.least, number)
+            self.most = number if self.most is None else max(self.most, number)
+            self.points.append(number)
+
+
+@dataclass(frozen=True, slots=True)
+class ValuesWatched(Answer):
+    """The courses of several objects, each read at least once; *file* is the CSV that was written."""
+
+    renderer: ClassVar = "watched_lines:watched_lines"
+
+    courses: tuple[ObjectCourse, ...]
+    file: str | None = None
+    exit_code: int = 0
+
+    def document(self) -> Document:
+        """`dvtcli.watched-values/1`."""
+        objects = [
+            {
+                "node": course.last.node,
+                "object": course.last.object,
+                "samples": course.samples,
+                "least": course.least,
+                "most": course.most,
+                "last": json_value(course.last.value),
+            }
+            for course in self.courses
+            if course.last is not None
+        ]
+        return {"schema": "dvtcli.watched-values/1", "objects": objects, "file": self.file}

@@ -1,0 +1,100 @@
+"""Several objects, read once, or again and again: what they hold, and the course that it took. Only reads."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dvtcli.errors import UsageError
+from dvtcli.operations.named_objects import object_at
+from dvtcli.operations.object_values import value_result
+from dvtcli.operations.results.watched_values import ObjectCourse, ValuesRead, ValuesWatched
+from dvtcli.operations.save_script import ask_before_overwriting, place_of
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+    from dvtcli.domain.datatypes import DataType
+    from dvtcli.operations.results.values import ValueRead
+    from dvtcli.operations.session import Session
+
+#: an object as it was typed, and the node that it was typed with
+Asked = tuple[str, int | None]
+_Place = tuple["Node", int, int]
+Show = Callable[[Iterable[ValuesRead]], None]
+
+
+def read_objects(session: Session, objects: Sequence[Asked], data_type: DataType | None = None) -> ValuesRead:
+    """Read each of *objects* in turn, as *data_type* or the file's own; errors as those of `read_object`."""
+    return ValuesRead(tuple(_read(place, data_type) for place in _places(session, objects)))
+
+
+def watch_objects(
+    session: Session,
+    objects: Sequence[Asked],
+    every_s: float,
+    for_s: float | None,
+    show: Show,
+    *,
+    data_type: DataType | None = None,
+    file: str | None = None,
+) -> ValuesWatched:
+    """Read *objects* every *every_s* seconds for *for_s* (None: until Ctrl-C), and *show* what they hold each time.
+
+    Also as a row of the CSV *file*. What takes longer than *every_s* leaves moments out. Errors as those of
+    `read_object`: one that cannot be read ends it.
+    """
+    places, courses = _places(session, objects), [ObjectCourse() for _ in objects]
+    with _rows(session, places, file) as write:
+        try:
+            for at_s in _moments(session, every_s, for_s):
+                values = tuple(_read(place, data_type) for place in places)
+                for course, value in zip(courses, values, strict=True):
+                    course.add(value)
+                write([f"{at_s:.3f}", *(value.value for value in values)])
+                show([ValuesRead(values, at_s)])
+        except KeyboardInterrupt:
+            if not courses[0].samples:
+                raise
+    return ValuesWatched(tuple(courses), file)
+
+
+def _places(session: Session, objects: Sequence[Asked]) -> list[_Place]:
+    nodes = [(session.node(node_id), text) for text, node_id in objects]
+    return [(node, *object_at(node, text)) for node, text in nodes]
+
+
+def _read(place: _Place, data_type: DataType | None) -> ValueRead:
+    node, index, sub_index = place
+    return value_result(node, index, sub_index, node.sdo.upload(index, sub_index), data_type)
+
+
+def _moments(session: Session, every_s: float, for_s: float | None) -> Iterator[float]:
+    """When to read, in seconds since the first time; waits for each."""
+    bus = session.bus
+    started_s, number = bus.now_s(), 0
+    while for_s is None or number * every_s <= for_s + every_s / 1000:
+        bus.sleep(started_s + number * every_s - bus.now_s())
+        yield bus.now_s() - started_s
+        number = max(number + 1, int((bus.now_s() - started_s) / every_s))
+
+
+@contextmanager
+def _rows(session: Session, places: Sequence[_Place], file: str | None) -> Iterator[Callable[[list[object]], None]]:
+    """What writes a row of the CSV file, or nothing where none is wanted."""
+    if file is None:
+        yield lambda _row: None
+        return
+    if not file.lower().endswith(".csv"):
+        raise UsageError(f"{file}: --every writes a .csv file", hint="read 6041 606C --every 100ms -o run.csv")
+    path = place_of(file, "read 6041 --every 1s -o {}/NAME.csv")
+    ask_before_overwriting(session, path)
+    try:
+        with Path(path).open("w", encoding="utf-8", newline="") as opened:
+            writer = csv.writer(opened)
+            writer.writerow(["time_s", *(f"{node.node_id}:{index:04X}:{sub:02X}" for node, index, sub in places)])
+            yield writer.writerow
+    except OSError as failed:
+        raise UsageError(f"{file}: {failed.strerror or failed}", place=file) from failed
