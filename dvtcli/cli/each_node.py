@@ -26,6 +26,13 @@ def several_ids(session: Session) -> tuple[int, ...]:
     return found
 
 
+def nodes_meant(session: Session) -> tuple[int | None, ...]:
+    """The nodes that -n names where it names several and none was selected since; else None, the selected one."""
+    base = session.base
+    several = base.every_node or len(base.nodes) > 1
+    return several_ids(session) if several and session.selected is None else (None,)
+
+
 def on_each_node(session: Conversation, run: Callable[[], Any], *, go_on: bool) -> int:
     """Do *run* with each node that -n names selected; the exit code of the first that failed, or 7.
 

@@ -23,7 +23,7 @@ from dvtcli.domain.object_syntax import (
     resolve_entry,
     resolve_object,
 )
-from dvtcli.operations.named_objects import entry_at, name_hint, object_at
+from dvtcli.operations.named_objects import entry_at, name_hint, object_at, one_name
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
@@ -115,6 +115,27 @@ class NodeObjectType(ObjectType):
         if not 1 <= int(head) <= 127:
             raise ValueError(f"{text!r}: node-IDs are 1…127")
         return ObjectWord(super().parse(tail, ctx).text, int(head))
+
+
+class Objects(click.Argument):
+    """Several objects. A name with blanks that was typed without quotes is refused with how it is written."""
+
+    def type_cast_value(self, ctx: click.Context, value: Any) -> Any:
+        """The words; BadParameter where one is no object."""
+        try:
+            return super().type_cast_value(ctx, value)
+        except click.BadParameter as wrong:
+            said = one_name(value or (), lambda name: self._is_object(ctx, name))
+            if said is None:
+                raise
+            raise click.BadParameter(said, wrong.ctx, wrong.param) from wrong
+
+    def _is_object(self, ctx: click.Context, text: str) -> bool:
+        try:
+            self.type.convert(text, self, ctx)
+        except click.BadParameter:
+            return False
+        return True
 
 
 class EntryType(ObjectType):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, TypeVar
 
 from dvtcli.domain.object_syntax import MappedObject, Skipped, UnknownName, resolve_entry, resolve_object
@@ -40,6 +40,16 @@ def name_hint(unknown: UnknownName) -> str:
     if unknown.similar:
         return f"did you mean {', '.join(unknown.similar)}?"
     return "objects TEXT searches the dictionary; --eds FILE gives one"
+
+
+def one_name(words: Sequence[str], is_object: Callable[[str], bool]) -> str | None:
+    """What to say where neighbours of *words* are together the name of one object: it was typed without quotes."""
+    for length in range(len(words), 1, -1):
+        for first in range(len(words) - length + 1):
+            name = " ".join(words[first : first + length])
+            if is_object(name):
+                return f'{name!r} is one name; write {name.replace(" ", "_")}, or "{name}"'
+    return None
 
 
 def _resolved(resolve: Callable[..., T], text: str, node: Node) -> T:

@@ -9,14 +9,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.errors import UsageError
-from dvtcli.operations.named_objects import object_at
+from dvtcli.operations.named_objects import object_at, one_name
 from dvtcli.operations.object_values import value_result
+from dvtcli.operations.results.documents import hex_bytes
 from dvtcli.operations.results.watched_values import ObjectCourse, ValuesRead, ValuesWatched
 from dvtcli.operations.save_script import ask_before_overwriting, place_of
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
-    from dvtcli.domain.datatypes import DataType
+    from dvtcli.domain.datatypes import DataType, Value
     from dvtcli.operations.results.values import ValueRead
     from dvtcli.operations.session import Session
 
@@ -53,7 +54,7 @@ def watch_objects(
                 values = tuple(_read(place, data_type) for place in places)
                 for course, value in zip(courses, values, strict=True):
                     course.add(value)
-                write([f"{at_s:.3f}", *(value.value for value in values)])
+                write([f"{at_s:.3f}", *(_cell(value.value) for value in values)])
                 show([ValuesRead(values, at_s)])
         except KeyboardInterrupt:
             if not courses[0].samples:
@@ -63,7 +64,25 @@ def watch_objects(
 
 def _places(session: Session, objects: Sequence[Asked]) -> list[_Place]:
     nodes = [(session.node(node_id), text) for text, node_id in objects]
-    return [(node, *object_at(node, text)) for node, text in nodes]
+    try:
+        return [(node, *object_at(node, text)) for node, text in nodes]
+    except UsageError as wrong:
+        said = one_name([text for text, _ in objects], lambda name: _is_object(nodes[0][0], name))
+        if said is None:
+            raise
+        raise UsageError(said, node=wrong.node) from wrong
+
+
+def _is_object(node: Node, text: str) -> bool:
+    try:
+        object_at(node, text)
+    except UsageError:
+        return False
+    return True
+
+
+def _cell(value: Value) -> object:
+    return hex_bytes(value) if isinstance(value, bytes) else value
 
 
 def _read(place: _Place, data_type: DataType | None) -> ValueRead:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from dvtcli.operations.simulated_nodes import simulated_device, simulated_nodes
 from tests.bus.devices import device
 from tests.commands.bench import Bench
 from tests.virtual_time import VirtualTimeBus
@@ -69,6 +70,33 @@ def test_into_a_csv_file(bench: Bench, tmp_path: Path) -> None:
 def test_what_cannot_be_read_ends_it(bench: Bench) -> None:
     assert bench.run("read 1000 7FFF").code == 1
     assert bench.run("read 1000 7FFF --every 1s --for 2s").code == 1
+
+
+def test_of_each_node_that_is_named() -> None:
+    """With -n 1,3 a word without a node is meant of both, at each moment; one with a node of that."""
+    with Bench((), {"node": (1, 3), "profile": "generic"}, VirtualTimeBus([device(1), device(3)])) as bench:
+        documents = bench.run("read 1017 --every 1s --for 1s --json").documents
+        assert [[one["node"] for one in each["values"]] for each in documents[:-1]] == [[1, 3], [1, 3]]
+        assert [one["node"] for one in bench.run("read 1017 1000 --json").documents[0]["values"]] == [1, 1]
+        mixed = bench.run("read 1017 3:1000 --json").document["values"]
+        assert [(one["node"], one["object"]) for one in mixed] == [(1, "1017:00"), (3, "1017:00"), (3, "1000:00")]
+
+
+@pytest.mark.parametrize("words", ["velocity actual value", "1017 velocity actual value", "Velocity actual value 1017"])
+def test_a_name_without_its_quotes_is_said(words: str) -> None:
+    with Bench(("gen4@1",)) as bench:
+        ran = bench.run(f"read {words}")
+        assert ran.code == 2
+        assert "is one name; write" in ran.stderr
+        assert bench.run("read 1000 nonsense").code == 2
+        assert bench.run("read 1017 'velocity actual value'").code == 0
+
+
+def test_so_is_one_that_only_the_nodes_profile_has() -> None:
+    bus = VirtualTimeBus([simulated_device(one) for one in simulated_nodes(["gen4@1"])], simulated=False)
+    with Bench((), {"sim": (), "node": 1}, bus) as bench:
+        assert "is one name; write torque_actual" in bench.run("read 1017 torque actual").stderr
+        assert "is one name" not in bench.run("read 1000 nonsense").stderr
 
 
 @pytest.mark.parametrize("line", ["read 1000 1017 -o x.bin", "read 1000 --for 2s", "read", "read 1000 --every 0"])

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from dvtcli.cli.dvt.notation import listed
 from dvtcli.cli.dvt.tcl_mode import TclMode
 from dvtcli.cli.run_line import boundary
 from dvtcli.errors import UsageError
@@ -53,6 +54,23 @@ def test_what_dvtcli_reads_is_a_value(bench: Bench, tcl: TclMode) -> None:
     assert tcl.run("expr {[dvtcli read battery_voltage] + [dvtcli read 1000]}") == 0
     raw = int.from_bytes(bench.session.node().upload(0x5100, 1), "little")
     assert said(bench) == f"{raw + int.from_bytes(bench.session.node().upload(0x1000, 0), 'little')}\n"
+
+
+def test_several_objects_are_a_list(bench: Bench, tcl: TclMode) -> None:
+    assert (
+        tcl.run(
+            "lassign [dvtcli read 1018:1 1008 1000] vendor name; puts $vendor-$name; llength [dvtcli read 1000 1008]"
+        )
+        == 0
+    )
+    vendor, name = said(bench).splitlines()[0].split("-", 1)
+    assert (vendor, name) == ("30", bench.session.node().upload(0x1008, 0).decode().rstrip("\0"))
+
+
+@pytest.mark.parametrize("text", ["a b", "} exit", "[exit 3]", "$x", 'q"', "back\\", "", "#", "two\nlines", ";", "{"])
+def test_no_text_of_a_device_ends_an_element(bench: Bench, tcl: TclMode, text: str) -> None:
+    assert tcl.run(f"set both {{{listed([text, 5])}}}; puts [llength $both][lindex $both 0]") == 0
+    assert said(bench) == f"2{text}\n"
 
 
 def test_a_script_reads_values_too(bench: Bench, tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ import click
 from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.commands._live_params import DurationType
 from dvtcli.cli.effect import Effect
-from dvtcli.cli.object_params import OBJECT, DataTypeParam, ObjectWord
+from dvtcli.cli.object_params import OBJECT, DataTypeParam, Objects, ObjectWord
 from dvtcli.cli.params import FILE
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ TASK = ("See", 30)
     effect=Effect.READS,
     each=lambda params: params["output"] is None and params["every_s"] is None,
 )
-@click.argument("objects", type=OBJECT, metavar="OBJECT…", nargs=-1, required=True)
+@click.argument("objects", cls=Objects, type=OBJECT, metavar="OBJECT…", nargs=-1, required=True)
 @click.option("--as", "data_type", type=DataTypeParam(), metavar="TYPE", help="Decode as u8…u64, i8…i64, r32, vs, …")
 @click.option("--every", "every_s", type=DurationType(), metavar="TIME", help="Again and again (100ms, 5s).")
 @click.option("--for", "for_s", type=DurationType(), metavar="TIME", help="End --every after TIME [until Ctrl-C].")
@@ -60,18 +60,17 @@ def command(
     """
     if for_s is not None and every_s is None:
         raise click.UsageError("--for belongs to --every")
-    asked = [(word.text, word.node_id) for word in objects]
     if every_s is not None:
         from dvtcli.operations.watch_objects import watch_objects
 
         show = session.output.stream
-        return watch_objects(session, asked, every_s, for_s, show, data_type=data_type, file=output)
+        return watch_objects(session, _asked(session, objects), every_s, for_s, show, data_type=data_type, file=output)
     if len(objects) > 1 and output is not None:
         raise click.UsageError("-o takes the bytes of one object; with --every the values of several as .csv")
     if len(objects) > 1:
         from dvtcli.operations.watch_objects import read_objects
 
-        return read_objects(session, asked, data_type)
+        return read_objects(session, _asked(session, objects), data_type)
     (only,) = objects
     if output is not None:
         from dvtcli.operations.object_files import read_to_file
@@ -82,3 +81,11 @@ def command(
     from dvtcli.operations.read_object import read_object
 
     return read_object(session, only.text, data_type, only.node_id)
+
+
+def _asked(session: Conversation, objects: tuple[ObjectWord, ...]) -> list[tuple[str, int | None]]:
+    """Each object with its node; one that names none is meant of each node that -n names."""
+    from dvtcli.cli.each_node import nodes_meant
+
+    nodes = nodes_meant(session)
+    return [(word.text, one) for word in objects for one in ((word.node_id,) if word.node_id is not None else nodes)]

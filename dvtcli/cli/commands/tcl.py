@@ -24,8 +24,9 @@ TASK = ("Scripts and files", 15)
 def command(ctx: click.Context, /, words: tuple[str, ...]) -> int:
     """Run LINE as Tcl with the DVT's words (help dvt), in safe mode; its result is printed.
 
-    `dvtcli read OBJECT` is the value there. At the prompt LINE stands as it is, variables and procedures stay for the
-    next one, and `tcl` alone makes every line Tcl's until `exit` or Ctrl-D. A Tcl script is run by `run FILE.tcl`.
+    `dvtcli read OBJECT` is the value there, of several a list. At the prompt LINE stands as it is, variables and
+    procedures stay for the next one, and `tcl` alone makes every line Tcl's until `exit` or Ctrl-D. A Tcl script is run
+    by `run FILE.tcl`.
 
     \b
     tcl puts [expr 2*3]

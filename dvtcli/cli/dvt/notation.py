@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterable
+
 from dvtcli.domain.datatypes import Value, parse_number
 
 #: Widths of values in bytes.
 WIDTHS = (1, 2, 3, 4, 8)
 #: Below this index CiA 301 keeps data types: who types it without `0x` most likely forgot the `0x`.
 _FIRST_OBJECT = 0x1000
+#: what has a meaning in a list of Tcl's
+_SPECIAL = re.compile(r'[\s{}\[\]$";\\#]')
+_ESCAPES = {"\n": r"\n", "\r": r"\r", "\t": r"\t", "\v": r"\v", "\f": r"\f"}
 
 
 def node_id(text: str) -> int:
@@ -65,6 +71,13 @@ def decimal(value: Value) -> str:
     if isinstance(value, bytes):
         return value.hex(" ").upper()
     return str(int(value) if isinstance(value, bool) else value)
+
+
+def listed(values: Iterable[Value]) -> str:
+    """Values that were read as a list of Tcl's; nothing in a device's text ends an element or is a command."""
+    return " ".join(
+        _SPECIAL.sub(lambda found: _ESCAPES.get(found[0], f"\\{found[0]}"), decimal(one)) or "{}" for one in values
+    )
 
 
 def meant_in_hex(number: int) -> int:

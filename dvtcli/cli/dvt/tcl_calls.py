@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.cli.catalogue import command_names
 from dvtcli.cli.dvt.answers import answer
-from dvtcli.cli.dvt.notation import decimal
+from dvtcli.cli.dvt.notation import decimal, listed
 from dvtcli.cli.dvt.tcl_safe import Commands, refuse_beyond_nodes
 from dvtcli.cli.dvt.word import Word
 from dvtcli.cli.dvt.words import WORDS
@@ -65,14 +65,19 @@ class Calls:
         self._commands.flush()
 
     def _command(self, texts: tuple[str, ...]) -> str:
-        """A line of dvtcli: its answer is the value that it read, else `OK`."""
+        """A line of dvtcli: its answer is the value that it read, a list of several, else `OK`."""
+        from dvtcli.operations.results import ValuesRead
+
         refuse_beyond_nodes(texts, self._session)
         values: list[str] = []
 
         def take(result: Result) -> bool:
-            if not hasattr(result, "value"):
+            if hasattr(result, "value"):
+                values.append(decimal(result.value))
+            elif isinstance(result, ValuesRead):
+                values.append(listed(one.value for one in result.values))
+            else:
                 return False
-            values.append(decimal(result.value))
             return True
 
         with self._session.output.offered_to(take):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass, field
+from math import isfinite
 from typing import ClassVar
 
 from dvtcli.operations.results.documents import Answer, Document, json_value
@@ -45,7 +46,7 @@ class ObjectCourse:
         self.samples += 1
         self.last = value
         number = value.value
-        if isinstance(number, int | float):
+        if isinstance(number, int | float) and isfinite(number):
             self.least = number if self.least is None else min(self.least, number)
             self.most = number if self.most is None else max(self.most, number)
             self.points.append(number)
