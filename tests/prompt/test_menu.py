@@ -102,8 +102,8 @@ def test_a_large_dictionary_gives_a_menu_that_can_be_read(tmp_path: Path) -> Non
     session.start({"sim": (str(eds),)})
     session.started = True
     for line, first in [
-        ("read vel", "2000:00"), ("read 27", "2700:00"), ("read voltage 4999", ""), ("read voltage_4999", "3387:00"),
-        ("map rpdo1 2001 torque", "2005:00"), ("map rpdo1 2001 zqv", ""),
+        ("read vel", "2000:00"), ("read 27", "2700:00"), ("read voltage 4999", "3387:00"),
+        ("read voltage_4999", "3387:00"), ("map rpdo1 2001 torque", "2005:00"), ("map rpdo1 2001 zqv", ""),
     ]:  # fmt: skip
         found = words(session, line)
         assert found[:1] == ([first] if first else []), line

@@ -68,7 +68,7 @@ def test_no_shell_starts_no_program(open_terminal: Open, tmp_path: Path) -> None
 def test_scripts_have_no_pipes(gen4: Terminal, tmp_path: Path) -> None:
     (tmp_path / "a.dvt").write_text("read 6041 > out.txt\n")
     gen4.run("run a.dvt")
-    gen4.wait("unexpected extra arguments")
+    gen4.wait("no object is named '>'")
     assert not (tmp_path / "out.txt").exists()
 
 
