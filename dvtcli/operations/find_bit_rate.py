@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.lss_services import BIT_TIMINGS
-from dvtcli.errors import SafetyRefusal
+from dvtcli.errors import BusUnavailable, SafetyRefusal
 from dvtcli.operations.results.bit_rates import BitRateFound, HeardAt
 
 if TYPE_CHECKING:
@@ -28,10 +28,19 @@ assert set(ORDER) == set(BIT_TIMINGS)  # noqa: S101 - all of them
 def find_bit_rate(session: Session, listen_s: float = LISTEN_S) -> BitRateFound:
     """Listen to the bus at each of the standard's bit rates for *listen_s* seconds, until frames come without errors.
 
-    SafetyRefusal where the interface is not known to listen without a word (unless forced, which is asked for), or its
-    bit rate cannot be set from here: then it says how. A bus that is open goes back to its bit rate. BusUnavailable.
+    SafetyRefusal where the interface is not known to listen without a word (unless forced, which is asked for; one that
+    can is silent all the same), or its bit rate cannot be set from here: then it says how. A bus that is open goes back
+    to its bit rate. BusUnavailable.
     """
-    silent = not _spoken(session)
+    try:
+        return _found(session, listen_s, silent=True)
+    except (SafetyRefusal, BusUnavailable):  # also: it does not say that it listens only
+        if not _spoken(session):
+            raise
+    return _found(session, listen_s, silent=False)
+
+
+def _found(session: Session, listen_s: float, *, silent: bool) -> BitRateFound:
     with _listening(session, listen_only=silent) as (bus, rates):
         heard: list[HeardAt] = []
         for number, bit_rate in enumerate(rates):

@@ -10,12 +10,12 @@ from dvtcli.device.lss_master import LssMaster
 from dvtcli.domain.lss_services import PARTS, LssAddress
 from dvtcli.domain.nmt import UNCONFIGURED
 from dvtcli.domain.several import several
-from dvtcli.errors import DvtcliError, LeftChanged, SafetyRefusal, UsageError
+from dvtcli.errors import DvtcliError, SafetyRefusal, UsageError
 from dvtcli.operations.lss_find import lss_bus, scanned, selected, two_alike
 from dvtcli.operations.lss_identity import Identity, in_words, who_is_there
-from dvtcli.operations.lss_node_id import consent_to_give, give, heard_ids, take_back, told_id
+from dvtcli.operations.lss_node_id import consent_to_give, give, heard_ids, told_id
 from dvtcli.operations.lss_order import in_order
-from dvtcli.operations.lss_store import prove_by_reset, store
+from dvtcli.operations.lss_store_all import all_back, prove_all, store_all
 from dvtcli.operations.network_wish import read_wish
 from dvtcli.operations.results.lss_nodes import LssChanged, LssGiven, LssNode
 
@@ -51,8 +51,8 @@ def lss_assign(session: Session, file: str, *, stores: bool = False, prove: bool
             _agree(session, steps, stores=stores, prove=prove)
             with session.cancellation.guard():
                 _give_all(session, master, steps)
-                given = [store(master, one) for one in given] if stores else given
-                given = [prove_by_reset(session, master, one) for one in given] if prove else given
+                given = store_all(master, given, steps) if stores else given
+                given = prove_all(session, master, given) if prove else given
     return LssChanged("assign", tuple(given), missing=missing)
 
 
@@ -159,20 +159,5 @@ def _give_all(session: Session, master: LssMaster, steps: Sequence[LssGiven]) ->
             selected(master, one.address)
             give(session, master, one)
         except DvtcliError as failed:
-            raise _all_back(master, done, failed) from failed
+            raise all_back(master, done, failed) from failed
         done.append(one)
-
-
-def _all_back(master: LssMaster, done: Sequence[LssGiven], failed: DvtcliError) -> DvtcliError:
-    """*failed*, once those that were *done* have what they had; LeftChanged where one has not."""
-    left: list[str] = []
-    for one in reversed(done):
-        try:
-            take_back(master, one)
-        except DvtcliError as stuck:
-            left.append(f"{one.name} keeps node-ID {one.node_id}: {stuck.text}")
-    if not left:
-        return failed
-    error = LeftChanged(failed.text, node=failed.node, why="; ".join(left), state="left_changed")
-    error.hint = "nothing is stored: switch these off and on, then lss scan"
-    return error

@@ -38,17 +38,19 @@ def lss_bit_rate(session: Session, bit_rate: int, file: str | None = None, *, st
 
     Asks first. The nodes of the network *file*, None: all that are found; SafetyRefusal where anybody else is heard,
     one does not take part in LSS or is OPERATIONAL, or the bit rate of the interface cannot be set from here. Done once
-    each node says at the new bit rate who it is; where one does not all go back. With *stores* each stores it then.
-    DeviceRefused, NoAnswer with state `rolled_back`; LeftChanged.
+    each node says at the new bit rate who it is; where one does not all go back. With *stores* each stores it then,
+    also where the bus runs at it already; without, no node is asked then. DeviceRefused, NoAnswer with state
+    `rolled_back`; LeftChanged. A dry run looks at the interface and the file, and sends nothing.
     """
     if bit_rate not in BIT_TIMINGS:
         known = several([str(rate) for rate in BIT_TIMINGS])
         raise UsageError(f"LSS knows no bit rate {bit_rate}", hint=f"the standard's are {known}")
-    if session.dry_run:
-        return LssBitRate(bit_rate, dry_run=True)
     bus = lss_bus(session)
     before = _way_back(bus, bit_rate)
-    if before == bit_rate:
+    if session.dry_run:
+        _require_readable(file)
+        return LssBitRate(bit_rate, dry_run=True)
+    if before == bit_rate and not stores:
         return LssBitRate(bit_rate, before)
     with LssMaster(bus) as master:
         nodes = confirmed(master, all_on_bus(session, master, file))
@@ -57,7 +59,8 @@ def lss_bit_rate(session: Session, bit_rate: int, file: str | None = None, *, st
         _agree(session, nodes, before, bit_rate, stores=stores)
         with session.cancellation.guard():
             change = _Change(session, master, nodes, before, bit_rate)
-            change.make()
+            if before != bit_rate:
+                change.make()
             nodes = change.store() if stores else nodes
     return LssBitRate(bit_rate, before, tuple(nodes))
 
@@ -76,8 +79,21 @@ def _way_back(bus: CanopenBus, bit_rate: int) -> int:
     return before
 
 
+def _require_readable(file: str | None) -> None:
+    """InputFileError where the network *file* cannot be used."""
+    if file is not None:
+        from dvtcli.operations.network_wish import read_wish
+
+        read_wish(file)
+
+
 def _agree(session: Session, nodes: Sequence[LssGiven], before: int, bit_rate: int, *, stores: bool) -> None:
     """Tell who is told, and ask."""
+    if before == bit_rate:
+        session.consent(
+            f"store {bit_rate} bit/s, at which this bus runs already, in {plural(len(nodes), 'node')}: {_names(nodes)}?"
+        )
+        return
     for one in nodes:
         session.tell.note(f"plan: node-ID {told_id(one.node_id)}, {one.address}: {before} -> {bit_rate} bit/s")
     session.consent(
@@ -112,7 +128,7 @@ class _Change:
             try:
                 self._tell(one, self.after)
             except DvtcliError as failed:
-                failed.details.append(("node", f"{told_id(one.node_id)}, {one.address}"))
+                failed.details.append(_said_by(one))
                 refused = isinstance(failed, DeviceRefused)
                 self._forget(self.nodes[: number + (not refused)], failed, "unchanged")
                 raise
@@ -185,6 +201,7 @@ class _Change:
                 missing = self._missing(self.nodes)
                 if not missing:
                     self._forget(self.nodes, failed, "rolled_back")
+                    self.bus.disturbances()  # error frames of two bit rates are of this try, and no news
                     failed.hint = f"does its manual know {self.after} bit/s? lss bitrate may be tried again"
                     return failed
         except DvtcliError as stuck:
@@ -203,8 +220,13 @@ class _Change:
         """Let every node store it; raises once all have the old one, stored and in use, or LeftChanged."""
         for number, one in enumerate(self.nodes, 1):
             try:
+                if self.before == self.after:
+                    self._tell(one, self.after)  # it may have been told another one that was never activated
                 self._store(one)
             except DvtcliError as failed:
+                failed.details.append(_said_by(one))
+                if self.before == self.after:
+                    raise self._partly_stored(self.nodes[: number - 1], self.nodes[number - 1 :], failed) from failed
                 raise self._unstored(self.nodes[:number], failed) from failed
         return [replace(one, stored=True) for one in self.nodes]
 
@@ -212,13 +234,28 @@ class _Change:
         selected(self.master, one.address)
         self.master.store()
 
+    def _partly_stored(
+        self, stored: Sequence[LssGiven], others: Sequence[LssGiven], failed: DvtcliError
+    ) -> DvtcliError:
+        """*failed* where all run at what was to be stored already: what they had stored before is not known."""
+        if not stored and isinstance(failed, DeviceRefused):
+            failed.state_text = f"all nodes run at {self.after} bit/s as before, nothing new is stored"
+            return failed
+        told = [f"{_names(stored)} stored {self.after} bit/s"] if stored else []
+        return _with_details(LeftChanged(
+            failed.text, why="; ".join([*told, f"{_names(others)} may come back at another one", failed.why or "-"]),
+            state="left_changed",
+            hint=f"all run at {self.after} bit/s now; before the power goes: the same words again, or lss store NODE",
+        ), failed)  # fmt: skip
+
     def _unstored(self, stored: Sequence[LssGiven], failed: DvtcliError) -> DvtcliError:
         """*failed*, once those that may have *stored* have stored the old bit rate, and all run at that."""
-        left = []
+        left, again = [], []
         for one in stored:
             try:
                 self._tell(one, self.before)
                 self._store(one)
+                again.append(one)
             except DvtcliError as stuck:
                 if isinstance(failed, DeviceRefused) and one is stored[-1]:
                     continue  # it stores neither
@@ -227,13 +264,24 @@ class _Change:
         if error is not failed:
             return error
         if not left:
-            error.state_text = f"all nodes run at {self.before} bit/s as before, and have that stored"
+            kept = f"; {_names(again)} stored that again" if again else ""
+            error.state_text = f"all nodes run at {self.before} bit/s as before{kept}; nobody has {self.after} stored"
             error.hint = "lss bitrate without --store; lss store NODE says again why it is not stored"
             return error
-        return LeftChanged(
+        return _with_details(LeftChanged(
             failed.text, why="; ".join(left), state="left_changed",
             hint=f"all run at {self.before} bit/s now; lss store NODE for these, before the power goes",
-        )  # fmt: skip
+        ), failed)  # fmt: skip
+
+
+def _said_by(one: LssGiven) -> tuple[str, str]:
+    """Who refused or was silent, as a line of an error."""
+    return "node", f"{told_id(one.node_id)}, {one.address}"
+
+
+def _with_details(error: LeftChanged, failed: DvtcliError) -> LeftChanged:
+    error.details += failed.details
+    return error
 
 
 def _names(nodes: Sequence[LssGiven]) -> str:

@@ -29,8 +29,8 @@ _OWN = (0x080, 0x580, 0x700)
 def all_on_bus(session: Session, master: LssMaster, file: str | None = None) -> list[LssGiven]:
     """Every node that is on the bus, those without a node-ID, too; with *file* exactly the nodes of that network.
 
-    SafetyRefusal where another one is heard, one of the file is not, one does not tell its whole address, or one is
-    OPERATIONAL.
+    SafetyRefusal where another one is heard, one of the file is not, one does not tell its whole address, or one says
+    that it is OPERATIONAL. Who does not say its NMT state is named in a warning.
     """
     bus = lss_bus(session)
     frames: dict[int, Frame] = {}
@@ -46,7 +46,7 @@ def all_on_bus(session: Session, master: LssMaster, file: str | None = None) -> 
         stop()
     if file is not None:
         _refuse_others(file, there)
-    _refuse_running(bus, there)
+    _refuse_running(session, bus, there)
     _refuse_strangers(frames, there)
     nodes = [LssGiven(_address(node_id, identity), node_id, node_id) for node_id, identity in there.items()]
     waiting = scanned(session, master)
@@ -68,8 +68,14 @@ def _refuse_others(file: str, there: Collection[int]) -> None:
         raise SafetyRefusal(f"not on the bus, but in {file}: {several(missing)}", hint="scan shows who is there")
 
 
-def _refuse_running(bus: CanopenBus, there: Collection[int]) -> None:
-    running = [f"node {node_id}" for node_id in there if bus.nmt_state(node_id) is NmtState.OPERATIONAL]
+def _refuse_running(session: Session, bus: CanopenBus, there: Collection[int]) -> None:
+    states = {node_id: bus.nmt_state(node_id) for node_id in there}
+    running = [f"node {node_id}" for node_id, state in states.items() if state is NmtState.OPERATIONAL]
+    unknown = [f"node {node_id}" for node_id, state in states.items() if state is None]
+    if unknown:
+        session.tell.warning(
+            f"{several(unknown)}: no heartbeat says whether it is OPERATIONAL; the machine must stand still"
+        )
     if running:
         raise SafetyRefusal(f"OPERATIONAL: {several(running)}", hint="nmt preop all, once the machine stands still")
 

@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from dvtcli.device.lss_master import LssMaster
-from dvtcli.errors import DeviceRefused, DvtcliError, SafetyRefusal
+from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, SafetyRefusal
 from dvtcli.operations.lss_find import lss_bus, selected
 from dvtcli.operations.lss_identity import address_of, require_on
 from dvtcli.operations.lss_node_id import BOOT_UP_S, forget, told_id
@@ -25,7 +25,7 @@ def lss_store(session: Session, node_id: int | None = None, *, prove: bool = Fal
     """Let the node with *node_id*, None: the selected one, keep its node-ID without power; with *prove* reset it, too.
 
     Asks first. It is asked by SDO who it is, so that a node that did not come up with its node-ID stores none. Proved
-    is what comes back with its node-ID after the reset. DeviceRefused with its reason, or where it comes back
+    is what comes back with its node-ID after the reset. DeviceRefused with its reason, LeftChanged where it comes back
     otherwise; NoAnswer, SafetyRefusal.
     """
     node_id = session.node_id() if node_id is None else node_id
@@ -56,7 +56,10 @@ def store(master: LssMaster, given: LssGiven) -> LssGiven:
 
 
 def prove_by_reset(session: Session, master: LssMaster, given: LssGiven) -> LssGiven:
-    """Reset a node that stored, and see that it comes back with the node-ID; DeviceRefused where it does not."""
+    """Reset a node that stored, and see that it comes back with the node-ID; LeftChanged where it does not.
+
+    DeviceRefused where it was not heard to boot up: nothing is proved.
+    """
     bus, node_id = session.open_network().bus, given.node_id
     master.let_wait()
     seen = bus.boot_ups(node_id)
@@ -75,13 +78,13 @@ def prove_by_reset(session: Session, master: LssMaster, given: LssGiven) -> LssG
     return replace(given, proved=True)
 
 
-def _not_kept(master: LssMaster, given: LssGiven, failed: DvtcliError) -> DeviceRefused:
+def _not_kept(master: LssMaster, given: LssGiven, failed: DvtcliError) -> LeftChanged:
     """What is to be said of a node that said it stores, and did not come back; with its node-ID now, as LSS tells."""
     try:
         now = f"by LSS its node-ID is {told_id(selected(master, given.address))} now"
     except DvtcliError as silent:
         now = silent.text
-    return DeviceRefused(
+    return LeftChanged(
         f"node {given.node_id} says that it stored its node-ID, and did not come back with it after a reset",
         node=given.node_id, why=f"{failed.text}; {now}", state="left_changed",
         hint="lss scan and scan show who is there",

@@ -52,6 +52,16 @@ def test_nobody_is_disturbed() -> None:
         assert bus.emergency(1) is None
 
 
+def test_force_does_not_let_one_speak_that_can_be_silent() -> None:
+    """A node that consumes the other's heartbeat would say an emergency where one is destroyed."""
+    with bench([125_000, 125_000]) as (desk, bus):
+        bus.set_bit_rate(125_000)
+        bus.sdo(1).download(0x1016, 1, (2 << 16 | 30).to_bytes(4, "little"))
+        ran = desk.run("bitrate --force --yes --for 60ms --json")
+        assert (ran.code, ran.document["listen_only"]) == (0, True)
+        assert bus.emergency(1) is None
+
+
 def test_a_silent_bus_is_said_and_not_guessed() -> None:
     with bench([]) as (desk, _):
         ran = desk.run("bitrate --for 5ms")

@@ -236,7 +236,56 @@ def test_a_store_is_proved_by_a_reset() -> None:
         assert desk.run("lss store 3 --prove --json").document["nodes"][0]["proved"]
         assert "proved by a reset" in desk.run("lss store 3 --prove").stdout
         ran = desk.run("lss store 4 --prove")
-        assert (ran.code, "its node-ID is none now" in ran.stderr) == (1, True), ran.stderr
+        assert (ran.code, "its node-ID is none now" in ran.stderr) == (7, True), ran.stderr
+
+
+@pytest.mark.parametrize("which", [0, 1, 2])
+def test_where_one_cannot_store_all_have_what_they_had_stored_too(tmp_path: Path, which: int) -> None:
+    """Else the next power-on would bring two nodes with one node-ID."""
+    nodes = [unconfigured(1, node_id=5), unconfigured(2, node_id=6), unconfigured(3)]
+    nodes[which].areas.fails = True
+    file = network(
+        tmp_path,
+        "a: {node_id: 6, identity: {serial: 1}}",
+        "b: {node_id: 5, identity: {serial: 2}}",
+        "c: {node_id: 7, identity: {serial: 3}}",
+    )
+    with bench(*nodes) as desk:
+        ran = desk.run(f"lss assign {file} --store")
+        assert (ran.code, f"refused {'abc'[which]} (node-ID {(6, 5, 7)[which]}" in ran.stderr) == (1, True), ran.stderr
+        assert "nobody keeps a new one" in ran.stderr
+        assert ("stored  b (node-ID 5" in ran.stderr) == (which != 1)  # the first one, by its node-ID
+        assert [(one.node_id, one.lss.stored) for one in nodes] == [(5, 5), (6, 6), (UNCONFIGURED, UNCONFIGURED)]
+
+
+def test_where_what_was_stored_cannot_be_taken_back_it_is_said(tmp_path: Path) -> None:
+    nodes = [unconfigured(1), unconfigured(2)]
+    nodes[1].areas.fails = True
+    file = network(tmp_path, "a: {node_id: 5, identity: {serial: 1}}", "b: {node_id: 6, identity: {serial: 2}}")
+    bus = VirtualTimeBus(nodes, simulated=False)
+    stores: list[Frame] = []
+
+    def spoil(frame: Frame, ours: bool) -> None:
+        """From the second store on the first node cannot store either."""
+        if ours and frame.can_id == REQUEST_ID and frame.data[0] == 0x17:
+            stores.append(frame)
+            nodes[0].areas.fails = len(stores) > 1
+
+    bus.tap(spoil)
+    with Bench((), {"yes": True}, bus) as desk:
+        ran = desk.run(f"lss assign {file} --store")
+        assert (ran.code, "a (node-ID 5, before none) may have node-ID 5 stored" in ran.stderr) == (7, True), ran.stderr
+        assert "refused b (node-ID 6" in ran.stderr
+        assert [one.lss.stored for one in nodes] == [5, UNCONFIGURED]
+
+
+def test_a_proof_that_fails_says_who_is_not_proved(tmp_path: Path) -> None:
+    nodes = [unconfigured(1), unconfigured(2)]
+    nodes[0].areas.stores_nothing = True
+    file = network(tmp_path, "a: {node_id: 5, identity: {serial: 1}}", "b: {node_id: 6, identity: {serial: 2}}")
+    with bench(*nodes) as desk:
+        ran = desk.run(f"lss assign {file} --store --prove")
+        assert (ran.code, "b (node-ID 6, before none), not proved" in ran.stderr) == (7, True), ran.stderr
 
 
 class Cut(Exception):

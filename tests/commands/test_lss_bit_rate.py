@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dvtcli.domain.lss_services import BIT_TIMINGS, REQUEST_ID
-from dvtcli.domain.nmt import NmtState
+from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.device.simulated_faults import Fault
 from dvtcli.simulator.device.strict_device import StrictDevice
@@ -107,8 +107,56 @@ def test_where_one_cannot_store_nobody_has_the_new_one_stored() -> None:
     nodes = three()
     told = ran(bus_of(nodes, "5:store-fails"), "lss bitrate 500k --store")
     assert (told.code, "storage medium failed" in told.stderr) == (1, True)
-    assert "have that stored" in told.stderr
+    assert "node 3 stored that again; nobody has 500000 stored" in told.stderr
+    assert "node    5, vendor" in told.stderr
     assert rates(nodes) == [(OLD, OLD)] * 3
+
+
+def test_where_the_first_one_cannot_store_nobody_is_said_to_have_stored() -> None:
+    told = ran(bus_of(nodes := three(), "3:store-fails"), "lss bitrate 500k --store")
+    assert (told.code, "stored that again" in told.stderr) == (1, False)
+    assert f"all nodes run at {OLD} bit/s as before; nobody has 500000 stored" in told.stderr
+    assert "node    3, vendor" in told.stderr
+    assert rates(nodes) == [(OLD, OLD)] * 3
+
+
+def test_what_the_bus_runs_at_already_can_be_stored() -> None:
+    nodes = three()
+    with bench(bus_of(nodes)) as desk:
+        assert desk.run("lss bitrate 500k").code == 0
+        assert "no node was asked" in desk.run("lss bitrate 500k").stdout
+        assert rates(nodes) == [(NEW, OLD)] * 3
+        told = desk.run("lss bitrate 500k --store --json")
+        assert [one["stored"] for one in told.document["nodes"]] == [True] * 3, told.stderr
+    assert rates(nodes) == [(NEW, NEW)] * 3
+
+
+@pytest.mark.parametrize(("faulty", "code", "stored"), [(3, 1, [OLD, OLD, OLD]), (5, 7, [NEW, OLD, OLD])])
+def test_where_one_cannot_store_what_it_runs_at_it_is_said_who_has(faulty: int, code: int, stored: list[int]) -> None:
+    nodes = three()
+    bus = bus_of(nodes, f"{faulty}:store-fails")
+    with bench(bus) as desk:
+        assert desk.run("lss bitrate 500k").code == 0
+        told = desk.run("lss bitrate 500k --store")
+    assert (told.code, f"node    {faulty}, vendor" in told.stderr) == (code, True), told.stderr
+    assert ("node 3 stored 500000 bit/s" in told.stderr) == (code == 7)
+    assert rates(nodes) == [(NEW, one) for one in stored]
+
+
+def test_error_frames_of_its_own_try_are_no_news() -> None:
+    told = ran(bus_of(three(), "5:keeps-bit-rate"), "lss bitrate 500k")
+    assert (told.code, "error frames" in told.stderr) == (5, False), told.stderr
+
+
+def test_who_does_not_say_its_nmt_state_is_named() -> None:
+    nodes = three()
+    bus = bus_of(nodes)
+    nodes[1].set_value(0x1017, 0, bytes(2))
+    with bench(bus) as desk:
+        bus.send_nmt(NmtCommand.ENTER_PRE_OPERATIONAL, 5)  # that it was heard to boot up says no more
+        told = desk.run("lss bitrate 500k")
+    assert "warning: node 5: no heartbeat says whether it is OPERATIONAL" in told.stderr
+    assert told.code == 0
 
 
 @settings(max_examples=15)
@@ -205,6 +253,16 @@ def test_nothing_is_changed_without_consent(options: dict[str, bool]) -> None:
     assert rates(nodes) == [(OLD, OLD)] * 3
 
 
+def test_a_dry_run_reads_the_file_and_sends_nothing(tmp_path: Path) -> None:
+    bus = bus_of(three())
+    sent: list[Frame] = []
+    bus.tap(lambda frame, ours: sent.append(frame) if ours else None)
+    (tmp_path / "bad.yaml").write_text("nodes: 5\n", "utf-8")
+    assert ran(bus, "lss bitrate 500k", dry_run=True).code == 0
+    assert ran(bus, f"lss bitrate 500k {tmp_path}/bad.yaml", dry_run=True).code == 4
+    assert sent == []
+
+
 def test_a_node_that_takes_no_part_in_lss_stops_it() -> None:
     nodes = three()
     bus = bus_of(nodes)
@@ -215,9 +273,10 @@ def test_a_node_that_takes_no_part_in_lss_stops_it() -> None:
     assert rates(nodes) == [(OLD, OLD)] * 3
 
 
-def test_a_bus_of_no_bit_rate_is_refused() -> None:
+@pytest.mark.parametrize("dry_run", [False, True])
+def test_a_bus_of_no_bit_rate_is_refused(dry_run: bool) -> None:
     nodes = three()
-    told = ran(bus_of(nodes, bit_rate=None), "lss bitrate 500k")
+    told = ran(bus_of(nodes, bit_rate=None), "lss bitrate 500k", dry_run=dry_run)
     assert (told.code, "not known" in told.stderr) == (6, True)
 
 

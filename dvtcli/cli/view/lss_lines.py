@@ -93,7 +93,7 @@ def bit_rate_lines(result: LssBitRate, _width: int) -> Iterator[Line]:
         yield [_DRY_RUN, Cell(f"lss bitrate would set {result.bit_rate} bit/s by LSS. Nothing was sent.")]
         return
     if not result.nodes:
-        yield f"the bus runs at {result.bit_rate} bit/s already"
+        yield f"the bus runs at {result.bit_rate} bit/s already; no node was asked, and nothing is stored by this"
         return
     for node in result.nodes:
         name = "no node-ID" if node.node_id == UNCONFIGURED else f"node {node.node_id}"

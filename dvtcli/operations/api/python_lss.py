@@ -66,7 +66,7 @@ class Lss:
     def store(self, node_id: int, *, prove: bool = False, yes: bool = False) -> LssChanged:
         """Let the node with *node_id* keep that without power; with *prove* reset it then, and look again.
 
-        Asks first, unless *yes*. DeviceRefused with its reason, or where it does not come back with its node-ID.
+        Asks first, unless *yes*. DeviceRefused with its reason, LeftChanged where it comes back without its node-ID.
         """
         from dvtcli.operations.lss_store import lss_store
 
