@@ -86,6 +86,8 @@ class Conversation(Session):
         self.started = False
         #: whether a line was `exit`
         self.left = False
+        #: whether a `require` did not find the device that it wants
+        self.other_device = False
         #: the scripts that run, the outermost first
         self.scripts: list[str] = []
         #: what the lines of the outermost script have changed

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 from dvtcli.cli.boundary import SIGNALLED
 from dvtcli.cli.run_line import boundary
 from dvtcli.cli.script import MOST_BYTES, run_script, worst
-from dvtcli.errors import BusUnavailable, InputFileError
+from dvtcli.errors import BusUnavailable, InputFileError, LeftChanged
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
@@ -39,7 +39,10 @@ def is_a_program(session: Conversation) -> bool:
 
 
 def answer_lines(session: Conversation) -> int:
-    """Answer lines until stdin ends, or one of them is `exit`; the exit code of the first that failed, or 7."""
+    """Answer lines until stdin ends, or one of them is `exit`; the exit code of the first that failed, or 7.
+
+    A `require` that does not find its device ends it, too, with its own code: nothing behind it is done.
+    """
     session.started = True
     codes, number = [], 1
     with _listening(session):
@@ -47,6 +50,8 @@ def answer_lines(session: Conversation) -> int:
             code = boundary(session, lambda: _run(session, lines, number))  # noqa: B023 - called at once
             number += lines.count(b"\n")
             codes += [code] if code else []
+            if session.other_device:
+                return LeftChanged.exit_code if LeftChanged.exit_code in codes else code
             if session.left or code in SIGNALLED:
                 break
     return worst(codes)

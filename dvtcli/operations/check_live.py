@@ -17,7 +17,8 @@ from dvtcli.domain.network.network_state import (
     NetworkState,
     NodeState,
 )
-from dvtcli.errors import DvtcliError, InputFileError, RuleError, UsageError
+from dvtcli.domain.several import plural
+from dvtcli.errors import DvtcliError, InputFileError, NoAnswer, RuleError, UsageError
 from dvtcli.operations.check_networks import (
     USUAL_BIT_RATE,
     CheckWishes,
@@ -50,7 +51,7 @@ def check_live(session: Session, wishes: CheckWishes | None = None, files: Seque
 
     A report of the bus, and one a file: whether its nodes are there and are the devices that it says, and whether a
     manager there expects or downloads something else. A file that cannot be read is left out. UsageError without a bus,
-    or for a rule that there is not.
+    or for a rule that there is not; NoAnswer where no node tells what it holds.
     """
     wishes = wishes or CheckWishes()
     rules = chosen_rules(wishes)
@@ -59,6 +60,12 @@ def check_live(session: Session, wishes: CheckWishes | None = None, files: Seque
     traffic = heard_traffic(session, _seconds(session, wishes))
     ids = {node.node_id for network in networks.values() for node in network.nodes}
     live, bus = live_state(session, traffic, ids), session.wire
+    if not live.nodes:
+        frames = 0 if traffic is None else traffic.frames
+        raise NoAnswer(
+            f"no node answers on {bus.name}: nothing was checked", why=f"{plural(frames, 'frame')} heard",
+            hint="is it the right bus, and are its nodes on? `scan` asks every node-ID; `bitrate` listens",
+        )  # fmt: skip
     bit_rate = wishes.bit_rate or bus.bitrate or session.options.bitrate or USUAL_BIT_RATE
     of_bus = NetworkReport(
         bus.name,

@@ -6,6 +6,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from dvtcli.domain.ports import Frame
 from dvtcli.operations.simulated_nodes import simulated_device, simulated_nodes
 from tests.commands.bench import Bench
@@ -142,3 +144,23 @@ def test_what_a_manager_expects_and_downloads_is_held_against_nodes_and_file(tmp
         assert {"concise-dcf", "boot-time", "guarded-by-manager", "boot-identity"} <= _rules(found)
     (text,) = (one["text"] for one in against["findings"] if one["rule"] == "concise-dcf")
     assert text.startswith("node 10 0x1F22:05: node 5: 0x1017:00 becomes 0x0384, not 0x01F4")
+
+
+@pytest.mark.parametrize("words", ["", f"{LINE} --live", "--for 0", "--rule no-error-control"])
+def test_where_no_node_answers_nothing_is_called_checked(words: str) -> None:
+    with Bench((), {"sim": ()}, _bus(foreign=[(1, 0x70A, b"\5")])) as bench:
+        ran = bench.run(f"check {words} --json")
+        assert (ran.code, ran.document["error"]) == (5, "no_answer")
+
+
+def test_a_node_that_is_heard_and_does_not_tell_what_it_holds_is_an_error() -> None:
+    heartbeats = [(20 + n / 2, 0x709, b"\5") for n in range(100)]
+    code, (bus,) = _check(_bus("gen4@1", foreign=heartbeats), "check --for 40 --json", *RUNS)
+    assert (code, [one["severity"] for one in bus["findings"] if one["rule"] == "heard-not-read"]) == (3, ["error"])
+
+
+def test_a_node_of_the_file_that_is_not_there_is_an_error(tmp_path: Path) -> None:
+    file = tmp_path / "press.yaml"
+    file.write_text("drive: {node_id: 1, profile: gen4}\nspare: {node_id: 9, profile: generic}\n")
+    code, (_, _, against) = _check(_bus("gen4@1"), f"check {file} --live --json --rule not-on-the-bus", *RUNS[:2])
+    assert (code, [(one["node"], one["severity"]) for one in against["findings"]]) == (3, [(9, "error")])

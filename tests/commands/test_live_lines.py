@@ -10,6 +10,7 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -104,6 +105,20 @@ def test_nothing_is_asked_and_nothing_to_do_is_well() -> None:
         assert driven.end() == 6
     with child("--sim", "gen4") as driven:
         assert driven.end() == 0
+
+
+@pytest.mark.parametrize("guard", ["require identity vendor=0x99", "run guard.dvt"])
+def test_nothing_is_done_behind_a_device_that_is_another(guard: str, tmp_path: Path) -> None:
+    """However slowly the lines come: what follows the refusal finds nobody who reads it."""
+    (tmp_path / "guard.dvt").write_text("require identity vendor=0x99\n")
+    line = guard.replace("guard.dvt", str(tmp_path / "guard.dvt"))
+    with child("--sim", "gen4@1", "--sim", "generic@5") as driven:
+        assert driven.ask("map tpdo1 1018:1")["exit_code"] == 1
+        refused = driven.ask(line)
+        assert (refused["error"], refused["exit_code"]) == ("safety", 6)
+        assert driven.process.wait(PATIENCE_S) == 6, "it waits for no other line, and the refusal's code counts"
+        assert driven.process.stdout is not None
+        assert driven.process.stdout.read() == ""
 
 
 @needs_signals

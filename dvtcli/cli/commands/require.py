@@ -12,8 +12,8 @@ from dvtcli.cli.params import TEXT
 from dvtcli.domain.datatypes import parse_number
 
 if TYPE_CHECKING:
+    from dvtcli.cli.conversation import Conversation
     from dvtcli.operations.results import Facts
-    from dvtcli.operations.session import Session
 
 TASK = ("Scripts and files", 30)
 
@@ -24,17 +24,23 @@ _PARTS = ("vendor", "product", "revision", "serial")
 @click.argument("what", type=click.Choice(["identity"]), metavar="identity")
 @click.argument("pairs", type=TEXT, nargs=-1, required=True, metavar="vendor=… product=… [revision=…] [serial=…]")
 @click.pass_obj
-def command(session: Session, /, what: str, pairs: tuple[str, ...]) -> Facts:
+def command(session: Conversation, /, what: str, pairs: tuple[str, ...]) -> Facts:
     """Stop with exit code 6 unless the node's identity (0x1018) is the one given.
 
     \b
     require identity vendor=0x1E product=0x0705302D
     require identity vendor=0x1E serial=0x12345      this very device
     """
+    from dvtcli.errors import DvtcliError
     from dvtcli.operations.required_identity import require_identity
 
     del what
-    return require_identity(session, tuple(map(_pair, pairs)))
+    wanted = tuple(map(_pair, pairs))
+    try:
+        return require_identity(session, wanted)
+    except DvtcliError:  # one that does not say who it is may be another, too
+        session.other_device = True
+        raise
 
 
 def _pair(text: str) -> tuple[str, int]:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dvtcli.domain.lint.lint_rule import NOTE, WARNING, check
+from dvtcli.domain.lint.lint_rule import ERROR, NOTE, check
 from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetFound, NetSpot, at
 
 
-@check("not-on-the-bus", WARNING, "a node of the file is not on the bus", "the network file")
+@check("not-on-the-bus", ERROR, "a node of the file is not on the bus", "the network file")
 def not_on_the_bus(network: CheckedNetwork) -> NetFound:
     """It is off, has another node-ID, or the file is another bus's."""
     for node in network.nodes if network.present is not None else ():

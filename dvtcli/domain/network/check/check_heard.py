@@ -216,7 +216,7 @@ def heartbeat_not_heard(network: CheckedNetwork) -> NetFound:
             yield held(node, PRODUCER_HEARTBEAT), text
 
 
-@check("heard-not-read", WARNING, "a node is heard, and does not tell what it holds", "ours")
+@check("heard-not-read", ERROR, "a node is heard, and does not tell what it holds", "ours")
 def heard_not_read(network: CheckedNetwork) -> NetFound:
     """What it sends and hears is not looked at."""
     for node_id in () if network.traffic is None else sorted(network.traffic.states):
