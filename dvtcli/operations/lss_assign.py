@@ -39,6 +39,8 @@ def lss_assign(session: Session, file: str, *, stores: bool = False, prove: bool
     bus = lss_bus(session)
     there = who_is_there(bus, heard_ids(session))
     waiting = [wish for wish in wishes if not _is_there(wish, there)]
+    if stores:
+        _name_not_stored(session, [wish for wish in wishes if wish not in waiting])
     if not waiting:
         return LssChanged("assign")
     settled = {wish.node_id for wish in nodes if wish not in waiting}
@@ -66,6 +68,15 @@ def _with_identity(session: Session, file: str, nodes: Sequence[NodeWish]) -> li
     if others:
         session.tell.note(f"no identity in {file}, left alone: {several(others)}")
     return wishes
+
+
+def _name_not_stored(session: Session, settled: Sequence[NodeWish]) -> None:
+    """Say of the nodes that have their node-IDs that they are not told to store: they may have them in RAM only."""
+    if settled:
+        session.tell.warning(
+            f"left alone, and not told to store: {several([f'{wish.name} ({wish.node_id})' for wish in settled])}; "
+            f"one that has its node-ID until the power goes keeps it by lss store {settled[0].node_id}"
+        )
 
 
 def _is_there(wish: NodeWish, there: Mapping[int, Identity | None]) -> bool:

@@ -146,6 +146,7 @@ def test_the_nodes_of_a_file_get_their_node_ids(tmp_path: Path) -> None:
         assert [(one["name"], one["node"], one["stored"]) for one in told] == [("drive", 5, True), ("valve", 6, True)]
         assert [(one.node_id, one.lss.stored) for one in nodes] == [(6, 6), (5, 5), (7, 7)]
         assert "every node has its node-ID" in desk.run(f"lss assign {file}").stdout
+        assert "not told to store: drive (5), valve (6), pump (7)" in desk.run(f"lss assign {file} --store").stderr
 
 
 @pytest.mark.parametrize(
