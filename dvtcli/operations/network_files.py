@@ -61,6 +61,8 @@ def applied(
     """
     from dvtcli.operations.apply_network import apply_network
 
+    if trust_stamp and prove is not None:
+        raise UsageError("--trust-stamp and --prove exclude each other: what is not read is not proved either")
     plan = _plan_of(session, file, trust_stamp=trust_stamp)
     on_plan(plan)
     return apply_network(session, plan, prove=prove)

@@ -20,7 +20,7 @@ from dvtcli.errors import (
     SdoProtocolError,
 )
 from dvtcli.operations.possible_stores import store_group
-from dvtcli.operations.store_restore import store_settings
+from dvtcli.operations.store_restore import end_stamp, store_settings
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -54,6 +54,7 @@ def store_network(
     except BaseException as fault:
         if isinstance(fault, LeftChanged) and not on_way.lost:
             _close(course.journals(), fault)
+            _end_stamps(session, on_way, verified, fault)
         elif isinstance(fault, LeftChanged) and not course.journals():
             fault.hint = AGAIN
         for journal in course.journals():
@@ -72,6 +73,17 @@ def _close(journals: Sequence[OwnJournal], left: LeftChanged) -> None:
             journal.complete_whole()
         except JournalKept as kept:
             left.details.append(("also", f"{kept.text}: {kept.why}"))
+
+
+def _end_stamps(session: Session, course: Stores, verified: Verified, left: LeftChanged) -> None:
+    """What could not be stored is not stamped: elsewhere `--trust-stamp` would believe it."""
+    for one in course.states.values():
+        if one.is_done:
+            continue
+        try:
+            end_stamp(session, verified.nodes[one.node_id], "what is not stored has no stamp")
+        except DvtcliError as failed:
+            left.details.append(("also", f"0x1020 of node {one.node_id} may say that it is stored: {failed.text}"))
 
 
 @dataclass(slots=True)

@@ -144,7 +144,7 @@ def restore_defaults(session: Session, node: Node, sub_index: int | None, *, pro
     )
     state = node.access.state() if prove else None
     before, lost = _before_restore(node, restart) if prove else (None, ())
-    _end_stamp(session, node, sub_index)
+    _end_stamp_before(session, node, sub_index)
     done = sign(node.access, node.profile.store, RESTORE, sub_index, node.cancellation, node.dictionary)
     node.gate.done.append(f"0x{done.place} acknowledged the restore")
     proof = prove_restore(node, done, restart, before, lost) if prove else None
@@ -164,15 +164,21 @@ def restore_defaults(session: Session, node: Node, sub_index: int | None, *, pro
     )  # fmt: skip
 
 
-def _end_stamp(session: Session, node: Node, sub_index: int | None) -> None:
+def _end_stamp_before(session: Session, node: Node, sub_index: int | None) -> None:
     """Before *node* is asked for its defaults: a stamp of ours ends, since what it stands for is stored no longer."""
     held = held_stamp(node)
-    if held is None or not held.is_own:
-        return
-    chosen(node.access, node.profile.store, RESTORE, sub_index, node.dictionary)  # a device without it keeps its stamp
-    session.tell.note(f"0x1020 of node {node.node_id} <- 0: what is no longer stored loses its stamp")
-    ending = stamp_changes(held, NO_STAMP, "what is no longer stored loses its stamp")
-    node.apply(Plan(node.node_id, ending), force=session.options.force, kept=False)
+    if held is not None and held.is_own:  # a device that has no defaults keeps its stamp
+        chosen(node.access, node.profile.store, RESTORE, sub_index, node.dictionary)
+        end_stamp(session, node, "what is no longer stored loses its stamp")
+
+
+def end_stamp(session: Session, node: Node, why: str) -> None:
+    """Write 0 to 0x1020 of *node* where it holds a stamp of ours, and say *why*."""
+    held = held_stamp(node)
+    if held is not None and held.is_own:
+        session.tell.note(f"0x1020 of node {node.node_id} <- 0: {why}")
+        ending = stamp_changes(held, NO_STAMP, why)
+        node.apply(Plan(node.node_id, ending), force=session.options.force, kept=False)
 
 
 def _before_restore(node: Node, restart: Restart) -> tuple[Held | None, tuple[str, ...]]:

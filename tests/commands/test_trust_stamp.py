@@ -85,3 +85,9 @@ def test_a_stamp_that_is_not_stored_is_an_error(bench: Bench, tmp_path: Path) ->
         assert (complaint["line"], complaint["column"]) == (1, 19)
     path.write_text("one: {node_id: 5, stamp: true, store: 1}\n")
     assert bench.run(f"check {path}").code == 0
+
+
+def test_what_is_not_read_is_not_proved_either() -> None:
+    with Bench(("generic@5", "generic@9"), {"yes": True}) as bench:
+        ran = bench.run(f"apply {FILE} --trust-stamp --prove")
+        assert (ran.code, "exclude each other" in ran.stderr) == (2, True)

@@ -403,5 +403,7 @@ def test_what_is_not_stored_is_not_trusted(chain: Chain, tmp_path: Path) -> None
     failing = Chain(chain.folder, ["5:store-fails"], families=NODES, operational=False)
     with pytest.raises(LeftChanged):
         failing.apply(path)
-    assert stamp(failing, 5).is_own
+    assert held(failing, 5) == NOTHING, "nor by another computer, which remembers nothing"
     assert unread(failing, path) == (1,)
+    (due,) = (one.plan.changes for one in failing.plan(path).plan.nodes if one.plan.node_id == 5)
+    assert due, "another apply stamps, and stores"
