@@ -15,12 +15,21 @@ if TYPE_CHECKING:
 
 
 def several_ids(session: Session) -> tuple[int, ...]:
-    """The nodes that -n names where it names several; `all` are those that are simulated, else those that are found."""
+    """The nodes that -n names where it names several; `all` are those that are simulated, else those that are found.
+
+    They are looked for once: a line that asked anew might miss one that is slow for once, and call it done. Who is
+    heard since is one of them.
+    """
     if not session.base.every_node:
         return session.base.nodes
     from dvtcli.operations.find_nodes import find_nodes
 
-    found = session.network.simulated_ids or tuple(row.node for row in find_nodes(session).rows)
+    network = session.network
+    if network.simulated_ids:
+        return network.simulated_ids
+    if not network.scanned:
+        find_nodes(session)  # which notes them
+    found = tuple(sorted({*network.scanned, *network.bus.heard_nodes()}))
     if not found:
         raise NoAnswer("no node was found: nothing was done", hint="`scan` looks again; is the bus the right one?")
     return found

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from dvtcli.domain.ports import Frame
 from dvtcli.errors import UsageError
 from dvtcli.operations.options import checked
 from dvtcli.operations.simulated_nodes import simulated_device, simulated_nodes
@@ -53,6 +54,24 @@ def test_all_are_those_that_a_scan_finds() -> None:
     bus = VirtualTimeBus([simulated_device(one) for one in simulated_nodes(("generic@5", "tmcm@7"))], simulated=False)
     with Bench((), {"sim": (), "node": "all"}, bus) as bench:
         assert [one["node"] for one in bench.run("read 1017 --json").documents] == [5, 7]
+
+
+def test_all_are_looked_for_once_so_that_no_later_line_leaves_one_out() -> None:
+    """A node that is silent when a later line comes fails there; who joined, and was heard, is one of them."""
+    bus = VirtualTimeBus([simulated_device(one) for one in simulated_nodes(("generic@5", "tmcm@7"))], simulated=False)
+    nobody: list[int] = []
+    bus.tap(lambda frame, sent: nobody.append(frame.can_id) if sent and frame.can_id == 0x600 + 100 else None)
+    with Bench((), {"sim": (), "node": "all"}, bus) as bench:
+        assert bench.run("read 1017 --json").code == 0
+        asked = len(nobody)
+        assert asked > 0
+        bus.join([simulated_device(one) for one in simulated_nodes(("generic@9",))])
+        bus.nodes_said(Frame(0x709, b"\x7f"), 0.1)
+        bus.sleep(1)
+        assert [one["node"] for one in bench.run("read 1000 --json").documents] == [5, 7, 9]
+        assert len(nobody) == asked
+        assert bench.run("scan").code == 0
+        assert len(nobody) > asked, "scan looks again"
 
 
 @pytest.mark.parametrize("line", ["store", "read 1017", "faults"])
