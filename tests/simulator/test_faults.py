@@ -51,7 +51,10 @@ class Bench:
         return self.device.value(0x1800, 2)
 
 
-HIGHEST_CODE = {FaultKind.REFUSE: 0xFFFF_FFFF, FaultKind.REFUSE_READ: 0xFFFF_FFFF, FaultKind.EMCY: 0xFFFF}
+HIGHEST_CODE = {
+    FaultKind.REFUSE: 0xFFFF_FFFF, FaultKind.REFUSE_READ: 0xFFFF_FFFF, FaultKind.EMCY: 0xFFFF,
+    FaultKind.BIT_RATE: 1_000_000,
+}  # fmt: skip
 
 
 @st.composite
