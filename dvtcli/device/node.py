@@ -6,38 +6,31 @@ what a file or an option is.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from dvtcli.device.change.changeable import Changeable
-from dvtcli.device.change.pending import COMMUNICATION, EVERYTHING
+from dvtcli.device.change.applier import Applier
 from dvtcli.domain.pdo import Pdo
-from dvtcli.errors import BusUnavailable, DeviceRefused, UsageError
+from dvtcli.errors import DeviceRefused
 
 if TYPE_CHECKING:
     from dvtcli.device.applied import Applied
-    from dvtcli.device.change.way_back import WayBack
+    from dvtcli.device.change.way_back import TakeBack
     from dvtcli.device.observe import Found
-    from dvtcli.domain.plan import Change, Plan, Step
+    from dvtcli.domain.plan import Plan
     from dvtcli.domain.request import PdoWant
     from dvtcli.domain.rules import Finding
 
 
 @dataclass(slots=True)
-class Node(Changeable):
-    """A node with what this session did to it, and the way to change it and to undo that."""
+class Node(Applier):
+    """A node with the way to change it, and to undo what was changed."""
 
-    #: plans that were applied, oldest first: what `undo` puts back
-    history: list[Plan] = field(default_factory=list)
-    #: node-IDs of this session's changes on all its nodes, oldest first
-    order: list[int] = field(default_factory=list)
     #: how the device differs from the one that its file is about; empty where it does not
     unlike_file: str = ""
     #: how many changes were put back that were none of this session's
     unkept: int = 0
-    #: labels of what a restart was seen to take while a change was made, which is yet to be said
-    _unsaid: tuple[str, ...] = ()
 
     def configure(self, wants: Mapping[Pdo, PdoWant], *, force: bool = False, found: Found | None = None) -> Applied:
         """Make each PDO what *wants* says, all or none: check, write the least, read back, else put the old back.
@@ -120,9 +113,10 @@ class Node(Changeable):
 
     def undo(self, *, everything: bool = False, force: bool = False, rolls_back: bool = False) -> Applied:
         """Put back what the last plan replaced, or all of them, in one transaction."""
-        applied, count = self.put_back(
-            self.history, everything=everything, force=force, own=True, rolls_back=rolls_back
-        )
+        from dvtcli.device.change.way_back import TakeBack
+
+        asked = TakeBack(self.history, everything=everything, force=force, own=True, rolls_back=rolls_back)
+        applied, count = self.put_back(asked)
         self.was_undone(applied, count)
         return applied
 
@@ -136,64 +130,25 @@ class Node(Changeable):
         if self.pending.is_as_stored(len(self.history)) and not (applied.findings or applied.not_put_back):
             self.pending.unstored.clear()  # the device holds what was stored, or found, again
 
-    def put_back(
-        self,
-        plans: Sequence[Plan],
-        *,
-        everything: bool = False,
-        force: bool = False,
-        own: bool = False,
-        rolls_back: bool = False,
-    ) -> tuple[Applied, int]:
-        """Put back what the newest of *plans* (oldest first) replaced, or *everything* of them; and how many that were.
-
-        These are more than one also where the device has lost the newest ones, as after a reset. *own* says that they
-        are of this session's history. SafetyRefusal where the device holds something else by now, UsageError where
-        nobody knows what it held before; with *force* neither. *rolls_back* says that nothing was stored since.
-        """
+    def put_back(self, asked: TakeBack) -> tuple[Applied, int]:
+        """Put back what *asked* says; and how many plans that were. Raises as `way_back`."""
         from dataclasses import replace
 
         from dvtcli.device.change.taken_back import foreseen, put_back_findings
-        from dvtcli.device.change.way_back import plan_back
+        from dvtcli.device.change.way_back import plan_back, way_back
 
         found = self.claim()
-        back = self.way_back(plans, everything=everything, force=force, own=own, rolls_back=rolls_back)
+        back = way_back(self, asked)
         try:
             applied = self._apply_back(back.plan, back.unknown, found, is_patient=bool(foreseen(back.undone)))
         except DeviceRefused:
             if not foreseen(back.undone) or self.bus.boot_ups(self.node_id) != found.boot_ups:
                 raise
-            plan = self.observed(lambda: plan_back(self, back.undone, as_taken=True, rolls_back=rolls_back))
+            plan = self.observed(lambda: plan_back(self, back.undone, as_taken=True, rolls_back=asked.rolls_back))
             applied = self.apply(plan, back.unknown, kept=False)
             applied = replace(applied, not_put_back=put_back_findings(foreseen(back.undone)))
-        self.unkept += not own
+        self.unkept += not asked.own
         return applied, len(back.undone)
-
-    def way_back(
-        self,
-        plans: Sequence[Plan],
-        *,
-        everything: bool = False,
-        force: bool = False,
-        own: bool = False,
-        rolls_back: bool = False,
-    ) -> WayBack:
-        """The way back that `put_back` takes, of a node that is claimed; raises as that does, and writes nothing."""
-        from dvtcli.device.change.gap import unbroken
-        from dvtcli.device.change.way_back import WayBack, plan_back, refuse_unless_left, unknown_before
-
-        chain = plans if own else unbroken(plans)
-        count = len(chain) if everything else 1
-        if not force:
-            count = refuse_unless_left(self, chain, count)
-        undone = chain[-count:]
-        plan = self.observed(lambda: plan_back(self, undone, rolls_back=rolls_back))
-        unknown = unknown_before(undone)
-        if unknown and not plan.changes and not force:
-            raise UsageError(
-                unknown[0].text, node=self.node_id, hint="undo --force leaves it so and forgets that change"
-            )
-        return WayBack(plan, tuple(undone), unknown)
 
     def _apply_back(self, plan: Plan, unknown: tuple[Finding, ...], found: Found, *, is_patient: bool) -> Applied:
         """Apply *plan*, the way back; with *is_patient* a refusal that may pass is waited for, as a roll-back does."""
@@ -209,129 +164,3 @@ class Node(Changeable):
                 if not passing or self.bus.now_s() >= deadline_s:
                     raise
                 self.bus.sleep(RETRY_S)
-
-    def was_reset(self, *, communication: bool) -> tuple[str, ...]:
-        """A reset that was asked for has happened (*communication*: of the communication objects only).
-
-        Returns the labels of what is lost.
-        """
-        self.is_unknown_now()
-        self.expected.clear()
-        self.pending.lost_until = len(self.history)
-        return self.pending.was_reset(COMMUNICATION if communication else EVERYTHING, self.bus.boot_ups(self.node_id))
-
-    def notice_reboot(self) -> tuple[str, ...]:
-        """Labels of unstored changes that a restart nobody asked for has lost; empty where there was none."""
-        try:
-            boot_ups = self.bus.boot_ups(self.node_id)
-        except BusUnavailable:
-            return ()  # a dead bus tells nothing, and whoever needs it says so
-        self._heard(boot_ups)
-        lost, self._unsaid = self._unsaid, ()
-        return lost
-
-    def _heard(self, boot_ups: int) -> None:
-        """So many boot-ups were seen by now: what the last ones took is to be said."""
-        lost = self.pending.rebooted(boot_ups)
-        if lost:
-            self.is_unknown_now()
-            self.pending.lost_until = len(self.history)
-            self._unsaid += lost
-
-    def apply(
-        self,
-        plan: Plan,
-        findings: tuple[Finding, ...] = (),
-        *,
-        force: bool = False,
-        kept: bool = True,
-        found: Found | None = None,
-        is_part: bool = False,
-    ) -> Applied:
-        """Run a checked *plan* inside the gate; on a real bus with lock, backup and journal.
-
-        With *kept* it is remembered, so that `undo` can put it back. *found* is what `claim` answered before the reads
-        that the plan was made from. *is_part* says that it is one of several, which end a stamp by themselves.
-        """
-        from dvtcli.device.access_level import level_findings
-        from dvtcli.device.applied import Applied, refuse
-        from dvtcli.device.change.taken_back import with_way_back
-        from dvtcli.device.second_try import carry_out_as_taken
-        from dvtcli.domain.several import several
-
-        if len(plan):
-            plan, warnings = with_way_back(self, plan if is_part else self._with_stamp_ended(plan))
-            locked = (*level_findings(self.access, plan), *(warnings if kept else ()))
-            refuse(locked, f"{several(change.label for change in plan.changes)} not changed", self.node_id, force=force)
-            findings += locked
-            plan, findings = carry_out_as_taken(
-                self, plan, findings, found, lambda one, boot_ups: self._done(one, boot_ups, kept=kept)
-            )
-        else:
-            if found is not None and self.bus.upsets(self.node_id) != found.upsets:
-                from dvtcli.device.change.carry_out import look_again
-
-                look_again(self, plan, found)
-            self._remember(plan.changes)
-        return Applied(plan, findings)
-
-    def _with_stamp_ended(self, plan: Plan) -> Plan:
-        """*plan*, ahead of which a stamp of ours goes that vouches for what it changes."""
-        from dvtcli.domain.plan import STAMP
-
-        if self.has_no_stamp or (self.dictionary is not None and STAMP not in self.dictionary):
-            return plan
-        from dvtcli.device.stamped import with_stamp_ended
-
-        return with_stamp_ended(self, plan)
-
-    def _done(self, plan: Plan, boot_ups: int, *, kept: bool) -> None:
-        """*plan* was carried out, and read back after *boot_ups* boot-ups: whatever fails from here on, it is so.
-
-        Those took what was set before it, and nothing of the plan.
-        """
-        from dvtcli.domain.plan import alters
-        from dvtcli.domain.several import several
-
-        self._heard(boot_ups)
-        self.gate.done.append(f"{several(change.label for change in plan.changes)} was set and read back equal")
-        saves = any(self.saves((step.index, step.sub_index)) for step in plan.steps)
-        if kept and not saves and any(map(alters, plan.changes)):
-            self.keep(plan)
-        self._remember(plan.changes)
-
-    def keep(self, plan: Plan) -> None:
-        """*plan* was carried out and can be undone, by this session and on a real bus by a later one."""
-        self.history.append(plan)
-        self.order.append(self.node_id)
-        if self.keeper is not None:
-            self.keeper.remember(plan)
-
-    def saves(self, place: tuple[int, int]) -> bool:
-        """Whether a write to *place* is how this family keeps its settings: nothing that could be undone."""
-        return place == self.profile.store.saved_by
-
-    @property
-    def unstored(self) -> dict[str, int]:
-        """Labels of what changed since the last store, in order, each with its index."""
-        return self.pending.unstored
-
-    def _remember(self, changes: tuple[Change, ...]) -> None:
-        from dvtcli.domain.plan import PdoChange, alters
-
-        for change in changes:
-            self.expected.changed(change)
-            if isinstance(change, PdoChange):
-                self.wanted[change.pdo] = self._shown[change.pdo] = change.after
-            elif self._is_kept(change.step):
-                self.wanted_values[change.step.index, change.step.sub_index] = change.step.after
-            if any(self.saves((step.index, step.sub_index)) for step in change.steps):
-                from dvtcli.device.storing import is_stored
-
-                is_stored(self, self.pending.was_stored(EVERYTHING, len(self.history)))
-            elif alters(change) and self.profile.store.needed_for(change.steps[0].index):
-                self.pending.changed(change.label, change.steps[0].index)
-
-    def _is_kept(self, step: Step) -> bool:
-        """Whether what a single write left can be compared: not write-only, no way to save, no part of a PDO."""
-        return step.before is not None and Pdo.at(step.index) is None and not self.saves((step.index, step.sub_index))

@@ -13,9 +13,10 @@ from dvtcli.domain.network.network_plan import NetworkPlan
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.plan_file import is_network_plan, read_network_plan
 from dvtcli.operations.change import names
+from dvtcli.operations.judge_network import checked
 from dvtcli.operations.network_load import load_after
 from dvtcli.operations.network_wish import read_wish
-from dvtcli.operations.plan_network import checked, plan_network
+from dvtcli.operations.plan_network import plan_network
 from dvtcli.operations.possible_stores import refuse_impossible_stores
 from dvtcli.operations.results.networks import NetworkPlanned
 

@@ -5,34 +5,29 @@ Writes nothing. Does not know how a plan is carried out.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dvtcli.device.proposal import proposal
-from dvtcli.device.raw_write_check import raw_write_findings
 from dvtcli.device.resolve import resolve, untyped_lengths
 from dvtcli.device.senders import Senders
 from dvtcli.device.unstored import held_unstored
-from dvtcli.device.virtual_pdos import names_objects, tie_findings
+from dvtcli.device.virtual_pdos import names_objects
 from dvtcli.domain.cob_id import CobId
-from dvtcli.domain.network.consumers import Id, Sent, left_findings, length_findings, moved_tpdos, sent_by_id
 from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
-from dvtcli.domain.network.wanted_state import Endpoint
-from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, plan_pdo
-from dvtcli.domain.rules import check_pdo, errors_in
-from dvtcli.domain.several import plural, several
-from dvtcli.errors import DvtcliError, InputFileError, NoAnswer, RuleError, SdoProtocolError, UsageError
+from dvtcli.domain.plan import Change, Plan, Step, ValueChange, plan_pdo
+from dvtcli.errors import DvtcliError, InputFileError, NoAnswer, RuleError, SdoProtocolError
 from dvtcli.files.network.file_log import FileLog
 from dvtcli.operations.change import names
+from dvtcli.operations.chosen_nodes import named_nodes, of_nodes
+from dvtcli.operations.judge_network import checked, together
 from dvtcli.operations.linked_wishes import with_links
 from dvtcli.operations.meet_network import Met, meet
 from dvtcli.operations.network_wish import read_wish
 from dvtcli.operations.possible_stores import refuse_stores_of
-from dvtcli.operations.stamped_words import linked_with
 from dvtcli.operations.stamping import stamping, stamps_of, trusted
 from dvtcli.operations.unknown_sync import short_frames, sync_note, unknown_syncs
 from dvtcli.operations.wanted_words import NodeWants, node_wants
@@ -40,7 +35,6 @@ from dvtcli.operations.wanted_words import NodeWants, node_wants
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.domain.network.wanted_state import NetworkWish, NodeWish, PdoWish
-    from dvtcli.domain.pdo import Pdo, PdoConfig
     from dvtcli.domain.rules import Finding
     from dvtcli.domain.stamp import Stamp
     from dvtcli.operations.session import Session
@@ -58,59 +52,8 @@ def plan_network(session: Session, file: str, *, trust_stamp: bool = False) -> N
     wish = read_wish(file)
     for note in wish.notes:
         session.tell.note(f"{file}:{note.mark.line}:{note.mark.column}: {note.text}")
-    wish = _of_nodes(session, file, wish, _named(session))
+    wish = of_nodes(session, file, wish, named_nodes(session))
     return plan_wish(session, wish, FileLog(file, Path(file).read_text("utf-8-sig")), trust_stamp=trust_stamp)
-
-
-def _named(session: Session) -> tuple[int, ...]:
-    """The nodes that the user means, none: all of the file.
-
-    One alone counts where `-n` stands in the line itself: at a prompt and in scripts, in settings and variables it only
-    says which node is selected.
-    """
-    ids = session.base.nodes
-    typed = session.settings.sources.get("node") == "option" and session.ends_with_line
-    return ids if len(ids) > 1 or typed else ()
-
-
-def _of_nodes(session: Session, file: str, wish: NetworkWish, ids: tuple[int, ...]) -> NetworkWish:
-    """What *wish* says of the nodes *ids* where some were named (`-n 1,3`); UsageError for one that it has not."""
-    if not ids:
-        return wish
-    if unknown := [one for one in ids if one not in {node.node_id for node in wish.nodes}]:
-        raise UsageError(f"{file} has no node {', '.join(map(str, unknown))}", place=file)
-    chosen, alone = _without_torn_links(wish, _without_stamps(wish, wish.of(ids)))
-    if left_out := len(wish.links) - len(chosen.links):
-        stay = ", ".join(f"{end.node_id}:{end.pdo}" for end in alone)
-        session.tell.note(
-            f"{plural(left_out, 'link')} of {file} left out: not both ends are among -n; left as they are: {stay}"
-        )
-    return chosen
-
-
-def _without_stamps(wish: NetworkWish, chosen: NetworkWish) -> NetworkWish:
-    """*chosen* of *wish*, where no node gets a stamp that stands for links with nodes that are left out, too."""
-    ids = {node.node_id for node in chosen.nodes}
-    nodes = (node if linked_with(wish, node.node_id) <= ids else replace(node, stamp=None) for node in chosen.nodes)
-    return replace(chosen, nodes=tuple(nodes))
-
-
-def _without_torn_links(wish: NetworkWish, chosen: NetworkWish) -> tuple[NetworkWish, list[Endpoint]]:
-    """*chosen* of *wish* without the links that lack an end, and without their PDOs, which are answered, too.
-
-    What one end of such a link has must not change while the other stays: it would hear another layout.
-    """
-    links, torn = chosen.links, {end for link in wish.links if link not in chosen.links for end in link.ends}
-    while shared := [link for link in links if not torn.isdisjoint(link.ends)]:
-        links = tuple(link for link in links if link not in shared)
-        torn |= {end for link in shared for end in link.ends}
-    nodes = tuple(
-        replace(node, pdos=tuple(pdo for pdo in node.pdos if Endpoint(node.node_id, pdo.pdo) not in torn))
-        for node in chosen.nodes
-    )
-    ids = {node.node_id for node in chosen.nodes}
-    alone = sorted((end for end in torn if end.node_id in ids), key=lambda end: (end.node_id, str(end.pdo)))
-    return replace(chosen, nodes=nodes, links=links), alone
 
 
 def plan_wish(session: Session, wish: NetworkWish, log: FileLog, *, trust_stamp: bool = False) -> NetworkPlan:
@@ -217,7 +160,7 @@ def _planned(
         except RuleError as error:
             refused.append(error)
     if refused:
-        raise _together(refused)
+        raise together(refused)
     return planned
 
 
@@ -271,59 +214,3 @@ def _unstored(node: Node, plan: Plan) -> tuple[str, ...]:
 
 def _value(node: Node, place: tuple[int, int], held: bytes, data: bytes, reason: str) -> ValueChange:
     return ValueChange(Step(*place, held, data, reason, names_object=names_objects(node, *place)))
-
-
-def checked(nodes: Mapping[int, Node], planned: Iterable[NodePlan], *, force: bool) -> Iterator[NodePlan]:
-    """*planned* with what the rules say of it as a whole; RuleError with all errors of all nodes, unless forced."""
-    planned = list(planned)
-    after = {one.node_id: _cob_ids(one) for one in planned}
-    senders = Senders(nodes, after)
-    sent = sent_by_id(planned)
-    judged = [replace(one, findings=(*one.findings, *_all_findings(nodes, one, sent, senders))) for one in planned]
-    refused = [
-        RuleError(f"node {one.node_id} not changed: {errors[0].text}", errors, node=one.node_id)
-        for one in judged
-        if (errors := errors_in(one.findings))
-    ]
-    if refused and not force:
-        raise _together(refused)
-    return iter(judged)
-
-
-def _all_findings(
-    nodes: Mapping[int, Node], one: NodePlan, sent: Mapping[Id, Iterable[Sent]], senders: Senders
-) -> Iterator[Finding]:
-    yield from _findings(nodes[one.node_id], one, senders)
-    yield from length_findings(one, sent)
-    if moved := moved_tpdos(one):
-        yield from left_findings(one, moved, senders.sent(), senders.heard())
-
-
-def _cob_ids(plan: NodePlan) -> dict[Pdo, CobId | None]:
-    changes = (change for change in plan.plan.changes if isinstance(change, PdoChange))
-    return {change.pdo: change.after.communication.cob_id for change in changes}
-
-
-def _findings(node: Node, planned: NodePlan, senders: Senders) -> Iterator[Finding]:
-    together: dict[Pdo, PdoConfig] = dict(planned.wanted)
-    changes = planned.plan.changes
-    elsewhere = cache(partial(senders.besides, node.node_id))
-    together |= {change.pdo: change.after for change in changes if isinstance(change, PdoChange)}
-    for change in changes:
-        if isinstance(change, PdoChange):
-            yield from check_pdo(proposal(node, change.pdo, change.before, change.after, together, elsewhere))
-        else:
-            step = change.step
-            yield from raw_write_findings(node, step.index, step.sub_index, step.after)
-            yield from tie_findings(node, step.index, step.sub_index, step.after)
-
-
-def _together(refused: list[RuleError]) -> RuleError:
-    """One error with the findings of all nodes."""
-    if len(refused) == 1:
-        return refused[0]
-    findings = [
-        replace(finding, text=f"node {error.node}: {finding.text}") for error in refused for finding in error.findings
-    ]
-    ids = several(str(error.node) for error in refused)
-    return RuleError(f"nodes {ids} not changed: {findings[0].text}", findings)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.change.course import combined
 from dvtcli.device.change.put_back import PATIENCE_S, RETRY_S, first_difference
+from dvtcli.device.change.way_back import TakeBack
 from dvtcli.device.observe import MOST_LOOKS
 from dvtcli.domain.plan import Change, PdoChange, Plan
 from dvtcli.domain.several import several
@@ -246,7 +247,7 @@ def _put_back(node: Node, plan: Plan) -> None:
     deadline_s = node.bus.now_s() + PATIENCE_S
     while True:
         try:
-            node.put_back([plan], force=True, own=True, rolls_back=True)
+            node.put_back(TakeBack([plan], force=True, own=True, rolls_back=True))
         except _PASSING:
             if node.bus.now_s() >= deadline_s:
                 raise

@@ -74,8 +74,10 @@ def _nothing_kept(node_id: int) -> UsageError:
 
 def put_remembered_back(session: Session, chain: Remembered, *, everything: bool) -> Changed:
     """Put the last change of *chain* back, or *everything*; SafetyRefusal where the device holds something else."""
+    from dvtcli.device.change.way_back import TakeBack
+
     started, node = time.monotonic(), chain.node
-    applied, count = node.put_back(_plans(chain), everything=everything, force=session.options.force)
+    applied, count = node.put_back(TakeBack(_plans(chain), everything=everything, force=session.options.force))
     _forget(session, chain, applied, count)
     applied = replace(applied, findings=(*applied.findings, *chain.findings))
     return changed(session, node, applied, time.monotonic() - started, undone=True)

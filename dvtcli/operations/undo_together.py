@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from dvtcli.device.applied import Applied
 from dvtcli.device.change.carry_out import enter
 from dvtcli.device.change.taken_back import foreseen
+from dvtcli.device.change.way_back import TakeBack, way_back
 from dvtcli.operations.change import changed
 from dvtcli.operations.change_together import carry_out_together, complete
 
@@ -56,7 +57,7 @@ def undo_together(session: Session, undoings: Sequence[Undoing]) -> tuple[Change
         found = {node_id: node.claim() for node_id, node in sorted(nodes.items())}
         force = session.options.force
         backs = {
-            one.node.node_id: one.node.way_back(one.plans, everything=True, force=force, own=one.own)
+            one.node.node_id: way_back(one.node, TakeBack(one.plans, everything=True, force=force, own=one.own))
             for one in undoings
         }
         for node_id, back in backs.items():

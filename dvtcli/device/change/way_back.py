@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, replace
 from typing import TYPE_CHECKING
 
-from dvtcli.device.change.gap import refuse_gap
+from dvtcli.device.change.gap import refuse_gap, unbroken
 from dvtcli.device.change.safekeeping import who_else
 from dvtcli.device.stamped import is_stamp, stamp_back
 from dvtcli.device.wish import Wish, unlike
@@ -16,13 +16,29 @@ from dvtcli.domain.rules.finding import Finding, warning
 from dvtcli.domain.rules.rule import WARNING, Rule
 from dvtcli.domain.several import several
 from dvtcli.domain.stamp import DATE, TIME, is_own_date
-from dvtcli.errors import SafetyRefusal
+from dvtcli.errors import SafetyRefusal, UsageError
 
 if TYPE_CHECKING:
     from dvtcli.device.change.changeable import Changeable
     from dvtcli.device.known_pdos import KnownPdos
 
 RULES = (Rule("write-only", WARNING, "what a write-only object held is not known, so it is not put back", "ours"),)
+
+
+@dataclass(frozen=True, slots=True)
+class TakeBack:
+    """What is to be put back: what the newest of *plans* (oldest first) replaced, or *everything* of them.
+
+    *own* says that they are of this session's history, *rolls_back* that nothing was stored since. With *force* it is
+    put back whatever the device holds by now.
+    """
+
+    plans: Sequence[Plan]
+    _: KW_ONLY
+    everything: bool = False
+    force: bool = False
+    own: bool = False
+    rolls_back: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +51,24 @@ class WayBack:
     plan: Plan
     undone: tuple[Plan, ...]
     unknown: tuple[Finding, ...]
+
+
+def way_back(node: Changeable, asked: TakeBack) -> WayBack:
+    """The way back on *node*, which is claimed; writes nothing.
+
+    It is that of several plans also where the device has lost the newest ones, as after a reset. SafetyRefusal where
+    the device holds something else by now, UsageError where nobody knows what it held before; with force neither.
+    """
+    chain = asked.plans if asked.own else unbroken(asked.plans)
+    count = len(chain) if asked.everything else 1
+    if not asked.force:
+        count = refuse_unless_left(node, chain, count)
+    undone = chain[-count:]
+    plan = node.observed(lambda: plan_back(node, undone, rolls_back=asked.rolls_back))
+    unknown = unknown_before(undone)
+    if unknown and not plan.changes and not asked.force:
+        raise UsageError(unknown[0].text, node=node.node_id, hint="undo --force leaves it so and forgets that change")
+    return WayBack(plan, tuple(undone), unknown)
 
 
 def plan_back(node: KnownPdos, plans: Iterable[Plan], *, as_taken: bool = False, rolls_back: bool = False) -> Plan:

@@ -1,0 +1,158 @@
+"""A node that carries checked plans out, and remembers what they left and what a restart took of it.
+
+Does not check what is wanted, nor know how it is taken back.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from dvtcli.device.change.changeable import Changeable
+from dvtcli.device.change.pending import COMMUNICATION, EVERYTHING
+from dvtcli.domain.pdo import Pdo
+from dvtcli.errors import BusUnavailable
+
+if TYPE_CHECKING:
+    from dvtcli.device.applied import Applied
+    from dvtcli.device.observe import Found
+    from dvtcli.domain.plan import Change, Plan, Step
+    from dvtcli.domain.rules import Finding
+
+
+@dataclass(slots=True)
+class Applier(Changeable):
+    """A node that may be changed, with what this session did to it."""
+
+    #: plans that were applied, oldest first: what `undo` puts back
+    history: list[Plan] = field(default_factory=list)
+    #: node-IDs of this session's changes on all its nodes, oldest first
+    order: list[int] = field(default_factory=list)
+    #: labels of what a restart was seen to take while a change was made, which is yet to be said
+    _unsaid: tuple[str, ...] = ()
+
+    def apply(
+        self,
+        plan: Plan,
+        findings: tuple[Finding, ...] = (),
+        *,
+        force: bool = False,
+        kept: bool = True,
+        found: Found | None = None,
+        is_part: bool = False,
+    ) -> Applied:
+        """Run a checked *plan* inside the gate; on a real bus with lock, backup and journal.
+
+        With *kept* it is remembered, so that `undo` can put it back. *found* is what `claim` answered before the reads
+        that the plan was made from. *is_part* says that it is one of several, which end a stamp by themselves.
+        """
+        from dvtcli.device.access_level import level_findings
+        from dvtcli.device.applied import Applied, refuse
+        from dvtcli.device.change.taken_back import with_way_back
+        from dvtcli.device.second_try import carry_out_as_taken
+        from dvtcli.domain.several import several
+
+        if len(plan):
+            plan, warnings = with_way_back(self, plan if is_part else self._with_stamp_ended(plan))
+            locked = (*level_findings(self.access, plan), *(warnings if kept else ()))
+            refuse(locked, f"{several(change.label for change in plan.changes)} not changed", self.node_id, force=force)
+            findings += locked
+            plan, findings = carry_out_as_taken(
+                self, plan, findings, found, lambda one, boot_ups: self._done(one, boot_ups, kept=kept)
+            )
+        else:
+            if found is not None and self.bus.upsets(self.node_id) != found.upsets:
+                from dvtcli.device.change.carry_out import look_again
+
+                look_again(self, plan, found)
+            self._remember(plan.changes)
+        return Applied(plan, findings)
+
+    def _with_stamp_ended(self, plan: Plan) -> Plan:
+        """*plan*, ahead of which a stamp of ours goes that vouches for what it changes."""
+        from dvtcli.domain.plan import STAMP
+
+        if self.has_no_stamp or (self.dictionary is not None and STAMP not in self.dictionary):
+            return plan
+        from dvtcli.device.stamped import with_stamp_ended
+
+        return with_stamp_ended(self, plan)
+
+    def _done(self, plan: Plan, boot_ups: int, *, kept: bool) -> None:
+        """*plan* was carried out, and read back after *boot_ups* boot-ups: whatever fails from here on, it is so.
+
+        Those took what was set before it, and nothing of the plan.
+        """
+        from dvtcli.domain.plan import alters
+        from dvtcli.domain.several import several
+
+        self._heard(boot_ups)
+        self.gate.done.append(f"{several(change.label for change in plan.changes)} was set and read back equal")
+        saves = any(self.saves((step.index, step.sub_index)) for step in plan.steps)
+        if kept and not saves and any(map(alters, plan.changes)):
+            self.keep(plan)
+        self._remember(plan.changes)
+
+    def keep(self, plan: Plan) -> None:
+        """*plan* was carried out and can be undone, by this session and on a real bus by a later one."""
+        self.history.append(plan)
+        self.order.append(self.node_id)
+        if self.keeper is not None:
+            self.keeper.remember(plan)
+
+    def saves(self, place: tuple[int, int]) -> bool:
+        """Whether a write to *place* is how this family keeps its settings: nothing that could be undone."""
+        return place == self.profile.store.saved_by
+
+    @property
+    def unstored(self) -> dict[str, int]:
+        """Labels of what changed since the last store, in order, each with its index."""
+        return self.pending.unstored
+
+    def _remember(self, changes: tuple[Change, ...]) -> None:
+        from dvtcli.domain.plan import PdoChange, alters
+
+        for change in changes:
+            self.expected.changed(change)
+            if isinstance(change, PdoChange):
+                self.wanted[change.pdo] = self._shown[change.pdo] = change.after
+            elif self._is_kept(change.step):
+                self.wanted_values[change.step.index, change.step.sub_index] = change.step.after
+            if any(self.saves((step.index, step.sub_index)) for step in change.steps):
+                from dvtcli.device.storing import is_stored
+
+                is_stored(self, self.pending.was_stored(EVERYTHING, len(self.history)))
+            elif alters(change) and self.profile.store.needed_for(change.steps[0].index):
+                self.pending.changed(change.label, change.steps[0].index)
+
+    def _is_kept(self, step: Step) -> bool:
+        """Whether what a single write left can be compared: not write-only, no way to save, no part of a PDO."""
+        return step.before is not None and Pdo.at(step.index) is None and not self.saves((step.index, step.sub_index))
+
+    def was_reset(self, *, communication: bool) -> tuple[str, ...]:
+        """A reset that was asked for has happened (*communication*: of the communication objects only).
+
+        Returns the labels of what is lost.
+        """
+        self.is_unknown_now()
+        self.expected.clear()
+        self.pending.lost_until = len(self.history)
+        return self.pending.was_reset(COMMUNICATION if communication else EVERYTHING, self.bus.boot_ups(self.node_id))
+
+    def notice_reboot(self) -> tuple[str, ...]:
+        """Labels of unstored changes that a restart nobody asked for has lost; empty where there was none."""
+        try:
+            boot_ups = self.bus.boot_ups(self.node_id)
+        except BusUnavailable:
+            return ()  # a dead bus tells nothing, and whoever needs it says so
+        self._heard(boot_ups)
+        lost, self._unsaid = self._unsaid, ()
+        return lost
+
+    def _heard(self, boot_ups: int) -> None:
+        """So many boot-ups were seen by now: what the last ones took is to be said."""
+        lost = self.pending.rebooted(boot_ups)
+        if lost:
+            self.is_unknown_now()
+            self.pending.lost_until = len(self.history)
+            self._unsaid += lost
