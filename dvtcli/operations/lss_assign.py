@@ -15,6 +15,7 @@ from dvtcli.operations.lss_find import lss_bus, scanned, selected, two_alike
 from dvtcli.operations.lss_identity import Identity, in_words, who_is_there
 from dvtcli.operations.lss_node_id import consent_to_give, give, heard_ids, told_id
 from dvtcli.operations.lss_order import in_order
+from dvtcli.operations.lss_settled import require_same, to_store
 from dvtcli.operations.lss_store_all import all_back, prove_all, store_all
 from dvtcli.operations.network_wish import read_wish
 from dvtcli.operations.results.lss_nodes import LssChanged, LssGiven, LssNode
@@ -27,10 +28,11 @@ if TYPE_CHECKING:
 def lss_assign(session: Session, file: str, *, stores: bool = False, prove: bool = False) -> LssChanged:
     """Give each node of the network *file* that has another node-ID there or none the one of the file.
 
-    Each is found by its identity in the file. The plan is told first, and asked for. Nodes that have theirs are left
-    alone, those that are not found are `missing`. Where one does not come up with its node-ID all get back what they
-    had. With *stores* all store it, once all came up, and with *prove* each is reset then, and looked at. SafetyRefusal
-    where a node-ID is another device's, an identity fits several nodes, or another master is active.
+    Each is found by its identity in the file. The plan is told first, and asked for. Nodes that have theirs keep it,
+    those that are not found are `missing`. Where one does not come up with its node-ID all get back what they had. With
+    *stores* all store it, once all came up, also those that had it before: it may be in RAM only. With *prove* each is
+    reset then, and looked at. SafetyRefusal where a node-ID is another device's, an identity fits several nodes, or
+    another master is active.
     """
     nodes = read_wish(file).nodes
     wishes = _with_identity(session, file, nodes)
@@ -39,23 +41,23 @@ def lss_assign(session: Session, file: str, *, stores: bool = False, prove: bool
     bus = lss_bus(session)
     there = who_is_there(bus, heard_ids(session))
     waiting = [wish for wish in wishes if not _is_there(wish, there)]
-    if stores:
-        _name_not_stored(session, [wish for wish in wishes if wish not in waiting])
-    if not waiting:
+    if not (waiting or stores):
         return LssChanged("assign")
     settled = {wish.node_id for wish in nodes if wish not in waiting}
     with LssMaster(bus) as master:
-        given, missing = _matched(waiting, [*scanned(session, master), *_movable(there, settled)])
+        kept = to_store(session, master, [wish for wish in wishes if wish not in waiting], there) if stores else []
+        found = [*scanned(session, master), *_movable(there, settled)] if waiting else []
+        given, missing = _matched(waiting, found)
         _refuse_used(waiting, given, there)
         _confirm(master, given)
         steps = in_order(given, there, {wish.node_id for wish in nodes})
-        if steps:
-            _agree(session, steps, stores=stores, prove=prove)
+        if steps or kept:
+            _agree(session, steps, kept, stores=stores, prove=prove)
             with session.cancellation.guard():
                 _give_all(session, master, steps)
-                given = store_all(master, given, steps) if stores else given
+                given = store_all(master, kept, given, steps) if stores else given
                 given = prove_all(session, master, given) if prove else given
-    return LssChanged("assign", tuple(given), missing=missing)
+    return LssChanged("assign", tuple(sorted(given, key=lambda one: one.node_id)), missing=missing)
 
 
 def _with_identity(session: Session, file: str, nodes: Sequence[NodeWish]) -> list[NodeWish]:
@@ -68,15 +70,6 @@ def _with_identity(session: Session, file: str, nodes: Sequence[NodeWish]) -> li
     if others:
         session.tell.note(f"no identity in {file}, left alone: {several(others)}")
     return wishes
-
-
-def _name_not_stored(session: Session, settled: Sequence[NodeWish]) -> None:
-    """Say of the nodes that have their node-IDs that they are not told to store: they may have them in RAM only."""
-    if settled:
-        session.tell.warning(
-            f"left alone, and not told to store: {several([f'{wish.name} ({wish.node_id})' for wish in settled])}; "
-            f"one that has its node-ID until the power goes keeps it by lss store {settled[0].node_id}"
-        )
 
 
 def _is_there(wish: NodeWish, there: Mapping[int, Identity | None]) -> bool:
@@ -144,21 +137,18 @@ def _refuse_used(wishes: Sequence[NodeWish], given: Sequence[LssGiven], there: M
 def _confirm(master: LssMaster, given: Sequence[LssGiven]) -> None:
     """See by LSS that each of *given* is there once, and has the node-ID that it had before; raises where not so."""
     for one in given:
-        now = selected(master, one.address)
-        if now != one.before:
-            raise SafetyRefusal(
-                f"{one.name} says by LSS that its node-ID is {told_id(now)}, and by SDO {told_id(one.before)}",
-                why=str(one.address), hint="a node-ID that was given waits for a reset: nmt reset-comm",
-            )  # fmt: skip
+        require_same(one, selected(master, one.address))
     master.let_wait()
 
 
-def _agree(session: Session, steps: Sequence[LssGiven], *, stores: bool, prove: bool) -> None:
+def _agree(session: Session, steps: Sequence[LssGiven], kept: Sequence[LssGiven], *, stores: bool, prove: bool) -> None:
     """Tell the plan, and ask for it."""
-    if len(steps) > 1:
-        for number, one in enumerate(steps, 1):
-            session.tell.note(f"plan {number}: {one.name} gets node-ID {one.node_id} (now {told_id(one.before)})")
-    consent_to_give(session, steps, store=stores, prove=prove)
+    lines = [f"{one.name} gets node-ID {one.node_id} (now {told_id(one.before)})" for one in steps]
+    lines += [f"{one.name} stores node-ID {one.node_id}, which it has" for one in kept]
+    if len(lines) > 1:
+        for number, line in enumerate(lines, 1):
+            session.tell.note(f"plan {number}: {line}")
+    consent_to_give(session, steps, kept, store=stores, prove=prove)
 
 
 def _give_all(session: Session, master: LssMaster, steps: Sequence[LssGiven]) -> None:
@@ -170,5 +160,5 @@ def _give_all(session: Session, master: LssMaster, steps: Sequence[LssGiven]) ->
             selected(master, one.address)
             give(session, master, one)
         except DvtcliError as failed:
-            raise all_back(master, done, failed) from failed
+            raise all_back(master, done, failed, at=one) from failed
         done.append(one)

@@ -91,11 +91,18 @@ def heard_ids(session: Session) -> set[int]:
     return heard
 
 
-def consent_to_give(session: Session, given: Sequence[LssGiven], *, store: bool = False, prove: bool = False) -> None:
-    """Ask before nodes get node-IDs; and for each that has one, and is a drive that may move, before its reset."""
-    lines = [f"node-ID {one.node_id} to {one.name or one.address} (now {told_id(one.before)})" for one in given]
-    session.consent(f"give {'; '.join(lines)}{', and store' if store else ''}{', and reset' if prove else ''}?")
-    consent_to_reset(session, [one.before for one in given if one.before != UNCONFIGURED])
+def consent_to_give(
+    session: Session, given: Sequence[LssGiven], kept: Sequence[LssGiven] = (), *, store: bool = False,
+    prove: bool = False,
+) -> None:  # fmt: skip
+    """Ask before nodes get node-IDs, and those *kept* store theirs; and before a drive that may move is reset."""
+    lines = [f"give node-ID {one.node_id} to {one.name or one.address} (now {told_id(one.before)})" for one in given]
+    if given and store:
+        lines[-1] += ", and store"
+    lines += [f"store node-ID {one.node_id} in {one.name}, which has it" for one in kept]
+    session.consent(f"{'; '.join(lines)}{', and reset all' if prove else ''}?")
+    reset = [*given, *kept] if prove else given
+    consent_to_reset(session, [one.before for one in reset if one.before != UNCONFIGURED])
 
 
 def told_id(node_id: int) -> str:

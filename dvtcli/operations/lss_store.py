@@ -5,6 +5,7 @@ Does not know files, nor how the node got them.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -51,6 +52,8 @@ def store(master: LssMaster, given: LssGiven) -> LssGiven:
             f"the node with {given.address} has node-ID {told_id(now)}, not {given.node_id}", node=given.node_id,
             hint="nothing was stored; scan shows who is there",
         )  # fmt: skip
+    with suppress(DeviceRefused):  # who cannot be told its own node-ID was told no other one either
+        master.configure_node_id(now)  # else it keeps one that it was told and that waits for a reset
     master.store()
     return replace(given, stored=True)
 

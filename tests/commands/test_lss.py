@@ -143,10 +143,10 @@ def test_the_nodes_of_a_file_get_their_node_ids(tmp_path: Path) -> None:
         assert desk.run(f"lss assign {file} --dry-run").code == 0
         assert desk.session.bus.now_s() < 0.1
         told = desk.run(f"lss assign {file} --store --json").document["nodes"]
-        assert [(one["name"], one["node"], one["stored"]) for one in told] == [("drive", 5, True), ("valve", 6, True)]
+        told_all = [(one["name"], one["before"], one["node"], one["stored"]) for one in told]
+        assert told_all == [("drive", None, 5, True), ("valve", None, 6, True), ("pump", 7, 7, True)]
         assert [(one.node_id, one.lss.stored) for one in nodes] == [(6, 6), (5, 5), (7, 7)]
         assert "every node has its node-ID" in desk.run(f"lss assign {file}").stdout
-        assert "not told to store: drive (5), valve (6), pump (7)" in desk.run(f"lss assign {file} --store").stderr
 
 
 @pytest.mark.parametrize(
@@ -187,6 +187,119 @@ def test_nodes_that_have_a_wrong_node_id_get_theirs_and_two_swap(tmp_path: Path)
         ]
         assert ran.stderr == ""
         assert [(one.node_id, one.lss.stored) for one in nodes] == [(6, 6), (5, 5), (7, 7), (9, 9)]
+
+
+def power_cycle(*nodes: StrictDevice) -> list[int]:
+    """The node-IDs that are left of it."""
+    for one in nodes:
+        one.restart()
+        one.boot_up()
+    return [one.node_id for one in nodes]
+
+
+@pytest.mark.parametrize("option", ["--store", "--store --prove"])
+def test_node_ids_that_are_in_ram_only_are_stored_by_the_same_words(tmp_path: Path, option: str) -> None:
+    nodes = [unconfigured(1, node_id=5), unconfigured(2, node_id=6), unconfigured(3, node_id=9)]
+    file = network(
+        tmp_path,
+        "a: {node_id: 6, identity: {serial: 1}}",
+        "b: {node_id: 5, identity: {serial: 2}}",
+        "c: {node_id: 9, identity: {serial: 3}}",
+    )
+    with bench(*nodes) as desk:
+        assert desk.run(f"lss assign {file}").code == 0
+        assert "every node has its node-ID" in desk.run(f"lss assign {file}").stdout
+        assert [one.lss.stored for one in nodes] == [5, 6, 9]
+        ran = desk.run(f"lss assign {file} {option} --json")
+        assert (ran.code, [one["stored"] for one in ran.document["nodes"]]) == (0, [True] * 3), ran.stderr
+        assert [one["proved"] for one in ran.document["nodes"]] == ["prove" in option] * 3
+        assert "plan 2: a stores node-ID 6, which it has" in desk.run(f"lss assign {file} --store").stderr
+    assert power_cycle(*nodes) == [6, 5, 9]
+
+
+def test_nobody_is_told_to_store_unasked(tmp_path: Path) -> None:
+    one, other = unconfigured(1, node_id=3), unconfigured(2, node_id=4)
+    file = network(tmp_path, "a: {node_id: 5, identity: {serial: 1}}", "b: {node_id: 6, identity: {serial: 2}}")
+    with bench(one, other) as desk:
+        desk.run(f"lss assign {file}")
+    with bench(one, other, yes=False) as desk:
+        ran = desk.run(f"lss assign {file} --store")
+        assert (ran.code, "store node-ID 5 in a, which has it" in ran.stderr) == (6, True), ran.stderr
+    assert [one.lss.stored, other.lss.stored] == [3, 4]
+
+
+def test_who_waits_for_another_node_id_stores_the_one_it_has() -> None:
+    """A dvtcli that was killed on the way left a node-ID that the next reset would bring."""
+    one = unconfigured(1, node_id=3)
+    one.lss.pending = 9
+    with bench(one) as desk:
+        assert desk.run("lss store 3").code == 0
+    assert power_cycle(one) == [3]
+
+
+def test_who_takes_no_part_in_lss_is_named_and_the_others_store(tmp_path: Path) -> None:
+    nodes = [unconfigured(1, node_id=5), unconfigured(2, node_id=6)]
+    nodes[1].lss.handle = lambda _request: None  # type: ignore[method-assign]
+    file = network(tmp_path, "a: {node_id: 5, identity: {serial: 1}}", "b: {node_id: 6, identity: {serial: 2}}")
+    with bench(*nodes) as desk:
+        ran = desk.run(f"lss assign {file} --store --json")
+    assert (ran.code, [one["name"] for one in ran.document["nodes"]]) == (0, ["a"])
+    assert "not told to store, since LSS does not reach them: b (6)" in ran.stderr
+
+
+@pytest.mark.parametrize(("faulty", "code", "after"), [("b", 1, [5, 6]), ("a", 7, [5, 5])])
+def test_where_one_does_not_store_what_it_has_it_is_said_who_has(
+    tmp_path: Path, faulty: str, code: int, after: list[int]
+) -> None:
+    """What they had stored is not known: no way leads back to it."""
+    nodes = [unconfigured(1, node_id=5), unconfigured(2, node_id=6), unconfigured(3)]
+    swap = ["a: {node_id: 6, identity: {serial: 1}}", "b: {node_id: 5, identity: {serial: 2}}"]
+    with bench(*nodes) as desk:
+        assert desk.run(f"lss assign {network(tmp_path, *swap)}").code == 0
+        nodes["ab".index(faulty)].areas.fails = True
+        file = network(tmp_path, *swap, "c: {node_id: 7, identity: {serial: 3}}")
+        ran = desk.run(f"lss assign {file} --store")
+        assert (ran.code, f"refused {faulty} (node-ID" in ran.stderr) == (code, True), ran.stderr
+        assert ("a may have another node-ID after the next power-on" in ran.stderr) == (code == 7)
+        assert [one.node_id for one in nodes] == [6, 5, UNCONFIGURED]
+    assert power_cycle(*nodes) == [*after, UNCONFIGURED]
+
+
+def test_where_a_new_one_does_not_store_those_that_had_theirs_have_stored_it(tmp_path: Path) -> None:
+    nodes = [unconfigured(1, node_id=5), unconfigured(3)]
+    nodes[1].areas.fails = True
+    file = network(tmp_path, "a: {node_id: 5, identity: {serial: 1}}", "c: {node_id: 7, identity: {serial: 3}}")
+    with bench(*nodes) as desk:
+        ran = desk.run(f"lss assign {file} --store")
+        assert (ran.code, "before; a stored what it had; nobody keeps a new one" in ran.stderr) == (1, True), ran.stderr
+    assert power_cycle(*nodes) == [5, UNCONFIGURED]
+
+
+def test_where_going_back_fails_half_way_it_is_said_which_node_id_each_has(tmp_path: Path) -> None:
+    """The third does not come up, the second is gone by then, the first has what it had."""
+    nodes = [unconfigured(1, node_id=11), unconfigured(2, node_id=12), unconfigured(3, node_id=13)]
+    file = network(
+        tmp_path, *(f"{name}: {{node_id: {5 + at}, identity: {{serial: {1 + at}}}}}" for at, name in enumerate("abc"))
+    )
+    bus = VirtualTimeBus(nodes, simulated=False)
+    resets: list[Frame] = []
+
+    def spoil(frame: Frame, ours: bool) -> None:
+        """At the third reset the second node loses its power for good, and the third forgets its new node-ID."""
+        if ours and frame.can_id == 0 and frame.data[0] == 0x82:
+            resets.append(frame)
+            if len(resets) == 3:
+                nodes[2].lss.pending = nodes[2].node_id
+                nodes[1].lss.handle = lambda _request: None  # type: ignore[method-assign]
+
+    bus.tap(spoil)
+    with Bench((), {"yes": True}, bus) as desk:
+        ran = desk.run(f"lss assign {file}")
+    assert (ran.code, [one.node_id for one in nodes]) == (7, [11, 6, 13]), ran.stderr
+    said = " ".join(ran.stderr.split())
+    assert "now c has node-ID 13, before 13" in said
+    assert "now b has a node-ID that is not known (no node answers" in said
+    assert "now a has node-ID 11, before 11" in said
 
 
 def test_a_wrong_node_id_is_not_taken_from_a_node_of_the_file(tmp_path: Path) -> None:
