@@ -174,8 +174,9 @@ class DeviceProfile:
     *silent_rpdo* what the device does where an RPDO's producer is silent, if anything;
     *fault_list* the family's own list of errors, *faults* what its error codes mean;
     *aliases* names a human types → objects; *type_texts* the maker's words for a transmission type and *type_notes*
-    what to know about one; *warn_mapped* what should not feed a TPDO; *vpdo* its virtual PDOs; *learnt* whether `learn`
-    wrote it.
+    what to know about one; *warn_mapped* what should not feed a TPDO; *vpdo* its virtual PDOs; *configuration* ranges
+    of the maker's own indices that a file or a clone may write, *no_configuration* those that none ever writes;
+    *learnt* whether `learn` wrote it.
     """
 
     name: str = "generic"
@@ -218,6 +219,8 @@ class DeviceProfile:
     type_notes: dict[int, str] = field(default_factory=dict)
     warn_mapped: tuple[MappingAdvice, ...] = ()
     vpdo: dict[str, VpdoGroup] = field(default_factory=dict)
+    configuration: tuple[Range, ...] = ()
+    no_configuration: tuple[Range, ...] = ()
     learnt: bool = False
 
     def matches(self, vendor_id: int, product_code: int) -> bool:

@@ -242,5 +242,7 @@ _PROFILE: Schema = {
     "type_notes": by_number(255),
     "warn_mapped": _advice,
     "vpdo": _vpdo,
+    "configuration": number_ranges(0xFFFF),
+    "no_configuration": number_ranges(0xFFFF),
     "learnt": boolean,
 }

@@ -1,0 +1,203 @@
+"""Which objects of a device are configuration: what a file or a clone may write, and why nothing else.
+
+Knows CiA 301, 302, 401, 402, 404, 406, 410 and what a file and a profile say of an object. Does not know what an object
+holds, nor in which state a device is: a power stage that is on forbids more.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.command_object import is_command
+from dvtcli.domain.object_dictionary import Access, normalised
+from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.profile import Range, within
+
+if TYPE_CHECKING:
+    from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
+    from dvtcli.domain.profile import DeviceProfile, ObjectAddress
+
+
+class Refusal(StrEnum):
+    """Why an object is not written for a file's or a clone's sake, in words that follow its name."""
+
+    READ_ONLY = "is read-only"
+    WRITE_ONLY = "is write-only: nobody could read back what was written"
+    FLAGGED = "is not for a download (ObjFlags, bit 0)"
+    ERROR_HISTORY = "is the error history"
+    STORE = "stores or restores parameters: `store` and `restore` do it"
+    STAMP = "is the stamp of a configuration: who configures sets it"
+    PROGRAM = "belongs to program download: `download` does it"
+    SDO_CHANNEL = "is the SDO channel that is written over"
+    SAFETY = "belongs to safety (EN 50325-5)"
+    REQUEST = "is a request, which acts at once and keeps nothing"
+    COMMAND = "is a command or a target"
+    OUTPUT = "is an output"
+    PRESET = "sets what is measured now"
+    PASSCODE = "is part of a login"
+    NODE_ID = "is a node-ID or a bit rate: `lss` changes those"
+    BEHAVIOUR = "is asked or written by dvtcli for another purpose (the device's profile)"
+    RPDO_MAPPABLE = "is what an RPDO can take: process data"
+    MAKERS = "is the maker's own, and nobody names it as configuration"
+
+    @property
+    def is_lifted_by_include(self) -> bool:
+        """Whether it may be written all the same where somebody names it himself."""
+        return self in (Refusal.MAKERS, Refusal.RPDO_MAPPABLE)
+
+
+_ERROR_HISTORY, _STAMP, _DEVICE_TYPE = 0x1003, 0x1020, 0x1000
+_STORE = (0x1010, 0x1011)
+_PROGRAM = range(0x1F50, 0x1F60)
+_DEFAULT_SDO_SERVER = 0x1200
+_SAFETY = range(0x1300, 0x1400)
+#: time stamp, stored EDS, operating system (CiA 301, 7.5.2.20 to 7.5.2.29), node-ID of old standards,
+#: and of CiA 302: verify and configure, request NMT, request guarding
+_REQUESTS = frozenset({0x1013, 0x1021, 0x1022, 0x1023, 0x1024, 0x1025, 0x1026, 0x1F24, 0x1F25, 0x1F82, 0x1F83})
+_NODE_ID = 0x100B
+_MAKERS, _PROFILES = range(0x2000, 0x6000), range(0x6000, 0xA000)
+#: How far the objects of one axis, or logical device, are from those of the next (CiA 301, 7.4.1)
+_AXIS = 0x800
+_IO_MODULE, _DRIVE, _MEASURING, _ENCODER, _INCLINOMETER = 401, 402, 404, 406, 410
+#: CiA 401: digital outputs of 8, 1, 16 and 32 bits, analogue ones of 8, 16, 32 bits, a float and of a maker's kind
+_OUTPUTS = frozenset({0x6200, *range(0x6220, 0x6228), 0x6300, 0x6320, *range(0x6410, 0x6415)})
+#: CiA 402: controlword, targets, offsets, touch probe, interpolation data, outputs
+_COMMANDS = frozenset(
+    {0x6040, 0x6042, 0x6071, 0x607A, 0x60B0, 0x60B1, 0x60B2, 0x60B8, 0x60C1, 0x60FE, 0x60FF}
+)  # fmt: skip
+#: auto zero (CiA 404), preset (CiA 406), preset of a slope (CiA 410): written, what is measured is another value
+_PRESETS: Mapping[int, frozenset[int]] = {
+    _MEASURING: frozenset({0x6125, 0x7124, 0x9124}),
+    _ENCODER: frozenset({0x6003, 0x6010, 0x6013}),
+    _INCLINOMETER: frozenset({0x6012, 0x6022, 0x6112, 0x6122}),
+}
+_DOWNLOAD_REFUSED = 0x01
+_NAMED_PASSCODE = re.compile(r"pass_?(code|word|wort|phrase)|password|kennwort|access_code|security_(code|key)|unlock")
+_NAMED_NODE_ID = re.compile(r"node_?(id|address|number)|module_(id|address)|can_address|bit_?rate|baud_?rate")
+
+
+@dataclass(frozen=True, slots=True)
+class Configuration:
+    """Which of a device's objects may be written from a file, by its *profile*.
+
+    *profile_number* is the low half of 0x1000, the number of its device profile (`401`), None or 0 where it has none or
+    nobody knows. *named* are objects of the maker that a file names as configuration, *included* ranges of indices that
+    the user names, *taken* objects that an RPDO takes now. *dictionary* has the names of whole objects.
+    """
+
+    profile: DeviceProfile
+    profile_number: int | None = None
+    named: Collection[ObjectAddress] = field(default_factory=frozenset)
+    included: Collection[Range] = ()
+    taken: Collection[ObjectAddress] = field(default_factory=frozenset)
+    dictionary: ObjectDictionary | None = None
+
+    def refusal(self, entry: OdEntry) -> Refusal | None:
+        """Why the object that *entry* describes is not written; None where it is configuration."""
+        found = self._never(entry)
+        if found is not None or Pdo.at(entry.index) is not None:
+            return found
+        if entry.index in _MAKERS:
+            found = self._of_maker(entry)
+        elif _is_taken_by_rpdos(entry):
+            found = Refusal.RPDO_MAPPABLE
+        return None if found is not None and found.is_lifted_by_include and self._is_included(entry) else found
+
+    def _never(self, entry: OdEntry) -> Refusal | None:
+        """Why nobody writes it, named or not."""
+        if (entry.index, entry.sub_index) in self.taken:
+            return Refusal.COMMAND
+        return _by_standard(entry.index) or self._by_profiles(entry) or _by_access(entry) or self._by_name(entry)
+
+    def _by_profiles(self, entry: OdEntry) -> Refusal | None:
+        """What the device's own profile, and the device profile that it says it has, know of it."""
+        place, own = (entry.index, entry.sub_index), self.profile
+        if own.login is not None and place in (own.login.level, own.login.passcode, own.login.user_id):
+            return Refusal.PASSCODE
+        if within(entry.index, own.no_configuration) or place in _behaviours(own):
+            return Refusal.BEHAVIOUR
+        if entry.index not in _PROFILES:
+            return None
+        first, number = 0x6000 + (entry.index - 0x6000) % _AXIS, self.profile_number or None
+        if number in (None, _DRIVE) and first in _COMMANDS:
+            return Refusal.COMMAND
+        if number in (None, _IO_MODULE) and first in _OUTPUTS:
+            return Refusal.OUTPUT
+        return Refusal.PRESET if number is not None and first in _PRESETS.get(number, ()) else None
+
+    def _by_name(self, entry: OdEntry) -> Refusal | None:
+        """What the name tells of an object that no standard describes."""
+        if entry.index not in _MAKERS:
+            return None
+        whole = "" if self.dictionary is None else self.dictionary.display_name(entry.index, entry.sub_index)
+        name = normalised(f"{entry.name} {whole}")
+        if _NAMED_PASSCODE.search(name):
+            return Refusal.PASSCODE
+        return Refusal.NODE_ID if _NAMED_NODE_ID.search(name) else None
+
+    def _of_maker(self, entry: OdEntry) -> Refusal | None:
+        if is_command(entry.index, entry) or _is_taken_by_rpdos(entry):
+            return Refusal.COMMAND
+        return None if self._is_named(entry) else Refusal.MAKERS
+
+    def _is_named(self, entry: OdEntry) -> bool:
+        pins = {group.index for group in self.profile.vpdo.values()}
+        by_profile = entry.index in pins or within(entry.index, self.profile.configuration)
+        return by_profile or (entry.index, entry.sub_index) in self.named
+
+    def _is_included(self, entry: OdEntry) -> bool:
+        return within(entry.index, self.included)
+
+
+def configuration_of(
+    dictionary: ObjectDictionary, profile: DeviceProfile, included: Collection[Range] = ()
+) -> Configuration:
+    """What is configuration of a device that *dictionary* describes; *included* are ranges that the user names."""
+    entry = dictionary.entry(_DEVICE_TYPE, 0)
+    held = None if entry is None else entry.initial(0)
+    return Configuration(
+        profile, None if held is None else profile_number(held), included=included, dictionary=dictionary
+    )
+
+
+def profile_number(device_type: bytes) -> int:
+    """The number of the device profile, as 0x1000 tells it (CiA 301, 7.5.2.1); 0: none."""
+    return int.from_bytes(device_type[:2], "little")
+
+
+def _by_standard(index: int) -> Refusal | None:
+    found = {_ERROR_HISTORY: Refusal.ERROR_HISTORY, _STAMP: Refusal.STAMP, _DEFAULT_SDO_SERVER: Refusal.SDO_CHANNEL,
+             _NODE_ID: Refusal.NODE_ID, **dict.fromkeys(_STORE, Refusal.STORE)}.get(index)  # fmt: skip
+    if found is not None:
+        return found
+    if index in _PROGRAM:
+        return Refusal.PROGRAM
+    if index in _SAFETY:
+        return Refusal.SAFETY
+    return Refusal.REQUEST if index in _REQUESTS else None
+
+
+def _by_access(entry: OdEntry) -> Refusal | None:
+    if not entry.access.writable:
+        return Refusal.READ_ONLY
+    if entry.object_flags & _DOWNLOAD_REFUSED:
+        return Refusal.FLAGGED
+    return Refusal.WRITE_ONLY if not entry.access.readable else None
+
+
+def _behaviours(profile: DeviceProfile) -> set[ObjectAddress | None]:
+    """Objects by which the family does something: states, lists of errors, how it saves."""
+    faults = profile.fault_list
+    asked = (profile.state_object, profile.state_request, profile.master_object, profile.extended_error)
+    return {*asked, profile.store.saved_by, *(() if faults is None else (faults.count, faults.position, faults.code))}
+
+
+def _is_taken_by_rpdos(entry: OdEntry) -> bool:
+    """Whether an RPDO can take it (CiA 306, 4.6.3.2); where PDOMapping is left out it is 0, but not for rww."""
+    if entry.access is Access.RWW:
+        return entry.pdo_mapping is not False
+    return bool(entry.pdo_mapping) and entry.access in (Access.RW, Access.WO)

@@ -1,0 +1,162 @@
+"""What a file or a clone may write: never what acts, measures, stores or lets in."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dvtcli.domain.configuration import Configuration, Refusal, configuration_of
+from dvtcli.domain.datatypes import U8, U32
+from dvtcli.domain.object_dictionary import Access, ObjectDictionary, ObjectType, OdEntry, OdObject
+from dvtcli.domain.profile import GENERIC, DeviceProfile, LoginPolicy, VpdoGroup
+from dvtcli.files.profile.library import load_profile
+
+LOCKED = DeviceProfile(
+    login=LoginPolicy((0x5000, 1), (0x5000, 2), (0x5000, 3), 4, 5, ()),
+    vpdo={"motor": VpdoGroup(0x3000, ((0x2020, 0x2021),), 0x20FF)},
+    configuration=((0x2800, 0x28FF),),
+    no_configuration=((0x2810, 0x2810),),
+)
+EVERYTHING = ((0x0000, 0xFFFF),)
+
+
+def entry(index: int, sub_index: int = 0, access: str = "rw", *, mapped: bool | None = None, **more: object) -> OdEntry:
+    return OdEntry(index, sub_index, "Object", U32, Access(access), pdo_mapping=mapped, **more)  # type: ignore[arg-type]
+
+
+MAY_BE_WRITTEN = [
+    entry(0x1005), entry(0x1006), entry(0x1014), entry(0x1016, 1), entry(0x1017), entry(0x1029, 1), entry(0x1280, 1),
+    entry(0x1400, 1), entry(0x1600, 0), entry(0x1800, 2), entry(0x1A00, 64), entry(0x1F80), entry(0x1F22, 3),
+    entry(0x6083), entry(0x6083, mapped=False), entry(0x6065, access="rwr", mapped=True), entry(0x6206, 1),
+    entry(0x607D, 1),
+]  # fmt: skip
+NEVER = [
+    (entry(0x1003), Refusal.ERROR_HISTORY), (entry(0x1010, 1), Refusal.STORE), (entry(0x1011, 4), Refusal.STORE),
+    (entry(0x1020, 1), Refusal.STAMP), (entry(0x1F50, 1), Refusal.PROGRAM), (entry(0x1F5F), Refusal.PROGRAM),
+    (entry(0x1200, 1), Refusal.SDO_CHANNEL), (entry(0x13FE), Refusal.SAFETY), (entry(0x1023, 1), Refusal.REQUEST),
+    (entry(0x1F82, 5), Refusal.REQUEST), (entry(0x1013), Refusal.REQUEST), (entry(0x100B), Refusal.NODE_ID),
+    (entry(0x6040), Refusal.COMMAND), (entry(0x60FF), Refusal.COMMAND), (entry(0x607A), Refusal.COMMAND),
+    (entry(0x6071), Refusal.COMMAND), (entry(0x6840), Refusal.COMMAND), (entry(0x60C1, 1), Refusal.COMMAND),
+    (entry(0x6200, 1), Refusal.OUTPUT), (entry(0x6411, 2), Refusal.OUTPUT), (entry(0x6220, 1), Refusal.OUTPUT),
+    (entry(0x1017, access="ro"), Refusal.READ_ONLY), (entry(0x1017, access="const"), Refusal.READ_ONLY),
+    (entry(0x1017, access="wo"), Refusal.WRITE_ONLY), (entry(0x1017, object_flags=1), Refusal.FLAGGED),
+    (entry(0x1A00, 1, "ro"), Refusal.READ_ONLY), (entry(0x1A00, 1, object_flags=1), Refusal.FLAGGED),
+    (entry(0x5000, 1), Refusal.PASSCODE), (entry(0x5000, 2), Refusal.PASSCODE), (entry(0x5000, 3), Refusal.PASSCODE),
+    (entry(0x2810), Refusal.BEHAVIOUR), (entry(0x2000, mapped=True), Refusal.COMMAND),
+    (entry(0x2000, access="rww"), Refusal.COMMAND),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("one", MAY_BE_WRITTEN, ids=lambda one: one.object)
+def test_configuration_is_written(one: OdEntry) -> None:
+    assert Configuration(LOCKED).refusal(one) is None
+
+
+@pytest.mark.parametrize(("one", "why"), NEVER, ids=lambda one: getattr(one, "object", one))
+def test_what_acts_is_never_written_also_where_somebody_names_it(one: OdEntry, why: Refusal) -> None:
+    for known in (Configuration(LOCKED), Configuration(LOCKED, included=EVERYTHING)):
+        assert known.refusal(one) is why
+
+
+@pytest.mark.parametrize(
+    ("number", "index", "why"),
+    [
+        (406, 0x6200, None),  # the cyclic timer of an encoder is no output
+        (406, 0x6003, Refusal.PRESET),
+        (402, 0x6003, None),
+        (401, 0x6200, Refusal.OUTPUT),
+        (401, 0x6040, None),
+        (404, 0x6125, Refusal.PRESET),
+        (0, 0x6200, Refusal.OUTPUT),  # no device profile: nobody knows
+        (None, 0x6040, Refusal.COMMAND),
+    ],
+)
+def test_what_an_index_means_is_said_by_the_device_profile(number: int | None, index: int, why: Refusal | None) -> None:
+    assert Configuration(GENERIC, number).refusal(entry(index)) is why
+
+
+def test_an_object_of_the_maker_is_written_where_somebody_names_it() -> None:
+    plain = entry(0x2000)
+    assert Configuration(LOCKED).refusal(plain) is Refusal.MAKERS
+    assert Configuration(LOCKED, included=((0x2000, 0x2000),)).refusal(plain) is None
+    assert Configuration(LOCKED, named={(0x2000, 0)}).refusal(plain) is None
+    assert Configuration(LOCKED).refusal(entry(0x2801, 3)) is None  # by the family
+    assert Configuration(LOCKED).refusal(entry(0x3000, 1)) is None  # a virtual PDO's pin
+
+
+def test_what_an_rpdo_can_take_is_written_only_where_somebody_names_it() -> None:
+    taken = entry(0x6083, mapped=True)
+    assert Configuration(GENERIC).refusal(taken) is Refusal.RPDO_MAPPABLE
+    assert Configuration(GENERIC, included=((0x6083, 0x6083),)).refusal(taken) is None
+    assert Configuration(GENERIC, included=EVERYTHING, taken={(0x6083, 0)}).refusal(taken) is Refusal.COMMAND
+
+
+@pytest.mark.parametrize(
+    ("name", "why"),
+    [
+        ("Service password", Refusal.PASSCODE),
+        ("Pass code", Refusal.PASSCODE),
+        ("CANopen Node-ID", Refusal.NODE_ID),
+        ("CAN baudrate", Refusal.NODE_ID),
+        ("Bit rate", Refusal.NODE_ID),
+        ("Ramp", None),
+    ],
+)
+def test_names_tell_what_no_standard_does(name: str, why: Refusal | None) -> None:
+    parts = {1: OdEntry(0x2000, 1, "Value", U8), 2: OdEntry(0x2000, 2, "Other", U8)}
+    dictionary = ObjectDictionary({0x2000: OdObject(0x2000, name, ObjectType.RECORD, parts)})
+    known = configuration_of(dictionary, GENERIC, included=EVERYTHING)
+    assert known.refusal(parts[1]) is why
+
+
+def test_the_device_profile_is_read_in_the_dictionary() -> None:
+    kind = OdEntry(0x1000, 0, "Device type", U32, Access.RO, default=bytes([0x96, 0x01, 0x02, 0x00]))
+    dictionary = ObjectDictionary({0x1000: OdObject(0x1000, "Device type", ObjectType.VAR, {0: kind})})
+    assert configuration_of(dictionary, GENERIC).profile_number == 406
+
+
+def test_a_built_in_family_keeps_its_passcode() -> None:
+    login = load_profile("gen4").login
+    assert login is not None
+    known = Configuration(load_profile("gen4"), included=EVERYTHING)
+    assert known.refusal(entry(*login.passcode)) is Refusal.PASSCODE
+
+
+entries = st.builds(
+    OdEntry,
+    st.integers(0, 0xFFFF),
+    st.integers(0, 0xFF),
+    st.sampled_from(["Object", "Password", "Node-ID", ""]),
+    st.just(U32),
+    st.sampled_from(Access),
+    pdo_mapping=st.sampled_from([None, True, False]),
+    object_flags=st.integers(0, 3),
+)
+known = st.builds(
+    Configuration,
+    st.sampled_from([GENERIC, LOCKED]),
+    st.sampled_from([None, 0, 401, 402, 404, 406, 410]),
+    included=st.sampled_from([(), EVERYTHING, ((0x2000, 0x5FFF),)]),
+)
+
+
+@given(entries, known)
+def test_what_is_written_can_be_written_and_read_back_and_is_no_process_data_unasked(
+    one: OdEntry, known: Configuration
+) -> None:
+    if known.refusal(one) is not None:
+        return
+    assert (one.access.writable, one.access.readable, one.object_flags & 1) == (True, True, 0)
+    assert one.index not in (0x1003, 0x1010, 0x1011, 0x1020, 0x100B, *range(0x1F50, 0x1F60))
+    is_asked = any(low <= one.index <= high for low, high in known.included)
+    if one.index >= 0x2000 and not is_asked:
+        assert not (one.pdo_mapping and one.access in (Access.RW, Access.RWW))
+
+
+@given(entries, known)
+def test_naming_objects_lifts_only_what_may_be_lifted(one: OdEntry, known: Configuration) -> None:
+    unasked = Configuration(known.profile, known.profile_number).refusal(one)
+    asked = Configuration(known.profile, known.profile_number, included=EVERYTHING).refusal(one)
+    assert asked in (unasked, None)
+    assert unasked is asked or (unasked is not None and unasked.is_lifted_by_include)
