@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.profile import DeviceProfile, ObjectAddress
 
 
-class Refusal(StrEnum):
+class NotWritten(StrEnum):
     """Why an object is not written for a file's or a clone's sake, in words that follow its name."""
 
     READ_ONLY = "is read-only"
@@ -47,7 +47,7 @@ class Refusal(StrEnum):
     @property
     def is_lifted_by_include(self) -> bool:
         """Whether it may be written all the same where somebody names it himself."""
-        return self in (Refusal.MAKERS, Refusal.RPDO_MAPPABLE)
+        return self in (NotWritten.MAKERS, NotWritten.RPDO_MAPPABLE)
 
 
 _ERROR_HISTORY, _STAMP, _DEVICE_TYPE = 0x1003, 0x1020, 0x1000
@@ -96,7 +96,7 @@ class Configuration:
     taken: Collection[ObjectAddress] = field(default_factory=frozenset)
     dictionary: ObjectDictionary | None = None
 
-    def refusal(self, entry: OdEntry) -> Refusal | None:
+    def why_not(self, entry: OdEntry) -> NotWritten | None:
         """Why the object that *entry* describes is not written; None where it is configuration."""
         found = self._never(entry)
         if found is not None or Pdo.at(entry.index) is not None:
@@ -104,45 +104,45 @@ class Configuration:
         if entry.index in _MAKERS:
             found = self._of_maker(entry)
         elif _is_taken_by_rpdos(entry):
-            found = Refusal.RPDO_MAPPABLE
+            found = NotWritten.RPDO_MAPPABLE
         return None if found is not None and found.is_lifted_by_include and self._is_included(entry) else found
 
-    def _never(self, entry: OdEntry) -> Refusal | None:
+    def _never(self, entry: OdEntry) -> NotWritten | None:
         """Why nobody writes it, named or not."""
         if (entry.index, entry.sub_index) in self.taken:
-            return Refusal.COMMAND
+            return NotWritten.COMMAND
         return _by_standard(entry.index) or self._by_profiles(entry) or _by_access(entry) or self._by_name(entry)
 
-    def _by_profiles(self, entry: OdEntry) -> Refusal | None:
+    def _by_profiles(self, entry: OdEntry) -> NotWritten | None:
         """What the device's own profile, and the device profile that it says it has, know of it."""
         place, own = (entry.index, entry.sub_index), self.profile
         if own.login is not None and place in (own.login.level, own.login.passcode, own.login.user_id):
-            return Refusal.PASSCODE
+            return NotWritten.PASSCODE
         if within(entry.index, own.no_configuration) or place in _behaviours(own):
-            return Refusal.BEHAVIOUR
+            return NotWritten.BEHAVIOUR
         if entry.index not in _PROFILES:
             return None
         first, number = 0x6000 + (entry.index - 0x6000) % _AXIS, self.profile_number or None
         if number in (None, _DRIVE) and first in _COMMANDS:
-            return Refusal.COMMAND
+            return NotWritten.COMMAND
         if number in (None, _IO_MODULE) and first in _OUTPUTS:
-            return Refusal.OUTPUT
-        return Refusal.PRESET if number is not None and first in _PRESETS.get(number, ()) else None
+            return NotWritten.OUTPUT
+        return NotWritten.PRESET if number is not None and first in _PRESETS.get(number, ()) else None
 
-    def _by_name(self, entry: OdEntry) -> Refusal | None:
+    def _by_name(self, entry: OdEntry) -> NotWritten | None:
         """What the name tells of an object that no standard describes."""
         if entry.index not in _MAKERS:
             return None
         whole = "" if self.dictionary is None else self.dictionary.display_name(entry.index, entry.sub_index)
         name = normalised(f"{entry.name} {whole}")
         if _NAMED_PASSCODE.search(name):
-            return Refusal.PASSCODE
-        return Refusal.NODE_ID if _NAMED_NODE_ID.search(name) else None
+            return NotWritten.PASSCODE
+        return NotWritten.NODE_ID if _NAMED_NODE_ID.search(name) else None
 
-    def _of_maker(self, entry: OdEntry) -> Refusal | None:
+    def _of_maker(self, entry: OdEntry) -> NotWritten | None:
         if is_command(entry.index, entry) or _is_taken_by_rpdos(entry):
-            return Refusal.COMMAND
-        return None if self._is_named(entry) else Refusal.MAKERS
+            return NotWritten.COMMAND
+        return None if self._is_named(entry) else NotWritten.MAKERS
 
     def _is_named(self, entry: OdEntry) -> bool:
         pins = {group.index for group in self.profile.vpdo.values()}
@@ -169,24 +169,24 @@ def profile_number(device_type: bytes) -> int:
     return int.from_bytes(device_type[:2], "little")
 
 
-def _by_standard(index: int) -> Refusal | None:
-    found = {_ERROR_HISTORY: Refusal.ERROR_HISTORY, _STAMP: Refusal.STAMP, _DEFAULT_SDO_SERVER: Refusal.SDO_CHANNEL,
-             _NODE_ID: Refusal.NODE_ID, **dict.fromkeys(_STORE, Refusal.STORE)}.get(index)  # fmt: skip
+def _by_standard(index: int) -> NotWritten | None:
+    found = {_ERROR_HISTORY: NotWritten.ERROR_HISTORY, _STAMP: NotWritten.STAMP, _DEFAULT_SDO_SERVER: NotWritten.SDO_CHANNEL,
+             _NODE_ID: NotWritten.NODE_ID, **dict.fromkeys(_STORE, NotWritten.STORE)}.get(index)  # fmt: skip
     if found is not None:
         return found
     if index in _PROGRAM:
-        return Refusal.PROGRAM
+        return NotWritten.PROGRAM
     if index in _SAFETY:
-        return Refusal.SAFETY
-    return Refusal.REQUEST if index in _REQUESTS else None
+        return NotWritten.SAFETY
+    return NotWritten.REQUEST if index in _REQUESTS else None
 
 
-def _by_access(entry: OdEntry) -> Refusal | None:
+def _by_access(entry: OdEntry) -> NotWritten | None:
     if not entry.access.writable:
-        return Refusal.READ_ONLY
+        return NotWritten.READ_ONLY
     if entry.object_flags & _DOWNLOAD_REFUSED:
-        return Refusal.FLAGGED
-    return Refusal.WRITE_ONLY if not entry.access.readable else None
+        return NotWritten.FLAGGED
+    return NotWritten.WRITE_ONLY if not entry.access.readable else None
 
 
 def _behaviours(profile: DeviceProfile) -> set[ObjectAddress | None]:

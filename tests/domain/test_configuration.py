@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dvtcli.domain.configuration import Configuration, Refusal, configuration_of
+from dvtcli.domain.configuration import Configuration, NotWritten, configuration_of
 from dvtcli.domain.datatypes import U8, U32
 from dvtcli.domain.object_dictionary import Access, ObjectDictionary, ObjectType, OdEntry, OdObject
 from dvtcli.domain.profile import GENERIC, DeviceProfile, LoginPolicy, VpdoGroup
@@ -32,82 +32,84 @@ MAY_BE_WRITTEN = [
     entry(0x607D, 1),
 ]  # fmt: skip
 NEVER = [
-    (entry(0x1003), Refusal.ERROR_HISTORY), (entry(0x1010, 1), Refusal.STORE), (entry(0x1011, 4), Refusal.STORE),
-    (entry(0x1020, 1), Refusal.STAMP), (entry(0x1F50, 1), Refusal.PROGRAM), (entry(0x1F5F), Refusal.PROGRAM),
-    (entry(0x1200, 1), Refusal.SDO_CHANNEL), (entry(0x13FE), Refusal.SAFETY), (entry(0x1023, 1), Refusal.REQUEST),
-    (entry(0x1F82, 5), Refusal.REQUEST), (entry(0x1013), Refusal.REQUEST), (entry(0x100B), Refusal.NODE_ID),
-    (entry(0x6040), Refusal.COMMAND), (entry(0x60FF), Refusal.COMMAND), (entry(0x607A), Refusal.COMMAND),
-    (entry(0x6071), Refusal.COMMAND), (entry(0x6840), Refusal.COMMAND), (entry(0x60C1, 1), Refusal.COMMAND),
-    (entry(0x6200, 1), Refusal.OUTPUT), (entry(0x6411, 2), Refusal.OUTPUT), (entry(0x6220, 1), Refusal.OUTPUT),
-    (entry(0x1017, access="ro"), Refusal.READ_ONLY), (entry(0x1017, access="const"), Refusal.READ_ONLY),
-    (entry(0x1017, access="wo"), Refusal.WRITE_ONLY), (entry(0x1017, object_flags=1), Refusal.FLAGGED),
-    (entry(0x1A00, 1, "ro"), Refusal.READ_ONLY), (entry(0x1A00, 1, object_flags=1), Refusal.FLAGGED),
-    (entry(0x5000, 1), Refusal.PASSCODE), (entry(0x5000, 2), Refusal.PASSCODE), (entry(0x5000, 3), Refusal.PASSCODE),
-    (entry(0x2810), Refusal.BEHAVIOUR), (entry(0x2000, mapped=True), Refusal.COMMAND),
-    (entry(0x2000, access="rww"), Refusal.COMMAND),
+    (entry(0x1003), NotWritten.ERROR_HISTORY), (entry(0x1010, 1), NotWritten.STORE), (entry(0x1011, 4), NotWritten.STORE),
+    (entry(0x1020, 1), NotWritten.STAMP), (entry(0x1F50, 1), NotWritten.PROGRAM), (entry(0x1F5F), NotWritten.PROGRAM),
+    (entry(0x1200, 1), NotWritten.SDO_CHANNEL), (entry(0x13FE), NotWritten.SAFETY), (entry(0x1023, 1), NotWritten.REQUEST),
+    (entry(0x1F82, 5), NotWritten.REQUEST), (entry(0x1013), NotWritten.REQUEST), (entry(0x100B), NotWritten.NODE_ID),
+    (entry(0x6040), NotWritten.COMMAND), (entry(0x60FF), NotWritten.COMMAND), (entry(0x607A), NotWritten.COMMAND),
+    (entry(0x6071), NotWritten.COMMAND), (entry(0x6840), NotWritten.COMMAND), (entry(0x60C1, 1), NotWritten.COMMAND),
+    (entry(0x6200, 1), NotWritten.OUTPUT), (entry(0x6411, 2), NotWritten.OUTPUT), (entry(0x6220, 1), NotWritten.OUTPUT),
+    (entry(0x1017, access="ro"), NotWritten.READ_ONLY), (entry(0x1017, access="const"), NotWritten.READ_ONLY),
+    (entry(0x1017, access="wo"), NotWritten.WRITE_ONLY), (entry(0x1017, object_flags=1), NotWritten.FLAGGED),
+    (entry(0x1A00, 1, "ro"), NotWritten.READ_ONLY), (entry(0x1A00, 1, object_flags=1), NotWritten.FLAGGED),
+    (entry(0x5000, 1), NotWritten.PASSCODE), (entry(0x5000, 2), NotWritten.PASSCODE), (entry(0x5000, 3), NotWritten.PASSCODE),
+    (entry(0x2810), NotWritten.BEHAVIOUR), (entry(0x2000, mapped=True), NotWritten.COMMAND),
+    (entry(0x2000, access="rww"), NotWritten.COMMAND),
 ]  # fmt: skip
 
 
 @pytest.mark.parametrize("one", MAY_BE_WRITTEN, ids=lambda one: one.object)
 def test_configuration_is_written(one: OdEntry) -> None:
-    assert Configuration(LOCKED).refusal(one) is None
+    assert Configuration(LOCKED).why_not(one) is None
 
 
 @pytest.mark.parametrize(("one", "why"), NEVER, ids=lambda one: getattr(one, "object", one))
-def test_what_acts_is_never_written_also_where_somebody_names_it(one: OdEntry, why: Refusal) -> None:
+def test_what_acts_is_never_written_also_where_somebody_names_it(one: OdEntry, why: NotWritten) -> None:
     for known in (Configuration(LOCKED), Configuration(LOCKED, included=EVERYTHING)):
-        assert known.refusal(one) is why
+        assert known.why_not(one) is why
 
 
 @pytest.mark.parametrize(
     ("number", "index", "why"),
     [
         (406, 0x6200, None),  # the cyclic timer of an encoder is no output
-        (406, 0x6003, Refusal.PRESET),
+        (406, 0x6003, NotWritten.PRESET),
         (402, 0x6003, None),
-        (401, 0x6200, Refusal.OUTPUT),
+        (401, 0x6200, NotWritten.OUTPUT),
         (401, 0x6040, None),
-        (404, 0x6125, Refusal.PRESET),
-        (0, 0x6200, Refusal.OUTPUT),  # no device profile: nobody knows
-        (None, 0x6040, Refusal.COMMAND),
+        (404, 0x6125, NotWritten.PRESET),
+        (0, 0x6200, NotWritten.OUTPUT),  # no device profile: nobody knows
+        (None, 0x6040, NotWritten.COMMAND),
     ],
 )
-def test_what_an_index_means_is_said_by_the_device_profile(number: int | None, index: int, why: Refusal | None) -> None:
-    assert Configuration(GENERIC, number).refusal(entry(index)) is why
+def test_what_an_index_means_is_said_by_the_device_profile(
+    number: int | None, index: int, why: NotWritten | None
+) -> None:
+    assert Configuration(GENERIC, number).why_not(entry(index)) is why
 
 
 def test_an_object_of_the_maker_is_written_where_somebody_names_it() -> None:
     plain = entry(0x2000)
-    assert Configuration(LOCKED).refusal(plain) is Refusal.MAKERS
-    assert Configuration(LOCKED, included=((0x2000, 0x2000),)).refusal(plain) is None
-    assert Configuration(LOCKED, named={(0x2000, 0)}).refusal(plain) is None
-    assert Configuration(LOCKED).refusal(entry(0x2801, 3)) is None  # by the family
-    assert Configuration(LOCKED).refusal(entry(0x3000, 1)) is None  # a virtual PDO's pin
+    assert Configuration(LOCKED).why_not(plain) is NotWritten.MAKERS
+    assert Configuration(LOCKED, included=((0x2000, 0x2000),)).why_not(plain) is None
+    assert Configuration(LOCKED, named={(0x2000, 0)}).why_not(plain) is None
+    assert Configuration(LOCKED).why_not(entry(0x2801, 3)) is None  # by the family
+    assert Configuration(LOCKED).why_not(entry(0x3000, 1)) is None  # a virtual PDO's pin
 
 
 def test_what_an_rpdo_can_take_is_written_only_where_somebody_names_it() -> None:
     taken = entry(0x6083, mapped=True)
-    assert Configuration(GENERIC).refusal(taken) is Refusal.RPDO_MAPPABLE
-    assert Configuration(GENERIC, included=((0x6083, 0x6083),)).refusal(taken) is None
-    assert Configuration(GENERIC, included=EVERYTHING, taken={(0x6083, 0)}).refusal(taken) is Refusal.COMMAND
+    assert Configuration(GENERIC).why_not(taken) is NotWritten.RPDO_MAPPABLE
+    assert Configuration(GENERIC, included=((0x6083, 0x6083),)).why_not(taken) is None
+    assert Configuration(GENERIC, included=EVERYTHING, taken={(0x6083, 0)}).why_not(taken) is NotWritten.COMMAND
 
 
 @pytest.mark.parametrize(
     ("name", "why"),
     [
-        ("Service password", Refusal.PASSCODE),
-        ("Pass code", Refusal.PASSCODE),
-        ("CANopen Node-ID", Refusal.NODE_ID),
-        ("CAN baudrate", Refusal.NODE_ID),
-        ("Bit rate", Refusal.NODE_ID),
+        ("Service password", NotWritten.PASSCODE),
+        ("Pass code", NotWritten.PASSCODE),
+        ("CANopen Node-ID", NotWritten.NODE_ID),
+        ("CAN baudrate", NotWritten.NODE_ID),
+        ("Bit rate", NotWritten.NODE_ID),
         ("Ramp", None),
     ],
 )
-def test_names_tell_what_no_standard_does(name: str, why: Refusal | None) -> None:
+def test_names_tell_what_no_standard_does(name: str, why: NotWritten | None) -> None:
     parts = {1: OdEntry(0x2000, 1, "Value", U8), 2: OdEntry(0x2000, 2, "Other", U8)}
     dictionary = ObjectDictionary({0x2000: OdObject(0x2000, name, ObjectType.RECORD, parts)})
     known = configuration_of(dictionary, GENERIC, included=EVERYTHING)
-    assert known.refusal(parts[1]) is why
+    assert known.why_not(parts[1]) is why
 
 
 def test_the_device_profile_is_read_in_the_dictionary() -> None:
@@ -120,7 +122,7 @@ def test_a_built_in_family_keeps_its_passcode() -> None:
     login = load_profile("gen4").login
     assert login is not None
     known = Configuration(load_profile("gen4"), included=EVERYTHING)
-    assert known.refusal(entry(*login.passcode)) is Refusal.PASSCODE
+    assert known.why_not(entry(*login.passcode)) is NotWritten.PASSCODE
 
 
 entries = st.builds(
@@ -145,7 +147,7 @@ known = st.builds(
 def test_what_is_written_can_be_written_and_read_back_and_is_no_process_data_unasked(
     one: OdEntry, known: Configuration
 ) -> None:
-    if known.refusal(one) is not None:
+    if known.why_not(one) is not None:
         return
     assert (one.access.writable, one.access.readable, one.object_flags & 1) == (True, True, 0)
     assert one.index not in (0x1003, 0x1010, 0x1011, 0x1020, 0x100B, *range(0x1F50, 0x1F60))
@@ -156,7 +158,7 @@ def test_what_is_written_can_be_written_and_read_back_and_is_no_process_data_una
 
 @given(entries, known)
 def test_naming_objects_lifts_only_what_may_be_lifted(one: OdEntry, known: Configuration) -> None:
-    unasked = Configuration(known.profile, known.profile_number).refusal(one)
-    asked = Configuration(known.profile, known.profile_number, included=EVERYTHING).refusal(one)
+    unasked = Configuration(known.profile, known.profile_number).why_not(one)
+    asked = Configuration(known.profile, known.profile_number, included=EVERYTHING).why_not(one)
     assert asked in (unasked, None)
     assert unasked is asked or (unasked is not None and unasked.is_lifted_by_include)
