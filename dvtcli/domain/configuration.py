@@ -153,6 +153,16 @@ class Configuration:
         return within(entry.index, self.included)
 
 
+_ONE_BY_ONE = {
+    _ERROR_HISTORY: NotWritten.ERROR_HISTORY,
+    _STAMP: NotWritten.STAMP,
+    _DEFAULT_SDO_SERVER: NotWritten.SDO_CHANNEL,
+    _NODE_ID: NotWritten.NODE_ID,
+    **dict.fromkeys(_STORE, NotWritten.STORE),
+    **dict.fromkeys(_REQUESTS, NotWritten.REQUEST),
+}
+
+
 def configuration_of(
     dictionary: ObjectDictionary, profile: DeviceProfile, included: Collection[Range] = ()
 ) -> Configuration:
@@ -170,15 +180,12 @@ def profile_number(device_type: bytes) -> int:
 
 
 def _by_standard(index: int) -> NotWritten | None:
-    found = {_ERROR_HISTORY: NotWritten.ERROR_HISTORY, _STAMP: NotWritten.STAMP, _DEFAULT_SDO_SERVER: NotWritten.SDO_CHANNEL,
-             _NODE_ID: NotWritten.NODE_ID, **dict.fromkeys(_STORE, NotWritten.STORE)}.get(index)  # fmt: skip
+    found = _ONE_BY_ONE.get(index)
     if found is not None:
         return found
     if index in _PROGRAM:
         return NotWritten.PROGRAM
-    if index in _SAFETY:
-        return NotWritten.SAFETY
-    return NotWritten.REQUEST if index in _REQUESTS else None
+    return NotWritten.SAFETY if index in _SAFETY else None
 
 
 def _by_access(entry: OdEntry) -> NotWritten | None:

@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dvtcli.domain.configuration import Configuration, NotWritten, configuration_of
+from dvtcli.domain.configuration import Configuration, configuration_of
+from dvtcli.domain.configuration import NotWritten as Why
 from dvtcli.domain.datatypes import U8, U32
 from dvtcli.domain.object_dictionary import Access, ObjectDictionary, ObjectType, OdEntry, OdObject
 from dvtcli.domain.profile import GENERIC, DeviceProfile, LoginPolicy, VpdoGroup
@@ -32,19 +33,19 @@ MAY_BE_WRITTEN = [
     entry(0x607D, 1),
 ]  # fmt: skip
 NEVER = [
-    (entry(0x1003), NotWritten.ERROR_HISTORY), (entry(0x1010, 1), NotWritten.STORE), (entry(0x1011, 4), NotWritten.STORE),
-    (entry(0x1020, 1), NotWritten.STAMP), (entry(0x1F50, 1), NotWritten.PROGRAM), (entry(0x1F5F), NotWritten.PROGRAM),
-    (entry(0x1200, 1), NotWritten.SDO_CHANNEL), (entry(0x13FE), NotWritten.SAFETY), (entry(0x1023, 1), NotWritten.REQUEST),
-    (entry(0x1F82, 5), NotWritten.REQUEST), (entry(0x1013), NotWritten.REQUEST), (entry(0x100B), NotWritten.NODE_ID),
-    (entry(0x6040), NotWritten.COMMAND), (entry(0x60FF), NotWritten.COMMAND), (entry(0x607A), NotWritten.COMMAND),
-    (entry(0x6071), NotWritten.COMMAND), (entry(0x6840), NotWritten.COMMAND), (entry(0x60C1, 1), NotWritten.COMMAND),
-    (entry(0x6200, 1), NotWritten.OUTPUT), (entry(0x6411, 2), NotWritten.OUTPUT), (entry(0x6220, 1), NotWritten.OUTPUT),
-    (entry(0x1017, access="ro"), NotWritten.READ_ONLY), (entry(0x1017, access="const"), NotWritten.READ_ONLY),
-    (entry(0x1017, access="wo"), NotWritten.WRITE_ONLY), (entry(0x1017, object_flags=1), NotWritten.FLAGGED),
-    (entry(0x1A00, 1, "ro"), NotWritten.READ_ONLY), (entry(0x1A00, 1, object_flags=1), NotWritten.FLAGGED),
-    (entry(0x5000, 1), NotWritten.PASSCODE), (entry(0x5000, 2), NotWritten.PASSCODE), (entry(0x5000, 3), NotWritten.PASSCODE),
-    (entry(0x2810), NotWritten.BEHAVIOUR), (entry(0x2000, mapped=True), NotWritten.COMMAND),
-    (entry(0x2000, access="rww"), NotWritten.COMMAND),
+    (entry(0x1003), Why.ERROR_HISTORY), (entry(0x1010, 1), Why.STORE), (entry(0x1011, 4), Why.STORE),
+    (entry(0x1020, 1), Why.STAMP), (entry(0x1F50, 1), Why.PROGRAM), (entry(0x1F5F), Why.PROGRAM),
+    (entry(0x1200, 1), Why.SDO_CHANNEL), (entry(0x13FE), Why.SAFETY), (entry(0x1023, 1), Why.REQUEST),
+    (entry(0x1F82, 5), Why.REQUEST), (entry(0x1013), Why.REQUEST), (entry(0x100B), Why.NODE_ID),
+    (entry(0x6040), Why.COMMAND), (entry(0x60FF), Why.COMMAND), (entry(0x607A), Why.COMMAND),
+    (entry(0x6071), Why.COMMAND), (entry(0x6840), Why.COMMAND), (entry(0x60C1, 1), Why.COMMAND),
+    (entry(0x6200, 1), Why.OUTPUT), (entry(0x6411, 2), Why.OUTPUT), (entry(0x6220, 1), Why.OUTPUT),
+    (entry(0x1017, access="ro"), Why.READ_ONLY), (entry(0x1017, access="const"), Why.READ_ONLY),
+    (entry(0x1017, access="wo"), Why.WRITE_ONLY), (entry(0x1017, object_flags=1), Why.FLAGGED),
+    (entry(0x1A00, 1, "ro"), Why.READ_ONLY), (entry(0x1A00, 1, object_flags=1), Why.FLAGGED),
+    (entry(0x5000, 1), Why.PASSCODE), (entry(0x5000, 2), Why.PASSCODE), (entry(0x5000, 3), Why.PASSCODE),
+    (entry(0x2810), Why.BEHAVIOUR), (entry(0x2000, mapped=True), Why.COMMAND),
+    (entry(0x2000, access="rww"), Why.COMMAND),
 ]  # fmt: skip
 
 
@@ -54,7 +55,7 @@ def test_configuration_is_written(one: OdEntry) -> None:
 
 
 @pytest.mark.parametrize(("one", "why"), NEVER, ids=lambda one: getattr(one, "object", one))
-def test_what_acts_is_never_written_also_where_somebody_names_it(one: OdEntry, why: NotWritten) -> None:
+def test_what_acts_is_never_written_also_where_somebody_names_it(one: OdEntry, why: Why) -> None:
     for known in (Configuration(LOCKED), Configuration(LOCKED, included=EVERYTHING)):
         assert known.why_not(one) is why
 
@@ -63,24 +64,22 @@ def test_what_acts_is_never_written_also_where_somebody_names_it(one: OdEntry, w
     ("number", "index", "why"),
     [
         (406, 0x6200, None),  # the cyclic timer of an encoder is no output
-        (406, 0x6003, NotWritten.PRESET),
+        (406, 0x6003, Why.PRESET),
         (402, 0x6003, None),
-        (401, 0x6200, NotWritten.OUTPUT),
+        (401, 0x6200, Why.OUTPUT),
         (401, 0x6040, None),
-        (404, 0x6125, NotWritten.PRESET),
-        (0, 0x6200, NotWritten.OUTPUT),  # no device profile: nobody knows
-        (None, 0x6040, NotWritten.COMMAND),
+        (404, 0x6125, Why.PRESET),
+        (0, 0x6200, Why.OUTPUT),  # no device profile: nobody knows
+        (None, 0x6040, Why.COMMAND),
     ],
 )
-def test_what_an_index_means_is_said_by_the_device_profile(
-    number: int | None, index: int, why: NotWritten | None
-) -> None:
+def test_what_an_index_means_is_said_by_the_device_profile(number: int | None, index: int, why: Why | None) -> None:
     assert Configuration(GENERIC, number).why_not(entry(index)) is why
 
 
 def test_an_object_of_the_maker_is_written_where_somebody_names_it() -> None:
     plain = entry(0x2000)
-    assert Configuration(LOCKED).why_not(plain) is NotWritten.MAKERS
+    assert Configuration(LOCKED).why_not(plain) is Why.MAKERS
     assert Configuration(LOCKED, included=((0x2000, 0x2000),)).why_not(plain) is None
     assert Configuration(LOCKED, named={(0x2000, 0)}).why_not(plain) is None
     assert Configuration(LOCKED).why_not(entry(0x2801, 3)) is None  # by the family
@@ -89,23 +88,23 @@ def test_an_object_of_the_maker_is_written_where_somebody_names_it() -> None:
 
 def test_what_an_rpdo_can_take_is_written_only_where_somebody_names_it() -> None:
     taken = entry(0x6083, mapped=True)
-    assert Configuration(GENERIC).why_not(taken) is NotWritten.RPDO_MAPPABLE
+    assert Configuration(GENERIC).why_not(taken) is Why.RPDO_MAPPABLE
     assert Configuration(GENERIC, included=((0x6083, 0x6083),)).why_not(taken) is None
-    assert Configuration(GENERIC, included=EVERYTHING, taken={(0x6083, 0)}).why_not(taken) is NotWritten.COMMAND
+    assert Configuration(GENERIC, included=EVERYTHING, taken={(0x6083, 0)}).why_not(taken) is Why.COMMAND
 
 
 @pytest.mark.parametrize(
     ("name", "why"),
     [
-        ("Service password", NotWritten.PASSCODE),
-        ("Pass code", NotWritten.PASSCODE),
-        ("CANopen Node-ID", NotWritten.NODE_ID),
-        ("CAN baudrate", NotWritten.NODE_ID),
-        ("Bit rate", NotWritten.NODE_ID),
+        ("Service password", Why.PASSCODE),
+        ("Pass code", Why.PASSCODE),
+        ("CANopen Node-ID", Why.NODE_ID),
+        ("CAN baudrate", Why.NODE_ID),
+        ("Bit rate", Why.NODE_ID),
         ("Ramp", None),
     ],
 )
-def test_names_tell_what_no_standard_does(name: str, why: NotWritten | None) -> None:
+def test_names_tell_what_no_standard_does(name: str, why: Why | None) -> None:
     parts = {1: OdEntry(0x2000, 1, "Value", U8), 2: OdEntry(0x2000, 2, "Other", U8)}
     dictionary = ObjectDictionary({0x2000: OdObject(0x2000, name, ObjectType.RECORD, parts)})
     known = configuration_of(dictionary, GENERIC, included=EVERYTHING)
@@ -122,7 +121,7 @@ def test_a_built_in_family_keeps_its_passcode() -> None:
     login = load_profile("gen4").login
     assert login is not None
     known = Configuration(load_profile("gen4"), included=EVERYTHING)
-    assert known.why_not(entry(*login.passcode)) is NotWritten.PASSCODE
+    assert known.why_not(entry(*login.passcode)) is Why.PASSCODE
 
 
 entries = st.builds(
