@@ -87,7 +87,7 @@ def _interrupted(session: Session, node_ids: Iterable[int | None]) -> tuple[str,
     """What is to be known of those nodes that an interrupted change left half configured."""
     network = session.open_network()  # under --dry-run, too: what is left half configured is the node itself
     said = (network.interrupted(node_id) for node_id in sorted(one for one in node_ids if one is not None))
-    return tuple(text for text in said if text)
+    return tuple(dict.fromkeys(text for text in said if text))  # one of several nodes is said once
 
 
 def _access(session: Session, node_id: int) -> Access:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dvtcli.device.change.journal import Journals
 from dvtcli.device.change.safekeeping import Keeper
 from dvtcli.device.change.whole import Whole
 from dvtcli.device.past import Past
@@ -40,12 +41,15 @@ class Keeping:
     doing: Callable[[], str]
     #: what the changes that are made now belong to
     whole: Whole = field(default_factory=Whole)
+    #: what was said of interrupted changes: one of several nodes is said once
+    _said: set[str] = field(default_factory=set)
 
     def keeper(self, node_id: int, dictionary: ObjectDictionary | None) -> Keeper:
         """Lock, backup and journal of a node; says so where a change of it was interrupted."""
         keeper = self._keeper(node_id, dictionary)
         interrupted, is_damaged = _interrupted(keeper)
-        if interrupted:
+        if interrupted and interrupted not in self._said:
+            self._said.add(interrupted)
             (self.warn if is_damaged else self.say)(interrupted)
         if (program := self.programs().told(node_id)) and keeper.lock.is_free():
             self.warn(program)
@@ -66,13 +70,20 @@ class Keeping:
         """The changes on this bus that are remembered."""
         return Past(state_folder(None) / "changes", self.bus, self.say)
 
-    def _keeper(self, node_id: int, dictionary: ObjectDictionary | None) -> Keeper:
-        def is_fixed(pdo: Pdo) -> bool:
+    @staticmethod
+    def is_fixed(dictionary: ObjectDictionary | None) -> Callable[[Pdo], bool]:
+        """What tells whether the COB-ID of a PDO is read-only, as far as *dictionary* says it."""
+
+        def told(pdo: Pdo) -> bool:
             entry = dictionary.entry(pdo.communication_index, 1) if dictionary else None
             return entry is not None and not entry.access.writable
 
+        return told
+
+    def _keeper(self, node_id: int, dictionary: ObjectDictionary | None) -> Keeper:
         locks = state_folder(None) / "locks"
-        keeper = Keeper(self.folder, locks, self.bus, node_id, self.say, is_fixed, self.warn, self.doing, self.whole)
+        fixed = self.is_fixed(dictionary)
+        keeper = Keeper(self.folder, locks, self.bus, node_id, self.say, fixed, self.warn, self.doing, self.whole)
         keeper.past.selected = self.selected
         return keeper
 
@@ -87,6 +98,7 @@ def _interrupted(keeper: Keeper) -> tuple[str, bool]:
 
 
 def _how_to_finish(journal: Journal) -> str:
+    changed = _changed(journal)
     labels, node_id = several(journal.labels), journal.plan.node_id
     if journal.part.whole is None and journal.part.asked:
         what = f"`learn`, which asked {labels} of node {node_id},"
@@ -95,13 +107,21 @@ def _how_to_finish(journal: Journal) -> str:
         return f"a change of {labels} of node {node_id} was interrupted: `recover` puts the old configuration back"
     if journal.part.stores:
         return (
-            f"{journal.part.name} was interrupted while nodes stored what it changed, {labels} of node {node_id}: "
+            f"{journal.part.name} was interrupted while nodes stored what it changed, {changed}: "
             "`recover --finish` stores on the rest of them, `recover` takes every line of it back, on all nodes"
         )
-    return (
-        f"{journal.part.name} was interrupted, which changed {labels} of node {node_id}: `recover` takes every line of "
-        "it back, on all nodes"
-    )
+    back = "`recover` takes every line of it back, on all nodes"
+    return f"{journal.part.name} was interrupted, which changed {changed}: {back}"
+
+
+def _changed(journal: Journal) -> str:
+    """What the change that *journal* is of altered: on several nodes which ones, so that it is the same of each."""
+    whole = journal.part.whole
+    together = [] if whole is None else Journals(journal.path.parent, journal.bus).all_of(whole)
+    ids = sorted({journal.plan.node_id, *(one.plan.node_id for one in together)})
+    if len(ids) > 1:
+        return f"nodes {', '.join(map(str, ids))}"
+    return f"{several(journal.labels)} of node {ids[0]}"
 
 
 def state_folder(options: Options | None) -> Path:

@@ -5,12 +5,14 @@ Writes nothing. Does not know what the nodes should hold.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.device.file_fits import refuse_unlike_file
+from dvtcli.device.read_pdos import read_identity
 from dvtcli.errors import DvtcliError, InputFileError, NoAnswer, RuleError, SafetyRefusal, SdoProtocolError
 from dvtcli.operations.network_wish import eds_of
 
@@ -19,6 +21,8 @@ if TYPE_CHECKING:
     from dvtcli.domain.network.wanted_state import NetworkWish, NodeWish, WantedIdentity
     from dvtcli.operations.session import Session
 
+#: Vendor, product, revision and serial number, by their sub-indices of 0x1018.
+_IDENTITY_PARTS = range(1, 5)
 _ATTACH = "attach the device that is meant, or say in the file which one it is"
 
 
@@ -43,11 +47,13 @@ def meet(session: Session, file: str, wish: NetworkWish) -> Met:
     met = Met()
     for node in wish.nodes:
         _choose_files(session, file, node)
+    silent = _ask_all(session, [node.node_id for node in wish.nodes])
     for node in wish.nodes:
         try:
+            if node.node_id in silent:
+                raise silent[node.node_id]
             found = session.network.node(node.node_id)
             session.network.describe(node.node_id)
-            found.read_anew()
             failures = list(_unlike(found, node.identity, force=session.options.force))
         except (NoAnswer, SdoProtocolError) as failed:
             failures = [failed]
@@ -56,6 +62,29 @@ def meet(session: Session, file: str, wish: NetworkWish) -> Met:
             met.nodes[node.node_id] = found
     _joined(met.failures)
     return met
+
+
+def _ask_all(session: Session, ids: Sequence[int]) -> dict[int, DvtcliError]:
+    """Ask *ids* anew who they are, side by side where nothing runs; of those that do not tell it, why not.
+
+    Nothing is said to the user here, so that what is to be said has the order of the file.
+    """
+    network = session.network
+    silent: dict[int, DvtcliError] = {}
+
+    def ask(node_id: int) -> None:
+        try:
+            met = network.nodes.get(node_id)
+            if met is not None:
+                met.read_anew()
+            for sub_index in _IDENTITY_PARTS:
+                read_identity(network.files.memory(node_id) if met is None else met.memory, sub_index)
+        except (NoAnswer, SdoProtocolError) as failed:
+            silent[node_id] = failed
+
+    for fault in session.bus.side_by_side([partial(ask, node_id) for node_id in ids]):
+        raise fault
+    return silent
 
 
 def _joined(failures: list[DvtcliError]) -> None:

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 #: What a bus runs at where nobody says, in bit/s: said with the answer.
 USUAL_BIT_RATE = 500_000
 MEASURED_S = 3.0
+_HOW = "NODE:tpdoN=MS, such as 5:tpdo3=40; NODE is a node-ID, or a name in the file"
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,15 +37,15 @@ class LoadWishes:
     """What is asked of `load`.
 
     *for_s* is how long the bus is listened to (0: not at all), *bit_rate* (bit/s) counts instead of the bus's own.
-    *sync_ms* and *emcy_ms* are periods that are to count, *inhibit* inhibit times in 100 µs by node-ID (None: the
-    selected one) and TPDO.
+    *sync_ms* and *emcy_ms* are periods that are to count, *inhibit* inhibit times in 100 µs by node-ID or name in the
+    file (None: the selected one) and TPDO.
     """
 
     for_s: float = MEASURED_S
     bit_rate: int | None = None
     sync_ms: float | None = None
     emcy_ms: float | None = None
-    inhibit: Mapping[tuple[int | None, Pdo], int] = field(default_factory=dict)
+    inhibit: Mapping[tuple[int | str | None, Pdo], int] = field(default_factory=dict)
 
 
 def network_load(session: Session, file: str | None = None, wishes: LoadWishes | None = None) -> NetworkLoad:
@@ -107,14 +108,18 @@ def _measured(session: Session, for_s: float) -> Measured:
 
 def _what_if(session: Session, state: NetworkState, wishes: LoadWishes) -> WhatIf:
     inhibit: dict[Endpoint, int] = {}
-    for (node_id, pdo), time in wishes.inhibit.items():
-        ends = [Endpoint(node.node_id, pdo) for node in state.nodes if pdo in node.pdos]
-        chosen = session.selected_id() if node_id is None and len(ends) > 1 else node_id
-        ends = [end for end in ends if chosen is None or end.node_id == chosen]
+    for (node, pdo), time in wishes.inhibit.items():
+        having = [one for one in state.nodes if pdo in one.pdos]
+        chosen = session.selected_id() if node is None and len(having) > 1 else node
+        having = [one for one in having if chosen in {None, one.node_id, one.name}]
+        ends = [Endpoint(one.node_id, pdo) for one in having]
         if len(ends) != 1:
-            who = "" if node_id is None else f"{node_id}:"
+            who = "" if node is None else f"{node}:"
             several_nodes = "which node's?" if ends else "no node here has it"
-            raise UsageError(f"--inhibit {who}{pdo}: {several_nodes}", hint="NODE:tpdoN=MS, such as 5:tpdo3=40")
+            raise UsageError(
+                f"--inhibit {who}{pdo}: {several_nodes}",
+                hint=_HOW,
+            )
         inhibit[ends[0]] = time
     return WhatIf(_us(wishes.sync_ms), _us(wishes.emcy_ms), inhibit)
 

@@ -97,6 +97,9 @@ class Network:
         node = self.nodes[node_id]
         if node.dictionary is None and (dictionary := self.files.dictionary(node_id)) is not None:
             node.describe(dictionary)
+            node.profile = as_file_says(node.profile, dictionary)
+            if self.keeping is not None and node.keeper is not None:
+                node.keeper.is_fixed = self.keeping.is_fixed(dictionary)
             node.unlike_file = self.files.unlike(node_id, dictionary)
 
     def _identify(self, node: Node) -> None:

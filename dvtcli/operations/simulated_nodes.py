@@ -89,7 +89,9 @@ def simulated_nodes(words: tuple[str, ...], by: str = "--sim", *, unconfigured: 
         chosen = _node_id_of_file(what, used) if wanted is None else wanted
         chosen = chosen if chosen is not None else next((n for n in range(1, 128) if n not in used), 1)
         one = _simulated(what, chosen, by)
-        if one in found if chosen == UNCONFIGURED else chosen in used:
+        if chosen == UNCONFIGURED and one in found:
+            raise UsageError(f"{by} {word}: nobody could tell two of them apart", hint="give one another identity")
+        if chosen != UNCONFIGURED and chosen in used:
             raise UsageError(f"{by} {word}: node-ID {chosen} is given twice", hint="WHAT@ID sets the node-ID")
         found.append(one)
     return tuple(found)

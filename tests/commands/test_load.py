@@ -53,6 +53,7 @@ def test_the_text_has_bars_and_says_what_is_assumed(nothing: Bench) -> None:
 def test_what_has_no_limit_is_never_nothing(nothing: Bench) -> None:
     ran = nothing.run(f"load {LINE} --inhibit 1:tpdo1=0 --json")
     assert (ran.document["load"], ran.document["unlimited"], ran.document["fits"]) == (0.03736, [], True)
+    assert nothing.run(f"load {LINE} --inhibit drive:tpdo1=0 --json").document == ran.document
     unlimited = LINE.read_text().replace("inhibit_ms: 10\n        event_timer: 100", "inhibit_ms: 0")
     Path("unlimited.yaml").write_text(unlimited)
     ran = nothing.run("load unlimited.yaml --json")
@@ -77,6 +78,8 @@ def test_a_node_of_which_nothing_is_known_counts_with_what_the_file_says(nothing
     [
         ("load nowhere.yaml", 2, "nowhere.yaml"),
         ("load {} --inhibit 9:tpdo1=10", 2, "--inhibit 9:tpdo1: no node here has it"),
+        ("load {} --inhibit drivel:tpdo1=10", 2, "--inhibit drivel:tpdo1: no node here has it"),
+        ("load {} --inhibit 0x80:tpdo1=10", 2, "0x80"),
         ("load {} --inhibit tpdo1=10", 2, "--inhibit tpdo1: which node's?"),
         ("load {} --inhibit rpdo1=10", 2, "only TPDOs are inhibited"),
         ("load {} --inhibit 1:tpdo1", 2, "is not [NODE:]tpdoN=MS"),

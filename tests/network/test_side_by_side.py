@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from dvtcli.errors import DvtcliError, Interrupted, LeftChanged
+from dvtcli.errors import DvtcliError, Interrupted, LeftChanged, NoAnswer
 from dvtcli.operations.network_files import applied
 from dvtcli.operations.session import Session
 from tests.network.bench import CHAIN, FILE, Chain
@@ -96,3 +96,18 @@ def test_whoever_tears_it_apart_finds_every_node_as_before(home: Path, at: int) 
 
     said = stopped(chain(home, "files"), at, tear)
     assert said.text.startswith("stopped at once at node ")
+
+
+def test_nodes_are_met_side_by_side_and_named_in_order(home: Path) -> None:
+    made = chain(home, "files")
+    took_s = []
+    for absent in ([20], [22, 20, 21]):
+        file = home.parent / f"{len(absent)}.yaml"
+        nodes = "".join(f"  n{one}: {{node_id: {one}, tpdo: {{1: {{event_timer: 50}}}}}}\n" for one in [5, *absent, 9])
+        file.write_text(f"nodes:\n{nodes}")
+        began_s = made.bus.now_s()
+        with pytest.raises(NoAnswer) as raised:
+            made.plan(file)
+        took_s.append(made.bus.now_s() - began_s)
+    assert raised.value.text == "nodes 20, 21, 22 do not answer"
+    assert took_s[1] < 1.5 * took_s[0]

@@ -51,7 +51,14 @@ def test_what_nobody_is_seen_to_send_is_only_somebody_s_default() -> None:
 
 
 def test_what_another_node_sends_is_there_to_be_received() -> None:
-    assert said(beside(sends(THEIRS), pdo=RPDO1)) == [("can-id-default", Severity.NOTE)]
+    assert said(beside(sends(THEIRS), pdo=RPDO1)) == []
+
+
+def test_a_consumer_of_what_its_owner_does_not_send_is_told_whose_default_it_is() -> None:
+    default = [("can-id-default", Severity.NOTE)]
+    assert said(beside(pdo=RPDO1)) == default
+    assert said(beside(sends(THEIRS, pdo=TPDO1), pdo=RPDO1)) == []
+    assert said(beside(sends(THEIRS, extended=True), pdo=RPDO1)) == default
 
 
 def test_29_bits_of_the_same_number_are_another_can_id() -> None:

@@ -44,12 +44,12 @@ class PeriodType(CanopenType):
 
 
 class InhibitType(CanopenType):
-    """`5:tpdo3=40`: a TPDO, of that node or of the only one that has it, and its inhibit time in ms."""
+    """`5:tpdo3=40`: a TPDO, of that node (its node-ID or name) or of the only one that has it, and its inhibit time."""
 
     name = "inhibit"
 
-    def parse(self, text: str, ctx: click.Context | None) -> tuple[int | None, Pdo, int]:
-        """Node-ID (None where none is said), TPDO, and the time in 100 µs; ValueError where it is none of these."""
+    def parse(self, text: str, ctx: click.Context | None) -> tuple[int | str | None, Pdo, int]:
+        """Node-ID or name (None where none is said), TPDO, time in 100 µs; ValueError where it is none of these."""
         from dvtcli.domain.pdo import Pdo
 
         head, equals, time = text.partition("=")
@@ -59,4 +59,6 @@ class InhibitType(CanopenType):
         pdo = Pdo.parse(word)
         if not pdo.is_tpdo:
             raise ValueError(f"{word}: only TPDOs are inhibited")
-        return NODE_ID.parse(node, ctx) if colon else None, pdo, MillisecondsType(100).parse(time, ctx)
+        is_number = not colon or node[:1].isdigit() or not node
+        node_id = NODE_ID.parse(node, ctx) if colon and is_number else None
+        return node_id if is_number else node, pdo, MillisecondsType(100).parse(time, ctx)

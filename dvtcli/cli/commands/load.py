@@ -37,7 +37,7 @@ def command(
     bit_rate: int | None,
     sync_ms: float | None,
     emcy_ms: float | None,
-    inhibit: tuple[tuple[int | None, Pdo, int], ...],
+    inhibit: tuple[tuple[int | str | None, Pdo, int], ...],
 ) -> NetworkLoad:
     """Compute what the frames of a network need of its bus at worst, and listen to what is on it.
 
@@ -48,6 +48,7 @@ def command(
     \b
     load line.yaml --at 250000
     load line.yaml --inhibit 5:tpdo1=40 --at 125000
+    load line.yaml --inhibit io:tpdo1=40    a node by its name in the file
     load --for 5      what is on the bus, and what its nodes could send
     """
     from dvtcli.operations.network_load import MEASURED_S, LoadWishes, network_load

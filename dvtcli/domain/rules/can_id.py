@@ -137,7 +137,9 @@ def _pdo_clashes(proposal: Proposal, place: str) -> Iterator[Finding]:
         and owner[0] in others
         and others[owner[0]].can_id == want.can_id
     )
-    said = said or (owner is not None and any((one.pdo, one.node_id) == owner for one in _same_producers(proposal)))
+    if owner is not None and not said:
+        senders = _same_senders(proposal)  # what a consumer hears of a node that is known needs no other word
+        said = any((one.pdo, one.node_id) == owner for one in senders) or (bool(senders) and not proposal.pdo.is_tpdo)
     if owner and owner != (proposal.pdo, proposal.node_id) and not want.extended and not said:
         pdo, node_id = owner
         yield note("can-id-default", place, f"{want} is the default COB-ID of {pdo.label} of node {node_id}")
@@ -155,9 +157,13 @@ def _producer_clashes(proposal: Proposal, place: str) -> Iterator[Finding]:
 
 
 def _same_producers(proposal: Proposal) -> list[Producer]:
+    """Those that a TPDO clashes with; that a consumer waits for what another node sends is what PDOs are for."""
+    return _same_senders(proposal) if proposal.pdo.is_tpdo else []
+
+
+def _same_senders(proposal: Proposal) -> list[Producer]:
+    """What other nodes send with the CAN-ID that is wanted."""
     want = proposal.want.communication.cob_id
-    if not proposal.pdo.is_tpdo:  # that a consumer waits for what another node sends is what PDOs are for
-        return []
     identifier = (want.can_id, want.extended)
     return [one for one in proposal.elsewhere() if (one.cob_id.can_id, one.cob_id.extended) == identifier]
 

@@ -10,7 +10,7 @@ from dvtcli.operations.api.checks import number, whole, wrong
 from dvtcli.operations.network_load import LoadWishes
 from dvtcli.operations.options import BIT_RATES
 
-_END = "a TPDO of a node, such as '5:tpdo3', and its inhibit time in ms"
+_END = "a TPDO of a node, such as '5:tpdo3' or 'drive:tpdo3', and its inhibit time in ms"
 
 
 def load_wishes(
@@ -26,13 +26,14 @@ def load_wishes(
     return LoadWishes(for_s, bit_rate, sync_ms or None, None, inhibit)
 
 
-def _inhibit(end: str, time_ms: float) -> tuple[tuple[int | None, Pdo], int]:
+def _inhibit(end: str, time_ms: float) -> tuple[tuple[int | str | None, Pdo], int]:
     node, colon, name = str(end).rpartition(":")
+    is_number = not colon or node[:1].isdigit() or not node
     try:
         pdo = Pdo.parse(name)
-        node_id = int(node) if colon else None
+        node_id = int(node) if colon and is_number else None
         if not pdo.is_tpdo or (node_id is not None and not 1 <= node_id <= 127):
             raise ValueError(end)
-        return (node_id, pdo), counts(time_ms, 100, 0xFFFF)
+        return (node_id if is_number else node, pdo), counts(time_ms, 100, 0xFFFF)
     except (ValueError, TypeError) as unfit:
         raise wrong("inhibit_ms", {end: time_ms}, _END) from unfit
