@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 
@@ -13,4 +14,11 @@ SIGKILL: int = getattr(signal, "SIGKILL", 9)
 SIGALRM: int = getattr(signal, "SIGALRM", 14)
 
 needs_signals = pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+needs_sessions = pytest.mark.skipif(not hasattr(os, "getsid"), reason="sessions of POSIX")
+needs_own_python = pytest.mark.skipif("TESTS_ELSEWHERE" in os.environ, reason="the double is imported, too")
+#: what stops a dvtcli: Ctrl-C; and what only POSIX lets a process handle
+STOPPING = [
+    signal.SIGINT,
+    *(pytest.param(number, marks=needs_signals, id=str(int(number))) for number in (signal.SIGTERM, SIGHUP)),
+]
 NO_TERMINAL = "no pseudo-terminal of POSIX"

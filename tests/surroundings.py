@@ -18,6 +18,13 @@ _KEPT_BEGINNINGS = ("PYTEST_VERSION", "PYTEST_XDIST_", "PYTEST_CURRENT_TEST", "P
 _KEPT_BEGINNINGS += ("COVERAGE_", "COV_CORE_", "TESTS_")
 
 
+#: the variables that say where the user's files are, each on one system or another
+HOMES = (
+    *("HOME", "XDG_DATA_HOME", "XDG_STATE_HOME", "XDG_CONFIG_HOME"),
+    *("LOCALAPPDATA", "APPDATA", "WIN_PD_OVERRIDE_LOCAL_APPDATA", "WIN_PD_OVERRIDE_APPDATA"),
+)
+
+
 def clean_environment() -> dict[str, str]:
     """This process's variables without those that say something to dvtcli, Python, python-can or a terminal program.
 

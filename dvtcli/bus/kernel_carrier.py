@@ -18,8 +18,9 @@ from dvtcli.bus.carrier import Carrier
 from dvtcli.bus.kernel_links import KernelLink, kbit_s, kernel_link, kernel_links
 from dvtcli.errors import BusUnavailable
 
-#: bytes of frames that may wait to be read: some 10,000 frames, more than a second of the fastest bus
-RECEIVE_BUFFER = 8 << 20
+#: bytes of frames that may wait to be read: some 87,000 frames (the kernel allows twice as much, and a frame takes 768
+#: bytes), 5 s of the shortest ones at 1 Mbit/s; memory is taken only while they wait
+RECEIVE_BUFFER = 32 << 20
 #: options of a socket that Python has no names for: a buffer beyond the system's limit, and its memory and drops
 _SO_RCVBUFFORCE, _SO_MEMINFO = 33, 55
 _MEMINFO = struct.Struct("=9I")

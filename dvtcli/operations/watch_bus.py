@@ -89,7 +89,8 @@ def stream(
                 store = FrameStore(watched.decoder)
                 continue
             fresh = [frame for frame in taken if store.take(frame) or not changes]
-            show(one for one in (frame_seen(frame, watched.decoder) for frame in fresh) if one.matches(text))
+            seen = (frame_seen(frame, watched.decoder) for frame in fresh)
+            show(one for one in seen if not text or one.matches(text))
     finally:
         if listener.overflowed:
             watched.session.tell.warning(

@@ -77,6 +77,8 @@ class Decoder:
         if frame.remote:
             return {}
         layout = self.layout(frame)
+        if not layout.signals:
+            return {}
         return {
             signal.key: value
             for signal, value in zip(layout.signals, layout.read(frame.data), strict=True)

@@ -9,7 +9,7 @@ import threading
 from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
-from time import time
+from time import sleep, time
 from typing import Protocol
 
 from dvtcli.domain.ports import Frame
@@ -19,6 +19,9 @@ from dvtcli.errors import BusUnavailable
 WAITING = 50_000
 #: how long the bus is read in one go (s): how long leaving takes
 TICK_S = 0.1
+#: how long more frames are gathered after the first one (s): two threads that take turns frame by frame cost more than
+#: the frames
+GATHER_S = 0.01
 #: a bus whose clock differs by more than this (s) from the computer's counts from some other beginning
 FOREIGN_CLOCK_S = 60.0
 
@@ -104,7 +107,8 @@ class Listener:
             self._overflowed += 1
             return
         self._frames.append(replace(frame, data=frame.data[:4] + bytes(4)) if self._is_secret(frame) else frame)
-        self._arrived.set()
+        if not self._arrived.is_set():  # to set it again costs as much as all the rest of this
+            self._arrived.set()
 
     def take(self, wait_s: float = 0.0) -> list[Frame]:
         """What came since the last call; waits up to *wait_s* for the first one.
@@ -113,6 +117,8 @@ class Listener:
         """
         if not self._frames and wait_s > 0 and self._failure is None:
             self._arrived.wait(wait_s)
+        if self._frames and wait_s > 0 and self._failure is None:
+            sleep(min(wait_s, GATHER_S))
         self._arrived.clear()
         count = len(self._frames)
         if not count and self._failure is not None:

@@ -19,6 +19,7 @@ from tests.commands.bench import Bench
 from tests.commands.test_recording_commands import DBC, ramp
 from tests.house.test_commands import examples
 from tests.process import ROOT, environment, start
+from tests.surroundings import HOMES
 
 #: how long a command may take to be at work, in seconds
 PATIENCE_S = 60.0
@@ -41,7 +42,7 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 @pytest.fixture
 def folder(recordings: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder with the files that examples name, and the home of whoever runs them."""
-    for name in ("HOME", "XDG_DATA_HOME", "XDG_STATE_HOME", "XDG_CONFIG_HOME"):
+    for name in HOMES:
         monkeypatch.setenv(name, str(tmp_path / "home"))
     (tmp_path / "scripts").symlink_to(ROOT / "scripts")
     for name in ("drive.eds", "press.dcf"):

@@ -8,6 +8,7 @@ import pytest
 
 from dvtcli.domain.pdo import Pdo
 from dvtcli.files.eds.reader import read_eds
+from dvtcli.files.user_folders import user_folder
 from dvtcli.simulator.device.refusal import Refusal
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family
@@ -105,7 +106,7 @@ def test_a_timer_that_could_not_be_read_is_neither_saved_nor_changed_nor_expecte
         assert shown["inconsistent"] == "its event timer 0x1800:05 cannot be read"
         assert bench.run("pdo").stdout.count("TPDO1 is inconsistent: its event timer 0x1800:05 cannot be read\n") == 1
         assert bench.run("set tpdo2 --timer 30").code == 0
-        (backup,) = (Path.home() / ".local" / "state" / "dvtcli" / "backups").glob("*.dvt")
+        (backup,) = (user_folder("state") / "backups").glob("*.dvt")
         (line,) = (line for line in backup.read_text().splitlines() if "tpdo1 is inconsistent" in line)
         assert line.startswith("# ")
         refused = bench.run("set tpdo1 --timer 40")

@@ -17,6 +17,7 @@ import pytest
 
 from dvtcli.cli.dvt.tcl_script import LIMITS, run_tcl
 from tests.commands.bench import Bench, Ran
+from tests.posix import STOPPING
 from tests.process import SCRIPTS, documents, dvtcli, environment, run
 
 pytestmark = pytest.mark.skipif(
@@ -234,7 +235,7 @@ def test_ctrl_c_stops_it(loop: str, tmp_path: Path) -> None:
     assert "interrupted" in stderr
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", STOPPING[:2])
 def test_a_signal_in_the_middle_of_a_change_rolls_it_back(number: signal.Signals, tmp_path: Path) -> None:
     """The change's fourth write is answered late, so that the signal comes before its end."""
     script = tmp_path / "x.tcl"

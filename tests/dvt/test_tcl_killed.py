@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from tests.dvt.children import children, descriptors, is_running, started, wait_until_gone
-from tests.posix import SIGHUP, SIGKILL
+from tests.posix import SIGKILL, STOPPING, needs_own_python, needs_sessions, needs_signals
 from tests.process import environment
 from tests.recovery.test_killed import MAP, STEPS, Bench
 
@@ -81,7 +81,7 @@ def test_a_change_is_whole_after_tcls_process_was_killed_within_it(
     assert not bench.journals()
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, SIGHUP])
+@pytest.mark.parametrize("number", STOPPING)
 def test_a_signal_rolls_back_also_where_tcls_process_is_dead(
     number: signal.Signals, bench: Bench, tmp_path: Path
 ) -> None:
@@ -118,6 +118,7 @@ def test_tcls_process_dies_with_ours_and_recover_finishes(bench: Bench, tmp_path
     assert bench.pdos() == before
 
 
+@needs_signals
 @pytest.mark.drawn(4)
 @pytest.mark.parametrize("busy", ["while 1 {}", "expr {3**[set n 200000000]}", "after 100000000", "vwait x"])
 @pytest.mark.parametrize("number", [SIGKILL, signal.SIGINT, signal.SIGTERM])
@@ -135,6 +136,7 @@ def test_nobody_is_left_computing(busy: str, number: signal.Signals, tmp_path: P
     wait_until_gone(child)
 
 
+@needs_signals
 @pytest.mark.parametrize("number", [SIGKILL, signal.SIGSEGV, signal.SIGTERM])
 def test_tcls_process_killed_while_it_computes_is_an_error(number: signal.Signals, tmp_path: Path) -> None:
     path = tmp_path / "x.tcl"
@@ -148,6 +150,7 @@ def test_tcls_process_killed_while_it_computes_is_an_error(number: signal.Signal
     assert f"it was killed by {number.name}" in stderr
 
 
+@needs_sessions
 def test_it_has_its_pipes_only_and_no_terminal(bench: Bench, tmp_path: Path) -> None:
     """In the middle of a change: the bus is open, the lock is held and the journal written."""
     process = bench.start("run", script(tmp_path))
@@ -170,6 +173,7 @@ def test_it_has_its_pipes_only_and_no_terminal(bench: Bench, tmp_path: Path) -> 
     assert sessions[0] == sessions[1]
 
 
+@needs_own_python
 def test_it_imports_nothing_of_dvtcli_but_itself() -> None:
     done = subprocess.run(
         [sys.executable, "-c", "import sys, dvtcli.cli.dvt.tcl_child\nprint(*sys.modules)"],

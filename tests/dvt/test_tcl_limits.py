@@ -14,7 +14,7 @@ from dvtcli.cli.dvt.tcl_script import LIMITS, run_tcl
 from tests.commands.bench import Bench
 from tests.dvt.children import started
 from tests.dvt.test_tcl import tcl
-from tests.posix import SIGHUP
+from tests.posix import STOPPING
 from tests.process import documents, dvtcli
 
 pytestmark = pytest.mark.skipif(
@@ -81,7 +81,7 @@ def test_a_constant_that_is_computed_before_the_first_line_is_stopped_too(tmp_pa
 
 
 @pytest.mark.drawn(2)
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, SIGHUP])
+@pytest.mark.parametrize("number", STOPPING)
 @pytest.mark.parametrize("endless", ENDLESS)
 def test_one_long_call_is_stopped_by_a_signal(endless: str, number: signal.Signals, tmp_path: Path) -> None:
     script = tmp_path / "x.tcl"
@@ -130,7 +130,7 @@ def test_long_texts_and_all_characters_come_as_they_are(tmp_path: Path) -> None:
 
 
 @pytest.mark.drawn(2)
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, SIGHUP])
+@pytest.mark.parametrize("number", STOPPING)
 @pytest.mark.parametrize("word", ["dvtcli set tpdo1 --timer 5", "dvtcli read 1018:1"])
 def test_a_script_that_computes_after_a_line_is_stopped_by_a_signal(
     word: str, number: signal.Signals, tmp_path: Path

@@ -6,13 +6,15 @@ from pathlib import Path
 
 import pytest
 
+from tests.surroundings import HOMES
+
 
 @pytest.fixture
 def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     from tests.network.test_network_faults import ideal
 
     for folder in ("ideal", "home"):
-        for name in ("HOME", "XDG_DATA_HOME", "XDG_STATE_HOME", "XDG_CONFIG_HOME"):
+        for name in HOMES:
             monkeypatch.setenv(name, str(tmp_path / folder))
         ideal()
     return tmp_path / "home"

@@ -12,7 +12,10 @@ import traceback
 from collections.abc import Callable
 from pathlib import Path
 
+import pytest
+
 from tests.network.bench import Chain, Heard, fitting
+from tests.surroundings import HOMES
 
 
 class Watched(Heard):
@@ -41,6 +44,8 @@ def afterwards(chain: Chain, home: Path, look: Callable[[Chain], None]) -> str:
 
     *home* is where the files of the user are.
     """
+    if not hasattr(os, "fork"):
+        pytest.skip("no fork of POSIX, by which a test goes on with a copy of the devices")
     report = home.parent / "report"
     report.unlink(missing_ok=True)
     child = os.fork()
@@ -60,7 +65,7 @@ def _look(chain: Chain, home: Path, look: Callable[[Chain], None]) -> None:
     other = home.parent / "after"
     for folder in (home, chain.folder):
         shutil.copytree(folder, other / folder.name)
-    for name in ("HOME", "XDG_DATA_HOME", "XDG_STATE_HOME", "XDG_CONFIG_HOME"):
+    for name in HOMES:
         os.environ[name] = str(other / home.name)
     chain.folder = other / chain.folder.name
     layouts = chain.bus.layouts

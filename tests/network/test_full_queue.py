@@ -19,6 +19,7 @@ from dvtcli.operations.session import Session
 from dvtcli.simulator.network.family_file import family_eds
 from tests.bus.devices import device
 from tests.served_nodes import ServedNodes
+from tests.surroundings import HOMES
 
 FILE = "defaults: {tpdo: {1: {event_timer: 40}}}\nnodes: {a: {node_id: 1}, b: {node_id: 3}}\n"
 _EVERY, _TRIES = 5, 3
@@ -42,7 +43,7 @@ class OftenFull(VirtualBus):
 def test_a_queue_that_is_full_in_the_middle_of_an_apply_is_a_wait(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for name in ("HOME", "XDG_DATA_HOME", "XDG_STATE_HOME", "XDG_CONFIG_HOME"):
+    for name in HOMES:
         monkeypatch.setenv(name, str(tmp_path / "home"))
     channel = f"often-full-{tmp_path}"
     devices = [device(1), device(3)]

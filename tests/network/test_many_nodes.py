@@ -17,6 +17,7 @@ from tests.network.bench import Chain, Heard
 from tests.network.killed import afterwards
 from tests.network.test_network_faults import FAULTS
 from tests.sample import part, turn
+from tests.surroundings import HOMES
 from tests.virtual_time import VirtualTimeBus
 
 
@@ -59,7 +60,7 @@ def written(chain: Chain) -> int:
 @pytest.fixture(autouse=True)
 def own_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "home").mkdir()
-    for name in ("HOME", "XDG_DATA_HOME", "XDG_STATE_HOME", "XDG_CONFIG_HOME"):
+    for name in HOMES:
         monkeypatch.setenv(name, str(tmp_path / "home"))
 
 

@@ -11,6 +11,7 @@ import pytest
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged
 from tests.network.bench import CHAIN, FILE, Chain
+from tests.surroundings import HOMES
 
 OPERATIONAL = dict.fromkeys(CHAIN, NmtState.OPERATIONAL)
 
@@ -18,7 +19,7 @@ OPERATIONAL = dict.fromkeys(CHAIN, NmtState.OPERATIONAL)
 @pytest.fixture(autouse=True)
 def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for folder in ("ideal", "home"):  # what is kept of one bus must not be found on the other
-        for name in ("HOME", "XDG_DATA_HOME", "XDG_STATE_HOME", "XDG_CONFIG_HOME"):
+        for name in HOMES:
             monkeypatch.setenv(name, str(tmp_path / folder))
         ideal()
 

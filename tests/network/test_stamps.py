@@ -27,6 +27,7 @@ from dvtcli.operations.undo_changes import undo
 from tests.network.bench import Chain
 from tests.network.killed import Watched, afterwards
 from tests.sample import part
+from tests.surroundings import HOMES
 
 NODES = {1: "generic", 5: "generic"}
 FILE = """
@@ -44,7 +45,6 @@ nodes:
 """
 LINKED = FILE + "links:\n  - {{from: one:tpdo1, to: other:rpdo1}}\n"
 NOTHING = (bytes(4), bytes(4))
-HOMES = ("HOME", "XDG_DATA_HOME", "XDG_STATE_HOME", "XDG_CONFIG_HOME")
 
 
 @pytest.fixture(autouse=True)

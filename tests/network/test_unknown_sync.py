@@ -13,6 +13,7 @@ from dvtcli.operations.session import Session
 from dvtcli.operations.unknown_sync import ShortFrames
 from dvtcli.simulator.network.family_file import family_eds
 from tests.network.bench import device
+from tests.surroundings import HOMES
 from tests.virtual_time import VirtualTimeBus
 
 FILE = "a: {node_id: 1, tpdo: {1: {event_timer: 40}}}\nb: {node_id: 5}\n"
@@ -21,7 +22,7 @@ EXPLAINED = "master: {node_id: 100, sync_period: 20000}\n"
 
 @pytest.fixture(autouse=True)
 def own_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("HOME", "XDG_DATA_HOME", "XDG_STATE_HOME", "XDG_CONFIG_HOME"):
+    for name in HOMES:
         monkeypatch.setenv(name, str(tmp_path / "home"))
 
 

@@ -168,10 +168,11 @@ def test_a_damaged_journal_is_an_error_and_blocks_writing(bench: Bench) -> None:
 def test_a_second_dvtcli_may_read_but_not_write(bench: Bench) -> None:
     """The first one sits in the middle of its change while the second one tries; the wire serves one at a time."""
     from dvtcli.device.change.lock import NodeLock
+    from dvtcli.files.user_folders import user_folder
 
     code, _, stderr = bench.run("set", "tpdo2", "--timer", "7")
     assert code == 0, stderr
-    folder = Path.home() / ".local" / "state" / "dvtcli" / "locks"
+    folder = user_folder("state") / "locks"
     (lock_file,) = folder.glob(f"*{bench.wire.port}*.lock")
     lock = NodeLock(folder, lock_file.stem.removesuffix("-5"), 5)
     lock.take()

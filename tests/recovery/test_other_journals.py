@@ -13,6 +13,7 @@ from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Plan, plan_pdo
 from dvtcli.files.eds.reader import read_eds
+from dvtcli.files.user_folders import user_folder
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family
 from tests.commands.bench import Bench
@@ -63,7 +64,7 @@ def test_a_copy_of_the_one_that_waits_stands_for_it(tmp_path: Path) -> None:
 
 def test_a_journal_that_stays_does_not_leave_the_script_open_nor_keep_the_others(tmp_path: Path) -> None:
     """The journal of node 1 becomes a folder just before the script is complete: it cannot be removed."""
-    folder = tmp_path / "state" / "dvtcli" / "journals"
+    folder = user_folder("state") / "journals"
 
     class Spoiling(StrictDevice):
         def nmt(self, command: int) -> None:

@@ -17,6 +17,7 @@ from dvtcli.device.past import MOST_CHANGES, Past
 from dvtcli.device.read_pdos import present_pdos, read_pdo
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Plan, Step, ValueChange
+from dvtcli.files.user_folders import user_folder
 from tests.commands.bench import Bench as Lines
 from tests.commands.bus import Wire, device
 from tests.recovery.test_killed import MAP, Bench
@@ -31,7 +32,7 @@ def bench(tmp_path: Path) -> Iterator[Bench]:
 
 
 def _changes() -> Path:
-    return Path.home() / ".local" / "state" / "dvtcli" / "changes"
+    return user_folder("state") / "changes"
 
 
 def files(bench: Bench) -> list[Path]:

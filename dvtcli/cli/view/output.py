@@ -272,9 +272,10 @@ class Output:
         """
         import json
 
+        encode = json.JSONEncoder(ensure_ascii=True, separators=(",", ":")).encode  # json.dumps makes one each time
         with self._streaming():
             for one in documents:
-                self.stdout.write(json.dumps(one, ensure_ascii=True, separators=(",", ":")) + "\n")
+                self.stdout.write(encode(one) + "\n")
             self.stdout.flush()
 
     @contextmanager
