@@ -9,6 +9,8 @@ from enum import Enum
 PROGRAM_DATA, PROGRAM_CONTROL, SOFTWARE_IDENTIFICATION, FLASH_STATUS = 0x1F50, 0x1F51, 0x1F56, 0x1F57
 #: what is written to the program control; what it reads is the one that was obeyed last
 STOP, START, CLEAR = 0, 1, 3
+#: what is expected of devices whose software identification is the CRC-32 of what was loaded
+CRC32 = "crc32"
 
 _FLASH_ERRORS = {
     1: "no valid program",

@@ -15,7 +15,7 @@ from dvtcli.device.program_download import ProgramDownload
 from dvtcli.device.program_note import ProgramNotes
 from dvtcli.device.read_pdos import read_identity
 from dvtcli.domain.nmt import NmtState
-from dvtcli.domain.program import PROGRAM_CONTROL, Stage
+from dvtcli.domain.program import CRC32, PROGRAM_CONTROL, SOFTWARE_IDENTIFICATION, Stage
 from dvtcli.errors import DvtcliError, LeftChanged, SafetyRefusal, SdoAborted, UsageError
 from dvtcli.files.program_file import read_program
 from dvtcli.operations.reset_consent import consent_to_reset
@@ -27,9 +27,6 @@ if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.operations.session import Session
 
-#: `--expect` for devices whose identification is the CRC-32 of what was loaded
-CRC32 = "crc32"
-
 
 def load_program(
     session: Session, file: str, *, number: int = 1, expect: int | str | None = None, node_id: int | None = None
@@ -37,17 +34,17 @@ def load_program(
     """Load *file* (.bin, .hex) as program *number* (1..254) of node *node_id*, None: the selected one, and start it.
 
     *expect* is what its software identification (0x1F56) has to be then: a number of 32 bits, "crc32" for that of what
-    is sent, None for whatever it is. Asks first. UsageError, InputFileError, SafetyRefusal before anything is sent;
-    the device's failure with state `rolled_back` where the old program runs again; LeftChanged otherwise, which says
-    what the device holds.
+    is sent, None for what the node's profile says of it, if anything. Asks first. UsageError, InputFileError,
+    SafetyRefusal before anything is sent; the device's failure with state `rolled_back` where the old program runs
+    again; LeftChanged otherwise, which says what the device holds.
     """
     program = read_program(file)
-    wanted = crc32(program) if expect == CRC32 else expect
-    if isinstance(wanted, str):
-        raise UsageError(f"{wanted!r}: a number, or crc32", hint="--expect 0x12345678")
+    if isinstance(expect, str) and expect != CRC32:
+        raise UsageError(f"{expect!r}: a number, or crc32", hint="--expect 0x12345678")
     node = session.node(node_id)
+    wanted, by = _expected(node, number, program, expect)
     if session.dry_run:
-        return ProgramLoaded(node.node_id, number, file, len(program), expected=wanted, dry_run=True)
+        return ProgramLoaded(node.node_id, number, file, len(program), None, None, wanted, by, dry_run=True)
     before = _identity(node)
     _consent(session, node, number, file, len(program))
     node.claim()
@@ -66,14 +63,24 @@ def load_program(
     except DvtcliError as failed:
         if failed.state == "rolled_back":
             notes.forget(node.node_id)
+        if by and failed.place == f"{SOFTWARE_IDENTIFICATION:04X}:{number:02X}":
+            failed.hint = f"profile {by} says what is expected; is it the right file? --expect NUMBER says another one"
         raise
     finally:
         _forget(session, node)
     notes.forget(node.node_id)
     seconds, now = time.monotonic() - started_s, loading.identification()
     return ProgramLoaded(
-        node.node_id, number, file, len(program), was, now, wanted, restarted=loading.restarted, seconds=seconds
+        node.node_id, number, file, len(program), was, now, wanted, by, restarted=loading.restarted, seconds=seconds
     )
+
+
+def _expected(node: Node, number: int, program: bytes, expect: int | str | None) -> tuple[int | None, str]:
+    """What 0x1F56 has to be, None for whatever it is, and the name of the profile that says so, if one does."""
+    by_profile = node.profile.software_identification.get(number) if expect is None else None
+    wanted = by_profile if expect is None else expect
+    number_wanted = crc32(program) if isinstance(wanted, str) else wanted
+    return number_wanted, "" if by_profile is None else node.profile.name
 
 
 def forget_download(session: Session, node_id: int | None = None) -> Facts:

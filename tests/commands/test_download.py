@@ -60,7 +60,7 @@ def test_a_program_is_loaded_checked_started_and_seen_to_run(loading: Loading) -
     assert "was not completed" not in loading.bench.run("read 1000").stderr
     document = loading.run("--json").document
     assert (document["schema"], document["identification"]) == ("dvtcli.program/1", crc32(PROGRAM))
-    assert (document["bytes"], document["restarted"], document["expected"]) == (3000, True, None)
+    assert (document["bytes"], document["restarted"]) == (3000, True)
 
 
 def test_an_intel_hex_file(loading: Loading, tmp_path: Path) -> None:
@@ -154,6 +154,51 @@ def test_a_program_that_is_not_the_one_that_was_sent_is_not_started(tmp_path: Pa
         ran = made.run("--expect", "crc32")
         assert (ran.code, made.control) == (7, 0)
         assert f"expected is 0x{crc32(PROGRAM):08X}" in ran.stderr
+
+
+def test_without_expect_the_profile_says_what_is_expected(tmp_path: Path) -> None:
+    made = Loading(tmp_path)
+    with made.bench:
+        assert "as profile loader expects" in made.run().stdout
+        document = made.run("--json").document
+        assert (document["expected"], document["expected_by"]) == (crc32(PROGRAM), "loader")
+        document = made.run("--expect", "crc32", "--json").document
+        assert (document["expected"], document["expected_by"]) == (crc32(PROGRAM), None)
+    made = Loading(tmp_path, "flash-alters")
+    with made.bench:
+        ran = made.run()
+        assert (ran.code, made.control) == (7, 0)
+        assert "profile loader says what is expected" in " ".join(ran.stderr.split())
+        altered = crc32(made.held or b"")
+        assert (made.run("--expect", hex(altered)).code, made.control) == (0, 1)
+
+
+def test_where_no_profile_says_it_is_shown(tmp_path: Path) -> None:
+    made = Loading(tmp_path, profile="generic")
+    with made.bench:
+        assert "compared with nothing" in made.run().stdout
+
+
+@pytest.mark.parametrize(
+    ("expected", "code", "said"),
+    [
+        (f"1 = {crc32(PROGRAM)}", 0, "as profile mine expects"),
+        ("1 = 0x10203", 7, "expected is 0x00010203"),
+        ("2 = 0x10203", 0, "compared with nothing"),
+    ],
+)
+def test_a_profile_of_ones_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, expected: str, code: int, said: str
+) -> None:
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
+    folder = tmp_path / "dvtcli" / "profiles"
+    folder.mkdir(parents=True)
+    text = f'name = "mine"\ntitle = "Mine"\n[software_identification]\n{expected}\n'
+    (folder / "mine.toml").write_text(text, "utf-8")
+    made = Loading(tmp_path, profile="mine")
+    with made.bench:
+        ran = made.run()
+        assert (ran.code, said in ran.stdout + ran.stderr) == (code, True), ran.stderr
 
 
 @pytest.mark.parametrize("at", range(0, 460, 23))

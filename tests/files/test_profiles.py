@@ -190,6 +190,9 @@ def test_unknown_names_get_a_hint(name: str, hint: str) -> None:
         ('like = "gen5"', 3, "no built-in profile is called 'gen5'", "did you mean 'gen4'?"),
         ("pdo_count = ", "3:13", "Invalid value", None),
         ("pdo_count = 1\npdo_count = 2", "4:14", "Cannot overwrite a value", None),
+        ("[software_identification]\n0 = 1\n", 4, "the key must be a program, 1…254", None),
+        ("[software_identification]\n255 = 1\n", 4, "the key must be a program, 1…254", None),
+        ("[software_identification]\n1 = -1\n", 4, "-1 is not within 0..4294967295", None),
     ],
 )
 def test_complaints_name_line_and_key(text: str, line: int | str, words: str, hint: str | None) -> None:

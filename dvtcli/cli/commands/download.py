@@ -42,7 +42,7 @@ def _final(params: Mapping[str, Any]) -> Final | None:
 @click.command("download", cls=DvtCommand, short_help=__doc__, effect=Effect.COMMANDS, final=_final)
 @click.argument("file", type=FILE, required=False)
 @click.option("--program", type=NumberType(1, 254, "a program"), default=1, metavar="N", help="Which one [1].")
-@click.option("--expect", type=_ExpectType(), metavar="ID|crc32", help="What 0x1F56 has to say then.")
+@click.option("--expect", type=_ExpectType(), metavar="ID|crc32", help="What 0x1F56 has to say then [the profile's].")
 @click.option("--forget", is_flag=True, help="Say no more that a download was not completed.")
 @click.pass_obj
 def command(

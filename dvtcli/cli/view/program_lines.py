@@ -28,4 +28,6 @@ def _said(identification: int | None) -> str:
 
 
 def _compared(result: ProgramLoaded) -> str:
-    return ", as expected" if result.expected is not None else ": compared with nothing, --expect does that"
+    if result.expected is None:
+        return ": compared with nothing, --expect does that"
+    return f", as profile {result.expected_by} expects" if result.expected_by else ", as expected"

@@ -27,6 +27,7 @@ from dvtcli.domain.profile import (
     StorePolicy,
     VpdoGroup,
 )
+from dvtcli.domain.program import CRC32
 from dvtcli.files.family_folder import families_with, family_path
 from dvtcli.files.toml_item import (
     Item,
@@ -53,6 +54,8 @@ from dvtcli.files.toml_item import (
 _FILE = "profile.toml"
 #: How "not worth a word" is written, since TOML has no null.
 _FINE = "fine"
+#: The highest number of a program of one device (CiA 302-3).
+_PROGRAMS = 254
 #: How a built-in profile writes its vendors, and what it is like.
 _VENDORS, _LIKE = re.compile(r"^vendor_ids = \[([^\]]*)\]", re.M), re.compile(r'^like = "([^"]*)"', re.M)
 
@@ -178,6 +181,16 @@ def _faults(item: Item) -> dict[int, KnownFault]:
     return found
 
 
+def _software_identification(item: Item) -> dict[int, int | str]:
+    """By program what 0x1F56 says of the right one."""
+    found: dict[int, int | str] = {}
+    for member in item.items():
+        if not (re.fullmatch(r"[1-9][0-9]{0,2}", member.key) and int(member.key) <= _PROGRAMS):
+            member.fail(f"the key must be a program, 1…{_PROGRAMS}")
+        found[int(member.key)] = CRC32 if member.value == CRC32 else integer(0, 0xFFFF_FFFF)(member)
+    return found
+
+
 _STORE: Schema = {
     "sub_indices": integers(1, 0x7F),
     "timeout_s": seconds,
@@ -237,6 +250,7 @@ _PROFILE: Schema = {
     "silent_rpdo": string,
     "fault_list": _fault_list,
     "faults": _faults,
+    "software_identification": _software_identification,
     "aliases": _aliases,
     "type_texts": by_number(255),
     "type_notes": by_number(255),

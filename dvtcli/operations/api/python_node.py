@@ -200,8 +200,9 @@ class Node(ReadNode):
     ) -> ProgramLoaded:
         """Load a program file (.bin, .hex) as *program* (1..254), start it and see it run: as the command `download`.
 
-        *expect* is what its software identification (0x1F56) has to be, "crc32" for the CRC-32 of what is sent; needs
-        *yes*. LeftChanged says what the device holds where it failed once the old program was cleared.
+        *expect* is what its software identification (0x1F56) has to be, "crc32" for the CRC-32 of what is sent, None
+        for what the node's profile says, if anything; needs *yes*. LeftChanged says what the device holds where it
+        failed once the old program was cleared.
         """
         from dvtcli.operations.load_program import load_program
 
