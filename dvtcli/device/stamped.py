@@ -7,12 +7,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, TypeGuard
 
-from dvtcli.device.read_pdos import read_optional
+from dvtcli.device.read_pdos import UNREADABLE
 from dvtcli.device.store_parameters import STORE
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import STAMP, Plan, Step, ValueChange, alters
 from dvtcli.domain.stamp import DATE, TIME, Stamp, is_own_date
-from dvtcli.errors import SdoAborted, SdoProtocolError
+from dvtcli.errors import SdoAborted
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -26,7 +26,10 @@ _ENDS = "a configuration that changes loses its stamp"
 
 
 def held_stamp(node: KnownPdos) -> Stamp | None:
-    """What 0x1020 of *node* holds, as it was read since the last change; None where it has none that can be set."""
+    """What 0x1020 of *node* holds, as it was read since the last change; None where it has none that can be set.
+
+    SdoAborted where it cannot be read just now: it may hold a stamp of ours all the same, which vouches.
+    """
     days = _read(node, DATE)
     ms = None if days is None else _read(node, TIME)
     return None if days is None or ms is None else Stamp(days, ms)
@@ -40,11 +43,13 @@ def _read(node: KnownPdos, sub_index: int) -> int | None:
     elif node.has_no_stamp:
         return None
     try:
-        found = read_optional(node.memory, STAMP, sub_index, 4)
-    except (SdoAborted, SdoProtocolError):
+        data = node.memory.upload(STAMP, sub_index)
+    except SdoAborted as aborted:
+        if aborted.code not in UNREADABLE:
+            raise
+        node.has_no_stamp = True
         return None
-    node.has_no_stamp = found is None
-    return found
+    return int.from_bytes(data[:4], "little") if data and not any(data[4:]) else None  # else it is no stamp of ours
 
 
 def stamp_changes(held: Stamp, wanted: Stamp, reason: str) -> tuple[ValueChange, ...]:

@@ -6,17 +6,18 @@ Each with devices that clear 0x1020 when their configuration changes, and with d
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
 
+from dvtcli.domain.abort import Abort
 from dvtcli.domain.network.wanted_state import Endpoint
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.request import PdoRequest
 from dvtcli.domain.stamp import Stamp
-from dvtcli.errors import DvtcliError, LeftChanged
+from dvtcli.errors import DvtcliError, LeftChanged, SdoAborted
 from dvtcli.operations.change import configure_pdo
 from dvtcli.operations.link_pdos import link_pdos
 from dvtcli.operations.network_files import applied, planned
@@ -24,6 +25,7 @@ from dvtcli.operations.recover_change import recover
 from dvtcli.operations.session import Session
 from dvtcli.operations.store_restore import restore_defaults, store_settings
 from dvtcli.operations.undo_changes import undo
+from dvtcli.simulator.device.refusal import Refusal
 from tests.network.bench import Chain
 from tests.network.killed import Watched, afterwards
 from tests.sample import part
@@ -288,6 +290,34 @@ def test_a_stamp_of_somebody_else_is_left_alone_and_its_node_is_read(chain: Chai
     chain.apply(path)
     assert not stamp(chain, 5).is_own
     assert unread(chain, path) == (1,)
+
+
+@pytest.mark.parametrize(
+    ("code", "stands"),
+    [(Abort.NO_OBJECT, True), (Abort.WRITE_ONLY, True), (Abort.DEVICE_STATE, False), (0x0504_0000, False)],
+)
+def test_a_stamp_that_cannot_be_read_now_is_not_taken_for_none(
+    chain: Chain, tmp_path: Path, code: int, stands: bool
+) -> None:
+    """Else it would go on vouching for what is changed."""
+    path = file(tmp_path)
+    chain.apply(path)
+    device, refuses = chain.devices[5], [True]
+    answer = device.upload
+
+    def upload(index: int, sub_index: int) -> bytes:
+        if index == 0x1020 and refuses:
+            raise Refusal(code)
+        return answer(index, sub_index)
+
+    device.upload = upload  # type: ignore[method-assign]
+    before = device.value(0x1800, 5)
+    with chain.session(node=5) as session, suppress(SdoAborted):
+        configure_pdo(session, 5, Pdo.parse("tpdo1"), PdoRequest(event_timer=70))
+    assert (device.value(0x1800, 5) != before) == stands
+    refuses.clear()
+    if not stands:
+        assert unread(chain, path) == (1, 5)
 
 
 def test_a_node_without_0x1020_gets_none(tmp_path: Path) -> None:
