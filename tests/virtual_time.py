@@ -22,7 +22,6 @@ from dvtcli.bus.watched_bus import WatchedBus
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import BusUnavailable
-from dvtcli.simulator.device.lss_slave import BIT_RATES
 from dvtcli.simulator.device.simulated_faults import Fault
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.roster import Roster
@@ -59,7 +58,7 @@ class VirtualTimeBus(WatchedBus):
         bit_rate: int | None = None,
     ) -> None:
         super().__init__("virtual time", simulated=simulated, timeout_s=timeout_s, retries=retries)
-        known_rates = () if bit_rate is None else tuple(BIT_RATES.values())
+        known_rates = () if bit_rate is None else None
         self.nodes = stations(devices, faults, signals, bit_rate=bit_rate, known_rates=known_rates)
         self._roster = Roster(self.nodes)
         #: what we run at (bit/s), None where frames take no time; frames that not all could read

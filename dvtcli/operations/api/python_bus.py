@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from dvtcli.errors import UsageError
 from dvtcli.operations.api.calls import Calls
 from dvtcli.operations.api.checks import flags, number, path, seconds, whole, word
-from dvtcli.operations.api.link_ends import endpoints, heartbeat_of
+from dvtcli.operations.api.network_calls import NetworkCalls
 from dvtcli.operations.api.python_node import Node
 from dvtcli.operations.session import Session
 from dvtcli.operations.simulated_nodes import read_dictionary
@@ -24,17 +24,13 @@ if TYPE_CHECKING:
     from dvtcli.operations.api.python_lss import Lss
     from dvtcli.operations.results import (
         Changed,
-        NetworkApplied,
-        NetworkLoad,
-        NetworkPlanned,
-        NetworksChecked,
         NodeListing,
         SyncCheck,
         Synced,
     )
 
 
-class Bus:
+class Bus(NetworkCalls):
     """An open CAN bus; a context manager that leaves it.
 
     Made by `connect` and `simulate`. One call at a time is at work on a bus: calls of several threads wait for their
@@ -42,8 +38,7 @@ class Bus:
     """
 
     def __init__(self, session: Session) -> None:
-        self._session = session
-        self._calls = Calls(session)
+        super().__init__(session, Calls(session))
         self._nodes: dict[int, Node] = {}
         self._name = session.wire.name
         self._canopen: CanopenNetwork | None = None
@@ -154,133 +149,6 @@ class Bus:
         for node_id in node_ids:
             whole("node_ids", node_id, "a node-ID", 127, low=1)
         return self._calls.run(lambda: check_sync(self._session, node_ids))
-
-    def plan(self, file: str | Path, *, trust_stamp: bool = False) -> NetworkPlanned:
-        """What has to be written for the network *file* (YAML) to be so; reads its nodes, and writes nothing.
-
-        With *trust_stamp* not those whose 0x1020 has the stamp of what the file says; the answer names them.
-        InputFileError with everything that is wrong in the file; RuleError with everything that the rules refuse, on
-        all nodes; SafetyRefusal where a node is another device than the file says.
-        """
-        from dvtcli.operations.network_files import planned
-
-        chosen = str(path("file", file))
-        flags(trust_stamp=trust_stamp)
-        return self._calls.run(lambda: planned(self._session, chosen, trust_stamp=trust_stamp))
-
-    def load(
-        self,
-        file: str | Path | None = None,
-        *,
-        for_s: float = 3.0,
-        bit_rate: int | None = None,
-        sync_ms: float | None = None,
-        inhibit_ms: Mapping[str, float] | None = None,
-    ) -> NetworkLoad:
-        """What the nodes of the network *file* (None: those on the bus) need of it at worst; true where all of it fits.
-
-        The bus is listened to for *for_s* seconds (0…3600). *bit_rate* (bit/s) counts instead of the bus's own,
-        *sync_ms* as the period of SYNC, *inhibit_ms* as inhibit times: `{"5:tpdo3": 40}`. Writes nothing. Raises as
-        `plan`; UsageError where a PDO is none.
-        """
-        from dvtcli.operations.api.load_arguments import load_wishes
-        from dvtcli.operations.network_load import network_load
-
-        chosen = None if file is None else str(path("file", file))
-        wishes = load_wishes(for_s, bit_rate, sync_ms, inhibit_ms)
-        return self._calls.run(lambda: network_load(self._session, chosen, wishes))
-
-    def check(
-        self,
-        *files: str | Path,
-        rules: Sequence[str] = (),
-        without: Sequence[str] = (),
-        strict: bool = False,
-        bit_rate: int | None = None,
-        for_s: float | None = None,
-    ) -> NetworksChecked:
-        """What is wrong with the network *files*, with the nodes on the bus, and between them; true where nothing is.
-
-        Only *rules* are asked (none: all), and none of *without*; with *strict* a warning is wrong, too. *bit_rate*
-        (bit/s) counts instead of the bus's own. The bus is listened to for *for_s* seconds (0…3600; None: 2, and not at
-        all where nobody else can be on it). What cannot be read of a file is a finding. Writes nothing. UsageError for
-        a rule that there is not.
-        """
-        from dvtcli.operations.api.check_arguments import check_wishes
-        from dvtcli.operations.check_live import check_all
-
-        chosen = [str(path("files", file)) for file in files]
-        wishes = check_wishes(rules, without, bit_rate, for_s, strict=strict)
-        return self._calls.run(lambda: check_all(self._session, chosen, wishes))
-
-    def apply(
-        self,
-        file: str | Path,
-        *,
-        prove: bool = False,
-        trust_stamp: bool = False,
-        yes: bool = False,
-        force: bool = False,
-    ) -> NetworkApplied:
-        """Make the nodes what the network *file* says, or a plan that `dvtcli plan -o` saved: all of them, or none.
-
-        Asks first, unless *yes*; *force* is as for a node's changes; *trust_stamp* as of `plan`. Nodes store where the
-        file says so, once all of them were read back; with *prove* each is restarted then, and compared. A fault on one
-        node brings every node back; LeftChanged where one could not be, or where not all have stored. SafetyRefusal
-        where a node has changed since the plan was saved.
-        """
-        from dvtcli.operations.network_files import applied
-
-        chosen = str(path("file", file))
-        flags(prove=prove, trust_stamp=trust_stamp)
-        prove_by = "reset" if prove else None
-        return self._calls.run(
-            lambda: applied(self._session, chosen, prove=prove_by, trust_stamp=trust_stamp),
-            changes=True,
-            yes=yes,
-            force=force,
-        )
-
-    def link(
-        self,
-        producer: str,
-        *consumers: str,
-        heartbeat_ms: int | None = None,
-        heartbeat: bool = True,
-        yes: bool = False,
-        force: bool = False,
-    ) -> NetworkApplied:
-        """Let the RPDOs *consumers* hear the TPDO *producer* (`1:tpdo1`, `5:rpdo2`): on all nodes, or on none.
-
-        What an RPDO maps is what it is to hear, at the places where the TPDO sends it; dummies skip the rest. The TPDO
-        keeps its CAN-ID where it may. The consumers watch the producer's heartbeat, which *heartbeat_ms* (1…65535)
-        sets, unless *heartbeat* is False. RuleError where the layouts do not fit, else as `apply`.
-        """
-        from dvtcli.operations.link_pdos import link_pdos
-
-        sender, *hearers = endpoints(producer, *consumers)
-        flags(heartbeat=heartbeat)
-        asked = heartbeat_of(heartbeat_ms, watched=heartbeat)
-        return self._calls.run(lambda: link_pdos(self._session, sender, hearers, heartbeat=asked), yes=yes, force=force)
-
-    def unlink(
-        self, producer: str, *consumers: str, heartbeat: bool = True, yes: bool = False, force: bool = False
-    ) -> NetworkApplied:
-        """Disable the RPDOs *consumers* that hear the TPDO *producer*, which goes on: others may hear it.
-
-        A node that hears nothing of the producer's node any more stops watching its heartbeat, unless *heartbeat* is
-        False. UsageError where an RPDO does not hear the TPDO.
-        """
-        from dvtcli.operations.link_pdos import unlink_pdos
-
-        sender, *hearers = endpoints(producer, *consumers)
-        flags(heartbeat=heartbeat)
-        return self._calls.run(
-            lambda: unlink_pdos(self._session, sender, hearers, heartbeat=heartbeat),
-            changes=True,
-            yes=yes,
-            force=force,
-        )
 
     def recover(self, *, yes: bool = False, force: bool = False) -> tuple[Changed, ...]:
         """Put back what every interrupted change of the bus replaced, on all nodes, as `recover` without `-n`.

@@ -6,6 +6,8 @@ downloads, and does not know what a reset brings back.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.ports import Frame
@@ -15,7 +17,9 @@ from dvtcli.simulator.device.family import Family
 from dvtcli.simulator.device.heartbeat import CONSUMER_TIMES, Guarded, Heartbeat, HeartbeatConsumer
 from dvtcli.simulator.device.memory import Memory
 from dvtcli.simulator.device.sync_producer import SYNC_COB_ID, SyncProducer
-from dvtcli.simulator.device.vpdo_copies import VirtualPdos
+
+if TYPE_CHECKING:
+    from dvtcli.simulator.device.vpdo_copies import VirtualPdos
 
 ERROR_BEHAVIOUR = 0x1029
 _NEVER = float("inf")
@@ -29,7 +33,7 @@ class FrameServices:
     def __init__(self, memory: Memory, family: Family) -> None:
         self._memory = memory
         self._state = NmtState.INITIALISING
-        self._vpdos = VirtualPdos(memory, family)
+        self._vpdos = _virtual_pdos(memory, family)
         self._errors = Emergencies(memory, family.error_list)
         self._error_list = family.error_list
         self._exchange = PdoExchange(memory, family, self._errors)
@@ -45,7 +49,7 @@ class FrameServices:
         self._polled_changes = -1
         self._due_s = -_NEVER
         self._sync_changes = 0
-        self._vpdos.copy()
+        self._copy()
 
     @property
     def state(self) -> NmtState:
@@ -72,7 +76,7 @@ class FrameServices:
         self._producers.configure()
         self._guarded.reset()
         self._sync_producer.reset()
-        self._vpdos.copy()
+        self._copy()
 
     def written(self, index: int) -> None:
         """An object of *index* was written by an SDO download."""
@@ -90,14 +94,14 @@ class FrameServices:
         pdo = Pdo.at(index)
         if pdo is not None:
             self._exchange.forget(pdo)
-        self._vpdos.copy()
+        self._copy()
 
     def sync(self, counter: int | None = None) -> list[Frame]:
         """Obey a SYNC, with its *counter* (1..240) where it carries one; returns the TPDO frames due."""
         if self._state is not NmtState.OPERATIONAL:
             return []
         frames = self._exchange.sync(counter)
-        self._vpdos.copy()
+        self._copy()
         return frames
 
     def receive(self, frame: Frame) -> list[Frame]:
@@ -112,7 +116,7 @@ class FrameServices:
         if frame.remote:
             return self._exchange.request(frame)
         answers = self._exchange.receive(frame)
-        self._vpdos.copy()
+        self._copy()
         return answers
 
     def hears(self, frame: Frame) -> bool:
@@ -190,3 +194,17 @@ class FrameServices:
         """
         frames = self._errors.set(code, code) if code else self._errors.clear_all()
         return [] if self._state is NmtState.STOPPED else frames
+
+    def _copy(self) -> None:
+        """Bring what virtual PDOs tie up to date."""
+        if self._vpdos is not None:
+            self._vpdos.copy()
+
+
+def _virtual_pdos(memory: Memory, family: Family) -> VirtualPdos | None:
+    """The virtual PDOs of a family that has any, unless the node is a twin: the real one has copied already."""
+    if memory.backing is not None or not (family.pins or family.motors):
+        return None
+    from dvtcli.simulator.device.vpdo_copies import VirtualPdos
+
+    return VirtualPdos(memory, family)

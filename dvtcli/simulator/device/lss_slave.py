@@ -56,10 +56,13 @@ class LssSlave:
         self._new_rate: int | None = None
         self.reset()
 
-    def run_at(self, bit_rate: int | None, known_rates: Collection[int] = ()) -> None:
-        """Run at *bit_rate* (bit/s) from now on, and after power-on; *known_rates* are those that it can be told."""
+    def run_at(self, bit_rate: int | None, known_rates: Collection[int] | None = ()) -> None:
+        """Run at *bit_rate* (bit/s) from now on, and after power-on.
+
+        *known_rates* are those that it can be told; None: those of the standard's table.
+        """
         self.bit_rate = self.stored_rate = bit_rate
-        self.known_rates = known_rates
+        self.known_rates = tuple(BIT_RATES.values()) if known_rates is None else known_rates
 
     def power_on(self) -> None:
         """Run at what is stored."""

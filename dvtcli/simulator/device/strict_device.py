@@ -6,7 +6,7 @@ Knows the order in which a CANopen device judges a request. Does not know SDO fr
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.abort import Abort
@@ -18,13 +18,13 @@ from dvtcli.simulator.device.frame_services import FrameServices
 from dvtcli.simulator.device.gates import Gates
 from dvtcli.simulator.device.heartbeat import HEARTBEAT
 from dvtcli.simulator.device.judge import Judge
-from dvtcli.simulator.device.lss_slave import LssSlave
 from dvtcli.simulator.device.memory import Backing, Memory
 from dvtcli.simulator.device.parameter_areas import ParameterAreas
 from dvtcli.simulator.device.refusal import Refusal
 
 if TYPE_CHECKING:
     from dvtcli.simulator.device.boot_loader import BootLoader
+    from dvtcli.simulator.device.lss_slave import LssSlave
 
 #: Verify configuration (CiA 301, 7.5.2.22).
 _STAMP = 0x1020
@@ -65,13 +65,36 @@ class StrictDevice:
         self.services = FrameServices(self._memory, family)
         #: what programs it, None for a device whose program stays, and for a twin
         self.loader = _loader() if family.boot_loader and backing is None else None
-        self.lss = LssSlave(self._memory, self.areas, node_id)
+        #: what hears an LSS master; until it is needed, the bit rate (bit/s) at power-on, and those that it can be told
+        self._lss: LssSlave | None = None
+        self._rates: tuple[int | None, Collection[int] | None] = (None, ())
         self._judge = Judge(self._memory, family, self._gates, self.areas, self.services.judges)
 
     @property
     def node_id(self) -> int:
         """The node's own node-ID, 1..127; 255 while it has none."""
         return self._memory.node_id
+
+    @property
+    def lss(self) -> LssSlave:
+        """The node's LSS slave, which begins with its first use."""
+        if self._lss is None:
+            from dvtcli.simulator.device.lss_slave import LssSlave
+
+            self._lss = LssSlave(self._memory, self.areas, self.node_id)
+            self._lss.run_at(*self._rates)
+        return self._lss
+
+    @property
+    def bit_rate(self) -> int | None:
+        """What the node runs at (bit/s); None where frames take no time."""
+        return self._rates[0] if self._lss is None else self._lss.bit_rate
+
+    def run_at(self, bit_rate: int | None, known_rates: Collection[int] | None = ()) -> None:
+        """Run at *bit_rate* (bit/s) from now on; *known_rates* are those that LSS can tell it, None: CiA 305's."""
+        self._rates = bit_rate, known_rates
+        if self._lss is not None:
+            self._lss.run_at(bit_rate, known_rates)
 
     @property
     def state(self) -> NmtState:
@@ -94,7 +117,8 @@ class StrictDevice:
     def power_on(self, stored: Mapping[tuple[int, int], bytes], node_id: int | None = None) -> None:
         """Wake with *stored* and *node_id* as what was kept, and nothing else; INITIALISING until `boot_up`."""
         self._memory.put_stored(stored)
-        self.lss.stored = node_id or self.lss.stored
+        if node_id:
+            self.lss.stored = node_id
         self.restart()
 
     def upload(self, index: int, sub_index: int) -> bytes:
@@ -177,7 +201,8 @@ class StrictDevice:
         """Lose what was not stored, as at power-on; INITIALISING, silent and deaf until `boot_up`."""
         self.outbox.clear()
         self._initialise(communication_only=False, powered=False)
-        self.lss.power_on()
+        if self._lss is not None:
+            self._lss.power_on()
 
     def take_outbox(self) -> list[Frame]:
         """The frames that the device has to send now; empties the outbox."""
@@ -216,7 +241,8 @@ class StrictDevice:
         self.boot_up()
 
     def _initialise(self, *, communication_only: bool, powered: bool) -> None:
-        self.lss.reset(communication_only=communication_only)
+        if self._lss is not None:
+            self._lss.reset(communication_only=communication_only)
         if self.loader is not None:
             self.loader.restart()
         self.areas.reset(communication_only=communication_only, powered=powered)

@@ -21,8 +21,6 @@ class VirtualPdos:
 
     def copy(self) -> None:
         """Bring every tied object up to date."""
-        if self._memory.backing is not None:
-            return
         for group in self._family.pins:
             for pin, selected in self._selected(group.selector):
                 self._copy_pin(group, pin, (selected, 0))

@@ -10,7 +10,6 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.ports import Frame
-from dvtcli.simulator.device.lss_slave import BIT_RATES
 from dvtcli.simulator.network.roster import Roster
 from dvtcli.simulator.network.station import SimulatedNode, stations
 
@@ -46,7 +45,7 @@ class NodesOnABus:
         bit_rate: int | None = None,
         destroyed: Callable[[], None] = lambda: None,
     ) -> None:
-        known_rates = () if bit_rate is None else tuple(BIT_RATES.values())
+        known_rates = () if bit_rate is None else None
         self.nodes = stations(devices, faults, signals, bit_rate=bit_rate, known_rates=known_rates)
         #: what those who are not simulated run at (bit/s), and whether they only listen
         self.bit_rate, self.only_heard = bit_rate, False

@@ -60,7 +60,7 @@ class SimulatedNode:
     @property
     def bit_rate(self) -> int | None:
         """What the node runs at (bit/s); None where frames take no time."""
-        return self.device.lss.bit_rate
+        return self.device.bit_rate
 
     @property
     def bus_failed(self) -> bool:
@@ -196,15 +196,15 @@ def stations(
     signals: Sequence[Signal] = (),
     *,
     bit_rate: int | None = None,
-    known_rates: Collection[int] = (),
+    known_rates: Collection[int] | None = (),
 ) -> list[SimulatedNode]:
     """*devices* as nodes, each with its own of *faults* and *signals*; those that name no node are the first one's.
 
     *bit_rate* is what they run at (bit/s), None where frames take no time; *known_rates* are those that LSS can tell
-    them instead. ValueError where a signal has no object.
+    them instead, None: those of CiA 305. ValueError where a signal has no object.
     """
     for device in devices:
-        device.lss.run_at(bit_rate, known_rates)
+        device.run_at(bit_rate, known_rates)
     if not (faults or signals):
         nodes = [SimulatedNode(device) for device in devices]
         for node in nodes:
