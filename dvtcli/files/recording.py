@@ -116,6 +116,12 @@ class Recorder:
             writer.log_event("Start of measurement", float(int(message.timestamp)))
         return writer
 
+    def note(self, text: str, time_s: float) -> None:
+        """Say *text* between the frames, at *time_s* (s since 1970), where the format can (.asc)."""
+        writer: Any = self._writer.writer if isinstance(self._writer, can.SizedRotatingLogger) else self._writer
+        if isinstance(writer, can.ASCWriter) and writer.header_written:
+            writer.log_event(text, time_s)
+
     def flush(self) -> None:
         """Hand what was written to the system, so that a kill loses nothing of it (.blf and .mf4 keep a block back)."""
         writer: Any = self._writer.writer if isinstance(self._writer, can.SizedRotatingLogger) else self._writer

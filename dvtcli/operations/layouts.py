@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from dvtcli.errors import BusUnavailable, NoAnswer, SdoAborted, SdoProtocolError, UsageError
 from dvtcli.watch.decoder import Decoder, pdo_layouts
 
 if TYPE_CHECKING:
+    from dvtcli.device.node import Node
     from dvtcli.domain.ports import CanopenBus
     from dvtcli.operations.session import Session
 
@@ -33,23 +35,45 @@ def live_decoder(session: Session, nodes: tuple[int, ...], dbc: str | None = Non
     A node that does not answer is said, and its frames stay bytes. Only reads: SDO uploads.
     """
     decoder = Decoder()
+    for _, decoder in live_decoders(session, nodes, dbc):  # noqa: B007 - the last one knows all
+        pass
+    return decoder
+
+
+def live_decoders(
+    session: Session, nodes: tuple[int, ...], dbc: str | None = None, *, named: bool = False
+) -> Iterator[tuple[int | None, Decoder]]:
+    """The same node by node: the node that is read next (None: all are), and the decoder for those before it.
+
+    With *named* it also has the nodes' names: one read more of each that has no EDS.
+    """
+    known, names = Decoder(), dict[int, str]()
     if dbc is not None:
         from dvtcli.files.dbc import read_dbc
 
-        decoder.add(read_dbc(dbc))
-        if not nodes:
-            return decoder
-    for node_id in nodes or _present(session):
+        known.add(read_dbc(dbc))
+    for node_id in () if dbc is not None and not nodes else nodes or _present(session):
+        yield node_id, Decoder(known.layouts, names)
         try:
             node = session.node(node_id)
-            decoder.add(pdo_layouts(node_id, node.pdos(), node.dictionary))
+            known.add(pdo_layouts(node_id, node.pdos(), node.dictionary))
+            if named:
+                names[node_id] = _name(node)
             if node.dictionary is None:
                 session.tell.note(f"node {node_id} has no EDS: {_WITHOUT_EDS}")
         except BusUnavailable:
             raise
         except (NoAnswer, SdoAborted, SdoProtocolError) as silent:
             session.tell.note(f"node {node_id}: its mapping cannot be read ({silent.text}); its frames stay bytes")
-    return decoder
+    yield None, Decoder(known.layouts, names)
+
+
+def _name(node: Node) -> str:
+    """What *node* is called: by its EDS, by itself (0x1008), by its family."""
+    from dvtcli.operations.identify import device_name
+
+    named = node.dictionary.info.product_name if node.dictionary is not None else device_name(node.sdo)
+    return named or node.profile.title
 
 
 def _present(session: Session) -> list[int]:

@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
-from time import monotonic
+from time import monotonic, time
 from typing import TYPE_CHECKING
 
 from dvtcli.errors import BusUnavailable, DvtcliError, SafetyRefusal, UsageError
@@ -50,7 +50,11 @@ def record_frames(
     open_wire(session)
     listening = SteadyListener(session)
     with Recorder(path, append=append, most_bytes=most_bytes) as recorder, listening as listener:
-        seconds = _record(session, listener, recorder.write, recorder.flush, filters, duration_s)
+
+        def note_gap() -> None:
+            recorder.note(f"{listener.gaps_s[-1]:.1f} s are missing: the bus was gone", time())
+
+        seconds = _record(session, listener, recorder.write, recorder.flush, filters, duration_s, note_gap)
     if recorder.left_out:
         session.tell.warning(f"{recorder.left_out} remote frames are missing: a {path.suffix} file cannot hold them")
     files = f", in {recorder.files} files" if recorder.files > 1 else ""
@@ -156,9 +160,11 @@ def _facts(
         session.tell.warning(f"{listener.overflowed} frames were dropped: they came faster than they were written")
     rows = (
         ("file", str(path)), ("frames", frames), ("seconds", round(seconds, 3)), ("dropped", dropped),
-        ("bytes", size[0]),
+        ("bytes", size[0]), ("gaps", len(listener.gaps_s)), ("gone_s", round(sum(listener.gaps_s), 3)),
     )  # fmt: skip
     text = f"{path}: {frames} frames in {seconds:.2f} s, {dropped} dropped, {size[0]} bytes{size[1]}"
+    if listener.gaps_s:
+        text += f"; the bus was gone {len(listener.gaps_s)}x, for {sum(listener.gaps_s):.1f} s in all"
     code = session.cancellation.exit_code if session.cancellation.requested else _GONE if listener.is_gone else 0
     return Facts("log", rows, (text,), exit_code=code)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from time import monotonic
 from typing import TYPE_CHECKING
 
 from dvtcli.errors import BusUnavailable
@@ -30,6 +31,8 @@ class SteadyListener:
         self._before = 0, 0
         #: whether the bus was gone when the listening ended
         self.is_gone = False
+        #: how long the bus was gone each time that it was (s)
+        self.gaps_s: list[float] = []
         self._bus, self._listener = self._on_wire()
 
     def _on_wire(self) -> tuple[CanopenBus, Listener]:
@@ -76,8 +79,12 @@ class SteadyListener:
             raise failed
         self.stop()
         self.is_gone = True
-        if not come_back(self._session, self._bus, failed, stopping, tell):
-            return False
+        gone_s = monotonic()
+        try:
+            if not come_back(self._session, self._bus, failed, stopping, tell):
+                return False
+        finally:
+            self.gaps_s.append(monotonic() - gone_s)
         self._before = self.overflowed, self.dropped
         self._bus, self._listener = self._on_wire()
         self._listener.__enter__()

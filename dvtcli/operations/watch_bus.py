@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING
 
 from dvtcli.errors import BusUnavailable
 from dvtcli.operations.frame_answer import frame_seen
-from dvtcli.operations.layouts import live_decoder, open_wire
+from dvtcli.operations.layouts import live_decoder, live_decoders, open_wire
 from dvtcli.operations.steady_listener import SteadyListener
+from dvtcli.watch.decoder import Decoder
 from dvtcli.watch.seen import FrameStore
 
 if TYPE_CHECKING:
     from dvtcli.operations.first_bus import Tell
     from dvtcli.operations.results import FrameSeen
     from dvtcli.operations.session import Session
-    from dvtcli.watch.decoder import Decoder
 
 #: how long frames are gathered before they are shown (s)
 _BATCH_S = 0.05
@@ -33,6 +33,16 @@ class Watched:
     dbc: str | None
     listener: SteadyListener
     decoder: Decoder
+
+    @property
+    def bitrate(self) -> int | None:
+        """The bus's bit rate (bit/s), None where it is not known or has no meaning."""
+        wire = self.session.wire
+        return None if wire.simulated else wire.bitrate
+
+    def decoders(self) -> Iterator[tuple[int | None, Decoder]]:
+        """Read the nodes' mappings and names, node by node; see `layouts.live_decoders`."""
+        yield from live_decoders(self.session, self.nodes, self.dbc, named=True)
 
     def come_back(self, failed: BusUnavailable, stopping: Callable[[], bool], tell: Tell | None = None) -> bool:
         """Wait for the bus, which *failed*, and read the mappings anew; False as soon as *stopping*().
@@ -50,10 +60,12 @@ class Watched:
 
 
 @contextmanager
-def watching(session: Session, nodes: tuple[int, ...] = (), dbc: str | None = None) -> Iterator[Watched]:
-    """Listen to the bus from now on, also when it was gone and is back."""
+def watching(
+    session: Session, nodes: tuple[int, ...] = (), dbc: str | None = None, *, known: bool = True
+) -> Iterator[Watched]:
+    """Listen to the bus from now on, also when it was gone and is back; *known*: with the mappings read before."""
     open_wire(session)
-    decoder = live_decoder(session, nodes, dbc)
+    decoder = live_decoder(session, nodes, dbc) if known else Decoder()
     with SteadyListener(session, unasked=True) as listener:
         yield Watched(session, nodes, dbc, listener, decoder)
 

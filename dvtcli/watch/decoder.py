@@ -44,10 +44,14 @@ def _nothing(_data: bytes) -> list[Value | None]:
 
 
 class Decoder:
-    """Knows frames by their address; what it does not know is told by the pre-defined connection set."""
+    """Knows frames by their address; what it does not know is told by the pre-defined connection set.
 
-    def __init__(self, layouts: Mapping[Address, Layout] | None = None) -> None:
+    *names* are those of nodes, by node-ID.
+    """
+
+    def __init__(self, layouts: Mapping[Address, Layout] | None = None, names: Mapping[int, str] | None = None) -> None:
         self._known = dict(layouts or {})
+        self.names = dict(names or {})
         self._guessed: dict[Address, Layout] = {}
 
     def __len__(self) -> int:

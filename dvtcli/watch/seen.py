@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.ports import Frame
 from dvtcli.watch.decoder import Address, Decoder, Layout
+from dvtcli.watch.recent_load import BusLoad
 from dvtcli.watch.service import Service, event_of, state_in
 from dvtcli.watch.statistics import Course, Rhythm
 
@@ -41,6 +42,8 @@ class Row:
     data: bytes = b""
     remote: bool = False
     count: int = 0
+    #: when it came last (s since 1970)
+    last_s: float = 0.0
     rhythm: Rhythm = field(default_factory=Rhythm)
     changed_s: list[float] = field(default_factory=list)
     courses: list[Course] = field(default_factory=list)
@@ -52,10 +55,12 @@ class Row:
 
 
 class FrameStore:
-    """Takes every frame; *decoder* says what it carries."""
+    """Takes every frame; *decoder* says what it carries, *bitrate* (bit/s) what the bus takes, None: not known."""
 
-    def __init__(self, decoder: Decoder) -> None:
+    def __init__(self, decoder: Decoder, bitrate: int | None = None) -> None:
         self.decoder = decoder
+        self.load = BusLoad(bitrate)
+        self._bitrate = bitrate
         self.rows: dict[Address, Row] = {}
         self.events: deque[Event] = deque(maxlen=EVENTS)
         self.states: dict[int, NmtState] = {}
@@ -66,12 +71,14 @@ class FrameStore:
     def take(self, frame: Frame) -> bool:
         """Take *frame*, whose time is its `timestamp_s`; whether it says anything new."""
         self.frames += 1
+        self.load.add(frame, frame.timestamp_s)
         row = self._row(frame)
         if row is None:
             self.unlisted += 1
             return False
         time_s = frame.timestamp_s
         row.count += 1
+        row.last_s = time_s
         row.rhythm.beat(time_s)
         news = self._note_events(frame, row.service)
         first, row.remote = row.count == 1, frame.remote
@@ -127,6 +134,28 @@ class FrameStore:
         self.events.append(Event(frame.timestamp_s, f"node {service.node}  {said}"))
         return True
 
+    def know(self, decoder: Decoder) -> None:
+        """Take what *decoder* says from now on, also of what came before: counts stay, values are read anew."""
+        self.decoder = decoder
+        for row in self.rows.values():
+            layout = decoder.layout(Frame(row.can_id, row.data, row.extended))
+            if layout.service == row.service and layout.signals == row.layout.signals:
+                row.layout = layout
+                continue
+            row.layout, row.courses = layout, [Course() for _ in layout.signals]
+            if not row.remote:
+                for course, value in zip(row.courses, layout.read(row.data), strict=True):
+                    if value is not None:
+                        course.take(value, row.last_s)
+
+    def gap(self, time_s: float, text: str) -> None:
+        """Nobody listened until *time_s*, as *text* says: nothing of before counts but the events and the frames."""
+        self.rows.clear()
+        self.states.clear()
+        self.unlisted = 0
+        self.load = BusLoad(self._bitrate)
+        self.events.append(Event(time_s, text, bad=True))
+
     def sorted_rows(self) -> list[Row]:
         """The rows in the order of their CAN-IDs, 29-bit ones last."""
         return sorted(self.rows.values(), key=lambda row: (row.extended, row.can_id))
@@ -134,6 +163,6 @@ class FrameStore:
     def forget(self) -> None:
         """Begin anew with all statistics."""
         for row in self.rows.values():
-            row.count, row.rhythm = 1, Rhythm()
+            row.count, row.rhythm = 0, Rhythm()
             for course in row.courses:
                 course.forget()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -14,7 +15,7 @@ from hypothesis import strategies as st
 from dvtcli.bus.carrier import Carrier
 from dvtcli.bus.python_can import CanBus
 from dvtcli.cli.monitor.graph import graph
-from dvtcli.cli.monitor.screen import GRAPH, RAW, Moment, View, picture
+from dvtcli.cli.monitor.screen import GRAPH, RAW, Moment, View, age, picture
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
@@ -301,7 +302,8 @@ def golden_store() -> FrameStore:
         tuple(Signal(n, n, s.object, u) for n, s, u in zip(names, layout.signals, units, strict=True)),
         layout.read,
     )
-    store = FrameStore(Decoder({address: known}))
+    store = FrameStore(Decoder({address: known}, {1: "Gen4"}), bitrate=125_000)
+    store.take(Frame(0x701, b"\x05", timestamp_s=BEGIN_S - 61))
     for n in range(51):
         at_s = BEGIN_S + 0.02 * n
         value = (1000 + 100 * n).to_bytes(2, "little") + (50 * n).to_bytes(4, "little") + b"\x37\x12"
@@ -312,6 +314,39 @@ def golden_store() -> FrameStore:
     return store
 
 
+def test_what_is_learnt_later_counts_for_what_came_before() -> None:
+    """The first frames are shown at once, as bytes; once the mapping is read their values stand there, with counts."""
+    store = FrameStore(Decoder())
+    for number in range(3):
+        store.take(Frame(0x201, bytes.fromhex("000A24FAFFFF3712"), timestamp_s=BEGIN_S + number))
+    store.know(decoder())
+    (row,) = store.sorted_rows()
+    assert (row.service.label, row.count, row.courses[0].last) == ("TPDO1", 3, 2560)
+    course = row.courses[0]
+    store.know(decoder())
+    assert row.courses[0] is course, "what is as before keeps its course"
+    store.know(Decoder())
+    assert (row.service.label, row.courses) == ("RPDO1?", [])
+
+
+def test_a_gap_is_said_and_takes_what_was_seen_with_it() -> None:
+    store = FrameStore(decoder(), bitrate=500_000)
+    store.take(Frame(0x701, b"\x05", timestamp_s=BEGIN_S))
+    store.gap(BEGIN_S + 9, "the bus was gone for 9 s")
+    assert (store.rows, store.states, store.frames) == ({}, {}, 1)
+    assert (store.events[-1].text, store.events[-1].bad) == ("the bus was gone for 9 s", True)
+    assert store.take(Frame(0x701, b"\x05", timestamp_s=BEGIN_S + 10)), "its state is news again"
+    assert store.frames == 2
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"),
+    [(-1, "0.0 s"), (0.04, "0.0 s"), (99.9, "99.9 s"), (599, "599 s"), (600, "10 min"), (1e9, "long")],
+)
+def test_ages_take_six_characters(seconds: float, text: str) -> None:
+    assert age(seconds) == text
+
+
 @pytest.mark.parametrize(("columns", "rows"), [(80, 24), (120, 40)])
 @pytest.mark.parametrize("mode", ["table", "raw", "graph"])
 def test_screens_look_as_they_did(request: pytest.FixtureRequest, mode: str, columns: int, rows: int) -> None:
@@ -320,7 +355,7 @@ def test_screens_look_as_they_did(request: pytest.FixtureRequest, mode: str, col
     lines = ["".join(cell.text for cell in line).rstrip() for line in drawn]
     events = [line for line in lines if "EMCY node 5" in line and line.startswith("!")]
     assert len(events) == 1
-    lines[lines.index(events[0])] = "! HH:MM:SS" + events[0][10:]  # the time of day is local
+    lines = [re.sub(r"^(.) \d\d:\d\d:\d\d", r"\1 HH:MM:SS", line) for line in lines]  # the time of day is local
     path = SCREENS / f"{mode}_{columns}x{rows}.txt"
     text = "\n".join([*lines, ""])
     if request.config.getoption("--update-transcripts"):

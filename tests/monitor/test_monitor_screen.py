@@ -26,6 +26,7 @@ def started(open_terminal: Open, columns: int, rows: int, *words: str) -> Termin
     terminal.wait_prompt(PROMPT)
     terminal.run("monitor")
     terminal.until(lambda: terminal.lines[0].startswith("MONITOR sim") and count(terminal) > 5, "the monitor")
+    terminal.wait("606C:00")  # the mapping is read while the first frames are shown
     return terminal
 
 
@@ -45,7 +46,8 @@ def test_values_rates_and_keys_are_on_the_screen(open_terminal: Open, columns: i
     terminal = started(open_terminal, columns, rows)
     terminal.until(lambda: " Hz" in terminal.text and "±" in terminal.text, "rate and jitter")
     (frame,) = [line for line in terminal.lines if line.startswith("0x281 TPDO2 node 1")]
-    assert frame.endswith("24 FA FF FF 78 00 88 FF")
+    assert frame.endswith("24 FA FF FF 78 00 88 FF" if columns == 80 else "24 FA FF FF 78 00 88 FF  Gen4")
+    assert terminal.lines[1].startswith("1 Gen4")
     (speed,) = [line for line in terminal.lines if "606C:00" in line]
     assert "Velocity actual value" in speed
     assert "-1500 rpm" in speed
@@ -167,13 +169,41 @@ def test_a_bus_that_goes_and_comes_back_is_waited_for(tmp_path: Path, open_termi
         terminal = open_terminal(*bus_words(server.port), "monitor", "--nodes", "5", columns=120)
         terminal.until(lambda: count(terminal) > 0, "frames")
     terminal.wait("GONE for")
+    before = count(terminal)
     with served(tmp_path, "gen4@5", port=server.port):
-        terminal.until(lambda: "GONE" not in terminal.lines[0] and count(terminal) > 0, "frames of now")
+        terminal.until(lambda: "GONE" not in terminal.lines[0] and count(terminal) > before, "frames of now")
+        terminal.wait("the bus was gone for")
     terminal.wait("GONE for")
     terminal.type("q")
     assert terminal.ended() == 0
     said = terminal.written.decode().rpartition("MONITOR")[2]
     assert (said.count("is gone ("), said.count("is back after")) == (2, 1)
+
+
+def test_frames_are_shown_before_the_mapping_is_known(tmp_path: Path, open_terminal: Open) -> None:
+    """Node 9 is not there, and has half a minute to answer; `m` does nothing more meanwhile."""
+    with served(tmp_path, "gen4@5") as server:
+        words = (*bus_words(server.port), "--timeout", "30", "monitor", "--nodes", "9")
+        terminal = open_terminal(*words)
+        terminal.until(lambda: "reading the mapping of node 9" in terminal.lines[1], "the node that is asked")
+        terminal.wait("heartbeat node 5")
+        terminal.type("mq")
+        assert terminal.ended() == 0
+
+
+def test_a_mapping_is_read_anew_by_a_key_and_its_node_has_its_name(tmp_path: Path, open_terminal: Open) -> None:
+    with served(tmp_path, "gen4@5") as server:
+        assert server.dvtcli("-n", "5", "nmt", "start").returncode == 0
+        terminal = open_terminal(*bus_words(server.port), "monitor", "--nodes", "5", columns=100)
+        terminal.until(lambda: "5 Gen4 OPERATIONAL" in terminal.lines[1], "the node's name and state")
+        terminal.until(lambda: "606C:00" in terminal.text, "its mapping")
+        assert server.dvtcli("-n", "5", "--yes", "map", "tpdo2", "6041").returncode == 0
+        assert "606C:00" in terminal.text
+        terminal.type("m")
+        terminal.until(lambda: "606C:00" not in terminal.text and "reading" not in terminal.lines[1], "the new mapping")
+        assert "TPDO2 node 5" in terminal.text
+        terminal.type("q")
+        assert terminal.ended() == 0
 
 
 def test_a_bus_that_fails_ends_the_monitor_with_its_reason(open_terminal: Open) -> None:

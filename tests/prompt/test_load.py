@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from dvtcli.cli.prompt.recent_load import BusLoad
 from dvtcli.domain.bus_load import frame_bits
 from dvtcli.domain.ports import Frame
+from dvtcli.watch.recent_load import BusLoad
 
 FRAME = Frame(0x181, bytes(range(8)))
 

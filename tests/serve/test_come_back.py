@@ -93,6 +93,8 @@ def test_a_log_goes_on_in_the_same_file(tmp_path: Path) -> None:
     assert code == 130
     facts = documents(out)[-1]
     assert (facts["schema"], facts["frames"]) == ("dvtcli.log/1", len(file.read_text("utf-8").splitlines()))
+    assert facts["gaps"] == 1
+    assert facts["gone_s"] > 0
 
 
 def test_a_log_of_values_ends_where_the_node_sends_others_now(tmp_path: Path) -> None:

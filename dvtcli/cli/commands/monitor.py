@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import sys
 from typing import TYPE_CHECKING
 
 import click
@@ -43,8 +41,9 @@ def command(
     """Watch the bus: PDOs decoded with the mapping that the nodes hold, EMCY and NMT, until q or Ctrl-C.
 
     At a terminal a full screen, its keys are at the bottom; else one dvtcli.frame/1 document a line. Only reads: the
-    mappings by SDO upload, once, at the start. A node that does not answer shows its frames as bytes. A bus that is
-    gone is waited for: both are said, and the mappings are read anew then; --no-reconnect ends with 5.
+    mappings by SDO upload, once, at the start; on the screen beside the first frames, and anew with m. A node that
+    does not answer shows its frames as bytes. A bus that is gone is waited for: both are said, and the mappings are
+    read anew then; --no-reconnect ends with 5.
 
     \b
     monitor
@@ -52,25 +51,18 @@ def command(
     monitor --decode drive.dbc --changes
     monitor --duration 10 --json
     """
+    from dvtcli.cli.monitor.full_screen import has_full_screen
     from dvtcli.operations.watch_bus import stream, watching
 
-    with watching(session, nodes or (), decode) as watched:
-        if _full_screen(session):
-            from dvtcli.cli.monitor.app import watch
+    full_screen = has_full_screen(session)
+    with watching(session, nodes or (), decode, known=not full_screen) as watched:
+        if full_screen:
+            from dvtcli.cli.monitor.monitor_keys import watch
 
             watch(session, watched, wanted or "", duration, changes=changes)
         else:
             show, tell = _shown_by(session), _told_by(session)
             stream(watched, show, (wanted or "").lower(), duration, changes=changes, tell=tell)
-
-
-def _full_screen(session: Conversation) -> bool:
-    name = os.environ.get("TERM", "windows" if sys.platform == "win32" else "")  # a Windows console gives itself none
-    terminal = sys.stdin.isatty() and sys.stdout.isatty() and name.lower() not in _PLAIN
-    return terminal and not session.output.json and not session.in_script
-
-
-_PLAIN = ("", "dumb", "unknown")
 
 
 def _shown_by(session: Conversation) -> Callable[[Iterable[FrameSeen]], None]:

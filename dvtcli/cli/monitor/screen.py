@@ -14,7 +14,9 @@ from dvtcli.cli.view.frame_lines import shown_value
 from dvtcli.cli.view.lines import Cell
 from dvtcli.cli.view.safe import safe
 from dvtcli.domain.drive_state import STATUSWORD, drive_state
+from dvtcli.domain.nmt import NmtState
 from dvtcli.watch.decoder import Signal
+from dvtcli.watch.recent_load import HIGH_LOAD
 from dvtcli.watch.seen import Event, FrameStore, Row
 from dvtcli.watch.statistics import Course, spark
 
@@ -23,9 +25,13 @@ TABLE, RAW, GRAPH = "table", "raw", "graph"
 FRESH_S = 0.5
 #: events that are shown, at most
 EVENTS = 4
+#: a screen of so many rows has room for the nodes and for heads of the columns
+ABOVE_FROM = 12
 #: points of a sparkline in up to 100 columns and in many more; the time that a graph shows (s)
 SPARK, LONG_SPARK, GRAPH_S = 10, 60, 60.0
 _LEVELS, _PLAIN_LEVELS = "▁▂▃▄▅▆▇█", "_.-=+*#@"
+
+_STATE_STYLES: dict[NmtState | None, str] = {NmtState.OPERATIONAL: "green", None: ""}
 
 Lines = list[list[Cell]]
 
@@ -49,7 +55,7 @@ class View:
 class Moment:
     """What the picture is of: bus *name*, seconds since the start, frames *dropped*, and the time (s since 1970).
 
-    *gone_s* is how long the bus is gone (s), None while it is there.
+    *gone_s* is how long the bus is gone (s), None while it is there; *reading* the node whose mapping is being read.
     """
 
     name: str
@@ -57,16 +63,20 @@ class Moment:
     dropped: int
     now_s: float
     gone_s: float | None = None
+    reading: int | None = None
 
 
 def picture(store: FrameStore, view: View, moment: Moment, width: int, height: int) -> Lines:
     """The whole screen: header, body, events, keys; *height* lines (3 and more) of at most *width* columns."""
     events = [_event_line(event) for event in list(store.events)[-EVENTS:]]
     events = events[len(events) - min(len(events), max(0, height // 4)) :]
-    room = max(0, height - 2 - len(events))
+    above = [_header(store, view, moment)]
+    if view.mode != GRAPH and height >= ABOVE_FROM:
+        above += [_nodes_line(store, moment), _heads()]
+    room = max(0, height - 1 - len(above) - len(events))
     body = _graph(store, view, moment, width, room) if view.mode == GRAPH else _table(store, view, moment, width, room)
     body += [[] for _ in range(room - len(body))]
-    lines = [_header(store, view, moment), *body[:room], *events, _keys(view)]
+    lines = [*above, *body[:room], *events, _keys(view)]
     return [_cut(line, width) for line in lines]
 
 
@@ -95,10 +105,13 @@ def _title(row: Row) -> str:
 
 def _header(store: FrameStore, view: View, moment: Moment) -> list[Cell]:
     clock = f"{int(moment.running_s) // 3600:02}:{int(moment.running_s) // 60 % 60:02}:{int(moment.running_s) % 60:02}"
-    cells = [Cell("MONITOR ", "bold"), Cell(f"{moment.name}  {clock}  {store.frames} frames  ")]
-    cells.append(Cell(f"{moment.dropped} dropped", "red" if moment.dropped else "dim"))
+    cells = [Cell("MONITOR ", "bold"), Cell(f"{moment.name}  {clock}  ")]
     if moment.gone_s is not None:
-        cells.append(Cell(f"  GONE for {moment.gone_s:.0f} s, waiting for it", "red"))
+        cells.append(Cell(f"GONE for {moment.gone_s:.0f} s, waiting for it  ", "red"))
+    cells.append(Cell(f"{store.frames} frames  "))
+    if moment.gone_s is None:
+        cells += _business(store, moment)
+    cells.append(Cell(f"{moment.dropped} dropped", "red" if moment.dropped else "dim"))
     if store.unlisted:
         cells.append(Cell(f"  {store.unlisted} of more CAN-IDs", "yellow"))
     if view.paused:
@@ -108,11 +121,35 @@ def _header(store: FrameStore, view: View, moment: Moment) -> list[Cell]:
     return cells
 
 
+def _business(store: FrameStore, moment: Moment) -> list[Cell]:
+    """Frames a second, and the load where the bit rate is known."""
+    share = store.load.share(moment.now_s)
+    cells = [Cell(f"{store.load.frames_a_second(moment.now_s):.0f}/s  ")]
+    return cells if share is None else [*cells, Cell(f"load {share:.0%}  ", "yellow" if share > HIGH_LOAD else "")]
+
+
+def _nodes_line(store: FrameStore, moment: Moment) -> list[Cell]:
+    """The nodes that are heard or known, with their names and states, and which one is being read."""
+    names, heard = store.decoder.names, {row.service.node for row in store.rows.values()}
+    cells = []
+    if moment.reading is not None:
+        cells.append(Cell(f"reading the mapping of node {moment.reading}...  ", "cyan"))
+    for node_id in sorted({node for node in heard if node is not None} | set(names)):
+        state = store.states.get(node_id)
+        cells.append(Cell(f"{node_id} {names[node_id]}" if node_id in names else f"node {node_id}", "bold"))
+        cells.append(Cell(f" {state.label}   " if state is not None else "   ", _STATE_STYLES.get(state, "yellow")))
+    return cells or [Cell("no node is heard", "dim")]
+
+
+def _heads() -> list[Cell]:
+    return [Cell(f"{'FRAME':<24}{'RATE':>8}{'JITTER':>9}{'COUNT':>7}{'AGE':>7}  BYTES", "dim")]
+
+
 def _keys(view: View) -> list[Cell]:
     if view.typing:
         return [Cell("filter: ", "cyan"), Cell(f"{view.filter}_"), Cell("   Enter keep  Esc clear", "dim")]
     keys = [("p", "go on" if view.paused else "pause"), ("f", "filter"), ("r", "raw"), ("g", "graph")]
-    keys += [("↑↓", "choose"), ("c", "clear min/max"), ("q", "quit")]
+    keys += [("↑↓", "choose"), ("m", "mappings"), ("c", "clear"), ("q", "quit")]
     return [cell for key, what in keys for cell in (Cell(f" {key}", "bold"), Cell(f" {what} "))]
 
 
@@ -130,7 +167,7 @@ def _table(store: FrameStore, view: View, moment: Moment, width: int, room: int)
         signals = _shown(row, wanted)
         if not signals and wanted not in _title(row).lower():
             continue
-        lines.append(_row_line(row, moment))
+        lines.append(_row_line(row, store, moment))
         for signal, course in signals:
             chosen = number == view.chosen
             at_chosen = len(lines) if chosen else at_chosen
@@ -149,13 +186,33 @@ def _scrolled(top: int, chosen: int, count: int, room: int) -> int:
     return max(top, chosen - room + 1)
 
 
-def _row_line(row: Row, moment: Moment) -> list[Cell]:
-    rate = row.rhythm.rate_hz(moment.now_s)
-    jitter = row.rhythm.jitter_s()
-    text = "" if rate is None else f"{rate:.1f} Hz"
-    spread = "" if jitter is None or not rate else f"±{1000 * jitter:.1f} ms"
-    silent = Cell(f"{text:>10}", "yellow" if rate == 0 else "")
-    return [Cell(f"{_title(row):<22}", "bold"), silent, Cell(f" {spread:>9}  ", "dim"), *_bytes(row, moment)]
+def _row_line(row: Row, store: FrameStore, moment: Moment) -> list[Cell]:
+    rate, jitter = row.rhythm.rate_hz(moment.now_s), row.rhythm.jitter_s()
+    title = _title(row)
+    text = "" if rate is None else f"{rate:.1f} Hz" if rate < 1000 else f"{rate:.0f} Hz"
+    spread = "" if jitter is None or not rate else f"±{1000 * jitter:.{1 if jitter < 0.1 else 0}f} ms"
+    name = store.decoder.names.get(row.service.node or 0, "")
+    return [
+        Cell(title, "bold"),
+        Cell(text.rjust(max(len(text) + 1, 32 - len(title))), "yellow" if rate == 0 else ""),
+        Cell(f" {spread:>8}", "dim"),
+        Cell(f" {_count(row.count):>6}"),
+        Cell(f" {age(moment.now_s - row.last_s):>6}  ", "dim"),
+        *_bytes(row, moment),
+        Cell(f"{'' if row.remote else '   ' * (8 - len(row.data))} {name}", "dim"),
+    ]
+
+
+def _count(number: int) -> str:
+    return str(number) if number < 1_000_000 else f"{number / 1e6:.1f}M"
+
+
+def age(seconds: float) -> str:
+    """How long ago something was, on at most six characters."""
+    seconds = max(0.0, seconds)
+    if seconds < 99.95:
+        return f"{seconds:.1f} s"
+    return f"{seconds:.0f} s" if seconds < 600 else f"{seconds / 60:.0f} min" if seconds < 60000 else "long"
 
 
 def _bytes(row: Row, moment: Moment) -> Iterator[Cell]:

@@ -18,7 +18,6 @@ from dvtcli.bus.node_watch import HEARTBEAT
 from dvtcli.bus.receiver import bus_closed
 from dvtcli.cli.prompt.events import event_text
 from dvtcli.cli.prompt.notices import Notices
-from dvtcli.cli.prompt.recent_load import BusLoad
 from dvtcli.cli.prompt.silences import Silences
 from dvtcli.domain.heard import LastFrames
 from dvtcli.domain.nmt import NmtState
@@ -29,6 +28,7 @@ from dvtcli.operations.come_back import come_back, goes_on
 from dvtcli.operations.results.bus_events import BusEvent
 from dvtcli.operations.slept import Sleeps
 from dvtcli.operations.steady_listener import left_alone
+from dvtcli.watch.recent_load import BusLoad
 
 if TYPE_CHECKING:
     from dvtcli.operations.session import Session

@@ -15,6 +15,7 @@ from dvtcli.cli.view.safe import safe
 from dvtcli.domain.emergency_codes import emergency_text
 from dvtcli.domain.nmt import NmtState
 from dvtcli.errors import DvtcliError
+from dvtcli.watch.recent_load import HIGH_LOAD
 
 if TYPE_CHECKING:
     from prompt_toolkit.formatted_text import StyleAndTextTuples
@@ -26,8 +27,6 @@ if TYPE_CHECKING:
 _STATE_STYLES = {NmtState.OPERATIONAL: "class:good", NmtState.PRE_OPERATIONAL: "class:careful"}
 #: PDOs of a simulated node that are read before a prompt is shown, so that the menu can say what they are set to.
 MOST_PDOS_READ = 32
-#: A load (0..1) above which messages of low priority wait long.
-HIGH_LOAD = 0.7
 
 
 class Status:

@@ -1,0 +1,143 @@
+"""A full screen that is drawn anew again and again, until a key ends it. Knows prompt_toolkit; not what is drawn."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from time import monotonic
+from typing import TYPE_CHECKING, Protocol
+
+from dvtcli.cli.view.glyphs import ascii_only
+from dvtcli.errors import DvtcliError
+
+if TYPE_CHECKING:
+    from prompt_toolkit import Application
+    from prompt_toolkit.formatted_text import StyleAndTextTuples
+    from prompt_toolkit.key_binding import KeyBindings, KeyPressEvent
+
+    from dvtcli.cli.conversation import Conversation
+    from dvtcli.cli.view.lines import Cell
+
+#: the screen is drawn anew this often (s)
+REDRAW_S = 0.1
+STYLE = {
+    "bold": "bold", "dim": "ansibrightblack", "red": "ansired bold", "yellow": "ansiyellow", "green": "ansigreen",
+    "cyan": "ansicyan",
+}  # fmt: skip
+_PLAIN = ("", "dumb", "unknown")
+
+
+class Screen(Protocol):
+    """What is on a full screen."""
+
+    def gather(self) -> None:
+        """Take what is new; DvtcliError ends the screen with it."""
+        ...
+
+    def lines(self, columns: int, rows: int) -> Iterable[list[Cell]]:
+        """The picture for a screen of *columns* x *rows*."""
+        ...
+
+    def leave(self) -> None:
+        """The screen has ended."""
+        ...
+
+
+def has_full_screen(session: Conversation) -> bool:
+    """Whether *session* talks to a terminal that can show a full screen."""
+    name = os.environ.get("TERM", "windows" if sys.platform == "win32" else "")  # a Windows console gives itself none
+    terminal = sys.stdin.isatty() and sys.stdout.isatty() and name.lower() not in _PLAIN
+    return terminal and not session.output.json and not session.in_script
+
+
+def show(session: Conversation, screen: Screen, keys: KeyBindings, duration_s: float | None) -> None:
+    """Show *screen* until a key, Ctrl-C or the end of *duration_s*; DvtcliError as its `gather` raises it."""
+    try:
+        with _held_interrupts(), session.output.held():
+            _application(session, screen, keys, duration_s).run()
+    finally:
+        screen.leave()
+
+
+@contextmanager
+def _held_interrupts() -> Iterator[None]:
+    """Keep SIGINT out of prompt_toolkit's starting and ending, where it breaks the event loop."""
+    before = signal.signal(signal.SIGINT, lambda _number, _frame: None)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _application(
+    session: Conversation, screen: Screen, keys: KeyBindings, duration_s: float | None
+) -> Application[None]:
+    from prompt_toolkit import Application
+    from prompt_toolkit.layout import FormattedTextControl, Layout, Window
+    from prompt_toolkit.output import ColorDepth
+    from prompt_toolkit.styles import Style
+
+    plain = session.output.plain
+
+    def drawn() -> StyleAndTextTuples:
+        size = application.output.get_size()
+        return _fragments(screen.lines(size.columns, size.rows), plain=plain)
+
+    until_s = None if duration_s is None else monotonic() + duration_s
+
+    def gather(application: Application[None]) -> None:
+        if application.is_done:
+            return
+        try:
+            screen.gather()
+        except DvtcliError as failed:  # raised here it would stay inside of prompt_toolkit's event loop
+            application.exit(exception=failed)
+            return
+        if until_s is not None and monotonic() >= until_s:
+            application.exit()
+
+    application: Application[None] = Application(
+        layout=Layout(Window(FormattedTextControl(drawn), always_hide_cursor=False)),
+        key_bindings=keys,
+        style=Style.from_dict(STYLE),
+        full_screen=True,
+        refresh_interval=REDRAW_S,
+        min_redraw_interval=REDRAW_S / 2,
+        before_render=gather,
+        color_depth=ColorDepth.DEPTH_1_BIT if session.output.color == "never" else None,
+    )
+    application.ttimeoutlen = 0.05
+    return application
+
+
+def _fragments(lines: Iterable[list[Cell]], *, plain: bool) -> StyleAndTextTuples:
+    drawn: StyleAndTextTuples = []
+    for number, line in enumerate(lines):
+        drawn.append(("", "\n" if number else ""))
+        for cell in line:
+            drawn.append((f"class:{cell.style}" if cell.style else "", ascii_only(cell.text) if plain else cell.text))
+    return drawn
+
+
+def bind(keys: KeyBindings, act: Callable[[], object], *names: str, unless: Callable[[], bool] | None = None) -> None:
+    """Let the keys *names* do *act*, but not while *unless*()."""
+    from prompt_toolkit.filters import Condition
+
+    for name in names:
+        keys.add(name, filter=Condition(lambda: unless is None or not unless()))(lambda _event: act())
+
+
+def bind_leaving(keys: KeyBindings, unless: Callable[[], bool] | None = None) -> None:
+    """Let Ctrl-C and q leave the screen, q not while *unless*()."""
+    from prompt_toolkit.filters import Condition
+
+    @keys.add("q", filter=Condition(lambda: unless is None or not unless()))
+    @keys.add("c-c")
+    @keys.add("<sigint>")
+    def _leave(event: KeyPressEvent) -> None:
+        """Leave the screen, and only it."""
+        if event.app.is_running and not event.app.is_done:
+            event.app.exit()

@@ -1,0 +1,60 @@
+"""Reads the nodes' mappings beside a screen that is drawn meanwhile. Knows no screen."""
+
+from __future__ import annotations
+
+import threading
+from typing import TYPE_CHECKING
+
+from dvtcli.errors import BusUnavailable, DvtcliError
+
+if TYPE_CHECKING:
+    from dvtcli.operations.watch_bus import Watched
+    from dvtcli.watch.decoder import Decoder
+
+#: how long leaving waits for the answer that is under way (s)
+LEAVE_S = 2.0
+
+
+class MappingReader:
+    """Reads what *watched* is to know, once, in a thread; `news` is what it knows so far."""
+
+    def __init__(self, watched: Watched) -> None:
+        self._watched = watched
+        #: the node that is being read, None where none is
+        self.node: int | None = None
+        #: what ended it, None where nothing did; a bus that is gone is the listener's to say
+        self.failure: DvtcliError | None = None
+        self._news: Decoder | None = None
+        self._stopping = False
+        self._thread = threading.Thread(target=self._read, name="reading mappings", daemon=True)
+        self._thread.start()
+
+    def _read(self) -> None:
+        try:
+            for node, known in self._watched.decoders():
+                self.node, self._news = node, known
+                if self._stopping:
+                    break
+        except BusUnavailable:
+            pass
+        except DvtcliError as failed:
+            self.failure = failed
+        finally:
+            self.node = None
+
+    @property
+    def is_reading(self) -> bool:
+        """Whether there is more to come."""
+        return self._thread.is_alive()
+
+    def news(self) -> Decoder | None:
+        """What is known by now, None where that is no more than the last time; DvtcliError where reading failed."""
+        news, self._news = self._news, None
+        if self.failure is not None:
+            raise self.failure
+        return news
+
+    def stop(self) -> None:
+        """Read no other node."""
+        self._stopping = True
+        self._thread.join(LEAVE_S)
