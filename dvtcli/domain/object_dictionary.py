@@ -53,8 +53,9 @@ class OdEntry:
     *data_type* and *pdo_mapping* are None where the file does not say. *pdo_mapping* is the
     file's PDOMapping; the direction follows from *access*. *default* and *value* (a DCF's ParameterValue) are the
     bytes for node-ID 0; where *…_relative* is set the node-ID is added. *low* and *high* are the file's
-    limits in the object's own type, for node-ID 0 (`limits` adds it). *line* is the section's first line in the
-    file, 1 and up.
+    limits in the object's own type, for node-ID 0 (`limits` adds it). *line* is the first line about it in the
+    file, 1 and up. *denotation* is what somebody called it in this device. *unknown_type* is the code of a data type
+    that CiA 301 does not have.
     """
 
     index: int
@@ -74,6 +75,8 @@ class OdEntry:
     line: int | None = None
     low_relative: bool = False
     high_relative: bool = False
+    denotation: str = ""
+    unknown_type: int | None = None
 
     @property
     def object(self) -> str:
@@ -107,13 +110,29 @@ class OdEntry:
 
 @dataclass(frozen=True, slots=True)
 class OdObject:
-    """One index with its sub-indices, by sub-index; a VAR has sub-index 0 only."""
+    """One index with its sub-indices, by sub-index; a VAR has sub-index 0 only.
+
+    *object_flags* are those of an object with sub-indices; those of others are their entry's.
+    """
 
     index: int
     name: str
     object_type: int
     entries: Mapping[int, OdEntry]
     line: int | None = None
+    object_flags: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Commissioning:
+    """What a DCF or XDC says of the device's place, beside its node-ID; None or empty where it is silent."""
+
+    node_name: str = ""
+    bit_rate_kbit: int | None = None
+    network_number: int | None = None
+    network_name: str = ""
+    is_manager: bool | None = None
+    lss_serial_number: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,6 +150,13 @@ class DeviceInfo:
     node_id: int | None = None
     bit_rates_kbit: tuple[int, ...] = ()
     dummies: frozenset[int] | None = None
+    order_code: str = ""
+    boot_up_master: bool | None = None
+    boot_up_slave: bool | None = None
+    dynamic_channels: int | None = None
+    group_messaging: bool | None = None
+    lss_supported: bool | None = None
+    commissioning: Commissioning = Commissioning()
 
 
 class ObjectDictionary(Mapping[int, OdObject]):

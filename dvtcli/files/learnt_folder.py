@@ -13,6 +13,7 @@ from pathlib import Path
 from dvtcli.domain.learning.learnt_value import Conclusions
 from dvtcli.domain.profile import DeviceProfile
 from dvtcli.errors import UsageError
+from dvtcli.files.device_file import DEVICE_SUFFIXES
 from dvtcli.files.family_toml import quoted, toml_text
 from dvtcli.files.profile.library import folder as profile_folder
 from dvtcli.files.profile.toml import read_profile
@@ -125,7 +126,7 @@ def _write_eds(folder: Path, name: str, eds: Path | str) -> Path:
     source = None if isinstance(eds, str) else eds.resolve()
     target = folder / f"{name}{'.eds' if source is None else source.suffix.lower()}"
     for old in folder.iterdir():
-        if old.suffix.lower() in (".eds", ".dcf") and old != target and old.resolve() != source:
+        if old.suffix.lower() in DEVICE_SUFFIXES and old != target and old.resolve() != source:
             old.unlink()
     if isinstance(eds, str):
         target.write_text(eds, encoding="utf-8", newline="\r\n")

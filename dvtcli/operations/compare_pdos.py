@@ -11,7 +11,7 @@ from dvtcli.device.described_node import FileValues
 from dvtcli.device.read_pdos import present_pdos, read_pdo
 from dvtcli.device.wish import Wish, session_wish, unlike
 from dvtcli.errors import UsageError
-from dvtcli.files.eds.reader import read_eds
+from dvtcli.files.device_file import read_device_file
 from dvtcli.operations.look_at_frames import look
 from dvtcli.operations.results import Compared, ComparedNodes
 
@@ -163,7 +163,7 @@ def _judge(node: Node, wish: Wish, *, differs: bool) -> None:
 def dcf_wish(node: Node, file: str) -> Wish:
     """The PDOs as a DCF (or an EDS's defaults) sets them on this node; UsageError where the file cannot be read."""
     try:
-        dictionary = read_eds(Path(file)).dictionary
+        dictionary = read_device_file(Path(file)).dictionary
     except OSError as failed:
         raise UsageError(f"{file}: {failed.strerror or failed}", place=file) from failed
     values = FileValues(dictionary, node.node_id)

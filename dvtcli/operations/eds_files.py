@@ -1,4 +1,4 @@
-"""EDS and DCF files: checked, shown, and added to those that nodes are recognised by. Needs no bus and no session."""
+"""EDS, DCF, XDD and XDC files: checked, shown, added to those that nodes are recognised by. Needs no bus."""
 
 from __future__ import annotations
 
@@ -10,20 +10,24 @@ from typing import TYPE_CHECKING
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.profile import GENERIC, DeviceProfile
 from dvtcli.errors import InputFileError, UsageError
-from dvtcli.files.eds.reader import read_eds
+from dvtcli.files.device_file import read_device_file
 from dvtcli.operations.results import Facts, FileFinding, FileReport, FileReports, FileRule
 
 if TYPE_CHECKING:
     from dvtcli.domain.lint.lint_rule import LintRule
     from dvtcli.files.eds.reader import EdsFile
+    from dvtcli.files.xdd.reader import XddFile
+
+    #: What was read, whichever format it has.
+    DeviceFile = EdsFile | XddFile
 
 
-def _read(file: str) -> EdsFile:
+def _read(file: str) -> DeviceFile:
     try:
-        return read_eds(Path(file))
+        return read_device_file(Path(file))
     except OSError as failed:
         raise UsageError(
-            f"{file}: {failed.strerror}", place=file, hint="eds takes the path of an EDS or DCF"
+            f"{file}: {failed.strerror}", place=file, hint="eds takes the path of an EDS, DCF, XDD or XDC"
         ) from failed
 
 
@@ -84,7 +88,7 @@ def _one_of_many(file: str, rules: tuple[LintRule, ...], strict: bool, profile: 
 
 
 #: Not one of the rules that can be chosen: it is why none of them could look.
-_UNREADABLE = FileRule("unreadable", "error", "the file cannot be read as an EDS or DCF", "CiA 306, 4.2")
+_UNREADABLE = FileRule("unreadable", "error", "the file cannot be read as an EDS, DCF, XDD or XDC", "CiA 306, CiA 311")
 
 
 def _asked(rule: LintRule) -> FileRule:
@@ -92,16 +96,14 @@ def _asked(rule: LintRule) -> FileRule:
 
 
 def report(
-    file: str, eds: EdsFile, rules: tuple[LintRule, ...], *, strict: bool = False, profile: DeviceProfile = GENERIC
+    file: str, eds: DeviceFile, rules: tuple[LintRule, ...], *, strict: bool = False, profile: DeviceProfile = GENERIC
 ) -> FileReport:
     """What *rules* find in *eds*; *file* is what it is called."""
-    from dvtcli.files.eds.lint.finding_columns import Columns
-    from dvtcli.files.eds.lint.linter import lint
+    from dvtcli.files.device_lint import lint_device_file
 
-    columns = Columns(eds.text)
     findings = tuple(
-        FileFinding(one.line, str(one.severity), one.rule, one.object, one.text, *columns.of(one))
-        for one in lint(eds, Path(file).name, {rule.name for rule in rules}, profile)
+        FileFinding(one.line, str(one.severity), one.rule, one.object, one.text, *columns)
+        for one, columns in lint_device_file(eds, Path(file).name, {rule.name for rule in rules}, profile)
     )
     asked = tuple(map(_asked, rules))
     return FileReport(file, eds.sections, eds.understood, len(eds.dictionary), asked, findings, strict)
@@ -109,15 +111,15 @@ def report(
 
 def chosen_rules(only: Collection[str] = (), without: Collection[str] = ()) -> tuple[LintRule, ...]:
     """The rules named in *only* but not in *without*; UsageError for a name that there is not, or for none left."""
-    from dvtcli.files.eds.lint.linter import RULES
+    from dvtcli.files.device_lint import EVERY_RULE
 
-    names = [rule.name for rule in RULES]
+    names = [rule.name for rule in EVERY_RULE]
     for name in (*only, *without):
         if name not in names:
             near = get_close_matches(name, names, 1)
             hint = f"did you mean {near[0]}?" if near else "docs/reference/eds-rules.md has them all"
             raise UsageError(f"no rule of eds check is called {name!r}", hint=hint)
-    chosen = tuple(rule for rule in RULES if rule.name not in without and (not only or rule.name in only))
+    chosen = tuple(rule for rule in EVERY_RULE if rule.name not in without and (not only or rule.name in only))
     if not chosen:
         raise UsageError("--without leaves no rule to check", hint="a file that no rule looks at is not checked")
     return chosen
@@ -128,7 +130,7 @@ def show_eds(file: str) -> Facts:
     return facts(file, _read(file))
 
 
-def facts(file: str, eds: EdsFile) -> Facts:
+def facts(file: str, eds: DeviceFile) -> Facts:
     """Whose file *eds* is, and how much is in it; *file* is what it is called."""
     info = eds.dictionary.info
     pdos = {pdo for pdo in map(Pdo.at, eds.dictionary) if pdo is not None and pdo.communication_index in eds.dictionary}

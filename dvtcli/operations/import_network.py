@@ -18,6 +18,7 @@ from dvtcli.domain.network.heartbeats import watched_ms
 from dvtcli.domain.network.wanted_state import FileWord, NetworkWish
 from dvtcli.domain.several import plural
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError, UsageError
+from dvtcli.files.device_file import DEVICE_SUFFIXES
 from dvtcli.files.network.write_network import write_network
 from dvtcli.files.profile.library import profile_of
 from dvtcli.operations.export_network import Exported, exported, network_place
@@ -34,8 +35,6 @@ if TYPE_CHECKING:
     from dvtcli.domain.profile import DeviceProfile
     from dvtcli.operations.session import Session
 
-_FILES = (".eds", ".dcf")
-
 
 @dataclass(frozen=True, slots=True)
 class _Found:
@@ -48,7 +47,7 @@ class _Found:
 
 @dataclass(frozen=True, slots=True)
 class _Described:
-    """A node as its EDS or DCF, *path*, has it."""
+    """A node as its EDS, DCF, XDD or XDC, *path*, has it."""
 
     path: Path
     node_id: int
@@ -194,11 +193,12 @@ def _of_file(one: _Described, path: Path) -> _Found:
 def _described(folder: Path, notes: list[str]) -> list[_Described]:
     """The nodes of the EDS and DCF files of *folder*, each with its own node-ID, or the next that is free."""
     try:
-        paths = sorted(one for one in folder.iterdir() if one.suffix.lower() in _FILES)
+        paths = sorted(one for one in folder.iterdir() if one.suffix.lower() in DEVICE_SUFFIXES)
     except OSError as failed:
-        raise UsageError(f"{folder}: {failed.strerror or failed}", hint="a folder of EDS or DCF files") from failed
+        hint = "a folder of EDS, DCF, XDD or XDC files"
+        raise UsageError(f"{folder}: {failed.strerror or failed}", hint=hint) from failed
     if not paths:
-        raise UsageError(f"{folder} has no EDS or DCF file (.eds, .dcf)")
+        raise UsageError(f"{folder} has no EDS, DCF, XDD or XDC file")
     dictionaries = {path: read_dictionary(path) for path in paths}
     ids: dict[Path, int] = {}
     for path, dictionary in dictionaries.items():

@@ -1,4 +1,4 @@
-"""Recordings with what decodes them: a DBC file, the mapping in an EDS or DCF, or what the nodes hold now."""
+"""Recordings with what decodes them: a DBC file, the mapping in an EDS, DCF, XDD or XDC, or what the nodes hold now."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ def decoder_for(session: Session, nodes: tuple[int, ...] | None, dbc: str | None
 
 
 def _file_decoder(path: Path, nodes: tuple[int, ...]) -> Decoder:
-    """The mapping that an EDS or DCF sets, on *nodes*, else on the node-ID that a DCF names, else on node 1."""
+    """The mapping that an EDS, DCF, XDD or XDC sets, on *nodes*, else on the node-ID that it names, else on node 1."""
     from dvtcli.device.described_node import FileValues
     from dvtcli.device.read_pdos import present_pdos, read_pdo
-    from dvtcli.files.eds.reader import read_eds
+    from dvtcli.files.device_file import read_device_file
     from dvtcli.watch.decoder import Decoder, pdo_layouts
 
-    dictionary = read_eds(path).dictionary
+    dictionary = read_device_file(path).dictionary
     decoder = Decoder()
     for node_id in nodes or (dictionary.info.node_id or 1,):
         values = FileValues(dictionary, node_id)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from dvtcli.domain.nmt import UNCONFIGURED
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.errors import InputFileError, UsageError
+from dvtcli.files.device_file import VALUE_SUFFIXES
 from dvtcli.files.profile.library import profile_of
 from dvtcli.operations.options import is_file, node_id
 
@@ -79,7 +80,7 @@ def _family_of_file(dictionary: ObjectDictionary) -> Family:
 def simulated_nodes(words: tuple[str, ...], by: str = "--sim", *, unconfigured: bool = False) -> tuple[Simulated, ...]:
     """What each of *words* means, which *by* took: a file wins over `@`.
 
-    Node-IDs default to the one that a DCF was made for, else to the first free one.
+    Node-IDs default to the one that a DCF or XDC was made for, else to the first free one.
     With *unconfigured* a node may wait for its node-ID: `WHAT@255`.
     """
     found: list[Simulated] = []
@@ -150,8 +151,8 @@ def _split(word: str, *, unconfigured: bool) -> tuple[str, int | None]:
 
 
 def _node_id_of_file(what: str, used: set[int]) -> int | None:
-    """The node-ID that a DCF was made for; None for other files, and where it says none, or one that is *used*."""
-    if not what.lower().endswith(".dcf") or not is_file(what):
+    """The node-ID that a DCF or XDC was made for; None for other files, where it says none, or one *used*."""
+    if not what.lower().endswith(VALUE_SUFFIXES) or not is_file(what):
         return None
     stated = read_dictionary(Path(what)).info.node_id
     return stated if stated is not None and 1 <= stated <= 127 and stated not in used else None
@@ -170,7 +171,7 @@ def _simulated(what: str, chosen: int, by: str) -> Simulated:
     known = ", ".join(family_names())
     raise UsageError(
         f"{by} {what}: no such family and no such file",
-        hint=f"families: {known}; or the path of an EDS or DCF, or of a folder that `learn` wrote",
+        hint=f"families: {known}; or the path of an EDS, DCF, XDD or XDC, or of a folder that `learn` wrote",
     )
 
 
@@ -199,19 +200,19 @@ def learnt_family(profile: DeviceProfile, folder: Path | None) -> Family | None:
 
 
 def read_dictionary(path: Path) -> ObjectDictionary:
-    """The object dictionary of an EDS or DCF as it is now; UsageError where there is no such file."""
+    """The object dictionary of an EDS, DCF, XDD or XDC as it is now; UsageError where there is no such file."""
     try:
         known = path.stat()
         return _dictionary(path, None if path.is_absolute() else Path.cwd(), known.st_mtime_ns, known.st_size)
     except OSError as failed:
         raise UsageError(
-            f"{path}: {failed.strerror or failed}", hint="--eds takes the path of an EDS or DCF"
+            f"{path}: {failed.strerror or failed}", hint="--eds takes the path of an EDS, DCF, XDD or XDC"
         ) from failed
 
 
 @lru_cache(maxsize=16)
 def _dictionary(path: Path, _folder: Path | None, _changed_ns: int, _size: int) -> ObjectDictionary:
     """What the file at *path*, from *_folder* where it is relative, says since it was changed."""
-    from dvtcli.files.eds.reader import read_eds
+    from dvtcli.files.device_file import read_device_file
 
-    return read_eds(path).dictionary
+    return read_device_file(path).dictionary

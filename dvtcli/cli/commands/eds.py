@@ -1,4 +1,4 @@
-"""Check or show an EDS or DCF file, or add it to the collection that nodes are recognised by."""
+"""Check or show an EDS, DCF, XDD or XDC file, or add it to the collection that nodes are recognised by."""
 
 from __future__ import annotations
 

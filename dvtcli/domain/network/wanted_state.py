@@ -106,8 +106,8 @@ class WantedIdentity:
 class NodeWish:
     """What one node should hold, and how dvtcli goes about it.
 
-    *dcf* is the EDS or DCF, *store* what of 0x1010 is stored afterwards (False: nothing), *prune* whether enabled PDOs
-    that are not named go off, *stamp* whether 0x1020 gets a date.
+    *dcf* is the EDS, DCF, XDD or XDC, *store* what of 0x1010 is stored afterwards (False: nothing), *prune* whether
+    enabled PDOs that are not named go off, *stamp* whether 0x1020 gets a date.
     """
 
     name: str

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 
-from dvtcli.domain.object_dictionary import DeviceInfo, OdObject
+from dvtcli.domain.object_dictionary import Commissioning, DeviceInfo, OdObject
 from dvtcli.files.eds.findings import Findings
 from dvtcli.files.eds.ini import Values, section_values
 from dvtcli.files.eds.keys import number_key, quoted, text_key
@@ -48,6 +48,33 @@ def read_device_info(values: Values, layout: Layout, identity: OdObject | None, 
             rate for rate in _BIT_RATES_KBIT if number_key(values, f"baudrate_{rate}", 0, _U32, findings)
         ),
         dummies=_dummies(layout, findings),
+        order_code=text_key(values, "ordercode"),
+        boot_up_master=_flag(values, "simplebootupmaster"),
+        boot_up_slave=_flag(values, "simplebootupslave"),
+        dynamic_channels=number_key(values, "dynamicchannelssupported", 0, _U32, Findings()),
+        group_messaging=_flag(values, "groupmessaging"),
+        lss_supported=_flag(values, "lss_supported"),
+        commissioning=_commissioning(layout),
+    )
+
+
+def _flag(values: Values, key: str) -> bool | None:
+    """A key that is 0 or 1; what is neither is what `lint_device_info` says."""
+    number = number_key(values, key, 0, 1, Findings())
+    return None if number is None else bool(number)
+
+
+def _commissioning(layout: Layout) -> Commissioning:
+    """DeviceComissioning without the node-ID; what is no number there is what `lint_commissioning` says."""
+    unsaid = Findings()
+    values = section_values(layout.device.get("devicecomissioning", ()), unsaid)
+    return Commissioning(
+        text_key(values, "nodename"),
+        number_key(values, "baudrate", 0, _U32, unsaid),
+        number_key(values, "netnumber", 0, _U32, unsaid),
+        text_key(values, "networkname"),
+        _flag(values, "canopenmanager"),
+        number_key(values, "lss_serialnumber", 0, _U32, unsaid),
     )
 
 

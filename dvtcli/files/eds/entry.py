@@ -93,6 +93,8 @@ def read_entry(values: Values, place: Place, findings: Findings) -> OdEntry:
         place.line,
         limits.low_relative,
         limits.high_relative,
+        text_key(values, "denotation"),
+        _unknown_type(values),
     )
 
 
@@ -135,6 +137,12 @@ def _data_type(values: Values, place: Place, findings: Findings) -> DataType | N
         findings.add(UNKNOWN_DATA_TYPE, line, f"data type 0x{code:04X} is not known, nor its length")
         return None
     return _implied_data_type(place, findings)
+
+
+def _unknown_type(values: Values) -> int | None:
+    """The code of a data type that is not known, which `_data_type` has reported."""
+    code = number_key(values, "datatype", 0, 0xFFFF, Findings())
+    return None if code in DATA_TYPES else code
 
 
 def _implied_data_type(place: Place, findings: Findings) -> DataType | None:

@@ -51,7 +51,10 @@ def build_object(layout: Layout, index: int, findings: Findings) -> OdObject:
     if compact and is_pdo_mapping(index) and 0 not in sections.sub_indices:
         entries[0] = mapping_count(entries)
     _check_parts(index, sections, values, entries, findings)
-    return OdObject(index, text_key(values, "parametername") or f"{index:04X}", object_type, entries, line)
+    name = text_key(values, "parametername") or f"{index:04X}"
+    own = object_type not in _OF_ONE_ENTRY and "objflags" in values
+    flags = number_key(values, "objflags", 0, 0xFFFF_FFFF, findings) or 0 if own else 0
+    return OdObject(index, name, object_type, entries, line, flags)
 
 
 def _object_type(values: Values, has_subs: bool, compact: int, line: int, findings: Findings) -> int:

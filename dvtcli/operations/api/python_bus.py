@@ -71,7 +71,7 @@ class Bus(NetworkCalls):
         return self._session.dry_run
 
     def node(self, node_id: int | None = None, *, eds: str | Path | None = None, profile: str | None = None) -> Node:
-        """The node with *node_id* (1…127; None: the first simulated one), with its EDS or DCF and its device family.
+        """The node with *node_id* (1…127; None: the first simulated one), with its device's file and its device family.
 
         Nothing is sent yet. Without *eds* the file that `dvtcli eds add` keeps for the device's identity is taken, or
         none; without *profile* the family is found from the identity. UsageError where the file cannot be read, or the

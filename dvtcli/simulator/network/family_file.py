@@ -12,6 +12,7 @@ from functools import cache
 from pathlib import Path
 
 from dvtcli.errors import InputFileError
+from dvtcli.files.device_file import DEVICE_SUFFIXES
 from dvtcli.files.family_folder import families_with, family_path
 from dvtcli.files.toml_item import Item, read_toml, string, suggest
 from dvtcli.simulator.device.family import GENERIC, Family
@@ -53,7 +54,7 @@ def load_family_folder(folder: Path) -> Family:
 
 def family_folder_eds(folder: Path) -> Path:
     """The EDS in *folder*, else that of the family it is `like`; InputFileError where there is none, or several."""
-    files = sorted(path for path in folder.iterdir() if path.suffix.lower() in (".eds", ".dcf"))
+    files = sorted(path for path in folder.iterdir() if path.suffix.lower() in DEVICE_SUFFIXES)
     if len(files) == 1:
         return files[0]
     path = folder / _FILE

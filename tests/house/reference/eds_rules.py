@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from dvtcli.domain.profile import Severity
-from dvtcli.files.eds.lint.linter import RULES
+from dvtcli.files.device_lint import EVERY_RULE
 from tests.house.reference.markdown import cell, code
 from tests.house.reference.markdown import table as markdown_table
 
@@ -13,7 +13,7 @@ from tests.house.reference.markdown import table as markdown_table
 def table() -> Iterator[str]:
     """Name, severity, sense and source of each rule, by name."""
     for severity in Severity:
-        mine = sorted(rule for rule in RULES if rule.severity is severity)
+        mine = sorted(rule for rule in EVERY_RULE if rule.severity is severity)
         yield from ("", f"## {str(severity).capitalize()}s ({len(mine)})", "")
         yield from markdown_table(
             ("rule", "what is wrong", "source"),

@@ -17,7 +17,7 @@ def identity(network: CheckedNetwork) -> NetFound:
                 yield held(node, IDENTITY, sub_index), f"its {name} is 0x{has:08X}, the file says 0x{wanted:08X}"
 
 
-@check("eds-identity", ERROR, "the EDS or DCF of a node is for another device than it says in 0x1018",
+@check("eds-identity", ERROR, "the EDS, DCF, XDD or XDC of a node is for another device than it says in 0x1018",
        "CiA 306, DeviceInfo; CiA 301, 7.5.2.19")  # fmt: skip
 def eds_identity(network: CheckedNetwork) -> NetFound:
     """Names and lengths may be another device's."""

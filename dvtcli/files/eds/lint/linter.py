@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Collection
-from dataclasses import replace
 from functools import cached_property
 
 from dvtcli.domain.lint import (
@@ -34,6 +33,7 @@ from dvtcli.files.eds.lint import (
     lint_lists,
 )
 from dvtcli.files.eds.lint.linted_text import LintedText
+from dvtcli.files.eds.lint.named import named
 from dvtcli.files.eds.read_rules import READ_RULES
 from dvtcli.files.eds.reader import EdsFile
 
@@ -84,16 +84,7 @@ class _Places:
 
     def named(self, finding: EdsFinding) -> EdsFinding:
         """*finding* with the object that it is about, else that its line belongs to, and its data type, in the text."""
-        shown = finding.object or self._at(finding.line)
-        if not shown:
-            return finding
-        index, _, sub_index = shown.partition(":")
-        held = self._file.dictionary.get(int(index, 16))
-        if not sub_index and held is not None and list(held.entries) == [0]:
-            shown, sub_index = f"{index}:00", "00"
-        entry = None if held is None or not sub_index else held.entries.get(int(sub_index, 16))
-        kind = "" if entry is None or entry.data_type is None else f" {entry.data_type.name}"
-        return replace(finding, object=shown, text=f"{shown}{kind}: {finding.text}")
+        return named(finding, finding.object or self._at(finding.line), self._file.dictionary)
 
     def _at(self, line: int) -> str:
         """The object whose section *line* is in, empty where it is in none."""

@@ -1,0 +1,57 @@
+"""The one place where a file that describes a device is told from another: EDS and DCF from XDD and XDC.
+
+By its first bytes; a name that ends in .xdd or .xdc is one whatever is in it. Does not know what is in the file.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from dvtcli.files.eds.reader import EdsFile
+    from dvtcli.files.xdd.reader import XddFile
+
+#: How the names of EDS and DCF files end, and those of XDD and XDC files; of each the second has a node's own values.
+EDS_SUFFIXES = (".eds", ".dcf")
+XDD_SUFFIXES = (".xdd", ".xdc")
+DEVICE_SUFFIXES = EDS_SUFFIXES + XDD_SUFFIXES
+#: Those with a node's own values.
+VALUE_SUFFIXES = (".dcf", ".xdc")
+_LOOKED_AT = 64
+_MARKS = b"\xef\xbb\xbf\xff\xfe\0 \t\r\n"
+
+
+def read_device_file(path: Path) -> EdsFile | XddFile:
+    """Read the EDS, DCF, XDD or XDC file at *path*.
+
+    InputFileError, with the line, where it is none of them; OSError where it cannot be read.
+    """
+    if _is_xml(path):
+        from dvtcli.files.xdd.reader import read_xdd
+
+        return read_xdd(path)
+    from dvtcli.files.eds.reader import read_eds
+
+    return read_eds(path)
+
+
+def parse_device_file(data: bytes, source: str) -> EdsFile | XddFile:
+    """Read the bytes of such a file; *source* is its name, also for messages."""
+    if _looks_like_xml(data[:_LOOKED_AT], source):
+        from dvtcli.files.xdd.reader import parse_xdd
+
+        return parse_xdd(data, source)
+    from dvtcli.files.eds.reader import parse_eds
+
+    return parse_eds(data, source)
+
+
+def _is_xml(path: Path) -> bool:
+    with path.open("rb") as file:
+        return _looks_like_xml(file.read(_LOOKED_AT), path.name)
+
+
+def _looks_like_xml(first: bytes, name: str) -> bool:
+    """Whether a file called *name* that begins with *first* is XML, in whatever encoding."""
+    return first.lstrip(_MARKS)[:1] == b"<" or name.lower().endswith(XDD_SUFFIXES)

@@ -1,0 +1,1 @@
+"""XDD and XDC files (CiA 311)."""

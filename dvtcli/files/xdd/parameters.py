@@ -1,0 +1,103 @@
+"""The parameters of an XDD's ApplicationProcess: what an object's uniqueIDRef leads to.
+
+Knows CiA 311's parameter and its data types. Does not know objects.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from dvtcli.files.eds.findings import Findings
+from dvtcli.files.xdd.xdd_rules import PARAMETER_TWICE
+from dvtcli.files.xdd.xml_tree import XmlElement
+
+#: IEC 61131-3 types, as an ApplicationProcess names them -> codes of CiA 301, table 44.
+TYPES = {
+    "BOOL": 0x01, "SINT": 0x02, "INT": 0x03, "DINT": 0x04, "LINT": 0x15, "USINT": 0x05, "UINT": 0x06, "UDINT": 0x07,
+    "ULINT": 0x1B, "REAL": 0x08, "LREAL": 0x11, "STRING": 0x09, "WSTRING": 0x0B, "BYTE": 0x05, "WORD": 0x06,
+    "DWORD": 0x07, "LWORD": 0x1B, "CHAR": 0x02, "BITSTRING": 0x0A,
+}  # fmt: skip
+_ACCESS = {
+    "const": "const", "read": "ro", "write": "wo", "readWrite": "rw", "readWriteInput": "rwr",
+    "readWriteOutput": "rww",
+}  # fmt: skip
+#: What CiA 311 gives a parameter that has no access.
+_DEFAULT_ACCESS = "ro"
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A *parameter* of the file; *element* is it, *template* the one that it takes its missing parts from."""
+
+    element: XmlElement
+    template: XmlElement | None = None
+
+    @property
+    def access(self) -> str:
+        """The access type in the words of an EDS; empty for one that CANopen does not have."""
+        given = self._attribute("access")
+        return _DEFAULT_ACCESS if given is None else _ACCESS.get(given, "")
+
+    @property
+    def type_code(self) -> int | None:
+        """The code of its data type, None where it is a type of the file's own, or none."""
+        return next((TYPES[one.name] for part in self._parts() for one in part.children if one.name in TYPES), None)
+
+    @property
+    def label(self) -> str:
+        """What it is called, in English where the file has several languages."""
+        return _label(self.element)
+
+    @property
+    def denotation(self) -> str:
+        """What somebody called it in this device."""
+        found = self._child("denotation")
+        return "" if found is None else found.attributes.get("value") or _label(found) or found.text.strip()
+
+    @property
+    def unit(self) -> str:
+        """The label of its unit."""
+        found = self._child("unit")
+        return "" if found is None else _label(found)
+
+    def value(self, name: str) -> str | None:
+        """The value of *name* (`defaultValue`, `actualValue`), None where it has none."""
+        found = self._child(name)
+        return None if found is None else found.attributes.get("value")
+
+    def limit(self, name: str) -> str | None:
+        """`minValue` or `maxValue` of its one range; of several ranges none is a limit."""
+        allowed = self._child("allowedValues")
+        ranges = [] if allowed is None or allowed.all("value") else allowed.all("range")
+        found = ranges[0].first(name) if len(ranges) == 1 else None
+        return None if found is None else found.attributes.get("value")
+
+    def _parts(self) -> list[XmlElement]:
+        return [self.element] if self.template is None else [self.element, self.template]
+
+    def _child(self, name: str) -> XmlElement | None:
+        return next((found for part in self._parts() if (found := part.first(name)) is not None), None)
+
+    def _attribute(self, name: str) -> str | None:
+        return next((part.attributes[name] for part in self._parts() if name in part.attributes), None)
+
+
+def read_parameters(root: XmlElement, findings: Findings) -> dict[str, Parameter]:
+    """The parameters below *root* by their uniqueID."""
+    templates = {one.attributes.get("uniqueID", ""): one for one in root.anywhere("parameterTemplate")}
+    found: dict[str, Parameter] = {}
+    for one in root.anywhere("parameter"):
+        name = one.attributes.get("uniqueID", "")
+        if name in found:
+            findings.add(PARAMETER_TWICE, one.line, f"parameter {name[:60]} stands twice; the first one counts")
+            continue
+        found[name] = Parameter(one, templates.get(one.attributes.get("templateIDRef", "")))
+    return found
+
+
+def _label(element: XmlElement) -> str:
+    """The English label, else the first one."""
+    labels = element.all("label")
+    best = next((one for one in labels if one.attributes.get("lang", "").lower().startswith("en")), None)
+    chosen = best or (labels[0] if labels else None)
+    return "" if chosen is None else " ".join(chosen.text.split())
