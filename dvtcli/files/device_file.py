@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from dvtcli.files.eds.reader import EdsFile
-    from dvtcli.files.xdd.reader import XddFile
+    from dvtcli.files.xdd.xdd_reader import XddFile
 
 #: How the names of EDS and DCF files end, and those of XDD and XDC files; of each the second has a node's own values.
 EDS_SUFFIXES = (".eds", ".dcf")
@@ -28,7 +28,7 @@ def read_device_file(path: Path) -> EdsFile | XddFile:
     InputFileError, with the line, where it is none of them; OSError where it cannot be read.
     """
     if _is_xml(path):
-        from dvtcli.files.xdd.reader import read_xdd
+        from dvtcli.files.xdd.xdd_reader import read_xdd
 
         return read_xdd(path)
     from dvtcli.files.eds.reader import read_eds
@@ -39,7 +39,7 @@ def read_device_file(path: Path) -> EdsFile | XddFile:
 def parse_device_file(data: bytes, source: str) -> EdsFile | XddFile:
     """Read the bytes of such a file; *source* is its name, also for messages."""
     if _looks_like_xml(data[:_LOOKED_AT], source):
-        from dvtcli.files.xdd.reader import parse_xdd
+        from dvtcli.files.xdd.xdd_reader import parse_xdd
 
         return parse_xdd(data, source)
     from dvtcli.files.eds.reader import parse_eds

@@ -12,7 +12,7 @@ from dvtcli.files.xdd.xdd_rules import XDD_RULES
 if TYPE_CHECKING:
     from dvtcli.domain.profile import DeviceProfile
     from dvtcli.files.eds.findings import EdsFinding
-    from dvtcli.files.xdd.reader import XddFile
+    from dvtcli.files.xdd.xdd_reader import XddFile
 
 #: Every rule there is.
 EVERY_RULE = (*RULES, *XDD_RULES)

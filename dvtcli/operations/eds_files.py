@@ -16,7 +16,7 @@ from dvtcli.operations.results import Facts, FileFinding, FileReport, FileReport
 if TYPE_CHECKING:
     from dvtcli.domain.lint.lint_rule import LintRule
     from dvtcli.files.eds.reader import EdsFile
-    from dvtcli.files.xdd.reader import XddFile
+    from dvtcli.files.xdd.xdd_reader import XddFile
 
     #: What was read, whichever format it has.
     DeviceFile = EdsFile | XddFile

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from dvtcli.domain.object_dictionary import Access, ObjectType
 from dvtcli.errors import InputFileError
 from dvtcli.files.device_file import parse_device_file
-from dvtcli.files.xdd.reader import XddFile, parse_xdd
+from dvtcli.files.xdd.xdd_reader import XddFile, parse_xdd
 from dvtcli.files.xdd.xdd_rules import XDD_RULES
 from tests.commands.bench import Bench
 from tests.real_files import real_files

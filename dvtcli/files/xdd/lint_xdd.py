@@ -13,7 +13,7 @@ from dvtcli.domain.profile import GENERIC, DeviceProfile
 from dvtcli.files.eds.findings import EdsFinding
 from dvtcli.files.eds.lint.linter import DEVICE_CHECKS
 from dvtcli.files.eds.lint.named import named
-from dvtcli.files.xdd.reader import XddFile
+from dvtcli.files.xdd.xdd_reader import XddFile
 
 
 def lint_xdd(

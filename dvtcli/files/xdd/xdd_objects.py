@@ -15,7 +15,7 @@ from dvtcli.files.eds.findings import Findings
 from dvtcli.files.eds.ini import IniValue, Values
 from dvtcli.files.eds.keys import number_key
 from dvtcli.files.eds.read_rules import NO_SUB_INDICES, OBJECT_TYPE, SUB_INDICES_OF_VAR, SUB_NUMBER
-from dvtcli.files.xdd.parameters import Parameter
+from dvtcli.files.xdd.xdd_parameters import Parameter
 from dvtcli.files.xdd.xdd_rules import MAPPING_DIRECTION, MAPPING_WORD, NO_INDEX, NO_PARAMETER, OBJECT_TWICE
 from dvtcli.files.xdd.xml_tree import XmlElement
 

@@ -13,10 +13,10 @@ from pathlib import Path
 
 from dvtcli.domain.object_dictionary import ObjectDictionary, OdObject
 from dvtcli.files.eds.findings import EdsFinding, Findings
-from dvtcli.files.xdd.device import read_device_info
-from dvtcli.files.xdd.objects import build_object, number_of
-from dvtcli.files.xdd.parameters import Parameter, read_parameters
 from dvtcli.files.xdd.recognise import NAMESPACES, must_be_canopen
+from dvtcli.files.xdd.xdd_device import read_device_info
+from dvtcli.files.xdd.xdd_objects import build_object, number_of
+from dvtcli.files.xdd.xdd_parameters import Parameter, read_parameters
 from dvtcli.files.xdd.xdd_rules import OBJECT_LISTS, OBJECT_TWICE, OTHER_NAMESPACE
 from dvtcli.files.xdd.xml_tree import MOST_BYTES, XmlElement, XmlTree, read_xml
 
