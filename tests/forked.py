@@ -140,15 +140,16 @@ class Fresh(Forked):
     """The same in a Python of its own."""
 
     def _begin(self, start: Start, *, pipes: bool) -> None:
+        apart = subprocess.STDOUT if self._paths[1] == self._paths[2] else subprocess.PIPE
         with self._paths[0].open() as stdin, self._paths[1].open("a") as stdout, self._paths[2].open("a") as stderr:
             self._child = subprocess.Popen(
                 [sys.executable, "-m", "dvtcli", *start.words], stdin=stdin,
-                stdout=subprocess.PIPE if pipes else stdout, stderr=subprocess.PIPE if pipes else stderr,
+                stdout=subprocess.PIPE if pipes else stdout, stderr=apart if pipes else stderr,
                 env=start.env, cwd=start.cwd, umask=start.umask,
             )  # fmt: skip
         self.pid = self._child.pid
-        if self._child.stdout is not None and self._child.stderr is not None:
-            self.stdout, self.stderr = self._child.stdout, self._child.stderr
+        if self._child.stdout is not None:
+            self.stdout, self.stderr = self._child.stdout, self._child.stderr or self._child.stdout
 
     def poll(self) -> int | None:
         return self._child.poll()

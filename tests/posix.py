@@ -21,4 +21,7 @@ STOPPING = [
     signal.SIGINT,
     *(pytest.param(number, marks=needs_signals, id=str(int(number))) for number in (signal.SIGTERM, SIGHUP)),
 ]
+needs_any_names = pytest.mark.skipif(sys.platform == "win32", reason="no control characters in names of files")
+needs_shell = pytest.mark.skipif(sys.platform == "win32", reason="programs of a POSIX shell; there it is cmd")
+needs_typing = pytest.mark.skipif(sys.platform == "win32", reason="what was typed waits in a console")
 NO_TERMINAL = "no pseudo-terminal of POSIX"

@@ -25,6 +25,16 @@ HOMES = (
 )
 
 
+def homes(folder: Path) -> dict[str, str]:
+    """The variables that make *folder* the place of all of the user's files."""
+    return dict.fromkeys(HOMES, str(folder))
+
+
+def kept_in(folder: Path) -> Path:
+    """Where dvtcli's own files are below *folder*, which `homes` names: Windows' folders have the maker's name, too."""
+    return folder / "dvtcli" / "dvtcli" if sys.platform == "win32" else folder / "dvtcli"
+
+
 def clean_environment() -> dict[str, str]:
     """This process's variables without those that say something to dvtcli, Python, python-can or a terminal program.
 

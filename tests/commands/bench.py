@@ -6,7 +6,6 @@ import io
 import json
 import re
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 from dvtcli.cli.conversation import Conversation
@@ -17,13 +16,14 @@ from dvtcli.cli.view.output import Output
 from dvtcli.cli.ways_in import install
 from dvtcli.domain.ports import CanopenBus
 from dvtcli.files.profile.toml import builtin_path
+from dvtcli.files.user_folders import user_folder
 
 install()
 
 
 def impatient() -> str:
     """The name of a profile of the test's own home: a CiA 301 device whose store is waited for 1 s, not 20 s."""
-    folder = Path.home() / ".config" / "dvtcli" / "profiles"
+    folder = user_folder("config") / "profiles"
     folder.mkdir(parents=True, exist_ok=True)
     text = builtin_path("generic").read_text("utf-8")
     text, named = re.subn(r"(?m)^name = .*", 'name = "impatient"', text)

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from dvtcli.simulator.network.family_file import family_eds
+from tests.posix import needs_shell
 from tests.process import documents, dvtcli, environment, run
 from tests.prompt.terminal import CTRL_C, TAB, Terminal
 
@@ -80,6 +81,7 @@ def shell(program: Path, words: list[str], start: str) -> Terminal:
     return terminal
 
 
+@needs_shell
 @pytest.mark.skipif(shutil.which("bash") is None, reason="no bash")
 def test_tab_in_a_real_bash(program: Path) -> None:
     start = "PS1='rea''dy> '; bind 'set enable-bracketed-paste off'; eval \"$(dvtcli completion bash)\""

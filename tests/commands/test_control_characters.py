@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.commands.bench import Bench, Ran
+from tests.posix import needs_any_names
 from tests.process import ROOT, dvtcli
 
 HOSTILE = "tests/commands/hostile.eds"
@@ -96,6 +97,7 @@ def test_the_control_characters_are_there_to_be_escaped(hostile: Bench) -> None:
     assert "na\\x1b[31mme\\x07" in hostile.run("read 1008").stdout
 
 
+@needs_any_names
 def test_a_process_shows_file_names_escaped(tmp_path: Path) -> None:
     script = tmp_path / f"a{ESC}.dvt"
     script.write_text("bogus\n")
@@ -119,6 +121,7 @@ def test_a_process_shows_file_names_escaped(tmp_path: Path) -> None:
         assert ran.returncode != 70, ran.stderr
 
 
+@needs_any_names
 def test_a_bad_settings_file_is_shown_escaped(tmp_path: Path) -> None:
     folder = tmp_path / f"c{ESC}"
     folder.mkdir()

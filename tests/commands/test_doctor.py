@@ -12,6 +12,7 @@ import can
 from tests.commands.bench import Bench
 from tests.commands.bus import Wire, device
 from tests.process import ROOT, documents, environment, run
+from tests.surroundings import homes, kept_in
 
 _NUMBERS = count(1)
 
@@ -137,10 +138,10 @@ def test_a_bus_that_does_not_open_and_a_silent_node_fail(tmp_path: Path) -> None
 
 
 def test_a_broken_profile_and_a_folder_that_is_none_fail(tmp_path: Path) -> None:
-    own = tmp_path / ".config" / "dvtcli" / "profiles"
+    own = kept_in(tmp_path) / "profiles"
     own.mkdir(parents=True)
     (own / "mine.toml").write_text("not a profile")
-    code, found = doctor(tmp_path)
+    code, found = doctor(tmp_path, **homes(tmp_path))
     assert (code, found["profiles"]["verdict"]) == (4, "fail")
     (own / "mine.toml").unlink()
     (tmp_path / "file").touch()

@@ -11,6 +11,7 @@ from tests import process
 from tests.commands.bench import Bench
 from tests.process import documents, environment
 from tests.prompt.terminal import CTRL_C, CTRL_D, ENTER, Terminal
+from tests.surroundings import homes, kept_in
 
 LOCKED = "gen4-locked"
 #: the simulated family's passcodes for levels 4 and 2, and one that it does not know
@@ -19,8 +20,8 @@ RIGHT, LOWER, WRONG = "0x4444", "0x2222", "48879"
 
 def run(folder: Path, *words: str, stdin: str = "", **more: str) -> subprocess.CompletedProcess[str]:
     """Run dvtcli in *folder*, all of its own files in it too, with *more* environment."""
-    homes = {name: str(folder) for name in ("HOME", "XDG_STATE_HOME", "XDG_CONFIG_HOME", "XDG_DATA_HOME", "TMPDIR")}
-    return process.run(["--sim", LOCKED, *words], stdin=stdin, cwd=folder, env=environment() | homes | more)
+    own = homes(folder) | {"TMPDIR": str(folder)}
+    return process.run(["--sim", LOCKED, *words], stdin=stdin, cwd=folder, env=environment() | own | more)
 
 
 def files_with(folder: Path, *secrets: bytes) -> list[str]:
@@ -114,8 +115,8 @@ def test_the_passcode_may_stand_in_the_users_settings_and_in_no_projects(tmp_pat
     (tmp_path / "dvtcli.toml").write_text(f"passcode = {value}\n")
     ran = run(tmp_path, "login")
     assert (ran.returncode, "dvtcli.toml: passcode: never taken from a project's file" in ran.stderr) == (6, True)
-    (tmp_path / "dvtcli").mkdir(mode=0o700)
-    (tmp_path / "dvtcli.toml").rename(tmp_path / "dvtcli" / "config.toml")
+    kept_in(tmp_path).mkdir(mode=0o700, parents=True)
+    (tmp_path / "dvtcli.toml").rename(kept_in(tmp_path) / "config.toml")
     assert run(tmp_path, "login").returncode == 0
 
 
@@ -168,7 +169,7 @@ def test_at_a_terminal_the_passcode_is_asked_for_without_echo(tmp_path: Path, ty
         assert b"EF BE" not in terminal.written
     finally:
         terminal.close()
-    assert (tmp_path / "dvtcli" / "history").exists()
+    assert list(tmp_path.glob("dvtcli/**/history"))
     assert not files_with(tmp_path, typed.encode())
 
 

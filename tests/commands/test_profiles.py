@@ -9,6 +9,7 @@ import pytest
 
 from tests import process
 from tests.process import ROOT, documents, environment
+from tests.surroundings import homes, kept_in
 
 PUMP = """like = "gen4"
 name = "pump"
@@ -22,11 +23,11 @@ pressure = "6C01:02"              # wired to analogue input 2
 
 def run(folder: Path, *words: str, stdin: str = "") -> subprocess.CompletedProcess[str]:
     """Run dvtcli with *folder* as the home of its settings."""
-    return process.run(words, stdin=stdin, cwd=folder, env=environment() | {"XDG_CONFIG_HOME": str(folder)})
+    return process.run(words, stdin=stdin, cwd=folder, env=environment() | homes(folder))
 
 
 def own(folder: Path, text: str, name: str = "pump") -> Path:
-    path = folder / "dvtcli" / "profiles" / f"{name}.toml"
+    path = kept_in(folder) / "profiles" / f"{name}.toml"
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(text)
     return path

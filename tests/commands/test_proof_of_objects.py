@@ -8,6 +8,7 @@ import pytest
 
 from dvtcli.domain.abort import Abort
 from dvtcli.files.eds.reader import read_eds
+from dvtcli.files.user_folders import user_folder
 from dvtcli.simulator.device.refusal import Refusal
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family
@@ -60,7 +61,7 @@ def test_a_history_that_cannot_be_read_is_said(tmp_path: Path) -> None:
     with Wire(device("generic")) as wire:
         with on_bus(wire) as first:
             assert first.run("write 1017 1000").code == 0
-        (path,) = (tmp_path / "state" / "dvtcli" / "changes").glob("*.json")
+        (path,) = (user_folder("state") / "changes").glob("*.json")
         path.write_text("{")
         with on_bus(wire) as second:
             ran = second.run("store --prove --json")

@@ -15,13 +15,15 @@ from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family
 from tests.commands.bench import Bench
 from tests.commands.bus import Wire
+from tests.surroundings import HOMES, kept_in
 
 EDS = str(family_eds("generic"))
 
 
 @pytest.fixture(autouse=True)
 def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    for name in HOMES:
+        monkeypatch.setenv(name, str(tmp_path / "state"))
 
 
 def stricter(kind: type[StrictDevice] = StrictDevice, node_id: int = 1, **codes: int) -> StrictDevice:
@@ -199,7 +201,7 @@ def test_one_that_refuses_in_its_present_state_while_it_runs_is_not_remembered(t
 
 
 def test_what_is_remembered_is_shown_and_forgotten(tmp_path: Path) -> None:
-    folder = tmp_path / "state" / "dvtcli" / "habits"
+    folder = kept_in(tmp_path / "state") / "habits"
     with Wire(stricter(type_while_valid=0x06090030)) as wire, on(wire) as bench:
         assert bench.run("profiles habits").stdout == "nothing is remembered of any device\n"
         assert bench.run("profiles forget all").code == 0
@@ -230,7 +232,7 @@ def test_an_invalid_memory_is_said_and_found_out_anew(tmp_path: Path) -> None:
     with Wire(stricter(type_while_valid=0x06090030)) as wire:
         with on(wire) as bench:
             assert bench.run("set tpdo1 --sync 3").code == 0
-        (path,) = (tmp_path / "state" / "dvtcli" / "habits").glob("*.json")
+        (path,) = (kept_in(tmp_path / "state") / "habits").glob("*.json")
         assert oct(path.stat().st_mode & 0o777) == "0o600"
         for text in (
             '{"schema": "dvtcli.habits/1", "off_first": [["tpdo", 2]]}',

@@ -97,7 +97,7 @@ class Terminal:
         environment: dict[str, str] | None = None,
         command: list[str] | None = None,
     ) -> None:
-        env = clean() | {"XDG_STATE_HOME": str(state), "HOME": str(state)}
+        env = clean() | dict.fromkeys(("XDG_STATE_HOME", "LOCALAPPDATA", "HOME"), str(state))
         env |= environment or {}
         self.child: Child | pexpect.spawn[bytes]
         if command or process.FRESH_PYTHON:

@@ -22,8 +22,10 @@ def editing(open_terminal: Open, tmp_path: Path) -> Edit:
     def make(script: str) -> Terminal:
         editor = tmp_path / "editor.sh"
         calls = tmp_path / "calls"
-        calls.write_text("0")
-        editor.write_text(f'times=$(cat {calls})\necho $((times + 1)) > {calls}\nset -- "$1" "$times"\n{script}\n')
+        calls.write_text("0", newline="\n")
+        editor.write_text(
+            f'times=$(cat {calls})\necho $((times + 1)) > {calls}\nset -- "$1" "$times"\n{script}\n', newline="\n"
+        )
         environment = {"EDITOR": f"sh {editor}", "VISUAL": f"sh {editor}"}
         terminal = open_terminal("--sim", "gen4", columns=120, rows=40, environment=environment)
         terminal.wait_prompt()
@@ -105,7 +107,7 @@ def test_without_a_terminal_it_is_refused() -> None:
 
 def test_what_was_typed_is_kept_where_the_device_does_not_take_it(open_terminal: Open, tmp_path: Path) -> None:
     editor = tmp_path / "editor.sh"
-    editor.write_text("sed -i 's/^type: 255/type: 1/' \"$1\"\n")
+    editor.write_text("sed -i 's/^type: 255/type: 1/' \"$1\"\n", newline="\n")
     environment = {"EDITOR": f"sh {editor}", "VISUAL": f"sh {editor}"}
     words = ("--sim", "gen4", "--fault", "refuse@1=0x08000020")
     terminal = open_terminal(*words, columns=300, rows=40, environment=environment)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.posix import needs_shell
 from tests.prompt.conftest import Open
 from tests.prompt.terminal import CTRL_C, CTRL_D, Terminal
 
@@ -26,6 +27,7 @@ def test_results_go_into_files(gen4: Terminal, tmp_path: Path) -> None:
     gen4.wait("0x6041:00")
 
 
+@needs_shell
 def test_results_go_through_programs(gen4: Terminal) -> None:
     gen4.run("pdo --all | grep -c '^  [TR]PDO'")
     gen4.until(lambda: "10" in [line.strip() for line in gen4.lines], "the number of PDOs")
@@ -41,6 +43,7 @@ def test_results_go_through_programs(gen4: Terminal) -> None:
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
+@needs_shell
 def test_what_takes_no_results_is_said_and_the_prompt_stays(open_terminal: Open) -> None:
     terminal = open_terminal("--sim", "gen4", environment={"SHELL": "/no/such/shell"})
     terminal.wait_prompt()

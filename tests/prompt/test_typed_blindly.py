@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from tests.posix import needs_typing
 from tests.prompt.conftest import Open
 from tests.prompt.terminal import CTRL_C, CTRL_D, ENTER, Terminal
 
 
+@needs_typing
 def test_lines_typed_while_a_command_runs_are_thrown_away_and_that_is_said(gen4: Terminal) -> None:
     gen4.run("sync --count 6 --period 300 -vv")
     gen4.wait("-> 0x080")
@@ -16,6 +18,7 @@ def test_lines_typed_while_a_command_runs_are_thrown_away_and_that_is_said(gen4:
     gen4.wait("nothing to undo: this session changed nothing")
 
 
+@needs_typing
 def test_lines_that_come_with_the_first_one_were_typed_blindly_too(gen4: Terminal) -> None:
     """A terminal that marks no paste sends its lines at once; the second one was meant for when the first worked."""
     gen4.type(f"map tpdo1 9999{ENTER}nmt start{ENTER}")
@@ -47,6 +50,7 @@ def test_ctrl_c_at_a_question_is_no_and_the_next_line_answers_nothing(gen4: Term
     gen4.wait_prompt("sim/1 PRE-OP> ")
 
 
+@needs_typing
 def test_what_was_typed_before_a_question_answers_nothing(open_terminal: Open) -> None:
     terminal = open_terminal("--sim", "gen4")
     terminal.wait_prompt()
