@@ -102,7 +102,8 @@ def export_node(session: Session, file: str, node_id: int | None = None) -> Fact
 def network_place(file: str, example: str) -> Path:
     """Where the network file *file* is to be; UsageError for another suffix, or where it cannot be."""
     if not file.lower().endswith(SUFFIXES):
-        raise UsageError(f"{file}: a network file ends in .yaml", hint="`save FILE.dvt --all` writes a script")
+        hint = "`export FILE.dcf` writes a DCF, `save FILE.dvt --all` a script"
+        raise UsageError(f"{file}: a network file ends in .yaml", hint=hint)
     return place_of(file, example)
 
 

@@ -63,7 +63,7 @@ def test_a_file_is_overwritten_with_consent_only(tmp_path: Path) -> None:
         assert bench.run(f"export {file}").code == 6
         assert file.read_text("utf-8") == "mine"
         assert bench.run(f"export {file} --yes").code == 0
-        assert bench.run(f"export {tmp_path / 'node.dcf'}").code == 2
+        assert bench.run(f"export {tmp_path / 'node.txt'}").code == 2
         assert bench.run(f"export {tmp_path}").code == 2
 
 

@@ -1,4 +1,4 @@
-"""Write what a node's PDOs hold to a network file."""
+"""Write what a node holds to a file that others read: a network file or a DCF."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import click
 from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import FILE
+from dvtcli.errors import UsageError
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import Facts
@@ -19,16 +20,27 @@ TASK = ("Scripts and files", 50)
 
 @click.command("export", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
 @click.argument("file", type=FILE)
+@click.option("--twice", is_flag=True, help="DCF: read each object twice, and leave out what changed meanwhile.")
 @click.pass_obj
-def command(session: Session, /, file: str) -> Facts:
-    """Write every PDO of the selected node, as it is now, to FILE (.yaml), with the vendor and product that it is.
+def command(session: Session, /, file: str, twice: bool) -> Facts:
+    """Write the selected node, as it is now, to FILE: its PDOs (.yaml), or all of its configuration (.dcf).
 
-    Objects are named where the device's file names them, with their numbers behind. A PDO that is not whole is left
-    out, and said.
+    In a network file objects are named where the device's file names them, with their numbers behind. A PDO that is not
+    whole is left out, and said.
+
+    A DCF is the node's EDS, byte for byte, with a ParameterValue for what its configuration objects hold, and with the
+    node-ID, bit rate and serial number. What cannot be read is left out, and said.
 
     \b
     export press.yaml
+    export press.dcf
     """
+    if file.lower().endswith(".dcf"):
+        from dvtcli.operations.whole_device.export_dcf import export_dcf
+
+        return export_dcf(session, file, twice=twice)
+    if twice:
+        raise UsageError("--twice is for a DCF", hint="export NAME.dcf --twice")
     from dvtcli.operations.export_network import export_node
 
     return export_node(session, file)

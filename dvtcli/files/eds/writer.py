@@ -20,7 +20,7 @@ def eds_text(dictionary: ObjectDictionary, file_name: str, description: str, mad
         *_lists(dictionary),
     ]
     for index in dictionary:
-        sections += _object(dictionary[index])
+        sections += object_sections(dictionary[index])
     return "\n\n".join(sections) + "\n"
 
 
@@ -70,7 +70,8 @@ def _lists(dictionary: ObjectDictionary) -> Iterator[str]:
         yield _section(name, {"SupportedObjects": str(len(indices)), **rows})
 
 
-def _object(one: OdObject) -> Iterable[str]:
+def object_sections(one: OdObject) -> Iterable[str]:
+    """The sections of an object, lines with LF, without one at the end."""
     if one.object_type == ObjectType.VAR:
         yield _section(f"{one.index:04X}", _entry(one.entries[0]))
         return
@@ -86,13 +87,15 @@ def _entry(entry: OdEntry) -> dict[str, str]:
         keys["DataType"] = f"0x{entry.data_type.code:04X}"
     keys["AccessType"] = str(entry.access)
     if entry.default is not None:
-        keys["DefaultValue"] = _value(entry, entry.default)
+        keys["DefaultValue"] = _value(entry, entry.default, is_relative=entry.default_relative)
+    if entry.value is not None:
+        keys["ParameterValue"] = _value(entry, entry.value, is_relative=entry.value_relative)
     return {**keys, "PDOMapping": str(int(bool(entry.pdo_mapping)))}
 
 
-def _value(entry: OdEntry, data: bytes) -> str:
+def _value(entry: OdEntry, data: bytes, *, is_relative: bool) -> str:
     if entry.data_type is not None and entry.data_type.kind is Kind.VISIBLE_STRING:
         return str(entry.data_type.decode(data))
     number = int.from_bytes(data, "little")
     digits = f"0x{number:0{2 * len(data)}X}"
-    return f"$NODEID+{digits}" if entry.default_relative else digits
+    return f"$NODEID+{digits}" if is_relative else digits

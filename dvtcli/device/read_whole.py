@@ -1,0 +1,146 @@
+"""One pass over a device's object dictionary: what each object holds, or why nobody knows.
+
+Reads, and writes nothing. Does not know files, nor what becomes of what was read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Mapping
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.configuration import Configuration, NotWritten
+from dvtcli.errors import NoAnswer, SdoAborted
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+    from dvtcli.domain.object_dictionary import OdEntry
+    from dvtcli.domain.profile import ObjectAddress
+
+#: told of each object before it is read: index, sub-index, how many of how many were read, seconds left (None: unknown)
+OnObject = Callable[[int, int, int, int, float | None], None]
+#: what all objects together may hold (bytes); beyond that the rest is left unread
+MOST_BYTES = 16 << 20
+_REFUSED_ON_SCAN = 0x02
+_DEVICE_TYPE = (0x1000, 0)
+#: program data (CiA 302-3), the operating system's channels, from which each upload takes something (CiA 301)
+_PROGRAM, _CHANNELS = 0x1F50, range(0x1023, 0x1027)
+#: a pace is known once this many objects were read
+_PACE_FROM = 20
+
+
+class Unread(StrEnum):
+    """Why an object was not asked for."""
+
+    WRITE_ONLY = "write-only"
+    FLAGGED = "not to be read on a scan (ObjFlags, bit 1)"
+    PASSCODE = "part of a login"
+    PROGRAM = "a program"
+    CHANNEL = "an upload would take something from it"
+    TOO_MUCH = "more than 16 MiB were read before it"
+    SILENT = "no answer"
+
+
+@dataclass(frozen=True, slots=True)
+class ReadObject:
+    """What became of reading *entry*: its *data*, or the device's *abort* code, or why it was not read.
+
+    *changes* says that it held something else at a second look: it changes by itself.
+    """
+
+    entry: OdEntry
+    data: bytes | None = None
+    abort: int | None = None
+    unread: Unread | None = None
+    changes: bool = False
+
+    @property
+    def place(self) -> ObjectAddress:
+        """Its index and sub-index."""
+        return self.entry.index, self.entry.sub_index
+
+
+def read_whole(
+    node: Node,
+    entries: Iterable[OdEntry],
+    known: Configuration,
+    *,
+    again: Callable[[ReadObject], bool] = lambda _read: False,
+    on_object: OnObject = lambda *_progress: None,
+    around: Callable[[OdEntry], AbstractContextManager[None]] = lambda _entry: nullcontext(),
+) -> dict[ObjectAddress, ReadObject]:
+    """Read *entries* of *node* once, those for which *again* is true twice.
+
+    What is write-only, flagged against it, or a secret by *known*, is not asked for; an abort stands in its place.
+    Each upload is done within *around* it. NoAnswer where the node falls silent, or restarts meanwhile: what was read
+    in two of its lives belongs to none.
+    """
+    boot_ups = node.bus.boot_ups(node.node_id)
+    found = {one.place: one for one in (_judged(entry, known) for entry in entries)}
+    reading = _Reading(node, on_object, around)
+    reading.read(found, [place for place, one in found.items() if one.unread is None])
+    twice = [place for place, one in found.items() if one.data is not None and again(one)]
+    second = {place: replace(found[place], data=None) for place in twice}
+    reading.read(second, twice)
+    for place, one in second.items():
+        found[place] = replace(found[place], changes=one.data != found[place].data)
+    if node.bus.boot_ups(node.node_id) != boot_ups:
+        raise NoAnswer(
+            f"node {node.node_id} restarted while it was read", node=node.node_id,
+            hint="look at its supply and its wiring, then try again",
+        )  # fmt: skip
+    return found
+
+
+def values_of(found: Mapping[ObjectAddress, ReadObject]) -> dict[ObjectAddress, bytes]:
+    """What was read and did not change meanwhile."""
+    return {place: one.data for place, one in found.items() if one.data is not None and not one.changes}
+
+
+def _judged(entry: OdEntry, known: Configuration) -> ReadObject:
+    """*entry*, and why it is not to be read."""
+    why = None
+    if not entry.access.readable:
+        why = Unread.WRITE_ONLY
+    elif entry.object_flags & _REFUSED_ON_SCAN:
+        why = Unread.FLAGGED
+    elif known.why_not(entry) is NotWritten.PASSCODE:
+        why = Unread.PASSCODE
+    elif entry.index == _PROGRAM and entry.sub_index:
+        why = Unread.PROGRAM
+    elif entry.index in _CHANNELS:
+        why = Unread.CHANNEL
+    return ReadObject(entry, unread=why)
+
+
+@dataclass(slots=True)
+class _Reading:
+    """How a *node* is read."""
+
+    node: Node
+    on_object: OnObject
+    around: Callable[[OdEntry], AbstractContextManager[None]]
+
+    def read(self, found: dict[ObjectAddress, ReadObject], places: Collection[ObjectAddress]) -> None:
+        """Read what is at *places* into *found*."""
+        now_s = self.node.bus.now_s
+        since_s, size = now_s(), 0
+        for number, place in enumerate(places):
+            left_s = (now_s() - since_s) / number * (len(places) - number) if number >= _PACE_FROM else None
+            self.on_object(*place, number, len(places), left_s)
+            one = replace(found[place], unread=Unread.TOO_MUCH) if size > MOST_BYTES else self._asked(found[place])
+            size += len(one.data or b"")
+            found[place] = one
+
+    def _asked(self, one: ReadObject) -> ReadObject:
+        sdo = self.node.sdo
+        try:
+            with self.around(one.entry):
+                return replace(one, data=sdo.upload(*one.place))
+        except SdoAborted as aborted:
+            return replace(one, abort=aborted.code)
+        except NoAnswer:
+            sdo.upload(*_DEVICE_TYPE)  # the node is there, and silent about this object
+            return replace(one, unread=Unread.SILENT)

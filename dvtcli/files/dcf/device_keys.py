@@ -1,0 +1,105 @@
+"""[FileInfo] and [DeviceComissioning] of a DCF (CiA 306, 4.5 and 5.2; the standard spells it so).
+
+CreationDate and whatever else the EDS says of itself stays. Does not know objects.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from datetime import datetime
+from typing import Protocol
+
+from dvtcli.files.dcf.edited_text import EditedText
+from dvtcli.files.eds.findings import Findings
+from dvtcli.files.eds.ini import section_values
+from dvtcli.files.eds.reader import EdsFile
+
+_FILE_INFO, _COMMISSIONING = "FileInfo", "DeviceComissioning"
+
+
+class Device(Protocol):
+    """The device that a DCF is about."""
+
+    @property
+    def file_name(self) -> str:
+        """The name of the DCF."""
+        ...
+
+    @property
+    def node_id(self) -> int:
+        """Its node-ID."""
+        ...
+
+    @property
+    def made(self) -> datetime:
+        """When it was read."""
+        ...
+
+    @property
+    def bit_rate_kbit(self) -> int | None:
+        """The bit rate of its bus (kbit/s)."""
+        ...
+
+    @property
+    def serial(self) -> int | None:
+        """Its serial number (0x1018:4)."""
+        ...
+
+
+def write_device_keys(eds: EdsFile, text: EditedText, source: str, device: Device) -> None:
+    """Say in *text* who wrote it and when, of which *source* it is made, and which node it is about."""
+    _set_keys(eds, text, _FILE_INFO, _file_info(eds, source, device), before_first=True)
+    said = {"NodeID": device.node_id, "Baudrate": device.bit_rate_kbit, "LSS_SerialNumber": device.serial}
+    keys = {key: str(value) for key, value in said.items() if value is not None}
+    _set_keys(eds, text, _COMMISSIONING, keys, gone=[key.lower() for key, value in said.items() if value is None])
+
+
+def _file_info(eds: EdsFile, source: str, device: Device) -> dict[str, str]:
+    """What becomes of [FileInfo]; a DCF keeps the name of the EDS that it was made of."""
+    made = {"ModificationTime": device.made.strftime("%I:%M%p"), "ModificationDate": device.made.strftime("%m-%d-%Y"),
+            "ModifiedBy": "dvtcli"}  # fmt: skip
+    of_dcf = "devicecomissioning" in eds.layout.device and eds.values(_FILE_INFO).get("lasteds") is not None
+    return {"FileName": device.file_name, **made, **({} if of_dcf else {"LastEDS": source})}
+
+
+def _set_keys(
+    eds: EdsFile,
+    text: EditedText,
+    section: str,
+    keys: Mapping[str, str],
+    *,
+    before_first: bool = False,
+    gone: list[str] | None = None,
+) -> None:
+    """Let *section* have *keys*, and nothing of *gone*; where the file has none, it is made."""
+    parts = eds.layout.device.get(section.lower(), [])
+    if not parts:
+        lines = [f"[{section}]", *(f"{key}={_fitting(text, value)}" for key, value in keys.items())]
+        _add_section(eds, text, lines, before_first=before_first)
+        return
+    given = section_values(parts, Findings())
+    last = max((value.line for value in given.values()), default=parts[-1].line)
+    for key, value in keys.items():
+        if key.lower() in given:
+            if given[key.lower()].value != value:
+                text.set_value(given[key.lower()].line, _fitting(text, value), is_text=True)
+        else:
+            text.insert_key(last, key, _fitting(text, value))
+    for key in gone or ():
+        if key in given:
+            text.remove(given[key].line)
+
+
+def _add_section(eds: EdsFile, text: EditedText, lines: list[str], *, before_first: bool) -> None:
+    """Put a section in front of the first one, or of the lists of objects; at the end where there are none."""
+    lists = [parts[0].line for name, parts in eds.layout.device.items() if name.endswith("objects")]
+    first = eds.text.sections[0].line if before_first else min(lists, default=0)
+    if first:
+        text.insert(first - 1, [*lines, ""])
+    else:
+        text.insert(text.last_line, ["", *lines])
+
+
+def _fitting(text: EditedText, value: str) -> str:
+    """*value* without what would end its line, or what the file's encoding lacks."""
+    return "".join(char if char >= " " and text.can_hold(char) else "?" for char in value).strip()

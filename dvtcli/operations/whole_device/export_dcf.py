@@ -1,0 +1,133 @@
+"""A node as a DCF: its EDS with what its configuration objects hold. Writes nothing to a node."""
+
+from __future__ import annotations
+
+import os
+import shlex
+from dataclasses import replace
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dvtcli.device.change.private_file import put_in_place
+from dvtcli.device.file_fits import refuse_unlike_file
+from dvtcli.device.read_whole import ReadObject, values_of
+from dvtcli.domain.abort import abort_text
+from dvtcli.domain.configuration import Configuration
+from dvtcli.domain.several import plural, several
+from dvtcli.errors import UsageError
+from dvtcli.files.dcf.value_text import same_value
+from dvtcli.files.dcf.write_dcf import Commissioned, DcfText, write_dcf
+from dvtcli.operations.results import Facts
+from dvtcli.operations.save_script import ask_before_overwriting, place_of
+from dvtcli.operations.whole_device.look_through import WholeDevice, described, look_through
+
+if TYPE_CHECKING:
+    from dvtcli.domain.profile import ObjectAddress
+    from dvtcli.operations.session import Session
+
+SUFFIX = ".dcf"
+
+
+def export_dcf(session: Session, file: str, node_id: int | None = None, *, twice: bool = False) -> Facts:
+    """Write the EDS of the node with *node_id* (None: the selected one), with what its configuration holds, to *file*.
+
+    Every byte of the EDS that need not change stays. With *twice* every object is read a second time, and what changed
+    meanwhile is left out. Asks before it overwrites. UsageError where the node has no EDS, or FILE cannot be written;
+    SafetyRefusal where the EDS is another device's.
+    """
+    path = place_of(file, f"export {{}}/NAME{SUFFIX}")
+    node = session.node(node_id)
+    described(node)
+    refuse_unlike_file(node.node_id, node.unlike_file, force=session.options.force)
+    ask_before_overwriting(session, path)
+    whole = look_through(session, node, twice=twice, only=is_exported)
+    text, eds = dcf_of(session, whole, path.name)
+    write_bytes(path, text.data)
+    return _answer(file, whole, text, eds)
+
+
+def is_exported(one: ReadObject, known: Configuration) -> bool:
+    """Whether a DCF says what the object holds: configuration, the maker's too, or what its file has a value for."""
+    why = known.why_not(one.entry)
+    return why is None or why.is_lifted_by_include or one.entry.value is not None
+
+
+def dcf_of(session: Session, whole: WholeDevice, file_name: str) -> tuple[DcfText, Path]:
+    """The DCF of *whole* that is to be called *file_name*, and the EDS that it is made of."""
+    node = whole.node
+    path = session.network.files.eds_path(node.node_id)
+    if path is None:
+        raise UsageError(f"node {node.node_id} has no EDS here", node=node.node_id, hint="--eds FILE gives one")
+    rate = node.bus.runs_at
+    device = Commissioned(
+        file_name, node.node_id, datetime.now().astimezone(), rate // 1000 if rate else None, node.identity()["serial"]
+    )
+    try:
+        data = path.read_bytes()
+    except OSError as failed:
+        raise UsageError(f"{path}: {failed.strerror or failed}", place=str(path)) from failed
+    return write_dcf(data, path.name, values_of(whole.objects), device), path
+
+
+def write_bytes(path: Path, data: bytes) -> None:
+    """Write the file whole or not at all; UsageError where that cannot be."""
+    made = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        try:
+            made.write_bytes(data)
+            put_in_place(made, path)
+        finally:
+            made.unlink(missing_ok=True)
+    except OSError as failed:
+        raise UsageError(f"{path}: {failed.strerror or failed}", place=str(path)) from failed
+
+
+def left_out(whole: WholeDevice, text: DcfText) -> dict[str, str]:
+    """The objects that the DCF says nothing of though they were meant, each with why."""
+    found = dict(text.left_out)
+    for place, one in whole.objects.items():
+        if why := why_unread(one):
+            found[place] = why
+    return {f"{index:04X}:{sub:02X}": why for (index, sub), why in sorted(found.items())}
+
+
+def why_unread(one: ReadObject) -> str:
+    """Why nobody knows what an object holds; empty where it was read."""
+    if one.abort is not None:
+        return f"{abort_text(one.abort)} (0x{one.abort:08X})"
+    if one.unread is not None:
+        return str(one.unread)
+    return "it changes by itself" if one.changes else ""
+
+
+def _answer(file: str, whole: WholeDevice, text: DcfText, eds: Path) -> Facts:
+    node, out = whole.node, left_out(whole, text)
+    others = _other_than_default(whole, text)
+    said = [
+        f"{file}: node {node.node_id}, {plural(len(text.said), 'object')}, {len(others)} of them not as {eds.name} "
+        f"says by default. Look again: dvtcli compare {shlex.quote(file)}"
+    ]
+    if out:
+        said.append(f"note: left out: {several(f'{place} ({why})' for place, why in out.items())}")
+    rows = (
+        ("file", file), ("node", node.node_id), ("eds", eds.name), ("objects", len(text.said)),
+        ("not_default", [_label(place) for place in others]),
+        ("left_out", [{"object": place, "why": why} for place, why in out.items()]),
+    )  # fmt: skip
+    return Facts("dcf", rows, tuple(said))
+
+
+def _other_than_default(whole: WholeDevice, text: DcfText) -> list[ObjectAddress]:
+    """What holds something else than the EDS's default."""
+    found = []
+    for place in text.said:
+        one = whole.objects[place]
+        default = replace(one.entry, value=None).initial(whole.node.node_id)
+        if default is not None and not same_value(one.entry.data_type, default, one.data):
+            found.append(place)
+    return found
+
+
+def _label(place: ObjectAddress) -> str:
+    return f"{place[0]:04X}:{place[1]:02X}"

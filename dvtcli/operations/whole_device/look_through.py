@@ -1,0 +1,91 @@
+"""Reading a whole device for an operation: its file, what of it is configuration, and how far that has come."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from dvtcli.device.read_whole import ReadObject, read_whole
+from dvtcli.domain.configuration import Configuration, configuration_of, profile_number
+from dvtcli.domain.datatypes import Kind
+from dvtcli.errors import SdoAborted, UsageError
+from dvtcli.operations.transfer_progress import transfer_progress
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+    from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
+    from dvtcli.domain.profile import ObjectAddress, Range
+    from dvtcli.operations.session import Session
+
+_DEVICE_TYPE = (0x1000, 0)
+
+
+@dataclass(frozen=True, slots=True)
+class WholeDevice:
+    """A *node* with *objects* as they were read, and which of them are configuration (*known*)."""
+
+    node: Node
+    dictionary: ObjectDictionary
+    known: Configuration
+    objects: Mapping[ObjectAddress, ReadObject]
+
+
+def look_through(
+    session: Session,
+    node: Node,
+    *,
+    twice: bool = False,
+    included: Collection[Range] = (),
+    only: Callable[[ReadObject, Configuration], bool] = lambda _one, _known: True,
+) -> WholeDevice:
+    """Read every object of *node* that its file describes and *only* lets through, once; with *twice* a second time.
+
+    What an RPDO or another master may write, as the file says, is always looked at twice. *included* are the maker's
+    indices that the user calls configuration. UsageError without a file.
+    """
+    dictionary = described(node)
+    known = configuration(node, dictionary, included)
+    entries = [entry for entry in dictionary.entries() if only(ReadObject(entry), known)]
+    text = f"node {node.node_id}: reading"
+
+    def tell(index: int, sub_index: int, done: int, total: int, left_s: float | None) -> None:
+        left = "" if left_s is None else f", {duration(left_s)} left"
+        session.tell.progress(f"{text} 0x{index:04X}:{sub_index:02X}, {done + 1} of {total}{left}", done, total)
+
+    def again(one: ReadObject) -> bool:
+        return twice or (bool(one.entry.pdo_mapping) and one.entry.access.writable)
+
+    def around(entry: OdEntry) -> AbstractContextManager[None]:
+        if entry.data_type is None or entry.data_type.kind is not Kind.OCTETS:
+            return nullcontext()
+        return transfer_progress(session, node.node_id, f"{text} 0x{entry.index:04X}:{entry.sub_index:02X}")
+
+    objects = read_whole(node, entries, known, again=again, on_object=tell, around=around)
+    return WholeDevice(node, dictionary, known, objects)
+
+
+def described(node: Node) -> ObjectDictionary:
+    """The dictionary of *node*; UsageError where no file describes it."""
+    if node.dictionary is None:
+        raise UsageError(
+            f"node {node.node_id} has no EDS here: nobody knows which objects it has", node=node.node_id,
+            hint="--eds FILE gives one, `eds add FILE` keeps it for every node of its kind",
+        )  # fmt: skip
+    return node.dictionary
+
+
+def configuration(node: Node, dictionary: ObjectDictionary, included: Collection[Range] = ()) -> Configuration:
+    """What is configuration of *node*, by the device profile that it says it has, else by its file's."""
+    known = configuration_of(dictionary, node.profile, included)
+    try:
+        held = node.memory.upload(*_DEVICE_TYPE)
+    except SdoAborted:
+        return known
+    return Configuration(node.profile, profile_number(held), included=included, dictionary=dictionary)
+
+
+def duration(seconds: float) -> str:
+    """A time for people: `40 s`, `3 min`."""
+    return f"{seconds:.0f} s" if seconds < 100 else f"{seconds / 60:.0f} min"
