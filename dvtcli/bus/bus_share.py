@@ -7,13 +7,20 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+from threading import Lock
+from typing import TYPE_CHECKING
 
 from dvtcli.bus.sdo.sdo_link import ANSWER_ID, REQUEST_ID
 from dvtcli.domain.bus_load import frame_bits, most_frame_bits
 from dvtcli.domain.ports import Frame
 
+if TYPE_CHECKING:
+    from dvtcli.domain.ports import CanopenBus
+
 #: an SDO request and its answer, stuffed as badly as can be
 EXCHANGE_BITS = 2 * most_frame_bits(8)
+#: the longest that a request waits for its share (s): where others alone use more, what was begun still ends
+LONGEST_WAIT_S = 1.0
 #: the shortest wait (s)
 TICK_S = 0.001
 _WINDOW_S, _EXCHANGES_IN_A_WINDOW = 0.1, 4
@@ -62,3 +69,41 @@ class BusShare:
         since_s = self._now_s() - self.window_s
         while self._frames and self._frames[0][0] <= since_s:
             self._bits -= self._frames.popleft()[1]
+
+
+class KeptShare:
+    """The load of *bus*, at *bit_rate* bit/s, as it is measured while it is to be kept small."""
+
+    def __init__(self, bus: CanopenBus, bit_rate: int) -> None:
+        self._bus = bus
+        self._bit_rate = bit_rate
+        self._share: BusShare | None = None
+        self._end_measuring: Callable[[], None] = lambda: None
+        self._lock = Lock()
+
+    def wait(self, percent: int) -> None:
+        """Wait until an exchange leaves the load within *percent* (1..99; 0: nothing is to be kept), 1 s at most.
+
+        Whoever asks has taken what had already arrived.
+        """
+        share = self._measured(percent)
+        if share is None:
+            return
+        until_s = self._bus.now_s() + LONGEST_WAIT_S
+        while (wait_s := share.wait_s()) and (left_s := until_s - self._bus.now_s()) > 0:
+            self._bus.sleep(min(wait_s, left_s))
+
+    def _measured(self, percent: int) -> BusShare | None:
+        """The load, after a first look at it; None where it need not be kept small."""
+        with self._lock:
+            share = self._share
+            if share is not None and share.percent == percent:
+                return share
+            self._end_measuring()
+            self._share, self._end_measuring = None, lambda: None
+            if not percent:
+                return None
+            self._share = share = BusShare(self._bit_rate, percent, self._bus.now_s)
+            self._end_measuring = self._bus.tap(share.count)
+        self._bus.sleep(share.window_s)
+        return share

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 
 from dvtcli.domain.nmt import NmtState
@@ -117,3 +118,75 @@ class NodeWatch:
     def _tell(self, event: NodeEvent) -> None:
         for listener in tuple(self.listeners):
             listener(event)
+
+
+class HeardNodes(ABC):
+    """A bus that is asked what its nodes said by themselves since it is open."""
+
+    def __init__(self) -> None:
+        self._watch = NodeWatch()
+
+    def nmt_state(self, node_id: int, timeout_s: float = 0.0) -> NmtState | None:
+        """The state last heard of *node_id* since its last NMT command; waits up to *timeout_s* for a *new* one.
+
+        None: nothing was heard. A node that said boot-up is PRE-OPERATIONAL (CiA 301, 7.2.8.3.3).
+        """
+        self.drain()
+        signs = self._watch.signs_of_life
+        seen = signs.get(node_id, 0)
+        if timeout_s > 0:
+            self._wait_for(lambda: signs.get(node_id, 0) > seen, timeout_s)
+        return self._watch.states.get(node_id)
+
+    def boot_ups(self, node_id: int) -> int:
+        """How many boot-up messages of *node_id* were seen so far."""
+        self.drain()
+        return self._watch.boot_ups.get(node_id, 0)
+
+    def upsets(self, node_id: int) -> int:
+        """A number that grows with each boot-up of *node_id*, and with each upload that had to be asked again."""
+        return self.boot_ups(node_id) + self._repeated(node_id)
+
+    def downloads_of_others(self, node_id: int) -> int:
+        """How many downloads of other SDO clients to *node_id* were seen since its last boot-up."""
+        self.drain()
+        return self._watch.downloads_of_others.get(node_id, 0)
+
+    def wait_boot_up(self, node_id: int, seen: int, timeout_s: float) -> bool:
+        """Wait until more than *seen* boot-ups of *node_id* were received; False after *timeout_s*."""
+        return self._wait_for(lambda: self._watch.boot_ups.get(node_id, 0) > seen, timeout_s)
+
+    def heard_nodes(self) -> dict[int, NmtState]:
+        """Every node whose state is known, from heartbeats and boot-ups."""
+        self.drain()
+        return dict(self._watch.states)
+
+    def emergency(self, node_id: int) -> Emergency | None:
+        """The last emergency message of *node_id*."""
+        self.drain()
+        return self._watch.emergencies.get(node_id)
+
+    def heard_emergencies(self, node_id: int) -> tuple[HeardEmergency, ...]:
+        """Every error code that *node_id* sent since the bus is open, the one heard last first."""
+        self.drain()
+        return tuple(reversed(self._watch.heard_emergencies.get(node_id, {}).values()))
+
+    def on_event(self, callback: Callable[[NodeEvent], None]) -> Callable[[], None]:
+        """Call *callback* for each boot-up, state change and emergency; returns what ends that.
+
+        It is called by the thread that happens to read the bus: it must be quick and must not use the bus.
+        """
+        self._watch.listeners.append(callback)
+        return lambda: self._watch.listeners.remove(callback)
+
+    @abstractmethod
+    def drain(self) -> None:
+        """Take what has already arrived, without waiting."""
+
+    @abstractmethod
+    def _wait_for(self, condition: Callable[[], bool], timeout_s: float) -> bool:
+        """Wait until *condition* holds, which signs of life may bring about; whether it does after *timeout_s*."""
+
+    def _repeated(self, _node_id: int) -> int:
+        """How many uploads of a node had to be asked again so far."""
+        return 0

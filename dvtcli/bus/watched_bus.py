@@ -6,35 +6,32 @@ CAN library, no socket and no clock.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from math import inf
 from threading import Lock
 from typing import TYPE_CHECKING
 
-from dvtcli.bus.node_watch import NodeWatch
+from dvtcli.bus.node_watch import HeardNodes
 from dvtcli.bus.oddities import Oddities
 from dvtcli.bus.sdo.sdo_link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S, DroppedAnswers, Inbox, SdoSettings
 from dvtcli.bus.traffic import Tap
 from dvtcli.bus.turns import Turns, one_by_one
 from dvtcli.domain.nmt import NmtCommand, NmtState
-from dvtcli.domain.node_events import Emergency, HeardEmergency, NodeEvent
 from dvtcli.domain.ports import Frame, SdoTransport
 from dvtcli.errors import BusUnavailable, SafetyRefusal, UsageError
 
 if TYPE_CHECKING:
-    from dvtcli.bus.bus_share import BusShare
+    from dvtcli.bus.bus_share import KeptShare
 
 NMT_CAN_ID = 0x000
 
 #: the load (%) that is not exceeded by what we send while a machine may be running
 DEFAULT_SHARE_PERCENT = 50
-#: the longest that a request waits for its share (s): where others alone use more, what was begun still ends
-LONGEST_WAIT_S = 1.0
 
 
-class WatchedBus(ABC):
+class WatchedBus(HeardNodes):
     """The part of a CanopenBus that is the same for all, called *name* on screens.
 
     *timeout_s* (s) and *retries* (0..) are those of `SdoSettings`; *bitrate* is in bit/s, None where nobody said.
@@ -56,12 +53,11 @@ class WatchedBus(ABC):
         #: bit/s, None where nobody said
         self.bitrate = bitrate
         self.settings = SdoSettings(timeout_s, retries)
-        self._watch = NodeWatch()
+        super().__init__()
         self._turns: Turns | None = None
         self._percent = DEFAULT_SHARE_PERCENT
-        #: the load while it is kept small, and what ends its measuring
-        self._share: BusShare | None = None
-        self._end_share: Callable[[], None] = lambda: None
+        #: what keeps the load small, once something may run
+        self._share: KeptShare | None = None
         self._share_lock = Lock()
         #: 0x1016 entries that are known not to be zero, by node-ID and sub-index
         self._consumers: set[tuple[int, int]] = set()
@@ -135,13 +131,15 @@ class WatchedBus(ABC):
         """
         if self.bitrate is None or not (self._share or self._may_run()):
             return
-        share = self._measured_share(self.bitrate)
-        if share is None:
-            return
-        self.drain()
-        until_s = self.now_s() + LONGEST_WAIT_S
-        while (wait_s := share.wait_s()) and (left_s := until_s - self.now_s()) > 0:
-            self.sleep(min(wait_s, left_s))
+        with self._share_lock:
+            if self._share is None:
+                from dvtcli.bus.bus_share import KeptShare
+
+                self._share = KeptShare(self, self.bitrate)
+        percent = self._percent if self._percent < 100 and self._may_run() else 0
+        if percent:
+            self.drain()
+        self._share.wait(percent)
 
     def takes_bursts(self) -> bool:
         """Whether the bus may be filled for a moment (SdoLink): nothing runs, or all of it was allowed to us."""
@@ -155,24 +153,6 @@ class WatchedBus(ABC):
         """Whether SDO at full speed could stop a machine: by what it keeps off the bus, PDOs or heartbeats."""
         return bool(self._consumers) or NmtState.OPERATIONAL in self._watch.states.values()
 
-    def _measured_share(self, bit_rate: int) -> BusShare | None:
-        """The load as it is measured while a machine may run, after a first look at it; None where nothing runs."""
-        wanted = self._percent if self._percent < 100 and self._may_run() else 0
-        with self._share_lock:
-            share = self._share
-            if share is not None and share.percent == wanted:
-                return share
-            self._end_share()
-            self._share, self._end_share = None, lambda: None
-            if not wanted:
-                return None
-            from dvtcli.bus.bus_share import BusShare
-
-            self._share = share = BusShare(bit_rate, wanted, self.now_s)
-            self._end_share = self.tap(share.count)
-        self.sleep(share.window_s)
-        return share
-
     def send_nmt(self, command: NmtCommand, node_id: int) -> None:
         """Send an NMT command to *node_id*, or to all nodes with 0; what was heard of their states is forgotten."""
         if not 0 <= node_id <= 127:
@@ -181,59 +161,6 @@ class WatchedBus(ABC):
         self._watch.forget_state(node_id)
         self._oddities.commanded(command, node_id, self._watch.boot_ups)
         self._command(command, node_id)
-
-    def nmt_state(self, node_id: int, timeout_s: float = 0.0) -> NmtState | None:
-        """The state last heard of *node_id* since its last NMT command; waits up to *timeout_s* for a *new* one.
-
-        None: nothing was heard. A node that said boot-up is PRE-OPERATIONAL (CiA 301, 7.2.8.3.3).
-        """
-        self.drain()
-        signs = self._watch.signs_of_life
-        seen = signs.get(node_id, 0)
-        if timeout_s > 0:
-            self._wait_for(lambda: signs.get(node_id, 0) > seen, timeout_s)
-        return self._watch.states.get(node_id)
-
-    def boot_ups(self, node_id: int) -> int:
-        """How many boot-up messages of *node_id* were seen so far."""
-        self.drain()
-        return self._watch.boot_ups.get(node_id, 0)
-
-    def upsets(self, node_id: int) -> int:
-        """A number that grows with each boot-up of *node_id*, and with each upload that had to be asked again."""
-        return self.boot_ups(node_id) + self._repeated(node_id)
-
-    def downloads_of_others(self, node_id: int) -> int:
-        """How many downloads of other SDO clients to *node_id* were seen since its last boot-up."""
-        self.drain()
-        return self._watch.downloads_of_others.get(node_id, 0)
-
-    def wait_boot_up(self, node_id: int, seen: int, timeout_s: float) -> bool:
-        """Wait until more than *seen* boot-ups of *node_id* were received; False after *timeout_s*."""
-        return self._wait_for(lambda: self._watch.boot_ups.get(node_id, 0) > seen, timeout_s)
-
-    def heard_nodes(self) -> dict[int, NmtState]:
-        """Every node whose state is known, from heartbeats and boot-ups."""
-        self.drain()
-        return dict(self._watch.states)
-
-    def emergency(self, node_id: int) -> Emergency | None:
-        """The last emergency message of *node_id*."""
-        self.drain()
-        return self._watch.emergencies.get(node_id)
-
-    def heard_emergencies(self, node_id: int) -> tuple[HeardEmergency, ...]:
-        """Every error code that *node_id* sent since the bus is open, the one heard last first."""
-        self.drain()
-        return tuple(reversed(self._watch.heard_emergencies.get(node_id, {}).values()))
-
-    def on_event(self, callback: Callable[[NodeEvent], None]) -> Callable[[], None]:
-        """Call *callback* for each boot-up, state change and emergency; returns what ends that.
-
-        It is called by the thread that happens to read the bus: it must be quick and must not use the bus.
-        """
-        self._watch.listeners.append(callback)
-        return lambda: self._watch.listeners.remove(callback)
 
     def disturbances(self) -> list[str]:
         """What was noticed since the last call: another SDO client, two nodes with one node-ID."""
@@ -302,20 +229,12 @@ class WatchedBus(ABC):
         """Wait *duration_s* of that time (0 and less: not at all)."""
 
     @abstractmethod
-    def drain(self) -> None:
-        """Take what has already arrived, without waiting."""
-
-    @abstractmethod
     def close(self) -> None:
         """Leave the bus; returns promptly and may be called twice."""
 
     @abstractmethod
     def _channel(self, node_id: int) -> SdoTransport:
         """The default SDO channel of *node_id*, which is in 1..127; the same object for the same node."""
-
-    @abstractmethod
-    def _wait_for(self, condition: Callable[[], bool], timeout_s: float) -> bool:
-        """Wait until *condition* holds, which signs of life may bring about; whether it does after *timeout_s*."""
 
     def _command(self, command: NmtCommand, node_id: int) -> None:
         """Send an NMT command; as a frame where frames are carried (CiA 301, 7.2.8.3.1)."""
@@ -329,10 +248,6 @@ class WatchedBus(ABC):
         if len(data) == 2 and data[0] in list(NmtCommand) and data[1] <= 127:
             self._watch.forget_state(data[1])
             self._oddities.commanded(NmtCommand(data[0]), data[1], self._watch.boot_ups)
-
-    def _repeated(self, _node_id: int) -> int:
-        """How many uploads of a node had to be asked again so far."""
-        return 0
 
     def _dropped(self) -> Mapping[int, DroppedAnswers]:
         """How many answers did not count so far, by node-ID."""

@@ -180,7 +180,7 @@ def test_right_data_or_an_error_without_a_crc(data: st.DataObject) -> None:
 @pytest.mark.counted
 def test_large_ones(pytestconfig: pytest.Config) -> None:
     size = pytestconfig.getoption("block_bytes")
-    faults = {number: ("lost", "doubled", "late", "wrong")[number // 997 % 3] for number in range(500, size // 4, 997)}
+    faults = {number: ("lost", "doubled", "late", "wrong")[number // 997 % 4] for number in range(500, size // 4, 997)}
     right_or_error(Line(device(), faults), pattern(size))
 
 

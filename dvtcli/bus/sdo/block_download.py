@@ -9,37 +9,33 @@ from __future__ import annotations
 
 from binascii import crc_hqx
 
+from dvtcli.bus.sdo.block_transfer import LAST, MOST_SEGMENTS, SEGMENT_BYTES, SIZE_GIVEN, BlockTransfer
 from dvtcli.bus.sdo.dialogue import Dialogue
 from dvtcli.domain.abort import Abort
 
-_INITIATE, _SIZE_GIVEN, _CRC, _END = 0xC0, 0x02, 0x04, 0xC1
-_ACKNOWLEDGED, _ENDED, _LAST = 0xA2, 0xA1, 0x80
-_SEGMENT_BYTES, _MOST_SEGMENTS = 7, 127
+_INITIATE, _END = 0xC0, 0xC1
+_ACKNOWLEDGED, _ENDED = 0xA2, 0xA1
 #: how often nothing of a sub-block may have arrived, one time after the other
 _PATIENCE = 3
 
 
-class BlockDownload:
+class BlockDownload(BlockTransfer):
     """*data*, which is not empty, on its way by *talk*."""
 
     def __init__(self, talk: Dialogue, data: bytes) -> None:
-        self._talk = talk
+        super().__init__(talk)
         self._data = data
-        self._segments = -(-len(data) // _SEGMENT_BYTES)
-        self._block_size = _MOST_SEGMENTS
-        self._has_crc = False
-        self._in_order = True
+        self._segments = -(-len(data) // SEGMENT_BYTES)
+        self._block_size = MOST_SEGMENTS
 
     def run(self, index: int, sub_index: int) -> bool:
         """Write the object; False where it was aborted since nobody could tell whether the data is right.
 
         SdoAborted where the device refuses, before its data or after it; NoAnswer, SdoProtocolError.
         """
-        place = index.to_bytes(2, "little") + bytes([sub_index])
-        initiate = bytes([_INITIATE | _CRC | _SIZE_GIVEN]) + place + len(self._data).to_bytes(4, "little")
+        size = len(self._data).to_bytes(4, "little")
         with self._talk.told(in_blocks=True):
-            answer = self._talk.request_response(initiate)
-            self._has_crc = bool(answer[0] & _CRC)
+            answer = self._initiate(_INITIATE | SIZE_GIVEN, index, sub_index, size)
             self._block_size = self._checked(answer[4])
             if not self._send_all():
                 return False
@@ -47,7 +43,7 @@ class BlockDownload:
         return True
 
     def _checked(self, block_size: int) -> int:
-        if not 1 <= block_size <= _MOST_SEGMENTS:
+        if not 1 <= block_size <= MOST_SEGMENTS:
             raise self._talk.broken(f"asks for sub-blocks of {block_size} segments", Abort.BLOCK_SIZE)
         return block_size
 
@@ -56,8 +52,7 @@ class BlockDownload:
         while sent < self._segments:
             count = min(self._block_size, self._segments - sent)
             taken = self._sub_block(sent, count)
-            if not (self._has_crc or self._in_order):
-                self._talk.give_up(Abort.SEQUENCE)
+            if self._may_be_wrong():
                 return False
             failures = 0 if taken else failures + 1
             if failures > _PATIENCE:
@@ -68,11 +63,11 @@ class BlockDownload:
     def _sub_block(self, first: int, count: int) -> int:
         """Send *count* segments from number *first* (0..) on; how many of them arrived."""
         for number in range(1, count + 1):
-            start = (first + number - 1) * _SEGMENT_BYTES
-            last = _LAST if first + number == self._segments else 0
+            start = (first + number - 1) * SEGMENT_BYTES
+            last = LAST if first + number == self._segments else 0
             if number == count and self._talk.sweep():
                 self._in_order = False
-            part = self._data[start : start + _SEGMENT_BYTES].ljust(_SEGMENT_BYTES, b"\0")
+            part = self._data[start : start + SEGMENT_BYTES].ljust(SEGMENT_BYTES, b"\0")
             self._talk.send(bytes([number | last]) + part)
         answer = self._await(_ACKNOWLEDGED)
         taken = answer[1]
@@ -83,7 +78,7 @@ class BlockDownload:
         return taken
 
     def _end(self) -> None:
-        unused = -len(self._data) % _SEGMENT_BYTES
+        unused = -len(self._data) % SEGMENT_BYTES
         crc = crc_hqx(self._data, 0) if self._has_crc else 0
         self._talk.sweep()
         self._talk.send(bytes([_END | unused << 2]) + crc.to_bytes(2, "little") + bytes(5))

@@ -9,27 +9,24 @@ from __future__ import annotations
 
 from binascii import crc_hqx
 
+from dvtcli.bus.sdo.block_transfer import LAST, MOST_SEGMENTS, SEGMENT_BYTES, SIZE_GIVEN, BlockTransfer
 from dvtcli.bus.sdo.dialogue import Dialogue
 from dvtcli.domain.abort import Abort
 
 _INITIATE, _START, _ACKNOWLEDGE, _END = 0xA0, 0xA3, 0xA2, 0xA1
-_SIZE_GIVEN, _CRC, _LAST = 0x02, 0x04, 0x80
 _IN_SEGMENTS = 2
-_SEGMENT_BYTES, _MOST_SEGMENTS = 7, 127
 #: how long the server is silent when a sub-block in which something was out of order is over (s)
 _QUIET_S = 0.2
 
 
-class BlockUpload:
+class BlockUpload(BlockTransfer):
     """An object on its way here by *talk*, of *most_bytes* at most."""
 
     def __init__(self, talk: Dialogue, most_bytes: int) -> None:
-        self._talk = talk
+        super().__init__(talk)
         self._most_bytes = most_bytes
         self._data = bytearray()
         self._size: int | None = None
-        self._has_crc = False
-        self._in_order = True
         #: the frame that was taken last
         self._latest = b""
 
@@ -38,14 +35,12 @@ class BlockUpload:
 
         SdoAborted where the device refuses; NoAnswer, SdoProtocolError.
         """
-        place = index.to_bytes(2, "little") + bytes([sub_index])
         with self._talk.told(in_blocks=True):
-            answer = self._talk.request_response(bytes([_INITIATE | _CRC]) + place + bytes([_MOST_SEGMENTS, 0, 0, 0]))
+            answer = self._initiate(_INITIATE, index, sub_index, bytes([MOST_SEGMENTS, 0, 0, 0]))
             if answer[0] >> 5 == _IN_SEGMENTS:
                 self._talk.abort()
                 return None
-            self._has_crc = bool(answer[0] & _CRC)
-            self._size = int.from_bytes(answer[4:], "little") if answer[0] & _SIZE_GIVEN else None
+            self._size = int.from_bytes(answer[4:], "little") if answer[0] & SIZE_GIVEN else None
             if self._size is not None and self._size > self._most_bytes:
                 text = f"announces {self._size} bytes, more than any object has"
                 raise self._talk.broken(text, Abort.OUT_OF_MEMORY)
@@ -56,10 +51,9 @@ class BlockUpload:
         while not last:
             self._talk.send(request)
             taken, last = self._sub_block()
-            if not (self._has_crc or self._in_order):
-                self._talk.give_up(Abort.SEQUENCE)
+            if self._may_be_wrong():
                 return None
-            request = bytes([_ACKNOWLEDGE, taken, _MOST_SEGMENTS]) + bytes(5)
+            request = bytes([_ACKNOWLEDGE, taken, MOST_SEGMENTS]) + bytes(5)
         self._talk.send(request)
         return self._end()
 
@@ -67,7 +61,7 @@ class BlockUpload:
         """Take the segments that come; how many were in order, and whether the last one of all is among them."""
         taken, in_order = 0, True
         while (frame := self._talk.next_frame(None if in_order else _QUIET_S)) is not None:
-            number, last = frame[0] & ~_LAST, bool(frame[0] & _LAST)
+            number, last = frame[0] & ~LAST, bool(frame[0] & LAST)
             if number != taken + 1:
                 self._in_order = in_order = False
                 continue
@@ -75,7 +69,7 @@ class BlockUpload:
             self._take(frame)
             if last:
                 return taken, True
-            if in_order and number == _MOST_SEGMENTS:
+            if in_order and number == MOST_SEGMENTS:
                 return taken, False
         if not taken:
             raise self._talk.silent()
@@ -86,7 +80,7 @@ class BlockUpload:
         self._latest = frame
         self._data += frame[1:]
         most = self._most_bytes if self._size is None else self._size
-        if len(self._data) >= most + _SEGMENT_BYTES:
+        if len(self._data) >= most + SEGMENT_BYTES:
             raise self._talk.broken(f"sends more than {most} bytes", Abort.TOO_LONG)
 
     def _end(self) -> bytes:

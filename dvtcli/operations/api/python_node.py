@@ -2,37 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
-from typing import TYPE_CHECKING, Literal, TypeVar, Unpack
+from typing import TYPE_CHECKING, Literal
 
-from dvtcli.domain.request import Cleared, Switched
 from dvtcli.errors import UsageError
 from dvtcli.operations.api.arguments import (
-    Entry,
     Group,
-    Object,
-    PdoOptions,
-    bytes_of,
-    entry_of,
     group_of,
     nmt_command_of,
-    object_of,
-    pdo_of,
     proof_of,
-    request,
 )
-from dvtcli.operations.api.arguments import type_of as type_named
 from dvtcli.operations.api.checks import flags, number, path, whole, word
-from dvtcli.operations.api.read_node import ReadNode
+from dvtcli.operations.api.configured_node import ConfiguredNode
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from dvtcli.device.node import Node as DeviceNode
-    from dvtcli.domain.datatypes import Value
-    from dvtcli.domain.pdo import Pdo
-    from dvtcli.domain.request import PdoWant
     from dvtcli.operations.results import (
         Changed,
         Commanded,
@@ -42,13 +27,10 @@ if TYPE_CHECKING:
         LoggedIn,
         ProgramLoaded,
         Stored,
-        VpdoListing,
     )
 
-T = TypeVar("T")
 
-
-class Node(ReadNode):
+class Node(ConfiguredNode):
     """A node on a `Bus`, as `Bus.node` hands it out; it is asked who it is when it is first used.
 
     Every method raises the errors of `dvtcli.errors`: NoAnswer where the node is silent, SdoAborted where it refuses,
@@ -57,93 +39,6 @@ class Node(ReadNode):
     as whether a node may leave OPERATIONAL; without it a question is SafetyRefusal. *force* sends what dvtcli's own
     rules refuse.
     """
-
-    def write(
-        self, object_: Object, value: Value, as_type: str | None = None, *, yes: bool = False, force: bool = False
-    ) -> Changed:
-        """Write an object by SDO download, read it back, and put the old value back where that differs.
-
-        Bytes go as they are, other values as *as_type* or as the EDS says. UsageError for 0x1010 and 0x1011: `store`
-        and `restore` do that.
-        """
-        from dvtcli.operations.write_object import object_type, refuse_signature, write_bytes
-
-        def write(node: DeviceNode) -> Changed:
-            index, sub_index = object_of(node, object_)
-            refuse_signature(node, index)
-            kind = type_named(as_type) or object_type(node, index, sub_index)
-            data = bytes_of(kind, value, f"{index:04X}:{sub_index:02X}")
-            return write_bytes(self._calls.session, node, index, sub_index, data)
-
-        return self._change(write, yes=yes, force=force)
-
-    def map(
-        self,
-        pdo: str | Pdo,
-        *objects: Entry,
-        yes: bool = False,
-        force: bool = False,
-        **options: Unpack[PdoOptions],
-    ) -> Changed:
-        """Map *objects* into a PDO, in frame order, and enable it: as the command `map`."""
-        from dvtcli.operations.change import configure
-
-        asked, wanted = request(options, enabled=True), pdo_of(pdo)
-
-        def work(node: DeviceNode) -> Changed:
-            mapped = tuple(entry_of(node, one) for one in objects)
-            return configure(self._calls.session, node, {wanted: replace(asked, objects=mapped)})
-
-        if not objects:
-            raise UsageError("which objects? 'statusword', '6C01:1', …")
-        return self._change(work, yes=yes, force=force)
-
-    def set(self, pdo: str | Pdo, *, yes: bool = False, force: bool = False, **options: Unpack[PdoOptions]) -> Changed:
-        """Set communication parameters of a PDO and leave its mapping alone: as the command `set`."""
-        from dvtcli.operations.change import configure
-
-        if not options:
-            raise UsageError("nothing to set: give transmission_type, timer_ms, cob_id, …")
-        asked, wanted = request(options, enabled=None), pdo_of(pdo)
-        return self._change(lambda node: configure(self._calls.session, node, {wanted: asked}), yes=yes, force=force)
-
-    def enable(self, *pdos: str | Pdo, yes: bool = False, force: bool = False) -> Changed:
-        """Enable PDOs with the mapping they have, all or none."""
-        return self._switch(pdos, Switched(enabled=True), yes=yes, force=force)
-
-    def disable(self, *pdos: str | Pdo, yes: bool = False, force: bool = False) -> Changed:
-        """Disable PDOs, all or none; their mapping stays."""
-        return self._switch(pdos, Switched(enabled=False), yes=yes, force=force)
-
-    def clear(self, *pdos: str | Pdo | Literal["all"], yes: bool = False, force: bool = False) -> Changed:
-        """Disable PDOs and empty their mapping, all or none; `"all"` are those whose mapping can be changed."""
-        from dvtcli.operations.switch import clear_all
-
-        if pdos == ("all",):
-            return self._change(lambda node: clear_all(self._calls.session, node.node_id), yes=yes, force=force)
-        return self._switch(pdos, Cleared(), yes=yes, force=force)
-
-    def _switch(self, pdos: tuple[str | Pdo, ...], want: PdoWant, *, yes: bool, force: bool) -> Changed:
-        from dvtcli.operations.switch import switch
-
-        if not pdos:
-            raise UsageError("which PDO? 'tpdo1', …")
-        wanted = [pdo_of(pdo) for pdo in pdos]
-        return self._change(lambda node: switch(self._calls.session, node.node_id, wanted, want), yes=yes, force=force)
-
-    def undo(self, *, everything: bool = False, yes: bool = False, force: bool = False) -> Changed:
-        """Put back what the last change of the node replaced, or with *everything* all of them.
-
-        They are this program's; where it made none, or has undone them, those that earlier programs and commands made
-        on a real bus. False, with `not_put_back`, where the node does not take back what it held. SafetyRefusal where
-        it holds something else by now, UsageError where nothing was changed.
-        """
-        from dvtcli.operations.undo_changes import undo_on
-
-        flags(everything=everything)
-        return self._change(
-            lambda node: undo_on(self._calls.session, node.node_id, everything=everything), yes=yes, force=force
-        )
 
     def store(
         self,
@@ -226,26 +121,6 @@ class Node(ReadNode):
         session = self._calls.session
         return self._calls.run(lambda: command_nmt(session, specifier, self._node_id), yes=yes)
 
-    def tie(
-        self, group: str, pin: int | None, object_: str | int | None, *, yes: bool = False, force: bool = False
-    ) -> Changed | VpdoListing:
-        """Tie *pin* (1 and up) of a group of virtual PDOs to an object, by its name or index; None unties it.
-
-        *pin* None, without an object, unties every pin of the group. Where all is so already nothing is written, and
-        the answer is what `vpdo` lists. UsageError for an unknown object, DvtcliError without such a group or pin.
-        """
-        from dvtcli.operations.virtual_pdo_ties import tie_pin
-
-        word("group", group, "the name of a group, such as 'digital-in'")
-        number_of = 0 if pin is None else whole("pin", pin, "a pin", 254, low=1)
-        if pin is None and object_ is not None:
-            raise UsageError("every pin of a group can be untied, not tied: give None as the object")
-        if isinstance(object_, int):
-            object_ = f"{whole('object_', object_, 'an index', 0xFFFF):04X}"
-        text = None if object_ is None else word("object_", object_, "an object's name or index: 'throttle', 0x2220")
-        session, node_id = self._calls.session, self._node_id
-        return self._change(lambda _: tie_pin(session, group, number_of, text, node_id), yes=yes, force=force)
-
     def login(self, passcode: int = 0, level: int | None = None, *, user: int | None = None) -> LoggedIn:
         """Log in at *level* (0…255; None: the one that PDO work needs; 0 logs out) with *passcode* (0…0xFFFF).
 
@@ -321,7 +196,3 @@ class Node(ReadNode):
             yes=yes,
             force=force,
         )
-
-    def _change(self, work: Callable[[DeviceNode], T], *, yes: bool, force: bool) -> T:
-        calls = self._calls
-        return calls.run(lambda: work(calls.session.node(self._node_id)), changes=True, yes=yes, force=force)
