@@ -38,7 +38,7 @@ def programs(kind: str, *, titled: bool = False) -> list[object]:
 def test_sessions_answer_what_they_show(code: str) -> None:
     test = doctest.DocTestParser().get_doctest(code, {}, "session", None, 0)
     failures: list[str] = []
-    doctest.DocTestRunner(optionflags=doctest.REPORT_NDIFF).run(test, out=failures.append)
+    doctest.DocTestRunner(verbose=False, optionflags=doctest.REPORT_NDIFF).run(test, out=failures.append)
     assert not failures, "".join(failures)
 
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from binascii import crc_hqx
 
-from dvtcli.bus.sdo.block_transfer import LAST, MOST_SEGMENTS, SEGMENT_BYTES, SIZE_GIVEN, BlockTransfer
 from dvtcli.bus.sdo.dialogue import Dialogue
+from dvtcli.bus.sdo.in_blocks import LAST, MOST_SEGMENTS, SEGMENT_BYTES, SIZE_GIVEN, BlockTransfer
 from dvtcli.domain.abort import Abort
 
 _INITIATE, _END = 0xC0, 0xC1
