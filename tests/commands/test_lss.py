@@ -480,7 +480,7 @@ def test_a_node_that_is_another_one_once_it_boots_is_left_and_said(tmp_path: Pat
 WRONG = [
     ("lss assign", "takes one network file"),
     ("lss scan --store", "belongs to lss assign"),
-    ("lss bitrate 500k --prove", "belongs to lss store"),
+    ("lss bitrate 500k --prove", "lss bitrate with --store"),
     ("lss bitrate", "takes a bit rate"),
     ("lss bitrate 500kHz", "is not a bit rate"),
     ("lss bitrate 100k", "knows no bit rate 100000"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -16,13 +17,16 @@ from dvtcli.simulator.device.simulated_faults import Fault
 from dvtcli.simulator.device.strict_device import StrictDevice
 from tests.commands.bench import Bench, Ran
 from tests.lss_nodes import unconfigured
-from tests.virtual_time import VirtualTimeBus
+from tests.virtual_time import ANSWER_S, VirtualTimeBus
 
 OLD, NEW = 250_000, 500_000
 
 
 def three() -> list[StrictDevice]:
-    return [unconfigured(1, node_id=3), unconfigured(2, node_id=5), unconfigured(3)]
+    nodes = [unconfigured(1, node_id=3), unconfigured(2, node_id=5), unconfigured(3)]
+    for one in nodes:
+        one.set_value(0x6041, 0, (0x0250).to_bytes(2, "little"))  # switch on disabled: a reset lets nothing go
+    return nodes
 
 
 def bench(bus: VirtualTimeBus, **options: Any) -> Bench:
@@ -141,6 +145,70 @@ def test_where_one_cannot_store_what_it_runs_at_it_is_said_who_has(faulty: int, 
     assert (told.code, f"node    {faulty}, vendor" in told.stderr) == (code, True), told.stderr
     assert ("node 3 stored 500000 bit/s" in told.stderr) == (code == 7)
     assert rates(nodes) == [(NEW, one) for one in stored]
+
+
+def test_a_store_is_proved_by_a_reset_of_all() -> None:
+    nodes = three()
+    told = ran(bus := bus_of(nodes), "lss bitrate 500k --store --prove --json")
+    assert (told.code, [one["proved"] for one in told.document["nodes"]]) == (0, [True, True, False]), told.stderr
+    assert (rates(nodes), bus.destroyed) == ([(NEW, NEW)] * 3, 0)
+    assert "proved by a reset" in ran(bus_of(three()), "lss bitrate 500k --store --prove").stdout
+
+
+def test_who_only_says_that_it_stored_is_found_out_and_all_go_back() -> None:
+    nodes = three()
+    told = ran(bus_of(nodes, "5:stores-nothing"), "lss bitrate 500k --store --prove")
+    assert (told.code, "node 5 said that it stored 500000 bit/s" in told.stderr) == (1, True), told.stderr
+    assert "nobody has 500000 stored" in told.stderr
+    assert rates(nodes) == [(OLD, OLD)] * 3
+
+
+def test_where_nobody_knows_what_was_stored_before_it_is_left_and_said() -> None:
+    nodes = three()
+    with bench(bus_of(nodes, "5:stores-nothing")) as desk:
+        assert desk.run("lss bitrate 500k").code == 0
+        told = desk.run("lss bitrate 500k --store --prove")
+    assert (told.code, "what it had stored before is not known" in told.stderr) == (7, True), told.stderr
+    assert rates(nodes) == [(NEW, NEW), (OLD, OLD), (NEW, NEW)]
+
+
+def spoiled_at_reset(bus: VirtualTimeBus, spoil: Callable[[], None]) -> None:
+    """Let *spoil* happen as all are told to reset."""
+    bus.tap(lambda frame, ours: spoil() if ours and frame == Frame(0, b"\x81\0") else None)
+
+
+def test_one_that_is_nowhere_after_its_reset_is_said() -> None:
+    nodes = three()
+    bus = bus_of(nodes)
+    spoiled_at_reset(bus, lambda: setattr(nodes[1].lss, "stored_rate", 125_000))
+    told = ran(bus, "lss bitrate 500k --store --prove")
+    assert (told.code, "nor is it found at 250000 bit/s" in told.stderr) == (7, True), told.stderr
+    assert (rates(nodes)[0], rates(nodes)[2], bus.bit_rate) == ((NEW, NEW), (NEW, NEW), NEW)
+
+
+class NoSignOfLife(VirtualTimeBus):
+    """Heartbeat and boot-up of node 5 are not heard here."""
+
+    def _to_us(self, frame: Frame, delay_s: float = ANSWER_S) -> None:
+        if frame.can_id != 0x705:
+            super()._to_us(frame, delay_s)
+
+
+def test_a_reset_that_was_not_heard_proves_nothing() -> None:
+    nodes = three()
+    told = ran(NoSignOfLife(nodes, simulated=False, bit_rate=OLD), "lss bitrate 500k --store --prove")
+    assert (told.code, "node 5: no boot-up was heard" in told.stderr) == (1, True), told.stderr
+    assert rates(nodes) == [(NEW, NEW)] * 3
+
+
+def test_no_drive_that_may_move_is_reset() -> None:
+    nodes = three()
+    nodes[1].set_value(0x6041, 0, (0x0027).to_bytes(2, "little"))
+    bus = bus_of(nodes)
+    told = ran(bus, "lss bitrate 500k --store --prove")
+    assert (told.code, "node 5 says operation enabled" in told.stderr) == (6, True), told.stderr
+    assert rates(nodes) == [(OLD, OLD)] * 3
+    assert ran(bus_of(nodes), "lss bitrate 500k --store").code == 0
 
 
 def test_error_frames_of_its_own_try_are_no_news() -> None:

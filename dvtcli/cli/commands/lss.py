@@ -39,7 +39,7 @@ def _final(params: Mapping[str, Any]) -> Final | None:
 @click.argument("words", type=TEXT, nargs=-1, metavar="[NODE|FILE|RATE] [vendor=… product=… revision=… serial=…]")
 @click.option("--wait", type=NumberType(5, 2000, "a time in ms"), metavar="MS", help="scan: per question [50].")
 @click.option("--store", "stores", is_flag=True, help="assign, bitrate: store it, too, once all came up.")
-@click.option("--prove", is_flag=True, help="store, assign --store: reset the nodes then, and look again.")
+@click.option("--prove", is_flag=True, help="store, assign/bitrate --store: reset the nodes then, and look again.")
 @click.pass_obj
 def command(
     session: Session, /, action: str, words: tuple[str, ...], wait: int | None, stores: bool, prove: bool
@@ -64,6 +64,7 @@ def command(
     lss assign press.yaml --store
     lss bitrate 250k
     lss bitrate 250k press.yaml --store      refused unless just its nodes are there
+    lss bitrate 250k --store --prove         all are reset then, and seen at it again
     """
     from dvtcli.operations import lss_assign, lss_bit_rate, lss_find, lss_node_id, lss_store
 
@@ -71,8 +72,8 @@ def command(
         raise click.UsageError("--wait belongs to lss scan")
     if stores and action not in ("assign", "bitrate"):
         raise click.UsageError("--store belongs to lss assign and lss bitrate")
-    if prove and not (action == "store" or (stores and action == "assign")):
-        raise click.UsageError("--prove belongs to lss store, and to lss assign --store")
+    if prove and not (action == "store" or stores):
+        raise click.UsageError("--prove belongs to lss store, and to lss assign and lss bitrate with --store")
     match action:
         case "scan":
             no_words(words)
@@ -86,5 +87,5 @@ def command(
         case "assign":
             return lss_assign.lss_assign(session, one_file(words), stores=stores, prove=prove)
         case "bitrate":
-            return lss_bit_rate.lss_bit_rate(session, *rate_and_file(words), stores=stores)
+            return lss_bit_rate.lss_bit_rate(session, *rate_and_file(words), stores=stores, prove=prove)
     return lss_store.lss_store(session, only_node_id(words), prove=prove)

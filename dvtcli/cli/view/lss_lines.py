@@ -97,7 +97,8 @@ def bit_rate_lines(result: LssBitRate, _width: int) -> Iterator[Line]:
         return
     for node in result.nodes:
         name = "no node-ID" if node.node_id == UNCONFIGURED else f"node {node.node_id}"
-        stored = [Cell("  stored, as the node says", "green")] if node.stored else []
+        said = "  stored, proved by a reset" if node.proved else "  stored, as the node says"
+        stored = [Cell(said, "green")] if node.stored else []
         yield [Cell(name, "bold"), Cell(f"  {node.address}"), *stored]
     yield f"{plural(len(result.nodes), 'node')} at {result.bit_rate} bit/s (before: {result.before})"
     if not all(node.stored for node in result.nodes):

@@ -87,20 +87,24 @@ class Lss:
         return self._calls.run(lambda: lss_assign(self._calls.session, chosen, stores=store, prove=prove), yes=yes)
 
     def bit_rate(
-        self, bit_rate: int, file: str | Path | None = None, *, store: bool = False, yes: bool = False
-    ) -> LssBitRate:
+        self, bit_rate: int, file: str | Path | None = None, *, store: bool = False, prove: bool = False,
+        yes: bool = False,
+    ) -> LssBitRate:  # fmt: skip
         """Let the bus and every node on it run at *bit_rate* (bit/s, one of the standard's).
 
         With *file* just the nodes of that network may be there. Asks first, unless *yes*; with *store* each stores it,
-        once all are back. SafetyRefusal where anybody else is heard, or there is no way back; where one does not come
-        back all go back; LeftChanged where that fails, too.
+        once all are back, and with *prove* all are reset then, and seen at it. SafetyRefusal where anybody else is
+        heard, there is no way back, or a drive that may move would be reset; where one does not come back all go back;
+        LeftChanged where that fails, too.
         """
         from dvtcli.operations.lss_bit_rate import lss_bit_rate
 
         whole("bit_rate", bit_rate, "a bit rate (bit/s)", 1_000_000, low=10_000)
         chosen = None if file is None else str(path("file", file))
-        flags(store=store)
-        return self._calls.run(lambda: lss_bit_rate(self._calls.session, bit_rate, chosen, stores=store), yes=yes)
+        flags(store=store, prove=prove)
+        return self._calls.run(
+            lambda: lss_bit_rate(self._calls.session, bit_rate, chosen, stores=store, prove=prove), yes=yes
+        )
 
 
 def _address(told: Any) -> LssAddress:

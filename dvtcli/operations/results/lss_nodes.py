@@ -154,7 +154,12 @@ class LssBitRate(Answer):
             "bit_rate": self.bit_rate,
             "before": self.before,
             "nodes": [
-                {**_identity(node.address), "node": node.document()["node"], "stored": node.stored}
+                {
+                    **_identity(node.address),
+                    "node": node.document()["node"],
+                    "stored": node.stored,
+                    "proved": node.proved,
+                }
                 for node in self.nodes
             ],
             "dry_run": self.dry_run,

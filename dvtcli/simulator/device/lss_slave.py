@@ -64,14 +64,14 @@ class LssSlave:
         self.bit_rate = self.stored_rate = bit_rate
         self.known_rates = tuple(BIT_RATES.values()) if known_rates is None else known_rates
 
-    def power_on(self) -> None:
-        """Run at what is stored."""
-        self.bit_rate, self._new_rate = self.stored_rate, None
-
     def reset(self, *, communication_only: bool = True) -> None:
-        """Start over, as a reset does: the pending node-ID, after a reset of the node the stored one, is the node's."""
+        """Start over, as a reset does: the pending node-ID, after a reset of the node the stored one, is the node's.
+
+        After that, and at power-on, it runs at the stored bit rate.
+        """
         if not communication_only:
-            self.pending = self.stored
+            self.pending, self.bit_rate = self.stored, self.stored_rate
+        self._new_rate = None
         self._memory.take_node_id(self.pending)
         self._configuring = self.woken = False
         #: how many parts of an address have matched so far, and which part a fast scan is at

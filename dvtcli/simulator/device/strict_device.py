@@ -201,8 +201,6 @@ class StrictDevice:
         """Lose what was not stored, as at power-on; INITIALISING, silent and deaf until `boot_up`."""
         self.outbox.clear()
         self._initialise(communication_only=False, powered=False)
-        if self._lss is not None:
-            self._lss.power_on()
 
     def take_outbox(self) -> list[Frame]:
         """The frames that the device has to send now; empties the outbox."""
