@@ -37,6 +37,7 @@ class BitRateSetter:
         if self._interface == "socketcan":
             raise SafetyRefusal(
                 f"the bit rate of {where} is the system's to set, and not dvtcli's",
+                why=None if listen_only else "it cannot be set together with the nodes', nor back where one is lost",
                 hint=_link_lines(str(self._channel), bit_rate, listen_only=listen_only),
             )
         if self._interface not in _SETTABLE | silent_settings().keys():
@@ -74,4 +75,4 @@ def _link_lines(name: str, bit_rate: int, *, listen_only: bool) -> str:
         return f"{name} is virtual, and has no bit rate"
     how = f"type can bitrate {bit_rate} listen-only {'on' if listen_only else 'off'}"
     lines = f"sudo ip link set {name} down; sudo ip link set {name} up {how}"
-    return f"{lines}; then `bitrate` again" if listen_only else lines
+    return f"{lines}; then `bitrate` again" if listen_only else f"where the nodes run at it already: {lines}"

@@ -10,9 +10,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from dvtcli.bus.bit_rate_setter import BitRateSetter
 from dvtcli.domain.lss_services import BIT_TIMINGS, REQUEST_ID
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import Frame
+from dvtcli.errors import SafetyRefusal
 from dvtcli.simulator.device.simulated_faults import Fault
 from dvtcli.simulator.device.strict_device import StrictDevice
 from tests.commands.bench import Bench, Ran
@@ -363,3 +365,12 @@ def test_a_simulated_node_at_another_bit_rate_is_not_heard_and_disturbs() -> Non
         assert any("error frames" in one.stderr for one in told)
         assert desk.session.bus.nmt_state(5) is None
         assert desk.session.bus.nmt_state(1) is NmtState.PRE_OPERATIONAL
+
+
+def test_a_can_link_of_linux_is_refused_with_the_lines_for_a_bus_whose_nodes_run_so() -> None:
+    """Alone they would take us off the bus on which the nodes are."""
+    setter = BitRateSetter({"interface": "socketcan", "channel": "can9"}, lambda _config: pytest.fail("opened"))
+    with pytest.raises(SafetyRefusal) as caught:
+        setter.require(NEW, listen_only=False)
+    assert "together with the nodes'" in str(caught.value.why)
+    assert str(caught.value.hint).startswith("where the nodes run at it already: sudo ip link set can9 down;")
