@@ -141,8 +141,9 @@ def _store_one(
     journals: Sequence[OwnJournal],
     prove: str | None,
 ) -> None:
-    for journal in journals:
-        journal.final(_final(name, course.states.values(), one), tuple(course.states.values()))
+    states = tuple(course.states.values())
+    for journal in _to_note(journals, one.node_id):
+        journal.final(_final(name, states, one), states)
     node = verified.nodes[one.node_id]
     node.pending.stores += 1  # whatever becomes of it, no script takes its lines back any more
     try:
@@ -156,6 +157,17 @@ def _store_one(
         course.lost = [other]
         raise
     course.states[one.node_id] = replace(one, is_done=True)
+
+
+def _to_note(journals: Sequence[OwnJournal], node_id: int) -> Sequence[OwnJournal]:
+    """The journals that say of the store of *node_id* that it begins: all of them where none says of a store yet.
+
+    After that its own one is enough, else any: who reads them takes the one that says most (`furthest`).
+    """
+    ours = [journal for journal in journals if journal.is_begun]
+    if not all(journal.says_stores for journal in ours):
+        return ours
+    return [journal for journal in ours if journal.lock.node_id == node_id] or ours[:1]
 
 
 def _final(name: str, states: Iterable[Storing], one: Storing) -> str:

@@ -9,10 +9,12 @@ import sys
 import threading
 from collections import Counter
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from types import CodeType, FrameType
 from typing import TypeVar
 
+from dvtcli.device.change.journal import Journals
 from tests.network.test_many_nodes import many
 
 T = TypeVar("T")
@@ -54,3 +56,13 @@ def test_nodes_cost_the_same_however_many_there_are(tmp_path: Path) -> None:
         worst = sorted(((round(by), code.co_qualname, code.co_filename) for code, by in grown.items()), reverse=True)
         assert worst[0][0] <= MOST_GROWN, (what, worst[:3])
         assert counted.total() / MANY <= few[what].total() / FEW, (what, worst[:3])
+
+
+def test_a_store_writes_no_more_journals_where_there_are_many(tmp_path: Path) -> None:
+    written = {}
+    for count in (FEW, MANY):
+        (folder := tmp_path / str(count)).mkdir()
+        chain, file = many(folder, count, store=True)
+        counted = calls(partial(chain.apply, file))
+        written[count] = sum(number for code, number in counted.items() if code is Journals.write.__code__) / count
+    assert written[MANY] <= written[FEW] + 0.5, written

@@ -49,6 +49,16 @@ class OwnJournal:
         ours = course.made and course.in_hand is None and course.part.whole == self.whole.id
         return bool(ours) and path == self.path
 
+    @property
+    def is_begun(self) -> bool:
+        """Whether a change was carried out that it tells of."""
+        return bool(self._course.made)
+
+    @property
+    def says_stores(self) -> bool:
+        """Whether it tells of stores that end the whole."""
+        return bool(self._course.part.stores)
+
     def begin(self, plan: Plan, identity: Identity, nmt_state: int | None, asked: tuple[str, ...] = ()) -> None:
         """Before the first write of *plan*, of the device of this *identity*: put the journal on disk.
 
