@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from xml.etree import ElementTree as ET
-
-import pytest
 
 from tests.commands.bench import Bench
 
@@ -20,19 +17,6 @@ FILE = """nodes:
     node_id: 5
     heartbeat_producer: 700
 """
-
-
-@pytest.fixture
-def bench() -> Iterator[Bench]:
-    with Bench(("gen4@1", "tmcm@5"), {"yes": True}) as made:
-        yield made
-
-
-@pytest.fixture
-def file(tmp_path: Path) -> Path:
-    path = tmp_path / "net.yaml"
-    path.write_text(FILE)
-    return path
 
 
 def counted(text: str) -> tuple[int, int, int]:

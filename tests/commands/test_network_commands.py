@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -23,19 +22,6 @@ nodes:
     rpdo:
       3: {cob_id: 0x201, enabled: true}
 """
-
-
-@pytest.fixture
-def bench() -> Iterator[Bench]:
-    with Bench(("gen4@1", "tmcm@5"), {"yes": True}) as made:
-        yield made
-
-
-@pytest.fixture
-def file(tmp_path: Path) -> Path:
-    path = tmp_path / "net.yaml"
-    path.write_text(FILE)
-    return path
 
 
 def held(bench: Bench) -> list[object]:

@@ -58,7 +58,7 @@ def test_a_simulated_node_is_on_no_real_bus(words: tuple[str, ...]) -> None:
 
 
 def test_a_folder_that_cannot_hold_a_journal_is_no_bug(tmp_path: Path) -> None:
-    from tests.recovery.test_killed import Bench
+    from tests.recovery.bench import Bench
 
     blocked = tmp_path / "file"
     blocked.write_text("")
@@ -74,7 +74,7 @@ def test_a_folder_that_cannot_hold_a_journal_is_no_bug(tmp_path: Path) -> None:
 
 
 def test_a_recover_that_fails_keeps_the_journal_and_its_progress(tmp_path: Path) -> None:
-    from tests.recovery.test_killed import MAP, Bench
+    from tests.recovery.bench import MAP, Bench
 
     bench = Bench(tmp_path)
     try:

@@ -15,7 +15,7 @@ import pytest
 from tests.dvt.children import children, descriptors, is_running, started, wait_until_gone
 from tests.posix import SIGKILL, STOPPING, needs_own_python, needs_sessions, needs_signals
 from tests.process import environment
-from tests.recovery.test_killed import MAP, STEPS, Bench
+from tests.recovery.bench import MAP, STEPS, Bench
 
 pytestmark = [
     pytest.mark.skipif(

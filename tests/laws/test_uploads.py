@@ -13,7 +13,7 @@ import pytest
 
 from dvtcli.domain.pdo import Pdo
 from tests.prompt.wire import Wire
-from tests.recovery.test_killed import Bench
+from tests.recovery.bench import Bench
 from tests.serve.served import served
 
 CHANGES = {

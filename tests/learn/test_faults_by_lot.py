@@ -14,7 +14,7 @@ from tests.learn.test_faults import FINE
 from tests.learn.test_killed import dump as held_by
 from tests.learn.test_learnt_families import FAMILIES, dump
 from tests.learn.virtual import own
-from tests.recovery.test_killed import Bench as Outside
+from tests.recovery.bench import Bench as Outside
 
 WORDS = {
     "refuse": "refuse@{k}=0x08000022",

@@ -10,7 +10,7 @@ import pytest
 from dvtcli.simulator.device.refusal import Refusal
 from tests.learn.cells import some
 from tests.learn.test_learnt_families import OF_THE_DEVICE
-from tests.recovery.test_killed import Bench
+from tests.recovery.bench import Bench
 
 
 @pytest.fixture

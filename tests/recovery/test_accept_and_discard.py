@@ -3,28 +3,15 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 
-import pytest
-
 from dvtcli.simulator.device.strict_device import StrictDevice
-from tests.recovery.test_killed import MAP, Bench
-
-
-@pytest.fixture
-def bench(tmp_path: Path) -> Iterator[Bench]:
-    made = Bench(tmp_path)
-    yield made
-    made.wire.close()
+from tests.recovery.bench import MAP, Bench
 
 
 def killed(bench: Bench, at: int = 4) -> Path:
     """A change of which the first *at* steps were taken; its journal."""
-    child = bench.start(*MAP)
-    bench.wire.at_download = lambda number: child.kill() if number == at else None
-    child.communicate(timeout=60)
-    bench.wire.at_download = lambda _number: None
+    bench.killed(at, *MAP)
     (journal,) = bench.journals()
     return journal
 

@@ -6,14 +6,13 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from tests.posix import NO_TERMINAL
 from tests.process import ROOT, documents, environment
-from tests.recovery.test_killed import MAP, STEPS, Bench
+from tests.recovery.bench import MAP, STEPS, Bench
 from tests.recovery.test_signals import PRE_OPERATIONAL, STATE, held, start
 
 pty = pytest.importorskip("pty", reason=NO_TERMINAL)
@@ -34,13 +33,6 @@ class FailingBus(SocketCanDaemonBus):
             if self.downloads == 3:
                 raise {"SystemExit": SystemExit(0), "LookupError": LookupError("a driver's own")}[os.environ["RAISES"]]
 """
-
-
-@pytest.fixture
-def bench(tmp_path: Path) -> Iterator[Bench]:
-    made = Bench(tmp_path)
-    yield made
-    made.wire.close()
 
 
 @pytest.mark.parametrize("words", [MAP, ("run", "x.dvt")])

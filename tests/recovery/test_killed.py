@@ -6,98 +6,19 @@ Real processes: the node lives in this one behind a socketcand server, dvtcli in
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
-from dataclasses import dataclass
-from pathlib import Path
 
 import pytest
 
-from dvtcli.device.read_pdos import present_pdos, read_pdo
-from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.simulator.device.strict_device import StrictDevice
-from tests import process
-from tests.forked import Forked
+from dvtcli.domain.pdo import Pdo
 from tests.process import documents
-from tests.prompt.wire import Wire
-
-MAP = ("map", "tpdo1", "6C01:1", "606C", "6041", "--cob-id", "0x201", "--sync", "1")
-#: disable, type, count, three entries, count, COB-ID
-STEPS = 8
-
-
-@dataclass
-class Direct:
-    """The device's dictionary without a bus: what it really holds."""
-
-    device: StrictDevice
-
-    def upload(
-        self, index: int, sub_index: int, *, timeout_s: float | None = None, retries: int | None = None
-    ) -> bytes:
-        from dvtcli.errors import SdoAborted
-        from dvtcli.simulator.device.refusal import Refusal
-
-        try:
-            return self.device.upload(index, sub_index)
-        except Refusal as refusal:
-            raise SdoAborted(index, sub_index, refusal.code) from refusal
-
-    def download(self, index: int, sub_index: int, data: bytes, *, timeout_s: float | None = None) -> None:
-        raise AssertionError("the test never writes")
-
-
-class Bench:
-    """A served node, a state folder, and dvtcli processes that use both."""
-
-    def __init__(self, folder: Path, family: str = "gen4") -> None:
-        self.wire = Wire(family=family)
-        self.folder = folder
-        self.words = [
-            "-i", "socketcand", "-c", "can0",
-            "--bus-kwargs", "host=127.0.0.1", "--bus-kwargs", f"port={self.wire.port}",
-            "-n", "5", "--eds", str(self.wire.eds), "--journal", str(folder),
-        ]  # fmt: skip
-
-    def start(self, *words: str) -> Forked:
-        return process.start([*self.words, *words])
-
-    def run(self, *words: str) -> tuple[int, str, str]:
-        child = self.start(*words)
-        stdout, stderr = child.communicate(timeout=60)
-        return child.returncode, stdout, stderr
-
-    def pdos(self) -> dict[Pdo, PdoConfig]:
-        sdo = Direct(self.wire.device)
-        with self.wire.at_work:  # a killed child is gone before the node has seen its last request
-            return {pdo: read_pdo(sdo, pdo) for pdo in present_pdos(sdo, None)}
-
-    def journals(self) -> list[Path]:
-        folder = self.folder / "journals"
-        return sorted(folder.glob("*.json")) if folder.is_dir() else []
-
-
-@pytest.fixture
-def bench(tmp_path: Path) -> Iterator[Bench]:
-    made = Bench(tmp_path)
-    yield made
-    made.wire.close()
+from tests.recovery.bench import MAP, STEPS, Bench
 
 
 @pytest.mark.drawn(4)
 @pytest.mark.parametrize("step", range(1, STEPS + 1))
 def test_recover_finishes_what_a_killed_process_began(bench: Bench, step: int) -> None:
     before = bench.pdos()
-    child = bench.start(*MAP)
-
-    def kill(number: int) -> None:
-        if number == step:
-            child.kill()
-            child.wait()
-
-    bench.wire.at_download = kill
-    child.communicate(timeout=60)
-    assert child.returncode == -9
-    bench.wire.at_download = lambda _number: None
+    bench.killed(step, *MAP)
     assert bench.wire.downloads == step
     assert bench.pdos() != before
 
@@ -112,10 +33,7 @@ def test_recover_finishes_what_a_killed_process_began(bench: Bench, step: int) -
 
 
 def test_until_then_nothing_is_written_or_stored(bench: Bench) -> None:
-    child = bench.start(*MAP)
-    bench.wire.at_download = lambda number: child.kill() if number == 4 else None
-    child.communicate(timeout=60)
-    bench.wire.at_download = lambda _number: None
+    bench.killed(4, *MAP)
     left, downloads = bench.pdos(), bench.wire.downloads
     for words in (MAP, ("store",), ("write", "1017", "100"), ("set", "tpdo2", "--timer", "7")):
         code, _, stderr = bench.run(*words)
@@ -136,10 +54,7 @@ def test_until_then_nothing_is_written_or_stored(bench: Bench) -> None:
 
 
 def test_a_journal_of_another_device_is_refused(bench: Bench) -> None:
-    child = bench.start(*MAP)
-    bench.wire.at_download = lambda number: child.kill() if number == 3 else None
-    child.communicate(timeout=60)
-    bench.wire.at_download = lambda _number: None
+    bench.killed(3, *MAP)
     (journal,) = bench.journals()
     document = json.loads(journal.read_text())
     document["identity"]["serial"] += 1
@@ -150,10 +65,7 @@ def test_a_journal_of_another_device_is_refused(bench: Bench) -> None:
 
 
 def test_a_damaged_journal_is_an_error_and_blocks_writing(bench: Bench) -> None:
-    child = bench.start(*MAP)
-    bench.wire.at_download = lambda number: child.kill() if number == 3 else None
-    child.communicate(timeout=60)
-    bench.wire.at_download = lambda _number: None
+    bench.killed(3, *MAP)
     (path,) = bench.journals()
     path.write_text('{"schema": "dvtcli.journal/1", "node": 5, "changes": [')
     code, _, stderr = bench.run("recover", "--yes")
@@ -216,10 +128,7 @@ def test_the_backup_restores_also_after_can_ids_were_exchanged(bench: Bench) -> 
 
 @pytest.mark.parametrize("target", ["5", "all"])
 def test_a_start_of_a_half_configured_node_says_so_in_its_document(bench: Bench, target: str) -> None:
-    child = bench.start(*MAP)
-    bench.wire.at_download = lambda number: child.kill() if number == 4 else None
-    child.communicate(timeout=60)
-    bench.wire.at_download = lambda _number: None
+    bench.killed(4, *MAP)
     said = "a change of TPDO1 of node 5 was interrupted: `recover` puts the old configuration back"
     for dry in ([], ["--dry-run"]):
         code, stdout, _ = bench.run("--json", *dry, "nmt", "start", target)

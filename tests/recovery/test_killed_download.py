@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from dvtcli.simulator.device.boot_loader import FACTORY_PROGRAM
-from tests.recovery.test_killed import Bench
+from tests.recovery.bench import Bench
 
 PROGRAM = bytes(count * 7 % 251 for count in range(2000))
 #: what the node is sent when it comes: stop, clear, a segment in the middle (it looks like a download), start
@@ -30,17 +30,7 @@ def test_the_next_one_says_what_was_interrupted_and_begins_anew(bench: Bench, nu
     file, loader = tmp_path / "fw.bin", bench.wire.device.loader
     file.write_bytes(PROGRAM)
     assert loader is not None
-    child = bench.start("download", str(file), "--yes")
-
-    def kill(count: int) -> None:
-        if count == number:
-            child.kill()
-            child.wait()
-
-    bench.wire.at_download = kill
-    child.communicate(timeout=60)
-    assert child.returncode == -9
-    bench.wire.at_download = lambda _number: None
+    bench.killed(number, "download", str(file), "--yes")
     with bench.wire.at_work:
         assert loader.program == (None if number == 40 else loader.program)
     code, _, stderr = bench.run("read", "1000", "--timeout", "1")

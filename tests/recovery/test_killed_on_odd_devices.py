@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from tests.prompt.wire import Wire
-from tests.recovery.test_killed import Bench
+from tests.recovery.bench import Bench
 from tests.small_eds import INPUTS, Eds, communication, mapping, plain
 
 FIRST = INPUTS << 16 | 0x0108
@@ -44,27 +44,12 @@ def on(folder: Path, eds: Eds) -> Bench:
     return bench
 
 
-def killed(bench: Bench, step: int, *words: str) -> None:
-    """Run a line whose process is killed at its SDO download *step*, which the node takes all the same."""
-    child = bench.start(*words)
-
-    def kill(number: int) -> None:
-        if number == step:
-            child.kill()
-            child.wait()
-
-    bench.wire.at_download = kill
-    child.communicate(timeout=60)
-    assert child.returncode == -9
-    bench.wire.at_download = lambda _number: None
-
-
 @pytest.mark.parametrize("step", [1, 2, 3, 4, 5])
 def test_a_count_above_the_entries(tmp_path: Path, step: int) -> None:
     bench = on(tmp_path, count_above())
     try:
         before = bench.pdos()
-        killed(bench, step, "map", "tpdo2", "6000:3")
+        bench.killed(step, "map", "tpdo2", "6000:3")
         assert bench.pdos() != before
         code, stdout, stderr = bench.run("recover", "--yes")
         if bench.pdos() == before:
@@ -83,7 +68,7 @@ def test_a_count_above_the_entries(tmp_path: Path, step: int) -> None:
 def test_half_a_pdo_that_could_not_be_enabled_again(tmp_path: Path) -> None:
     bench = on(tmp_path, without_mapping())
     try:
-        killed(bench, 1, "disable", "tpdo2")
+        bench.killed(1, "disable", "tpdo2")
         code, stdout, stderr = bench.run("--json", "recover", "--yes")
         (document,) = map(json.loads, stdout.splitlines())
         assert (code, document["verified"], document["state"]) == (1, False, "left_changed"), stderr

@@ -24,7 +24,7 @@ import pytest
 from tests import process
 from tests.posix import SIGHUP
 from tests.process import environment
-from tests.recovery.test_killed import MAP, STEPS, Bench
+from tests.recovery.bench import MAP, STEPS, Bench
 from tests.serve.served import wait_for
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
@@ -37,13 +37,6 @@ STATE, PRE_OPERATIONAL, OPERATIONAL = 0x5110, 0x7F, 0x05
 RESET_NODE = 0x81
 TCL = "catch {dvtcli " + " ".join(MAP) + "}\nputs never\ndvtcli pdo\n"
 SCRIPT = "pdo -q\n" + " ".join(MAP) + "\nset tpdo2 --timer 70\n"
-
-
-@pytest.fixture
-def bench(tmp_path: Path) -> Iterator[Bench]:
-    made = Bench(tmp_path)
-    yield made
-    made.wire.close()
 
 
 @contextmanager

@@ -6,7 +6,6 @@ Real processes on a node behind a socketcand server; the law at the end with ses
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -20,15 +19,8 @@ from dvtcli.domain.plan import Plan, Step, ValueChange
 from dvtcli.files.user_folders import user_folder
 from tests.commands.bench import Bench as Lines
 from tests.commands.bus import Wire, device
-from tests.recovery.test_killed import MAP, Bench
+from tests.recovery.bench import MAP, Bench
 from tests.serve.served import served
-
-
-@pytest.fixture
-def bench(tmp_path: Path) -> Iterator[Bench]:
-    made = Bench(tmp_path)
-    yield made
-    made.wire.close()
 
 
 def _changes() -> Path:
