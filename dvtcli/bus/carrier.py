@@ -22,6 +22,9 @@ class Carrier:
     def hear(self, *, everything: bool) -> None:
         """Let come *everything*, or only what nodes say to a configurator, where the system can tell that apart."""
 
+    def make_room(self) -> None:
+        """Let more frames wait to be read than an answer needs, where the system can do that: each one is wanted."""
+
     def hung_up(self) -> bool:
         """Whether the other end is gone, where the driver only falls silent."""
         return False

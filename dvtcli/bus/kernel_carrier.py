@@ -18,9 +18,10 @@ from dvtcli.bus.carrier import Carrier
 from dvtcli.bus.kernel_links import KernelLink, kbit_s, kernel_link, kernel_links
 from dvtcli.errors import BusUnavailable
 
-#: bytes of frames that may wait to be read: some 87,000 frames (the kernel allows twice as much, and a frame takes 768
-#: bytes), 5 s of the shortest ones at 1 Mbit/s; memory is taken only while they wait
-RECEIVE_BUFFER = 32 << 20
+#: bytes of frames that may wait to be read (the kernel allows twice as much, and a frame takes 768 bytes): some 21,800
+#: frames before an answer, and some 87,000 where each frame is wanted, 5 s of the shortest ones at 1 Mbit/s. Memory is
+#: taken only while they wait
+ANSWER_BUFFER, RECEIVE_BUFFER = 8 << 20, 32 << 20
 #: options of a socket that Python has no names for: a buffer beyond the system's limit, and its memory and drops
 _SO_RCVBUFFORCE, _SO_MEMINFO = 33, 55
 _MEMINFO = struct.Struct("=9I")
@@ -81,7 +82,11 @@ class KernelCarrier(Carrier):
         if link is not None:
             self.bit_rate = link.bit_rate
             self._news = list(first_news(link, asked))
-        self._roomy = _make_room(self._socket)
+        self._roomy = _make_room(self._socket, ANSWER_BUFFER)
+
+    def make_room(self) -> None:
+        """Let as many frames wait to be read as the system allows, RECEIVE_BUFFER at most."""
+        self._roomy = _make_room(self._socket, RECEIVE_BUFFER)
 
     def hear(self, *, everything: bool) -> None:
         """Let the kernel pass on *everything*, or only services: PDOs wake nobody who waits for an answer."""
@@ -140,11 +145,11 @@ def _lost(count: int, *, roomy: bool) -> str:
     return f"this computer dropped {count} frames: they came faster than they were read{more}"
 
 
-def _make_room(link: socket.socket) -> bool:
-    """Let RECEIVE_BUFFER bytes wait to be read, or as many as the system allows; whether it is all of them."""
+def _make_room(link: socket.socket, size: int) -> bool:
+    """Let *size* bytes wait to be read, or as many as the system allows; whether it is all of them."""
     with suppress(OSError):  # only root may go beyond the limit
-        link.setsockopt(socket.SOL_SOCKET, _SO_RCVBUFFORCE, RECEIVE_BUFFER)
+        link.setsockopt(socket.SOL_SOCKET, _SO_RCVBUFFORCE, size)
         return True
     with suppress(OSError):
-        link.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
-    return link.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF) >= RECEIVE_BUFFER
+        link.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, size)
+    return link.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF) >= size

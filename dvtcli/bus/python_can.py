@@ -106,6 +106,7 @@ class CanBus(FrameBus[can.Message]):
     def tap(self, callback: Tap) -> Callable[[], None]:
         """Call *callback*(frame, sent) for each frame received or sent here; returns what ends that."""
         self._hear_all()
+        self._carrier.make_room()
         return super().tap(callback)
 
     def receive(self, duration_s: float) -> Iterator[Frame]:
