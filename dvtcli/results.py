@@ -22,6 +22,7 @@ from dvtcli.operations.results.node_errors import FaultRow, Faults
 from dvtcli.operations.results.nodes import Commanded, NodeListing, NodeRow, Synced
 from dvtcli.operations.results.pdos import MappedName, PdoListing, PdoRow
 from dvtcli.operations.results.programs import ProgramLoaded
+from dvtcli.operations.results.records import EntryUnread, RecordRead
 from dvtcli.operations.results.stores import Stored
 from dvtcli.operations.results.sync_producers import SyncCheck, SyncSource
 from dvtcli.operations.results.values import ObjectListing, ObjectRow, ValueRead
@@ -33,6 +34,7 @@ __all__ = [
     "Commanded",
     "Compared",
     "Difference",
+    "EntryUnread",
     "FaultRow",
     "Faults",
     "Finding",
@@ -69,6 +71,7 @@ __all__ = [
     "ProgramLoaded",
     "Progress",
     "Proof",
+    "RecordRead",
     "Step",
     "Stored",
     "SyncCheck",

@@ -19,6 +19,30 @@ def object_at(node: Node, text: str) -> tuple[int, int]:
     return _resolved(resolve_object, text, node)
 
 
+def means_whole(node: Node, text: str) -> bool:
+    """Whether *text* names a record or an array without one of its sub-indices: `1018`, not `1018:0`.
+
+    Told by the node's EDS, else by CiA 301; of another object it is not known. UsageError where *text* is no object.
+    """
+    if is_name(text) or ":" in text or "-" in text:
+        return False
+    index, _ = object_at(node, text)
+    if node.dictionary is not None and index in node.dictionary:
+        return len(node.dictionary[index].entries) > 1
+    from dvtcli.domain.object_dictionary import ObjectType
+    from dvtcli.domain.standard_objects import standard_object_type
+
+    return standard_object_type(index) in (ObjectType.ARRAY, ObjectType.RECORD)
+
+
+def refuse_whole(node: Node, text: str, option: str) -> None:
+    """UsageError where *text* means a whole record, and *option* is about one value."""
+    if means_whole(node, text):
+        raise UsageError(
+            f"{text} has several sub-indices, and {option} takes one", node=node.node_id, hint=f"{text}:1, for example"
+        )
+
+
 def entry_at(node: Node, text: str) -> MappedObject | Skipped:
     """The object and its length of a mapping entry, or the bits to skip; UsageError where the name is unknown."""
     return _resolved(resolve_entry, text, node)

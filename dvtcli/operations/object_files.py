@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from dvtcli.bus.sdo.client import MOST_BYTES
 from dvtcli.device.change.private_file import put_in_place
 from dvtcli.errors import InputFileError, UsageError
-from dvtcli.operations.named_objects import object_at
+from dvtcli.operations.named_objects import object_at, refuse_whole
 from dvtcli.operations.results import Facts
 from dvtcli.operations.save_script import ask_before_overwriting, place_of
 from dvtcli.operations.transfer_progress import transfer_progress
@@ -28,6 +28,7 @@ def read_to_file(session: Session, object_: str, file: str, node_id: int | None 
     """
     path = place_of(file, f"read {object_} -o {{}}/NAME.bin")
     node = session.node(node_id)
+    refuse_whole(node, object_, "-o")
     index, sub_index = object_at(node, object_)
     ask_before_overwriting(session, path)
     place = f"{index:04X}:{sub_index:02X}"

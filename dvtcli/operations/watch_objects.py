@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.errors import UsageError
-from dvtcli.operations.named_objects import object_at, one_name
+from dvtcli.operations.named_objects import means_whole, object_at, one_name
 from dvtcli.operations.object_values import value_result
+from dvtcli.operations.read_record import read_whole
 from dvtcli.operations.results.documents import hex_bytes
 from dvtcli.operations.results.watched_values import ObjectCourse, ValuesRead, ValuesWatched
 from dvtcli.operations.save_script import ask_before_overwriting, place_of
@@ -29,7 +30,13 @@ Show = Callable[[Iterable[ValuesRead]], None]
 
 def read_objects(session: Session, objects: Sequence[Asked], data_type: DataType | None = None) -> ValuesRead:
     """Read each of *objects* in turn, as *data_type* or the file's own; errors as those of `read_object`."""
-    return ValuesRead(tuple(_read(place, data_type) for place in _places(session, objects)))
+    places = _places(session, objects)
+    return ValuesRead(
+        tuple(
+            read_whole(place[0], text, data_type) if means_whole(place[0], text) else _read(place, data_type)
+            for place, (text, _) in zip(places, objects, strict=True)
+        )
+    )
 
 
 def watch_objects(

@@ -15,7 +15,7 @@ from dvtcli.cli.params import FILE
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
     from dvtcli.domain.datatypes import DataType
-    from dvtcli.operations.results import Facts, ValueRead, ValuesRead, ValuesWatched
+    from dvtcli.operations.results import Facts, RecordRead, ValueRead, ValuesRead, ValuesWatched
 
 TASK = ("See", 30)
 
@@ -41,16 +41,17 @@ def command(
     every_s: float | None,
     for_s: float | None,
     output: str | None,
-) -> ValueRead | ValuesRead | ValuesWatched | Facts:
-    """Read each OBJECT.
+) -> ValueRead | RecordRead | ValuesRead | ValuesWatched | Facts:
+    """Read each OBJECT; of a record or an array without its sub-index (`1018`) all of them.
 
     With --every a line each time, and at the end the least, the most and the course of each; with --json a document
-    each time. An object that cannot be read ends it.
+    each time. An object that cannot be read ends it; of a record it reads sub-index 0.
 
     \b
     read 6041
     read 6C01:1
     read statusword
+    read 1018                the whole record; 1018:0 is its highest sub-index
     read 1018:1 --as u32
     read 3:6041              of node 3
     read 1008 -o name.txt    its bytes, as they are

@@ -6,11 +6,13 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from dvtcli.cli.view.lines import Cell, Line, Table
+from dvtcli.cli.view.record_lines import record_lines
 from dvtcli.cli.view.value_lines import cut_bytes, value_lines
+from dvtcli.operations.results.records import RecordRead
+from dvtcli.operations.results.values import ValueRead
 from dvtcli.watch.statistics import spark
 
 if TYPE_CHECKING:
-    from dvtcli.operations.results.values import ValueRead
     from dvtcli.operations.results.watched_values import ValuesRead, ValuesWatched
 
 _LEVELS = "▁▂▃▄▅▆▇█"
@@ -19,11 +21,12 @@ _LEVELS = "▁▂▃▄▅▆▇█"
 def values_lines(result: ValuesRead, width: int) -> Iterator[Line]:
     """One object a line, or all of them in a line with its time."""
     if result.at_s is not None:
-        yield [Cell(f"{result.at_s:9.3f} s", "dim"), *(Cell(f"  {_place(one)} {_value(one)}") for one in result.values)]
+        values = [one for one in result.values if isinstance(one, ValueRead)]
+        yield [Cell(f"{result.at_s:9.3f} s", "dim"), *(Cell(f"  {_place(one)} {_value(one)}") for one in values)]
         return
     several_nodes = len({one.node for one in result.values}) > 1
     for one in result.values:
-        for line in value_lines(one, width):
+        for line in record_lines(one, width) if isinstance(one, RecordRead) else value_lines(one, width):
             assert isinstance(line, list)  # noqa: S101 - it is one of cells
             yield [Cell(f"node {one.node}  "), *line] if several_nodes else line
 

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
         ObjectListing,
         PdoListing,
         PdoRow,
+        RecordRead,
         ValueRead,
         VpdoListing,
     )
@@ -76,6 +77,15 @@ class ReadNode:
             return value_result(node, index, sub_index, node.upload(index, sub_index), type_named(as_type))
 
         return self._read(read)
+
+    def record(self, object_: Object, as_type: str | None = None) -> RecordRead:
+        """Read a record or an array (`1018`) with all its sub-indices, each as *as_type* or as the EDS says.
+
+        An entry that the node refuses is among them, with its abort code. UsageError where it is a single value.
+        """
+        from dvtcli.operations.read_record import record_at
+
+        return self._read(lambda node: record_at(node, object_of(node, object_)[0], type_named(as_type)))
 
     def faults(self) -> Faults:
         """The node's errors in words: its error register, its history, the EMCY messages heard so far; a list of rows.

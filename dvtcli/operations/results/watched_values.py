@@ -8,6 +8,7 @@ from math import isfinite
 from typing import ClassVar
 
 from dvtcli.operations.results.documents import Answer, Document, json_value
+from dvtcli.operations.results.records import RecordRead
 from dvtcli.operations.results.values import ValueRead
 
 #: values of an object that are kept for its picture
@@ -16,11 +17,11 @@ MOST_POINTS = 40
 
 @dataclass(frozen=True, slots=True)
 class ValuesRead(Answer):
-    """What several objects held, a list of `ValueRead`; *at_s*: since the first time, None where there is only one."""
+    """What several objects held, one after the other; *at_s*: since the first time, None where there is only one."""
 
     renderer: ClassVar = "watched_lines:values_lines"
 
-    values: tuple[ValueRead, ...]
+    values: tuple[ValueRead | RecordRead, ...]
     at_s: float | None = None
     exit_code: int = 0
 
