@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from types import TracebackType
 
 from dvtcli.domain import lss_services as lss
-from dvtcli.domain.lss_services import LssAddress
+from dvtcli.domain.lss_services import LssAddress, LssRanges
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.ports import CanopenBus, Frame
 from dvtcli.errors import DeviceRefused, NoAnswer
@@ -96,6 +96,19 @@ class LssMaster:
             if answers:
                 return len(answers)
         return 0
+
+    def is_within(self, ranges: LssRanges) -> bool:
+        """Whether a node within *ranges* says so, with or without a node-ID; all stay in the state that they are in.
+
+        How many there are cannot be told: their answers are one frame on the line.
+        """
+        *first, last = (_number(part) for part in ranges.numbers)
+        for _ in range(_TRIES):
+            for place, number in enumerate(first):
+                self._send(lss.IDENTIFY + place, number)
+            if self._ask(lss.IDENTIFY + len(first), last, lss.IDENTIFIED, ANSWER_S):
+                return True
+        return False
 
     def inquire(self) -> tuple[LssAddress, int] | None:
         """The node that is being configured: its address, and its node-ID (255: none); None where nobody is.

@@ -50,6 +50,21 @@ class LssAddress:
         return " ".join(f"{name}=0x{number:X}" for name, number in zip(names, self.parts, strict=True))
 
 
+@dataclass(frozen=True, slots=True)
+class LssRanges:
+    """Nodes of one product whose revision and serial number lie within ranges, each its lowest and highest."""
+
+    vendor: int
+    product: int
+    revision: tuple[int, int] = (0, 0xFFFF_FFFF)
+    serial: tuple[int, int] = (0, 0xFFFF_FFFF)
+
+    @property
+    def numbers(self) -> tuple[int, int, int, int, int, int]:
+        """What the six frames of *identify remote slave* say, in their order."""
+        return self.vendor, self.product, *self.revision, *self.serial
+
+
 def refusal(reasons: dict[int, str], code: int, own: int) -> str:
     """Why a configuration service was refused: error *code*, with the maker's *own* behind code 255."""
     if code == _OWN:

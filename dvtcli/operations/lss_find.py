@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from dvtcli.device.lss_master import SCAN_S, LssMaster
-from dvtcli.domain.lss_services import BITS, PARTS, LssAddress
+from dvtcli.domain.lss_services import BITS, PARTS, LssAddress, LssRanges
 from dvtcli.domain.nmt import UNCONFIGURED
 from dvtcli.domain.several import plural
 from dvtcli.errors import DeviceRefused, NoAnswer, UsageError
@@ -99,8 +100,8 @@ def two_alike(address: LssAddress) -> DeviceRefused:
     )  # fmt: skip
 
 
-def lss_identify(session: Session, address: LssAddress | None = None) -> LssFound:
-    """Ask whether nodes without a node-ID are there, or whether a node with *address* is, whatever its node-ID.
+def lss_identify(session: Session, address: LssAddress | LssRanges | None = None) -> LssFound:
+    """Ask whether nodes without a node-ID are there, or one with *address*, or within it, whatever its node-ID.
 
     Nothing is sent in a dry run.
     """
@@ -111,12 +112,14 @@ def lss_identify(session: Session, address: LssAddress | None = None) -> LssFoun
     with LssMaster(bus) as master:
         if address is None:
             found = LssFound("identify", (), master.unconfigured())
+        elif isinstance(address, LssRanges):
+            found = LssFound("identify", within=master.is_within(address))
         else:
             answers = master.select(address)
             node_id = selected(master, address) if answers == 1 else None
             nodes = (LssNode(address, node_id, answers == 1, _family(address)),) if answers else ()
             found = LssFound("identify", nodes, None)
-    return LssFound("identify", found.nodes, found.answered, master.requests, bus.now_s() - began_s)
+        return replace(found, requests=master.requests, seconds=bus.now_s() - began_s)
 
 
 def _family(address: LssAddress) -> str:

@@ -15,6 +15,8 @@ GEN4 = (0x1E, 0x705302D, 0x30000, 0x12345)
 def test_a_program_finds_names_and_stores_a_node() -> None:
     with dvtcli.simulate("gen4@255") as bus:
         assert bus.lss.identify().answered == 1
+        assert bus.lss.identify((*GEN4[:2], (0, 0x3FFFF), GEN4[3])).within
+        assert not bus.lss.identify((*GEN4[:3], (1, GEN4[3] - 1)))
         (found,) = bus.lss.scan().nodes
         assert found.address.parts == GEN4
         with pytest.raises(SafetyRefusal):
@@ -34,6 +36,9 @@ def test_a_program_finds_names_and_stores_a_node() -> None:
         lambda lss: lss.node_id(128),
         lambda lss: lss.node_id(5, (1, 2, 3)),
         lambda lss: lss.identify((1, 2, 3, 1 << 32)),
+        lambda lss: lss.identify((1, 2, 3, (5, 4))),
+        lambda lss: lss.identify((1, 2, 3, (4, 5, 6))),
+        lambda lss: lss.identify((1, (2, 3), 3, (4, 5))),
         lambda lss: lss.select(0),
         lambda lss: lss.store(5, prove="no"),
         lambda lss: lss.scan(0),

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dvtcli.domain.lss_services import REQUEST_ID
@@ -477,7 +477,25 @@ def test_a_node_that_is_another_one_once_it_boots_is_left_and_said(tmp_path: Pat
         assert [one.node_id for one in nodes] == [UNCONFIGURED, 6]
 
 
+@given(st.lists(st.integers(0, 0xFFFFFFFF), min_size=2, max_size=2), st.sampled_from([1, 0x800, 0xFFFFFFFF]))
+@settings(max_examples=20)
+def test_who_is_within_ranges_says_so(ends: list[int], serial: int) -> None:
+    low, high = sorted(ends)
+    one = unconfigured(serial, node_id=5)
+    vendor, product, revision, _serial = address_of(one).parts
+    with bench(one) as desk:
+        words = f"lss identify vendor={vendor} product={product} revision={revision} serial={low}-{high} --json"
+        assert desk.run(words).document["within"] == (low <= serial <= high)
+        assert desk.run(f"lss identify vendor={vendor} product={product} --json").document["within"]
+        assert not desk.run(f"lss identify vendor={vendor} product={product + 1} --json").document["within"]
+        assert one.state is NmtState.PRE_OPERATIONAL
+
+
 WRONG = [
+    ("lss identify serial=1-2", "vendor, product missing"),
+    ("lss identify vendor=1 product=2 serial=5-4", "the lower number first"),
+    ("lss identify vendor=1-2 product=2", "vendor=1-2"),
+    ("lss identify vendor=1 product=2 revision=1-x", "revision=1-x"),
     ("lss assign", "takes one network file"),
     ("lss scan --store", "belongs to lss assign"),
     ("lss bitrate 500k --prove", "lss bitrate with --store"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dvtcli.cli.params import NODE_ID
 from dvtcli.domain.datatypes import parse_number
-from dvtcli.domain.lss_services import LssAddress
+from dvtcli.domain.lss_services import LssAddress, LssRanges
 from dvtcli.errors import UsageError
 
 _PARTS = ("vendor", "product", "revision", "serial")
@@ -19,23 +19,55 @@ def no_words(words: tuple[str, ...]) -> None:
 
 def address_of_words(words: tuple[str, ...]) -> LssAddress:
     """The address that *words* say; UsageError where one of its four numbers is wrong, missing, or said twice."""
-    said: dict[str, int] = {}
+    said = {name: _number(word, number) for name, (word, number) in _parts(words).items()}
+    missing = [name for name in _PARTS if name not in said]
+    if missing:
+        raise UsageError(f"an LSS address has four numbers: {', '.join(missing)} missing", hint=_HINT)
+    return LssAddress(**said)
+
+
+def address_or_ranges(words: tuple[str, ...]) -> LssAddress | LssRanges:
+    """The address that *words* say, or ranges: `serial=LOW-HIGH`, and all of a revision or serial that is not said."""
+    said = _parts(words)
+    if said.keys() == set(_PARTS) and not any("-" in number for _, number in said.values()):
+        return address_of_words(words)
+    missing = [name for name in _PARTS[:2] if name not in said]
+    if missing:
+        raise UsageError(f"lss identify takes a vendor and a product: {', '.join(missing)} missing", hint=_HINT)
+    vendor, product = (_number(*said[name]) for name in _PARTS[:2])
+    revision, serial = (_range(*said[name]) if name in said else (0, 0xFFFFFFFF) for name in _PARTS[2:])
+    return LssRanges(vendor, product, revision, serial)
+
+
+def _parts(words: tuple[str, ...]) -> dict[str, tuple[str, str]]:
+    """By name of a part the word that says it, and what that says."""
+    said: dict[str, tuple[str, str]] = {}
     for word in words:
         name, equals, number = word.partition("=")
         if not equals or name not in _PARTS:
             raise UsageError(f"{word}: write vendor=… product=… revision=… serial=…", hint=_HINT)
         if name in said:
             raise UsageError(f"{name} is given twice", hint=_HINT)
-        try:
-            said[name] = parse_number(number)
-        except ValueError as wrong:
-            raise UsageError(f"{word}: {wrong}", hint=_HINT) from wrong
-        if not 0 <= said[name] <= 0xFFFFFFFF:
-            raise UsageError(f"{word}: a number of 32 bits is 0…0xFFFFFFFF", hint=_HINT)
-    missing = [name for name in _PARTS if name not in said]
-    if missing:
-        raise UsageError(f"an LSS address has four numbers: {', '.join(missing)} missing", hint=_HINT)
-    return LssAddress(**said)
+        said[name] = word, number
+    return said
+
+
+def _number(word: str, number: str) -> int:
+    try:
+        said = parse_number(number)
+    except ValueError as wrong:
+        raise UsageError(f"{word}: {wrong}", hint=_HINT) from wrong
+    if not 0 <= said <= 0xFFFFFFFF:
+        raise UsageError(f"{word}: a number of 32 bits is 0…0xFFFFFFFF", hint=_HINT)
+    return said
+
+
+def _range(word: str, said: str) -> tuple[int, int]:
+    low, dash, high = said.partition("-")
+    ends = _number(word, low), _number(word, high if dash else low)
+    if ends[0] > ends[1]:
+        raise UsageError(f"{word}: the lower number first", hint="serial=0x10000-0x1FFFF")
+    return ends
 
 
 def node_id_and_address(words: tuple[str, ...]) -> tuple[int, LssAddress | None]:

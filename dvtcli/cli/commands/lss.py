@@ -9,7 +9,7 @@ import click
 
 from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.commands._lss_words import (
-    address_of_words,
+    address_or_ranges,
     no_words,
     node_id_and_address,
     node_or_address,
@@ -55,6 +55,7 @@ def command(
     lss scan
     lss scan --wait 200      for slow nodes
     lss identify
+    lss identify vendor=0x1E product=0x705302D serial=0x10000-0x1FFFF      whether one within that is there
     lss select vendor=0x1E product=0x705302D revision=0x30000 serial=0x12345
     lss select 5             by what node 5 says of itself (0x1018)
     lss node-id 5            of the selected node
@@ -79,7 +80,7 @@ def command(
             no_words(words)
             return lss_find.lss_scan(session) if wait is None else lss_find.lss_scan(session, wait / 1000)
         case "identify":
-            return lss_find.lss_identify(session, address_of_words(words) if words else None)
+            return lss_find.lss_identify(session, address_or_ranges(words) if words else None)
         case "select":
             return lss_find.lss_select(session, node_or_address(words))
         case "node-id":

@@ -46,6 +46,8 @@ def _nodes(result: LssFound, width: int) -> Iterator[Line]:
 
 
 def _summary(result: LssFound) -> str:
+    if result.within is not None:
+        return "a node at least is within these ranges" if result.within else "nobody is within these ranges"
     if result.action == "identify" and result.answered is None:
         return plural(len(result.nodes), "node") + " with that LSS address" if result.nodes else "nobody has it"
     if result.nodes:

@@ -9,7 +9,7 @@ from dvtcli.operations.api.calls import Calls
 from dvtcli.operations.api.checks import flags, number, path, whole, wrong
 
 if TYPE_CHECKING:
-    from dvtcli.domain.lss_services import LssAddress
+    from dvtcli.domain.lss_services import LssAddress, LssRanges
     from dvtcli.operations.results.lss_nodes import LssBitRate, LssChanged, LssFound
 
 
@@ -32,11 +32,14 @@ class Lss:
         number("wait_s", wait_s, "a number of seconds, 0.005…2", low=0.005, high=2)
         return self._calls.run(lambda: lss_scan(self._calls.session, wait_s))
 
-    def identify(self, address: LssAddress | tuple[int, int, int, int] | None = None) -> LssFound:
-        """Whether a node with *address* is there; None: how many without a node-ID say so (`answered`)."""
+    def identify(self, address: LssAddress | tuple[Any, Any, Any, Any] | None = None) -> LssFound:
+        """Whether a node with *address* is there; None: how many without a node-ID say so (`answered`).
+
+        Its revision and serial number may be pairs, lowest and highest: then `within` says whether one such is there.
+        """
         from dvtcli.operations.lss_find import lss_identify
 
-        wanted = None if address is None else _address(address)
+        wanted = None if address is None else _address_or_ranges(address)
         return self._calls.run(lambda: lss_identify(self._calls.session, wanted))
 
     def select(self, who: LssAddress | tuple[int, int, int, int] | int) -> LssFound:
@@ -105,6 +108,27 @@ class Lss:
         return self._calls.run(
             lambda: lss_bit_rate(self._calls.session, bit_rate, chosen, stores=store, prove=prove), yes=yes
         )
+
+
+def _address_or_ranges(told: Any) -> LssAddress | LssRanges:
+    from dvtcli.domain.lss_services import LssRanges
+
+    parts = tuple(told) if isinstance(told, tuple | list) else ()
+    if len(parts) != 4 or not any(isinstance(part, tuple) for part in parts[2:]):
+        return _address(told)
+    vendor, product = (whole("address", part, "a number of 32 bits", 0xFFFFFFFF) for part in parts[:2])
+    return LssRanges(vendor, product, *(_range(part) for part in parts[2:]))
+
+
+def _range(told: Any) -> tuple[int, int]:
+    """The lowest and the highest number, both the same where one is told."""
+    ends = told if isinstance(told, tuple) else (told, told)
+    if len(ends) != 2:
+        raise wrong("address", told, "a number, or the lowest and the highest")
+    low, high = (whole("address", end, "a number of 32 bits", 0xFFFFFFFF) for end in ends)
+    if low > high:
+        raise wrong("address", told, "the lowest number first")
+    return low, high
 
 
 def _address(told: Any) -> LssAddress:

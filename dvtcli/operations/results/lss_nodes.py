@@ -41,7 +41,8 @@ class LssNode:
 class LssFound(Answer):
     """The nodes that *action* (`scan`, `select`, `identify`) found, with how many *requests* of ours, in *seconds*.
 
-    *answered* is how many nodes without a node-ID said so, None where that was not asked.
+    *answered* is how many nodes without a node-ID said so, *within* whether a node within ranges did; None where that
+    was not asked.
     """
 
     renderer: ClassVar = "lss_lines:found_lines"
@@ -52,9 +53,10 @@ class LssFound(Answer):
     requests: int = 0
     seconds: float = 0.0
     dry_run: bool = False
+    within: bool | None = None
 
     def __bool__(self) -> bool:
-        return bool(self.nodes)
+        return bool(self.nodes) or self.within is True
 
     @property
     def exit_code(self) -> int:
@@ -68,6 +70,7 @@ class LssFound(Answer):
             "action": self.action,
             "nodes": [node.document() for node in self.nodes],
             "without_node_id": self.answered,
+            "within": self.within,
             "requests": self.requests,
             "seconds": self.seconds,
             "dry_run": self.dry_run,
