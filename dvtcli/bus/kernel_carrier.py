@@ -40,7 +40,8 @@ def check_link(channel: object) -> None:
     """
     if sys.platform != "linux":
         hint = "which interface has the adapter? `dvtcli doctor` lists what is there; slcan adapters have a serial port"
-        raise BusUnavailable("cannot open socketcan", why="only Linux has SocketCAN", hint=hint)
+        what = f"cannot open socketcan:{channel}" if channel else "cannot open socketcan"
+        raise BusUnavailable(what, why="only Linux has SocketCAN", hint=hint)
     if not channel:
         raise BusUnavailable("cannot open socketcan", why=_NO_CHANNEL, hint=f"which channel? {which(kernel_links())}")
     socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW).close()

@@ -6,6 +6,7 @@ The messages are made here, byte by byte as linux/rtnetlink.h has them; `tests/s
 from __future__ import annotations
 
 import struct
+import sys
 
 import pytest
 from hypothesis import given
@@ -110,6 +111,7 @@ def test_bus_off_is_told_at_once() -> None:
     assert "bus-off" in told_once
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux has SocketCAN")
 @pytest.mark.parametrize("channel", [None, ""])
 def test_without_a_channel_those_of_this_machine_are_named(channel: str | None) -> None:
     with pytest.raises(BusUnavailable) as caught:
