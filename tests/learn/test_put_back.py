@@ -9,6 +9,7 @@ import pytest
 
 from dvtcli.device.read_pdos import present_pdos, read_pdo
 from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.stamp import Stamp
 from dvtcli.files.eds.reader import read_eds
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import load_family
@@ -73,3 +74,15 @@ def values(node: StrictDevice) -> Mapping[tuple[int, int], bytes]:
     """All that its PDOs' objects hold, also behind the counts."""
     indices = (index for index in node.dictionary if 0x1400 <= index < 0x1C00)
     return {(index, sub): node.value(index, sub) for index in indices for sub in node.dictionary[index].entries}
+
+
+@pytest.mark.parametrize("stamp", [Stamp.of("a file"), Stamp(15_000, 1)], ids=["ours", "another's"])
+def test_a_stamp_that_the_device_clears_meanwhile_is_put_back(stamp: Stamp) -> None:
+    wire = VirtualWire(one := device("generic"))
+    for sub_index in (1, 2):
+        one.set_value(0x1020, sub_index, stamp.data(sub_index))
+    with wire.bench() as bench:
+        ran = bench.run("learn --yes --json")
+    assert ran.code == 0, ran
+    assert any(frame.data[:4] == b"\x23\x20\x10\x01" for frame in wire.frames()), "it had been cleared"
+    assert [one.value(0x1020, sub_index) for sub_index in (1, 2)] == [stamp.data(1), stamp.data(2)]

@@ -5,7 +5,7 @@ Decides nothing about what is asked; shows nothing.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -13,18 +13,21 @@ from dvtcli.device.change.carry_out import left_open
 from dvtcli.device.change.put_back import restore_patiently
 from dvtcli.device.learn.asking import Asking
 from dvtcli.device.learn.saving import Saved, ask_to_save
+from dvtcli.device.stamped import NO_STAMP, held_stamp
 from dvtcli.domain.learning.operational import not_while_operational, while_operational
 from dvtcli.domain.learning.probe import Answer, Probe, Subject, Where
 from dvtcli.domain.learning.probe_table import Known, next_probes
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange
+from dvtcli.domain.plan import STAMP, Change, PdoChange, Plan, Step, ValueChange
 from dvtcli.domain.several import several
+from dvtcli.domain.stamp import DATE, TIME
 from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.device.observe import Found
+    from dvtcli.domain.stamp import Stamp
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,13 +51,17 @@ class Asked:
     saved: Saved
 
 
-def way_back(node_id: int, subjects: Sequence[Subject], pdos: Mapping[Pdo, PdoConfig]) -> Plan:
+def way_back(
+    node_id: int, subjects: Sequence[Subject], pdos: Mapping[Pdo, PdoConfig], stamp: Stamp | None = None
+) -> Plan:
     """What the journal has: each subject as it is, the entries behind its count, too; and every other PDO of *pdos*.
 
     The others are not written, but a device may alter them beside what is. One that is not whole cannot be put back.
+    Last of all the *stamp* is put back, which a device clears with each change (CiA 301, 0x1020).
     """
     own = {subject.pdo for subject in subjects}
-    changes: list[Change] = [
+    changes: list[Change] = list(_stamp_back(stamp))
+    changes += [
         PdoChange(pdo, held, held, ())
         for pdo, held in pdos.items()
         if pdo not in own and held.mpdo is None and not held.inconsistency
@@ -65,6 +72,13 @@ def way_back(node_id: int, subjects: Sequence[Subject], pdos: Mapping[Pdo, PdoCo
             data = word.to_bytes(4, "little")
             changes.append(ValueChange(Step(subject.pdo.mapping_index, number, data, data, "put the old value back")))
     return Plan(node_id, tuple(changes))
+
+
+def _stamp_back(stamp: Stamp | None) -> Iterator[ValueChange]:
+    """Everything is as it was, so that what the stamp said is true again; 0 is none."""
+    for sub_index in (DATE, TIME) if stamp is not None and stamp != NO_STAMP else ():
+        data = stamp.data(sub_index)
+        yield ValueChange(Step(STAMP, sub_index, data, data, "put the old value back"))
 
 
 def ask_safely(
@@ -80,7 +94,7 @@ def ask_safely(
     *found* is how the node was claimed. Whatever fails, all of *pdos* are put back first: LeftChanged, with the
     journal kept, where that fails too.
     """
-    plan = way_back(node.node_id, subjects, pdos)
+    plan = way_back(node.node_id, subjects, pdos, held_stamp(node))
     with node.cancellation.guard():
         if node.keeper is not None:
             asked_about = tuple(subject.pdo.label for subject in subjects)
