@@ -134,6 +134,7 @@ def _watches(consumer: SdoReader, producer: SdoReader, producer_id: int) -> bool
 
 def _live(session: Session, path: Path, notes: list[str]) -> Iterator[_Found]:
     """Every node that answers; one that is there and does not is said."""
+    unnamed: list[str] = []
     for node_id in _ids(session, notes):
         try:
             node = session.node(node_id)
@@ -145,8 +146,11 @@ def _live(session: Session, path: Path, notes: list[str]) -> Iterator[_Found]:
             notes.append(f"node {node_id} is left out: {failed.text}")
             continue
         if node.dictionary is None:
-            notes.append(f"node {node_id}: no EDS is known, objects are numbers; `eds add FILE`, then import again")
+            unnamed.append(str(node_id))
         yield _Found(_as_chosen(session, found, path), held, _memory(node))
+    if unnamed:
+        who = f"node {', '.join(unnamed)}"
+        notes.append(f"{who}: no EDS is known, objects are numbers; `eds add FILE`, then import again")
 
 
 def _memory(node: Node) -> SdoReader:

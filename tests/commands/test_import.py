@@ -9,7 +9,9 @@ import pytest
 
 from dvtcli.files.network.read_network import read_network_file
 from tests.commands.bench import Bench
+from tests.commands.bus import device
 from tests.house.source import PACKAGE
+from tests.virtual_time import VirtualTimeBus
 
 PAIRS = [("gen4", "tmcm"), ("roboteq", "espac"), ("lely", "gen4"), ("canopennode", "generic")]
 
@@ -107,6 +109,13 @@ def test_the_profile_that_was_chosen_is_in_the_file(tmp_path: Path) -> None:
     with Bench(("generic@3",), {"profile": "canopennode"}) as bench:
         assert bench.run(f"import {file}").code == 0
     assert read_network_file(file).nodes[0].profile == "canopennode"
+
+
+def test_nodes_without_an_eds_are_one_note(tmp_path: Path) -> None:
+    bus = VirtualTimeBus([device("generic", 1), device("generic", 5)], simulated=False)
+    with Bench((), {"node": (1, 5), "journal": str(tmp_path)}, bus) as bench:
+        notes = bench.run(f"import {tmp_path / 'net.yaml'} --json").document["notes"]
+    assert [note.partition(":")[0] for note in notes] == ["node 1, 5"]
 
 
 def test_a_folder_of_files_needs_no_bus(tmp_path: Path) -> None:

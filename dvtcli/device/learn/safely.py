@@ -76,7 +76,9 @@ def way_back(
 
 def _stamp_back(stamp: Stamp | None) -> Iterator[ValueChange]:
     """Everything is as it was, so that what the stamp said is true again; 0 is none."""
-    for sub_index in (DATE, TIME) if stamp is not None and stamp != NO_STAMP else ():
+    if stamp is None or stamp == NO_STAMP:
+        return
+    for sub_index in (DATE, TIME):
         data = stamp.data(sub_index)
         yield ValueChange(Step(STAMP, sub_index, data, data, "put the old value back"))
 
