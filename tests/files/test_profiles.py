@@ -15,6 +15,7 @@ from dvtcli.domain.profile import GENERIC, BitPolicy, PreOperational, Severity, 
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.profile.library import load_profile, profile_for_identity, profile_names
 from dvtcli.files.profile.toml import builtin_names, may_be_of, read_profile
+from tests.surroundings import HOMES, kept_in
 
 FOLDER = Path(dvtcli.__file__).parent / "families"
 SOURCE = re.compile(
@@ -258,16 +259,18 @@ def test_a_simulated_family_s_identity_chooses_the_profile_of_its_name(path: Pat
 
 def test_one_s_own_profile_counts_as_it_is_now(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A process that was asked before it was written, after it changed, or with another home, is told the truth."""
-    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
+    for name in HOMES:
+        monkeypatch.setenv(name, str(tmp_path))
     assert profile_for_identity(0x1E, 0x0705302D).name == "gen4"
-    own = tmp_path / "dvtcli" / "profiles" / "pump.toml"
+    own = kept_in(tmp_path) / "profiles" / "pump.toml"
     own.parent.mkdir(parents=True)
     for title in ("Pump", "Pump controller"):
         head = f'name = "pump"\ntitle = "{title}"\nlike = "gen4"\n'
         own.write_text(f"{head}vendor_ids = [0x1E]\nproduct_codes = [0x0705302D]\n", "utf-8")
         assert profile_for_identity(0x1E, 0x0705302D) == load_profile("pump")
         assert load_profile("pump").title == title
-    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "another"))
+    for name in HOMES:
+        monkeypatch.setenv(name, str(tmp_path / "another"))
     assert profile_for_identity(0x1E, 0x0705302D).name == "gen4"
     with pytest.raises(UsageError):
         load_profile("pump")

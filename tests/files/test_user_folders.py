@@ -11,6 +11,7 @@ from dvtcli.files.user_folders import Kind, user_folder
 XDG = ("XDG_CONFIG_HOME", "XDG_DATA_HOME", "XDG_STATE_HOME")
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="neither HOME nor XDG folders")
 @pytest.mark.parametrize("kind", ["config", "data", "state"])
 @pytest.mark.parametrize("xdg", [None, "", "/srv/x", "/srv/x/", "relative", "~/x"])
 @pytest.mark.parametrize("home", ["/home/me", "/home/me/", "/", "", "relative", None])
