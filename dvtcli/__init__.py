@@ -15,17 +15,31 @@ from dvtcli.version import __version__
 
 if TYPE_CHECKING:
     from dvtcli import errors, results
+    from dvtcli.operations.api.checked_eds import check_eds
     from dvtcli.operations.api.known_profiles import profile, profiles
     from dvtcli.operations.api.open_bus import connect, simulate
     from dvtcli.operations.api.python_bus import Bus
     from dvtcli.operations.api.python_lss import Lss
     from dvtcli.operations.api.python_node import Node
 
-__all__ = ["Bus", "Lss", "Node", "__version__", "connect", "errors", "profile", "profiles", "results", "simulate"]
+__all__ = [
+    "Bus",
+    "Lss",
+    "Node",
+    "__version__",
+    "check_eds",
+    "connect",
+    "errors",
+    "profile",
+    "profiles",
+    "results",
+    "simulate",
+]
 
 _FROM = {
     "Bus": "operations.api.python_bus",
     "Lss": "operations.api.python_lss",
+    "check_eds": "operations.api.checked_eds",
     "connect": "operations.api.open_bus",
     "profile": "operations.api.known_profiles",
     "profiles": "operations.api.known_profiles",

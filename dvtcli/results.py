@@ -11,6 +11,7 @@ from dvtcli.domain.proof import Proof
 from dvtcli.domain.rules import Finding
 from dvtcli.operations.api.told import Message
 from dvtcli.operations.results.changes import Changed
+from dvtcli.operations.results.checked_files import FileFinding, FileReport, FileReports, FileRule
 from dvtcli.operations.results.comparisons import Compared
 from dvtcli.operations.results.device_profiles import ProfileListing, ProfileRow, ProfileShown
 from dvtcli.operations.results.learnt import Difference, LearnForecast, LearntDevice
@@ -37,6 +38,10 @@ __all__ = [
     "EntryUnread",
     "FaultRow",
     "Faults",
+    "FileFinding",
+    "FileReport",
+    "FileReports",
+    "FileRule",
     "Finding",
     "Frame",
     "LearnForecast",

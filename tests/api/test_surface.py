@@ -18,21 +18,25 @@ from tests.house.pages import text
 from tests.process import ROOT, environment
 
 PUBLIC = {
-    "dvtcli": ["Bus", "Lss", "Node", "__version__", "connect", "errors", "profile", "profiles", "results", "simulate"],
+    "dvtcli": [
+        "Bus", "Lss", "Node", "__version__", "check_eds", "connect", "errors", "profile", "profiles", "results",
+        "simulate",
+    ],
     "Bus": [
-        "apply", "check", "check_sync", "close", "dry_run", "finish_stores", "is_dry_run", "link", "load", "lss",
-        "name", "node", "plan", "recover", "scan", "script", "sync", "unlink",
+        "apply", "check", "check_sync", "close", "dry_run", "finish_stores", "import_network", "is_dry_run", "link",
+        "load", "lss", "name", "node", "plan", "recover", "scan", "script", "sync", "unlink",
     ],
     "Lss": ["assign", "bit_rate", "identify", "node_id", "scan", "select", "store"],
     "Node": [
-        "canopen", "clear", "clear_faults", "disable", "download", "enable", "faults", "identity", "learn", "login",
-        "map", "nmt", "node_id", "objects", "pdo", "pdos", "read", "record", "recover", "require", "restore", "script",
-        "set", "store", "tie", "undo", "verify", "vpdo", "write",
+        "canopen", "clear", "clear_faults", "disable", "download", "enable", "export", "faults", "identity", "learn",
+        "login", "map", "nmt", "node_id", "objects", "pdo", "pdos", "read", "record", "recover", "require", "restore",
+        "script", "set", "store", "tie", "undo", "verify", "vpdo", "write",
     ],
     "results": [
-        "Changed", "CobId", "Commanded", "Compared", "Difference", "EntryUnread", "FaultRow", "Faults", "Finding",
-        "Frame", "LearnForecast", "LearntDevice", "LoggedIn", "LssAddress", "LssBitRate", "LssChanged", "LssFound",
-        "LssGiven", "LssNode", "MappedName", "Message", "NetworkApplied", "NetworkLoad",
+        "Changed", "CobId", "Commanded", "Compared", "Difference", "EntryUnread", "FaultRow", "Faults", "FileFinding",
+        "FileReport", "FileReports", "FileRule", "Finding", "Frame", "LearnForecast", "LearntDevice", "LoggedIn",
+        "LssAddress", "LssBitRate", "LssChanged", "LssFound", "LssGiven", "LssNode", "MappedName", "Message",
+        "NetworkApplied", "NetworkLoad",
         "NetworkPlanned", "NodeListing", "NodeRow", "ObjectListing", "ObjectRow", "Pdo", "PdoCommunicationParameter",
         "PdoConfig", "PdoListing", "PdoMappingEntry", "PdoRow", "PinRow", "Plan", "ProfileListing", "ProfileRow",
         "ProfileShown", "ProgramLoaded", "Progress", "Proof", "RecordRead", "Step", "Stored", "SyncCheck",

@@ -9,7 +9,6 @@ import click
 from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import FILE
-from dvtcli.errors import UsageError
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import Facts
@@ -35,12 +34,6 @@ def command(session: Session, /, file: str, twice: bool) -> Facts:
     export press.yaml
     export press.dcf
     """
-    if file.lower().endswith(".dcf"):
-        from dvtcli.operations.whole_device.export_dcf import export_dcf
+    from dvtcli.operations.export_file import export_file
 
-        return export_dcf(session, file, twice=twice)
-    if twice:
-        raise UsageError("--twice is for a DCF", hint="export NAME.dcf --twice")
-    from dvtcli.operations.export_network import export_node
-
-    return export_node(session, file)
+    return export_file(session, file, twice=twice)

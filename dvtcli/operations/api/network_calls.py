@@ -35,6 +35,22 @@ class NetworkCalls:
         flags(trust_stamp=trust_stamp)
         return self._calls.run(lambda: planned(self._session, chosen, trust_stamp=trust_stamp))
 
+    def import_network(
+        self, file: str | Path, folder: str | Path | None = None, *, yes: bool = False
+    ) -> tuple[str, ...]:
+        """Write every node that answers, as it is now, and the links between them to the network *file* (.yaml).
+
+        With *folder* what its EDS, DCF, XDD and XDC files say instead of the bus. The answer is what there is to say of
+        it: what was left out, which layouts differ. Writing over a file needs *yes*. NoAnswer where no node answers,
+        UsageError for another suffix, or where the file cannot be written.
+        """
+        from dvtcli.operations.import_network import import_network
+
+        chosen = str(path("file", file))
+        files = None if folder is None else str(path("folder", folder))
+        done = self._calls.run(lambda: import_network(self._session, chosen, files), yes=yes)
+        return tuple(dict(done.rows)["notes"])
+
     def load(
         self,
         file: str | Path | None = None,

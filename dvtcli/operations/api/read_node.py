@@ -169,5 +169,20 @@ class ReadNode:
         """
         return self._canopen(self._node_id)
 
+    def export(self, file: str | Path, *, twice: bool = False, yes: bool = False) -> tuple[str, ...]:
+        """Write the node, as it is now, to *file*: its PDOs (.yaml), or its EDS with all configuration (.dcf).
+
+        The answer names what is not in the file, since it could not be read or is no whole PDO. *twice* reads each
+        object of a DCF two times, and leaves out what changed meanwhile. Writing over a file needs *yes*. UsageError
+        for another suffix, or where the file cannot be written.
+        """
+        from dvtcli.operations.export_file import export_file
+
+        flags(twice=twice)
+        chosen = str(path("file", file))
+        done = self._read(lambda node: export_file(self._calls.session, chosen, node.node_id, twice=twice), yes=yes)
+        left_out = dict(done.rows)["left_out"]
+        return tuple(one["object"] if isinstance(one, dict) else one for one in left_out)
+
     def _read(self, work: Callable[[DeviceNode], T], *, yes: bool = False) -> T:
         return self._calls.run(lambda: work(self._calls.session.node(self._node_id)), yes=yes)

@@ -97,6 +97,10 @@ class FileReport(Judged, Answer):
         """Itself."""
         return (self,)
 
+    def __bool__(self) -> bool:
+        """Whether nothing is wrong."""
+        return not self.exit_code
+
     @property
     def exit_code(self) -> int:
         """4 where a finding is bad enough."""
@@ -134,6 +138,10 @@ class FileReports(Answer):
     def reports(self) -> tuple[FileReport, ...]:
         """One a file."""
         return self.files
+
+    def __bool__(self) -> bool:
+        """Whether nothing is wrong."""
+        return not self.exit_code
 
     @property
     def exit_code(self) -> int:
