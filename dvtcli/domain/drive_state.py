@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-#: the object that every drive of CiA 402 has it in, as it is printed
-STATUSWORD = "6041:00"
 #: (mask, bits, state): CiA 402-2, 8.4.2
-_STATES = (
+STATES = (
     (0x4F, 0x00, "not ready to switch on"),
     (0x4F, 0x40, "switch on disabled"),
     (0x6F, 0x21, "ready to switch on"),
@@ -19,4 +17,4 @@ _STATES = (
 
 def drive_state(statusword: int) -> str:
     """The state that *statusword* (0…0xFFFF) tells; empty where the standard has no such state."""
-    return next((text for mask, bits, text in _STATES if statusword & mask == bits), "")
+    return next((text for mask, bits, text in STATES if statusword & mask == bits), "")

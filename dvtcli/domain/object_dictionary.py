@@ -53,7 +53,7 @@ class OdEntry:
     *data_type* and *pdo_mapping* are None where the file does not say. *pdo_mapping* is the
     file's PDOMapping; the direction follows from *access*. *default* and *value* (a DCF's ParameterValue) are the
     bytes for node-ID 0; where *…_relative* is set the node-ID is added. *low* and *high* are the file's
-    limits in the object's own type, for node-ID 0 (`limits` adds it). *line* is the first line about it in the
+    limits in the object's own type, for node-ID 0 (`limits` adds it), *unit* and *factor* its words for them. *line* is the first line about it in the
     file, 1 and up. *denotation* is what somebody called it in this device. *unknown_type* is the code of a data type
     that CiA 301 does not have.
     """
@@ -77,6 +77,7 @@ class OdEntry:
     high_relative: bool = False
     denotation: str = ""
     unknown_type: int | None = None
+    factor: str = ""
 
     @property
     def object(self) -> str:

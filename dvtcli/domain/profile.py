@@ -9,8 +9,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import TYPE_CHECKING
 
 from dvtcli.domain.pdo import Direction, Pdo
+
+if TYPE_CHECKING:
+    from dvtcli.domain.meanings import Meaning, ObjectRange
 
 #: An inclusive range: lowest and highest.
 Range = tuple[int, int]
@@ -174,6 +178,7 @@ class DeviceProfile:
     *silent_rpdo* what the device does where an RPDO's producer is silent, if anything;
     *fault_list* the family's own list of errors, *faults* what its error codes mean; *software_identification* what
     0x1F56 says of the right program, by its number (1..254): a number of 32 bits, or "crc32" for that of what was sent;
+    *physical* what the values of its objects mean;
     *aliases* names a human types → objects; *type_texts* the maker's words for a transmission type and *type_notes*
     what to know about one; *warn_mapped* what should not feed a TPDO; *vpdo* its virtual PDOs; *configuration* ranges
     of the maker's own indices that a file or a clone may write, *no_configuration* those that none ever writes;
@@ -216,6 +221,7 @@ class DeviceProfile:
     fault_list: FaultList | None = None
     faults: dict[int, KnownFault] = field(default_factory=dict)
     software_identification: dict[int, int | str] = field(default_factory=dict)
+    physical: dict[ObjectRange, Meaning] = field(default_factory=dict)
     aliases: dict[str, str] = field(default_factory=dict)
     type_texts: dict[int, str] = field(default_factory=dict)
     type_notes: dict[int, str] = field(default_factory=dict)

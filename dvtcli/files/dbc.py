@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dvtcli.domain.datatypes import Value
+from dvtcli.domain.physical import Physical
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.extras import extra
 from dvtcli.watch.decoder import Address, Layout, Signal
@@ -14,6 +15,7 @@ from dvtcli.watch.service import Service
 
 if TYPE_CHECKING:
     from cantools.database.can import Message
+    from cantools.database.can import Signal as DbcSignal
 
 
 def read_dbc(file: str) -> dict[Address, Layout]:
@@ -36,8 +38,13 @@ def _first_line(wrong: Exception) -> str:
 
 
 def _layout(message: Message) -> Layout:
-    signals = tuple(Signal(one.name, one.name, "", one.unit or "") for one in message.signals)
+    signals = tuple(Signal(one.name, one.name, "", _meaning(one)) for one in message.signals)
     return Layout(Service("message", message.name), signals, _reader(message))
+
+
+def _meaning(signal: DbcSignal) -> Physical:
+    """The unit: what cantools decodes is scaled already, and is shown as it is."""
+    return Physical(signal.unit or "")
 
 
 def _reader(message: Message) -> Callable[[bytes], list[Value | None]]:

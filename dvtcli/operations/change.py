@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from dvtcli.domain.plan import PdoChange
+from dvtcli.domain.plan import PdoChange, ValueChange
 from dvtcli.domain.rules.producer import producer_findings, sent_by
 from dvtcli.domain.script_line import change_lines
 from dvtcli.operations.results import Changed
@@ -16,7 +16,9 @@ if TYPE_CHECKING:
     from dvtcli.device.applied import Applied
     from dvtcli.device.node import Node
     from dvtcli.device.observe import Found
+    from dvtcli.domain.meanings import Understood
     from dvtcli.domain.pdo import Pdo
+    from dvtcli.domain.plan import Change
     from dvtcli.domain.request import PdoWant
     from dvtcli.domain.rules import Finding
     from dvtcli.operations.session import Session
@@ -76,7 +78,27 @@ def changed(
         saved=saved and not session.dry_run,
         named=len(session.known_ids()) > 1,
         not_put_back=applied.not_put_back,
+        understood=_understood(node, applied.plan.changes),
     )
+
+
+def _understood(node: Node, changes: Iterable[Change]) -> dict[str, Understood]:
+    """What the values of single objects among *changes* mean, by object, where somebody says."""
+    steps = [change.step for change in changes if isinstance(change, ValueChange)]
+    if not steps:
+        return {}
+    from dvtcli.domain.meanings import Understood
+    from dvtcli.operations.object_values import type_of
+    from dvtcli.operations.physical_meanings import meanings_of
+
+    meanings = meanings_of(node.profile, node.dictionary)
+    found = {}
+    for step in steps:
+        meaning = meanings.of(step.index, step.sub_index)
+        if meaning.says:
+            kind = type_of(node, step.index, step.sub_index, len(step.after))
+            found[step.object] = Understood(kind, meaning)
+    return found
 
 
 def names(node: Node, changes: Iterable[object]) -> dict[str, str]:

@@ -9,6 +9,8 @@ from dvtcli.watch.decoder import Decoder
 
 def frame_seen(frame: Frame, decoder: Decoder) -> FrameSeen:
     """*frame*, decoded; its PDO is named only where a mapping was read."""
-    service = decoder.layout(frame).service
+    layout = decoder.layout(frame)
+    service = layout.service
     pdo = service.label.lower() if service.kind == "pdo" and not service.label.endswith("?") else None
-    return FrameSeen(frame, service.kind, service.label, service.node, pdo, decoder.values(frame))
+    meanings = {one.key: one.meaning for one in layout.signals if one.meaning.says}
+    return FrameSeen(frame, service.kind, service.label, service.node, pdo, decoder.values(frame), meanings)

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from dvtcli.errors import BusUnavailable, NoAnswer, SdoAborted, SdoProtocolError, UsageError
+from dvtcli.operations.physical_meanings import meanings_of
 from dvtcli.watch.decoder import Decoder, pdo_layouts
 
 if TYPE_CHECKING:
@@ -56,7 +57,7 @@ def live_decoders(
         yield node_id, Decoder(known.layouts, names)
         try:
             node = session.node(node_id)
-            known.add(pdo_layouts(node_id, node.pdos(), node.dictionary))
+            known.add(pdo_layouts(node_id, node.pdos(), node.dictionary, meanings_of(node.profile, node.dictionary)))
             if named:
                 names[node_id] = _name(node)
             if node.dictionary is None:

@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.read_pdos import read_optional
 from dvtcli.domain.frame import decode
+from dvtcli.operations.physical_meanings import meanings_of
 from dvtcli.operations.results import LastFrame, MappedName, PdoListing, PdoRow
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.domain.datatypes import DataType
     from dvtcli.domain.mapping import PdoMappingEntry
+    from dvtcli.domain.meanings import Meanings
     from dvtcli.domain.pdo import Pdo, PdoConfig
     from dvtcli.operations.session import Session
 
@@ -35,16 +37,18 @@ def show_pdo(session: Session, pdo: Pdo, node_id: int | None = None) -> PdoListi
 
 
 def _row(node: Node, pdo: Pdo, config: PdoConfig) -> PdoRow:
-    named = tuple(_name(node, entry.index, entry.sub_index) for entry in config.mapping)
+    meanings = meanings_of(node.profile, node.dictionary)
+    named = tuple(_name(node, meanings, entry.index, entry.sub_index) for entry in config.mapping)
     return PdoRow(pdo, config, named, pdo.default_can_id(node.node_id), pdo.label in node.unstored)
 
 
-def _name(node: Node, index: int, sub_index: int) -> MappedName:
+def _name(node: Node, meanings: Meanings, index: int, sub_index: int) -> MappedName:
+    meaning = meanings.of(index, sub_index)
     entry = node.dictionary.entry(index, sub_index) if node.dictionary else None
     if entry is None or node.dictionary is None:
-        return MappedName()
+        return MappedName(meaning=meaning)
     kind = entry.data_type.short if entry.data_type else ""
-    return MappedName(node.dictionary.display_name(index, sub_index), kind, entry.unit)
+    return MappedName(node.dictionary.display_name(index, sub_index), kind, meaning)
 
 
 def _last_frame(session: Session, node: Node, config: PdoConfig) -> LastFrame | None:

@@ -5,7 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.datatypes import BY_SHORT_NAME, DataType
+from dvtcli.domain.meanings import NOTHING
 from dvtcli.errors import SdoProtocolError
+from dvtcli.operations.physical_meanings import meanings_of
 from dvtcli.operations.results.values import ValueRead
 
 if TYPE_CHECKING:
@@ -28,7 +30,8 @@ def value_result(
     node: Node, index: int, sub_index: int, data: bytes, asked: DataType | None, *, written: bool = False
 ) -> ValueRead:
     """The answer for an object that holds *data*; *asked* is a type the user named."""
-    kind = asked or type_of(node, index, sub_index, len(data))
+    own = type_of(node, index, sub_index, len(data))
+    kind = asked or own
     if asked is None and kind.size is not None and kind.size != len(data):
         kind = BY_SHORT_NAME[_BY_SIZE.get(len(data), "os")]  # the device disagrees with its file: show what it sent
     try:
@@ -40,7 +43,6 @@ def value_result(
             place=f"{index:04X}:{sub_index:02X}",
             hint="--as names another type; --as os shows the bytes",
         ) from wrong
-    entry = node.dictionary.entry(index, sub_index) if node.dictionary else None
     name = node.dictionary.display_name(index, sub_index) if node.dictionary else ""
     return ValueRead(
         node.node_id,
@@ -49,6 +51,6 @@ def value_result(
         value,
         data,
         kind.short,
-        entry.unit if entry else "",
+        meanings_of(node.profile, node.dictionary).of(index, sub_index) if asked in (None, own) else NOTHING,
         written,
     )

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.store_parameters import RESTORE, SIGNATURES, STORE
 from dvtcli.domain.abort import Abort
+from dvtcli.domain.datatypes import Kind
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.rules.finding import error
 from dvtcli.domain.rules.raw_write import parameter_size
@@ -14,11 +15,13 @@ from dvtcli.domain.rules.rule import ERROR, Rule
 from dvtcli.errors import DvtcliError, RuleError, UsageError
 from dvtcli.operations.change import changed
 from dvtcli.operations.object_values import type_of
+from dvtcli.operations.physical_meanings import meanings_of
 from dvtcli.operations.store_restore import restore_defaults, store_settings
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.domain.datatypes import DataType
+    from dvtcli.domain.physical import Physical
     from dvtcli.operations.results import Changed, Stored
     from dvtcli.operations.session import Session
 
@@ -26,6 +29,9 @@ RULES = (
     Rule("signature", ERROR, "`write` to 0x1010 or 0x1011 of anything but its signature",
          "CiA 301, 7.5.2.13 and 7.5.2.14", (Abort.CANNOT_STORE,)),
 )  # fmt: skip
+
+#: what can have a unit, or be one of some words
+_NUMBERS = (Kind.BOOLEAN, Kind.INTEGER, Kind.UNSIGNED, Kind.REAL)
 
 
 def write_text(
@@ -46,12 +52,28 @@ def write_bytes(session: Session, node: Node, index: int, sub_index: int, data: 
 
 def _encoded(node: Node, index: int, sub_index: int, value: str, asked: DataType | None) -> bytes:
     kind = asked or object_type(node, index, sub_index)
+    meaning = meanings_of(node.profile, node.dictionary).of(index, sub_index)
     try:
-        return kind.parse(value)
+        raw = meaning.to_raw(value, whole=kind.kind is not Kind.REAL) if kind.kind in _NUMBERS else None
+        return kind.parse(value) if raw is None else kind.encode(raw)
     except ValueError as wrong:
         raise UsageError(
-            f"{value!r} for 0x{index:04X}:{sub_index:02X} ({kind.short}): {wrong}", node=node.node_id
+            f"{value!r} for 0x{index:04X}:{sub_index:02X} ({kind.short}): {wrong}",
+            node=node.node_id,
+            hint=_how_to_write(meaning, kind),
         ) from wrong
+
+
+def _how_to_write(meaning: Physical, kind: DataType) -> str | None:
+    """How a value of the object may be written, None where only raw can be."""
+    if meaning.values:
+        return f"{', '.join(meaning.values.values())}; or the number"
+    if not meaning.unit or kind.kind not in _NUMBERS:
+        return None
+    if kind.limits is None:
+        return f"with a unit: 1.5{meaning.unit}; a number alone is raw"
+    low, high = kind.limits
+    return f"{meaning.quantity(low)} to {meaning.quantity(high)}, with the unit; a number alone is raw"
 
 
 def object_type(node: Node, index: int, sub_index: int) -> DataType:

@@ -6,13 +6,15 @@ Does not know where configurations come from (a node, a DCF), nor how signals ar
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from dvtcli.domain.datatypes import DataType, Value
 from dvtcli.domain.frame import decode
 from dvtcli.domain.mapping import PdoMappingEntry
+from dvtcli.domain.meanings import NOTHING, Meanings
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.physical import Physical
 from dvtcli.domain.ports import Frame
 from dvtcli.watch.service import Service, service_of
 
@@ -22,12 +24,21 @@ Address = tuple[int, bool]
 
 @dataclass(frozen=True, slots=True)
 class Signal:
-    """One value in a frame: *object* is `606C:00`, empty where a file gave names only; *key* is unique in its frame."""
+    """One value in a frame: *object* is `606C:00`, empty where a file gave names only; *key* is unique in its frame.
+
+    *meaning* is what its raw value means, *bits* how long that is, 0 where nobody knows.
+    """
 
     key: str
     name: str = ""
     object: str = ""
-    unit: str = ""
+    meaning: Physical = NOTHING
+    bits: int = 0
+
+    @property
+    def unit(self) -> str:
+        """The physical unit, empty where it has none."""
+        return self.meaning.unit
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,19 +102,24 @@ class Decoder:
 
 
 def pdo_layouts(
-    node_id: int, configs: Mapping[Pdo, PdoConfig], dictionary: ObjectDictionary | None
+    node_id: int, configs: Mapping[Pdo, PdoConfig], dictionary: ObjectDictionary | None, meanings: Meanings
 ) -> dict[Address, Layout]:
-    """The layouts of a node's enabled PDOs; where a TPDO and an RPDO share a COB-ID, the TPDO's counts."""
+    """The layouts of a node's enabled PDOs; where a TPDO and an RPDO share a COB-ID, the TPDO's counts.
+
+    *meanings* says what their objects' values mean.
+    """
     layouts: dict[Address, Layout] = {}
     for pdo, config in sorted(configs.items(), key=lambda item: not item[0].is_tpdo):
         if config.enabled:
             cob_id = config.communication.cob_id
             service = Service("pdo", pdo.label, node_id)
-            layouts.setdefault((cob_id.can_id, cob_id.extended), _layout(service, config.mapping, dictionary))
+            layouts.setdefault((cob_id.can_id, cob_id.extended), _layout(service, config.mapping, dictionary, meanings))
     return layouts
 
 
-def _layout(service: Service, mapping: tuple[PdoMappingEntry, ...], dictionary: ObjectDictionary | None) -> Layout:
+def _layout(
+    service: Service, mapping: tuple[PdoMappingEntry, ...], dictionary: ObjectDictionary | None, meanings: Meanings
+) -> Layout:
     types: dict[PdoMappingEntry, DataType | None] = {}
     signals: list[Signal] = []
     for entry in mapping:
@@ -111,7 +127,8 @@ def _layout(service: Service, mapping: tuple[PdoMappingEntry, ...], dictionary: 
         types[entry] = known.data_type if known else None
         if not entry.is_dummy:
             name = dictionary.display_name(entry.index, entry.sub_index) if dictionary else ""
-            signals.append(Signal(name or entry.object, name, entry.object, known.unit if known else ""))
+            meaning = meanings.of(entry.index, entry.sub_index)
+            signals.append(Signal(name or entry.object, name, entry.object, meaning, entry.bits))
 
     def read(data: bytes) -> list[Value | None]:
         return [one.value for one in decode(mapping, data, types.get)]
@@ -132,5 +149,5 @@ def unique(signals: Iterable[Signal]) -> list[Signal]:
             number += 1
             key = f"{base} #{number}"
         taken.add(key)
-        found.append(Signal(key, signal.name, signal.object, signal.unit))
+        found.append(replace(signal, key=key))
     return found

@@ -6,13 +6,14 @@ Pure: times are given in seconds, nothing is read from a clock.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from math import isfinite
 from statistics import fmean, pstdev
 from typing import NamedTuple
 
 from dvtcli.domain.datatypes import Value
+from dvtcli.domain.physical import Physical
 
 #: frames that rate and jitter are taken from
 LATELY = 64
@@ -60,6 +61,19 @@ class Point(NamedTuple):
     low: float
     high: float
     last: float
+
+
+def physical_points(points: Iterable[Point], meaning: Physical) -> list[Point]:
+    """*points* of raw values in their physical unit."""
+    if not meaning.is_scaled:
+        return list(points)
+    factor, offset = float(meaning.factor), float(meaning.offset)
+
+    def scaled(point: Point) -> Point:
+        low, high = sorted((point.low * factor + offset, point.high * factor + offset))
+        return Point(point.time_s, low, high, point.last * factor + offset)
+
+    return [scaled(point) for point in points]
 
 
 class Course:

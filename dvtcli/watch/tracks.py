@@ -11,13 +11,13 @@ from dvtcli.domain.object_dictionary import normalised
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import UsageError
 from dvtcli.watch.decoder import Address, Decoder, Signal
-from dvtcli.watch.statistics import Point
+from dvtcli.watch.statistics import Point, physical_points
 from dvtcli.watch.table import column_names
 
 
 @dataclass(slots=True)
 class Track:
-    """One signal: its full *name*, and its samples as times (s since 1970) and numbers."""
+    """One signal: its full *name*, and its samples as times (s since 1970) and raw numbers."""
 
     name: str
     signal: Signal
@@ -25,8 +25,9 @@ class Track:
     values: list[float] = field(default_factory=list)
 
     def points(self) -> list[Point]:
-        """The samples, each as a point."""
-        return [Point(time_s, value, value, value) for time_s, value in zip(self.times_s, self.values, strict=True)]
+        """The samples in their physical unit, each as a point."""
+        pairs = zip(self.times_s, self.values, strict=True)
+        return physical_points((Point(time_s, value, value, value) for time_s, value in pairs), self.signal.meaning)
 
 
 def find_tracks(words: Sequence[str], decoder: Decoder) -> dict[tuple[Address, str], Track]:

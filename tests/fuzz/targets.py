@@ -40,6 +40,7 @@ from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.object_syntax import parse_cob_id, parse_object, resolve_entry, resolve_object
 from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.physical import Physical
 from dvtcli.domain.plan import Plan, Step, ValueChange
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.profile import GENERIC, Severity
@@ -386,13 +387,13 @@ def _shown(text: str) -> Iterator[Any]:
     yield RuleError(text, [finding, finding], node=1)
     described = dictionary("gen4")
     pdo, config = Pdo.parse("tpdo1"), read_pdo(FileValues(described, 1), Pdo.parse("tpdo1"))
-    names = tuple(results.MappedName(text, text) for _ in config.mapping)
+    names = tuple(results.MappedName(text, text, Physical(text)) for _ in config.mapping)
     row = results.PdoRow(pdo, config, names)
     yield results.PdoListing(1, text, (row,), show_all=True)
     yield results.PdoListing(1, text, (row,), detail=True)
     raw = text.encode("utf-8", "surrogateescape")
-    yield results.ValueRead(1, "1008:00", text, text, raw, text, text)
-    yield results.ValueRead(1, "2000:00", text, float("nan"), raw[:4], text, text)
+    yield results.ValueRead(1, "1008:00", text, text, raw, text, Physical(text))
+    yield results.ValueRead(1, "2000:00", text, float("nan"), raw[:4], text, Physical(text))
     plan = Plan(1, (ValueChange(Step(0x2000, 1, raw, raw, text)),))
     yield results.Changed(1, plan, (finding,), dry_run=False, seconds=0.1)
     for word, found in (("store", (text,)), ("store", ()), ("restore", (text,)), ("restore", ())):

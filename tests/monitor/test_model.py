@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import time
 from collections.abc import Callable
+from fractions import Fraction
 from pathlib import Path
 
 import can
@@ -18,9 +19,12 @@ from dvtcli.cli.monitor.graph import graph
 from dvtcli.cli.monitor.screen import GRAPH, RAW, Moment, View, age, picture
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.mapping import PdoMappingEntry
+from dvtcli.domain.meanings import Meanings, ObjectRange
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
+from dvtcli.domain.physical import Physical
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.wall_clock import utc
+from dvtcli.files.profile.standards import standards
 from dvtcli.watch.decoder import Decoder, Layout, Signal, pdo_layouts, unique
 from dvtcli.watch.listener import FOREIGN_CLOCK_S, Listener
 from dvtcli.watch.seen import ROWS, FrameStore
@@ -40,7 +44,7 @@ def config(cob_id: int, *entries: PdoMappingEntry) -> PdoConfig:
 
 def decoder() -> Decoder:
     tpdo = config(0x201, PdoMappingEntry(0x6C01, 1, 16), PdoMappingEntry(0x606C, 0, 32), PdoMappingEntry(0x6041, 0, 16))
-    return Decoder(pdo_layouts(1, {Pdo.parse("tpdo1"): tpdo}, None))
+    return Decoder(pdo_layouts(1, {Pdo.parse("tpdo1"): tpdo}, None, Meanings()))
 
 
 @pytest.mark.parametrize(
@@ -184,7 +188,7 @@ def test_frames_of_any_length_can_be_looked_at(payloads: list[bytes]) -> None:
 def test_a_tpdo_counts_before_an_rpdo_of_the_same_cob_id() -> None:
     entry = PdoMappingEntry(0x6041, 0, 16)
     configs = {Pdo.parse("rpdo1"): config(0x201), Pdo.parse("tpdo1"): config(0x201, entry)}
-    (layout,) = pdo_layouts(1, configs, None).values()
+    (layout,) = pdo_layouts(1, configs, None, Meanings()).values()
     assert layout.service.label == "TPDO1"
 
 
@@ -199,8 +203,8 @@ def test_signals_of_one_name_are_told_apart() -> None:
 
 def test_columns_of_one_name_in_two_frames_are_told_apart() -> None:
     entry = PdoMappingEntry(0x6041, 0, 16)
-    two = Decoder(pdo_layouts(1, {Pdo.parse("tpdo1"): config(0x181, entry)}, None))
-    two.add(pdo_layouts(5, {Pdo.parse("tpdo1"): config(0x185, entry)}, None))
+    two = Decoder(pdo_layouts(1, {Pdo.parse("tpdo1"): config(0x181, entry)}, None, Meanings()))
+    two.add(pdo_layouts(5, {Pdo.parse("tpdo1"): config(0x185, entry)}, None, Meanings()))
     assert list(column_names(two).values()) == ["TPDO1 node 1 6041:00", "TPDO1 node 5 6041:00"]
     assert len(find_tracks(["6041"], two)) == 2
 
@@ -296,10 +300,11 @@ def golden_store() -> FrameStore:
     """A second of a bus with one known node and one unknown."""
     names = ("Analogue input 1", "Velocity actual value", "Statusword")
     (address, layout), *_ = decoder().layouts.items()
-    units = ("V", "rpm", "")
+    statusword = standards()[-1].rules[ObjectRange(0x6041, 0x6041)].physical
+    meanings = (Physical("V", Fraction(1, 256)), Physical("rpm"), statusword)
     known = Layout(
         layout.service,
-        tuple(Signal(n, n, s.object, u) for n, s, u in zip(names, layout.signals, units, strict=True)),
+        tuple(Signal(n, n, s.object, m, s.bits) for n, s, m in zip(names, layout.signals, meanings, strict=True)),
         layout.read,
     )
     store = FrameStore(Decoder({address: known}, {1: "Gen4"}), bitrate=125_000)

@@ -108,7 +108,7 @@ def test_the_graph_of_the_chosen_signal(open_terminal: Open, columns: int, rows:
     terminal.type(DOWN)
     terminal.until(lambda: any(line.startswith("  > 6077:00") for line in terminal.lines), "the second signal chosen")
     terminal.type("g")
-    terminal.until(lambda: "Torque actual value  120" in terminal.lines[1], "the graph's title")
+    terminal.until(lambda: "Torque actual value  12.0 % (120)" in terminal.lines[1], "the graph's title")
     terminal.until(lambda: any(line.endswith("now") and "-60 s" in line for line in terminal.lines), "the time axis")
     terminal.type("g")
     terminal.wait("606C:00")

@@ -75,6 +75,7 @@ def _drawn(
     from dvtcli.cli.monitor.graph import graph
     from dvtcli.operations.results import PlottedSignal
 
+    signal = track.signal
     size = shutil.get_terminal_size((80, 24))
     height = max(_LEAST, min(_MOST, (size.lines - 2) // count - 1))
     wide = min(_WIDTH, size.columns)
@@ -82,5 +83,4 @@ def _drawn(
     plain = session.output.plain
     drawing = () if picture else tuple(graph(track.points(), wide, height, span_s, ends=ends, plain=plain))
     low, high = min(track.values), max(track.values)
-    signal = track.signal
-    return PlottedSignal(track.name, signal.object, signal.unit, len(track.values), low, high, drawing)
+    return PlottedSignal(track.name, signal.object, signal.meaning, len(track.values), low, high, drawing)

@@ -29,7 +29,8 @@ def draw_chart(path: Path, tracks: Sequence[Track], begin_s: float) -> None:
         figure = figure_type(figsize=(10, 1 + 2.2 * len(tracks)), layout="constrained")
         axes = figure.subplots(len(tracks), 1, sharex=True, squeeze=False)[:, 0]
         for axis, track in zip(axes, tracks, strict=True):
-            axis.step([time_s - begin_s for time_s in track.times_s], track.values, where="post")
+            points = track.points()
+            axis.step([one.time_s - begin_s for one in points], [one.last for one in points], where="post")
             axis.set_title(safe(track.name).replace("$", r"\$"), loc="left", fontsize=9)
             axis.set_ylabel(safe(track.signal.unit).replace("$", r"\$"))
             axis.grid(visible=True, alpha=0.3)

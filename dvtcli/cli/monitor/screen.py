@@ -10,15 +10,15 @@ from dataclasses import dataclass
 from datetime import datetime
 
 from dvtcli.cli.monitor.graph import graph
-from dvtcli.cli.view.frame_lines import shown_value
 from dvtcli.cli.view.lines import Cell
 from dvtcli.cli.view.safe import safe
-from dvtcli.domain.drive_state import STATUSWORD, drive_state
+from dvtcli.cli.view.value_text import value_text
 from dvtcli.domain.nmt import NmtState
+from dvtcli.domain.physical import Physical
 from dvtcli.watch.decoder import Signal
 from dvtcli.watch.recent_load import HIGH_LOAD
 from dvtcli.watch.seen import Event, FrameStore, Row
-from dvtcli.watch.statistics import Course, spark
+from dvtcli.watch.statistics import Course, physical_points, spark
 
 TABLE, RAW, GRAPH = "table", "raw", "graph"
 #: a change is bright for this long (s)
@@ -28,7 +28,9 @@ EVENTS = 4
 #: a screen of so many rows has room for the nodes and for heads of the columns
 ABOVE_FROM = 12
 #: points of a sparkline in up to 100 columns and in many more; the time that a graph shows (s)
-SPARK, LONG_SPARK, GRAPH_S = 10, 60, 60.0
+SPARK, LONG_SPARK, GRAPH_S = 8, 60, 60.0
+#: columns of a value on a screen that is not WIDE, and on one that is
+VALUE, LONG_VALUE, WIDE = 16, 20, 100
 _LEVELS, _PLAIN_LEVELS = "▁▂▃▄▅▆▇█", "_.-=+*#@"
 
 _STATE_STYLES: dict[NmtState | None, str] = {NmtState.OPERATIONAL: "green", None: ""}
@@ -224,29 +226,38 @@ def _bytes(row: Row, moment: Moment) -> Iterator[Cell]:
 
 
 def _signal_line(signal: Signal, course: Course, view: View, moment: Moment, width: int, *, chosen: bool) -> list[Cell]:
-    name_width = max(10, min(40, width - 58))
+    value_width = VALUE if width < WIDE else LONG_VALUE
+    name_width = max(10, min(40, width - 43 - value_width))
     name = safe(signal.name)
     name = name if len(name) <= name_width else name[: name_width - 1] + "…"
     fresh = moment.now_s - course.changed_s < FRESH_S
     value, about = _value_and_more(signal, course)
     levels = _PLAIN_LEVELS if view.plain else _LEVELS
-    long = max(SPARK, min(LONG_SPARK, width - 90))
+    if len(value) > value_width:
+        value = signal.meaning.quantity(course.last) if isinstance(course.last, int | float) else value
+    long = max(SPARK, min(LONG_SPARK, width - 77 - value_width))
     drawn = spark([point.last for point in list(course.points)[-long:]], levels)
     return [
         Cell("  > " if chosen else "    ", "cyan"),
         Cell(f"{signal.object:<7}  {name:<{name_width}} "),
-        Cell(f"{value:>13}  ", "yellow" if fresh else ""),
+        Cell(f"{value:>{value_width}}  ", "yellow" if fresh else ""),
         Cell(f"{drawn:<{long}}  ", "green"),
         Cell(about, "dim"),
     ]
 
 
 def _value_and_more(signal: Signal, course: Course) -> tuple[str, str]:
-    """A signal's value with its unit, and its lowest and highest one; a statusword in hex, and what it says."""
-    if signal.object == STATUSWORD and isinstance(course.last, int):
-        return f"0x{course.last:04X}", drive_state(course.last)
-    spread = "" if course.low is None else f"{shown_value(course.low)} .. {shown_value(course.high)}"
-    return f"{shown_value(course.last)} {signal.unit}".rstrip(), spread
+    """A signal's value, and its lowest and highest one; of a statusword and the like raw, and what it says."""
+    meaning, last = signal.meaning, course.last
+    if isinstance(last, int) and not meaning.has_number and meaning.words(last):
+        return meaning.raw_text(last, signal.bits), meaning.words(last)
+    return value_text(last, meaning, signal.bits), _spread(meaning, course)
+
+
+def _spread(meaning: Physical, course: Course) -> str:
+    if course.low is None or course.high is None:
+        return ""
+    return f"{meaning.number_text(course.low)} .. {meaning.number_text(course.high)}"
 
 
 def _graph(store: FrameStore, view: View, moment: Moment, width: int, room: int) -> Lines:
@@ -255,13 +266,14 @@ def _graph(store: FrameStore, view: View, moment: Moment, width: int, room: int)
         return [[Cell("  no signal to draw: nothing decoded yet, or nothing fits the filter", "dim")]]
     row, signal, course = signals[min(view.chosen, len(signals) - 1)]
     title = f"{_title(row)}  {signal.object}  {signal.name}".rstrip()
-    now = f"  {shown_value(course.last)} {signal.unit}".rstrip()
+    now = f"  {value_text(course.last, signal.meaning, signal.bits)}"
     if course.low is None:
         return [[Cell(title, "bold"), Cell(now)], [Cell("  no number came yet", "dim")]]
     span_s = (moment.now_s - GRAPH_S, moment.now_s)
     ends = f"-{GRAPH_S:g} s", "now"
-    drawn = graph(list(course.points), width, max(4, room - 1), span_s, ends=ends, plain=view.plain)
-    spread = f"   {shown_value(course.low)} .. {shown_value(course.high)}"
+    points = physical_points(course.points, signal.meaning)
+    drawn = graph(points, width, max(4, room - 1), span_s, ends=ends, plain=view.plain)
+    spread = f"   {_spread(signal.meaning, course)}"
     return [[Cell(title, "bold"), Cell(now, "yellow"), Cell(spread, "dim")], *([Cell(line)] for line in drawn)]
 
 

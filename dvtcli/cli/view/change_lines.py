@@ -35,7 +35,7 @@ def change_lines(result: Changed, width: int) -> Iterator[Line]:
     table = Table(right=frozenset({0, 2, 4}), shrink=5)
     for number, step in enumerate(result.plan.steps, 1):
         table.add(
-            str(number), f"0x{step.object}", step_value(step, step.before), "->", step_value(step, step.after),
+            str(number), f"0x{step.object}", _value(result, step, step.before), "->", _value(result, step, step.after),
             Cell(_reason(step, result), "dim"), Cell("ok", "green"),
         )  # fmt: skip
     yield from table.lines(width)
@@ -98,6 +98,17 @@ def _others(result: Changed) -> str:
     """How many more were looked at, where something is put back."""
     count = len(_labels(result, result.plan.changes)) - len(_written(result))
     return f"{count} more {'is' if count == 1 else 'are'} as before. " if count else ""
+
+
+def _value(result: Changed, step: Step, data: bytes | None) -> str:
+    """A step's value with what it means, where that is known."""
+    known = result.understood.get(step.object)
+    value = None if known is None else known.value(data)
+    if known is None or value is None or not known.meaning.words(value):
+        return step_value(step, data)
+    from dvtcli.cli.view.value_text import value_text
+
+    return value_text(value, known.meaning, 8 * len(data or b""))
 
 
 def step_value(step: Step, data: bytes | None) -> str:

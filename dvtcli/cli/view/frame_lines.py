@@ -6,18 +6,10 @@ from collections.abc import Iterator
 from datetime import UTC, datetime
 
 from dvtcli.cli.view.lines import Cell, Line
-from dvtcli.domain.datatypes import Value
+from dvtcli.cli.view.value_text import value_text
+from dvtcli.domain.meanings import NOTHING
 from dvtcli.operations.results.bus_events import BusEvent
 from dvtcli.operations.results.frames import FrameSeen, Plotted
-
-
-def shown_value(value: Value | None) -> str:
-    """A value for a table."""
-    if value is None:
-        return "-"
-    if isinstance(value, bytes):
-        return value.hex(" ").upper()
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 def frame_lines(result: FrameSeen, _width: int) -> Iterator[Line]:
@@ -26,7 +18,9 @@ def frame_lines(result: FrameSeen, _width: int) -> Iterator[Line]:
     at = datetime.fromtimestamp(frame.timestamp_s, UTC).strftime("%H:%M:%S.%f")
     node = f" node {result.node}" if result.node else ""
     data = "remote request" if frame.remote else frame.data.hex(" ").upper()
-    signals = "  ".join(f"{name}={shown_value(value)}" for name, value in result.signals.items())
+    signals = "  ".join(
+        f"{name}={value_text(value, result.meanings.get(name, NOTHING))}" for name, value in result.signals.items()
+    )
     yield [
         Cell(f"{at}  ", "dim"),
         Cell(f"0x{frame.can_id:0{8 if frame.extended else 3}X}  "),
@@ -44,8 +38,8 @@ def bus_event_lines(result: BusEvent, _width: int) -> Iterator[Line]:
 def plot_lines(result: Plotted, _width: int) -> Iterator[Line]:
     """Each signal with its least and most, and its drawing; or where the picture is."""
     for signal in result.signals:
-        unit = f" {signal.unit}" if signal.unit else ""
-        spread = f"{shown_value(signal.low)} .. {shown_value(signal.high)}{unit}"
+        low, high = signal.meaning.number_text(signal.low), signal.meaning.number_text(signal.high)
+        spread = f"{low} .. {high} {signal.meaning.unit}".rstrip()
         yield [
             Cell(signal.name, "bold"),
             Cell(f"  {signal.object}" if signal.object and signal.object != signal.name else ""),

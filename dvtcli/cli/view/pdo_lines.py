@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 
 from dvtcli.cli.view.frame_picture import picture
 from dvtcli.cli.view.lines import Cell, Line, Table
-from dvtcli.domain.datatypes import Value
-from dvtcli.domain.drive_state import STATUSWORD, drive_state
+from dvtcli.cli.view.value_text import value_text
 from dvtcli.domain.frame import layout
 from dvtcli.domain.pdo import PdoConfig, transmission_type_text
 from dvtcli.domain.several import plural
 from dvtcli.operations.results.pdos import LastFrame, MappedName, PdoListing, PdoRow
-
-#: A unit that files write with the value of one count: `1/16 V`.
-_SCALE = re.compile(r"(\d{1,6})/([1-9]\d{0,6}) (\S.*)")
 
 
 def listing_lines(result: PdoListing, width: int) -> Iterator[Line]:
@@ -152,20 +147,16 @@ def _entries(row: PdoRow, width: int) -> Iterator[Line]:
     if not row.config.mapping:
         return
     last = ("LAST VALUE",) if row.last else ()
-    units = ("UNIT",) if any(mapped.unit for mapped in row.names) else ()
+    units = ("UNIT",) if any(mapped.meaning.has_number for mapped in row.names) else ()
     table = Table(("#", "OBJECT", "NAME", "TYPE", "BITS", "BYTES", *last, *units), frozenset({0, 4, 5}), shrink=2)
     for number, field in enumerate(layout(row.config.mapping)):
         mapped = row.names[number] if number < len(row.names) else MappedName()
         name = f"(skip {field.bits} bits)" if field.entry.is_dummy else mapped.name
         cells = [_range(field.start_bit, field.end_bit - 1), _range(field.start_bit // 8, (field.end_bit - 1) // 8)]
-        unit = mapped.unit
         if row.last:
-            value = row.last.values[number]
-            shown, unit = _value(value, field.bits, mapped)
-            if field.entry.object == STATUSWORD and isinstance(value, int):
-                shown = f"{shown}  {drive_state(value)}".rstrip()
-            cells.append(shown)
-        cells += [unit] if units else []
+            hexed = not mapped.type_name.startswith("i")
+            cells.append(value_text(row.last.values[number], mapped.meaning, field.bits, hexed=hexed))
+        cells += [mapped.meaning.scale] if units else []
         table.add(str(number + 1), field.entry.object, Cell(name, "bold"), mapped.type_name, *cells)
     yield from table.lines(width)
     if row.last:
@@ -174,22 +165,6 @@ def _entries(row: PdoRow, width: int) -> Iterator[Line]:
 
 def _range(first: int, last: int) -> str:
     return f"{first}" if first >= last else f"{first}-{last}"
-
-
-def _value(value: Value | None, bits: int, mapped: MappedName) -> tuple[str, str]:
-    """A value as a person reads it, and its unit; one of an unsigned type also in hex: its bits may mean something."""
-    scale = _SCALE.fullmatch(mapped.unit)
-    if value is None:
-        return "-", mapped.unit
-    if isinstance(value, bytes):
-        return value.hex(" ").upper(), mapped.unit
-    if not isinstance(value, int) or isinstance(value, bool):
-        return str(value), mapped.unit
-    if scale is not None:
-        return f"{value * int(scale[1]) / int(scale[2]):g}  (raw {value} x {scale[1]}/{scale[2]})", scale[3]
-    if mapped.type_name.startswith("i"):
-        return str(value), mapped.unit
-    return f"{value}  (0x{value:0{(bits + 3) // 4}X})", mapped.unit
 
 
 def _last_frame(last: LastFrame) -> Iterator[Line]:

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 from dvtcli.cli.view.lines import Cell, Line, Table
 from dvtcli.cli.view.record_lines import record_lines
-from dvtcli.cli.view.value_lines import cut_bytes, value_lines
+from dvtcli.cli.view.value_lines import value_lines
+from dvtcli.cli.view.value_text import value_text
 from dvtcli.operations.results.records import RecordRead
 from dvtcli.operations.results.values import ValueRead
 from dvtcli.watch.statistics import spark
@@ -38,7 +39,7 @@ def watched_lines(result: ValuesWatched, width: int) -> Iterator[Line]:
     for course in result.courses:
         last = course.last
         if last is not None:
-            least, most = ("-" if number is None else f"{number:g}" for number in (course.least, course.most))
+            least, most = (_number(number, last) for number in (course.least, course.most))
             drawn = Cell(spark(list(course.points), _LEVELS), "green")
             table.add(str(last.node), last.object, last.name, f"{course.samples}x", least, most, _value(last), drawn)
     yield from table.lines(width)
@@ -50,6 +51,10 @@ def _place(one: ValueRead) -> str:
     return f"{one.node}:{one.object}"
 
 
+def _number(number: float | None, last: ValueRead) -> str:
+    """Least and most: a unit, but no raw value."""
+    return "-" if number is None else last.meaning.quantity(number) if last.meaning.has_number else f"{number:g}"
+
+
 def _value(one: ValueRead) -> str:
-    shown = cut_bytes(one.value) if isinstance(one.value, bytes) else str(one.value)
-    return f"{shown} {one.unit}".rstrip()
+    return value_text(one.value, one.meaning, 8 * len(one.raw))

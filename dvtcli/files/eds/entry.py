@@ -1,6 +1,6 @@
 """One sub-index of an EDS or DCF: the keys of its section -> an `OdEntry`.
 
-Knows the keys of CiA 306, 4.6.3, and `Unit`, a common private one. Does not know sections.
+Knows the keys of CiA 306, 4.6.3, and `Unit` and `Factor`, common private ones. Does not know sections.
 """
 
 from __future__ import annotations
@@ -95,6 +95,7 @@ def read_entry(values: Values, place: Place, findings: Findings) -> OdEntry:
         limits.high_relative,
         text_key(values, "denotation"),
         _unknown_type(values),
+        text_key(values, "factor")[:40],
     )
 
 

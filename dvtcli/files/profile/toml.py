@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from dvtcli.domain.object_dictionary import normalised
 from dvtcli.domain.pdo import Direction
@@ -50,6 +50,9 @@ from dvtcli.files.toml_item import (
     string,
     suggest,
 )
+
+if TYPE_CHECKING:
+    from dvtcli.domain.meanings import Rules
 
 _FILE = "profile.toml"
 #: How "not worth a word" is written, since TOML has no null.
@@ -191,6 +194,12 @@ def _software_identification(item: Item) -> dict[int, int | str]:
     return found
 
 
+def _physical(item: Item) -> Rules:
+    from dvtcli.files.profile.physical_toml import physical_rules  # most files have none
+
+    return physical_rules(item)
+
+
 _STORE: Schema = {
     "sub_indices": integers(1, 0x7F),
     "timeout_s": seconds,
@@ -251,6 +260,7 @@ _PROFILE: Schema = {
     "fault_list": _fault_list,
     "faults": _faults,
     "software_identification": _software_identification,
+    "physical": _physical,
     "aliases": _aliases,
     "type_texts": by_number(255),
     "type_notes": by_number(255),

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, ClassVar
 
-from dvtcli.domain.plan import PdoChange, Plan, ValueChange, alters
+from dvtcli.domain.plan import PdoChange, Plan, Step, ValueChange, alters
 from dvtcli.domain.rules import Finding
-from dvtcli.operations.results.documents import Answer, Document, finding_document, hex_bytes
+from dvtcli.operations.results.documents import Answer, Document, finding_document, hex_bytes, physical_document
 
 if TYPE_CHECKING:
+    from dvtcli.domain.meanings import Understood
     from dvtcli.errors import DvtcliError
 
 
@@ -37,6 +39,8 @@ class Changed(Answer):
     named: bool = False
     #: what each PDO is now that was to be put back as it was, and that the device did not take
     not_put_back: tuple[Finding, ...] = ()
+    #: what the values of single objects mean, by object
+    understood: Mapping[str, Understood] = field(default_factory=dict)
 
     def __bool__(self) -> bool:
         """Whether everything is as it was asked for: false where something was not put back as it was."""
@@ -73,6 +77,7 @@ class Changed(Answer):
                 "before": hex_bytes(step.before),
                 "after": hex_bytes(step.after),
                 "reason": step.reason,
+                "physical": self._physical(step),
             }
             for step in self.plan.steps
         ]
@@ -89,6 +94,10 @@ class Changed(Answer):
             "findings": [finding_document(finding) for finding in (*self.findings, *self.not_put_back)],
             **_left(self.not_put_back, dry_run=self.dry_run),
         }
+
+    def _physical(self, step: Step) -> Document | None:
+        known = self.understood.get(step.object)
+        return None if known is None else physical_document(known.value(step.after), known.meaning)
 
 
 def _left(not_put_back: tuple[Finding, ...], *, dry_run: bool) -> Document:

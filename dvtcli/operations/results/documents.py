@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 from dvtcli.domain.datatypes import CanopenTime, Value
 
 if TYPE_CHECKING:
+    from dvtcli.domain.physical import Physical
     from dvtcli.domain.rules import Finding
 
 Document = dict[str, Any]
@@ -84,3 +85,12 @@ def finding_document(finding: Finding) -> Document:
         "abort": None if finding.abort is None else f"0x{finding.abort:08X}",
         "hint": finding.hint,
     }
+
+
+def physical_document(value: Value | None, meaning: Physical) -> Document | None:
+    """What *value* means, beside raw: number and unit, words, names of bits that are set; None where nobody says."""
+    if value is None or isinstance(value, str | bytes | CanopenTime) or not meaning.words(value):
+        return None
+    number = json_value(meaning.number(value)) if meaning.has_number else None
+    bits = () if isinstance(value, float) else meaning.set_bits(value)
+    return {"value": number, "unit": meaning.unit, "text": meaning.words(value), "bits": list(bits)}

@@ -7,14 +7,18 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 from dvtcli.domain.datatypes import Value
+from dvtcli.domain.physical import Physical
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.wall_clock import utc
-from dvtcli.operations.results.documents import Answer, Document, hex_bytes, json_value
+from dvtcli.operations.results.documents import Answer, Document, hex_bytes, json_value, physical_document
 
 
 @dataclass(frozen=True, slots=True)
 class FrameSeen(Answer):
-    """One frame with what it is (*kind*, *label*), its *node* and *pdo* where known, and its *signals* by name."""
+    """One frame with what it is (*kind*, *label*), its *node* and *pdo* where known, and its *signals* by name.
+
+    *signals* are raw; *meanings* says what those mean of which anybody says.
+    """
 
     renderer: ClassVar = "frame_lines:frame_lines"
 
@@ -24,6 +28,7 @@ class FrameSeen(Answer):
     node: int | None = None
     pdo: str | None = None
     signals: Mapping[str, Value] = field(default_factory=dict)
+    meanings: Mapping[str, Physical] = field(default_factory=dict)
     exit_code: int = 0
 
     def document(self) -> Document:
@@ -39,6 +44,11 @@ class FrameSeen(Answer):
             "remote": self.frame.remote,
             "data": hex_bytes(self.frame.data),
             "signals": {name: json_value(value) for name, value in self.signals.items()},
+            "physical": {
+                name: physical_document(self.signals[name], meaning)
+                for name, meaning in self.meanings.items()
+                if name in self.signals
+            },
         }
 
     def matches(self, text: str) -> bool:
@@ -49,15 +59,29 @@ class FrameSeen(Answer):
 
 @dataclass(frozen=True, slots=True)
 class PlottedSignal:
-    """One signal of a plot: what it is, its samples' *count*, least and most, and its *drawing*, if there is one."""
+    """One signal of a plot: what it is, its samples' *count*, least and most (raw), and its *drawing*, if any."""
 
     name: str
     object: str
-    unit: str
+    meaning: Physical
     count: int
     low: float
     high: float
     drawing: tuple[str, ...] = ()
+
+    @property
+    def unit(self) -> str:
+        """The physical unit, empty where it has none."""
+        return self.meaning.unit
+
+    def document(self) -> Document:
+        """One element of `signals` in `dvtcli.plot/1`."""
+        low, high = (float(self.meaning.number(end)) for end in (self.low, self.high))
+        physical = {"low": low, "high": high, "unit": self.unit} if self.meaning.has_number else None
+        return {
+            "name": self.name, "object": self.object, "unit": self.meaning.scale, "samples": self.count,
+            "low": self.low, "high": self.high, "physical": physical,
+        }  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,8 +103,5 @@ class Plotted(Answer):
             "file": self.file,
             "output": self.output,
             "seconds": round(self.seconds, 6),
-            "signals": [
-                {"name": s.name, "object": s.object, "unit": s.unit, "samples": s.count, "low": s.low, "high": s.high}
-                for s in self.signals
-            ],
+            "signals": [one.document() for one in self.signals],
         }

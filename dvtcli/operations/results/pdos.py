@@ -8,17 +8,24 @@ from typing import ClassVar
 
 from dvtcli.domain.datatypes import Value
 from dvtcli.domain.heard import Period
+from dvtcli.domain.meanings import NOTHING
 from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.operations.results.documents import Answer, Document, hex_bytes
+from dvtcli.domain.physical import Physical
+from dvtcli.operations.results.documents import Answer, Document, hex_bytes, json_value, physical_document
 
 
 @dataclass(frozen=True, slots=True)
 class MappedName:
-    """What a mapped object is called, which type and unit it has; empty where no file says."""
+    """What a mapped object is called, which type it has and what its values mean; empty where nobody says."""
 
     name: str = ""
     type_name: str = ""
-    unit: str = ""
+    meaning: Physical = NOTHING
+
+    @property
+    def unit(self) -> str:
+        """The physical unit, empty where it has none."""
+        return self.meaning.unit
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,14 +79,29 @@ class PdoRow:
             "bits": self.config.bits,
             "mapping": self._mapping(),
             "inconsistent": self.config.inconsistency or None,
-            "last_frame": None if self.last is None else self.last.document(),
+            "last_frame": None if self.last is None else self.last.document() | {"values": self._last_values()},
         }
+
+    def _last_values(self) -> list[Document]:
+        """What the last frame held, entry by entry."""
+        values = () if self.last is None else self.last.values
+        names = (*self.names, *[MappedName()] * len(values))
+        return [
+            {"value": None if value is None else json_value(value), "physical": physical_document(value, named.meaning)}
+            for value, named in zip(values, names, strict=False)
+        ]
 
     def _mapping(self) -> list[Document]:
         rows, start = [], 0
         for number, entry in enumerate(self.config.mapping):
-            name = self.names[number].name if number < len(self.names) else ""
-            rows.append({"object": entry.object, "bits": entry.bits, "name": name, "start_bit": start})
+            named = self.names[number] if number < len(self.names) else MappedName()
+            rows.append(
+                {
+                    "object": entry.object, "bits": entry.bits, "name": named.name, "start_bit": start,
+                    "unit": named.meaning.unit, "factor": float(named.meaning.factor),
+                    "offset": float(named.meaning.offset),
+                }
+            )  # fmt: skip
             start += entry.bits
         return rows
 

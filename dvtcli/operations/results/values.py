@@ -7,12 +7,14 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from dvtcli.domain.datatypes import Value
-from dvtcli.operations.results.documents import Answer, Document, hex_bytes, json_value
+from dvtcli.domain.meanings import NOTHING
+from dvtcli.domain.physical import Physical
+from dvtcli.operations.results.documents import Answer, Document, hex_bytes, json_value, physical_document
 
 
 @dataclass(frozen=True, slots=True)
 class ValueRead(Answer):
-    """One object's value, raw and decoded; *written* where a write set it."""
+    """One object's value, raw and decoded, and its physical *meaning*; *written* where a write set it."""
 
     renderer: ClassVar = "value_lines:value_lines"
 
@@ -22,9 +24,25 @@ class ValueRead(Answer):
     value: Value
     raw: bytes
     type_name: str
-    unit: str = ""
+    meaning: Physical = NOTHING
     written: bool = False
     exit_code: int = 0
+
+    @property
+    def unit(self) -> str:
+        """The physical unit, empty where it has none."""
+        return self.meaning.unit
+
+    @property
+    def physical(self) -> float | None:
+        """The number in that unit, None where the value is none."""
+        number = isinstance(self.value, int | float) and self.meaning.has_number
+        return self.meaning.number(self.value) if number and isinstance(self.value, int | float) else None
+
+    @property
+    def text(self) -> str:
+        """The value as screens show it: `48.0 V (768)`; empty where nobody says what it means."""
+        return self.meaning.text(self.value, 8 * len(self.raw))
 
     def document(self) -> Document:
         """`dvtcli.value/1`."""
@@ -36,6 +54,7 @@ class ValueRead(Answer):
             "raw": hex_bytes(self.raw),
             "type": self.type_name,
             "name": self.name,
+            "physical": physical_document(self.value, self.meaning),
         }
 
 

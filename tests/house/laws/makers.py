@@ -12,8 +12,8 @@ from tests.house.laws.source_tree import SourceTree
 from tests.house.source import PACKAGE
 
 FAMILIES = PACKAGE / "families"
-#: what is no maker's: how CiA 301 alone behaves, and CiA 302-3
-_NOBODY = ("generic", "loader")
+#: what is no maker's: how CiA 301 alone behaves, CiA 302-3, and what the standards' objects mean
+_NOBODY = ("generic", "loader", "standard")
 #: makers whose devices have no family here
 _OTHERS = ("borgwarner", "maxon", "schunk", "faulhaber", "systec", "ingenia", "axiomatic")
 #: a word that has a maker's name in it by chance

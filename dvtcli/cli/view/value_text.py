@@ -1,0 +1,34 @@
+"""A value as every screen shows it: with its unit or its meaning, raw in parentheses. Knows no screen in particular."""
+
+from __future__ import annotations
+
+from dvtcli.domain.datatypes import Value
+from dvtcli.domain.meanings import NOTHING
+from dvtcli.domain.physical import Physical
+
+#: how many bytes of a long value are shown
+MOST_SHOWN = 128
+
+
+def value_text(value: Value | None, meaning: Physical = NOTHING, bits: int = 0, *, hexed: bool = False) -> str:
+    """*value*, of *bits* bits, as a person reads it: `48.0 V (768)`, `operation enabled (0x0637)`; `-` for None.
+
+    With *hexed* a number that nothing is known of is followed by its hex digits: its bits may mean something.
+    """
+    if value is None:
+        return "-"
+    if isinstance(value, bytes):
+        return cut_bytes(value)
+    text = meaning.text(value, bits)
+    if isinstance(value, float) and not text:
+        return repr(value) if bits == 64 else f"{value:.9g}"
+    if hexed and bits and isinstance(value, int) and not isinstance(value, bool) and not text.endswith(")"):
+        return f"{text or value} (0x{value & ((1 << bits) - 1):0{(bits + 3) // 4}X})"
+    return text or str(value)
+
+
+def cut_bytes(data: bytes) -> str:
+    """The first of many bytes, and how many there are."""
+    if len(data) <= MOST_SHOWN:
+        return data.hex(" ").upper()
+    return f"{data[:MOST_SHOWN].hex(' ').upper()} … {len(data):,} bytes"

@@ -1,0 +1,158 @@
+"""Which object has which physical meaning: rules for ranges of objects, and what a device's file says.
+
+Pure. Does not know who wrote the rules.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+from dvtcli.domain.datatypes import DataType, Value
+from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry, normalised
+from dvtcli.domain.physical import Physical
+from dvtcli.domain.unit import parse_factor, parse_scale
+
+#: what is known of an object that nobody describes
+NOTHING = Physical()
+#: the device type, whose lower half is the number of a device profile (CiA 301, 7.5.2.1)
+_DEVICE_TYPE = 0x1000
+#: the objects of a device's next axis or module are so much further (CiA 301, 7.4.1: logical devices)
+_LOGICAL_DEVICE, _FIRST_STANDARDISED, _LAST_STANDARDISED = 0x800, 0x6000, 0x9FFF
+
+
+class ObjectRange(NamedTuple):
+    """All objects from index *first* to *last* with a sub-index from *first_sub* to *last_sub*."""
+
+    first: int
+    last: int
+    first_sub: int = 0
+    last_sub: int = 0
+
+    def holds(self, index: int, sub_index: int) -> bool:
+        """Whether *index*:*sub_index* is one of them."""
+        return self.first <= index <= self.last and self.first_sub <= sub_index <= self.last_sub
+
+    @property
+    def size(self) -> int:
+        """How many they are."""
+        return (self.last - self.first + 1) * (self.last_sub - self.first_sub + 1)
+
+
+@dataclass(frozen=True, slots=True)
+class Meaning:
+    """A physical meaning for some objects.
+
+    With *numbered* the bits of sub-index k are called `NAME n`, counted through from sub-index 1, *per* of them each.
+    """
+
+    physical: Physical
+    numbered: str = ""
+    per: int = 8
+
+    def at(self, sub_index: int) -> Physical:
+        """What the object at *sub_index* means."""
+        if not self.numbered:
+            return self.physical
+        first = (max(sub_index, 1) - 1) * self.per + 1
+        return replace(self.physical, bits={bit: f"{self.numbered} {first + bit}" for bit in range(self.per)})
+
+
+@dataclass(frozen=True, slots=True)
+class Understood:
+    """What the bytes of one object mean: its type, and its physical meaning."""
+
+    data_type: DataType
+    meaning: Physical
+
+    def value(self, data: bytes | None) -> Value | None:
+        """The raw value in *data*; None where there is none, or it does not fit the type."""
+        try:
+            return None if data is None else self.data_type.decode(data)
+        except ValueError:
+            return None
+
+
+Rules = Mapping[ObjectRange, Meaning]
+
+
+@dataclass(frozen=True, slots=True)
+class Standard:
+    """What the device profile *number* of CiA says; 301, which is no profile, holds for every device.
+
+    *names* are the standard's names of its objects, small letters and `_`: where a device says of another profile, or
+    none, an object counts where its file calls it so.
+    """
+
+    number: int
+    rules: Rules
+    names: Mapping[int, str] = field(default_factory=dict)
+
+    def rule(self, index: int, sub_index: int, dictionary: ObjectDictionary | None) -> Physical | None:
+        """What it says of *index*:*sub_index* of the device that *dictionary* describes, None for nothing."""
+        told = _profile_number(dictionary)
+        if self.number == 301 or told in (None, self.number):
+            return best(self.rules, index, sub_index)
+        base = index
+        if _FIRST_STANDARDISED <= index <= _LAST_STANDARDISED:
+            base = _FIRST_STANDARDISED + (index - _FIRST_STANDARDISED) % _LOGICAL_DEVICE
+        known = dictionary is not None and index in dictionary and base in self.names
+        if known and dictionary is not None and normalised(dictionary[index].name) == self.names[base]:
+            return best(self.rules, base, sub_index)
+        return None
+
+
+def _profile_number(dictionary: ObjectDictionary | None) -> int | None:
+    """The device profile that a device's file tells; None where there is no file, or it does not tell."""
+    entry = dictionary.entry(_DEVICE_TYPE, 0) if dictionary else None
+    data = None if entry is None else entry.initial(0)
+    return None if data is None else int.from_bytes(data, "little") & 0xFFFF
+
+
+def best(rules: Rules, index: int, sub_index: int) -> Physical | None:
+    """The meaning of the narrowest range that holds *index*:*sub_index*, None where none does."""
+    fitting = [(place.size, meaning) for place, meaning in rules.items() if place.holds(index, sub_index)]
+    return min(fitting, key=lambda one: one[0])[1].at(sub_index) if fitting else None
+
+
+class Meanings:
+    """What the objects of one device mean: the first of *own* that says something, else its file and *standards*.
+
+    A unit in the file, which is about the very device, goes before a standard's.
+    """
+
+    def __init__(
+        self, own: Sequence[Rules] = (), standards: Sequence[Standard] = (), dictionary: ObjectDictionary | None = None
+    ) -> None:
+        self._own = own
+        self._standards = standards
+        self._dictionary = dictionary
+        self._found: dict[tuple[int, int], Physical] = {}
+
+    def of(self, index: int, sub_index: int) -> Physical:
+        """What *index*:*sub_index* means; `NOTHING` where nobody says."""
+        place = index, sub_index
+        if place not in self._found:
+            self._found[place] = self._look_up(index, sub_index)
+        return self._found[place]
+
+    def _look_up(self, index: int, sub_index: int) -> Physical:
+        for rules in self._own:
+            if (found := best(rules, index, sub_index)) is not None:
+                return found
+        entry = self._dictionary.entry(index, sub_index) if self._dictionary else None
+        told = NOTHING if entry is None else _of_file(entry)
+        for standard in self._standards:
+            if (found := standard.rule(index, sub_index, self._dictionary)) is not None:
+                return replace(found, unit=told.unit, factor=told.factor) if told.has_number else found
+        return told
+
+
+def _of_file(entry: OdEntry) -> Physical:
+    """What `Unit` and `Factor` of an EDS say, which are no standard's keys; a limit is never an offset."""
+    factor, unit = parse_scale(entry.unit)
+    try:
+        return Physical(unit, factor * parse_factor(entry.factor))
+    except ValueError:  # there is none, or it is none
+        return Physical(unit, factor)

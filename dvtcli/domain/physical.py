@@ -1,0 +1,209 @@
+"""What an object's raw value means: a number with a unit, one of some words, or bits with names.
+
+Exact: factors are fractions, no value is rounded but for the screen. Pure. Does not know where a meaning comes from
+(a family's data, a standard's, a file's), nor how many bits an object has.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from fractions import Fraction
+
+from dvtcli.domain.datatypes import CanopenTime, Value
+from dvtcli.domain.object_dictionary import normalised
+from dvtcli.domain.unit import scale_text, spelled, times, with_prefixes
+
+#: the most digits behind the point
+_MOST_DECIMALS = 12
+_QUANTITY = re.compile(
+    r"(?P<number>[+-]?(?:\d{1,30}(?:\.\d{0,30})?|\.\d{1,30})(?:[eE][+-]?\d{1,2})?)\s*(?P<unit>[^\s\d(][^()]*?)?"
+    r"(?:\s*\((?P<raw>-?(?:\d{1,40}|0[xX][0-9a-fA-F]{1,38}))\))?"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """A word for all raw values whose bits in *mask* are *bits*."""
+
+    mask: int
+    bits: int
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Physical:
+    """What a raw value means: raw x *factor* + *offset* of *unit*; or a word of *values* or *states*; or named *bits*.
+
+    *bits* are by their number, 0 and up.
+    """
+
+    unit: str = ""
+    factor: Fraction = Fraction(1)
+    offset: Fraction = Fraction(0)
+    values: Mapping[int, str] = field(default_factory=dict)
+    states: tuple[State, ...] = ()
+    bits: Mapping[int, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not self.factor:
+            raise ValueError("a factor of 0 makes all values the same")
+
+    @property
+    def is_scaled(self) -> bool:
+        """Whether the physical number differs from the raw one."""
+        return self.factor != 1 or bool(self.offset)
+
+    @property
+    def says(self) -> bool:
+        """Whether it says anything beyond the raw value."""
+        return bool(self.unit or self.is_scaled or self.values or self.states or self.bits)
+
+    @property
+    def has_number(self) -> bool:
+        """Whether its values are numbers of something, and not words or bits."""
+        return bool(self.unit) or self.is_scaled
+
+    @property
+    def scale(self) -> str:
+        """The value of one count, with its unit: `1/256 V`."""
+        return scale_text(self.factor, self.unit)
+
+    def to_physical(self, raw: float) -> Fraction | float:
+        """The physical number of *raw*: exact for a whole number."""
+        if isinstance(raw, float):
+            return raw * float(self.factor) + float(self.offset) if self.is_scaled else raw
+        return raw * self.factor + self.offset
+
+    def number(self, raw: float) -> int | float:
+        """The physical number of *raw* for a document or a table: whole where it is and can only be, else a float."""
+        exact = self.to_physical(raw)
+        if isinstance(exact, Fraction) and self.factor.denominator == self.offset.denominator == 1:
+            return int(exact)
+        return float(exact)
+
+    def meaning(self, raw: int) -> str:
+        """The word for *raw*; empty where there is none."""
+        if raw in self.values:
+            return self.values[raw]
+        return next((state.text for state in self.states if raw & state.mask == state.bits), "")
+
+    def set_bits(self, raw: int) -> tuple[str, ...]:
+        """The names of the bits that are set in *raw* (0 and up), from bit 0; `bit 6` where one has no name."""
+        if not self.bits:
+            return ()
+        return tuple(self.bits.get(bit, f"bit {bit}") for bit in range(raw.bit_length()) if raw >> bit & 1)
+
+    def quantity(self, raw: float) -> str:
+        """The physical number of *raw* with its unit: `48.0 V`."""
+        return f"{self.number_text(raw)} {self.unit}".rstrip()
+
+    def words(self, raw: Value) -> str:
+        """What *raw* means, without raw itself: `48.0 V`, `operation enabled`, `input 1, input 3`; empty: nothing."""
+        if isinstance(raw, str | bytes | CanopenTime):
+            return ""
+        word = "" if isinstance(raw, float) else self.meaning(raw)
+        if not word and self.bits and not self.states and not isinstance(raw, float) and raw >= 0:
+            word = ", ".join(self.set_bits(raw)) or "none"
+        return word or (self.quantity(raw) if self.has_number else "")
+
+    def text(self, raw: Value, bits: int = 0) -> str:
+        """*raw* as a person reads it, raw in parentheses where that differs: `48.0 V (768)`; empty: nothing to say.
+
+        *bits*, where it is known, is how long *raw* is: `operation enabled (0x0637)` has all its hex digits.
+        """
+        words = self.words(raw)
+        if not words or isinstance(raw, str | bytes | float | CanopenTime):
+            return words
+        only_unit = self.has_number and not self.is_scaled and words == self.quantity(raw)
+        return words if only_unit else f"{words} ({self.raw_text(raw, bits)})"
+
+    def raw_text(self, raw: int, bits: int = 0) -> str:
+        """*raw*, of *bits* bits where that is known: in hex where its bits mean something."""
+        if not (self.states or self.bits) or raw < 0:
+            return str(int(raw))
+        return f"0x{raw:0{2 * ((max(raw.bit_length(), bits, 1) + 7) // 8)}X}"
+
+    def number_text(self, raw: float) -> str:
+        """The physical number of *raw*, with as many digits as tell two raw values apart: `48.0`."""
+        exact = self.to_physical(raw)
+        if isinstance(exact, float):
+            return f"{exact:.9g}"
+        decimals = self._decimals()
+        digits = round(exact * 10**decimals)
+        whole, part = divmod(abs(digits), 10**decimals)
+        sign = "-" if digits < 0 else ""
+        if not decimals:
+            return f"{sign}{whole}"
+        return f"{sign}{whole}.{f'{part:0{decimals}}'.rstrip('0') or '0'}"
+
+    def _decimals(self) -> int:
+        """The fewest digits behind the point that tell two raw values apart."""
+        for decimals in range(_MOST_DECIMALS):
+            unit = Fraction(1, 10**decimals)
+            exact = (self.factor / unit).denominator == (self.offset / unit).denominator == 1
+            if exact or unit < abs(self.factor):
+                return decimals
+        return _MOST_DECIMALS
+
+    def to_raw(self, text: str, *, whole: bool = True) -> float | None:
+        """The raw value of *text*: a number with a unit (`48V`, `48 mV`), a word, or what `text` shows.
+
+        None where it is none of these, as a number alone is: that is raw. A number counts to its last digit: `23.4 V`
+        is the nearest raw value that is 23.4 V when rounded so. Without *whole* it is a real number. ValueError for
+        another unit, for a number that no raw value comes near, and for another raw value in parentheses.
+        """
+        word, _, tail = text.partition(" (")
+        found = self._by_word(word)
+        if found is not None and (not tail or _number(tail.rstrip(")")) == found):
+            return found
+        match = None if _number(text) is not None else _QUANTITY.fullmatch(text.strip())
+        if match is None or not self.has_number or not (match["unit"] or match["raw"]):
+            return None
+        number = self._in_own_unit(match)
+        return self._whole(match, *number) if whole else float((number[0] - self.offset) / self.factor)
+
+    def _by_word(self, text: str) -> int | None:
+        wanted = normalised(text)
+        known = {normalised(word): raw for raw, word in self.values.items()}
+        return known.get(wanted) if wanted else None
+
+    def _in_own_unit(self, match: re.Match[str]) -> tuple[Fraction, Fraction]:
+        """The number of *match* in the object's own unit, and what its last digit counts."""
+        unit = spelled((match["unit"] or "").strip())
+        ratio = times(unit, self.unit) if unit else None if self.unit else Fraction(1)
+        if ratio is None:
+            known = f"it is in {with_prefixes(self.unit)}" if self.unit else "it has no unit"
+            raise ValueError(f"{known}, not {f'in {unit}' if unit else 'a number alone'}")
+        number, last_digit = _with_last_digit(match["number"])
+        return number * ratio, last_digit * ratio
+
+    def _whole(self, match: re.Match[str], number: Fraction, last_digit: Fraction) -> int:
+        """The raw value of *number*, which was typed as *match*."""
+        raw = round((number - self.offset) / self.factor)
+        off = abs(raw * self.factor + self.offset - number)
+        if off and 2 * off >= last_digit and Fraction(self.number_text(raw)) != number:
+            raise ValueError(f"one count is {self.scale}: the nearest are {self._neighbours(number)}")
+        if match["raw"] is not None and _number(match["raw"]) != raw:
+            raise ValueError(f"{self.quantity(raw)} is {raw} raw, not {match['raw']}")
+        return raw
+
+    def _neighbours(self, number: Fraction) -> str:
+        exact = (number - self.offset) / self.factor
+        below = exact.numerator // exact.denominator
+        return " and ".join(self.text(raw) or str(raw) for raw in (below, below + 1))
+
+
+def _number(text: str) -> int | None:
+    try:
+        return int(text, 0)
+    except ValueError:
+        return None
+
+
+def _with_last_digit(text: str) -> tuple[Fraction, Fraction]:
+    """A decimal number, and what its last digit counts."""
+    mantissa, _, exponent = text.lower().partition("e")
+    decimals = len(mantissa.partition(".")[2])
+    return Fraction(text), Fraction(10) ** (int(exponent or 0) - decimals)

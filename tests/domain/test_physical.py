@@ -1,0 +1,144 @@
+"""A raw value becomes a text that a person reads, and that text becomes the raw value again."""
+
+from __future__ import annotations
+
+import re
+from contextlib import suppress
+from fractions import Fraction
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dvtcli.domain.physical import Physical, State
+from dvtcli.domain.unit import parse_factor, parse_scale, scale_text, spelled, times
+
+SIXTEENTH, VOLT = Physical("V", Fraction(1, 16)), Physical("V", Fraction(1, 256))
+CELSIUS = Physical("°C", Fraction(1, 2), Fraction(-40))
+MODE = Physical(values={1: "profile position", 3: "profile velocity"})
+WORD = Physical(states=(State(0x6F, 0x27, "operation enabled"),), bits={0: "ready", 2: "enabled"})
+ERRORS = Physical(values={0: "no error"}, bits={1: "current", 3: "temperature"})
+
+factors = st.one_of(
+    st.sampled_from(["1/256", "1/16", "1/32767", "0.1", "0.001", "100", "100/255", "-1/4", "3"]).map(Fraction),
+    st.fractions(min_value=Fraction(1, 10**6), max_value=1000, max_denominator=10**6).filter(bool),
+)
+offsets = st.one_of(st.just(Fraction(0)), st.fractions(min_value=-1000, max_value=1000, max_denominator=1000))
+units = st.sampled_from(["V", "mA", "km/h", "rpm", "%", "°C", "Nm", "of rated", "m/s"])
+raws = st.integers(-(1 << 31), (1 << 32) - 1)
+
+
+@given(raws, factors, offsets, units)
+def test_what_is_shown_can_be_typed_back(raw: int, factor: Fraction, offset: Fraction, unit: str) -> None:
+    meaning = Physical(spelled(unit), factor, offset)
+    assert meaning.to_raw(meaning.text(raw)) == raw
+    assert meaning.to_raw(meaning.quantity(raw)) == raw
+    assert meaning.to_physical(raw) == raw * factor + offset
+    # and no digit is wasted: with one less, two raw values would look the same, or it is a whole number
+    assert len({meaning.quantity(raw), meaning.quantity(raw + 1), meaning.quantity(raw - 1)}) == 3
+
+
+@given(
+    st.integers(-10_000, 10_000),
+    st.sampled_from([("V", "mV", 1000), ("mA", "A", Fraction(1, 1000)), ("m/s", "mm/s", 1000)]),
+)
+def test_prefixes_of_the_same_unit(count: int, names: tuple[str, str, int | Fraction]) -> None:
+    unit, other, ratio = names
+    meaning = Physical(unit, Fraction(1, 10))
+    number = count * Fraction(1, 10) * ratio
+    text = f"{number.numerator}" if number.denominator == 1 else f"{float(number):.4f}"
+    assert meaning.to_raw(f"{text} {other}") == count
+    assert times(unit, other) == ratio
+
+
+@pytest.mark.parametrize(
+    ("meaning", "raw", "text"),
+    [
+        (SIXTEENTH, 768, "48.0 V (768)"),
+        (VOLT, 6000, "23.438 V (6000)"),
+        (VOLT, -3, "-0.012 V (-3)"),
+        (CELSIUS, 0, "-40.0 °C (0)"),
+        (Physical("ms"), 1000, "1000 ms"),
+        (Physical("µs", Fraction(100)), 5, "500 µs (5)"),
+        (Physical(factor=Fraction(1, 32767)), 16384, "0.50002 (16384)"),
+        (MODE, 3, "profile velocity (3)"),
+        (MODE, 9, ""),
+        (WORD, 0x0237, "operation enabled (0x0237)"),
+        (WORD, 0, ""),
+        (ERRORS, 0, "no error (0x0000)"),
+        (ERRORS, 0x4A, "current, temperature, bit 6 (0x004A)"),
+        (Physical("V"), 1.5, "1.5 V"),
+        (Physical(), 5, ""),
+        (SIXTEENTH, b"\1\2", ""),
+    ],
+)
+def test_what_a_person_reads(meaning: Physical, raw: int, text: str) -> None:
+    assert meaning.text(raw, 16) == text
+
+
+@pytest.mark.parametrize(
+    ("meaning", "text", "raw"),
+    [
+        (SIXTEENTH, "48V", 768), (SIXTEENTH, "48.0 V", 768), (SIXTEENTH, "48000 mV", 768), (SIXTEENTH, "0.048kV", 768),
+        (SIXTEENTH, "48.0 V (768)", 768), (SIXTEENTH, "48.0 V (0x300)", 768), (SIXTEENTH, "4.8e1 V", 768),
+        (SIXTEENTH, "48", None), (SIXTEENTH, "0x30", None), (SIXTEENTH, "-0x30", None), (SIXTEENTH, "high", None),
+        (VOLT, "23.4 V", 5990), (CELSIUS, "25 degC", 130), (CELSIUS, "-40°C", 0),
+        (MODE, "Profile_Velocity", 3), (MODE, "profile velocity (3)", 3), (MODE, "3", None), (MODE, "homing", None),
+        (Physical("ms"), "1s", 1000), (Physical("µs"), "20 ms", 20_000), (Physical("us"), "1 us", None),
+        (Physical(factor=Fraction(1, 4)), "0.5 (2)", 2), (Physical(), "5 V", None),
+    ],
+)  # fmt: skip
+def test_what_a_person_types(meaning: Physical, text: str, raw: int | None) -> None:
+    if meaning.unit == "us":
+        meaning = Physical(spelled(meaning.unit))
+        raw = 1
+    assert meaning.to_raw(text) == raw
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("48 mA", "it is in V, mV, kV, not in mA"), ("48 rpm", "not in rpm"),
+        ("48.01 V", "48.0 V (768) and 48.06 V (769)"),
+        ("1 mV", "the nearest are 0.0 V (0) and 0.06 V (1)"), ("48.0 V (769)", "48.0 V is 768 raw, not 769"),
+        ("48.0 (768)", "not a number alone"),
+    ],
+)  # fmt: skip
+def test_what_is_refused(text: str, says: str) -> None:
+    with pytest.raises(ValueError, match=re.escape(says)):
+        SIXTEENTH.to_raw(text)
+
+
+def test_a_real_number_needs_no_counts() -> None:
+    assert Physical("V", Fraction(1, 10)).to_raw("0.123 V", whole=False) == pytest.approx(1.23)
+
+
+@pytest.mark.parametrize(
+    ("text", "factor", "unit"),
+    [
+        ("1/256 V", "1/256", "V"), ("0.25 V", "1/4", "V"), ("100 us", "100", "µs"), ("0.1%", "1/10", "%"),
+        ("1/32767", "1/32767", ""), ("0.001 of rated", "1/1000", "of rated"), ("rpm", "1", "rpm"), ("", "1", ""),
+        ("degC", "1", "°C"), ("2 decimals", "1", "2 decimals"), ("8.8 (rad/s)", "1", "8.8 (rad/s)"), ("-", "1", ""),
+        ("1/min", "1", "rpm"), ("0.0 V", "1", "0.0 V"), ("1/0 V", "1", "1/0 V"),
+    ],
+)  # fmt: skip
+def test_how_files_write_a_unit(text: str, factor: str, unit: str) -> None:
+    assert parse_scale(text) == (Fraction(factor), unit)
+    shown = scale_text(*parse_scale(text))
+    assert parse_scale(shown) == parse_scale(text) or not text
+
+
+@given(st.text(max_size=30))
+def test_any_text_is_a_unit_or_a_factor_or_refused(text: str) -> None:
+    factor, _ = parse_scale(text)
+    assert factor > 0
+    with suppress(ValueError):
+        assert parse_factor(text)
+    for meaning in (SIXTEENTH, MODE, WORD, Physical()):
+        with suppress(ValueError):
+            assert isinstance(meaning.to_raw(text), int | None)
+
+
+@given(st.integers(0, 0xFFFF_FFFF))
+def test_every_bit_that_is_set_has_a_name(raw: int) -> None:
+    assert len(ERRORS.set_bits(raw)) == raw.bit_count()
