@@ -12,7 +12,7 @@ from datetime import datetime
 from dvtcli.cli.monitor.graph import graph
 from dvtcli.cli.view.lines import Cell
 from dvtcli.cli.view.safe import safe
-from dvtcli.cli.view.value_text import value_text
+from dvtcli.cli.view.shown_value import value_text
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.physical import Physical
 from dvtcli.watch.decoder import Signal

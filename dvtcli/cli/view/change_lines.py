@@ -106,7 +106,7 @@ def _value(result: Changed, step: Step, data: bytes | None) -> str:
     value = None if known is None else known.value(data)
     if known is None or value is None or not known.meaning.words(value):
         return step_value(step, data)
-    from dvtcli.cli.view.value_text import value_text
+    from dvtcli.cli.view.shown_value import value_text
 
     return value_text(value, known.meaning, 8 * len(data or b""))
 

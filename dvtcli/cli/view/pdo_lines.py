@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from dvtcli.cli.view.frame_picture import picture
 from dvtcli.cli.view.lines import Cell, Line, Table
-from dvtcli.cli.view.value_text import value_text
+from dvtcli.cli.view.shown_value import value_text
 from dvtcli.domain.frame import layout
 from dvtcli.domain.pdo import PdoConfig, transmission_type_text
 from dvtcli.domain.several import plural
