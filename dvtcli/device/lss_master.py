@@ -26,6 +26,8 @@ _SETTLE = 0.1
 _ALL = 0.25
 _TRIES = 3
 _SCANS = 4
+#: how often a node that was found may be found again before it is said that it answers in any state
+_AGAIN = 3
 
 
 class LssMaster:
@@ -39,6 +41,8 @@ class LssMaster:
         self._scan_s = scan_s
         self._heard: deque[bytes] = deque(maxlen=4096)
         self._keeps = False
+        #: who answered the last fast scan again though it was found: others may be behind it
+        self.covering: LssAddress | None = None
         #: how many frames were sent
         self.requests = 0
 
@@ -179,16 +183,21 @@ class LssMaster:
         """The lowest address of the nodes without a node-ID besides those *found*; None where nobody is left.
 
         The one that was found is being configured then, as those before it are: that keeps them out of the next scan.
+        A slave that answers though it is being configured hides those behind it: None, and it is `covering` them.
         *on_bit* is told how many of 128 bits are known. NoAnswer where the answers do not fit together, however long
         they are waited for.
         """
-        wait_s = self._scan_s
+        wait_s, again = self._scan_s, 0
         for _ in range(_SCANS):
             if not self._anybody(max(wait_s, ANSWER_S / 2)):
                 return None
             address = self._scan_once(wait_s, on_bit)
             if address is not None and address not in found:
                 return address
+            again += address is not None
+            if address is not None and again == _AGAIN:
+                self.covering = address
+                return None
             wait_s *= 2
             self.let_wait()
             for one in found:

@@ -53,6 +53,11 @@ def scanned(session: Session, master: LssMaster) -> list[LssNode]:
     while (address := master.scan(found, on_bit)) is not None:
         found.append(address)
         session.tell.progress(f"LSS fast scan: found {address}", 0, 0)
+    if master.covering is not None:
+        session.tell.warning(
+            f"{master.covering} answers the fast scan though it was found: others may be behind it; "
+            "give it its node-ID, then lss scan again"
+        )
     return [LssNode(one, UNCONFIGURED, master.select(one) == 1, _family(one)) for one in found]
 
 

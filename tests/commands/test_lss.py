@@ -50,6 +50,30 @@ def test_a_node_is_found_named_and_stored() -> None:
         assert desk.run("lss scan --json").document["nodes"] == []
 
 
+def answers_in_any_state(one: StrictDevice) -> None:
+    """As durand's LSS slave does, which is found by a fast scan again though it is being configured."""
+    handle = one.lss.handle
+
+    def answer(request: bytes) -> bytes | None:
+        if request[0] == 0x51:
+            one.lss._configuring = False
+        return handle(request)
+
+    one.lss.handle = answer  # type: ignore[method-assign]
+
+
+def test_a_slave_that_is_found_again_and_again_is_listed_and_said() -> None:
+    nodes = [unconfigured(1), unconfigured(2)]
+    for one in nodes:
+        answers_in_any_state(one)
+    with bench(*nodes) as desk:
+        ran = desk.run("lss scan --json")
+        assert (ran.code, [row["serial"] for row in ran.document["nodes"]]) == (0, [1]), ran.stderr
+        assert "others may be behind it" in ran.stderr
+        assert desk.run(f"lss node-id 5 {address_of(nodes[0])}").code == 0
+        assert [row["serial"] for row in desk.run("lss scan --json").document["nodes"]] == [2]
+
+
 def test_nobody_says_so_soon() -> None:
     with bench(unconfigured(1, node_id=3)) as desk:
         ran = desk.run("lss scan")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from dvtcli.cli.view.lines import Cell, Line
+from dvtcli.domain.several import plural
 from dvtcli.operations.results.diagnosis import Diagnosis
 
 _STYLES = {"ok": "green", "warn": "yellow", "FAIL": "red"}
@@ -17,4 +18,4 @@ def diagnosis_lines(result: Diagnosis, _width: int) -> Iterator[Line]:
         if check.hint:
             yield [Cell(f"{'':<18}{check.hint}", "dim")]
     count = {verdict: sum(check.verdict == verdict for check in result.checks) for verdict in _STYLES}
-    yield f"{count['ok']} ok, {count['warn']} warnings, {count['FAIL']} failed"
+    yield f"{count['ok']} ok, {plural(count['warn'], 'warning')}, {count['FAIL']} failed"
