@@ -14,6 +14,7 @@ from pathlib import Path
 from types import CodeType, FrameType
 from typing import TypeVar
 
+from dvtcli.device.change import lock
 from dvtcli.device.change.journal import Journals
 from tests.network.test_many_nodes import many
 
@@ -66,3 +67,11 @@ def test_a_store_writes_no_more_journals_where_there_are_many(tmp_path: Path) ->
         counted = calls(partial(chain.apply, file))
         written[count] = sum(number for code, number in counted.items() if code is Journals.write.__code__) / count
     assert written[MANY] <= written[FEW] + 0.5, written
+
+
+def test_a_lock_says_once_which_journal_is_in_hand(tmp_path: Path) -> None:
+    chain, file = many(tmp_path, FEW)
+    counted = calls(partial(chain.apply, file))
+    written = {code.co_qualname: number / FEW for code, number in counted.items() if code.co_filename == lock.__file__}
+    assert written["NodeLock.note"] > 2 * written["_write_over"], "five parts a node"
+    assert written["_write_over"] <= 3, "when it is taken, when a change begins, and when it ends"

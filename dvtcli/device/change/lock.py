@@ -82,6 +82,8 @@ class NodeLock:
     _own: Holder = Holder("")
     _last_writer: Holder | None = None
     _was_held: bool = False
+    #: what we wrote to its file since we took it
+    _on_disk: bytes = b""
 
     @property
     def path(self) -> Path:
@@ -112,7 +114,7 @@ class NodeLock:
             if isinstance(stopped, OSError):
                 raise self._refusal(wait_s) from stopped
             raise
-        self._file = file
+        self._file, self._on_disk = file, b""
         self._own = Holder(str(os.getpid()), datetime.now(UTC).isoformat(), " ".join(self.command().split())[:80])
         try:
             self._look_back()
@@ -144,8 +146,12 @@ class NodeLock:
         assert self._file is not None  # noqa: S101 - only the holder writes
         if journal != self.noted():  # a change begins, or one is put back
             self._last_writer = self._own
-        _write_over(self._file, _Noted(self._own, str(journal or ""), self._last_writer).text().encode())
-        to_disk(self._file.fileno())
+        text = _Noted(self._own, str(journal or ""), self._last_writer).text().encode()
+        if text != self._on_disk:  # each part of a change says the same, and the disk takes its time
+            self._on_disk = b""
+            _write_over(self._file, text)
+            to_disk(self._file.fileno())
+            self._on_disk = text
 
     def noted(self) -> Path | None:
         """The journal that the last holder noted, or None."""
