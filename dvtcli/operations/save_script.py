@@ -179,9 +179,14 @@ def _pin(session: Session, node_id: int) -> tuple[list[str], str]:
 
 def write_whole(path: Path, text: str) -> None:
     """Write the file whole or not at all; UsageError where that cannot be."""
+    write_bytes(path, text.encode())
+
+
+def write_bytes(path: Path, data: bytes) -> None:
+    """Write the file whole or not at all; UsageError where that cannot be."""
     try:
-        with tempfile.NamedTemporaryFile("w", dir=path.parent, delete=False, encoding="utf-8", newline="\n") as file:
-            file.write(text)
+        with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as file:
+            file.write(data)
         _put_in_place(file.name, path)
     except OSError as failed:
         raise UsageError(f"{path}: {failed.strerror}", place=str(path)) from failed

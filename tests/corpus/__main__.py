@@ -1,6 +1,7 @@
 """`python -m tests.corpus FOLDER… [--oddities N] [--seed S] [--share N] [-v]`: files on their way through the tool.
 
 Prints right, refused and wrong for each file and in all; ends with 1 where anything was wrong. Folders are only read.
+With `--round-trips` they are written as EDS and XDD, and those as each other, instead, the files of the families, too.
 """
 
 from __future__ import annotations
@@ -11,9 +12,14 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
+from dvtcli.files.device_file import DEVICE_SUFFIXES
 from tests.corpus.journey import REFUSED, RIGHT, WRONG, Journey, travel
 from tests.corpus.oddities import odd_files
+from tests.corpus.round_trips import tell
+from tests.house.source import PACKAGE
 from tests.surroundings import own_ground, own_place
+
+FAMILIES = PACKAGE / "families"
 
 
 def main() -> int:
@@ -22,6 +28,11 @@ def main() -> int:
     total = dict.fromkeys((RIGHT, REFUSED, WRONG), 0)
     folders = [Path(folder).resolve() for folder in asked.folders]
     files = 0
+    if asked.round_trips:
+        with tempfile.TemporaryDirectory() as ground:
+            odd = [path for path, _ in _odd(Path(ground), asked.oddities, asked.seed)]
+            real = [path for path, _ in _real(folders)]
+            return 1 if tell([*sorted(FAMILIES.glob("*/*.eds")), *real, *odd]) else 0
     with tempfile.TemporaryDirectory() as ground, own_place(own_ground(Path(ground)) / "place"):
         for path, planted in [*_real(folders), *_odd(Path(ground), asked.oddities, asked.seed)]:
             journey = travel(path, asked.share)
@@ -39,6 +50,7 @@ def _asked() -> argparse.Namespace:
     parser.add_argument("--oddities", type=int, default=0, metavar="N", help="generated files besides [0]")
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="of the generated files [0]")
     parser.add_argument("--share", type=int, default=1, metavar="N", help="each PDO in one of N of all ways [1]")
+    parser.add_argument("--round-trips", action="store_true", help="write each as EDS and XDD, and read that")
     parser.add_argument("-v", action="store_true", help="each step")
     return parser.parse_args()
 
@@ -46,7 +58,7 @@ def _asked() -> argparse.Namespace:
 def _real(folders: list[Path]) -> Iterator[tuple[Path, str]]:
     for folder in folders:
         found = [folder] if folder.is_file() else sorted(folder.iterdir())
-        yield from ((path, "") for path in found if path.suffix.lower() in (".eds", ".dcf"))
+        yield from ((path, "") for path in found if path.suffix.lower() in DEVICE_SUFFIXES)
 
 
 def _odd(ground: Path, count: int, seed: int) -> Iterator[tuple[Path, str]]:

@@ -17,7 +17,7 @@ from dvtcli.domain.datatypes import Kind
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import Direction, Pdo
 from dvtcli.domain.ports import Frame
-from dvtcli.files.eds.reader import read_eds
+from dvtcli.files.device_file import read_device_file
 from tests.commands.bench import Bench, Ran
 from tests.corpus.independent import Independent, RawPdo
 
@@ -60,7 +60,7 @@ def travel(path: Path, share: int = 1) -> Journey:
     """Take the file at *path* through everything; never raises. Each PDO is changed in one of *share* of all ways."""
     journey = Journey(path)
     try:
-        dictionary = read_eds(path).dictionary
+        dictionary = read_device_file(path).dictionary
         with Bench((str(path),), {"yes": True}) as bench:
             _check(bench, journey)
             _Trip(bench, journey, dictionary, share).go()

@@ -1,4 +1,4 @@
-"""Check or show an EDS, DCF, XDD or XDC file, or add it to the collection that nodes are recognised by."""
+"""Check, show or convert an EDS, DCF, XDD or XDC file, or add it to those that nodes are recognised by."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ TASK = ("Find nodes", 60)
 @click.command(
     "eds", cls=DvtCommand, short_help=__doc__, effect=Effect.READS, needs_settings=False, formats=SPECIAL_FORMATS
 )
-@click.argument("action", type=click.Choice(["check", "show", "add"]), metavar="check|show|add")
+@click.argument("action", type=click.Choice(["check", "show", "add", "convert"]), metavar="check|show|add|convert")
 @click.argument("files", type=FILE, nargs=-1, required=True, metavar="FILE...")
 @click.option("--rule", "only", multiple=True, metavar="NAME", help="check: this rule only; repeatable.")
 @click.option("--without", multiple=True, metavar="NAME", help="check: all rules but this one; repeatable.")
@@ -39,7 +39,8 @@ def command(
     """Read FILE and say what is in it; `check` names everything odd with its line, in several files, too.
 
     `check` ends with exit code 4 where a rule found an error. --format github, junit or sarif is for CI; -p judges the
-    PDOs as on a device of that family.
+    PDOs as on a device of that family. `convert IN OUT` writes the format that the name OUT ends in, and names all that
+    it cannot hold.
 
     \b
     eds check drive.eds
@@ -48,6 +49,8 @@ def command(
     eds check *.eds
     eds show drive.eds
     eds add drive.eds       found from now on by the node's identity
+    eds convert drive.eds drive.xdd
+    eds convert press.dcf press.xdc
     """
     from dvtcli.operations import eds_files
 
@@ -56,6 +59,16 @@ def command(
     if only or without or strict or session.output.format in SPECIAL_FORMATS:
         hint = f"--rule, --without, --strict and --format {' | '.join(SPECIAL_FORMATS)} belong to eds check"
         raise UsageError(f"eds {action} asks no rules", hint=hint)
+    if action == "convert":
+        return _convert(session, files)
     if len(files) > 1:
         raise UsageError(f"eds {action} takes one file", hint=f"{len(files)} were given; eds check takes several")
     return eds_files.show_eds(files[0]) if action == "show" else eds_files.add_eds(files[0])
+
+
+def _convert(session: Conversation, files: tuple[str, ...]) -> Facts:
+    from dvtcli.operations.exchange.convert_file import convert_file
+
+    if len(files) != 2:
+        raise UsageError("eds convert takes two files", hint="eds convert drive.eds drive.xdd")
+    return convert_file(session, *files)

@@ -62,7 +62,9 @@ def described(read: ReadDevice) -> ObjectDictionary:
     numbers = {sub: int.from_bytes(read.values.get((0x1018, sub), b""), "little") for sub in (1, 2, 3)}
     count = {way: max((pdo.number for pdo in read.pdos if pdo.direction is way), default=0) for way in Direction}
     info = DeviceInfo(
-        product_name=read.title, vendor_id=numbers[1], product_code=numbers[2], revision_number=numbers[3],
+        vendor_name="unknown", product_name=read.title or "unknown", vendor_id=numbers[1], product_code=numbers[2],
+        revision_number=numbers[3], granularity=8, boot_up_master=False, boot_up_slave=True, dynamic_channels=0,
+        group_messaging=False, lss_supported=False,
         bit_rates_kbit=() if read.bit_rate is None else (read.bit_rate // 1000,),
         rpdo_count=count[Direction.RPDO], tpdo_count=count[Direction.TPDO],
     )  # fmt: skip

@@ -1,22 +1,31 @@
-"""Writing an object dictionary as an EDS (CiA 306). Does not know where its objects come from."""
+"""Writing an object dictionary as an EDS or DCF (CiA 306). Does not know where its objects come from."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from datetime import datetime
 
-from dvtcli.domain.datatypes import Kind
 from dvtcli.domain.object_dictionary import ObjectDictionary, ObjectType, OdEntry, OdObject
+from dvtcli.files.eds.ini import decode
+from dvtcli.files.eds.written_values import written_limit, written_value
 
 _MANDATORY = (0x1000, 0x1001, 0x1018)
 _MANUFACTURER = range(0x2000, 0x6000)
+_RATES = (10, 20, 50, 125, 250, 500, 800, 1000)
+_DUMMIES = range(1, 8)
+_OF_ONE_ENTRY = (ObjectType.NULL, ObjectType.DOMAIN, ObjectType.DEFTYPE, ObjectType.VAR)
 
 
 def eds_text(dictionary: ObjectDictionary, file_name: str, description: str, made: datetime) -> str:
-    """*dictionary* as the text of an EDS called *file_name*; *made* is when, *description* one line about it."""
+    """*dictionary* as the text of an EDS called *file_name*; *made* is when, *description* one line about it.
+
+    It is a DCF where *dictionary* has a node-ID or values of its own.
+    """
     sections = [
         _section("FileInfo", _file_info(file_name, description, made)),
         _section("DeviceInfo", _device_info(dictionary)),
+        *_dummy_usage(dictionary),
+        *_commissioning(dictionary),
         *_lists(dictionary),
     ]
     for index in dictionary:
@@ -24,13 +33,23 @@ def eds_text(dictionary: ObjectDictionary, file_name: str, description: str, mad
     return "\n\n".join(sections) + "\n"
 
 
+def eds_bytes(text: str) -> bytes:
+    """*text* with CRLF, in Windows-1252 where that can say it and is read as it again, else in UTF-8."""
+    text = text.replace("\n", "\r\n")
+    try:
+        data = text.encode("cp1252")
+    except UnicodeEncodeError:
+        return text.encode()
+    return data if decode(data)[0] == text else text.encode()
+
+
 def _section(name: str, keys: Mapping[str, str]) -> str:
     return "\n".join([f"[{name}]", *(f"{key}={_one_line(value)}" for key, value in keys.items())])
 
 
 def _one_line(text: str) -> str:
-    """*text*, which may come from a device, without anything that would end a line, or be no Latin-1."""
-    return "".join(char if " " <= char <= "~" else "?" for char in text).strip()
+    """*text*, which may come from a device, without anything that would end a line or steer a terminal."""
+    return "".join(char if char.isprintable() or char == "\xa0" else "?" for char in text).strip()
 
 
 def _file_info(file_name: str, description: str, made: datetime) -> dict[str, str]:
@@ -43,19 +62,54 @@ def _file_info(file_name: str, description: str, made: datetime) -> dict[str, st
 
 
 def _device_info(dictionary: ObjectDictionary) -> dict[str, str]:
+    """What is known of the device; a key without a value says that it is not."""
     info = dictionary.info
-    rates = (10, 20, 50, 125, 250, 500, 800, 1000)
+    rates = sorted({*_RATES, *info.bit_rates_kbit})
     return {
-        "VendorName": info.vendor_name or "unknown",
-        "VendorNumber": f"0x{info.vendor_id or 0:08X}",
-        "ProductName": info.product_name or "unknown",
-        "ProductNumber": f"0x{info.product_code or 0:08X}",
-        "RevisionNumber": f"0x{info.revision_number or 0:08X}",
+        "VendorName": info.vendor_name,
+        "VendorNumber": _id(info.vendor_id),
+        "ProductName": info.product_name,
+        "ProductNumber": _id(info.product_code),
+        "RevisionNumber": _id(info.revision_number),
+        "OrderCode": info.order_code,
         **{f"BaudRate_{rate}": str(int(rate in info.bit_rates_kbit)) for rate in rates},
-        "SimpleBootUpMaster": "0", "SimpleBootUpSlave": "1", "Granularity": str(info.granularity or 8),
-        "DynamicChannelsSupported": "0", "GroupMessaging": "0",
-        "NrOfRXPDO": str(info.rpdo_count or 0), "NrOfTXPDO": str(info.tpdo_count or 0), "LSS_Supported": "0",
+        "SimpleBootUpMaster": _flag(info.boot_up_master), "SimpleBootUpSlave": _flag(info.boot_up_slave),
+        "Granularity": _count(info.granularity), "DynamicChannelsSupported": _count(info.dynamic_channels),
+        "GroupMessaging": _flag(info.group_messaging), "NrOfRXPDO": _count(info.rpdo_count),
+        "NrOfTXPDO": _count(info.tpdo_count), "LSS_Supported": _flag(info.lss_supported),
     }  # fmt: skip
+
+
+def _id(number: int | None) -> str:
+    return "" if number is None else f"0x{number:08X}"
+
+
+def _count(number: int | None) -> str:
+    return "" if number is None else str(number)
+
+
+def _flag(given: bool | None) -> str:
+    return "" if given is None else str(int(given))
+
+
+def _dummy_usage(dictionary: ObjectDictionary) -> Iterator[str]:
+    dummies = dictionary.info.dummies
+    if dummies is not None:
+        codes = sorted({*_DUMMIES, *dummies})
+        yield _section("DummyUsage", {f"Dummy{code:04X}": str(int(code in dummies)) for code in codes})
+
+
+def _commissioning(dictionary: ObjectDictionary) -> Iterator[str]:
+    """[DeviceComissioning], which the standard spells so; none where there is nothing to say."""
+    info, placed = dictionary.info, dictionary.info.commissioning
+    keys = {
+        "NodeID": _count(info.node_id), "NodeName": placed.node_name, "Baudrate": _count(placed.bit_rate_kbit),
+        "NetNumber": _count(placed.network_number), "NetworkName": placed.network_name,
+        "CANopenManager": _flag(placed.is_manager), "LSS_SerialNumber": _count(placed.lss_serial_number),
+    }  # fmt: skip
+    said = {key: value for key, value in keys.items() if value}
+    if said:
+        yield _section("DeviceComissioning", said)
 
 
 def _lists(dictionary: ObjectDictionary) -> Iterator[str]:
@@ -72,30 +126,40 @@ def _lists(dictionary: ObjectDictionary) -> Iterator[str]:
 
 def object_sections(one: OdObject) -> Iterable[str]:
     """The sections of an object, lines with LF, without one at the end."""
-    if one.object_type == ObjectType.VAR:
-        yield _section(f"{one.index:04X}", _entry(one.entries[0]))
+    if one.object_type in _OF_ONE_ENTRY and set(one.entries) == {0}:
+        yield _section(f"{one.index:04X}", _entry(one.entries[0], one.object_type))
         return
     head = {"ParameterName": one.name, "ObjectType": f"0x{one.object_type:X}", "SubNumber": str(len(one.entries))}
+    if one.object_flags:
+        head["ObjFlags"] = f"0x{one.object_flags:X}"
     yield _section(f"{one.index:04X}", head)
     for entry in one.entries.values():
-        yield _section(f"{one.index:04X}sub{entry.sub_index:X}", _entry(entry))
+        yield _section(f"{one.index:04X}sub{entry.sub_index:X}", _entry(entry, ObjectType.VAR))
 
 
-def _entry(entry: OdEntry) -> dict[str, str]:
-    keys = {"ParameterName": entry.name, "ObjectType": f"0x{ObjectType.VAR:X}"}
-    if entry.data_type is not None:
-        keys["DataType"] = f"0x{entry.data_type.code:04X}"
-    keys["AccessType"] = str(entry.access)
-    if entry.default is not None:
-        keys["DefaultValue"] = _value(entry, entry.default, is_relative=entry.default_relative)
-    if entry.value is not None:
-        keys["ParameterValue"] = _value(entry, entry.value, is_relative=entry.value_relative)
-    return {**keys, "PDOMapping": str(int(bool(entry.pdo_mapping)))}
+def _entry(entry: OdEntry, object_type: int) -> dict[str, str]:
+    keys = {
+        "ParameterName": entry.name, "ObjectType": f"0x{object_type:X}", "DataType": _data_type(entry),
+        "LowLimit": _limit(entry.low, relative=entry.low_relative),
+        "HighLimit": _limit(entry.high, relative=entry.high_relative),
+        "AccessType": str(entry.access),
+        "DefaultValue": _value(entry, entry.default, relative=entry.default_relative),
+        "ParameterValue": _value(entry, entry.value, relative=entry.value_relative),
+        "PDOMapping": _flag(entry.pdo_mapping),
+        "ObjFlags": f"0x{entry.object_flags:X}" if entry.object_flags else "",
+        "Unit": entry.unit, "Denotation": entry.denotation,
+    }  # fmt: skip
+    return {key: value for key, value in keys.items() if value}
 
 
-def _value(entry: OdEntry, data: bytes, *, is_relative: bool) -> str:
-    if entry.data_type is not None and entry.data_type.kind is Kind.VISIBLE_STRING:
-        return str(entry.data_type.decode(data))
-    number = int.from_bytes(data, "little")
-    digits = f"0x{number:0{2 * len(data)}X}"
-    return f"$NODEID+{digits}" if is_relative else digits
+def _data_type(entry: OdEntry) -> str:
+    code = entry.unknown_type if entry.data_type is None else entry.data_type.code
+    return "" if code is None else f"0x{code:04X}"
+
+
+def _limit(limit: int | float | None, *, relative: bool) -> str:
+    return "" if limit is None else written_limit(limit, relative=relative)
+
+
+def _value(entry: OdEntry, data: bytes | None, *, relative: bool) -> str:
+    return "" if data is None else written_value(entry.data_type, data, relative=relative) or ""

@@ -20,6 +20,8 @@ _UNCONFIGURED = 255
 _DUMMY = re.compile(r"Dummy([0-9a-fA-F]{4})\s*=\s*([01])")
 _RATE = re.compile(r"\s*([0-9]{1,4})\s*(?:[kK]\s*[bB]|$)")
 _TRUE = {"true": True, "1": True, "false": False, "0": False}
+#: What dvtcli writes as characteristics.
+OWN_CHARACTERISTICS = ("RevisionNumber", "LSS_SerialNumber")
 _NOTHING = XmlElement("", 1, {})
 
 
@@ -29,12 +31,13 @@ def read_device_info(root: XmlElement, identity: OdObject | None, findings: Find
     general = next(root.anywhere("CANopenGeneralFeatures"), _NOTHING)
     master = next(root.anywhere("CANopenMasterFeatures"), _NOTHING)
     placed = next(root.anywhere("deviceCommissioning"), _NOTHING)
+    special = _characteristics(root)
     return DeviceInfo(
         vendor_name=device.said("vendorName"),
         product_name=device.said("productName"),
         vendor_id=_identity(device, "vendorID", identity, 1, findings),
         product_code=_identity(device, "productID", identity, 2, findings),
-        revision_number=_of_identity(identity, 3),
+        revision_number=special.get("RevisionNumber", _of_identity(identity, 3)),
         granularity=_number(general, "granularity", 0xFF, findings),
         rpdo_count=_number(general, "nrOfRxPDO", 512, findings),
         tpdo_count=_number(general, "nrOfTxPDO", 512, findings),
@@ -47,7 +50,7 @@ def read_device_info(root: XmlElement, identity: OdObject | None, findings: Find
         dynamic_channels=_number(general, "dynamicChannels", _U32, findings),
         group_messaging=_flag(general, "groupMessaging"),
         lss_supported=_flag(general, "layerSettingServiceSlave"),
-        commissioning=_commissioning(placed, findings),
+        commissioning=_commissioning(placed, special.get("LSS_SerialNumber"), findings),
     )
 
 
@@ -131,7 +134,24 @@ def _node_id(placed: XmlElement, findings: Findings) -> int | None:
     return None
 
 
-def _commissioning(placed: XmlElement, findings: Findings) -> Commissioning:
+def _characteristics(root: XmlElement) -> dict[str, int]:
+    """What dvtcli says of a device by DeviceFunction, since CiA 311 has no place of its own for it."""
+    found: dict[str, int] = {}
+    for name, content in map(characteristic, root.anywhere("characteristic")):
+        number = _whole(content)
+        if name in OWN_CHARACTERISTICS and number is not None and 0 <= number <= _U32:
+            found.setdefault(name, number)
+    return found
+
+
+def characteristic(element: XmlElement) -> tuple[str, str]:
+    """The name of a characteristic, and what it is said to be; empty where it has none."""
+    labels = (element.first(part, "label") for part in ("characteristicName", "characteristicContent"))
+    name, content = ("" if label is None else label.text.strip() for label in labels)
+    return name, content
+
+
+def _commissioning(placed: XmlElement, serial_number: int | None, findings: Findings) -> Commissioning:
     text = placed.attributes.get("actualBaudRate", "")
     rate = _RATE.match(text)
     if text.strip() and rate is None:
@@ -142,5 +162,5 @@ def _commissioning(placed: XmlElement, findings: Findings) -> Commissioning:
         _number(placed, "networkNumber", _U32, findings),
         placed.attributes.get("networkName", "").strip(),
         _flag(placed, "CANopenManager"),
-        _number(placed, "LSS_SerialNumber", _U32, findings),
+        serial_number,
     )

@@ -100,4 +100,5 @@ def _label(element: XmlElement) -> str:
     labels = element.all("label")
     best = next((one for one in labels if one.attributes.get("lang", "").lower().startswith("en")), None)
     chosen = best or (labels[0] if labels else None)
-    return "" if chosen is None else " ".join(chosen.text.split())
+    text = "" if chosen is None else chosen.text.strip()
+    return " ".join(text.split()) if "\n" in text else text

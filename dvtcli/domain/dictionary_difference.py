@@ -1,0 +1,74 @@
+"""What two object dictionaries say differently, whatever file they come from. Does not know files, nor devices."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+from dvtcli.domain.object_dictionary import Commissioning, DeviceInfo, ObjectDictionary, OdEntry, OdObject
+
+#: Where something stands in a file is no part of what it says.
+_NOT_SAID = ("line", "entries", "index", "sub_index")
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """One thing that differs: of which object (*place*, `6041:00`; empty: the device), *what*, *before* and *after*.
+
+    *what* is a name of `OdEntry`, `OdObject` or `DeviceInfo`, or `object` where it is in one of them only.
+    """
+
+    place: str
+    what: str
+    before: Any
+    after: Any
+
+
+def differences(before: ObjectDictionary, after: ObjectDictionary) -> Iterator[Difference]:
+    """Everything that *after* says otherwise than *before*, or not at all."""
+    yield from _unlike("", _bare(before.info), _bare(after.info))
+    yield from _unlike("", before.info.commissioning, after.info.commissioning)
+    for index in sorted(before.keys() | after.keys()):
+        held, left = before.get(index), after.get(index)
+        if held is None or left is None:
+            yield Difference(f"{index:04X}", "object", held and held.name, left and left.name)
+        else:
+            yield from _in_object(held, left)
+
+
+def _bare(info: DeviceInfo) -> DeviceInfo:
+    return replace(info, commissioning=Commissioning())
+
+
+def _in_object(held: OdObject, left: OdObject) -> Iterator[Difference]:
+    yield from _unlike(f"{held.index:04X}", held, left)
+    for sub_index in sorted(held.entries.keys() | left.entries.keys()):
+        one, other = held.entries.get(sub_index), left.entries.get(sub_index)
+        name = f"{held.index:04X}:{sub_index:02X}"
+        if one is None or other is None:
+            yield Difference(name, "object", one and one.name, other and other.name)
+        else:
+            yield from _unlike(name, one, other)
+
+
+def _unlike(name: str, one: Any, other: Any) -> Iterator[Difference]:
+    for field in fields(one):
+        before, after = getattr(one, field.name), getattr(other, field.name)
+        if field.name not in _NOT_SAID and before != after:
+            yield Difference(name, field.name, before, after)
+
+
+def without_values(dictionary: ObjectDictionary) -> ObjectDictionary:
+    """The same as it describes every device of its kind: no ParameterValue, denotation, node-ID, nor place."""
+    objects = {index: _described_alone(dictionary[index]) for index in dictionary}
+    info = replace(dictionary.info, node_id=None, commissioning=Commissioning())
+    return ObjectDictionary(objects, info, dictionary.source)
+
+
+def _described_alone(one: OdObject) -> OdObject:
+    return replace(one, entries={sub: _of_any_device(entry) for sub, entry in one.entries.items()})
+
+
+def _of_any_device(entry: OdEntry) -> OdEntry:
+    return replace(entry, value=None, value_relative=False, denotation="")

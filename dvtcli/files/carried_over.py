@@ -1,0 +1,128 @@
+"""What a device's file says that no object dictionary holds, so that another format does not get it.
+
+Knows which keys and elements the readers take up. Does not know what the other format would be.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.several import plural
+from dvtcli.files.eds import read_rules
+from dvtcli.files.eds.findings import Findings
+from dvtcli.files.eds.ini import IniSection, section_values
+from dvtcli.files.eds.layout import OBJECT_LISTS
+from dvtcli.files.eds.reader import EdsFile
+from dvtcli.files.xdd import xdd_rules
+from dvtcli.files.xdd.xdd_device import OWN_CHARACTERISTICS, characteristic
+
+if TYPE_CHECKING:
+    from dvtcli.files.xdd.xdd_reader import XddFile
+    from dvtcli.files.xdd.xml_tree import XmlElement
+
+#: Keys that the dictionary holds, or that are written anew, in any section of an object.
+_OBJECT_KEYS = {
+    "parametername", "objecttype", "datatype", "lowlimit", "highlimit", "accesstype", "defaultvalue", "parametervalue",
+    "pdomapping", "objflags", "unit", "denotation", "subnumber", "compactsubobj",
+}  # fmt: skip
+_DEVICE_KEYS = {
+    "vendorname", "vendornumber", "productname", "productnumber", "revisionnumber", "ordercode", "simplebootupmaster",
+    "simplebootupslave", "granularity", "dynamicchannelssupported", "groupmessaging", "nrofrxpdo", "nroftxpdo",
+    "lss_supported", "compactpdo",
+    "nodeid", "nodename", "baudrate", "netnumber", "networkname", "canopenmanager", "lss_serialnumber",
+}  # fmt: skip
+#: Sections whose rows are written anew.
+_ANEW = {"fileinfo", "dummyusage", *OBJECT_LISTS}
+#: What the reader left out, since it means nothing there.
+_LEFT_OUT = {
+    rule.name
+    for rule in (
+        read_rules.BAD_NUMBER, read_rules.BAD_LINE, read_rules.BAD_VALUE, read_rules.UNTYPED_VALUE,
+        read_rules.LIMIT_TYPE, read_rules.LIMITS_CROSSED, read_rules.LIMITS_WRAPPED, read_rules.LIMIT_WITHOUT_SENSE,
+        read_rules.NO_SUB_INDEX, xdd_rules.MAPPING_WORD, xdd_rules.MAPPING_DIRECTION, xdd_rules.OBJECT_TWICE,
+        xdd_rules.NO_INDEX, xdd_rules.OBJECT_LISTS,
+    )
+}  # fmt: skip
+#: Elements that the dictionary holds, or that are written anew.
+_ELEMENTS = {
+    "ISO15745ProfileContainer", "ISO15745Profile", "ProfileHeader", "ProfileBody", "DeviceIdentity", "vendorName",
+    "vendorID", "productName", "productID", "orderNumber", "ApplicationProcess", "parameterList", "parameter", "label",
+    "defaultValue", "actualValue", "denotation", "unit", "allowedValues", "range", "minValue", "maxValue",
+    "ApplicationLayers", "CANopenObjectList", "CANopenObject", "CANopenSubObject", "dummyUsage", "dummy",
+    "TransportLayers", "PhysicalLayer", "baudRate", "supportedBaudRate", "NetworkManagement", "CANopenGeneralFeatures",
+    "CANopenMasterFeatures", "deviceCommissioning", "ISO15745Reference", "ISO15745Part", "ISO15745Edition",
+    "DeviceFunction", "capabilities", "characteristicsList",
+    "ProfileTechnology", "ProfileIdentification", "ProfileRevision", "ProfileName", "ProfileSource", "ProfileClassID",
+}  # fmt: skip
+
+
+def not_held(file: EdsFile | XddFile) -> list[str]:
+    """What *file* says that its dictionary does not hold, each kind once, with its number and its first line."""
+    found = list(_of_eds(file) if isinstance(file, EdsFile) else _of_xdd(file))
+    return found + [f"line {one.line}: {one.text}" for one in file.findings if one.rule in _LEFT_OUT]
+
+
+def _of_eds(file: EdsFile) -> Iterator[str]:
+    indices = {f"{index:04x}" for index in file.layout.objects}
+    stray = set(file.layout.stray)
+    comments = _comment_lines((file.text.preamble, *file.text.sections))
+    if comments:
+        yield f"{plural(len(comments), 'line')} of comment, the first in line {comments[0]}"
+    for section in file.layout.stray:
+        yield f"line {section.line}: section [{section.name[:60]}] is not understood"
+    lines: dict[str, list[int]] = {}
+    for section in file.text.sections:
+        if section not in stray:
+            _other_keys(section, indices, lines)
+    for name, at in lines.items():
+        yield f"key {name[:60]}, {plural(len(at), 'time')}, the first in line {at[0]}"
+
+
+def _comment_lines(sections: Iterable[IniSection]) -> list[int]:
+    """The lines that a person wrote for persons: `;` comments, and those of [Comments]."""
+    found = []
+    for section in sections:
+        prose = section.name.lower() == "comments"
+        for number, text in enumerate(section.text.split("\n")[1:], section.line + 1):
+            said = text.strip()
+            if said[:1] in (";", "#") or (prose and "=" in said and not said.lower().startswith("lines")):
+                found.append(number)
+    return found
+
+
+def _other_keys(section: IniSection, indices: set[str], lines: dict[str, list[int]]) -> None:
+    name = section.name.lower()
+    if name in _ANEW or name == "comments":
+        return
+    table = name[4:] in ("name", "value")
+    known = _OBJECT_KEYS if name[:4] in indices else _DEVICE_KEYS
+    for key, given in section_values([section], Findings()).items():
+        if not table and key not in known and not key.startswith("baudrate_") and given.value:
+            lines.setdefault(given.key, []).append(given.line)
+
+
+def _of_xdd(file: XddFile) -> Iterator[str]:
+    first: dict[str, int] = {}
+    count: Counter[str] = Counter()
+    for one in _every(file.tree.root):
+        if one.name not in _ELEMENTS:
+            first.setdefault(one.name, one.line)
+            count[one.name] += 1
+    for name, line in first.items():
+        yield f"element {name[:60]}, {plural(count[name], 'time')}, the first in line {line}"
+
+
+def _every(root: XmlElement) -> Iterator[XmlElement]:
+    """Every element that is not part of one that is not held, and not a data type."""
+    left = [root]
+    while left:
+        one = left.pop()
+        if one.name == "characteristic" and characteristic(one)[0] in OWN_CHARACTERISTICS:
+            continue
+        yield one
+        if one.name in _ELEMENTS and one.name != "parameter":
+            left += reversed(one.children)
+        elif one.name == "parameter":
+            left += [child for child in reversed(one.children) if not child.name.isupper()]

@@ -1,0 +1,96 @@
+"""A file that describes a device, as another one: EDS and XDD, DCF and XDC. Needs no bus.
+
+What was written is read again, and compared with what was read: every difference is said.
+"""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.dictionary_difference import Difference, differences, without_values
+from dvtcli.domain.object_dictionary import Commissioning
+from dvtcli.domain.several import plural, several
+from dvtcli.errors import UsageError
+from dvtcli.files.carried_over import not_held
+from dvtcli.files.device_file import DEVICE_SUFFIXES, VALUE_SUFFIXES, XDD_SUFFIXES, parse_device_file, read_device_file
+from dvtcli.operations.results import Facts
+from dvtcli.operations.save_script import ask_before_overwriting, place_of, write_bytes
+
+if TYPE_CHECKING:
+    from dvtcli.domain.object_dictionary import ObjectDictionary
+    from dvtcli.operations.session import Session
+
+#: What the parts of a dictionary are called in a message.
+_WORDS = {
+    "value": "ParameterValue (actualValue)", "default": "DefaultValue", "low": "LowLimit", "high": "HighLimit",
+    "name": "name", "access": "access type", "pdo_mapping": "PDO mapping", "unit": "unit", "denotation": "denotation",
+    "object_flags": "ObjFlags", "object": "object", "node_id": "node-ID", "bit_rate_kbit": "bit rate of the bus",
+}  # fmt: skip
+#: What belongs to one node, and not to every device of its kind.
+_OF_ONE_NODE = {"value", "denotation", "node_id", *(field.name for field in fields(Commissioning))}
+#: Said with what they belong to.
+_BESIDE = ("value_relative", "default_relative", "low_relative", "high_relative")
+
+
+def convert_file(session: Session, file: str, target: str) -> Facts:
+    """Write what *file* says of a device to *target*, in the format that its name ends in, and say what it cannot hold.
+
+    An EDS or XDD holds no values of one node. Asks before it overwrites. UsageError where *target* has another suffix,
+    or a file cannot be read or written; InputFileError where *file* is none.
+    """
+    path = place_of(target, "eds convert FILE {}/NAME.xdd")
+    suffix = path.suffix.lower()
+    if suffix not in DEVICE_SUFFIXES:
+        raise UsageError(f"{target}: what format is that?", hint=f"a name that ends in {', '.join(DEVICE_SUFFIXES)}")
+    try:
+        read = read_device_file(Path(file))
+    except OSError as failed:
+        raise UsageError(f"{file}: {failed.strerror or failed}", place=file) from failed
+    wanted = read.dictionary if suffix in VALUE_SUFFIXES else without_values(read.dictionary)
+    data = device_file_bytes(wanted, path.name, f"made from {Path(file).name}", datetime.now().astimezone())
+    again = parse_device_file(data, path.name).dictionary
+    losses = [*lost(read.dictionary, again, suffix), *not_held(read)]
+    ask_before_overwriting(session, path)
+    write_bytes(path, data)
+    return _answer(file, target, len(again), losses)
+
+
+def device_file_bytes(dictionary: ObjectDictionary, name: str, description: str, made: datetime) -> bytes:
+    """*dictionary* as a file called *name*, in the format that the name ends in; *description* is one line about it."""
+    if name.lower().endswith(XDD_SUFFIXES):
+        from dvtcli.files.xdd.xdd_writer import xdd_bytes
+
+        return xdd_bytes(dictionary, name, made)
+    from dvtcli.files.eds.writer import eds_bytes, eds_text
+
+    return eds_bytes(eds_text(dictionary, name, description, made))
+
+
+def lost(before: ObjectDictionary, after: ObjectDictionary, suffix: str) -> list[str]:
+    """What *after*, a file that ends in *suffix*, does not say as *before* did, each kind once."""
+    found: dict[str, list[Difference]] = {}
+    for one in differences(before, after):
+        if one.what not in _BESIDE:
+            found.setdefault(one.what, []).append(one)
+    return [_said(what, ones, suffix) for what, ones in found.items()]
+
+
+def _said(what: str, ones: list[Difference], suffix: str) -> str:
+    places = several(one.place or "the device" for one in ones)
+    named = _WORDS.get(what, what.replace("_", " "))
+    why = ""
+    if suffix not in VALUE_SUFFIXES and what in _OF_ONE_NODE:
+        other = ".xdc" if suffix in XDD_SUFFIXES else ".dcf"
+        why = f": it is of one node, {other} holds it"
+    return f"{named} of {places}{why}"
+
+
+def _answer(file: str, target: str, objects: int, losses: list[str]) -> Facts:
+    count = plural(objects, "object")
+    said = [f"{target}: {count} of {file}, read back" + ("" if losses else "; nothing is lost")]
+    said += (f"warning: not carried over: {loss}" for loss in losses)
+    rows = (("file", file), ("to", target), ("objects", objects), ("losses", losses))
+    return Facts("eds-converted", rows, tuple(said))
