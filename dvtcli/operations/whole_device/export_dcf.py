@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import shlex
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dvtcli.device.change.private_file import put_in_place
 from dvtcli.device.file_fits import refuse_unlike_file
 from dvtcli.device.read_whole import ReadObject, values_of
 from dvtcli.domain.abort import abort_text
@@ -19,7 +17,7 @@ from dvtcli.errors import UsageError
 from dvtcli.files.dcf.value_text import same_value
 from dvtcli.files.dcf.write_dcf import Commissioned, DcfText, write_dcf
 from dvtcli.operations.results import Facts
-from dvtcli.operations.save_script import ask_before_overwriting, place_of
+from dvtcli.operations.save_script import ask_before_overwriting, place_of, write_bytes
 from dvtcli.operations.whole_device.look_through import WholeDevice, described, look_through
 
 if TYPE_CHECKING:
@@ -68,19 +66,6 @@ def dcf_of(session: Session, whole: WholeDevice, file_name: str) -> tuple[DcfTex
     except OSError as failed:
         raise UsageError(f"{path}: {failed.strerror or failed}", place=str(path)) from failed
     return write_dcf(data, path.name, values_of(whole.objects), device), path
-
-
-def write_bytes(path: Path, data: bytes) -> None:
-    """Write the file whole or not at all; UsageError where that cannot be."""
-    made = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        try:
-            made.write_bytes(data)
-            put_in_place(made, path)
-        finally:
-            made.unlink(missing_ok=True)
-    except OSError as failed:
-        raise UsageError(f"{path}: {failed.strerror or failed}", place=str(path)) from failed
 
 
 def left_out(whole: WholeDevice, text: DcfText) -> dict[str, str]:
