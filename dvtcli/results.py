@@ -28,6 +28,7 @@ from dvtcli.operations.results.stores import Stored
 from dvtcli.operations.results.sync_producers import SyncCheck, SyncSource
 from dvtcli.operations.results.values import ObjectListing, ObjectRow, ValueRead
 from dvtcli.operations.results.vpdos import PinRow, VpdoListing, VpdoRow
+from dvtcli.operations.results.whole_devices import ObjectDifference, WholeCompared
 
 __all__ = [
     "Changed",
@@ -60,6 +61,7 @@ __all__ = [
     "NetworkPlanned",
     "NodeListing",
     "NodeRow",
+    "ObjectDifference",
     "ObjectListing",
     "ObjectRow",
     "Pdo",
@@ -85,4 +87,5 @@ __all__ = [
     "ValueRead",
     "VpdoListing",
     "VpdoRow",
+    "WholeCompared",
 ]

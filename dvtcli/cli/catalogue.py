@@ -18,6 +18,7 @@ TASKS = (
     "See",
     "Change PDOs",
     "Check and keep",
+    "Whole devices",
     "Networks",
     "Scripts and files",
     "Programs around",

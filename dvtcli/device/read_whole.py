@@ -27,6 +27,8 @@ _REFUSED_ON_SCAN = 0x02
 _DEVICE_TYPE = (0x1000, 0)
 #: program data (CiA 302-3), the operating system's channels, from which each upload takes something (CiA 301)
 _PROGRAM, _CHANNELS = 0x1F50, range(0x1023, 0x1027)
+#: how long is waited before a second look: what a device measures anew, it does within that (s)
+PAUSE_S = 0.1
 #: a pace is known once this many objects were read
 _PACE_FROM = 20
 
@@ -82,6 +84,8 @@ def read_whole(
     reading = _Reading(node, on_object, around)
     reading.read(found, [place for place, one in found.items() if one.unread is None])
     twice = [place for place, one in found.items() if one.data is not None and again(one)]
+    if twice:
+        node.bus.sleep(PAUSE_S)
     second = {place: replace(found[place], data=None) for place in twice}
     reading.read(second, twice)
     for place, one in second.items():

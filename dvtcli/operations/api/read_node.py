@@ -28,6 +28,7 @@ if TYPE_CHECKING:
         RecordRead,
         ValueRead,
         VpdoListing,
+        WholeCompared,
     )
 
 T = TypeVar("T")
@@ -160,6 +161,26 @@ class ReadNode:
         flags(frame=frame)
         wanted, against = [pdo_of(pdo) for pdo in pdos], None if file is None else str(path("file", file))
         return self._read(lambda node: compare_node(self._calls.session, node, wanted, against, frame=frame), yes=yes)
+
+    def backup(self, file: str | Path, *, twice: bool = False, yes: bool = False) -> tuple[str, ...]:
+        """Read every object of the node and keep what it holds in *file*, a `.dcf` or, also without an EDS, a `.jsonl`.
+
+        The answer names what could not be read. *twice* as for `export`. Writing over a file needs *yes*. UsageError
+        for another suffix.
+        """
+        from dvtcli.operations.whole_device.backup_device import backup_device
+
+        flags(twice=twice)
+        chosen = str(path("file", file))
+        done = self._read(lambda node: backup_device(self._calls.session, chosen, node.node_id, twice=twice), yes=yes)
+        return tuple(one["object"] for one in dict(done.rows)["left_out"])
+
+    def compare(self, file: str | Path) -> WholeCompared:
+        """Compare the node's settings with a DCF, EDS, XDD, XDC or a backup; true where all is equal."""
+        from dvtcli.operations.whole_device.compare_device import compare_device
+
+        name = str(path("file", file))
+        return self._read(lambda node: compare_device(self._calls.session, name, node_id=node.node_id))
 
     def canopen(self) -> RemoteNode:
         """canopen's RemoteNode of this node, on the same bus and with the same EDS; the same one every time.

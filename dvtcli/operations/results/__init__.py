@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.results.values import *  # noqa: F403
     from dvtcli.operations.results.vpdos import *  # noqa: F403
     from dvtcli.operations.results.watched_values import *  # noqa: F403
+    from dvtcli.operations.results.whole_devices import *  # noqa: F403
 
 _ROOM = os.path.dirname(__file__)  # noqa: PTH120
 

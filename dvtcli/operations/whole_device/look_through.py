@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -15,6 +15,7 @@ from dvtcli.operations.transfer_progress import transfer_progress
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
+    from dvtcli.device.read_whole import OnObject
     from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
     from dvtcli.domain.profile import ObjectAddress, Range
     from dvtcli.operations.session import Session
@@ -48,22 +49,40 @@ def look_through(
     dictionary = described(node)
     known = configuration(node, dictionary, included)
     entries = [entry for entry in dictionary.entries() if only(ReadObject(entry), known)]
-    text = f"node {node.node_id}: reading"
-
-    def tell(index: int, sub_index: int, done: int, total: int, left_s: float | None) -> None:
-        left = "" if left_s is None else f", {duration(left_s)} left"
-        session.tell.progress(f"{text} 0x{index:04X}:{sub_index:02X}, {done + 1} of {total}{left}", done, total)
 
     def again(one: ReadObject) -> bool:
         return twice or (bool(one.entry.pdo_mapping) and one.entry.access.writable)
 
+    return WholeDevice(node, dictionary, known, read_entries(session, node, entries, known, again))
+
+
+def read_entries(
+    session: Session,
+    node: Node,
+    entries: Iterable[OdEntry],
+    known: Configuration,
+    again: Callable[[ReadObject], bool],
+) -> Mapping[ObjectAddress, ReadObject]:
+    """Read *entries* of *node*, those for which *again* is true twice, and tell how far that has come."""
+
     def around(entry: OdEntry) -> AbstractContextManager[None]:
         if entry.data_type is None or entry.data_type.kind is not Kind.OCTETS:
             return nullcontext()
-        return transfer_progress(session, node.node_id, f"{text} 0x{entry.index:04X}:{entry.sub_index:02X}")
+        text = f"node {node.node_id}: reading 0x{entry.index:04X}:{entry.sub_index:02X}"
+        return transfer_progress(session, node.node_id, text)
 
-    objects = read_whole(node, entries, known, again=again, on_object=tell, around=around)
-    return WholeDevice(node, dictionary, known, objects)
+    return read_whole(node, entries, known, again=again, on_object=told(session, node), around=around)
+
+
+def told(session: Session, node: Node) -> OnObject:
+    """What tells how far the reading of *node* has come."""
+
+    def tell(index: int, sub_index: int, done: int, total: int, left_s: float | None) -> None:
+        left = "" if left_s is None else f", {duration(left_s)} left"
+        text = f"node {node.node_id}: reading 0x{index:04X}:{sub_index:02X}, {done + 1} of {total}{left}"
+        session.tell.progress(text, done, total)
+
+    return tell
 
 
 def described(node: Node) -> ObjectDictionary:

@@ -1,0 +1,39 @@
+"""Compare a whole device, or a file about one, with a file; exit code 3 where a setting differs."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.effect import Effect
+from dvtcli.cli.params import FILE
+
+if TYPE_CHECKING:
+    from dvtcli.operations.results import WholeCompared
+    from dvtcli.operations.session import Session
+
+TASK = ("Whole devices", 20)
+
+
+@click.command("compare", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
+@click.argument("file", type=FILE)
+@click.argument("other", type=FILE, required=False)
+@click.option("--all", "everything", is_flag=True, help="Show what else differs, too: what is no setting.")
+@click.pass_obj
+def command(session: Session, /, file: str, other: str | None, everything: bool) -> WholeCompared:
+    """Say which settings of the selected node, or of the file OTHER, are not as FILE says.
+
+    A file is a DCF, EDS, XDD or XDC, or a backup's .jsonl. Values are compared by what they mean. Settings are what a
+    file may write; what the device says of itself, what commands or measures, and what changes by itself, is told and
+    does not count. Of an object without a ParameterValue a DCF means the DefaultValue.
+
+    \b
+    compare press.dcf
+    compare press.dcf --all
+    compare monday.dcf friday.dcf
+    """
+    from dvtcli.operations.whole_device.compare_device import compare_device
+
+    return compare_device(session, file, other, shows_all=everything)

@@ -1,0 +1,67 @@
+"""The text of a whole device against what a file says of it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING
+
+from dvtcli.cli.view.lines import Cell, Line, Table
+from dvtcli.domain.several import plural, several
+
+if TYPE_CHECKING:
+    from dvtcli.operations.results.whole_devices import ObjectDifference, WholeCompared
+
+#: how many bytes of a long value are shown, and how wide a text may be
+_MOST_SHOWN, _WIDEST = 8, 24
+#: unsigned objects that are written in hexadecimal: COB-IDs and mapping entries, identities, device types
+_IN_HEX = range(0x1000, 0x2000)
+
+
+def whole_compared_lines(result: WholeCompared, width: int) -> Iterator[Line]:
+    """What differs, setting by setting; then what the device says of itself, and what is no setting."""
+    if result.unlike:
+        yield [Cell("another device: ", "yellow"), Cell(result.unlike)]
+    if result.differences:
+        yield from _rows(result, result.differences, width)
+        verb = "differs" if len(result.differences) == 1 else "differ"
+        yield f"{len(result.differences)} of {plural(result.objects, 'setting')} {verb} from {result.first}"
+    else:
+        yield f"{plural(result.objects, 'setting')} of {result.second} equal to {result.first}"
+    for label, found in (("of itself", result.about), ("apart", result.apart)):
+        if found and result.shows_all:
+            yield [Cell(f"{label}:", "dim")]
+            yield from _rows(result, found, width)
+        elif found:
+            verb = "is no setting" if len(found) == 1 else "are no settings"
+            yield f"{label:<11} {several(one.object for one in found)} {verb}: not counted; --all shows them"
+    if result.unsaid:
+        yield f"            only one side says something of {plural(result.unsaid, 'more setting')}: not compared"
+
+
+def _rows(result: WholeCompared, found: Iterable[ObjectDifference], width: int) -> Iterable[Line]:
+    sides = (re.split(r"[/\\]", side)[-1] for side in (result.first, result.second))  # a whole path takes a screen
+    table = Table(("OBJECT", "NAME", *sides), shrink=1)
+    for one in found:
+        after = _shown(one, one.after) if one.after is not None else one.why or "-"
+        table.add(one.object, Cell(one.name, "bold"), _shown(one, one.before), Cell(after, "red"))
+    return table.lines(width)
+
+
+def _shown(one: ObjectDifference, data: bytes | None) -> str:
+    """A value for a person; of a long one the beginning, and how long it is."""
+    if data is None:
+        return "-"
+    value = one.value(data)
+    if isinstance(value, int) and not isinstance(value, bool) and value >= 0 and _is_word(one, data):
+        return f"0x{value:0{2 * len(data)}X}"
+    if isinstance(value, str):
+        return repr(value) if len(value) <= _WIDEST else f"{value[:_WIDEST]!r}… {len(value)} characters"
+    if value is not None and not isinstance(value, bytes):
+        return str(value)
+    shown = data[:_MOST_SHOWN].hex(" ").upper()
+    return shown if len(data) <= _MOST_SHOWN else f"{shown} … {len(data):,} bytes"
+
+
+def _is_word(one: ObjectDifference, data: bytes) -> bool:
+    return len(data) == 4 and int(one.object[:4], 16) in _IN_HEX

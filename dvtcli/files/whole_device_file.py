@@ -1,0 +1,111 @@
+"""What a whole device held, as JSON lines: the first says whose it is, each other one is an object.
+
+    {"schema": "dvtcli.whole-device/1", "node": 5, "identity": {…}, "made": "2026-11-23T00:40:00.000000Z", "objects": 2}
+    {"object": "1017:00", "type": "u16", "raw": "E8 03"}
+    {"object": "1003:01", "why": "no data available (0x08000024)"}
+
+It needs no EDS. Knows the form. Does not know what an object means.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from dvtcli.errors import InputFileError
+
+SUFFIX = ".jsonl"
+SCHEMA = "dvtcli.whole-device/1"
+#: some thousand objects, of which a few are long
+_MOST_BYTES = 64 << 20
+_OBJECT = re.compile(r"([0-9A-Fa-f]{4}):([0-9A-Fa-f]{2})")
+_IDENTITY = ("vendor", "product", "revision", "serial")
+
+
+@dataclass(frozen=True, slots=True)
+class KeptObject:
+    """One object: its *data*, or *why* nobody knows it; *type_name* is the short name of its type, empty if unknown."""
+
+    data: bytes | None = None
+    why: str = ""
+    type_name: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class KeptDevice:
+    """A device as it was: *node_id*, *identity* (0x1018), when it was *made* (RFC 3339), *objects* by their place.
+
+    *eds* is the name of the file that described it, empty where none did.
+    """
+
+    node_id: int
+    identity: Mapping[str, int | None]
+    made: str
+    objects: Mapping[tuple[int, int], KeptObject] = field(default_factory=dict)
+    eds: str = ""
+
+
+def whole_device_text(kept: KeptDevice) -> str:
+    """*kept* as the text of a file."""
+    head = {"schema": SCHEMA, "node": kept.node_id, "identity": dict(kept.identity), "made": kept.made,
+            "eds": kept.eds or None, "objects": len(kept.objects)}  # fmt: skip
+    return "".join(json.dumps(line) + "\n" for line in (head, *map(_line, sorted(kept.objects.items()))))
+
+
+def _line(item: tuple[tuple[int, int], KeptObject]) -> dict[str, str]:
+    (index, sub_index), one = item
+    said = {"object": f"{index:04X}:{sub_index:02X}"} | ({"type": one.type_name} if one.type_name else {})
+    return said | ({"why": one.why} if one.data is None else {"raw": one.data.hex(" ").upper()})
+
+
+def read_whole_device(path: Path) -> KeptDevice:
+    """Read the file at *path*; OSError where it cannot be read, InputFileError, with the line, where it is none."""
+    with path.open("rb") as file:
+        data = file.read(_MOST_BYTES + 1)
+    if len(data) > _MOST_BYTES:
+        raise _wrong(path, 1, f"it is larger than {_MOST_BYTES >> 20} MiB")
+    lines = list(_documents(path, data))
+    if not lines or lines[0][1].get("schema") != SCHEMA:
+        raise _wrong(path, 1, f"its first line is no {SCHEMA}")
+    head, objects = lines[0][1], dict(_object(path, number, line) for number, line in lines[1:])
+    if head.get("objects") != len(objects):
+        why = f"it has {len(objects)} objects, and its first line says {head.get('objects')}: was it cut short?"
+        raise _wrong(path, lines[-1][0], why)
+    node_id, said = head.get("node"), head.get("identity")
+    if not isinstance(node_id, int) or not 1 <= node_id <= 127 or not isinstance(said, dict):
+        raise _wrong(path, 1, "it does not say which node it was, or who that is")
+    identity = {name: number if isinstance(number := said.get(name), int) else None for name in _IDENTITY}
+    return KeptDevice(node_id, identity, str(head.get("made", "")), objects, str(head.get("eds") or ""))
+
+
+def _documents(path: Path, data: bytes) -> Iterator[tuple[int, dict[str, Any]]]:
+    for number, line in enumerate(data.splitlines(), 1):
+        if not line.strip():
+            continue
+        try:
+            document = json.loads(line)
+        except (ValueError, RecursionError) as wrong:
+            raise _wrong(path, number, f"no JSON: {wrong}") from wrong
+        if not isinstance(document, dict):
+            raise _wrong(path, number, "a line is an object of JSON")
+        yield number, document
+
+
+def _object(path: Path, number: int, line: Mapping[str, Any]) -> tuple[tuple[int, int], KeptObject]:
+    place, raw = _OBJECT.fullmatch(str(line.get("object"))), line.get("raw")
+    if place is None:
+        raise _wrong(path, number, 'no "object", such as "1017:00"')
+    try:
+        data = None if raw is None else bytes.fromhex(raw)
+    except (TypeError, ValueError):
+        raise _wrong(path, number, '"raw" is not bytes in hexadecimal') from None
+    one = KeptObject(data, "" if data is not None else str(line.get("why") or "not read"), str(line.get("type") or ""))
+    return (int(place[1], 16), int(place[2], 16)), one
+
+
+def _wrong(path: Path, line: int, why: str) -> InputFileError:
+    return InputFileError(f"{path} does not say what a device held", place=f"{path}:{line}", why=why)

@@ -1,0 +1,96 @@
+"""A whole device against what a file says of it, as an answer. Knows no terminal and no session."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from dvtcli.domain.datatypes import DataType
+from dvtcli.operations.results.documents import Answer, Document, hex_bytes, json_value
+
+
+@dataclass(frozen=True, slots=True)
+class ObjectDifference:
+    """One *object* with its *name*: what it held *before*, by the first side, and *after*, by the second one.
+
+    None where a side does not know; *why* says why then.
+    """
+
+    object: str
+    name: str
+    data_type: DataType | None
+    before: bytes | None
+    after: bytes | None
+    why: str = ""
+
+    def value(self, data: bytes | None) -> Any:
+        """*data* decoded; None where it is not known, or no value of its type."""
+        if data is None or self.data_type is None:
+            return None
+        try:
+            return self.data_type.decode(data)
+        except ValueError:
+            return None
+
+    def document(self) -> Document:
+        """As part of `dvtcli.compare/1`."""
+        return {
+            "object": self.object,
+            "name": self.name,
+            "before": hex_bytes(self.before),
+            "after": hex_bytes(self.after),
+            "value_before": json_value(self.value(self.before)),
+            "value_after": json_value(self.value(self.after)),
+            "why": self.why,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class WholeCompared(Answer):
+    """What differs between two sides, *first* a file and *second* a node or another file: its exit code is 3 then.
+
+    *differences* are settings; *about* is what a device says of itself; *apart* is what commands, measures or changes
+    by itself. The latter two are told and count as no difference. *objects* settings were compared; of *unsaid* more
+    only one side says something.
+    """
+
+    renderer: ClassVar = "whole_device_lines:whole_compared_lines"
+    at_leisure: ClassVar = True
+
+    node: int | None
+    first: str
+    second: str
+    objects: int
+    differences: tuple[ObjectDifference, ...] = ()
+    about: tuple[ObjectDifference, ...] = ()
+    apart: tuple[ObjectDifference, ...] = ()
+    unsaid: int = 0
+    #: in which numbers of the identity (0x1018) they are two devices; empty where they are not, or nobody knows
+    unlike: str = ""
+    #: whether each object that is no setting is shown, too
+    shows_all: bool = False
+
+    def __bool__(self) -> bool:
+        """Whether the settings are equal: `assert` in a test says the rest."""
+        return not self.differences
+
+    @property
+    def exit_code(self) -> int:
+        """3 where a setting differs."""
+        return 3 if self.differences else 0
+
+    def document(self) -> Document:
+        """`dvtcli.compare/1`."""
+        return {
+            "schema": "dvtcli.compare/1",
+            "node": self.node,
+            "first": self.first,
+            "second": self.second,
+            "objects": self.objects,
+            "equal": not self.differences,
+            "differences": [one.document() for one in self.differences],
+            "about": [one.document() for one in self.about],
+            "apart": [one.document() for one in self.apart],
+            "unsaid": self.unsaid,
+            "unlike": self.unlike,
+        }

@@ -1,0 +1,100 @@
+"""A whole device in a file: everything that can be read of it. Writes nothing to a node."""
+
+from __future__ import annotations
+
+import shlex
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dvtcli.device.file_fits import refuse_unlike_file
+from dvtcli.device.scan_objects import AREAS, scan_objects
+from dvtcli.domain.configuration import Configuration
+from dvtcli.domain.several import plural, several
+from dvtcli.domain.wall_clock import utc
+from dvtcli.errors import UsageError
+from dvtcli.files.whole_device_file import SUFFIX, KeptDevice, KeptObject, whole_device_text
+from dvtcli.operations.results import Facts
+from dvtcli.operations.save_script import ask_before_overwriting, place_of, write_bytes
+from dvtcli.operations.whole_device.export_dcf import SUFFIX as DCF
+from dvtcli.operations.whole_device.export_dcf import dcf_of, left_out, why_unread
+from dvtcli.operations.whole_device.look_through import described, look_through, told
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from dvtcli.device.node import Node
+    from dvtcli.device.read_whole import ReadObject
+    from dvtcli.domain.profile import ObjectAddress
+    from dvtcli.operations.session import Session
+
+
+def backup_device(
+    session: Session,
+    file: str,
+    node_id: int | None = None,
+    *,
+    twice: bool = False,
+    areas: tuple[range, ...] = AREAS,
+) -> Facts:
+    """Read every object of the node with *node_id* (None: the selected one) and keep what it held in *file*.
+
+    A `.dcf` is the node's EDS with those values. A `.jsonl` has the aborts, too, and needs no EDS: without one each
+    index of *areas* is asked for. With *twice* every object is read a second time, and what changed by then is left
+    out. Asks before it overwrites. UsageError for another suffix, for a DCF without an EDS, or where FILE cannot be
+    written.
+    """
+    suffix = Path(file).suffix.lower()
+    if suffix not in (DCF, SUFFIX):
+        raise UsageError(
+            f"{file}: a backup ends in {DCF} or {SUFFIX}", hint=f"{SUFFIX} takes devices without an EDS, too"
+        )
+    path = place_of(file, f"backup {{}}/NAME{DCF}")
+    node = session.node(node_id)
+    if suffix == DCF:
+        described(node)
+        refuse_unlike_file(node.node_id, node.unlike_file, force=session.options.force)
+    ask_before_overwriting(session, path)
+    if suffix == DCF:
+        return _as_dcf(session, node, path, file, twice=twice)
+    if node.dictionary is None:
+        found: Mapping[ObjectAddress, ReadObject]
+        found = scan_objects(node, Configuration(node.profile), areas, told(session, node))
+    else:
+        found = look_through(session, node, twice=twice).objects
+    return _as_lines(node, path, file, found)
+
+
+def _as_dcf(session: Session, node: Node, path: Path, file: str, *, twice: bool) -> Facts:
+    whole = look_through(session, node, twice=twice)
+    text, _ = dcf_of(session, whole, path.name)
+    write_bytes(path, text.data)
+    return _answer(file, node, len(text.said), left_out(whole, text))
+
+
+def _as_lines(node: Node, path: Path, file: str, found: Mapping[ObjectAddress, ReadObject]) -> Facts:
+    eds = "" if node.dictionary is None else node.dictionary.source
+    kept = {place: _kept(one) for place, one in found.items()}
+    text = whole_device_text(KeptDevice(node.node_id, node.identity(), utc(time.time()), kept, eds))
+    write_bytes(path, text.encode())
+    out = {f"{place[0]:04X}:{place[1]:02X}": one.why for place, one in sorted(kept.items()) if one.data is None}
+    return _answer(file, node, len(kept) - len(out), out)
+
+
+def _kept(one: ReadObject) -> KeptObject:
+    why, kind = why_unread(one), one.entry.data_type
+    return KeptObject(None if why else one.data, why, "" if kind is None else kind.short)
+
+
+def _answer(file: str, node: Node, count: int, out: Mapping[str, str]) -> Facts:
+    said = [
+        f"{file}: node {node.node_id}, {plural(count, 'object')} as read just now. "
+        f"What differs from it: dvtcli compare {shlex.quote(file)}"
+    ]
+    if out:
+        said.append(f"note: left out: {several(f'{place} ({why})' for place, why in out.items())}")
+    rows = (
+        ("file", file), ("node", node.node_id), ("objects", count),
+        ("left_out", [{"object": place, "why": why} for place, why in out.items()]),
+    )  # fmt: skip
+    return Facts("backup", rows, tuple(said))

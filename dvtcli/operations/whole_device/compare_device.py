@@ -1,0 +1,185 @@
+"""A whole device, or a file about one, against another file: by what values mean, not by text. Writes nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+from typing import TYPE_CHECKING
+
+from dvtcli.device.read_whole import Unread
+from dvtcli.device.same_device import unlike_before
+from dvtcli.domain.configuration import Configuration, NotWritten, configuration_of
+from dvtcli.domain.object_dictionary import Access, OdEntry
+from dvtcli.domain.standard_objects import is_pdo_mapping, standard_entry
+from dvtcli.files.dcf.value_text import same_value
+from dvtcli.files.whole_device_file import KeptObject
+from dvtcli.operations.results.whole_devices import ObjectDifference, WholeCompared
+from dvtcli.operations.whole_device.export_dcf import why_unread
+from dvtcli.operations.whole_device.held_device import HeldDevice, held_by
+from dvtcli.operations.whole_device.look_through import configuration, read_entries
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+    from dvtcli.device.read_whole import ReadObject
+    from dvtcli.domain.object_dictionary import ObjectDictionary
+    from dvtcli.domain.profile import DeviceProfile, ObjectAddress
+    from dvtcli.operations.session import Session
+
+_COMMUNICATION, _STATES = range(0x1000, 0x2000), (0x1001, 0x1002)
+
+
+class Kind(Enum):
+    """What a difference between two values of an object means."""
+
+    SETTING = "it is configured otherwise"
+    ABOUT = "it is another device, or another program"
+    APART = "it commands, measures, or changes by itself"
+
+
+@dataclass(frozen=True, slots=True)
+class _Second:
+    """The side that a file is compared with: *name*, and what its objects hold on *node_id*."""
+
+    name: str
+    node_id: int
+    objects: Mapping[ObjectAddress, KeptObject]
+    known: Configuration
+    dictionary: ObjectDictionary | None
+    identity: Mapping[str, int | None]
+    changing: frozenset[ObjectAddress] = frozenset()
+    assumed: frozenset[ObjectAddress] = frozenset()
+
+
+def compare_device(
+    session: Session, file: str, other: str | None = None, node_id: int | None = None, *, shows_all: bool = False
+) -> WholeCompared:
+    """Compare what *file* says with the file *other*, or with what node *node_id* (None: the selected one) holds.
+
+    A file is a DCF, an EDS, an XDD, an XDC or a backup's `.jsonl`. Of the node what the file says something of is read;
+    an object that differs is read again, and if it has changed by then it is told apart. UsageError where a file cannot
+    be read, InputFileError where it is none.
+    """
+    if other is None:
+        node = session.node(node_id)
+        first = held_by(file, node.node_id)
+        return _compared(first, _live(session, node, first), node.node_id, shows_all=shows_all)
+    first = held_by(file)
+    second = held_by(other, first.node_id)
+    return _compared(held_by(file, second.node_id), _kept(second, first), None, shows_all=shows_all)
+
+
+def _live(session: Session, node: Node, first: HeldDevice) -> _Second:
+    """What *node* holds of what *first* says."""
+    dictionary = node.dictionary or first.dictionary
+    known = Configuration(node.profile) if dictionary is None else configuration(node, dictionary)
+    entries = [entry_of(dictionary, place) for place, kept in first.objects.items() if kept.data is not None]
+
+    def again(one: ReadObject) -> bool:
+        wanted = first.on_node(one.place, one.entry, node.node_id)
+        return not same_value(one.entry.data_type, wanted, one.data)
+
+    read = read_entries(session, node, entries, known, again)
+    objects = {
+        place: KeptObject(one.data, why_unread(one))
+        for place, one in read.items()
+        if one.unread in (None, Unread.SILENT)
+    }
+    changing = frozenset(place for place, one in read.items() if one.changes)
+    return _Second(f"node {node.node_id}", node.node_id, objects, known, dictionary, node.identity(), changing)
+
+
+def _kept(second: HeldDevice, first: HeldDevice) -> _Second:
+    dictionary = second.dictionary or first.dictionary
+    profile = _profile(second if second.identity["vendor"] else first)
+    known = Configuration(profile) if dictionary is None else configuration_of(dictionary, profile)
+    node_id = second.node_id or first.node_id or 0
+    return _Second(
+        second.name, node_id, second.objects, known, dictionary, second.identity, assumed=second.assumed
+    )  # fmt: skip
+
+
+def _profile(held: HeldDevice) -> DeviceProfile:
+    from dvtcli.files.profile.library import profile_for_identity
+
+    return profile_for_identity(held.identity["vendor"] or 0, held.identity["product"] or 0)
+
+
+def entry_of(dictionary: ObjectDictionary | None, place: ObjectAddress) -> OdEntry:
+    """How the object at *place* is described: by *dictionary*, else by the standard, else not at all."""
+    entry = None if dictionary is None else dictionary.entry(*place)
+    if entry is not None:
+        return entry
+    standard = standard_entry(*place)
+    if standard is None:
+        return OdEntry(*place, "")
+    return OdEntry(*place, "", standard.data_type, standard.access or Access.RW)
+
+
+def kind_of(known: Configuration, entry: OdEntry) -> Kind:
+    """What a difference of the object that *entry* describes means."""
+    why = known.why_not(entry)
+    if why is None or why.is_lifted_by_include:
+        return Kind.SETTING
+    if why is not NotWritten.READ_ONLY or entry.index in _STATES:
+        return Kind.APART
+    return Kind.ABOUT if entry.index in _COMMUNICATION or entry.access is Access.CONST else Kind.APART
+
+
+def _compared(first: HeldDevice, second: _Second, node: int | None, *, shows_all: bool) -> WholeCompared:
+    found: dict[Kind, list[ObjectDifference]] = {kind: [] for kind in Kind}
+    count = 0
+    for place in sorted(first.objects.keys() & second.objects.keys()):
+        entry, held = entry_of(second.dictionary, place), second.objects[place]
+        wanted = first.on_node(place, entry, second.node_id)
+        kind = Kind.APART if place in second.changing else kind_of(second.known, entry)
+        is_assumed = place in first.assumed or place in second.assumed
+        if wanted is None or (held.data is None and (is_assumed or node is None)):
+            continue  # a side says nothing of it
+        if (is_assumed and kind is not Kind.SETTING) or _is_beyond_count(place, first, second):
+            continue  # what a device comes up with is a setting's only; an entry beyond the count maps nothing
+        count += kind is Kind.SETTING
+        if not same_value(entry.data_type, wanted, held.data):
+            name = _name(place, second.dictionary, first.dictionary)
+            found[kind].append(ObjectDifference(_label(place), name, entry.data_type, wanted, held.data, held.why))
+    return WholeCompared(
+        node, first.name, second.name, count, tuple(found[Kind.SETTING]), tuple(found[Kind.ABOUT]),
+        tuple(found[Kind.APART]), _unsaid(first, second, node), _unlike(first, second), shows_all,
+    )  # fmt: skip
+
+
+def _is_beyond_count(place: ObjectAddress, first: HeldDevice, second: _Second) -> bool:
+    """Whether *place* is an entry of a PDO mapping that neither side counts."""
+    index, sub_index = place
+    if not is_pdo_mapping(index) or not sub_index:
+        return False
+    counts = [held.data for held in (first.objects.get((index, 0)), second.objects.get((index, 0))) if held is not None]
+    return len(counts) == 2 and all(data is not None and len(data) == 1 and data[0] < sub_index for data in counts)
+
+
+def _name(place: ObjectAddress, *dictionaries: ObjectDictionary | None) -> str:
+    """What the first file that describes the object calls it."""
+    names = (one.display_name(*place) for one in dictionaries if one is not None)
+    return next(filter(None, names), "")
+
+
+def _unsaid(first: HeldDevice, second: _Second, node: int | None) -> int:
+    """How many settings only one side says something of."""
+    said = {place for place, kept in first.objects.items() if kept.data is not None}
+    known = {place for place, kept in second.objects.items() if kept.data is not None}
+    if node is not None and second.dictionary is not None:
+        known = {(entry.index, entry.sub_index) for entry in second.dictionary.entries() if entry.access.readable}
+    one_sided = known - said if node is not None else known ^ said
+    return sum(kind_of(second.known, entry_of(second.dictionary, place)) is Kind.SETTING for place in one_sided)
+
+
+def _unlike(first: HeldDevice, second: _Second) -> str:
+    """In which numbers of its identity the device is another one; empty where it is not, or nobody knows."""
+    before: dict[str, int | None] = {
+        name: number for name, number in first.identity.items() if number and second.identity.get(name)
+    }
+    return unlike_before(before, {name: second.identity[name] for name in before})
+
+
+def _label(place: ObjectAddress) -> str:
+    return f"{place[0]:04X}:{place[1]:02X}"

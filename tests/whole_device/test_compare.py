@@ -1,0 +1,176 @@
+"""`backup` and `compare`: what a device held, and what is otherwise now, by what it means."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import dvtcli
+from dvtcli.device.scan_objects import scan_objects
+from dvtcli.domain.configuration import Configuration
+from dvtcli.errors import SafetyRefusal
+from dvtcli.files.eds.reader import read_eds
+from dvtcli.files.whole_device_file import read_whole_device
+from dvtcli.operations.whole_device.backup_device import backup_device
+from tests.commands.bench import Bench
+from tests.small_eds import U32, plain, var
+from tests.whole_device.test_export_dcf import FAMILIES, odd
+
+FORMS = ["dcf", "jsonl"]
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("family", FAMILIES)
+def test_a_device_is_as_its_backup_says_until_a_setting_changes(family: str, form: str, tmp_path: Path) -> None:
+    file = tmp_path / f"node.{form}"
+    with Bench((f"{family}@5",)) as bench:
+        kept = bench.run(f"backup {file} --json").document
+        assert kept["schema"] == "dvtcli.backup/1"
+        same = bench.run(f"compare {file} --json")
+        assert (same.code, same.document["equal"], same.document["unlike"]) == (0, True, "")
+        assert 0 < same.document["objects"] <= kept["objects"]
+        assert bench.run(f"compare {file} {file}").code == 0
+
+
+def test_each_setting_that_differs_is_named(tmp_path: Path) -> None:
+    with Bench(("generic@5",)) as bench:
+        assert bench.run(f"backup {tmp_path / 'a.dcf'}").code == 0
+        assert bench.run("set tpdo1 --timer 100").code == 0
+        assert bench.run("write 1017 700").code == 0
+        document = bench.run(f"compare {tmp_path / 'a.dcf'} --json").document
+        assert [one["object"] for one in document["differences"]] == ["1017:00", "1800:05"]
+        assert document["differences"][1]["value_after"] == 100
+        ran = bench.run(f"compare {tmp_path / 'a.dcf'}")
+        assert ran.code == 3
+        assert "2 of " in ran.stdout
+        assert bench.run(f"backup {tmp_path / 'b.jsonl'}").code == 0
+        both = bench.run(f"compare {tmp_path / 'a.dcf'} {tmp_path / 'b.jsonl'} --json")
+        assert (both.code, both.document["node"]) == (3, None)
+        assert [one["object"] for one in both.document["differences"]] == ["1017:00", "1800:05"]
+
+
+def test_what_follows_the_node_id_is_no_difference_on_another_node(tmp_path: Path) -> None:
+    for form in FORMS:
+        with Bench(("generic@5",)) as bench:
+            assert bench.run("disable tpdo1").code == 0
+            assert bench.run(f"backup {tmp_path / 'a'}.{form}").code == 0
+        with Bench(("generic@7",)) as other:
+            document = other.run(f"compare {tmp_path / 'a'}.{form} --json").document
+        assert [one["object"] for one in document["differences"]] == ["1800:01"]
+        assert document["differences"][0]["value_before"] & 0x9FFF_FFFF == 0x8000_0187
+
+
+def test_entries_beyond_the_count_of_a_mapping_mean_nothing(tmp_path: Path) -> None:
+    with Bench(("generic",)) as bench:
+        assert bench.run("map tpdo1 6041 606C").code == 0
+        assert bench.run("map tpdo1 6041").code == 0
+        assert bench.run(f"backup {tmp_path / 'a.dcf'}").code == 0
+        assert bench.run("map tpdo1 6041 6041").code in (0, 1)
+        assert bench.run("map tpdo1 6041").code == 0
+        assert bench.run(f"compare {tmp_path / 'a.dcf'}").code == 0
+
+
+def test_commands_are_told_apart_and_secrets_are_not_read(tmp_path: Path) -> None:
+    with Bench((str(odd(tmp_path)),)) as bench:
+        for form in FORMS:
+            file = tmp_path / f"a.{form}"
+            document = bench.run(f"backup {file} --json").document
+            out = {one["object"]: one["why"] for one in document["left_out"]}
+            assert out["2003:00"] == "part of a login"
+            assert out["2001:00"] == "write-only"
+            assert bench.run("write 6040 0").code == 0
+            assert bench.run("write 6040 7").code == 0
+            compared = bench.run(f"compare {file} --json")
+            assert (compared.code, [one["object"] for one in compared.document["apart"]]) == (0, ["6040:00"])
+            assert "6040:00 is no setting: not counted" in bench.run(f"compare {file}").stdout
+            assert "  6040:00  Controlword" in bench.run(f"compare {file} --all").stdout
+            assert bench.run("write 6040 0").code == 0
+    dictionary = read_eds(tmp_path / "a.dcf").dictionary
+    assert dictionary[0x2003].entries[0].value is None
+    assert dictionary[0x1018].entries[1].value is not None  # a backup has what a device says of itself
+
+
+def test_an_eds_is_compared_by_its_defaults(tmp_path: Path) -> None:
+    eds = odd(tmp_path)
+    with Bench((str(eds),)) as bench:
+        assert bench.run(f"compare {eds}").code == 0
+        assert bench.run("write 2000 7").code == 0
+        document = bench.run(f"compare {eds} --json").document
+    assert [(one["object"], one["value_before"], one["value_after"]) for one in document["differences"]] == [
+        ("2000:00", 100, 7)
+    ]
+
+
+def test_another_device_is_said_to_be_one(tmp_path: Path) -> None:
+    with Bench(("gen4@5",)) as bench:
+        assert bench.run(f"backup {tmp_path / 'a.jsonl'}").code == 0
+    with Bench(("tmcm@5",)) as other:
+        ran = other.run(f"compare {tmp_path / 'a.jsonl'} --json")
+    assert ran.code == 3
+    assert ran.document["unlike"].startswith("vendor 0x")
+    refused = [one for one in ran.document["differences"] if one["after"] is None]
+    assert all("does not exist" in one["why"] for one in refused)
+    assert refused
+
+
+def test_what_changes_by_itself_is_told_apart(tmp_path: Path) -> None:
+    eds = plain()
+    eds.variable(0x2010, var("Running hours", U32, 0))
+    path = tmp_path / "clock.eds"
+    path.write_text(eds.text(), "utf-8")
+    with Bench((str(path),), {"signal": ("2010=ramp(0,4000000000,60s)",)}) as bench:  # 66 counts each microsecond
+        assert bench.run(f"backup {tmp_path / 'a.dcf'}").code == 0
+        document = bench.run(f"compare {tmp_path / 'a.dcf'} --json").document
+        assert (document["equal"], [one["object"] for one in document["apart"]]) == (True, ["2010:00"])
+        kept = bench.run(f"backup {tmp_path / 'b.dcf'} --twice --json").document
+        assert {"object": "2010:00", "why": "it changes by itself"} in kept["left_out"]
+
+
+def test_a_device_without_an_eds_is_asked_for_each_index(tmp_path: Path) -> None:
+    areas = (range(0x1000, 0x1020), range(0x1400, 0x1402), range(0x1600, 0x1602), range(0x6040, 0x6042))
+    with Bench(("generic@5",)) as bench:
+        node = bench.session.node()
+        described, node.dictionary = node.dictionary, None
+        assert described is not None
+        found = scan_objects(node, Configuration(node.profile), areas)
+        backup_device(bench.session, str(tmp_path / "a.jsonl"), areas=areas)
+        there = set()
+        for entry in described.entries():
+            beyond_count = entry.sub_index and (entry.index == 0x1003 or entry.index & 0x1600 == 0x1600)
+            if any(entry.index in area for area in areas) and entry.access.readable and not beyond_count:
+                there.add((entry.index, entry.sub_index))
+        assert there <= found.keys()
+        kept = read_whole_device(tmp_path / "a.jsonl")
+        assert {place for place, one in kept.objects.items() if one.data is not None} >= there
+        assert kept.eds == ""
+        assert bench.run(f"compare {tmp_path / 'a.jsonl'}").code == 0
+        assert bench.run("write 1017 77").code == 0
+        assert bench.run(f"compare {tmp_path / 'a.jsonl'} --json").document["differences"][0]["object"] == "1017:00"
+
+
+def test_words_that_are_no_backup(tmp_path: Path) -> None:
+    (tmp_path / "bad.jsonl").write_text("{", "utf-8")
+    with Bench(("generic",)) as bench:
+        assert bench.run(f"backup {tmp_path / 'a.yaml'}").code == 2
+        assert bench.run(f"compare {tmp_path / 'none.dcf'}").code == 2
+        assert bench.run(f"compare {tmp_path / 'bad.jsonl'}").code == 4
+        assert bench.run(f"backup {tmp_path / 'bad.jsonl'}").code == 6
+        bench.session.node().dictionary = None
+        assert bench.run(f"backup {tmp_path / 'a.dcf'}").code == 2
+
+
+def test_programs_do_the_same(tmp_path: Path) -> None:
+    with dvtcli.simulate("generic") as bus:
+        node = bus.node()
+        node.backup(tmp_path / "a.jsonl")
+        node.export(tmp_path / "a.dcf")
+        node.export(tmp_path / "a.yaml")
+        with pytest.raises(SafetyRefusal):
+            node.backup(tmp_path / "a.jsonl")
+        node.backup(tmp_path / "a.jsonl", yes=True)
+        assert node.compare(tmp_path / "a.jsonl")
+        node.write("1017", 700)
+        compared = node.compare(tmp_path / "a.dcf")
+    assert not compared
+    assert [one.object for one in compared.differences] == ["1017:00"]
