@@ -104,6 +104,10 @@ def _library_settings(options: dict[str, object]) -> Iterator[tuple[str, object,
             yield name, value, where
 
 
+#: interfaces of python-can that need no adapter of this machine: servers, and what lives in this computer
+_OVER_A_LINE = frozenset({"socketcand", "udp_multicast", "virtual"})
+
+
 def _interfaces(session: Session) -> Iterator[Check]:
     from dvtcli.bus.discover import find_interfaces
 
@@ -113,7 +117,8 @@ def _interfaces(session: Session) -> Iterator[Check]:
         verdict = "warn" if one.problem else "ok"
         yield Check("interface", verdict, f"{one.interface} {one.channel}  {one.about}".rstrip(), one.problem)  # type: ignore[arg-type]
     if not found:
-        needless = bool(session.options.sim or others)
+        on_a_line = session.options.interface in _OVER_A_LINE
+        needless = bool(session.options.sim or others or on_a_line)
         hint = None if needless else "is the adapter plugged in, and its driver (or python-can's extra) installed?"
         yield Check("interface", "ok" if needless else "warn", "none was found on this machine", hint)
     yield from others

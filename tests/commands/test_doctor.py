@@ -166,6 +166,12 @@ def test_what_is_heard_on_a_bus() -> None:
         assert "no EDS is known" in found["node"]["text"]
 
 
+def test_no_adapter_is_missed_where_the_bus_needs_none() -> None:
+    with Bench((), {"interface": "virtual", "channel": f"doctor-{next(_NUMBERS)}"}) as bench:
+        found = bench.run("doctor --json").document["checks"]
+    assert not [one for one in found if one["text"] == "none was found on this machine" and one["verdict"] != "ok"]
+
+
 def test_error_frames_fail_with_what_they_mean() -> None:
     channel = f"doctor-{next(_NUMBERS)}"
     bus = can.Bus(channel, interface="virtual", ignore_config=True)
