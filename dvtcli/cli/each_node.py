@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from dvtcli.cli.boundary import SIGNALLED, guarded
@@ -11,6 +11,7 @@ from dvtcli.errors import LeftChanged, NoAnswer
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
+    from dvtcli.cli.object_params import ObjectWord
     from dvtcli.operations.session import Session
 
 
@@ -40,6 +41,12 @@ def nodes_meant(session: Session) -> tuple[int | None, ...]:
     base = session.base
     several = base.every_node or len(base.nodes) > 1
     return several_ids(session) if several and session.selected is None else (None,)
+
+
+def objects_meant(session: Session, words: Sequence[ObjectWord]) -> list[tuple[str, int | None]]:
+    """Each object with its node; one that names none is meant of each node that -n names."""
+    nodes = nodes_meant(session) if words else ()
+    return [(word.text, one) for word in words for one in ((word.node_id,) if word.node_id is not None else nodes)]
 
 
 def on_each_node(session: Conversation, run: Callable[[], Any], *, go_on: bool) -> int:

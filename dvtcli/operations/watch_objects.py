@@ -69,6 +69,22 @@ def watch_objects(
     return ValuesWatched(tuple(courses), file)
 
 
+class ObjectRound:
+    """*objects*, found once, to be read again and again; UsageError as `read_object`."""
+
+    def __init__(self, session: Session, objects: Sequence[Asked]) -> None:
+        self._places = _places(session, objects)
+
+    @property
+    def objects(self) -> list[tuple[int, int, int]]:
+        """The node-ID, index and sub-index of each."""
+        return [(node.node_id, index, sub_index) for node, index, sub_index in self._places]
+
+    def read(self, number: int) -> ValueRead:
+        """What the object *number* of them holds; errors as those of `read_object`."""
+        return _read(self._places[number], None)
+
+
 def _places(session: Session, objects: Sequence[Asked]) -> list[_Place]:
     nodes = [(session.node(node_id), text) for text, node_id in objects]
     try:

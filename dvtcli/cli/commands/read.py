@@ -62,16 +62,20 @@ def command(
     if for_s is not None and every_s is None:
         raise click.UsageError("--for belongs to --every")
     if every_s is not None:
+        from dvtcli.cli.each_node import objects_meant
         from dvtcli.operations.watch_objects import watch_objects
 
         show = session.output.stream
-        return watch_objects(session, _asked(session, objects), every_s, for_s, show, data_type=data_type, file=output)
+        return watch_objects(
+            session, objects_meant(session, objects), every_s, for_s, show, data_type=data_type, file=output
+        )
     if len(objects) > 1 and output is not None:
         raise click.UsageError("-o takes the bytes of one object; with --every the values of several as .csv")
     if len(objects) > 1:
+        from dvtcli.cli.each_node import objects_meant
         from dvtcli.operations.watch_objects import read_objects
 
-        return read_objects(session, _asked(session, objects), data_type)
+        return read_objects(session, objects_meant(session, objects), data_type)
     (only,) = objects
     if output is not None:
         from dvtcli.operations.object_files import read_to_file
@@ -82,11 +86,3 @@ def command(
     from dvtcli.operations.read_object import read_object
 
     return read_object(session, only.text, data_type, only.node_id)
-
-
-def _asked(session: Conversation, objects: tuple[ObjectWord, ...]) -> list[tuple[str, int | None]]:
-    """Each object with its node; one that names none is meant of each node that -n names."""
-    from dvtcli.cli.each_node import nodes_meant
-
-    nodes = nodes_meant(session)
-    return [(word.text, one) for word in objects for one in ((word.node_id,) if word.node_id is not None else nodes)]

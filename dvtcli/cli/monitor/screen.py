@@ -79,7 +79,7 @@ def picture(store: FrameStore, view: View, moment: Moment, width: int, height: i
     body = _graph(store, view, moment, width, room) if view.mode == GRAPH else _table(store, view, moment, width, room)
     body += [[] for _ in range(room - len(body))]
     lines = [*above, *body[:room], *events, _keys(view)]
-    return [_cut(line, width) for line in lines]
+    return [cut(line, width) for line in lines]
 
 
 def chosen_signals(store: FrameStore, view: View) -> list[tuple[Row, Signal, Course]]:
@@ -106,8 +106,7 @@ def _title(row: Row) -> str:
 
 
 def _header(store: FrameStore, view: View, moment: Moment) -> list[Cell]:
-    clock = f"{int(moment.running_s) // 3600:02}:{int(moment.running_s) // 60 % 60:02}:{int(moment.running_s) % 60:02}"
-    cells = [Cell("MONITOR ", "bold"), Cell(f"{moment.name}  {clock}  ")]
+    cells = [Cell("MONITOR ", "bold"), Cell(f"{moment.name}  {clock(moment.running_s)}  ")]
     if moment.gone_s is not None:
         cells.append(Cell(f"GONE for {moment.gone_s:.0f} s, waiting for it  ", "red"))
     cells.append(Cell(f"{store.frames} frames  "))
@@ -176,11 +175,11 @@ def _table(store: FrameStore, view: View, moment: Moment, width: int, room: int)
             if view.mode == TABLE:
                 lines.append(_signal_line(signal, course, view, moment, width, chosen=chosen))
             number += 1
-    view.top = _scrolled(view.top, at_chosen, len(lines), room)
+    view.top = scrolled(view.top, at_chosen, len(lines), room)
     return lines[view.top :] or [[Cell("  nothing yet" if not store.rows else "  nothing fits the filter", "dim")]]
 
 
-def _scrolled(top: int, chosen: int, count: int, room: int) -> int:
+def scrolled(top: int, chosen: int, count: int, room: int) -> int:
     """The first line to show, so that the chosen one (with its frame's line above) is on the screen."""
     top = min(top, max(0, count - room))
     if chosen - 1 < top:
@@ -203,6 +202,21 @@ def _row_line(row: Row, store: FrameStore, moment: Moment) -> list[Cell]:
         *_bytes(row, moment),
         Cell(f"{'' if row.remote else '   ' * (8 - len(row.data))} {name}", "dim"),
     ]
+
+
+def clock(seconds: float) -> str:
+    """A time as hours, minutes and seconds."""
+    return f"{int(seconds) // 3600:02}:{int(seconds) // 60 % 60:02}:{int(seconds) % 60:02}"
+
+
+def levels(view: View) -> str:
+    """The characters of a sparkline, from the least to the most."""
+    return _PLAIN_LEVELS if view.plain else _LEVELS
+
+
+def value_and_more(signal: Signal, course: Course) -> tuple[str, str]:
+    """The value of *signal* as every screen shows it, and what stands behind its sparkline."""
+    return _value_and_more(signal, course)
 
 
 def _count(number: int) -> str:
@@ -277,7 +291,7 @@ def _graph(store: FrameStore, view: View, moment: Moment, width: int, room: int)
     return [[Cell(title, "bold"), Cell(now, "yellow"), Cell(spread, "dim")], *([Cell(line)] for line in drawn)]
 
 
-def _cut(line: list[Cell], width: int) -> list[Cell]:
+def cut(line: list[Cell], width: int) -> list[Cell]:
     """*line* made safe and no wider than *width* columns."""
     cells: list[Cell] = []
     left = width

@@ -12,7 +12,12 @@ from tests.house.laws.source_tree import SourceTree, dotted, imported, parsed, t
 ONLY_IN: dict[str, tuple[str, ...]] = {
     "can": ("bus/", "simulator/network/", "files/recording.py"),
     "canopen": ("bus/",),
-    "prompt_toolkit": ("cli/prompt/", "cli/monitor/full_screen.py", "cli/monitor/monitor_keys.py"),
+    "prompt_toolkit": (
+        "cli/prompt/",
+        "cli/monitor/full_screen.py",
+        "cli/monitor/monitor_keys.py",
+        "cli/monitor/watch_keys.py",
+    ),
     "click": ("cli/",),
     "pytest": ("testing.py",),
 }

@@ -1,0 +1,99 @@
+"""Watch chosen objects and PDOs: values, changes, ages and courses on a full screen."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+import click
+
+from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.commands._live_params import DurationType
+from dvtcli.cli.effect import Effect
+from dvtcli.cli.object_params import NodeObjectType, Objects, ObjectWord
+from dvtcli.cli.pdo_params import NodePdo, PdoType
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from click.shell_completion import CompletionItem
+
+    from dvtcli.cli.conversation import Conversation
+    from dvtcli.operations.results import ValuesWatched
+
+TASK = ("See", 42)
+_PDO = re.compile(r"(?:\d+:)?[rt]pdo\d+", re.IGNORECASE | re.ASCII)
+
+
+class _WatchedType(NodeObjectType):
+    """An object, or a PDO: `606C`, `3:6041`, `tpdo1`, `3:tpdo1`."""
+
+    name = "object"
+
+    def parse(self, text: str, ctx: click.Context | None) -> object:  # type: ignore[override]
+        """The word; ValueError as for an object or a PDO."""
+        return PdoType().parse(text, ctx) if _PDO.fullmatch(text) else super().parse(text, ctx)
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        """PDOs, then objects."""
+        pdos = PdoType().shell_complete(ctx, param, incomplete) if incomplete[:1].lower() in ("t", "r") else []
+        return [*pdos, *super().shell_complete(ctx, param, incomplete)]
+
+
+@click.command("watch", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
+@click.argument("words", cls=Objects, type=_WatchedType(), metavar="OBJECT|PDO…", nargs=-1, required=True)
+@click.option("--every", "every_s", type=DurationType(), metavar="TIME", help="Read objects so often [500ms].")
+@click.option("--for", "for_s", type=DurationType(), metavar="TIME", help="End after TIME [until q or Ctrl-C].")
+@click.pass_obj
+def command(
+    session: Conversation,
+    /,
+    words: tuple[ObjectWord | NodePdo, ...],
+    every_s: float | None,
+    for_s: float | None,
+) -> ValuesWatched | None:
+    """Show what OBJECTs hold, read by SDO again and again, and what PDOs carry, as their frames come.
+
+    A full screen at a terminal; its keys are at the bottom, and a value that has just changed is marked with *.
+    Without a terminal, and with --json, objects are lines as of `read OBJECT… --every`; PDOs need the screen, or
+    `monitor`. Only reads: of PDOs the mapping by SDO upload, once, and anew with m.
+
+    \b
+    watch 6041 606C --for 1s
+    watch 606C 3:6041 tpdo1 3:tpdo2 --every 100ms
+    """
+    from dvtcli.cli.each_node import objects_meant
+    from dvtcli.cli.monitor.full_screen import has_full_screen
+
+    objects = [word for word in words if isinstance(word, ObjectWord)]
+    pdos = [word for word in words if isinstance(word, NodePdo)]
+    if has_full_screen(session):
+        _on_screen(session, objects, pdos, every_s or _EVERY_S, for_s)
+        return None
+    if pdos:
+        raise click.UsageError("PDOs are watched on a full screen, which needs a terminal; here `monitor` shows frames")
+    from dvtcli.operations.watch_objects import watch_objects
+
+    return watch_objects(session, objects_meant(session, objects), every_s or _EVERY_S, for_s, session.output.stream)
+
+
+_EVERY_S = 0.5
+
+
+def _on_screen(
+    session: Conversation,
+    objects: Sequence[ObjectWord],
+    pdos: Sequence[NodePdo],
+    every_s: float,
+    for_s: float | None,
+) -> None:
+    from dvtcli.cli.each_node import objects_meant
+    from dvtcli.cli.monitor.watch_keys import watch_screen
+    from dvtcli.operations.watch_bus import watching
+    from dvtcli.operations.watch_objects import ObjectRound
+
+    wanted = [(session.node_id() if word.node_id is None else word.node_id, word.pdo.label) for word in pdos]
+    nodes = tuple(dict.fromkeys(node_id for node_id, _ in wanted))
+    found = ObjectRound(session, objects_meant(session, objects))
+    with watching(session, nodes, known=False) as watched:
+        watch_screen(session, watched, found, wanted, every_s, for_s)

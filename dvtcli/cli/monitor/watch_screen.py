@@ -1,0 +1,193 @@
+"""The picture of `watch`: chosen objects and PDOs, as lines for a screen of a given size.
+
+Pure. Does not know the terminal, the keys or the bus.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from dvtcli.cli.monitor.graph import graph
+from dvtcli.cli.monitor.screen import (
+    FRESH_S,
+    GRAPH,
+    GRAPH_S,
+    Lines,
+    Moment,
+    View,
+    age,
+    clock,
+    cut,
+    levels,
+    scrolled,
+    value_and_more,
+)
+from dvtcli.cli.view.lines import Cell
+from dvtcli.cli.view.safe import safe
+from dvtcli.watch.decoder import Signal
+from dvtcli.watch.seen import FrameStore, Row
+from dvtcli.watch.statistics import Course, spark
+from dvtcli.watch.watched_object import WatchedObject
+
+#: a PDO that is watched: its node-ID and its label (`TPDO1`)
+WatchedPdo = tuple[int, str]
+#: columns of a sparkline: in 80 columns, and at most
+_SPARK, _LONG_SPARK = 8, 60
+
+
+@dataclass(frozen=True, slots=True)
+class _Shown:
+    """One line's value, with where it comes from."""
+
+    node: int
+    signal: Signal
+    course: Course
+    read_s: float | None
+    problem: str = ""
+
+
+@dataclass(slots=True)
+class Board:
+    """What is watched: *objects* by SDO every *every_s* seconds, *pdos* by their frames, which *store* takes."""
+
+    objects: Sequence[WatchedObject]
+    pdos: Sequence[WatchedPdo]
+    store: FrameStore
+    every_s: float
+
+    def row(self, pdo: WatchedPdo) -> Row | None:
+        """The frames of *pdo*, None where none came."""
+        rows = self.store.rows.values()
+        return next((row for row in rows if (row.service.node, row.service.label) == pdo), None)
+
+    def forget(self) -> None:
+        """Begin anew with all statistics."""
+        self.store.forget()
+        for one in self.objects:
+            one.course.forget()
+
+
+def watch_picture(board: Board, view: View, moment: Moment, width: int, height: int) -> Lines:
+    """The whole screen: header, values, keys; *height* lines (3 and more) of at most *width* columns."""
+    room = max(0, height - 3)
+    draw = _graph if view.mode == GRAPH else _table
+    body = draw(board, view, moment, width, room)
+    body += [[] for _ in range(room - len(body))]
+    lines = [_header(board, view, moment), _heads(width), *body[:room], _keys(view)]
+    return [cut(line, width) for line in lines]
+
+
+def shown_values(board: Board) -> list[_Shown]:
+    """Everything that has a line, in the order of the screen."""
+    found = [_Shown(one.node, one.signal, one.course, one.read_s, one.problem) for one in board.objects]
+    return found + [one for pdo in board.pdos for one in _signals(board, pdo)]
+
+
+def _signals(board: Board, pdo: WatchedPdo) -> Iterator[_Shown]:
+    row = board.row(pdo)
+    if row is not None:
+        for signal, course in zip(row.layout.signals, row.courses, strict=True):
+            yield _Shown(pdo[0], signal, course, row.last_s)
+
+
+def _header(board: Board, view: View, moment: Moment) -> list[Cell]:
+    cells = [Cell("WATCH ", "bold"), Cell(f"{moment.name}  {clock(moment.running_s)}  ")]
+    if board.objects:
+        cells.append(Cell(f"SDO every {1000 * board.every_s:g} ms  " if board.every_s < 1 else _seconds(board.every_s)))
+    if moment.gone_s is not None:
+        cells.append(Cell(f"GONE for {moment.gone_s:.0f} s, waiting for it  ", "red"))
+    if moment.reading is not None:
+        cells.append(Cell(f"reading the mapping of node {moment.reading}...  ", "cyan"))
+    if view.paused:
+        cells.append(Cell("PAUSED", "yellow"))
+    return cells
+
+
+def _seconds(every_s: float) -> str:
+    return f"SDO every {every_s:g} s  "
+
+
+def _heads(width: int) -> list[Cell]:
+    name, long = _widths(width)
+    return [Cell(f"  {'OBJECT':<11} {'NAME':<{name}} {'VALUE':>15}     AGE  {'COURSE':<{long}}  LEAST .. MOST", "dim")]
+
+
+def _widths(width: int) -> tuple[int, int]:
+    """Columns of the name and of the sparkline."""
+    name = max(10, min(40, width - 68))
+    return name, max(_SPARK, min(_LONG_SPARK, width - 70 - name))
+
+
+def _keys(view: View) -> list[Cell]:
+    keys = [("p", "go on" if view.paused else "pause"), ("↑↓", "choose"), ("g", "graph"), ("m", "mappings")]
+    keys += [("c", "clear"), ("q", "quit")]
+    return [cell for key, what in keys for cell in (Cell(f" {key}", "bold"), Cell(f" {what} "))]
+
+
+def _table(board: Board, view: View, moment: Moment, width: int, room: int) -> Lines:
+    shown = shown_values(board)
+    view.chosen = max(0, min(view.chosen, len(shown) - 1))
+    lines: Lines = []
+    places: list[int] = []
+    for one in shown[: len(board.objects)]:
+        places.append(len(lines))
+        lines.append(_line(one, view, moment, width, chosen=len(places) - 1 == view.chosen))
+    for pdo in board.pdos:
+        lines.append(_pdo_line(board, pdo, moment))
+        for one in _signals(board, pdo):
+            places.append(len(lines))
+            lines.append(_line(one, view, moment, width, chosen=len(places) - 1 == view.chosen))
+    view.top = scrolled(view.top, places[view.chosen] if places else 0, len(lines), room)
+    return lines[view.top :]
+
+
+def _pdo_line(board: Board, pdo: WatchedPdo, moment: Moment) -> list[Cell]:
+    node, label = pdo
+    title, row = Cell(f"{label} node {node}", "bold"), board.row(pdo)
+    if row is None:
+        return [title, Cell("  no frame yet", "yellow")]
+    rate = row.rhythm.rate_hz(moment.now_s)
+    said = "" if rate is None else f"  {rate:.1f} Hz"
+    return [title, Cell(f"  0x{row.can_id:03X}{said}  {row.count} frames  {row.data.hex(' ').upper()}", "dim")]
+
+
+def _line(one: _Shown, view: View, moment: Moment, width: int, *, chosen: bool) -> list[Cell]:
+    name_width, long = _widths(width)
+    name = safe(one.signal.name)
+    name = name if len(name) <= name_width else name[: name_width - 1] + "…"
+    old = "" if one.read_s is None else age(moment.now_s - one.read_s)
+    cells = [
+        Cell("> " if chosen else "  ", "cyan"),
+        Cell(f"{f'{one.node}:{one.signal.object}':<11} {name:<{name_width}} "),
+    ]
+    if one.problem:
+        return [*cells, Cell(one.problem, "red")]
+    value, about = value_and_more(one.signal, one.course)
+    fresh = one.course.changed_s == one.read_s or moment.now_s - one.course.changed_s < FRESH_S
+    drawn = spark([point.last for point in list(one.course.points)[-long:]], levels(view))
+    return [
+        *cells,
+        Cell(f"{value:>15}{'*' if fresh else ' '}", "yellow" if fresh else ""),
+        Cell(f" {old:>7}  ", "dim"),
+        Cell(f"{drawn:<{long}}  ", "green"),
+        Cell(about, "dim"),
+    ]
+
+
+def _graph(board: Board, view: View, moment: Moment, width: int, room: int) -> Lines:
+    shown = shown_values(board)
+    if not shown:
+        return [[Cell("  nothing to draw: no value came yet", "dim")]]
+    one = shown[max(0, min(view.chosen, len(shown) - 1))]
+    value, about = value_and_more(one.signal, one.course)
+    title = f"node {one.node}  {one.signal.object}  {one.signal.name}".rstrip()
+    if one.course.low is None:
+        return [[Cell(title, "bold"), Cell(f"  {one.problem or 'no number came yet'}", "dim")]]
+    span_s = (moment.now_s - GRAPH_S, moment.now_s)
+    ends = f"-{GRAPH_S:g} s", "now"
+    drawn = graph(list(one.course.points), width, max(4, room - 1), span_s, ends=ends, plain=view.plain)
+    return [
+        [Cell(title, "bold"), Cell(f"  {value}", "yellow"), Cell(f"   {about}", "dim")],
+        *([Cell(line)] for line in drawn),
+    ]
