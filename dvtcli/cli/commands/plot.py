@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import Plotted, PlottedSignal
     from dvtcli.watch.tracks import Track
 
-TASK = ("See", 60)
+TASK = ("Scripts and files", 80)
 
 #: a graph's most columns, fewest and most lines
 _WIDTH, _LEAST, _MOST = 200, 8, 24

@@ -214,11 +214,6 @@ def levels(view: View) -> str:
     return _PLAIN_LEVELS if view.plain else _LEVELS
 
 
-def value_and_more(signal: Signal, course: Course) -> tuple[str, str]:
-    """The value of *signal* as every screen shows it, and what stands behind its sparkline."""
-    return _value_and_more(signal, course)
-
-
 def _count(number: int) -> str:
     return str(number) if number < 1_000_000 else f"{number / 1e6:.1f}M"
 
@@ -245,7 +240,7 @@ def _signal_line(signal: Signal, course: Course, view: View, moment: Moment, wid
     name = safe(signal.name)
     name = name if len(name) <= name_width else name[: name_width - 1] + "…"
     fresh = moment.now_s - course.changed_s < FRESH_S
-    value, about = _value_and_more(signal, course)
+    value, about = value_and_more(signal, course)
     levels = _PLAIN_LEVELS if view.plain else _LEVELS
     if len(value) > value_width:
         value = signal.meaning.quantity(course.last) if isinstance(course.last, int | float) else value
@@ -260,7 +255,7 @@ def _signal_line(signal: Signal, course: Course, view: View, moment: Moment, wid
     ]
 
 
-def _value_and_more(signal: Signal, course: Course) -> tuple[str, str]:
+def value_and_more(signal: Signal, course: Course) -> tuple[str, str]:
     """A signal's value, and its lowest and highest one; of a statusword and the like raw, and what it says."""
     meaning, last = signal.meaning, course.last
     if isinstance(last, int) and not meaning.has_number and meaning.words(last):

@@ -112,4 +112,6 @@ def _note(watched: WatchedObject, at_s: float, found: ValueRead | DvtcliError) -
     if isinstance(found, DvtcliError):
         watched.fail(found.text if found.abort is None else f"refused: {abort_text(found.abort)}")
     else:
-        watched.take(Signal(found.object, found.name, found.object, found.unit), found.value, at_s)
+        watched.take(
+            Signal(found.object, found.name, found.object, found.meaning, 8 * len(found.raw)), found.value, at_s
+        )

@@ -27,13 +27,15 @@ from dvtcli.cli.view.lines import Cell
 from dvtcli.cli.view.safe import safe
 from dvtcli.watch.decoder import Signal
 from dvtcli.watch.seen import FrameStore, Row
-from dvtcli.watch.statistics import Course, spark
+from dvtcli.watch.statistics import Course, physical_points, spark
 from dvtcli.watch.watched_object import WatchedObject
 
 #: a PDO that is watched: its node-ID and its label (`TPDO1`)
 WatchedPdo = tuple[int, str]
 #: columns of a sparkline: in 80 columns, and at most
 _SPARK, _LONG_SPARK = 8, 60
+#: columns of a value
+_VALUE = 15
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,11 +166,13 @@ def _line(one: _Shown, view: View, moment: Moment, width: int, *, chosen: bool) 
     if one.problem:
         return [*cells, Cell(one.problem, "red")]
     value, about = value_and_more(one.signal, one.course)
+    if len(value) > _VALUE and isinstance(one.course.last, int | float):
+        value = one.signal.meaning.quantity(one.course.last)
     fresh = one.course.changed_s == one.read_s or moment.now_s - one.course.changed_s < FRESH_S
     drawn = spark([point.last for point in list(one.course.points)[-long:]], levels(view))
     return [
         *cells,
-        Cell(f"{value:>15}{'*' if fresh else ' '}", "yellow" if fresh else ""),
+        Cell(f"{value:>{_VALUE}}{'*' if fresh else ' '}", "yellow" if fresh else ""),
         Cell(f" {old:>7}  ", "dim"),
         Cell(f"{drawn:<{long}}  ", "green"),
         Cell(about, "dim"),
@@ -186,7 +190,8 @@ def _graph(board: Board, view: View, moment: Moment, width: int, room: int) -> L
         return [[Cell(title, "bold"), Cell(f"  {one.problem or 'no number came yet'}", "dim")]]
     span_s = (moment.now_s - GRAPH_S, moment.now_s)
     ends = f"-{GRAPH_S:g} s", "now"
-    drawn = graph(list(one.course.points), width, max(4, room - 1), span_s, ends=ends, plain=view.plain)
+    points = physical_points(one.course.points, one.signal.meaning)
+    drawn = graph(points, width, max(4, room - 1), span_s, ends=ends, plain=view.plain)
     return [
         [Cell(title, "bold"), Cell(f"  {value}", "yellow"), Cell(f"   {about}", "dim")],
         *([Cell(line)] for line in drawn),
