@@ -30,8 +30,7 @@ def value_result(
     node: Node, index: int, sub_index: int, data: bytes, asked: DataType | None, *, written: bool = False
 ) -> ValueRead:
     """The answer for an object that holds *data*; *asked* is a type the user named."""
-    own = type_of(node, index, sub_index, len(data))
-    kind = asked or own
+    kind = asked or type_of(node, index, sub_index, len(data))
     if asked is None and kind.size is not None and kind.size != len(data):
         kind = BY_SHORT_NAME[_BY_SIZE.get(len(data), "os")]  # the device disagrees with its file: show what it sent
     try:
@@ -51,6 +50,6 @@ def value_result(
         value,
         data,
         kind.short,
-        meanings_of(node.profile, node.dictionary).of(index, sub_index) if asked in (None, own) else NOTHING,
+        meanings_of(node.profile, node.dictionary).of(index, sub_index) if asked is None else NOTHING,
         written,
     )

@@ -10,15 +10,15 @@ from time import monotonic, time
 from typing import TYPE_CHECKING
 
 from dvtcli.errors import BusUnavailable, DvtcliError, SafetyRefusal, UsageError
+from dvtcli.operations.frame_answer import frame_seen
 from dvtcli.operations.layouts import live_decoder, open_wire
 from dvtcli.operations.results import Facts
 from dvtcli.operations.steady_listener import SteadyListener
-from dvtcli.watch.table import SignalTable
+from dvtcli.watch.table import SignalRows
 
 if TYPE_CHECKING:
     from dvtcli.domain.ports import Frame
     from dvtcli.operations.session import Session
-    from dvtcli.watch.decoder import Decoder
 
 #: how long frames are gathered before they are written (s)
 _BATCH_S = 0.05
@@ -68,36 +68,46 @@ def record_values(
     duration_s: float | None = None,
     nodes: tuple[int, ...] | None = None,
     dbc: str | None = None,
+    text: str = "",
 ) -> Facts:
-    """Record the values of known frames into *path* as CSV, one column a signal; *nodes* and *dbc* say what is known.
+    """Record the values of known frames into *path*, a .csv, .parquet or .jsonl; *nodes* and *dbc* say what is known.
 
-    It ends after *duration_s* seconds, None for never, or when the session is cancelled. UsageError where no mapping
-    is known, DvtcliError where the file cannot be written; SafetyRefusal where the bus is back and carries other
-    values.
+    Only signals with *text* (small letters) in their names. It ends after *duration_s* seconds, None for never, or
+    when the session is cancelled. UsageError where no such signal is known, DvtcliError where the file cannot be
+    written; SafetyRefusal where the bus is back and carries other values.
     """
+    from dvtcli.files.values.value_file import checked_form, write_file
+
+    checked_form(path)
     _check_target(session, path, append=False)
     open_wire(session)
     listening = SteadyListener(session)
-    decoder: Decoder = live_decoder(session, nodes or (), dbc)
-    if not len(decoder):
-        raise UsageError("no mapping is known: there is nothing to decode", hint="name --nodes that answer, or --dbc")
+    rows = SignalRows(live_decoder(session, nodes or (), dbc), text)
+    if not rows.columns:
+        raise _nothing_known(text)
     try:
-        with closing(path.open("w", encoding="utf-8", newline="")) as file, listening as listener:
-            table = SignalTable(file, decoder)
+        written = write_file(path, rows, lambda one: frame_seen(one, rows.decoder).chosen(text).document())
+        with closing(written) as file, listening as listener:
 
             def require_the_same() -> None:
-                if not table.decode_by(live_decoder(session, nodes or (), dbc)):
+                if not rows.decode_by(live_decoder(session, nodes or (), dbc)):
                     raise SafetyRefusal(
                         f"{path} ends: the bus is back, and the nodes send other values than its columns",
                         hint="log into another file",
                     )
 
-            seconds = _record(session, listener, table.write, file.flush, filters, duration_s, require_the_same)
+            seconds = _record(session, listener, file.write, file.flush, filters, duration_s, require_the_same)
         size = path.stat().st_size
     except OSError as failed:
         raise DvtcliError(f"{path}: {failed.strerror or failed}", place=str(path)) from failed
-    more = f", {table.other} others left out" if table.other else ""
-    return _facts(session, path, table.frames, seconds, listener, (size, more))
+    more = f", {rows.other} others left out" if rows.other else ""
+    return _facts(session, path, rows.frames, seconds, listener, (size, more))
+
+
+def _nothing_known(text: str) -> UsageError:
+    if text:
+        return UsageError(f"no signal has {text!r} in its name", hint="`pdo` shows what the nodes map")
+    return UsageError("no mapping is known: there is nothing to decode", hint="name --nodes that answer, or --dbc")
 
 
 def _record(

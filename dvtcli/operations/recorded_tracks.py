@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from dvtcli.errors import UsageError
 from dvtcli.files.recording import check_readable, read_recording
+from dvtcli.files.values.value_file import is_value_file, read_values
 from dvtcli.operations.recorded import decoder_for
-from dvtcli.watch.tracks import fill, find_tracks
+from dvtcli.watch.table import all_columns
+from dvtcli.watch.tracks import fill, fill_rows, find_tracks
 
 if TYPE_CHECKING:
     from dvtcli.operations.session import Session
@@ -25,12 +27,20 @@ def recorded_tracks(
 ) -> tuple[list[Track], tuple[float, float]]:
     """Each of *signals* (a name or an object) that has samples in the recording at *path*, and from when to when (s).
 
+    A recording is one of frames, or of values as `log --decode` writes them; the unit of those is in their columns.
+
     UsageError for a name that is no signal, or where no sample is found; what decodes is as `decoder_for` says.
     """
-    check_readable(path)
-    decoder = decoder_for(session, nodes, dbc)
-    tracks = find_tracks(signals, decoder)
-    span_s = fill(tracks, read_recording(path), decoder)
+    tracks: Mapping[Any, Track]
+    if is_value_file(path):
+        values = read_values(path)
+        tracks = by_number = find_tracks(signals, dict(enumerate(values.columns)))
+        span_s = fill_rows(by_number, values.rows)
+    else:
+        check_readable(path)
+        decoder = decoder_for(session, nodes, dbc)
+        tracks = by_place = find_tracks(signals, all_columns(decoder))
+        span_s = fill(by_place, read_recording(path), decoder)
     found = [track for track in tracks.values() if track.values]
     if not found:
         names = ", ".join(track.name for track in tracks.values())

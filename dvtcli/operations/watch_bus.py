@@ -102,7 +102,7 @@ def stream(
                 continue
             fresh = [frame for frame in taken if store.take(frame) or not changes]
             seen = (frame_seen(frame, watched.decoder) for frame in fresh)
-            show(one for one in seen if not text or one.matches(text))
+            show(one.chosen(text) for one in seen if not text or one.matches(text))
     finally:
         if listener.overflowed:
             watched.session.tell.warning(

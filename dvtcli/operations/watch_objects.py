@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from dvtcli.errors import UsageError
 from dvtcli.operations.named_objects import means_whole, object_at, one_name
 from dvtcli.operations.object_values import value_result
+from dvtcli.operations.physical_meanings import meanings_of
 from dvtcli.operations.read_record import read_whole
 from dvtcli.operations.results.documents import hex_bytes
 from dvtcli.operations.results.watched_values import ObjectCourse, ValuesRead, ValuesWatched
@@ -18,7 +19,7 @@ from dvtcli.operations.save_script import ask_before_overwriting, place_of
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
-    from dvtcli.domain.datatypes import DataType, Value
+    from dvtcli.domain.datatypes import DataType
     from dvtcli.operations.results.values import ValueRead
     from dvtcli.operations.session import Session
 
@@ -55,13 +56,13 @@ def watch_objects(
     `read_object`: one that cannot be read ends it.
     """
     places, courses = _places(session, objects), [ObjectCourse() for _ in objects]
-    with _rows(session, places, file) as write:
+    with _rows(session, places, file, data_type) as write:
         try:
             for at_s in _moments(session, every_s, for_s):
                 values = tuple(_read(place, data_type) for place in places)
                 for course, value in zip(courses, values, strict=True):
                     course.add(value)
-                write([f"{at_s:.3f}", *(_cell(value.value) for value in values)])
+                write([f"{at_s:.3f}", *(_cell(value) for value in values)])
                 show([ValuesRead(values, at_s)])
         except KeyboardInterrupt:
             if not courses[0].samples:
@@ -104,8 +105,19 @@ def _is_object(node: Node, text: str) -> bool:
     return True
 
 
-def _cell(value: Value) -> object:
-    return hex_bytes(value) if isinstance(value, bytes) else value
+def _cell(read: ValueRead) -> object:
+    """The number in its unit; bytes as hex."""
+    if read.physical is not None:
+        return read.physical
+    return hex_bytes(read.value) if isinstance(read.value, bytes) else read.value
+
+
+def _head(place: _Place, data_type: DataType | None) -> str:
+    """An object's column, with its unit: `3:5100:01 [V]`."""
+    node, index, sub_index = place
+    name = f"{node.node_id}:{index:04X}:{sub_index:02X}"
+    unit = "" if data_type else meanings_of(node.profile, node.dictionary).of(index, sub_index).unit
+    return f"{name} [{unit}]" if unit else name
 
 
 def _read(place: _Place, data_type: DataType | None) -> ValueRead:
@@ -124,7 +136,9 @@ def _moments(session: Session, every_s: float, for_s: float | None) -> Iterator[
 
 
 @contextmanager
-def _rows(session: Session, places: Sequence[_Place], file: str | None) -> Iterator[Callable[[list[object]], None]]:
+def _rows(
+    session: Session, places: Sequence[_Place], file: str | None, data_type: DataType | None
+) -> Iterator[Callable[[list[object]], None]]:
     """What writes a row of the CSV file, or nothing where none is wanted."""
     if file is None:
         yield lambda _row: None
@@ -136,7 +150,7 @@ def _rows(session: Session, places: Sequence[_Place], file: str | None) -> Itera
     try:
         with Path(path).open("w", encoding="utf-8", newline="") as opened:
             writer = csv.writer(opened)
-            writer.writerow(["time_s", *(f"{node.node_id}:{index:04X}:{sub:02X}" for node, index, sub in places)])
+            writer.writerow(["time_s", *(_head(place, data_type) for place in places)])
             yield writer.writerow
     except OSError as failed:
         raise UsageError(f"{file}: {failed.strerror or failed}", place=file) from failed

@@ -26,7 +26,7 @@ Address = tuple[int, bool]
 class Signal:
     """One value in a frame: *object* is `606C:00`, empty where a file gave names only; *key* is unique in its frame.
 
-    *meaning* is what its raw value means, *bits* how long that is, 0 where nobody knows.
+    *meaning* is what its raw value means, *bits* how long that is, 0 where nobody knows; *data_type* None likewise.
     """
 
     key: str
@@ -34,6 +34,7 @@ class Signal:
     object: str = ""
     meaning: Physical = NOTHING
     bits: int = 0
+    data_type: DataType | None = None
 
     @property
     def unit(self) -> str:
@@ -128,7 +129,7 @@ def _layout(
         if not entry.is_dummy:
             name = dictionary.display_name(entry.index, entry.sub_index) if dictionary else ""
             meaning = meanings.of(entry.index, entry.sub_index)
-            signals.append(Signal(name or entry.object, name, entry.object, meaning, entry.bits))
+            signals.append(Signal(name or entry.object, name, entry.object, meaning, entry.bits, types[entry]))
 
     def read(data: bytes) -> list[Value | None]:
         return [one.value for one in decode(mapping, data, types.get)]

@@ -1,53 +1,76 @@
-"""Decoded frames as CSV: a row for each frame, a column for each signal. Knows no files and no bus."""
+"""Decoded frames as rows: a column for each signal, in its physical unit. Knows no files and no bus."""
 
 from __future__ import annotations
 
-import csv
-from collections.abc import Iterable
-from typing import Protocol
+from dataclasses import dataclass
 
 from dvtcli.domain.datatypes import Value
 from dvtcli.domain.ports import Frame
-from dvtcli.domain.wall_clock import utc
-from dvtcli.watch.decoder import Address, Decoder, Layout
+from dvtcli.watch.decoder import Address, Decoder, Layout, Signal
+
+Place = tuple[Address, str]
 
 
-class _Writable(Protocol):
-    def write(self, text: str, /) -> object: ...
+@dataclass(frozen=True, slots=True)
+class Column:
+    """One *signal* with its full *name*, which does not change with what other nodes map, and has no unit."""
+
+    name: str
+    signal: Signal
+
+    @property
+    def header(self) -> str:
+        """The name with the unit: `TPDO1 node 5 606C:00 Velocity actual value [rpm]`."""
+        return f"{self.name} [{self.signal.unit}]" if self.signal.unit else self.name
+
+    def cell(self, value: Value) -> Value:
+        """What stands in the column for the raw *value*: the number in the column's unit, else *value* itself."""
+        if isinstance(value, int | float) and self.signal.meaning.has_number:
+            return self.signal.meaning.number(value)
+        return value
 
 
-class SignalTable:
-    """Writes frames whose signals *decoder* knows to *file*; other frames are only counted in *other*."""
+class SignalRows:
+    """Turns frames into rows of cells: those whose signals *decoder* knows and *wanted* (small letters) chooses.
 
-    def __init__(self, file: _Writable, decoder: Decoder) -> None:
-        self._rows = csv.writer(file, lineterminator="\n")
-        self._decoder = decoder
-        names = column_names(decoder)
-        self._columns = {key: number for number, key in enumerate(names)}
-        self._rows.writerow(["time", "frame", *names.values()])
+    Frames without any such signal are only counted in *other*.
+    """
+
+    def __init__(self, decoder: Decoder, wanted: str = "") -> None:
+        self.decoder = decoder
+        self._wanted = wanted
+        chosen = chosen_columns(decoder, wanted)
+        self.columns = list(chosen.values())
+        self._numbers = {place: number for number, place in enumerate(chosen)}
+        self._addresses = {address for address, _ in chosen}
         self.frames = 0
         self.other = 0
 
     def decode_by(self, decoder: Decoder) -> bool:
         """Take what *decoder* knows from now on; whether it knows the same signals, which the columns are for."""
-        if column_names(decoder).keys() != self._columns.keys():
+        if chosen_columns(decoder, self._wanted).keys() != self._numbers.keys():
             return False
-        self._decoder = decoder
+        self.decoder = decoder
         return True
 
-    def write(self, frame: Frame) -> None:
-        """Write one frame."""
+    def row(self, frame: Frame) -> list[Value | None] | None:
+        """The cells of one frame, None where it has none of the signals."""
         address = frame.can_id, frame.extended
-        layout = self._decoder.layouts.get(address)
-        if layout is None or not layout.signals or frame.remote:
+        if address not in self._addresses or frame.remote:
             self.other += 1
-            return
-        cells = [""] * len(self._columns)
+            return None
+        layout = self.decoder.layouts[address]
+        cells: list[Value | None] = [None] * len(self.columns)
         for signal, value in zip(layout.signals, layout.read(frame.data), strict=True):
-            if value is not None:
-                cells[self._columns[address, signal.key]] = csv_text(value)
-        self._rows.writerow([utc(frame.timestamp_s), title(layout), *cells])
+            number = self._numbers.get((address, signal.key))
+            if number is not None and value is not None:
+                cells[number] = self.columns[number].cell(value)
         self.frames += 1
+        return cells
+
+    def title(self, frame: Frame) -> str:
+        """The name of a frame that has a row."""
+        return title(self.decoder.layouts[frame.can_id, frame.extended])
 
 
 def title(layout: Layout) -> str:
@@ -56,25 +79,20 @@ def title(layout: Layout) -> str:
     return f"{service.label} node {service.node}" if service.node else service.label
 
 
-def column_names(decoder: Decoder) -> dict[tuple[Address, str], str]:
-    """The column of each signal: its key, with its frame's name in front where several frames have the same key."""
-    places = [(address, layout, one.key) for address, layout in decoder.layouts.items() for one in layout.signals]
-    keys = [key for _, _, key in places]
+def all_columns(decoder: Decoder) -> dict[Place, Column]:
+    """The column of each signal: its frame's name, its object and its own name."""
     return {
-        (address, key): key if keys.count(key) == 1 else f"{title(layout)} {key}" for address, layout, key in places
+        (address, signal.key): Column(_name(layout, signal), signal)
+        for address, layout in decoder.layouts.items()
+        for signal in layout.signals
     }
 
 
-def csv_text(value: Value) -> str:
-    """A value as a cell: floats with all their digits, bytes as hex."""
-    if isinstance(value, bytes):
-        return value.hex(" ").upper()
-    return repr(value) if isinstance(value, float) else str(value)
+def chosen_columns(decoder: Decoder, wanted: str) -> dict[Place, Column]:
+    """Those columns that have *wanted* (small letters) in their names."""
+    return {place: column for place, column in all_columns(decoder).items() if wanted in column.name.lower()}
 
 
-def write_csv(file: _Writable, frames: Iterable[Frame], decoder: Decoder) -> SignalTable:
-    """Write all *frames*; the table with its counts."""
-    table = SignalTable(file, decoder)
-    for frame in frames:
-        table.write(frame)
-    return table
+def _name(layout: Layout, signal: Signal) -> str:
+    own = "" if signal.key.startswith(signal.object) else signal.object
+    return " ".join(filter(None, [title(layout), own, signal.key]))

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from math import isfinite
+from typing import TypeVar
 
 from dvtcli.domain.object_dictionary import normalised
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import UsageError
-from dvtcli.watch.decoder import Address, Decoder, Signal
+from dvtcli.watch.decoder import Decoder, Signal
 from dvtcli.watch.statistics import Point, physical_points
-from dvtcli.watch.table import column_names
+from dvtcli.watch.table import Column, Place
+
+_Place = TypeVar("_Place", bound=Hashable)
 
 
 @dataclass(slots=True)
@@ -30,25 +33,28 @@ class Track:
         return physical_points((Point(time_s, value, value, value) for time_s, value in pairs), self.signal.meaning)
 
 
-def find_tracks(words: Sequence[str], decoder: Decoder) -> dict[tuple[Address, str], Track]:
-    """An empty track for each signal that *words* name, in their order.
+def find_tracks(words: Sequence[str], columns: Mapping[_Place, Column]) -> dict[_Place, Track]:
+    """An empty track for each of *columns* that *words* name, in their order.
 
     A word is a signal's name or object, as they are shown; UsageError with the nearest names where none fits.
     """
-    names = column_names(decoder)
-    signals = {(address, one.key): one for address, layout in decoder.layouts.items() for one in layout.signals}
-    found: dict[tuple[Address, str], Track] = {}
+    found: dict[_Place, Track] = {}
     for word in words:
-        places = [place for place, one in signals.items() if _fits(word, one, names[place])]
+        places = [place for place, column in columns.items() if _fits(word, column.signal, column)]
         if not places:
-            raise _unknown(word, [*names.values(), *(one.object for one in signals.values() if one.object)])
-        found.update({place: Track(names[place], signals[place]) for place in places})
+            objects = [one.signal.object for one in columns.values() if one.signal.object]
+            keys = [one.signal.key for one in columns.values()]
+            raise _unknown(word, list(dict.fromkeys([*keys, *(one.name for one in columns.values()), *objects])))
+        keys = [columns[place].signal.key for place in places]
+        for place, key in zip(places, keys, strict=True):  # the frame is named only where two have such a signal
+            found[place] = Track(key if keys.count(key) == 1 else columns[place].name, columns[place].signal)
     return found
 
 
-def _fits(word: str, signal: Signal, name: str) -> bool:
+def _fits(word: str, signal: Signal, column: Column) -> bool:
     wanted = normalised(word)
-    known = {normalised(text) for text in (signal.key, signal.name, name, name.rpartition(".")[2]) if text}
+    names = (signal.key, signal.name, column.name, column.header, column.name.rpartition(".")[2])
+    known = {normalised(text) for text in names if text}
     return wanted in known or word.upper().removeprefix("0X") in _objects(signal)
 
 
@@ -70,7 +76,7 @@ def _unknown(word: str, names: list[str]) -> UsageError:
     return UsageError(f"no signal is called {word!r}", hint=f"did you mean {', '.join(near or names[:3])}?")
 
 
-def fill(tracks: dict[tuple[Address, str], Track], frames: Iterable[Frame], decoder: Decoder) -> tuple[float, float]:
+def fill(tracks: Mapping[Place, Track], frames: Iterable[Frame], decoder: Decoder) -> tuple[float, float]:
     """Put every sample of *frames* into its track; the recording's first and last time (s since 1970)."""
     addresses = {address for address, _ in tracks}
     first_s = last_s = None
@@ -85,4 +91,18 @@ def fill(tracks: dict[tuple[Address, str], Track], frames: Iterable[Frame], deco
             if track is not None and isinstance(value, int | float) and isfinite(value):
                 track.times_s.append(frame.timestamp_s)
                 track.values.append(float(value))
+    return first_s or 0.0, last_s or 0.0
+
+
+def fill_rows(tracks: Mapping[int, Track], rows: Iterable[tuple[float, list[float | None]]]) -> tuple[float, float]:
+    """Put the cells of *rows* into the track of their column's number; the first and last time (s)."""
+    first_s = last_s = None
+    for time_s, cells in rows:
+        first_s = time_s if first_s is None else min(first_s, time_s)
+        last_s = time_s if last_s is None else max(last_s, time_s)
+        for number, track in tracks.items():
+            cell = cells[number]
+            if cell is not None:
+                track.times_s.append(time_s)
+                track.values.append(cell)
     return first_s or 0.0, last_s or 0.0

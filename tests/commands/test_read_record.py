@@ -33,7 +33,7 @@ def nameless() -> Iterator[Bench]:
 def test_all_sub_indices_with_names_and_types(gen4: Bench) -> None:
     lines = gen4.run("read 1018").stdout.splitlines()
     assert [line.split()[0] for line in lines] == [f"0x1018:{sub:02X}" for sub in range(5)]
-    assert lines[1] == "0x1018:01  Identity object.Vendor-ID = 30  (0x0000001E)  u32"
+    assert lines[1] == "0x1018:01  Identity object.Vendor-ID = 30 (0x0000001E)  u32"
 
 
 def test_the_document_only_grows(gen4: Bench) -> None:
@@ -54,7 +54,8 @@ def test_missing_entries_are_left_out(gen4: Bench) -> None:
 def test_one_value_stays_one(gen4: Bench, words: str) -> None:
     document = gen4.run(f"read {words} --json").document
     assert "entries" not in document
-    assert len(gen4.run(f"read {words}").stdout.splitlines()) == 1
+    value, *bits = gen4.run(f"read {words}").stdout.splitlines()
+    assert len(bits) == ("Statusword = operation enabled (0x1237)" in value)
 
 
 def test_among_several_objects(gen4: Bench) -> None:

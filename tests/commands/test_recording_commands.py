@@ -131,15 +131,17 @@ def test_values_become_a_column_each(tmp_path: Path) -> None:
     rows = list(csv.DictReader(io.StringIO(path.read_text("utf-8"))))
     assert rows
     tpdo2 = [row for row in rows if row["frame"] == "TPDO2 node 1"]
-    assert {row["Velocity actual value"] for row in tpdo2} == {"-1500"}
-    assert {row["Statusword"] for row in tpdo2} == {""}
+    assert {row["TPDO2 node 1 606C:00 Velocity actual value [rpm]"] for row in tpdo2} == {"-1500"}
+    assert {row["TPDO2 node 1 5100:02 Device measurements.Battery current [A]"] for row in tpdo2} == {"-7.5"}
+    assert {row["TPDO1 node 1 6041:00 Statusword"] for row in tpdo2} == {""}
 
 
 def test_decode_as_csv_by_a_file(tmp_path: Path) -> None:
     path = ramp(tmp_path / "run.log")
     done = dvtcli("decode", str(path), "--csv", "--eds", GEN4)
     rows = list(csv.DictReader(io.StringIO(done.stdout)))
-    assert [int(row["Velocity actual value"]) for row in rows] == [10 * n - 100 for n in range(50)]
+    column = "TPDO2 node 1 606C:00 Velocity actual value [rpm]"
+    assert [int(row[column]) for row in rows] == [10 * n - 100 for n in range(50)]
 
 
 def test_decode_by_a_dbc(tmp_path: Path) -> None:
@@ -204,6 +206,11 @@ def test_plot_draws_a_picture(tmp_path: Path, suffix: str, begin: bytes) -> None
         (["log", "run.log", "--sim", "gen4"], 6, "overwrite"),
         (["log", "nowhere/run.log", "--sim", "gen4"], 2, "No such file"),
         (["log", "x.log", "--decode", "--sim", "gen4"], 2, ".csv"),
+        (["log", "x.csv", "--decode", "--filter", "nothing", "--sim", "gen4"], 2, "no signal has 'nothing'"),
+        (["decode", "run.log", "--csv", "--eds", GEN4, "--filter", "nothing"], 2, "no signal has 'nothing'"),
+        (["decode", "run.log", "--eds", GEN4, "-o", "x.xlsx"], 2, ".parquet"),
+        (["plot", "nowhere.csv", "speed"], 2, "nowhere.csv: No such file"),
+        (["plot", "nowhere.parquet", "speed"], 2, "nowhere.parquet: no such file"),
         (["log", "x.log", "--filter", "zz", "--sim", "gen4"], 2, "ID:MASK"),
     ],
 )

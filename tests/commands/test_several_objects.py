@@ -60,7 +60,7 @@ def test_into_a_csv_file(bench: Bench, tmp_path: Path) -> None:
     file = tmp_path / "run.csv"
     assert bench.run(f"read 1000 3:1017 --every 1s --for 2s -o {file}").code == 0
     rows = list(csv.reader(file.read_text("utf-8").splitlines()))
-    assert rows[0] == ["time_s", "1:1000:00", "3:1017:00"]
+    assert rows[0] == ["time_s", "1:1000:00", "3:1017:00 [ms]"]
     assert [row[0] for row in rows[1:]] == ["0.000", "1.000", "2.000"]
     assert {row[2] for row in rows[1:]} == {"500"}
     assert bench.run(f"read 1000 --every 1s --for 2s -o {file}").code == 6

@@ -30,7 +30,7 @@ from dvtcli.watch.listener import FOREIGN_CLOCK_S, Listener
 from dvtcli.watch.seen import ROWS, FrameStore
 from dvtcli.watch.service import service_of
 from dvtcli.watch.statistics import Course, Rhythm, spark
-from dvtcli.watch.table import column_names
+from dvtcli.watch.table import all_columns
 from dvtcli.watch.tracks import find_tracks
 from tests.serve.served import wait_for
 
@@ -205,8 +205,9 @@ def test_columns_of_one_name_in_two_frames_are_told_apart() -> None:
     entry = PdoMappingEntry(0x6041, 0, 16)
     two = Decoder(pdo_layouts(1, {Pdo.parse("tpdo1"): config(0x181, entry)}, None, Meanings()))
     two.add(pdo_layouts(5, {Pdo.parse("tpdo1"): config(0x185, entry)}, None, Meanings()))
-    assert list(column_names(two).values()) == ["TPDO1 node 1 6041:00", "TPDO1 node 5 6041:00"]
-    assert len(find_tracks(["6041"], two)) == 2
+    names = [column.name for column in all_columns(two).values()]
+    assert names == ["TPDO1 node 1 6041:00", "TPDO1 node 5 6041:00"]
+    assert len(find_tracks(["6041"], all_columns(two))) == 2
 
 
 def test_times_are_rfc_3339() -> None:

@@ -54,17 +54,22 @@ class NodesType(CanopenType):
         return tuple(dict.fromkeys(NODE_ID.parse(word.strip(), ctx) for word in text.split(",")))
 
 
-class CanFilterType(CanopenType):
-    """`ID:MASK` in hexadecimal, as python-can's tools take it: frames whose CAN-ID equals ID in the bits of MASK."""
+class LogFilterType(CanopenType):
+    """`ID:MASK` in hexadecimal, as python-can's tools take it: frames whose CAN-ID equals ID in the bits of MASK.
+
+    A word that is none is a text in names of signals; `speed:` and `0x181` are no words.
+    """
 
     name = "filter"
 
-    def parse(self, text: str, ctx: click.Context | None) -> tuple[int, int]:
-        """CAN-ID and mask; without `:MASK` all bits count."""
+    def parse(self, text: str, ctx: click.Context | None) -> tuple[int, int] | str:
+        """CAN-ID and mask; without `:MASK` all bits count. Else the text."""
         head, colon, tail = text.partition(":")
         try:
             can_id, mask = int(head, 16), int(tail, 16) if colon else 0x1FFF_FFFF
         except ValueError:
+            if not colon and text.strip():
+                return text
             raise ValueError(f"{text!r} is not ID:MASK in hexadecimal, such as 180:780") from None
         if not (0 <= can_id <= 0x1FFF_FFFF and 0 <= mask <= 0x1FFF_FFFF):
             raise ValueError(f"{text}: a CAN-ID has at most 29 bits")

@@ -1,4 +1,4 @@
-"""Show a recorded log file decoded: as lines, as documents, or as CSV with one column a signal."""
+"""Show a recorded log file decoded: as lines, as documents, or as a table with one column a signal."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from dvtcli.cli.params import FILE, TEXT
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
+    from dvtcli.operations.results import Facts
 
 TASK = ("See", 50)
 
@@ -23,6 +24,7 @@ TASK = ("See", 50)
 @decoding_options
 @click.option("--filter", "wanted", type=TEXT, metavar="TEXT", help="Only frames and signals with TEXT in their names.")
 @click.option("--csv", "as_csv", is_flag=True, help="As CSV: a row for each decoded frame, a column for each signal.")
+@click.option("-o", "--output", type=FILE, metavar="FILE", help="Values into FILE: .csv .parquet .jsonl.")
 @click.pass_obj
 def command(
     session: Conversation,
@@ -32,7 +34,8 @@ def command(
     nodes: tuple[int, ...] | None,
     wanted: str | None,
     as_csv: bool,
-) -> None:
+    output: str | None,
+) -> Facts | None:
     """Decode FILE (.asc .blf .log .trc .mf4): by --dbc, by the mapping in --eds, or by what the nodes hold now.
 
     Without any of these, frames are named by the pre-defined connection set and stay bytes. --json gives one
@@ -42,11 +45,17 @@ def command(
     decode run.log
     decode run.asc --dbc drive.dbc --csv
     decode run.blf --nodes 1,5 --filter velocity
+    decode run.log --filter velocity -o speed.csv
     """
     from dvtcli.operations.decode_recording import decode_recording, write_values
 
     text = (wanted or "").lower()
+    if output is not None:
+        from dvtcli.operations.decode_recording import values_into_file
+
+        return values_into_file(session, Path(file), Path(output), nodes, dbc, text)
     if as_csv:
         write_values(session, Path(file), session.output.stdout, nodes, dbc, text)
     else:
         session.output.stream(decode_recording(session, Path(file), nodes, dbc, text))
+    return None

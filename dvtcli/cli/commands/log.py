@@ -1,4 +1,4 @@
-"""Record what is on the bus: as .asc .blf .log .trc .mf4, or decoded as .csv."""
+"""Record what is on the bus: as .asc .blf .log .trc .mf4, or decoded as .csv .parquet .jsonl."""
 
 from __future__ import annotations
 
@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from dvtcli.cli.command import DvtCommand
-from dvtcli.cli.commands._live_params import CanFilterType, NodesType, SecondsType
+from dvtcli.cli.commands._live_params import LogFilterType, NodesType, SecondsType
 from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import FILE, NumberType
 
 if TYPE_CHECKING:
-    from dvtcli.operations.record_frames import Filters
     from dvtcli.operations.results import Facts
     from dvtcli.operations.session import Session
 
@@ -27,9 +26,12 @@ TASK = ("See", 70)
     "-s", "--file_size", "--file-size", "size", type=NumberType(1000, 1 << 40, "a size in bytes"), metavar="BYTES",
     help="A new file after so many bytes (.asc .blf .log).",
 )  # fmt: skip
-@click.option("--filter", "filters", type=CanFilterType(), multiple=True, metavar="ID:MASK", help="Hex; repeatable.")
+@click.option(
+    "--filter", "filters", type=LogFilterType(), multiple=True, metavar="ID:MASK",
+    help="Hex, repeatable; with --decode also TEXT: only signals with it in their names.",
+)  # fmt: skip
 @click.option("--duration", type=SecondsType(), metavar="S", help="End after S seconds.")
-@click.option("--decode", is_flag=True, help="Into a .csv file: values, one column a signal.")
+@click.option("--decode", is_flag=True, help="Values, one column a signal: .csv .parquet .jsonl.")
 @click.option("--nodes", type=NodesType(), metavar="ID,…", help="For --decode: nodes whose mapping is read.")
 @click.option("-d", "--dbc", type=FILE, metavar="FILE", help="For --decode: a DBC file.")
 @click.pass_obj
@@ -39,7 +41,7 @@ def command(
     file: str,
     append: bool,
     size: int | None,
-    filters: Filters,
+    filters: tuple[tuple[int, int] | str, ...],
     duration: float | None,
     decode: bool,
     **sources: Any,
@@ -53,13 +55,21 @@ def command(
     log run.log --duration 10 --filter 180:780
     log run.blf --file_size 5000000
     log speed.csv --decode --nodes 5
+    log speed.csv --decode --filter velocity
     """
     from dvtcli.errors import UsageError
     from dvtcli.operations.record_frames import record_frames, record_values
 
     path = Path(file)
-    if decode and (path.suffix.lower() != ".csv" or append or size):
-        raise UsageError("--decode writes a new .csv file", hint="log run.csv --decode; leave --append and -s out")
+    words = [one for one in filters if isinstance(one, str)]
+    masks = tuple(one for one in filters if not isinstance(one, str))
+    if decode and (append or size):
+        raise UsageError("--decode writes a new file", hint="log run.csv --decode; leave --append and -s out")
+    if len(words) > 1 or (words and not decode):
+        raise UsageError(
+            f"--filter {words[-1]}: not ID:MASK in hexadecimal, such as 180:780",
+            hint="with --decode one --filter may be a text that names of signals have",
+        )
     if decode:
-        return record_values(session, path, filters, duration, **sources)
-    return record_frames(session, path, filters, duration, append=append, most_bytes=size or 0)
+        return record_values(session, path, masks, duration, **sources, text="".join(words).lower())
+    return record_frames(session, path, masks, duration, append=append, most_bytes=size or 0)

@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from dvtcli.cli.view.lines import Cell, Line
-from dvtcli.cli.view.value_lines import value_lines
+from dvtcli.cli.view.value_lines import value_line
 from dvtcli.operations.results.records import EntryUnread, RecordRead
 
 
-def record_lines(result: RecordRead, width: int) -> Iterator[Line]:
+def record_lines(result: RecordRead, _width: int) -> Iterator[Line]:
     """Sub-index 0, and each entry, as each for itself."""
-    yield from value_lines(result.head, width)
+    yield value_line(result.head)
     for entry in result.entries:
         if isinstance(entry, EntryUnread):
             abort = "" if entry.abort is None else f"0x{entry.abort:08X} "
             name = f"  {entry.name}" if entry.name else ""
             yield [Cell(f"0x{entry.object}"), Cell(name, "bold"), Cell(f"  not read: {abort}{entry.text}", "yellow")]
         else:
-            yield from value_lines(entry, width)
+            yield value_line(entry)

@@ -10,7 +10,15 @@ from dvtcli.operations.results.values import ObjectListing, ValueRead
 
 
 def value_lines(result: ValueRead, _width: int) -> Iterator[Line]:
-    """An object with its value, decoded and raw; of a drive's or module's word also the bits that are set."""
+    """An object with its value; of a drive's word also the names of the bits that are set."""
+    yield value_line(result)
+    number, meaning = result.value, result.meaning
+    if meaning.states and isinstance(number, int) and (bits := meaning.set_bits(number)):
+        yield [Cell(f"  {', '.join(bits)}", "dim")]
+
+
+def value_line(result: ValueRead) -> list[Cell]:
+    """An object with its value, decoded and raw."""
     number = result.value
     if isinstance(number, str):
         shown = repr(number)
@@ -18,14 +26,12 @@ def value_lines(result: ValueRead, _width: int) -> Iterator[Line]:
         shown = value_text(number, result.meaning, 8 * max(1, len(result.raw)), hexed=True)
     verb = " <- " if result.written else " = "
     name = f"  {result.name}" if result.name else ""
-    yield [
+    return [
         Cell(f"0x{result.object}"),
         Cell(name, "bold"),
         Cell(f"{verb}{shown}"),
         Cell(f"  {result.type_name}", "dim"),
     ]
-    if result.meaning.states and isinstance(number, int) and (bits := result.meaning.set_bits(number)):
-        yield [Cell(f"  {', '.join(bits)}", "dim")]
 
 
 def object_lines(result: ObjectListing, width: int) -> Iterator[Line]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from dvtcli.cli.view.lines import Cell, Line, Table
 from dvtcli.cli.view.record_lines import record_lines
 from dvtcli.cli.view.shown_value import value_text
-from dvtcli.cli.view.value_lines import value_lines
+from dvtcli.cli.view.value_lines import value_line
 from dvtcli.operations.results.records import RecordRead
 from dvtcli.operations.results.values import ValueRead
 from dvtcli.watch.statistics import spark
@@ -27,7 +27,7 @@ def values_lines(result: ValuesRead, width: int) -> Iterator[Line]:
         return
     several_nodes = len({one.node for one in result.values}) > 1
     for one in result.values:
-        for line in record_lines(one, width) if isinstance(one, RecordRead) else value_lines(one, width):
+        for line in record_lines(one, width) if isinstance(one, RecordRead) else [value_line(one)]:
             assert isinstance(line, list)  # noqa: S101 - it is one of cells
             yield [Cell(f"node {one.node}  "), *line] if several_nodes else line
 

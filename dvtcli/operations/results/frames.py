@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 from dvtcli.domain.datatypes import Value
@@ -53,8 +53,17 @@ class FrameSeen(Answer):
 
     def matches(self, text: str) -> bool:
         """Whether *text* (in lower case) is in the name of the frame or of one of its signals."""
+        return self._is_called(text) or any(text in name.lower() for name in self.signals)
+
+    def _is_called(self, text: str) -> bool:
         who = f"0x{self.frame.can_id:03x} {self.label} node {self.node} {self.kind}".lower()
-        return text in who or any(text in name.lower() for name in self.signals)
+        return text in who
+
+    def chosen(self, text: str) -> FrameSeen:
+        """The same with those signals alone that have *text* (in lower case) in their names, or their frame's."""
+        if self._is_called(text):
+            return self
+        return replace(self, signals={name: value for name, value in self.signals.items() if text in name.lower()})
 
 
 @dataclass(frozen=True, slots=True)

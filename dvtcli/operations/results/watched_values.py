@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from math import isfinite
 from typing import ClassVar
 
-from dvtcli.operations.results.documents import Answer, Document, json_value
+from dvtcli.operations.results.documents import Answer, Document, json_value, physical_document
 from dvtcli.operations.results.records import RecordRead
 from dvtcli.operations.results.values import ValueRead
 
@@ -73,6 +73,7 @@ class ValuesWatched(Answer):
                 "least": course.least,
                 "most": course.most,
                 "last": json_value(course.last.value),
+                "physical": physical_document(course.last.value, course.last.meaning),
             }
             for course in self.courses
             if course.last is not None

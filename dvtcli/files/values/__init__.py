@@ -1,0 +1,1 @@
+"""Files of values over time: CSV, Parquet, JSON lines."""

@@ -1,0 +1,97 @@
+"""Values as CSV: a row for each frame, a column for each signal with its unit in the head. Knows no bus."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Iterator
+from datetime import datetime
+from pathlib import Path
+from typing import IO
+
+from dvtcli.domain.datatypes import Value
+from dvtcli.domain.ports import Frame
+from dvtcli.domain.wall_clock import utc
+from dvtcli.errors import InputFileError
+from dvtcli.files.values.columns import column_of
+from dvtcli.files.values.opened_text import opened_text
+from dvtcli.files.values.value_file import ValuesRead
+from dvtcli.watch.table import SignalRows
+
+#: heads of the first columns: `log` and `decode` write the first two, `read --every` the third
+TIME, FRAME, SECONDS = "time", "frame", "time_s"
+
+
+class CsvWriter:
+    """Writes the frames that *rows* knows to *file*, its head at once."""
+
+    def __init__(self, file: IO[str], rows: SignalRows) -> None:
+        self._file = file
+        self._rows = rows
+        self._csv = csv.writer(file, lineterminator="\n")
+        self._csv.writerow([TIME, FRAME, *(column.header for column in rows.columns)])
+
+    def write(self, frame: Frame) -> None:
+        """Write one frame."""
+        cells = self._rows.row(frame)
+        if cells is not None:
+            self._csv.writerow([utc(frame.timestamp_s), self._rows.title(frame), *map(csv_text, cells)])
+
+    def flush(self) -> None:
+        """Hand what was written to the system."""
+        self._file.flush()
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+
+def csv_text(value: Value | None) -> str:
+    """A value as a cell: floats with all their digits, bytes as hex, nothing for None."""
+    if value is None:
+        return ""
+    if isinstance(value, bytes):
+        return value.hex(" ").upper()
+    return repr(value) if isinstance(value, float) else str(value)
+
+
+def read_csv(path: Path) -> ValuesRead:
+    """What `log --decode`, `decode --csv` or `read --every -o` wrote; InputFileError where it is none of these."""
+    lines = csv.reader(opened_text(path))
+    head = _checked(path, 1, next(lines, []))
+    first = 1 if head[:1] == [SECONDS] else 2
+    if head[:2] != [TIME, FRAME] and first == 2:
+        raise InputFileError(
+            f"{path.name} begins with no time", place=f"{path}:1", hint="log --decode and read --every write such files"
+        )
+    columns = [column_of(name) for name in head[first:]]
+    return ValuesRead(columns, _rows(path, lines, first, len(head)))
+
+
+def _rows(path: Path, lines: Iterator[list[str]], first: int, width: int) -> Iterator[tuple[float, list[float | None]]]:
+    for number, row in enumerate(lines, 2):
+        cells = _checked(path, number, row)
+        if len(cells) != width:
+            raise InputFileError(f"{len(cells)} cells, and the head has {width}", place=f"{path}:{number}")
+        try:
+            time_s = float(cells[0]) if first == 1 else datetime.fromisoformat(cells[0]).timestamp()
+        except ValueError as wrong:
+            raise InputFileError(f"{cells[0]!r} is no time", place=f"{path}:{number}") from wrong
+        yield time_s, [_cell(text) for text in cells[first:]]
+
+
+def _checked(path: Path, number: int, row: list[str]) -> list[str]:
+    if any("\0" in cell for cell in row):
+        raise InputFileError(f"{path.name} is no text", place=f"{path}:{number}")
+    return row
+
+
+def _cell(text: str) -> float | None:
+    """A number; None for anything else: bytes and texts have no course."""
+    if text in ("True", "False"):
+        return float(text == "True")
+    try:
+        number = float(text)
+    except ValueError:
+        return None
+    return number if math.isfinite(number) else None

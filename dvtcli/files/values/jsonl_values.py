@@ -1,0 +1,90 @@
+"""Values as JSON lines: `dvtcli.frame/1`, one document a frame, raw values with their physical ones beside them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from datetime import datetime
+from pathlib import Path
+from typing import IO, Any
+
+from dvtcli.domain.physical import Physical
+from dvtcli.domain.ports import Frame
+from dvtcli.errors import InputFileError
+from dvtcli.files.values.opened_text import opened_text
+from dvtcli.files.values.value_file import ValuesRead
+from dvtcli.watch.decoder import Signal
+from dvtcli.watch.table import Column, SignalRows
+
+_SCHEMA = "dvtcli.frame/1"
+_Name = tuple[str, str]
+
+
+class JsonlWriter:
+    """Writes the frames that *rows* knows to *file*, as *document* makes them."""
+
+    def __init__(self, file: IO[str], rows: SignalRows, document: Callable[[Frame], dict[str, Any]]) -> None:
+        self._file, self._rows, self._document = file, rows, document
+
+    def write(self, frame: Frame) -> None:
+        """Write one frame."""
+        if self._rows.row(frame) is not None:
+            self._file.write(json.dumps(self._document(frame), ensure_ascii=False, separators=(",", ":")) + "\n")
+
+    def flush(self) -> None:
+        """Hand what was written to the system."""
+        self._file.flush()
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+
+def read_jsonl(path: Path) -> ValuesRead:
+    """What `log run.jsonl --decode`, and `monitor` and `decode` with --json, write; other documents are left out.
+
+    Read twice: the first time for the columns. InputFileError, with the line, for what is no document.
+    """
+    columns: dict[_Name, Column] = {}
+    for document in _documents(path):
+        for name, shown in _numbers(document):
+            if name not in columns:
+                signal = Signal(name[1], name[1], "", Physical(str(shown.get("unit", ""))))
+                columns[name] = Column(" ".join(filter(None, name)), signal)
+    numbers = {name: number for number, name in enumerate(columns)}
+    return ValuesRead(list(columns.values()), _rows(path, numbers))
+
+
+def _rows(path: Path, columns: dict[_Name, int]) -> Iterator[tuple[float, list[float | None]]]:
+    for document in _documents(path):
+        cells: list[float | None] = [None] * len(columns)
+        for name, shown in _numbers(document):
+            cells[columns[name]] = shown["value"]
+        yield datetime.fromisoformat(document["time"]).timestamp(), cells
+
+
+def _numbers(document: dict[str, Any]) -> Iterator[tuple[_Name, dict[str, Any]]]:
+    """Each number of a frame: its name, and its physical value and unit, else raw."""
+    pdo, node = document.get("pdo"), document.get("node")
+    title = f"{str(pdo).upper()} node {node}" if pdo else ""
+    physical = document.get("physical") or {}
+    for key, raw in document["signals"].items():
+        shown = physical.get(key) or {}
+        if isinstance(shown.get("value"), int | float):
+            yield (title, key), shown
+        elif isinstance(raw, int | float):
+            yield (title, key), {"value": float(raw)}
+
+
+def _documents(path: Path) -> Iterator[dict[str, Any]]:
+    for number, line in enumerate(opened_text(path), 1):
+        if not line.strip():
+            continue
+        try:
+            document = json.loads(line)
+            if document["schema"] == _SCHEMA:
+                datetime.fromisoformat(document["time"])
+                _ = document["signals"].items()
+                yield document
+        except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as wrong:
+            raise InputFileError(f"no {_SCHEMA} document", place=f"{path}:{number}") from wrong

@@ -1,0 +1,19 @@
+"""Lines of a text file of values; what is missing or no text is said. Knows no form."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from dvtcli.errors import InputFileError, UsageError
+
+
+def opened_text(path: Path) -> Iterator[str]:
+    """The lines of *path*; UsageError where it cannot be opened, InputFileError where it is no UTF-8."""
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            yield from file
+    except OSError as failed:
+        raise UsageError(f"{path}: {failed.strerror or failed}", hint="`log FILE --decode` records one") from failed
+    except UnicodeDecodeError as wrong:
+        raise InputFileError(f"{path.name} is no UTF-8 text", place=str(path)) from wrong

@@ -1,0 +1,90 @@
+"""Values over time as a file, in the form that its suffix says. Knows no bus, and not where values come from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+from dvtcli.domain.ports import Frame
+from dvtcli.errors import UsageError
+from dvtcli.watch.table import Column, SignalRows
+
+#: what a person reads of each form
+FORMS = {".csv": "text", ".jsonl": "one JSON document a frame", ".parquet": "for DuckDB and pandas, needs pyarrow"}
+
+
+class ValueWriter(Protocol):
+    """A file of values that frames are written to."""
+
+    def write(self, frame: Frame) -> None:
+        """Write one frame, where it has any of the signals."""
+        ...
+
+    def flush(self) -> None:
+        """Hand what was written to the system, as far as the form can."""
+        ...
+
+    def close(self) -> None:
+        """Write the end, so that the file can be read."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class ValuesRead:
+    """A file's *columns* in order, and its rows: a time (s) and a number a column, None where there is none."""
+
+    columns: list[Column]
+    rows: Iterator[tuple[float, list[float | None]]]
+
+
+def is_value_file(path: Path) -> bool:
+    """Whether the suffix of *path* is that of values, and not of frames."""
+    return path.suffix.lower() in FORMS
+
+
+def checked_form(path: Path) -> str:
+    """The form of *path*; UsageError where there is none by its suffix, or its package is missing."""
+    form = path.suffix.lower()
+    if form not in FORMS:
+        known = ", ".join(f"{suffix} ({what})" for suffix, what in FORMS.items())
+        raise UsageError(f"{path.name}: values are written as {known}", hint="log run.csv --decode")
+    if form == ".parquet":
+        from dvtcli.files.values.parquet_values import needed
+
+        needed()
+    return form
+
+
+def write_file(path: Path, rows: SignalRows, document: Callable[[Frame], dict[str, Any]]) -> ValueWriter:
+    """The writer of a new file at *path*; *document* makes that of a frame. UsageError as `checked_form`, OSError."""
+    form = checked_form(path)
+    if form == ".parquet":
+        from dvtcli.files.values.parquet_values import ParquetWriter
+
+        return ParquetWriter(path, rows)
+    file = path.open("w", encoding="utf-8", newline="")
+    if form == ".jsonl":
+        from dvtcli.files.values.jsonl_values import JsonlWriter
+
+        return JsonlWriter(file, rows, document)
+    from dvtcli.files.values.csv_values import CsvWriter
+
+    return CsvWriter(file, rows)
+
+
+def read_values(path: Path) -> ValuesRead:
+    """The values in the file at *path*; UsageError where it is missing, InputFileError where it is damaged."""
+    form = checked_form(path)
+    if form == ".parquet":
+        from dvtcli.files.values.parquet_values import read_parquet
+
+        return read_parquet(path)
+    if form == ".jsonl":
+        from dvtcli.files.values.jsonl_values import read_jsonl
+
+        return read_jsonl(path)
+    from dvtcli.files.values.csv_values import read_csv
+
+    return read_csv(path)

@@ -1,0 +1,109 @@
+"""Values that were written are read back, whatever the form; what is damaged is said with its line."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.mapping import PdoMappingEntry
+from dvtcli.domain.meanings import Meaning, Meanings, ObjectRange
+from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
+from dvtcli.domain.physical import Physical
+from dvtcli.domain.ports import Frame
+from dvtcli.domain.unit import parse_scale
+from dvtcli.errors import InputFileError
+from dvtcli.files.values.value_file import FORMS, read_values, write_file
+from dvtcli.operations.frame_answer import frame_seen
+from dvtcli.operations.recorded_tracks import find_tracks
+from dvtcli.watch.decoder import Decoder, pdo_layouts
+from dvtcli.watch.table import SignalRows, all_columns
+from tests.files.recordings import BEGIN_S
+
+SCALES = ("1/16 V", "rpm", "0.1 %", "1/32767", "0.01 °")
+MEANINGS = Meanings(
+    [
+        {
+            ObjectRange(0x2000 + number, 0x2000 + number): Meaning(Physical(unit, factor))
+            for number, (factor, unit) in enumerate(map(parse_scale, SCALES))
+        }
+    ]
+)
+OBJECTS = range(0x2000, 0x2000 + len(SCALES) + 1)  # the last one means nothing in particular
+
+
+def layouts_of(node_id: int, indices: list[int]) -> Decoder:
+    parameter = PdoCommunicationParameter(CobId(0x180 + node_id), 255, None, None, None)
+    config = PdoConfig(parameter, tuple(PdoMappingEntry(index, 0, 16) for index in indices))
+    return Decoder(pdo_layouts(node_id, {Pdo.parse("tpdo1"): config}, None, MEANINGS))
+
+
+mappings = st.lists(st.sampled_from(OBJECTS), min_size=1, max_size=4)
+
+
+@pytest.mark.parametrize("form", sorted(FORMS))
+@settings(max_examples=8, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(mapping=mappings, datas=st.lists(st.binary(min_size=8, max_size=8), min_size=1, max_size=5))
+def test_what_is_written_is_read(tmp_path: Path, form: str, mapping: list[int], datas: list[bytes]) -> None:
+    path = tmp_path / f"run{form}"
+    rows = SignalRows(layouts_of(5, mapping))
+    frames = [Frame(0x185, data, timestamp_s=BEGIN_S + number / 100) for number, data in enumerate(datas)]
+    writer = write_file(path, rows, lambda frame: frame_seen(frame, rows.decoder).document())
+    for frame in frames:
+        writer.write(frame)
+    writer.write(Frame(0x186, b"\0"))
+    writer.close()
+    assert (rows.frames, rows.other) == (len(frames), 1)
+    again = SignalRows(layouts_of(5, mapping))
+    found = read_values(path)
+    assert [one.signal.unit for one in found.columns] == [one.signal.unit for one in again.columns]
+    read = list(found.rows)
+    assert [cells for _, cells in read] == [again.row(frame) for frame in frames]
+    assert [time_s for time_s, _ in read] == pytest.approx([frame.timestamp_s for frame in frames], abs=2e-6)
+
+
+@given(mappings, mappings)
+def test_columns_do_not_change_with_what_other_nodes_map(own: list[int], other: list[int]) -> None:
+    alone, both = layouts_of(5, own), layouts_of(5, own)
+    both.add(layouts_of(6, other).layouts)
+    names = [column.header for column in all_columns(alone).values()]
+    assert [column.header for column in all_columns(both).values()][: len(names)] == names
+    assert len({column.header for column in all_columns(both).values()}) == len(own) + len(other)
+
+
+def test_a_filter_chooses_signals() -> None:
+    rows = SignalRows(layouts_of(5, [0x2000, 0x2001]), "2001")
+    assert [column.header for column in rows.columns] == ["TPDO1 node 5 2001:00 [rpm]"]
+    assert rows.row(Frame(0x185, b"\1\0\2\0")) == [2]
+    assert SignalRows(layouts_of(5, [0x2000]), "tpdo2").columns == []
+
+
+def damaged() -> Iterator[tuple[str, bytes, str]]:
+    head = b"time,frame,TPDO1 node 5 2001:00 [rpm]\n"
+    yield "a.csv", b"x,y\n1,2\n", "begins with no time"
+    yield "a.csv", b"", "begins with no time"
+    yield "a.csv", head + b"yesterday,TPDO1 node 5,7\n", "is no time"
+    yield "a.csv", head + b"2026-01-01T00:00:00Z,TPDO1 node 5\n", "2 cells, and the head has 3"
+    yield "a.csv", head + b"\xff\xfe\n", "no UTF-8"
+    yield "a.jsonl", b'{"schema":"dvtcli.frame/1"}\n', "no dvtcli.frame/1 document"
+    yield "a.jsonl", b"[1]\n", "no dvtcli.frame/1 document"
+    yield "a.parquet", b"PAR1 and no end", "no whole Parquet file"
+
+
+@pytest.mark.parametrize(("name", "data", "says"), list(damaged()))
+def test_what_is_damaged_is_said(tmp_path: Path, name: str, data: bytes, says: str) -> None:
+    (tmp_path / name).write_bytes(data)
+    with pytest.raises(InputFileError, match=says):
+        list(read_values(tmp_path / name).rows)
+
+
+def test_a_signal_is_found_by_its_object_and_its_name(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    path.write_text("time_s,3:606C:00 [rpm],3:5100:01 [V]\n0.0,5,48.0\n", encoding="utf-8")
+    columns = dict(enumerate(read_values(path).columns))
+    for word, number in (("606C", 0), ("3:5100:01", 1), ("5100:1", 1), ("3:606C:00 [rpm]", 0)):
+        assert list(find_tracks([word], columns)) == [number]
