@@ -13,9 +13,9 @@ from dvtcli.domain.datatypes import Value
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.wall_clock import utc
 from dvtcli.errors import InputFileError
-from dvtcli.files.values.columns import column_of
+from dvtcli.files.values.column_heads import column_of
 from dvtcli.files.values.opened_text import opened_text
-from dvtcli.files.values.value_file import ValuesRead
+from dvtcli.files.values.value_rows import ValuesRead
 from dvtcli.watch.table import SignalRows
 
 #: heads of the first columns: `log` and `decode` write the first two, `read --every` the third

@@ -12,7 +12,7 @@ from dvtcli.domain.physical import Physical
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import InputFileError
 from dvtcli.files.values.opened_text import opened_text
-from dvtcli.files.values.value_file import ValuesRead
+from dvtcli.files.values.value_rows import ValuesRead
 from dvtcli.watch.decoder import Signal
 from dvtcli.watch.table import Column, SignalRows
 

@@ -14,9 +14,9 @@ from dvtcli.domain.datatypes import Kind, Value
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.extras import extra
-from dvtcli.files.values.columns import column_of
+from dvtcli.files.values.column_heads import column_of
 from dvtcli.files.values.csv_values import FRAME, TIME
-from dvtcli.files.values.value_file import ValuesRead
+from dvtcli.files.values.value_rows import ValuesRead
 from dvtcli.watch.table import Column, SignalRows
 
 #: rows that are kept back until they are written together

@@ -2,41 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import UsageError
-from dvtcli.watch.table import Column, SignalRows
+from dvtcli.files.values.value_rows import ValuesRead, ValueWriter
+from dvtcli.watch.table import SignalRows
 
 #: what a person reads of each form
 FORMS = {".csv": "text", ".jsonl": "one JSON document a frame", ".parquet": "for DuckDB and pandas, needs pyarrow"}
-
-
-class ValueWriter(Protocol):
-    """A file of values that frames are written to."""
-
-    def write(self, frame: Frame) -> None:
-        """Write one frame, where it has any of the signals."""
-        ...
-
-    def flush(self) -> None:
-        """Hand what was written to the system, as far as the form can."""
-        ...
-
-    def close(self) -> None:
-        """Write the end, so that the file can be read."""
-        ...
-
-
-@dataclass(frozen=True, slots=True)
-class ValuesRead:
-    """A file's *columns* in order, and its rows: a time (s) and a number a column, None where there is none."""
-
-    columns: list[Column]
-    rows: Iterator[tuple[float, list[float | None]]]
 
 
 def is_value_file(path: Path) -> bool:
