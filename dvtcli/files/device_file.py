@@ -47,6 +47,11 @@ def parse_device_file(data: bytes, source: str) -> EdsFile | XddFile:
     return parse_eds(data, source)
 
 
+def is_xml(data: bytes, name: str) -> bool:
+    """Whether *data*, a file called *name*, is an XDD or XDC rather than an EDS or DCF."""
+    return _looks_like_xml(data[:_LOOKED_AT], name)
+
+
 def _is_xml(path: Path) -> bool:
     with path.open("rb") as file:
         return _looks_like_xml(file.read(_LOOKED_AT), path.name)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from dvtcli.errors import UsageError
+from dvtcli.files.device_file import VALUE_SUFFIXES
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import Facts
@@ -12,17 +13,17 @@ if TYPE_CHECKING:
 
 
 def export_file(session: Session, file: str, node_id: int | None = None, *, twice: bool = False) -> Facts:
-    """Write the node with *node_id* (None: the selected one), as it is now, to *file*: a network file, or a DCF.
+    """Write the node with *node_id* (None: the selected one), as it is now, to *file*: a network file, a DCF or an XDC.
 
-    With *twice* each object of a DCF is read two times. Raises as `export_node` and `export_dcf`; UsageError for a
+    With *twice* each object of these is read two times. Raises as `export_node` and `export_dcf`; UsageError for a
     network file that is to be read twice.
     """
-    if file.lower().endswith(".dcf"):
+    if file.lower().endswith(VALUE_SUFFIXES):
         from dvtcli.operations.whole_device.export_dcf import export_dcf
 
         return export_dcf(session, file, node_id, twice=twice)
     if twice:
-        raise UsageError("--twice is for a DCF", hint="export NAME.dcf --twice")
+        raise UsageError("--twice is for a DCF or XDC", hint="export NAME.dcf --twice")
     from dvtcli.operations.export_network import export_node
 
     return export_node(session, file, node_id)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -9,17 +10,21 @@ import pytest
 import dvtcli
 from dvtcli.device.scan_objects import scan_objects
 from dvtcli.domain.configuration import Configuration
+from dvtcli.domain.ports import Frame
 from dvtcli.errors import SafetyRefusal
+from dvtcli.files.device_file import read_device_file
 from dvtcli.files.eds.reader import read_eds
 from dvtcli.files.whole_device_file import read_whole_device
 from dvtcli.operations.whole_device.backup_device import backup_device
 from tests.commands.bench import Bench
+from tests.real_files import real_files
 from tests.small_eds import U32, plain, var
 from tests.whole_device.test_export_dcf import FAMILIES, odd
 
-FORMS = ["dcf", "jsonl"]
+FORMS = ["dcf", "jsonl", "xdc"]
 
 
+@pytest.mark.drawn(12)
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("family", FAMILIES)
 def test_a_device_is_as_its_backup_says_until_a_setting_changes(family: str, form: str, tmp_path: Path) -> None:
@@ -158,6 +163,67 @@ def test_words_that_are_no_backup(tmp_path: Path) -> None:
         assert bench.run(f"backup {tmp_path / 'bad.jsonl'}").code == 6
         bench.session.node().dictionary = None
         assert bench.run(f"backup {tmp_path / 'a.dcf'}").code == 2
+
+
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    if "real" in metafunc.fixturenames:
+        paths = real_files(metafunc.config)
+        metafunc.parametrize("real", paths, ids=[path.name for path in paths])
+
+
+def test_a_device_of_a_real_file_is_as_its_files_say(real: Path, tmp_path: Path) -> None:
+    with Bench((f"{real}@5",)) as bench:
+        for word in ("backup a.dcf", "backup a.jsonl", "backup a.xdc", "export b.dcf", "export b.xdc"):
+            command, name = word.split()
+            assert bench.run(f"{command} {tmp_path / name}").code == 0, word
+            compared = bench.run(f"compare {tmp_path / name} --json")
+            assert (compared.code, compared.document["differences"]) == (0, []), word
+    for name in ("a.jsonl", "a.xdc", "b.dcf", "b.xdc"):
+        with Bench() as bench:
+            assert bench.run(f"compare {tmp_path / 'a.dcf'} {tmp_path / name} --json").document["differences"] == []
+
+
+def uploads(bench: Bench, line: str) -> Counter[tuple[int, int]]:
+    """How often each object is asked for while *line* runs."""
+    found: Counter[tuple[int, int]] = Counter()
+
+    def take(frame: Frame, _sent: bool) -> None:
+        if frame.can_id & ~0x7F == 0x600 and frame.data[:1] == b"\x40":
+            found[int.from_bytes(frame.data[1:3], "little"), frame.data[3]] += 1
+
+    bench.session.node()
+    stop = bench.session.wire.tap(take)
+    assert bench.run(line).code == 0
+    stop()
+    return found
+
+
+def test_each_object_is_asked_for_once_and_what_an_rpdo_may_change_twice(tmp_path: Path) -> None:
+    with Bench((str(odd(tmp_path)),)) as bench:
+        dictionary = bench.session.node().dictionary
+        assert dictionary is not None
+        asked = uploads(bench, f"backup {tmp_path / 'a.jsonl'}")
+        twice = uploads(bench, f"backup {tmp_path / 'b.jsonl'} --twice")
+    never = {(0x2001, 0), (0x2002, 0), (0x2003, 0)}
+    for entry in dictionary.entries():
+        place = entry.index, entry.sub_index
+        if place in never:
+            assert asked[place] == twice[place] == 0
+        elif entry.index not in (0x1000, 0x1018):  # who it is, is asked beside
+            is_suspect = entry.pdo_mapping and entry.access.writable
+            assert (asked[place], twice[place]) == (2 if is_suspect else 1, 2), entry.object
+
+
+def test_a_device_of_an_xdd_is_exported_in_both_forms(tmp_path: Path) -> None:
+    xdd = tmp_path / "odd.xdd"
+    with Bench() as bench:
+        assert bench.run(f"eds convert {odd(tmp_path)} {xdd}").code == 0
+    with Bench((f"{xdd}@9",)) as bench:
+        for name in ("a.dcf", "a.xdc"):
+            document = bench.run(f"export {tmp_path / name} --json").document
+            assert (document["eds"], document["objects"] > 20) == ("odd.xdd", True)
+            assert bench.run(f"compare {tmp_path / name}").code == 0
+            assert read_device_file(tmp_path / name).dictionary.info.node_id == 9
 
 
 def test_programs_do_the_same(tmp_path: Path) -> None:

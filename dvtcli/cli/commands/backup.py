@@ -22,7 +22,8 @@ TASK = ("Whole devices", 10)
 @click.option("--twice", is_flag=True, help="Read each object twice, and leave out what changed meanwhile.")
 @click.pass_obj
 def command(session: Session, /, file: str, twice: bool) -> Facts:
-    """Read every object of the selected node, and keep what it holds in FILE: its EDS with values (.dcf), or .jsonl.
+    """Read every object of the selected node, and keep what it holds in FILE: its EDS with values (.dcf or
+    .xdc), or .jsonl.
 
     A .jsonl has what was refused, too, and takes devices without an EDS: then each index from 0x1000 to 0x9FFF is asked
     for, which takes minutes. Passcodes and programs are not read. `compare` says later what differs.

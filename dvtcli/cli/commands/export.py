@@ -19,20 +19,22 @@ TASK = ("Scripts and files", 50)
 
 @click.command("export", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
 @click.argument("file", type=FILE)
-@click.option("--twice", is_flag=True, help="DCF: read each object twice, and leave out what changed meanwhile.")
+@click.option("--twice", is_flag=True, help="DCF, XDC: read each object twice, and leave out what changed meanwhile.")
 @click.pass_obj
 def command(session: Session, /, file: str, twice: bool) -> Facts:
-    """Write the selected node, as it is now, to FILE: its PDOs (.yaml), or all of its configuration (.dcf).
+    """Write the selected node, as it is now, to FILE: its PDOs (.yaml), or all of its configuration (.dcf
+    or .xdc).
 
     In a network file objects are named where the device's file names them, with their numbers behind. A PDO that is not
     whole is left out, and said.
 
     A DCF is the node's EDS, byte for byte, with a ParameterValue for what its configuration objects hold, and with the
-    node-ID, bit rate and serial number. What cannot be read is left out, and said.
+    node-ID, bit rate and serial number. An XDC says the same in XML. What cannot be read is left out, and said.
 
     \b
     export press.yaml
     export press.dcf
+    export press.xdc
     """
     from dvtcli.operations.export_file import export_file
 

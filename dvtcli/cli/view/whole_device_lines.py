@@ -36,7 +36,8 @@ def whole_compared_lines(result: WholeCompared, width: int) -> Iterator[Line]:
             verb = "is no setting" if len(found) == 1 else "are no settings"
             yield f"{label:<11} {several(one.object for one in found)} {verb}: not counted; --all shows them"
     if result.unsaid:
-        yield f"            only one side says something of {plural(result.unsaid, 'more setting')}: not compared"
+        silent = "one of them" if result.node is None else result.first
+        yield f"            {silent} says nothing of {plural(result.unsaid, 'more setting')}: not compared"
 
 
 def _rows(result: WholeCompared, found: Iterable[ObjectDifference], width: int) -> Iterable[Line]:

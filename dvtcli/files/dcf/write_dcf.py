@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 
-from dvtcli.domain.object_dictionary import OdEntry
+from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
 from dvtcli.domain.standard_objects import is_pdo_mapping
 from dvtcli.errors import InputFileError
 from dvtcli.files.dcf.device_keys import write_device_keys
@@ -65,20 +65,21 @@ def write_dcf(data: bytes, source: str, values: Mapping[Place, bytes], device: C
     write_device_keys(eds, writer.text, source, device)
     made = writer.text.to_bytes()
     said = tuple(place for place in values if place not in writer.left_out)
-    _refuse_unlike(parse_eds(made, device.file_name), {place: values[place] for place in said}, device.node_id)
+    wanted = {place: values[place] for place in said}
+    refuse_unlike_values(parse_eds(made, device.file_name).dictionary, wanted, device.node_id)
     return DcfText(made, said, writer.left_out)
 
 
-def _refuse_unlike(made: EdsFile, values: Mapping[Place, bytes], node_id: int) -> None:
-    """What was written is read, so that nobody gets a file that says something else."""
+def refuse_unlike_values(made: ObjectDictionary, values: Mapping[Place, bytes], node_id: int) -> None:
+    """Raise InputFileError where *made*, a new file as it is read, says something else than *values* of *node_id*."""
     for (index, sub_index), data in values.items():
-        entry = made.dictionary.entry(index, sub_index)
+        entry = made.entry(index, sub_index)
         if entry is None or not same_value(entry.data_type, entry.initial(node_id), data):
-            place = made.dictionary.source if entry is None else made.dictionary.place(entry)
             raise InputFileError(
-                f"{index:04X}:{sub_index:02X} does not read back as it was written into {made.dictionary.source}",
-                place=place, why="the file describes it in a way that this cannot change",
-            )  # fmt: skip
+                f"{index:04X}:{sub_index:02X} does not read back as it was written into {made.source}",
+                place=made.source if entry is None else made.place(entry),
+                why="the file describes it in a way that this cannot change",
+            )
 
 
 @dataclass(slots=True)

@@ -16,8 +16,7 @@ from dvtcli.errors import UsageError
 from dvtcli.files.whole_device_file import SUFFIX, KeptDevice, KeptObject, whole_device_text
 from dvtcli.operations.results import Facts
 from dvtcli.operations.save_script import ask_before_overwriting, place_of, write_bytes
-from dvtcli.operations.whole_device.export_dcf import SUFFIX as DCF
-from dvtcli.operations.whole_device.export_dcf import dcf_of, left_out, why_unread
+from dvtcli.operations.whole_device.export_dcf import SUFFIXES, dcf_of, left_out, why_unread
 from dvtcli.operations.whole_device.look_through import described, look_through, told
 
 if TYPE_CHECKING:
@@ -39,23 +38,22 @@ def backup_device(
 ) -> Facts:
     """Read every object of the node with *node_id* (None: the selected one) and keep what it held in *file*.
 
-    A `.dcf` is the node's EDS with those values. A `.jsonl` has the aborts, too, and needs no EDS: without one each
-    index of *areas* is asked for. With *twice* every object is read a second time, and what changed by then is left
-    out. Asks before it overwrites. UsageError for another suffix, for a DCF without an EDS, or where FILE cannot be
-    written.
+    A `.dcf` or `.xdc` is the node's EDS with those values. A `.jsonl` has the aborts, too, and needs no EDS: without
+    one each index of *areas* is asked for. With *twice* every object is read a second time, and what changed by then is
+    left out. Asks before it overwrites. UsageError for another suffix, for a DCF without an EDS, or where FILE cannot
+    be written.
     """
     suffix = Path(file).suffix.lower()
-    if suffix not in (DCF, SUFFIX):
-        raise UsageError(
-            f"{file}: a backup ends in {DCF} or {SUFFIX}", hint=f"{SUFFIX} takes devices without an EDS, too"
-        )
-    path = place_of(file, f"backup {{}}/NAME{DCF}")
+    if suffix not in (*SUFFIXES, SUFFIX):
+        hint = f"{SUFFIX} takes devices without an EDS, too"
+        raise UsageError(f"{file}: a backup ends in {', '.join(SUFFIXES)} or {SUFFIX}", hint=hint)
+    path = place_of(file, f"backup {{}}/NAME{SUFFIX}")
     node = session.node(node_id)
-    if suffix == DCF:
+    if suffix in SUFFIXES:
         described(node)
         refuse_unlike_file(node.node_id, node.unlike_file, force=session.options.force)
     ask_before_overwriting(session, path)
-    if suffix == DCF:
+    if suffix in SUFFIXES:
         return _as_dcf(session, node, path, file, twice=twice)
     if node.dictionary is None:
         found: Mapping[ObjectAddress, ReadObject]

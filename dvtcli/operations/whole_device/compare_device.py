@@ -165,8 +165,7 @@ def _name(place: ObjectAddress, *dictionaries: ObjectDictionary | None) -> str:
 
 def _unsaid(first: HeldDevice, second: _Second, node: int | None) -> int:
     """How many settings only one side says something of."""
-    said = {place for place, kept in first.objects.items() if kept.data is not None}
-    known = {place for place, kept in second.objects.items() if kept.data is not None}
+    said, known = set(first.objects), set(second.objects)
     if node is not None and second.dictionary is not None:
         known = {(entry.index, entry.sub_index) for entry in second.dictionary.entries() if entry.access.readable}
     one_sided = known - said if node is not None else known ^ said

@@ -1,4 +1,4 @@
-"""A node as a DCF: its EDS with what its configuration objects hold. Writes nothing to a node."""
+"""A node as a DCF or XDC: its EDS or XDD with what its configuration objects hold. Writes nothing to a node."""
 
 from __future__ import annotations
 
@@ -15,7 +15,9 @@ from dvtcli.domain.configuration import Configuration
 from dvtcli.domain.several import plural, several
 from dvtcli.errors import UsageError
 from dvtcli.files.dcf.value_text import same_value
-from dvtcli.files.dcf.write_dcf import Commissioned, DcfText, write_dcf
+from dvtcli.files.dcf.write_dcf import Commissioned, DcfText, refuse_unlike_values, write_dcf
+from dvtcli.files.device_file import VALUE_SUFFIXES, XDD_SUFFIXES, is_xml, parse_device_file
+from dvtcli.operations.exchange.convert_file import device_file_bytes
 from dvtcli.operations.results import Facts
 from dvtcli.operations.save_script import ask_before_overwriting, place_of, write_bytes
 from dvtcli.operations.whole_device.look_through import WholeDevice, described, look_through
@@ -24,17 +26,17 @@ if TYPE_CHECKING:
     from dvtcli.domain.profile import ObjectAddress
     from dvtcli.operations.session import Session
 
-SUFFIX = ".dcf"
+SUFFIXES = VALUE_SUFFIXES
 
 
 def export_dcf(session: Session, file: str, node_id: int | None = None, *, twice: bool = False) -> Facts:
     """Write the EDS of the node with *node_id* (None: the selected one), with what its configuration holds, to *file*.
 
-    Every byte of the EDS that need not change stays. With *twice* every object is read a second time, and what changed
-    meanwhile is left out. Asks before it overwrites. UsageError where the node has no EDS, or FILE cannot be written;
-    SafetyRefusal where the EDS is another device's.
+    It is a DCF, in which every byte of the EDS that need not change stays, or an XDC, by the suffix. With *twice* every
+    object is read a second time, and what changed meanwhile is left out. Asks before it overwrites. UsageError where
+    the node has no EDS, or FILE cannot be written; SafetyRefusal where the EDS is another device's.
     """
-    path = place_of(file, f"export {{}}/NAME{SUFFIX}")
+    path = place_of(file, f"export {{}}/NAME{SUFFIXES[0]}")
     node = session.node(node_id)
     described(node)
     refuse_unlike_file(node.node_id, node.unlike_file, force=session.options.force)
@@ -52,7 +54,7 @@ def is_exported(one: ReadObject, known: Configuration) -> bool:
 
 
 def dcf_of(session: Session, whole: WholeDevice, file_name: str) -> tuple[DcfText, Path]:
-    """The DCF of *whole* that is to be called *file_name*, and the EDS that it is made of."""
+    """*whole* as a DCF or XDC that is to be called *file_name*, and the EDS or XDD that it is made of."""
     node = whole.node
     path = session.network.files.eds_path(node.node_id)
     if path is None:
@@ -61,11 +63,29 @@ def dcf_of(session: Session, whole: WholeDevice, file_name: str) -> tuple[DcfTex
     device = Commissioned(
         file_name, node.node_id, datetime.now().astimezone(), rate // 1000 if rate else None, node.identity()["serial"]
     )
+    text = write_dcf(_eds_of(path, device.made), path.name, values_of(whole.objects), device)
+    return (_as_xdc(text, whole, device) if file_name.lower().endswith(XDD_SUFFIXES) else text), path
+
+
+def _eds_of(path: Path, made: datetime) -> bytes:
+    """The EDS at *path*; of an XDD the EDS that says the same."""
     try:
         data = path.read_bytes()
     except OSError as failed:
         raise UsageError(f"{path}: {failed.strerror or failed}", place=str(path)) from failed
-    return write_dcf(data, path.name, values_of(whole.objects), device), path
+    if not is_xml(data, path.name):
+        return data
+    dictionary = parse_device_file(data, path.name).dictionary
+    return device_file_bytes(dictionary, path.with_suffix(".eds").name, f"made from {path.name}", made)
+
+
+def _as_xdc(text: DcfText, whole: WholeDevice, device: Commissioned) -> DcfText:
+    """The DCF *text* as an XDC that says the same values."""
+    dictionary = parse_device_file(text.data, "a.dcf").dictionary
+    data = device_file_bytes(dictionary, device.file_name, "", device.made)
+    values = {place: held for place in text.said if (held := whole.objects[place].data) is not None}
+    refuse_unlike_values(parse_device_file(data, device.file_name).dictionary, values, device.node_id)
+    return replace(text, data=data)
 
 
 def left_out(whole: WholeDevice, text: DcfText) -> dict[str, str]:
