@@ -22,6 +22,10 @@ def parse(words: Sequence[str], session: Conversation) -> click.Context:
     root = click.Context(REGISTRY, info_name="", obj=session)
     name, *args = meant(words)
     if name.startswith("-"):
+        if name in ("-n", "--node"):
+            raise click.UsageError(
+                f"{name} is given when dvtcli starts; here `node 5` selects a node, and `read 1:1017 5:1017` names them"
+            )
         raise click.UsageError(f"{name} stands before any command; options stand behind it")
     command = REGISTRY.get_command(root, name)
     if command is None:

@@ -30,6 +30,7 @@ RULES = (
          "CiA 301, 7.5.2.13 and 7.5.2.14", (Abort.CANNOT_STORE,)),
 )  # fmt: skip
 
+_GUESSED = "no EDS says its type, it is guessed by its length: --as vs writes text, --as TYPE another one"
 #: what can have a unit, or be one of some words
 _NUMBERS = (Kind.BOOLEAN, Kind.INTEGER, Kind.UNSIGNED, Kind.REAL)
 
@@ -60,8 +61,14 @@ def _encoded(node: Node, index: int, sub_index: int, value: str, asked: DataType
         raise UsageError(
             f"{value!r} for 0x{index:04X}:{sub_index:02X} ({kind.short}): {wrong}",
             node=node.node_id,
-            hint=_how_to_write(meaning, kind),
+            hint=_how_to_write(meaning, kind) or (None if asked or _is_known(node, index, sub_index) else _GUESSED),
         ) from wrong
+
+
+def _is_known(node: Node, index: int, sub_index: int) -> bool:
+    """Whether a file says what type the object has; else it is taken for a number of as many bytes as it holds."""
+    entry = node.dictionary.entry(index, sub_index) if node.dictionary else None
+    return entry is not None and entry.data_type is not None
 
 
 def _how_to_write(meaning: Physical, kind: DataType) -> str | None:

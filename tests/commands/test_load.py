@@ -9,7 +9,9 @@ from typing import Any
 
 import pytest
 
-from dvtcli.operations.network_load import load_after
+from dvtcli.cli.view.lines import Line
+from dvtcli.cli.view.load_lines import load_lines
+from dvtcli.operations.network_load import LoadWishes, load_after, network_load
 from dvtcli.operations.plan_network import plan_network
 from dvtcli.operations.simulated_nodes import simulated_device, simulated_nodes
 from tests.commands.bench import Bench, Ran
@@ -183,3 +185,22 @@ def test_what_comes_more_often_than_the_worst_case_of_the_file_is_said() -> None
     assert "too often  1:tpdo1 came 100.0 times a second, 66.7 are computed at worst\n" in text
     assert "hint: dvtcli diff timers.yaml" in text
     assert "too often" not in own, "what the node holds is what it sends"
+
+
+@pytest.mark.parametrize("for_s", [0.0, 0.5])
+@pytest.mark.parametrize("width", [80, 100])
+def test_a_row_fits_the_screen_and_says_what_limits_a_frame(width: int, for_s: float) -> None:
+    """In virtual time: nothing is waited for."""
+    bus = VirtualTimeBus([simulated_device(one) for one in simulated_nodes(("gen4@1", "generic@5"))], simulated=False)
+    with Bench((), {"sim": (), "node": 1}, bus) as bench:
+        loaded = network_load(bench.session, None, LoadWishes(for_s))
+        lines = [text_of(line) for line in load_lines(loaded, width)]
+    rows = [line for line in lines if line.startswith("  0x")]
+    assert len(rows) >= 3
+    assert max(map(len, rows)) <= width
+    assert not any("…" in row for row in rows)
+    assert any("10 ms" in row for row in rows)
+
+
+def text_of(line: Line) -> str:
+    return line if isinstance(line, str) else "".join(cell.text for cell in line)

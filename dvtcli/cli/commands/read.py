@@ -77,6 +77,8 @@ def command(
 
         return read_objects(session, objects_meant(session, objects), data_type)
     (only,) = objects
+    if output is not None and only.node_id is None:
+        _require_one_node(session)
     if output is not None:
         from dvtcli.operations.object_files import read_to_file
 
@@ -86,3 +88,11 @@ def command(
     from dvtcli.operations.read_object import read_object
 
     return read_object(session, only.text, data_type, only.node_id)
+
+
+def _require_one_node(session: Conversation) -> None:
+    """UsageError where -n names several nodes: one file holds the bytes of one."""
+    from dvtcli.cli.each_node import nodes_meant
+
+    if len(nodes_meant(session)) > 1:
+        raise click.UsageError("-o takes the bytes of one node's object: name it, as in read 1:1008 -o name.txt")

@@ -16,7 +16,11 @@ if TYPE_CHECKING:
     from dvtcli.operations.results.loads import FrameLoad, Measured, NetworkLoad
 
 #: how wide a bar is, and how wide where what was heard stands before it
-_BAR, _NARROW = 12, 8
+_BAR, _NARROW = 12, 5
+#: columns that a row with bars and what was heard takes
+_WHOLE = 100
+#: columns that a row with bars takes where nothing was heard
+_BARRED = 92
 _HEADER = ("COB-ID", "WHAT", "NODE", "LEN", "AT MOST", "LOAD", "RESPONSE", "DEADLINE")
 _HEARD = ("HEARD/S", "LOAD")
 
@@ -28,20 +32,36 @@ def load_lines(result: NetworkLoad, width: int) -> Iterator[Line]:
     assumed = " (assumed: -b says another one)" if result.is_assumed else ""
     heard = f"; {result.bus} heard for {measured.seconds:.1f} s, {measured.count.frames} frames" if measured else ""
     yield [Cell(f"{result.file or result.bus} at {rate}{assumed}, at worst{heard}", "bold")]
-    yield from _table(result, measured).lines(width)
+    yield from _table(result, measured, width).lines(width)
     yield from _sums(result, measured)
     yield from (([Cell("  ", ""), Cell(f"assumed: {text}", "dim")]) for text in result.need.assumed)
 
 
-def _table(result: NetworkLoad, measured: Measured | None) -> Table:
+def _table(result: NetworkLoad, measured: Measured | None, width: int) -> Table:
+    """A row a frame; on a narrow screen what can be done without goes."""
+    if measured and width < _WHOLE:
+        return _narrow_table(result, measured)
     header = (*_HEADER, *(_HEARD if measured else ()), "")
     table = Table(header, right=frozenset({2, 3, 5, 6, 7, 8, 9} if measured else {2, 3, 5, 6, 7}), shrink=4)
+    for row in _rows(result, measured):
+        table.add(*(row if measured or width >= _BARRED else row[:8]))
+    return table
+
+
+def _narrow_table(result: NetworkLoad, measured: Measured) -> Table:
+    """The same without lengths, deadlines and bars."""
+    table = Table((*_HEADER[:3], *_HEADER[4:7], *_HEARD), right=frozenset({2, 4, 5, 6, 7}), shrink=3)
+    for cells in _rows(result, measured):
+        table.add(*cells[:3], *cells[4:7], *cells[8:10])
+    return table
+
+
+def _rows(result: NetworkLoad, measured: Measured | None) -> Iterator[list[str | Cell]]:
     shares = [need.share for one in result.frames for need in one.needs if need.share is not None]
     most = max([*map(float, shares), *_measured_shares(result)], default=0.0)
     for one in result.frames:
         for number, need in enumerate(one.needs or (None,)):
-            table.add(*_row(result, one, need, most, measured if number == 0 else None, heard=measured is not None))
-    return table
+            yield list(_row(result, one, need, most, measured if number == 0 else None, heard=measured is not None))
 
 
 def _measured_shares(result: NetworkLoad) -> Iterator[float]:
@@ -62,7 +82,7 @@ def _row(
         yield from (str(one.heard.data_bytes if one.heard else 0), "not computed", "-", "-", "-")
     else:
         share = 0.0 if need.share is None else float(need.share)
-        yield from _need(need)
+        yield from (_shorter(cell) if heard else cell for cell in _need(need))
     if heard:
         rate, load = "-", "-"
         if measured is not None and one.heard is not None:
@@ -75,6 +95,13 @@ def _row(
     width = _NARROW if heard else _BAR
     is_unknown = need is not None and need.share is None
     yield Cell("█" * (width - 1) + "▸", "red") if is_unknown else Cell(_bar(share, most, width), "cyan")
+
+
+def _shorter(cell: str | Cell) -> str | Cell:
+    """`inhibit 10.0 ms`, where there is little room."""
+    if isinstance(cell, Cell):
+        return Cell(cell.text.replace("inhibit ", "inh. "), cell.style)
+    return cell.replace("inhibit ", "inh. ")
 
 
 def _need(need: StreamNeed) -> Iterator[str | Cell]:
