@@ -40,7 +40,7 @@ class VirtualTimeBus(WatchedBus):
     """A CanopenBus of *devices*, which boot now, with *faults* and *signals*; its clock starts at 0 s.
 
     Where it is not *simulated* whoever uses it takes it for one that others use, too, with nodes that outlive it. With
-    *bit_rate* (bit/s) who runs at another one neither hears nor is heard.
+    *bit_rate* (bit/s) who runs at another one neither hears nor is heard. *name* is what it is called.
     """
 
     #: how many nodes are asked at once where none is OPERATIONAL
@@ -56,8 +56,9 @@ class VirtualTimeBus(WatchedBus):
         retries: int = DEFAULT_RETRIES,
         simulated: bool = True,
         bit_rate: int | None = None,
+        name: str = "virtual time",
     ) -> None:
-        super().__init__("virtual time", simulated=simulated, timeout_s=timeout_s, retries=retries)
+        super().__init__(name, simulated=simulated, timeout_s=timeout_s, retries=retries)
         known_rates = () if bit_rate is None else None
         self.nodes = stations(devices, faults, signals, bit_rate=bit_rate, known_rates=known_rates)
         self._roster = Roster(self.nodes)
@@ -232,6 +233,7 @@ class VirtualTimeBus(WatchedBus):
         if frame.remote or frame.extended:
             return
         if function == ANSWER_ID:
+            self._watch.answered(node_id)
             self._channels.receive(node_id, frame.can_id, frame.data, extended=False)
         elif function == HEARTBEAT:
             self._watch.heartbeat(frame)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
 
 from dvtcli.domain.nmt import UNCONFIGURED
 from dvtcli.domain.ports import CanopenBus
@@ -18,12 +19,37 @@ from dvtcli.operations.simulated_nodes import (
     simulated_signals,
 )
 
+if TYPE_CHECKING:
+    from dvtcli.simulator.device.signals import Signal
+    from dvtcli.simulator.device.simulated_faults import Fault
+    from dvtcli.simulator.device.strict_device import StrictDevice
+
 #: Opens the bus that options name.
 OpenBus = Callable[[Options], CanopenBus]
 
 
-def bus_of(options: Options, open_bus: OpenBus | None = None) -> tuple[CanopenBus, tuple[Simulated, ...]]:
+class Simulate(Protocol):
+    """Starts simulated devices on a bus of their own, and joins it."""
+
+    def __call__(
+        self,
+        devices: Sequence[StrictDevice],
+        *,
+        faults: Sequence[Fault],
+        signals: Sequence[Signal],
+        timeout_s: float,
+        bit_rate: int,
+    ) -> CanopenBus:
+        """The bus of *devices*, which boot now, with their *faults* and *signals*, at *bit_rate* (bit/s)."""
+        ...
+
+
+def bus_of(
+    options: Options, open_bus: OpenBus | None = None, simulate: Simulate | None = None
+) -> tuple[CanopenBus, tuple[Simulated, ...]]:
     """Open the bus that *options* name, or with *open_bus*; which nodes are simulated on it, with their node-IDs.
+
+    Simulated nodes live on the bus that *simulate* makes, None: the one in this process.
 
     BusUnavailable, UsageError or InputFileError.
     """
@@ -38,10 +64,11 @@ def bus_of(options: Options, open_bus: OpenBus | None = None) -> tuple[CanopenBu
     signals = simulated_signals(options.signal, simulated)
     if not simulated:
         return (open_bus or open_real_bus)(options), ()
-    from dvtcli.simulator.network.in_process_bus import BIT_RATE, simulate
+    from dvtcli.simulator.network import in_process_bus
 
-    devices, rate = [simulated_device(one) for one in simulated], options.bitrate or BIT_RATE
-    return simulate(devices, faults=faults, signals=signals, timeout_s=options.timeout, bit_rate=rate), tuple(
+    devices, rate = [simulated_device(one) for one in simulated], options.bitrate or in_process_bus.BIT_RATE
+    start = simulate or in_process_bus.simulate
+    return start(devices, faults=faults, signals=signals, timeout_s=options.timeout, bit_rate=rate), tuple(
         one for one in simulated if one.node_id != UNCONFIGURED
     )
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from dvtcli.domain.plan import PdoChange, ValueChange
+from dvtcli.domain.plan import PdoChange, ValueChange, alters
 from dvtcli.domain.rules.producer import producer_findings, sent_by
 from dvtcli.domain.script_line import change_lines
 from dvtcli.operations.results import Changed
@@ -59,10 +59,10 @@ def changed(
     lines: list[str] | None = None,
 ) -> Changed:
     """The answer to an applied plan; what changed something is remembered as script *lines* (None: the plan's own)."""
-    if len(applied.plan) and not session.dry_run:
+    saved = any(node.saves((step.index, step.sub_index)) for step in applied.plan.steps)
+    if (saved or any(map(alters, applied.plan.changes))) and not session.dry_run:
         session.record.add(node.node_id, change_lines(applied.plan) if lines is None else lines)
     volatile = any(node.profile.store.needed_for(step.index) for step in applied.plan.steps)
-    saved = any(node.saves((step.index, step.sub_index)) for step in applied.plan.steps)
     policy = node.profile.store
     keep = f"to keep it, {policy.instead}" if policy.instead else "`store` keeps it"
     return Changed(

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from dvtcli.device.change.whole import Whole
     from dvtcli.device.node import Node
     from dvtcli.domain.ports import CanopenBus
-    from dvtcli.operations.bus_of_options import OpenBus
+    from dvtcli.operations.bus_of_options import OpenBus, Simulate
     from dvtcli.operations.open_network import Network
     from dvtcli.operations.options import Options
     from dvtcli.operations.serve import Serving, Wanted
@@ -36,6 +36,8 @@ class Opened(Said):
         #: called when the bus is about to be opened
         self.on_open: Callable[[], None] = lambda: None
         self._open_bus = open_bus
+        #: makes the bus of simulated nodes; None: the usual one
+        self.simulate: Simulate | None = None
         self._network: Network | None = None
         self._twin: Network | None = None
         self._untap: Callable[[], None] | None = None
@@ -132,7 +134,7 @@ class Opened(Said):
         from dvtcli.operations.bus_of_options import bus_of
 
         def opened() -> tuple[CanopenBus, tuple[Simulated, ...]]:
-            return bus_of(self.base, self._open_bus)
+            return bus_of(self.base, self._open_bus, self.simulate)
 
         if not self.options.reconnect:
             return opened()
@@ -145,7 +147,7 @@ class Opened(Said):
         from dvtcli.operations.bus_of_options import bus_of
 
         given = self.base if self._set_rate is None else self.base._replace(bitrate=self._set_rate)
-        return bus_of(given, self._open_bus)[0]
+        return bus_of(given, self._open_bus, self.simulate)[0]
 
     def take_bit_rate(self, bit_rate: int) -> None:
         """The bus runs at *bit_rate* (bit/s) from now on, whatever the options say."""

@@ -6,6 +6,7 @@ import io
 import json
 import re
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 from dvtcli.cli.conversation import Conversation
@@ -17,6 +18,7 @@ from dvtcli.cli.ways_in import install
 from dvtcli.domain.ports import CanopenBus
 from dvtcli.files.profile.toml import builtin_path
 from dvtcli.files.user_folders import user_folder
+from tests.virtual_time import VirtualTimeBus
 
 install()
 
@@ -40,6 +42,8 @@ class Bench:
     sim: tuple[str, ...] = ("gen4",)
     options: dict[str, Any] = field(default_factory=dict)
     bus: CanopenBus | None = None
+    #: whether the simulated nodes live on the product's own bus, on which waiting takes its time
+    in_real_time: bool = False
     session: Conversation = field(init=False)
 
     def __post_init__(self) -> None:
@@ -47,6 +51,8 @@ class Bench:
         self.session = Conversation(
             Output(io.StringIO(), io.StringIO()), open_bus=None if bus is None else lambda _options: bus
         )
+        if not self.in_real_time:
+            self.session.simulate = partial(VirtualTimeBus, name="sim")
         self.session.start({"sim": self.sim, **self.options})
         self.session.started = True
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from tests.commands.bench import Bench
@@ -143,6 +143,7 @@ STEPS = [
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
 @pytest.mark.long
+@example(["write 1017 100", "write 1017 100", "undo"])  # undone is the write that changed something
 @given(st.lists(st.sampled_from(STEPS), min_size=1, max_size=12))
 def test_the_end_state_on_a_fresh_device_gives_the_same(
     tmp_path_factory: pytest.TempPathFactory, lines: list[str]
