@@ -16,12 +16,14 @@ from hypothesis import strategies as st
 
 from dvtcli.domain.datatypes import DATA_TYPES, Kind
 from dvtcli.domain.object_dictionary import ObjectDictionary
+from dvtcli.errors import InputFileError
 from dvtcli.files.dcf.value_text import same_value, value_text
 from dvtcli.files.dcf.write_dcf import Commissioned, Place, write_dcf
 from dvtcli.files.eds.numbers import encode_value
 from dvtcli.files.eds.reader import parse_eds
 from dvtcli.files.profile.toml import builtin_path
 from tests.corpus.oddities import OddFile, odd_files
+from tests.files.test_eds_any import LINES
 from tests.real_files import real_files
 
 NODE = 5
@@ -195,6 +197,24 @@ def test_what_need_not_change_is_the_same_byte_for_byte(encoding: str, seed: int
     if not mixed:
         assert set(re.findall(r"\r\n|\r|\n", now)) == {usual}
     assert unlike(parse_eds(made.data, "b.dcf").dictionary, {place: values[place] for place in made.said}) == []
+
+
+@given(st.lists(LINES, max_size=12), st.integers(0, 200), st.integers(0, 1 << 32))
+def test_whatever_the_file_a_dcf_says_what_was_held_or_there_is_none(lines: list[str], at: int, seed: int) -> None:
+    given_lines = SHORT.splitlines()
+    data = "\n".join([*given_lines[:at], *lines, *given_lines[at:]]).encode("utf-8", "surrogatepass")
+    try:
+        eds = parse_eds(data, "any.eds")
+        values = held(eds.dictionary, random.Random(seed))
+        made = write_dcf(data, "any.eds", values, DEVICE)
+    except InputFileError:
+        return
+    dictionary = parse_eds(made.data, "any.dcf").dictionary
+    for index, sub_index in made.said:
+        entry = dictionary.entry(index, sub_index)
+        assert entry is not None
+        assert same_value(entry.data_type, entry.initial(NODE), values[index, sub_index])
+    assert set(made.said) | made.left_out.keys() == values.keys()
 
 
 def made_of(text: str, values: dict[Place, bytes]) -> str:

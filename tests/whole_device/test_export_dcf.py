@@ -138,3 +138,11 @@ def test_how_far_it_has_come_is_told() -> None:
     read = [(text, done, total) for text, done, total in follower.said if ": reading 0x" in text and total > 6]
     assert [done for _, done, _ in read] == list(range(read[0][2]))
     assert " left" in read[-1][0]
+
+
+@pytest.mark.parametrize("line", ["export {}/node.dcf", "backup {}/node.jsonl", "backup {}/node.dcf"])
+def test_a_node_that_restarts_meanwhile_leaves_no_file(line: str, tmp_path: Path) -> None:
+    with Bench(("generic",), {"fault": ("reset-after-read@40",)}) as bench:
+        assert bench.run("write 1017 700").code == 0
+        assert bench.run(line.format(tmp_path)).code == 5
+    assert list(tmp_path.iterdir()) == []
