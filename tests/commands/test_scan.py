@@ -12,8 +12,10 @@ from dvtcli.files.eds.reader import read_eds
 from dvtcli.simulator.device.refusal import Refusal
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family
+from tests.bus.devices import device as small_device
 from tests.commands.bench import Bench
 from tests.commands.bus import Wire, device
+from tests.virtual_time import VirtualTimeBus
 
 
 class Odd(StrictDevice):
@@ -105,3 +107,16 @@ def test_absent_nodes_are_asked_once(option: str) -> None:
         asked = Counter(frame.arbitration_id - 0x600 for frame in wire.frames() if frame.data[:3] == b"\x40\x00\x10")
         assert [row["node"] for row in ran.document["nodes"]] == [9]
     assert {node: asked[node] for node in range(1, 128) if node != 9} == {n: 1 for n in range(1, 128) if n != 9}
+
+
+def test_a_full_bus_loses_no_answer() -> None:
+    """All 127 nodes, in virtual time; each is found, and none is asked anything twice."""
+    bus = VirtualTimeBus([small_device(node_id) for node_id in range(1, 128)])
+    asked: Counter[tuple[int, bytes]] = Counter()
+    bus.tap(lambda frame, ours: asked.update([(frame.can_id, frame.data)]) if ours else None)
+    with Bench((), {"sim": ()}, bus) as bench:
+        rows = bench.run("scan --json").document["nodes"]
+    assert [row["node"] for row in rows] == list(range(1, 128))
+    assert all(row["vendor_id"] is not None and row["note"] == "" for row in rows)
+    uploads = {key: count for key, count in asked.items() if key[1][:1] == b"\x40"}
+    assert set(uploads.values()) == {1}

@@ -40,6 +40,8 @@ STYLE = {
 CONTINUED = "  ... "
 #: Rows that a line and what stands below it need; what a terminal has beyond them is for the menu.
 ROWS_OF_TEXT = 4
+#: On a screen of so many rows what is wrong stands behind the line, too: its foot may be far below.
+_TALL = 30
 
 
 class Reader(Protocol):
@@ -162,6 +164,7 @@ def _prompt_session(session: Conversation, status: Status, show_help: Callable[[
     from prompt_toolkit import PromptSession
     from prompt_toolkit.application import get_app
     from prompt_toolkit.auto_suggest import AutoSuggestFromHistory
+    from prompt_toolkit.layout.processors import AfterInput
     from prompt_toolkit.shortcuts import CompleteStyle
     from prompt_toolkit.styles import Style
 
@@ -198,6 +201,7 @@ def _prompt_session(session: Conversation, status: Status, show_help: Callable[[
         bottom_toolbar=toolbar,
         validator=LineValidator(session, columns),
         validate_while_typing=False,
+        input_processors=[AfterInput(_said_at_line)],
         prompt_continuation=lambda _width, _number, wrapped: "" if wrapped else CONTINUED,
         refresh_interval=0.5,
         search_ignore_case=True,
@@ -206,6 +210,17 @@ def _prompt_session(session: Conversation, status: Status, show_help: Callable[[
         include_default_pygments_style=False,
         color_depth=_color_depth(session.base.color),
     )
+
+
+def _said_at_line() -> StyleAndTextTuples:
+    """What is wrong with the line, behind it, where the foot of the screen is far away."""
+    from prompt_toolkit.application import get_app
+
+    application = get_app()
+    wrong = application.current_buffer.validation_error
+    if wrong is None or application.output.get_size().rows < _TALL:
+        return []
+    return [("", "  "), ("class:validation-toolbar", wrong.message.partition("\n")[0])]
 
 
 def _color_depth(color: str) -> ColorDepth | None:
