@@ -8,7 +8,7 @@ import click
 
 from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.effect import Effect
-from dvtcli.cli.params import FILE
+from dvtcli.cli.params import FILE, TEXT
 from dvtcli.errors import UsageError
 from dvtcli.operations.options import SPECIAL_FORMATS
 
@@ -27,6 +27,7 @@ TASK = ("Find nodes", 60)
 @click.option("--rule", "only", multiple=True, metavar="NAME", help="check: this rule only; repeatable.")
 @click.option("--without", multiple=True, metavar="NAME", help="check: all rules but this one; repeatable.")
 @click.option("--strict", is_flag=True, help="check: exit code 4 for a warning, too.")
+@click.option("--for", "node", type=TEXT, metavar="NODE", help="convert: the node of a network file, name or node-ID.")
 @click.pass_obj
 def command(
     session: Conversation,
@@ -35,12 +36,13 @@ def command(
     only: tuple[str, ...],
     without: tuple[str, ...],
     strict: bool,
+    node: str | None,
 ) -> Facts | FileReport | FileReports:
     """Read FILE and say what is in it; `check` names everything odd with its line, in several files, too.
 
     `check` ends with exit code 4 where a rule found an error. --format github, junit or sarif is for CI; -p judges the
     PDOs as on a device of that family. `convert IN OUT` writes the format that the name OUT ends in, and names all that
-    it cannot hold.
+    it cannot hold. A concise DCF (0x1F22, .cdcf) is shown, and made of a network file for one of its nodes.
 
     \b
     eds check drive.eds
@@ -51,24 +53,43 @@ def command(
     eds add drive.eds       found from now on by the node's identity
     eds convert drive.eds drive.xdd
     eds convert press.dcf press.xdc
+    eds convert press.yaml ram.cdcf --for ram
+    eds show ram.cdcf
     """
     from dvtcli.operations import eds_files
 
+    if node is not None and action != "convert":
+        raise UsageError("--for belongs to eds convert", hint="eds convert net.yaml node5.cdcf --for 5")
     if action == "check":
         return eds_files.check_eds(files, only, without, strict=strict, family=session.options.profile)
     if only or without or strict or session.output.format in SPECIAL_FORMATS:
         hint = f"--rule, --without, --strict and --format {' | '.join(SPECIAL_FORMATS)} belong to eds check"
         raise UsageError(f"eds {action} asks no rules", hint=hint)
     if action == "convert":
-        return _convert(session, files)
+        return _convert(session, files, node)
     if len(files) > 1:
         raise UsageError(f"eds {action} takes one file", hint=f"{len(files)} were given; eds check takes several")
-    return eds_files.show_eds(files[0]) if action == "show" else eds_files.add_eds(files[0])
+    if action == "add":
+        return eds_files.add_eds(files[0])
+    return _show(session, files[0])
 
 
-def _convert(session: Conversation, files: tuple[str, ...]) -> Facts:
+def _convert(session: Conversation, files: tuple[str, ...], node: str | None) -> Facts:
     from dvtcli.operations.exchange.convert_file import convert_file
 
     if len(files) != 2:
         raise UsageError("eds convert takes two files", hint="eds convert drive.eds drive.xdd")
-    return convert_file(session, *files)
+    return convert_file(session, *files, node)
+
+
+def _show(session: Conversation, file: str) -> Facts:
+    from dvtcli.operations.eds_files import show_eds
+    from dvtcli.operations.exchange.convert_file import CONCISE_SUFFIX
+
+    if not file.lower().endswith(CONCISE_SUFFIX):
+        return show_eds(file)
+    from dvtcli.operations.device_files import offline_dictionaries
+    from dvtcli.operations.exchange.concise_network import show_concise
+
+    known = offline_dictionaries(session.options)
+    return show_concise(file, known[0][0] if known else None)

@@ -29,18 +29,26 @@ _WORDS = {
     "name": "name", "access": "access type", "pdo_mapping": "PDO mapping", "unit": "unit", "denotation": "denotation",
     "object_flags": "ObjFlags", "object": "object", "node_id": "node-ID", "bit_rate_kbit": "bit rate of the bus",
 }  # fmt: skip
+CONCISE_SUFFIX = ".cdcf"
 #: What belongs to one node, and not to every device of its kind.
 _OF_ONE_NODE = {"value", "denotation", "node_id", *(field.name for field in fields(Commissioning))}
 #: Said with what they belong to.
 _BESIDE = ("value_relative", "default_relative", "low_relative", "high_relative")
 
 
-def convert_file(session: Session, file: str, target: str) -> Facts:
+def convert_file(session: Session, file: str, target: str, node: str | None = None) -> Facts:
     """Write what *file* says of a device to *target*, in the format that its name ends in, and say what it cannot hold.
 
-    An EDS or XDD holds no values of one node. Asks before it overwrites. UsageError where *target* has another suffix,
-    or a file cannot be read or written; InputFileError where *file* is none.
+    An EDS or XDD holds no values of one node. A .cdcf is made of *node* of a network file. Asks before it overwrites.
+    UsageError where *target* has another suffix, or a file cannot be read or written; InputFileError where *file* is
+    none.
     """
+    if target.lower().endswith(CONCISE_SUFFIX):
+        from dvtcli.operations.exchange.concise_network import convert_network
+
+        return convert_network(session, file, target, node)
+    if node is not None:
+        raise UsageError("--for chooses a node of a network file", hint="eds convert net.yaml node5.cdcf --for 5")
     path = place_of(target, "eds convert FILE {}/NAME.xdd")
     suffix = path.suffix.lower()
     if suffix not in DEVICE_SUFFIXES:
