@@ -1,4 +1,4 @@
-"""Which frames are known: the mappings of nodes as they hold them now, read once, and a DBC file's messages."""
+"""Which frames are known: the mappings of nodes as they hold them now, read once, and those of a file."""
 
 from __future__ import annotations
 
@@ -50,9 +50,9 @@ def live_decoders(
     """
     known, names = Decoder(), dict[int, str]()
     if dbc is not None:
-        from dvtcli.files.dbc import read_dbc
+        from dvtcli.operations.file_layouts import file_layouts
 
-        known.add(read_dbc(dbc))
+        known.add(file_layouts(dbc))
     for node_id in () if dbc is not None and not nodes else nodes or _present(session):
         yield node_id, Decoder(known.layouts, names)
         try:

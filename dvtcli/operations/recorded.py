@@ -1,4 +1,4 @@
-"""Recordings with what decodes them: a DBC file, the mapping in an EDS, DCF, XDD or XDC, or what the nodes hold now."""
+"""Recordings with what decodes them: a DBC or network file, the mapping in an EDS, DCF, XDD or XDC, or what the nodes hold now."""
 
 from __future__ import annotations
 
@@ -15,13 +15,14 @@ def decoder_for(session: Session, nodes: tuple[int, ...] | None, dbc: str | None
 
     Nodes are asked only where they are named (-n, --nodes, --sim) or a bus is open already; else frames stay bytes.
     """
-    from dvtcli.files.dbc import read_dbc
     from dvtcli.operations.layouts import live_decoder
     from dvtcli.watch.decoder import Decoder
 
     base = session.base
     if dbc is not None:
-        return Decoder(read_dbc(dbc))
+        from dvtcli.operations.file_layouts import file_layouts
+
+        return Decoder(file_layouts(dbc))
     if base.eds is not None:
         return _file_decoder(Path(base.eds), nodes or base.nodes, base.profile)
     if base.sim or base.nodes or nodes or session.is_open:

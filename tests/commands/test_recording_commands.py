@@ -152,6 +152,20 @@ def test_decode_by_a_dbc(tmp_path: Path) -> None:
     assert found[0]["kind"] == "message"
 
 
+def test_decode_by_a_network_file(tmp_path: Path) -> None:
+    """What the file says of its node's values goes before what the family says of them."""
+    network = tmp_path / "press.yaml"
+    network.write_text(
+        "nodes: {drive: {node_id: 1, profile: gen4, physical: {606C: 0.1 m/s}, tpdo: {2: {enabled: true}}}}\n", "utf-8"
+    )
+    done = dvtcli("decode", str(ramp(tmp_path / "run.log", 1)), "-d", str(network))
+    assert "Velocity actual value=-10.0 m/s (-100)  Torque actual value=12.0 % (120)" in done.stdout
+    network.write_text("nodes: {drive: {node_id: 1, profile: gen4, physical: {606C: {factor: 0}}}}\n", "utf-8")
+    done = dvtcli("decode", str(tmp_path / "run.log"), "-d", str(network))
+    assert done.returncode == 4
+    assert "physical.606C.factor: a factor of 0 makes all values the same" in done.stderr
+
+
 def test_without_a_mapping_frames_stay_bytes(tmp_path: Path) -> None:
     done = dvtcli("decode", str(ramp(tmp_path / "run.log", 2)))
     assert done.stdout.splitlines()[0].split() == [

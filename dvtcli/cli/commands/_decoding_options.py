@@ -16,4 +16,6 @@ F = TypeVar("F", bound=Callable[..., object])
 def decoding_options(command: F) -> F:
     """The options that say what decodes a recording."""
     nodes = click.option("--nodes", type=NodesType(), metavar="ID,…", help="Nodes that sent it [the selected one].")
-    return nodes(click.option("-d", "--dbc", type=FILE, metavar="FILE", help="Decode by a DBC file.")(command))
+    return nodes(
+        click.option("-d", "--dbc", type=FILE, metavar="FILE", help="Decode by a DBC or network file.")(command)
+    )

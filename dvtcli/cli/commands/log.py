@@ -33,7 +33,7 @@ TASK = ("See", 70)
 @click.option("--duration", type=SecondsType(), metavar="S", help="End after S seconds.")
 @click.option("--decode", is_flag=True, help="Values, one column a signal: .csv .parquet .jsonl.")
 @click.option("--nodes", type=NodesType(), metavar="ID,…", help="For --decode: nodes whose mapping is read.")
-@click.option("-d", "--dbc", type=FILE, metavar="FILE", help="For --decode: a DBC file.")
+@click.option("-d", "--dbc", type=FILE, metavar="FILE", help="For --decode: a DBC or network file.")
 @click.pass_obj
 def command(
     session: Session,

@@ -24,7 +24,9 @@ TASK = ("See", 40)
 
 @click.command("monitor", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
 @click.option("--nodes", type=NodesType(), metavar="ID,…", help="Nodes whose mapping is read [those that are heard].")
-@click.option("-d", "--decode", type=FILE, metavar="FILE.dbc", help="Decode by a DBC file (after --nodes, if given).")
+@click.option(
+    "-d", "--decode", type=FILE, metavar="FILE", help="Decode by a DBC or network file (after --nodes, if given)."
+)
 @click.option("--filter", "wanted", type=TEXT, metavar="TEXT", help="Only frames and signals with TEXT in their names.")
 @click.option("--duration", type=SecondsType(), metavar="S", help="End after S seconds.")
 @click.option("--changes", is_flag=True, help="Only frames that say something new.")

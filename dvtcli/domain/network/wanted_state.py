@@ -107,7 +107,8 @@ class NodeWish:
     """What one node should hold, and how dvtcli goes about it.
 
     *dcf* is the EDS, DCF, XDD or XDC, *store* what of 0x1010 is stored afterwards (False: nothing), *prune* whether
-    enabled PDOs that are not named go off, *stamp* whether 0x1020 gets a date.
+    enabled PDOs that are not named go off, *stamp* whether 0x1020 gets a date, *physical* what the values of its
+    objects mean: an object, or several, and JSON of what a profile says of them.
     """
 
     name: str
@@ -126,6 +127,7 @@ class NodeWish:
     mark: Mark = field(default=NOWHERE, compare=False)
     #: where `store` stands
     store_mark: Mark = field(default=NOWHERE, compare=False)
+    physical: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -49,6 +49,7 @@ _READERS: dict[Kind, Callable[[Any, NetworkKey, FileLog], object]] = {
     Kind.PDOS: leaves.table,
     Kind.NUMBERS: leaves.table,
     Kind.PINS: leaves.table,
+    Kind.MEANINGS: leaves.table,
     Kind.ENTRIES: _list,
     Kind.VALUES: _list,
     Kind.LINKS: _list,

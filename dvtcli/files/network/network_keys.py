@@ -43,6 +43,7 @@ class Kind(StrEnum):
     PDOS = "number: PDO"
     NUMBERS = "sub-index: number"
     PINS = "group: pin: object"
+    MEANINGS = "object: unit"
     ENTRIES = "list of objects"
     VALUES = "list of values"
     LINKS = "list of links"
@@ -147,6 +148,10 @@ KEYS: tuple[NetworkKey, ...] = (
         Where.NODE, "error_behavior", Kind.NUMBERS, "what it does after an error, by sub-index of 0x1029", 0, _U8
     ),
     NetworkKey(Where.NODE, "vpdo", Kind.PINS, "virtual PDOs: what each pin of a group is tied to, or `none`"),
+    NetworkKey(
+        Where.NODE, "physical", Kind.MEANINGS,
+        "what values of its objects mean, as `[physical]` of a profile: `6C01:02: 0.1 bar`; nothing of it is written",
+    ),
     NetworkKey(
         Where.NODE, "store", Kind.STORE,
         "what is stored afterwards: true or `all`, `communication`, `application`, a sub-index of 0x1010", 1, 127,

@@ -25,6 +25,7 @@ from dvtcli.files.network.file_log import FileLog
 from dvtcli.files.network.known_keys import key_mark, number_key, read_keys
 from dvtcli.files.network.network_keys import OF, Where
 from dvtcli.files.network.pdo_keys import read_pdos
+from dvtcli.files.network.physical_keys import read_physical
 from dvtcli.files.network.yaml_tree import Branch, Row
 
 #: the identity's own keys, and dcfgen's for the same
@@ -64,6 +65,7 @@ def read_node(name: str, branch: Branch, around: Surroundings, log: FileLog) -> 
         tuple(pdos), objects, values, watches, pins,
         found.get("store"), found.get("prune"), found.get("stamp"), branch.mark,
         key_mark(branch, "store") if "store" in found else NOWHERE,
+        tuple(sorted(read_physical(found["physical"], log))) if "physical" in found else (),
     )  # fmt: skip
 
 

@@ -98,6 +98,9 @@ def _node(node: NodeWish, names: Mapping[int, str], remarks: Remarks) -> Iterato
             line = f"  - {{object: {_word(one.object.text)}, value: {_value(one.value.text)}}}"
             yield _remarked(line, remarks.get(one.object.text, ""))
     yield from _pins(node.pins)
+    if node.physical:
+        yield "physical:"
+        yield from (f"  {_word(name)}: {text}" for name, text in node.physical)
     yield from _ways(node)
 
 

@@ -144,6 +144,13 @@ FIXTURES: dict[tuple[Where, str], Fixture] = {
     (Where.NODE, "error_behavior"): _node(
         "error_behavior: {1: 2}", objects=(ObjectWish("error_behavior", 0x1029, 1, b"\x02"),)
     ),
+    (Where.NODE, "physical"): _node(
+        'physical: {5100:01: 1/16 V, "2000-2003": {unit: degC, factor: 0.5, offset: -40}, 6C01:02: {bits: {0: door}}}',
+        physical=(
+            ("2000-2003", '{"unit": "degC", "factor": "0.5", "offset": -40}'), ("5100:01", '"1/16 V"'),
+            ("6C01:02", '{"bits": {"0": "door"}}'),
+        ),
+    ),
     (Where.NODE, "vpdo"): _node(
         "vpdo: {digital-in: {2: none, 1: 2120}}",
         pins=(PinWish("digital-in", 1, FileWord("2120")), PinWish("digital-in", 2, None)),

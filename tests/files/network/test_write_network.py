@@ -77,6 +77,7 @@ def node_wishes(draw: DrawFn, node_id: int, name: str) -> NodeWish:
         tuple(HeartbeatWatch(producer, time_ms) for producer, time_ms in watches.items()),
         tuple(PinWish(group, pin, draw(st.none() | OBJECTS.map(FileWord))) for group, pin in pins),
         store, draw(st.none() | st.booleans()), draw(st.sampled_from([None, False, *[True] * (store == "all")])),
+        physical=draw(st.sampled_from([(), (("2000-2001:01", '"1/16 V"'), ("6041", '{"values": {"0": "off"}}'))])),
     )  # fmt: skip
 
 

@@ -171,6 +171,8 @@ _PDO_NUMBER = r"0*([1-9][0-9]?|[1-4][0-9]{2}|50[0-9]|51[0-2])"
 _SUB_INDEX = r"^([1-9][0-9]?|1[0-9]{2}|2[0-4][0-9]|25[0-4])$"
 _OBJECT: Schema = {"type": ["string", "number"]}
 _PINS: Schema = {"type": _TABLE, "propertyNames": {"pattern": _SUB_INDEX}, "additionalProperties": _OBJECT}
+_OBJECTS = r"^[0-9A-F]{4}(-[0-9A-F]{4})?(:[0-9A-F]{2}(-[0-9A-F]{2})?)?$"
+_MEANING: Schema = {"anyOf": [{"type": "string", "pattern": r"\S"}, {"type": "object", "minProperties": 1}]}
 #: what is the same whatever the key
 _PLAIN: dict[Kind, Schema] = {
     Kind.ANYTHING: {},
@@ -180,6 +182,7 @@ _PLAIN: dict[Kind, Schema] = {
     Kind.VALUE: {"type": ["string", "number", "boolean"]},
     Kind.NODES: {"type": _TABLE, "additionalProperties": {"$ref": "#/definitions/node"}},
     Kind.PINS: {"type": _TABLE, "additionalProperties": _PINS},
+    Kind.MEANINGS: {"type": _TABLE, "propertyNames": {"pattern": _OBJECTS}, "additionalProperties": _MEANING},
     Kind.ENTRIES: {"type": "array", "items": {"anyOf": [_OBJECT, {"$ref": "#/definitions/entry"}]}},
     Kind.VALUES: _list_of("sdo"),
     Kind.LINKS: _list_of("link"),

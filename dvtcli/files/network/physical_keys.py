@@ -1,0 +1,53 @@
+"""The key `physical` of a network file's node: what the values of its objects mean, as a profile says it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING
+
+from dvtcli.errors import InputFileError
+from dvtcli.files.network import leaves
+from dvtcli.files.network.file_log import FileLog
+from dvtcli.files.network.yaml_tree import Branch, Leaf, Row, Tree
+
+if TYPE_CHECKING:
+    from dvtcli.domain.meanings import Rules
+
+
+def read_physical(branch: Branch, log: FileLog) -> Iterator[tuple[str, str]]:
+    """The objects with JSON of what is said of them; what a profile could not say is complained."""
+    for name, (leaf, tree) in branch.items.items():
+        said = _plain(tree, log)
+        try:
+            _rules({name: said}, log.file)
+        except InputFileError as wrong:
+            log.complain(leaf.mark, wrong.text)
+        else:
+            yield name, json.dumps(said, ensure_ascii=False)
+
+
+def rules_of(physical: Iterable[tuple[str, str]]) -> Rules:
+    """What a node's wish says of its objects, as a profile has it."""
+    return _rules({name: json.loads(text) for name, text in physical}, "")
+
+
+def _rules(said: dict[str, object], file: str) -> Rules:
+    from dvtcli.files.profile.physical_toml import physical_rules
+    from dvtcli.files.toml_item import Item
+
+    return physical_rules(Item(said, ("physical",), file, {}))
+
+
+def _plain(tree: Tree, log: FileLog) -> object:
+    """*tree* as TOML would have it; a real number stays a text, and exact."""
+    if isinstance(tree, Branch):
+        return {name: _plain(value, log) for name, (_, value) in tree.items.items()}
+    if isinstance(tree, Row):
+        return [_plain(one, log) for one in tree.items]
+    return _number(tree, log) if tree.kind == "int" else tree.text
+
+
+def _number(leaf: Leaf, log: FileLog) -> object:
+    number = leaves.as_number(leaf, log)
+    return leaf.text if number is None else number
