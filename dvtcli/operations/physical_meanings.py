@@ -1,17 +1,24 @@
-"""What the values of a node's objects mean: its profile, then the standards, then the file about it. Sends nothing."""
+"""What the values of a node's objects mean, and how a person types them. Sends nothing."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.datatypes import Kind
 from dvtcli.domain.meanings import Meanings
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from dvtcli.device.node import Node
+    from dvtcli.domain.datatypes import DataType
     from dvtcli.domain.meanings import Rules
     from dvtcli.domain.object_dictionary import ObjectDictionary
+    from dvtcli.domain.physical import Physical
     from dvtcli.domain.profile import DeviceProfile
+
+#: what can have a unit, or be one of some words
+_NUMBERS = (Kind.BOOLEAN, Kind.INTEGER, Kind.UNSIGNED, Kind.REAL)
 
 
 def meanings_of(
@@ -22,3 +29,29 @@ def meanings_of(
 
     family = () if profile is None else (profile.physical,)
     return Meanings((*more, *family), standards(), dictionary)
+
+
+def meaning_of(node: Node, index: int, sub_index: int) -> Physical:
+    """What the values of one object of *node* mean."""
+    return meanings_of(node.profile, node.dictionary).of(index, sub_index)
+
+
+def typed_bytes(kind: DataType, meaning: Physical, text: str) -> bytes:
+    """The bytes of what a person types: a number with its unit or a word of *meaning*, else as *kind* reads it.
+
+    ValueError where it fits neither.
+    """
+    raw = meaning.to_raw(text, whole=kind.kind is not Kind.REAL) if kind.kind in _NUMBERS else None
+    return kind.parse(text) if raw is None else kind.encode(raw)
+
+
+def how_to_write(meaning: Physical, kind: DataType) -> str | None:
+    """How a value of the object may be written, None where only raw can be."""
+    if meaning.values:
+        return f"{', '.join(meaning.values.values())}; or the number"
+    if not meaning.unit or kind.kind not in _NUMBERS:
+        return None
+    if kind.limits is None:
+        return f"with a unit: 1.5{meaning.unit}; a number alone is raw"
+    low, high = kind.limits
+    return f"{meaning.quantity(low)} to {meaning.quantity(high)}, with the unit; a number alone is raw"

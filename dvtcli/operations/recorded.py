@@ -1,4 +1,4 @@
-"""Recordings with what decodes them: a DBC or network file, the mapping in an EDS, DCF, XDD or XDC, or what the nodes hold now."""
+"""Recordings with what decodes them: a DBC or network file, the mapping in a device's file, or what nodes hold now."""
 
 from __future__ import annotations
 

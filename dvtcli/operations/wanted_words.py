@@ -16,6 +16,7 @@ from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.request import PdoRequest, Switched
 from dvtcli.errors import DvtcliError, SdoAborted, UsageError
 from dvtcli.operations.named_objects import entry_at, object_at
+from dvtcli.operations.physical_meanings import meaning_of, typed_bytes
 from dvtcli.operations.wanted_pins import WantedValue, wanted_pins
 from dvtcli.operations.write_object import object_type
 
@@ -108,7 +109,8 @@ def _values(node: Node, wish: NodeWish, log: FileLog) -> Iterator[WantedValue]:
             continue
         try:
             kind = object_type(node, *place)
-            yield WantedValue(place, kind.parse(one.value.text), _name(node, place), one.value.mark)
+            data = typed_bytes(kind, meaning_of(node, *place), one.value.text)
+            yield WantedValue(place, data, _name(node, place), one.value.mark)
         except ValueError as unfit:
             log.complain(one.value.mark, f"{one.value.text!r} for 0x{place[0]:04X}:{place[1]:02X}: {unfit}")
         except SdoAborted as aborted:

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.store_parameters import RESTORE, SIGNATURES, STORE
 from dvtcli.domain.abort import Abort
-from dvtcli.domain.datatypes import Kind
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.rules.finding import error
 from dvtcli.domain.rules.raw_write import parameter_size
@@ -15,13 +14,12 @@ from dvtcli.domain.rules.rule import ERROR, Rule
 from dvtcli.errors import DvtcliError, RuleError, UsageError
 from dvtcli.operations.change import changed
 from dvtcli.operations.object_values import type_of
-from dvtcli.operations.physical_meanings import meanings_of
+from dvtcli.operations.physical_meanings import how_to_write, meaning_of, typed_bytes
 from dvtcli.operations.store_restore import restore_defaults, store_settings
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.domain.datatypes import DataType
-    from dvtcli.domain.physical import Physical
     from dvtcli.operations.results import Changed, Stored
     from dvtcli.operations.session import Session
 
@@ -31,8 +29,6 @@ RULES = (
 )  # fmt: skip
 
 _GUESSED = "no EDS says its type, it is guessed by its length: --as vs writes text, --as TYPE another one"
-#: what can have a unit, or be one of some words
-_NUMBERS = (Kind.BOOLEAN, Kind.INTEGER, Kind.UNSIGNED, Kind.REAL)
 
 
 def write_text(
@@ -53,15 +49,14 @@ def write_bytes(session: Session, node: Node, index: int, sub_index: int, data: 
 
 def _encoded(node: Node, index: int, sub_index: int, value: str, asked: DataType | None) -> bytes:
     kind = asked or object_type(node, index, sub_index)
-    meaning = meanings_of(node.profile, node.dictionary).of(index, sub_index)
+    meaning = meaning_of(node, index, sub_index)
     try:
-        raw = meaning.to_raw(value, whole=kind.kind is not Kind.REAL) if kind.kind in _NUMBERS else None
-        return kind.parse(value) if raw is None else kind.encode(raw)
+        return typed_bytes(kind, meaning, value)
     except ValueError as wrong:
         raise UsageError(
             f"{value!r} for 0x{index:04X}:{sub_index:02X} ({kind.short}): {wrong}",
             node=node.node_id,
-            hint=_how_to_write(meaning, kind) or (None if asked or _is_known(node, index, sub_index) else _GUESSED),
+            hint=how_to_write(meaning, kind) or (None if asked or _is_known(node, index, sub_index) else _GUESSED),
         ) from wrong
 
 
@@ -69,18 +64,6 @@ def _is_known(node: Node, index: int, sub_index: int) -> bool:
     """Whether a file says what type the object has; else it is taken for a number of as many bytes as it holds."""
     entry = node.dictionary.entry(index, sub_index) if node.dictionary else None
     return entry is not None and entry.data_type is not None
-
-
-def _how_to_write(meaning: Physical, kind: DataType) -> str | None:
-    """How a value of the object may be written, None where only raw can be."""
-    if meaning.values:
-        return f"{', '.join(meaning.values.values())}; or the number"
-    if not meaning.unit or kind.kind not in _NUMBERS:
-        return None
-    if kind.limits is None:
-        return f"with a unit: 1.5{meaning.unit}; a number alone is raw"
-    low, high = kind.limits
-    return f"{meaning.quantity(low)} to {meaning.quantity(high)}, with the unit; a number alone is raw"
 
 
 def object_type(node: Node, index: int, sub_index: int) -> DataType:

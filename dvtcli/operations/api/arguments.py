@@ -17,6 +17,7 @@ from dvtcli.operations.named_objects import entry_at, object_at
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
+    from dvtcli.domain.physical import Physical
 
 #: An object: a name of the EDS or an alias (`statusword`), `6C01:1`, an index, or index and sub-index.
 Object = str | int | tuple[int, int]
@@ -102,16 +103,19 @@ def type_of(name: str | None) -> DataType | None:
     return BY_SHORT_NAME[name.lower()]
 
 
-def bytes_of(kind: DataType, value: Value, object_: str) -> bytes:
-    """*value* as *kind*; bytes go as they are. UsageError where it does not fit."""
+def bytes_of(kind: DataType, meaning: Physical, value: Value, object_: str) -> bytes:
+    """*value* as *kind*, a text such as `48V` by its *meaning*; bytes as they are. UsageError where it does not fit."""
+    from dvtcli.operations.physical_meanings import how_to_write, typed_bytes
+
     if isinstance(value, bytes):
         return value
     if isinstance(value, bool) and kind.kind is not Kind.BOOLEAN:
         raise wrong("value", value, f"0x{object_} is no BOOLEAN but {kind.short}: a value of that, text or bytes")
     try:
-        return kind.parse(value) if isinstance(value, str) else kind.encode(value)
+        return typed_bytes(kind, meaning, value) if isinstance(value, str) else kind.encode(value)
     except ValueError as failed:
-        raise UsageError(f"{value!r} for 0x{object_} ({kind.short}): {failed}") from failed
+        hint = how_to_write(meaning, kind)
+        raise UsageError(f"{value!r} for 0x{object_} ({kind.short}): {failed}", hint=hint) from failed
 
 
 def group_of(group: Group) -> int:

@@ -43,16 +43,18 @@ class ConfiguredNode(ReadNode):
     ) -> Changed:
         """Write an object by SDO download, read it back, and put the old value back where that differs.
 
-        Bytes go as they are, other values as *as_type* or as the EDS says. UsageError for 0x1010 and 0x1011: `store`
-        and `restore` do that.
+        Bytes go as they are, other values as *as_type* or as the EDS says, a text such as `48V` in its unit. UsageError
+        for 0x1010 and 0x1011: `store` and `restore` do that.
         """
+        from dvtcli.operations.physical_meanings import meaning_of
         from dvtcli.operations.write_object import object_type, refuse_signature, write_bytes
 
         def write(node: DeviceNode) -> Changed:
             index, sub_index = object_of(node, object_)
             refuse_signature(node, index)
             kind = type_named(as_type) or object_type(node, index, sub_index)
-            data = bytes_of(kind, value, f"{index:04X}:{sub_index:02X}")
+            meaning = meaning_of(node, index, sub_index)
+            data = bytes_of(kind, meaning, value, f"{index:04X}:{sub_index:02X}")
             return write_bytes(self._calls.session, node, index, sub_index, data)
 
         return self._change(write, yes=yes, force=force)
