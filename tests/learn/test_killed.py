@@ -41,17 +41,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 @pytest.mark.counted
 def test_recover_puts_back_what_a_killed_learn_changed(bench: Bench, step: int) -> None:
     before = dump(bench)
-    child = bench.start("learn", "--yes")
-
-    def kill(number: int) -> None:
-        if number == step:
-            child.kill()
-            child.wait()
-
-    bench.wire.at_download = kill
-    child.communicate(timeout=120)
-    assert child.returncode == -9
-    bench.wire.at_download = lambda _number: None
+    bench.killed(step, "learn", "--yes")
     assert len(bench.journals()) == 1
     told = " ".join(bench.run("read", "1000")[2].split())
     assert "`learn`, which asked TPDO5, RPDO5 of node 5, was interrupted: `recover` puts" in told

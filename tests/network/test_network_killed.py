@@ -7,7 +7,6 @@ left.
 from __future__ import annotations
 
 import json
-import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -16,6 +15,7 @@ import pytest
 
 from tests.posix import SIGKILL
 from tests.process import start
+from tests.serve.killing import killing
 from tests.serve.served import Served, bus_words, own_environment, served, state_folder
 
 NODES = (1, 3)
@@ -66,21 +66,8 @@ def killed(nodes: Served, text: str, at: int, which: Callable[[can.Message], boo
 def killed_in(nodes: Served, line: list[str], at: int, which: Callable[[can.Message], bool]) -> int:
     """Run *line* and kill it at the *at*-th of the frames that *which* tells; the exit code."""
     child = start([*bus_words(nodes.port), "--yes", *line], env=own_environment(nodes.folder))
-    bus, stop = nodes.attach(), threading.Event()
-
-    def watch() -> None:
-        seen = 0
-        while not stop.is_set():
-            frame = bus.recv(0.05)
-            seen += frame is not None and which(frame)
-            if frame is not None and which(frame) and seen == at:
-                child.send_signal(SIGKILL)
-
-    thread = threading.Thread(target=watch)
-    thread.start()
-    child.communicate(timeout=60)
-    stop.set()
-    thread.join()
+    with killing(nodes, child, at, which):
+        child.communicate(timeout=60)
     return child.returncode
 
 

@@ -68,7 +68,7 @@ class Bench:
                 child.wait()
 
         self.wire.at_download = kill
-        child.communicate(timeout=60)
+        child.communicate(timeout=120)
         assert child.returncode == -9
         self.wire.at_download = lambda _number: None
 

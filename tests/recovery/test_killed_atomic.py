@@ -6,18 +6,16 @@ Real processes: the nodes are served by one, dvtcli runs in another that is kill
 from __future__ import annotations
 
 import json
-import threading
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
 from pathlib import Path
 
 import can
 import canopen
 import pytest
 
-from tests.forked import Forked
 from tests.posix import SIGKILL
 from tests.process import start
+from tests.serve.killing import killing
 from tests.serve.served import Served, bus_words, own_environment, served, state_folder
 
 NODES = (1, 3)
@@ -70,28 +68,6 @@ def is_upload_of(index: int) -> Callable[[can.Message], bool]:
     return lambda frame: frame.arbitration_id in (0x601, 0x603) and bytes(frame.data[:3]) == head
 
 
-@contextmanager
-def _kill(nodes: Served, child: Forked, at: int, which: Callable[[can.Message], bool]) -> Iterator[None]:
-    """Kill *child* at the *at*-th of those frames on the bus that *which* tells."""
-    bus, stop = nodes.attach(), threading.Event()
-
-    def watch() -> None:
-        seen = 0
-        while not stop.is_set():
-            frame = bus.recv(0.05)
-            seen += frame is not None and which(frame)
-            if frame is not None and which(frame) and seen == at:
-                child.send_signal(SIGKILL)
-
-    thread = threading.Thread(target=watch)
-    thread.start()
-    try:
-        yield
-    finally:
-        stop.set()
-        thread.join()
-
-
 def killed(
     nodes: Served,
     lines: Sequence[str],
@@ -104,7 +80,7 @@ def killed(
     script.write_text("\n".join(lines))
     argv = [*bus_words(nodes.port), "-n", "1", "--yes", "run", str(script), *words]
     child = start(argv, env=own_environment(nodes.folder))
-    with _kill(nodes, child, at, which):
+    with killing(nodes, child, at, which):
         child.communicate(timeout=60)
     return child.returncode
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Mapping
 
 from dvtcli.domain.lint.lint_rule import ERROR, WARNING, check
 from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetFound, NetSpot, at, held
@@ -82,18 +83,14 @@ def can_id_reserved(network: CheckedNetwork) -> NetFound:
 def can_id_of_sync(network: CheckedNetwork) -> NetFound:
     """Each of its frames is a SYNC for every node."""
     syncs = {node.sync for node in network.nodes} or {(0x080, False)}
-    for node, pdo, config in network.enabled:
-        if identifier_of(config) in syncs:
-            yield at(node, pdo), f"{config.communication.cob_id} is SYNC"
+    return _enabled_among(network, dict.fromkeys(syncs, "SYNC"))
 
 
 @check("can-id-of-emcy", ERROR, "an enabled PDO has the CAN-ID of a node's EMCY", "CiA 301, 7.5.2.14")
 def can_id_of_emcy(network: CheckedNetwork) -> NetFound:
     """It reads as an emergency."""
-    emcys = {node.emcy: node.node_id for node in network.nodes if node.emcy is not None}
-    for node, pdo, config in network.enabled:
-        if identifier_of(config) in emcys:
-            yield at(node, pdo), f"{config.communication.cob_id} is EMCY of node {emcys[identifier_of(config)]}"
+    emcys = {node.emcy: f"EMCY of node {node.node_id}" for node in network.nodes if node.emcy is not None}
+    return _enabled_among(network, emcys)
 
 
 @check(
@@ -102,9 +99,14 @@ def can_id_of_emcy(network: CheckedNetwork) -> NetFound:
 def can_id_of_time(network: CheckedNetwork) -> NetFound:
     """Its data would be a time."""
     times = {node.time for node in network.nodes if (node.number(TIME_COB_ID) or 0) & PRODUCES}
+    return _enabled_among(network, dict.fromkeys(times, "TIME"))
+
+
+def _enabled_among(network: CheckedNetwork, names: Mapping[Identifier, str]) -> NetFound:
+    """Enabled PDOs that have one of the CAN-IDs in *names*, each with what that is."""
     for node, pdo, config in network.enabled:
-        if identifier_of(config) in times:
-            yield at(node, pdo), f"{config.communication.cob_id} is TIME"
+        if (name := names.get(identifier_of(config))) is not None:
+            yield at(node, pdo), f"{config.communication.cob_id} is {name}"
 
 
 @check("emcy-twice", ERROR, "two nodes send EMCY with the same CAN-ID", "CiA 301, 7.5.2.14")
