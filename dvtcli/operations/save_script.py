@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import os
 import shlex
-import tempfile
 from collections.abc import Callable, Sequence
 from enum import Enum
 from pathlib import Path
+from stat import S_IMODE
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.private_file import put_in_place
@@ -183,21 +183,26 @@ def write_whole(path: Path, text: str) -> None:
 
 
 def write_bytes(path: Path, data: bytes) -> None:
-    """Write the file whole or not at all; UsageError where that cannot be."""
+    """Write the file whole or not at all, for others to read, too; UsageError where that cannot be."""
+    made = path.parent / f".{os.urandom(8).hex()}.new"
+    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
     try:
-        with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as file:
-            file.write(data)
-        _put_in_place(file.name, path)
+        try:
+            with os.fdopen(os.open(made, flags, _mode(path)), "wb") as file:
+                file.write(data)
+            put_in_place(made, path)
+        finally:
+            made.unlink(missing_ok=True)
     except OSError as failed:
         raise UsageError(f"{path}: {failed.strerror}", place=str(path)) from failed
 
 
-def _put_in_place(made: str, path: Path) -> None:
+def _mode(path: Path) -> int:
+    """Who may read the file at *path*: who may already; others, too, where it is new, but for the umask."""
     try:
-        put_in_place(made, path)
-    except OSError:
-        os.unlink(made)  # noqa: PTH108 - beside the line above
-        raise
+        return S_IMODE(path.stat().st_mode)
+    except FileNotFoundError:
+        return 0o644
 
 
 _SECTIONS: dict[Saved, Callable[[Session], list[Section]]] = {ENDS: _ends, STEPS: _steps, EVERYTHING: _everything}

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import stat
 from pathlib import Path
 
+import canopen
 import pytest
 
 from dvtcli.domain.configuration import configuration_of
@@ -45,6 +48,24 @@ def test_every_configuration_object_is_in_the_dcf_as_the_node_holds_it(family: s
     assert count == document["objects"]
     assert dcf.node_id == 5
     assert (document["schema"], document["node"], document["eds"]) == ("dvtcli.dcf/1", 5, eds.source)
+
+
+@pytest.mark.drawn(2)
+@pytest.mark.parametrize("family", FAMILIES)
+def test_another_reader_finds_the_same_values(family: str, tmp_path: Path) -> None:
+    file = tmp_path / "node.dcf"
+    with Bench((f"{family}@5",)) as bench:
+        assert bench.run(f"backup {file}").code == 0
+    theirs = canopen.import_od(str(file))
+    count = 0
+    for entry in read_eds(file).dictionary.entries():
+        if entry.value is not None and entry.data_type is not None:
+            variable = theirs.get_variable(entry.index, entry.sub_index)
+            assert variable is not None
+            assert variable.value == entry.data_type.decode(entry.value), entry.object
+            count += 1
+    assert count > 20
+    assert (theirs.node_id, theirs.bitrate) == (5, 500_000)
 
 
 def odd(folder: Path) -> Path:
@@ -111,6 +132,21 @@ def test_it_is_overwritten_with_consent_only(tmp_path: Path) -> None:
         assert bench.run(f"export {tmp_path / 'a.yaml'} --twice").code == 2
         assert bench.run(f"export {tmp_path / 'no' / 'a.dcf'}").code == 2
     assert [path.name for path in tmp_path.iterdir()] == ["node.dcf"]
+
+
+@pytest.mark.skipif(os.name != "posix", reason="Windows has no modes of this kind")
+def test_others_may_read_it_unless_somebody_said_otherwise(tmp_path: Path) -> None:
+    file = tmp_path / "node.dcf"
+    before = os.umask(0o022)
+    try:
+        with Bench(("generic",)) as bench:
+            assert bench.run(f"export {file}").code == 0
+            assert stat.S_IMODE(file.stat().st_mode) == 0o644
+            file.chmod(0o600)
+            assert bench.run(f"export {file} --yes").code == 0
+            assert stat.S_IMODE(file.stat().st_mode) == 0o600
+    finally:
+        os.umask(before)
 
 
 def test_the_eds_of_another_device_makes_no_dcf_of_this_one(tmp_path: Path) -> None:
