@@ -1,0 +1,82 @@
+"""What a gateway answers, in the two dialects that the field has, and read back from either.
+
+`[7] ERROR:0x06020000 #text` is CANopenNode's, `[7] ERROR: 06020000 (text)` Lely's. Does not know requests.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from enum import Enum
+
+from dvtcli.domain.abort import abort_text
+from dvtcli.domain.gateway.errors import GatewayError
+
+
+class Dialect(Enum):
+    """How a failure is written: its text behind `#`, or in brackets."""
+
+    HASH = "hash"
+    PAREN = "paren"
+
+
+@dataclass(frozen=True, slots=True)
+class Done:
+    """The request was carried out; *value* is what was read, in words, None where nothing was asked for."""
+
+    value: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Failed:
+    """The request failed with *code*, a number of the gateway below 1000, else an SDO abort code."""
+
+    code: int
+    text: str = ""
+
+
+Answer = Done | Failed
+_ERROR = re.compile(r"ERROR:[ ]?(?:0x([0-9A-Fa-f]{8})|([0-9A-Fa-f]{8})(?= |$)|(\d{3}))(?: #(.*)| \((.*)\))?")
+_LINE = re.compile(r"\[(\d{1,10})\] (.*)")
+#: the longest explanation (characters)
+_LONGEST_TEXT = 300
+
+
+def failure_text(code: int) -> str:
+    """What *code* means, as the standards say it."""
+    if code < 1000:
+        return GatewayError(code).text if code in set(GatewayError) else "Unknown error"
+    return abort_text(code)
+
+
+def format_answer(sequence: int | None, answer: Answer, dialect: Dialect = Dialect.HASH) -> str:
+    """The line of *answer*, without its end."""
+    head = "" if sequence is None else f"[{sequence}] "
+    if isinstance(answer, Done):
+        return head + ("OK" if answer.value is None else answer.value)
+    text = _one_line(answer.text or failure_text(answer.code))
+    if dialect is Dialect.PAREN:
+        code = f"{answer.code}" if answer.code < 1000 else f"{answer.code:08X}"
+        return f"{head}ERROR: {code} ({text})"
+    code = f"{answer.code}" if answer.code < 1000 else f"0x{answer.code:08X}"
+    return f"{head}ERROR:{code} #{text}"
+
+
+def parse_answer(line: str) -> tuple[int | None, Answer]:
+    """The sequence number and the answer in *line*, of either dialect; ValueError where it is none of an order."""
+    match = _LINE.fullmatch(line)
+    sequence, rest = (None, line) if match is None else (int(match[1]), match[2])
+    if rest == "OK":
+        return sequence, Done()
+    if not rest.startswith("ERROR:"):
+        return sequence, Done(rest)
+    found = _ERROR.fullmatch(rest)
+    if found is None:
+        raise ValueError(f"{rest[:40]!r} is no error of a gateway")
+    code = int(found[3]) if found[3] else int(found[1] or found[2], 16)
+    return sequence, Failed(code, found[4] if found[4] is not None else found[5] or "")
+
+
+def _one_line(text: str) -> str:
+    """*text* as it may stand in a line: printable ASCII, and not too long."""
+    return "".join(char if 0x20 <= ord(char) < 0x7F else "?" for char in text)[:_LONGEST_TEXT].strip()

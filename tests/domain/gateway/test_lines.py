@@ -1,0 +1,145 @@
+"""Lines of CiA 309-3: what is written is read back, answers in both dialects, and nothing that comes is too much."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from dvtcli.domain.gateway.answers import Dialect, Done, Failed, format_answer, parse_answer
+from dvtcli.domain.gateway.errors import GatewayError, GatewayRefusal
+from dvtcli.domain.gateway.format import format_request
+from dvtcli.domain.gateway.parse import parse_request
+from dvtcli.domain.gateway.requests import Nmt, Order, PdoEntry, Read, ReadPdo, Request, SetPdo, Write, WritePdo
+from dvtcli.domain.gateway.values import TYPES, data_of, value_text
+from dvtcli.domain.gateway.words import LONGEST_LINE, words_of
+from dvtcli.domain.nmt import NmtCommand
+from tests.domain.gateway.requests import REQUESTS, data_of_type
+
+
+@given(REQUESTS)
+def test_what_is_written_is_read_back(request_: Request) -> None:
+    line = format_request(request_)
+    assert parse_request(line) == request_
+    assert parse_request(f"{line} # a comment") == request_
+
+
+@given(st.sampled_from(sorted(TYPES)).flatmap(lambda name: st.tuples(st.just(name), data_of_type(name))))
+def test_a_value_is_read_back(typed: tuple[str, bytes]) -> None:
+    name, data = typed
+    again = data_of(name, words_of(value_text(name, data)))
+    assert again == (data.rstrip(b"\0") if name == "vs" else data)
+
+
+def parsed(line: str) -> Request | GatewayRefusal | None:
+    try:
+        return parse_request(line)
+    except GatewayRefusal as refused:
+        return refused
+
+
+@given(st.text(max_size=60) | st.text('[]"# rwset0x19A\t', max_size=60))
+@example('[1] 4 w 0x2000 0 vs "a')
+@example("[99999999999] 4 start")
+@example("[1] 4 r 0x1000 0 u32 #" + "x" * LONGEST_LINE)
+@example("[1] 4 w 0x2000 0 os =AAA")
+@example("[1] 4 w 0x2000 0 r32 1e999")
+def test_whatever_comes_is_a_request_or_refused(line: str) -> None:
+    outcome = parsed(line)
+    if isinstance(outcome, GatewayRefusal):
+        assert outcome.error in (GatewayError.SYNTAX, GatewayError.NOT_SUPPORTED)
+        assert str(outcome)
+    elif outcome is not None:
+        assert parse_request(format_request(outcome)) == outcome
+
+
+@pytest.mark.parametrize(
+    ("line", "meant"),
+    [
+        ("[1] 4 preop", Request(1, None, 4, Nmt(NmtCommand.ENTER_PRE_OPERATIONAL))),
+        ("[2] 1 4 W 0x1800 1 U32 0xC0000184", Request(2, 1, 4, Write(0x1800, 1, "u32", b"\x84\x01\0\xc0"))),
+        ("4 write 4118 1 vs save", Request(None, None, 4, Write(0x1016, 1, "vs", b"save"))),
+        ('[7] w 0x1010 1 vs "a ""b"""', Request(7, None, None, Write(0x1010, 1, "vs", b'a "b"'))),
+        ("[8] 4 read 0x1018 1 # who", Request(8, None, 4, Read(0x1018, 1, None))),
+        ("[8] 4 r 0x1018 1 x32", Request(8, None, 4, Read(0x1018, 1, "x32"))),
+        ("[9] 0 reset communication", Request(9, None, 0, Nmt(NmtCommand.RESET_COMMUNICATION))),
+        ("[3] 1 set node 5", Request(3, 1, None, Order("set node", (5,)))),
+        ("set network 1", Request(None, None, None, Order("set network", (1,)))),
+        ("[3] 1 r pdo 2", Request(3, 1, None, ReadPdo(2))),
+        ("[3] w p 2 2 7 -1", Request(3, None, None, WritePdo(2, ("7", "-1")))),
+        (
+            "[3] set rpdo 1 0x181 sync1 2 u8 0x6041 0 u16",
+            Request(3, None, None, SetPdo(False, 1, 0x181, "sync1", (PdoEntry("u8"), PdoEntry("u16", 0x6041, 0)))),
+        ),
+        ("[3] LSS_SWITCH_GLOB 1", Request(3, None, None, Order("lss_switch_glob", (1,)))),
+        ("[3] boot_up_indication Enable", Request(3, None, None, Order("boot_up_indication enable"))),
+    ],
+)
+def test_lines_of_the_field(line: str, meant: Request) -> None:
+    assert parse_request(line) == meant
+
+
+@pytest.mark.parametrize("line", ["", "  \t", "# only a comment", "[5]", "[5] # nothing"])
+def test_nothing_is_asked(line: str) -> None:
+    assert parse_request(line) is None
+
+
+@pytest.mark.parametrize(
+    ("line", "why"),
+    [
+        ("[x] 4 start", "sequence number"),
+        ("[1] 4 w 0x1800 1 u8 256", "256 is not 0 to 255"),
+        ("[1] 4 w 0x1800 1 u8 010", "no leading zero"),
+        ("[1] 4 w 0x1800 1 u8", "missing"),
+        ("[1] 4 w 0x1800 1 u9 1", "no data type"),
+        ("[1] 4 w 0x1800 1 u8 1 2", "1 word, not 2"),
+        ('[1] 4 w 0x1800 1 u8 "1"', "no quotes"),
+        ("[1] 4 r 0x10000 0", "index 65536"),
+        ("[1] 4 r 0x1000", "missing"),
+        ("[1] 4 start now", "behind the command"),
+        ("[1] 1 4 set node 3", "takes no node"),
+        ("[1] 1 set network 3", "takes no net"),
+        ("[1] 4", "a command is missing"),
+        ("[1] 1 2 3 start", "is no command here"),
+        ("[1] set tpdo 1 0x181 now 0", "event, rtr or sync"),
+        ("[1] set tpdo 1 0x181 event 2 u8", "1 entries follow"),
+        ("[1] w p 1 3 1 2", "2 values follow"),
+        ("[1] 4 r 0x1000 0 \x1b[2J", "no ASCII text"),
+        ("[1] fly", "no command here"),
+    ],
+)
+def test_what_is_wrong_is_said(line: str, why: str) -> None:
+    with pytest.raises(GatewayRefusal, match=why):
+        parse_request(line)
+
+
+ANSWERS = st.one_of(
+    st.just(Done()),
+    st.builds(Done, st.integers(-9, 1 << 32).map(str)),
+    st.builds(Failed, st.sampled_from(GatewayError).map(int) | st.integers(0x0500_0000, 0x0FFF_FFFF)),
+)
+
+
+@given(st.none() | st.integers(0, 0xFFFF_FFFF), ANSWERS, st.sampled_from(Dialect))
+def test_an_answer_is_read_back_in_either_dialect(
+    sequence: int | None, answer: Done | Failed, dialect: Dialect
+) -> None:
+    again = parse_answer(format_answer(sequence, answer, dialect))
+    assert again[0] == sequence
+    if isinstance(answer, Done):
+        assert again[1] == answer
+    else:
+        assert isinstance(again[1], Failed)
+        assert (again[1].code, bool(again[1].text)) == (answer.code, True)
+
+
+def test_failures_look_as_in_the_field() -> None:
+    refused, syntax = Failed(0x0602_0000), Failed(101)
+    assert format_answer(1, refused) == "[1] ERROR:0x06020000 #object does not exist in the object dictionary"
+    said = "[1] ERROR: 06020000 (object does not exist in the object dictionary)"
+    assert format_answer(1, refused, Dialect.PAREN) == said
+    assert format_answer(1, syntax) == "[1] ERROR:101 #Syntax error"
+    assert format_answer(None, syntax, Dialect.PAREN) == "ERROR: 101 (Syntax error)"
+    assert format_answer(1, Failed(102, "a\nb\x1b[2J")) == "[1] ERROR:102 #a?b?[2J"
+    with pytest.raises(ValueError, match="no error of a gateway"):
+        parse_answer("[1] ERROR: what")
