@@ -156,6 +156,8 @@ def script_lines(data: bytes, source: str, first_line: int = 1) -> list[ScriptLi
     UsageError or InputFileError with FILE:LINE.
     """
     text = script_text(data, source)
+    if source.lower().endswith(".309"):
+        return _gateway_lines(text, source)
     found: list[ScriptLine] = []
     pending: list[str] = []
     began = 0
@@ -168,12 +170,28 @@ def script_lines(data: bytes, source: str, first_line: int = 1) -> list[ScriptLi
             pending.append(raw[:-1])
             continue
         words = _words(" ".join([*pending, raw]), f"{source}:{began}")
-        if words:
-            found.append(ScriptLine(began, words))
-            if len(found) > MOST_COMMANDS:
-                place = f"{source}:{began}"
-                raise InputFileError(f"{place}: more than {MOST_COMMANDS} commands are no script", place=place)
+        _take(found, ScriptLine(began, words), source)
         pending, began = [], 0
+    return found
+
+
+def _take(found: list[ScriptLine], line: ScriptLine, source: str) -> None:
+    """Put *line* behind those that were *found*, unless it is empty; InputFileError where they are too many."""
+    if not line.words:
+        return
+    found.append(line)
+    if len(found) > MOST_COMMANDS:
+        place = f"{source}:{line.number}"
+        raise InputFileError(f"{place}: more than {MOST_COMMANDS} commands are no script", place=place)
+
+
+def _gateway_lines(text: str, source: str) -> list[ScriptLine]:
+    """The commands that the lines of a gateway's client mean."""
+    from dvtcli.cli.gateway_script import GatewayScript
+
+    script, found = GatewayScript(), list[ScriptLine]()
+    for number, line in enumerate(_LINE_END.split(text), 1):
+        _take(found, ScriptLine(number, script.words(line, f"{source}:{number}")), source)
     return found
 
 

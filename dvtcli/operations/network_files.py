@@ -42,9 +42,19 @@ def planned(
     interrupted = (node_id for node_id, keeper in keepers.items() if keeper is not None and keeper.open_journal())
     answer = NetworkPlanned(plan, tells, saved or "", load_after(session, plan), tuple(interrupted))
     if saved is not None:
+        text = _saved_text(session, answer, saved)
         with _opened(saved):
-            Path(saved).write_text(json.dumps(answer.document(), indent=1) + "\n", encoding="utf-8")
+            Path(saved).write_text(text, encoding="utf-8")
     return answer
+
+
+def _saved_text(session: Session, answer: NetworkPlanned, saved: str) -> str:
+    """The plan as the file *saved* has it, by its suffix."""
+    if saved.lower().endswith(".309"):
+        from dvtcli.operations.gateway.plan_as_lines import plan_as_lines
+
+        return plan_as_lines(session, answer.plan)
+    return json.dumps(answer.document(), indent=1) + "\n"
 
 
 def applied(

@@ -20,7 +20,9 @@ TASK = ("Networks", 10)
 
 @click.command("plan", cls=DvtCommand, short_help=__doc__, effect=Effect.READS, formats=CASE_FORMATS)
 @click.argument("file", type=FILE)
-@click.option("-o", "saved", type=FILE, metavar="PLAN", help="Save the plan as a file that apply takes.")
+@click.option(
+    "-o", "saved", type=FILE, metavar="PLAN", help="Save the plan for apply; as PLAN.309: gateway lines (CiA 309-3)."
+)
 @click.option("--exit-code", "tells", is_flag=True, help="End with 3 where something would be written or stored.")
 @trust_stamp_option
 @click.pass_context
@@ -32,6 +34,7 @@ def command(ctx: click.Context, /, file: str, saved: str | None, tells: bool, tr
     \b
     plan press.yaml
     plan press.yaml -o plan.json
+    plan press.yaml -o press.309     as lines that any CiA 309-3 gateway carries out
     plan press.yaml --exit-code      3 where anything is to be done
     plan press.yaml --format junit   a test case for each PDO, for CI
     """

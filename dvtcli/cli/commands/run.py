@@ -47,6 +47,8 @@ class SecondsType(CanopenType):
 def command(ctx: click.Context, /, file: str, keep_going: bool, atomic: bool, most_seconds: float | None) -> int:
     """Run the commands in FILE, or of stdin with `-`; a FILE.tcl is a Tcl script with the DVT's words (help dvt).
 
+    A FILE.309 has lines for a CANopen gateway (CiA 309-3: SDO and NMT): what they write goes through the plan.
+
     \b
     run scripts/pdo_config.dvt
     run setup.dvt --dry-run

@@ -42,7 +42,8 @@ def planned_lines(result: NetworkPlanned, width: int) -> Iterator[Line]:
     if not result.interrupted and not result.plan.to_do:
         return
     saved = f" Saved: {result.saved}." if result.saved else ""
-    after = f"dvtcli apply {result.saved or result.plan.file}"
+    runs = result.saved.lower().endswith(".309")
+    after = f"dvtcli {'run' if runs else 'apply'} {result.saved or result.plan.file}"
     if result.interrupted:
         nodes = ", ".join(map(str, result.interrupted))
         after = f"dvtcli recover, since a change of node {nodes} was interrupted; then plan again"

@@ -51,7 +51,7 @@ _TEXTS = {
 }
 
 
-class GatewayRefusal(ValueError):
+class GatewayRequestError(ValueError):
     """A request that is answered with *error*; the text says why, for people."""
 
     def __init__(self, error: GatewayError, why: str) -> None:

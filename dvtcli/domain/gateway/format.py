@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from dvtcli.domain.gateway.line_words import QUOTED, quoted
 from dvtcli.domain.gateway.requests import Nmt, Order, PdoEntry, Read, ReadPdo, Request, SetPdo, Write, WritePdo
 from dvtcli.domain.gateway.values import value_text
-from dvtcli.domain.gateway.words import QUOTED, quoted
 from dvtcli.domain.nmt import NmtCommand
 
 _NMT = {

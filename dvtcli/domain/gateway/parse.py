@@ -1,4 +1,4 @@
-"""A line of a gateway's client, read; whatever it holds, it is a request or a GatewayRefusal.
+"""A line of a gateway's client, read; whatever it holds, it is a request or a GatewayRequestError.
 
 Does not know nodes, nor what is done about a request.
 """
@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import re
 
-from dvtcli.domain.gateway.errors import GatewayError, GatewayRefusal
+from dvtcli.domain.gateway.errors import GatewayError, GatewayRequestError
+from dvtcli.domain.gateway.line_words import number_of, words_of, wrong
 from dvtcli.domain.gateway.requests import (
     ORDERS,
     PDO_NUMBERS,
@@ -25,7 +26,6 @@ from dvtcli.domain.gateway.requests import (
     level_of,
 )
 from dvtcli.domain.gateway.values import data_of, type_word
-from dvtcli.domain.gateway.words import number_of, words_of, wrong
 from dvtcli.domain.nmt import NmtCommand
 
 _SEQUENCE = re.compile(r"[ \t]*\[[ \t]*(\w{1,12})[ \t]*\]", re.ASCII)
@@ -51,12 +51,12 @@ def sequence_of(line: str) -> tuple[int | None, str]:
         return None, line
     try:
         return number_of(match[1], 0, 0xFFFF_FFFF, "the sequence number"), line[match.end() :]
-    except GatewayRefusal:
+    except GatewayRequestError:
         return None, line
 
 
 def parse_request(line: str) -> Request | None:
-    """The request in *line*, without its end; None where there is nothing but a comment. GatewayRefusal otherwise."""
+    """The request in *line*, without its end, None where it is a comment at most; GatewayRequestError otherwise."""
     sequence, rest = sequence_of(line)
     words = words_of(rest)
     if not words:
@@ -96,7 +96,7 @@ def _command(words: list[str]) -> Command:
             return _alone(Nmt(_NMT[key]), words[count:])
         if len(key) == count and " ".join(key) in ORDERS:
             return _order(" ".join(key), words[count:])
-    raise GatewayRefusal(GatewayError.NOT_SUPPORTED, f"{words[0][:20]!r} is no command here")
+    raise GatewayRequestError(GatewayError.NOT_SUPPORTED, f"{words[0][:20]!r} is no command here")
 
 
 def _alone(command: Nmt, rest: list[str]) -> Nmt:

@@ -13,7 +13,7 @@ import re
 from collections.abc import Sequence
 
 from dvtcli.domain.datatypes import BY_SHORT_NAME, CanopenTime, DataType, Kind
-from dvtcli.domain.gateway.words import QUOTED, number_of, quoted, wrong
+from dvtcli.domain.gateway.line_words import QUOTED, number_of, quoted, wrong
 
 HEX = "hex"
 _OWN = {"b": "bool", "d": "domain"}
@@ -30,7 +30,7 @@ _REAL = re.compile(r"[+-]?(\d{1,40}\.?\d{0,40}|\.\d{1,40})([eE][+-]?\d{1,4})?", 
 
 
 def type_word(word: str) -> str:
-    """*word* as a data type's name; GatewayRefusal where it is none."""
+    """*word* as a data type's name; GatewayRequestError where it is none."""
     if word.lower() not in TYPES:
         raise wrong(f"{word[:20]!r} is no data type")
     return word.lower()
@@ -42,7 +42,7 @@ def how_many_words(name: str) -> int | None:
 
 
 def data_of(name: str, words: Sequence[str]) -> bytes:
-    """The bytes of the value that *words* write, of the type *name*; GatewayRefusal where they do not."""
+    """The bytes of the value that *words* write, of the type *name*; GatewayRequestError where they do not."""
     kind = TYPES[name]
     many = how_many_words(name)
     if len(words) != (many or len(words)) or not words:

@@ -1,4 +1,4 @@
-"""Lines of CiA 309-3: what is written is read back, answers in both dialects, and nothing that comes is too much."""
+"""Lines of CiA 309-3: what is written is read back, and nothing that comes is too much."""
 
 from __future__ import annotations
 
@@ -6,13 +6,12 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from dvtcli.domain.gateway.answers import Dialect, Done, Failed, format_answer, parse_answer
-from dvtcli.domain.gateway.errors import GatewayError, GatewayRefusal
+from dvtcli.domain.gateway.errors import GatewayError, GatewayRequestError
 from dvtcli.domain.gateway.format import format_request
+from dvtcli.domain.gateway.line_words import LONGEST_LINE, words_of
 from dvtcli.domain.gateway.parse import parse_request
 from dvtcli.domain.gateway.requests import Nmt, Order, PdoEntry, Read, ReadPdo, Request, SetPdo, Write, WritePdo
 from dvtcli.domain.gateway.values import TYPES, data_of, value_text
-from dvtcli.domain.gateway.words import LONGEST_LINE, words_of
 from dvtcli.domain.nmt import NmtCommand
 from tests.domain.gateway.requests import REQUESTS, data_of_type
 
@@ -31,10 +30,10 @@ def test_a_value_is_read_back(typed: tuple[str, bytes]) -> None:
     assert again == (data.rstrip(b"\0") if name == "vs" else data)
 
 
-def parsed(line: str) -> Request | GatewayRefusal | None:
+def parsed(line: str) -> Request | GatewayRequestError | None:
     try:
         return parse_request(line)
-    except GatewayRefusal as refused:
+    except GatewayRequestError as refused:
         return refused
 
 
@@ -46,7 +45,7 @@ def parsed(line: str) -> Request | GatewayRefusal | None:
 @example("[1] 4 w 0x2000 0 r32 1e999")
 def test_whatever_comes_is_a_request_or_refused(line: str) -> None:
     outcome = parsed(line)
-    if isinstance(outcome, GatewayRefusal):
+    if isinstance(outcome, GatewayRequestError):
         assert outcome.error in (GatewayError.SYNTAX, GatewayError.NOT_SUPPORTED)
         assert str(outcome)
     elif outcome is not None:
@@ -109,37 +108,5 @@ def test_nothing_is_asked(line: str) -> None:
     ],
 )
 def test_what_is_wrong_is_said(line: str, why: str) -> None:
-    with pytest.raises(GatewayRefusal, match=why):
+    with pytest.raises(GatewayRequestError, match=why):
         parse_request(line)
-
-
-ANSWERS = st.one_of(
-    st.just(Done()),
-    st.builds(Done, st.integers(-9, 1 << 32).map(str)),
-    st.builds(Failed, st.sampled_from(GatewayError).map(int) | st.integers(0x0500_0000, 0x0FFF_FFFF)),
-)
-
-
-@given(st.none() | st.integers(0, 0xFFFF_FFFF), ANSWERS, st.sampled_from(Dialect))
-def test_an_answer_is_read_back_in_either_dialect(
-    sequence: int | None, answer: Done | Failed, dialect: Dialect
-) -> None:
-    again = parse_answer(format_answer(sequence, answer, dialect))
-    assert again[0] == sequence
-    if isinstance(answer, Done):
-        assert again[1] == answer
-    else:
-        assert isinstance(again[1], Failed)
-        assert (again[1].code, bool(again[1].text)) == (answer.code, True)
-
-
-def test_failures_look_as_in_the_field() -> None:
-    refused, syntax = Failed(0x0602_0000), Failed(101)
-    assert format_answer(1, refused) == "[1] ERROR:0x06020000 #object does not exist in the object dictionary"
-    said = "[1] ERROR: 06020000 (object does not exist in the object dictionary)"
-    assert format_answer(1, refused, Dialect.PAREN) == said
-    assert format_answer(1, syntax) == "[1] ERROR:101 #Syntax error"
-    assert format_answer(None, syntax, Dialect.PAREN) == "ERROR: 101 (Syntax error)"
-    assert format_answer(1, Failed(102, "a\nb\x1b[2J")) == "[1] ERROR:102 #a?b?[2J"
-    with pytest.raises(ValueError, match="no error of a gateway"):
-        parse_answer("[1] ERROR: what")

@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 
 from dvtcli.domain.datatypes import parse_number
-from dvtcli.domain.gateway.errors import GatewayError, GatewayRefusal
+from dvtcli.domain.gateway.errors import GatewayError, GatewayRequestError
 
 #: the longest line (characters): an object of 48 kB as base64
 LONGEST_LINE = 65_536
@@ -20,7 +20,7 @@ QUOTED = '"'
 
 
 def words_of(line: str) -> list[str]:
-    """The words of *line*; what stood in quotes begins with one. GatewayRefusal where it is too long, or no text."""
+    """The words of *line*; what stood in quotes begins with one. GatewayRequestError where it is no text, or long."""
     if len(line) > LONGEST_LINE:
         raise wrong(f"the line has more than {LONGEST_LINE} characters")
     if not (line.isascii() and line.replace("\t", " ").isprintable()):
@@ -47,7 +47,7 @@ def quoted(text: str) -> str:
 
 
 def number_of(word: str, least: int, most: int, what: str) -> int:
-    """The number that *word* writes, decimal or `0x…`, *least* to *most*; GatewayRefusal otherwise."""
+    """The number that *word* writes, decimal or `0x…`, *least* to *most*; GatewayRequestError otherwise."""
     if re.fullmatch(r"-?0[0-9]+", word):  # C reads it as octal, people do not
         raise wrong(f"{what} {word[:20]}: a number has no leading zero")
     try:
@@ -59,6 +59,6 @@ def number_of(word: str, least: int, most: int, what: str) -> int:
     return number
 
 
-def wrong(why: str) -> GatewayRefusal:
+def wrong(why: str) -> GatewayRequestError:
     """A syntax error, and *why*."""
-    return GatewayRefusal(GatewayError.SYNTAX, why)
+    return GatewayRequestError(GatewayError.SYNTAX, why)

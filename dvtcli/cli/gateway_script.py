@@ -1,0 +1,93 @@
+"""A file of gateway lines (CiA 309-3) as the words of commands: what they write goes through the plan, as `write` does.
+
+Does not run anything, and does not know what a script is.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.gateway.errors import GatewayRequestError
+from dvtcli.domain.gateway.parse import parse_request
+from dvtcli.domain.gateway.requests import Nmt, Order, Read, Write
+from dvtcli.domain.gateway.values import HEX, TYPES
+from dvtcli.errors import UsageError
+
+if TYPE_CHECKING:
+    from dvtcli.domain.gateway.requests import Command, Request
+
+_NUMBERED = ("bool", "u", "i", "r")
+#: the only net that there is
+_NET = 1
+
+
+class GatewayScript:
+    """Turns the lines of one file, in their order, into words: `set node` and `set sdo_timeout` count from there on."""
+
+    def __init__(self) -> None:
+        self._node: int | None = None
+        self._options: list[str] = []
+
+    def words(self, line: str, place: str) -> list[str]:
+        """The command that *line* at *place* means, empty for none; UsageError where there is none."""
+        try:
+            request = parse_request(line)
+        except GatewayRequestError as wrong:
+            raise UsageError(f"{place}: {wrong}", place=place, hint="CiA 309-3: [1] 4 w 0x1800 2 u8 255") from wrong
+        if request is None:
+            return []
+        if request.net not in (None, _NET):
+            raise UsageError(f"{place}: there is no net {request.net}; the bus is net {_NET}", place=place)
+        return self._meant(request, place)
+
+    def _meant(self, request: Request, place: str) -> list[str]:
+        node = self._node if request.node is None else request.node
+        command = request.command
+        match command:
+            case Read():
+                return ["read", _object(node, command), *_type(command.data_type), *self._options]
+            case Write():
+                return ["write", _object(node, command), *_value(command), *self._options]
+            case Nmt(nmt):
+                target = [] if node is None else ["all" if node == 0 else str(node)]
+                return ["nmt", nmt.word, *target]
+        return self._set(command, place)
+
+    def _set(self, command: Command, place: str) -> list[str]:
+        """Take what a `set` says for the lines below it."""
+        match command:
+            case Order("set node", (node_id,)):
+                self._node = node_id
+                return []
+            case Order("set sdo_timeout", (milliseconds,)):
+                self._options = ["--timeout", f"{milliseconds / 1000:g}"]
+                return []
+            case Order("set network", (1,)):
+                return []
+        name = f"`{command.name}`" if isinstance(command, Order) else "a PDO of the gateway itself"
+        raise UsageError(
+            f"{place}: {name} is for a gateway, not for a file of lines",
+            place=place,
+            hint="run takes r, w, start, stop, preop, reset, set node and set sdo_timeout",
+        )
+
+
+def _object(node: int | None, command: Read | Write) -> str:
+    where = "" if node is None else f"{node}:"
+    return f"{where}{command.index:04X}:{command.sub_index:02X}"
+
+
+def _type(name: str | None) -> list[str]:
+    return [] if name is None else ["--as", TYPES[name].short]
+
+
+def _value(command: Write) -> list[str]:
+    """Value and type as `write` takes them: a number as one, a text as one, and else bytes."""
+    kind = TYPES[command.data_type]
+    if command.data_type != HEX and kind.short.startswith(_NUMBERED) and kind.short != "us":
+        value = kind.decode(command.data)
+        return [str(int(value) if isinstance(value, bool) else value), "--as", kind.short]
+    if kind.short == "vs":
+        text = command.data.decode("ascii")
+        return [f"@{text}" if text.startswith("@") else text, "--as", "vs"]
+    return [command.data.hex(), "--as", "os"]

@@ -1,0 +1,97 @@
+"""A plan for a network as the lines of a gateway's client, which any program for CiA 309-3 sends.
+
+Each write in the order in which `apply` does them, with NMT and stores. Does not know files, nor whether nodes still
+are as the plan says.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+from dvtcli.domain.gateway.format import format_request
+from dvtcli.domain.gateway.requests import Command, Nmt, Request, Write
+from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
+from dvtcli.domain.network.phases import phases
+from dvtcli.domain.nmt import NmtCommand
+from dvtcli.domain.plan import Change, Step
+
+_STORE, _SAVE = 0x1010, b"save"
+_PHASES = ("producers off", "consumers off", "writing", "consumers on", "producers on")
+
+
+@dataclass(frozen=True, slots=True)
+class Around:
+    """What a node needs besides its writes.
+
+    *preop*: its PDOs are set in PRE-OPERATIONAL only; *start*: it was OPERATIONAL; *store*: the sub-index of 0x1010 for
+    what is to be stored, None for nothing.
+    """
+
+    preop: bool = False
+    start: bool = False
+    store: int | None = None
+
+
+def plan_lines(plan: NetworkPlan, around: dict[int, Around]) -> list[str]:
+    """The lines, each of which has a comment above it; only comments where nothing is to be done."""
+    nodes = [one for one in plan.nodes if len(one.plan) or one.stores]
+    lines = [f"# CiA 309-3 gateway lines: {plan.writes} SDO downloads for {_plain(plan.file)}", *map(_who, plan.nodes)]
+    lines.append("# Nothing is read back and nothing taken back: stop at the first answer that is an ERROR.")
+    commands = list(_commands(nodes, around)) or ["nothing is to be done: every node holds what the file says"]
+    number = 0
+    for one in commands:
+        if isinstance(one, str):
+            lines.append(f"# {one}")
+        else:
+            number += 1
+            lines.append(format_request(Request(number, None, *one)))
+    return lines
+
+
+def _commands(nodes: list[NodePlan], around: dict[int, Around]) -> Iterator[str | tuple[int, Command]]:
+    """Comments, and commands each with its node."""
+    for node_id in (one.node_id for one in nodes if len(one.plan) and around[one.node_id].preop):
+        yield f"node {node_id}: its PDOs are set in PRE-OPERATIONAL"
+        yield node_id, Nmt(NmtCommand.ENTER_PRE_OPERATIONAL)
+    for title, phase in zip(_PHASES, phases(one.plan for one in nodes), strict=True):
+        for part in phase:
+            for change in part.changes:
+                yield from _writes(part.node_id, change, title)
+    for node_id in (one.node_id for one in nodes if one.stores):
+        store = around[node_id].store
+        if store is not None:
+            yield f"node {node_id}: store"
+            yield node_id, Write(_STORE, store, "vs", _SAVE)
+    for node_id in (one.node_id for one in nodes if len(one.plan) and around[one.node_id].start):
+        yield f"node {node_id}: it was OPERATIONAL"
+        yield node_id, Nmt(NmtCommand.START)
+
+
+def _writes(node_id: int, change: Change, title: str) -> Iterable[str | tuple[int, Command]]:
+    for step in change.steps:
+        was = "" if step.before is None else f"; was {_shown(step.before)}"
+        yield f"node {node_id}, {title}, {_plain(change.label)}: {_plain(step.reason)}{was}"
+        yield node_id, _write(step)
+
+
+def _write(step: Step) -> Write:
+    """The write of *step*, as a number where it is as long as one."""
+    name = f"u{8 * len(step.after)}" if 1 <= len(step.after) <= 8 else "os"
+    return Write(step.index, step.sub_index, name, step.after)
+
+
+def _shown(data: bytes) -> str:
+    if 1 <= len(data) <= 8:
+        return f"0x{int.from_bytes(data, 'little'):0{2 * len(data)}X}"
+    return f"{len(data)} bytes"
+
+
+def _who(node: NodePlan) -> str:
+    known = [f"{name} 0x{value:08X}" for name, value in node.identity.items() if value is not None]
+    return f"# node {node.node_id} {_plain(node.name)}: {', '.join(known) or 'it does not say who it is'}"
+
+
+def _plain(text: str) -> str:
+    """*text* as a comment may have it."""
+    return "".join(char if 0x20 <= ord(char) < 0x7F else "?" for char in text)

@@ -1,0 +1,32 @@
+"""A network's plan as gateway lines: what each node needs around its writes is looked up here."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from dvtcli.device.store_parameters import STORE, chosen
+from dvtcli.domain.gateway.plan_lines import Around, plan_lines
+from dvtcli.domain.nmt import NmtState
+from dvtcli.domain.profile import PreOperational
+from dvtcli.operations.possible_stores import store_group
+
+if TYPE_CHECKING:
+    from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
+    from dvtcli.operations.session import Session
+
+
+def plan_as_lines(session: Session, plan: NetworkPlan) -> str:
+    """The text of a file with the lines that carry *plan* out."""
+    around = {one.node_id: _around(session, one) for one in plan.nodes}
+    return "\n".join([*plan_lines(plan, around), ""])
+
+
+def _around(session: Session, planned: NodePlan) -> Around:
+    node = session.node(planned.node_id)
+    if not (len(planned.plan) or planned.stores):
+        return Around()
+    required = node.profile.pre_operational_gate is PreOperational.REQUIRED
+    store: int | None = None
+    if planned.stores:
+        store, _ = chosen(node.access, node.profile.store, STORE, store_group(planned.store), node.dictionary)
+    return Around(required, required and node.access.state() is NmtState.OPERATIONAL, store)

@@ -1,0 +1,110 @@
+"""`plan -o x.309`, and `run x.309`: the lines do what `apply` does."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dvtcli.domain.gateway.parse import parse_request
+from dvtcli.domain.gateway.requests import Request, Write
+from dvtcli.domain.gateway.values import TYPES
+from tests.commands.bench import Bench
+from tests.domain.gateway.requests import INDEXES, SUB_INDEXES, data_of_type
+from tests.gateway.networks import FAMILIES, everything, network_file, wishes
+
+NET = """\
+nodes:
+  drive:
+    node_id: 4
+    heartbeat_producer: 700
+    tpdo: {1: {enabled: true, cob_id: 0x184, transmission: 1, mapping: [6041:00/16]}}
+"""
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "net.yaml"
+    path.write_text(NET)
+    return path
+
+
+def test_a_plan_is_written_as_lines_and_run(file: Path) -> None:
+    lines = file.with_suffix(".309")
+    with Bench(("generic@4",), {"yes": True}) as bench:
+        planned = bench.run(f"plan {file} -o {lines}")
+        assert (planned.code, f"Next: dvtcli run {lines}" in planned.stdout) == (0, True)
+        assert "# node 4 drive: vendor 0x" in lines.read_text()
+        requests = [parse_request(line) for line in lines.read_text().splitlines()]
+        assert [one.sequence for one in requests if one] == list(range(1, len([one for one in requests if one]) + 1))
+        ran = bench.run(f"run {lines} --json")
+        assert ran.code == 0, ran.stderr
+        assert bench.run(f"diff {file}").code == 0
+        assert bench.run(f"plan {file} -o {lines}").code == 0
+        assert "nothing is to be done" in lines.read_text()
+        assert not any(map(parse_request, lines.read_text().splitlines()))
+
+
+@given(st.sampled_from(FAMILIES), wishes())
+def test_lines_that_are_run_make_the_device_that_apply_makes(family: str, wish: str) -> None:
+    path = network_file(Path(), wish)
+    with Bench((f"{family}@4",), {"yes": True}) as applied:
+        code = applied.run(f"apply {path}").code
+        held = everything(applied)
+    with Bench((f"{family}@4",), {"yes": True}) as bench:
+        assert code in (0, 1)
+        assert bench.run(f"plan {path} -o lines.309").code == code
+        if not code:
+            ran = bench.run("run lines.309")
+            assert ran.code == 0, ran.stderr + Path("lines.309").read_text()
+        assert everything(bench) == held
+
+
+def test_what_a_file_of_lines_may_hold(tmp_path: Path) -> None:
+    path = tmp_path / "x.309"
+    path.write_text(
+        "# comment\n[1] set node 4\n[2] preop\n[3] set sdo_timeout 700\r\n[4] w 0x1017 0 u16 1234\n[5] r 0x1017 0 u16\n"
+        "[6] 1 4 r 0x1018 1\n[7] w 0x1010 1 vs save\n[8] set network 1\n4 r 0x1008 0 vs\n[9] 0 preop\n"
+    )
+    with Bench(("generic@4",), {"yes": True}) as bench:
+        ran = bench.run(f"run {path} --json")
+        assert ran.code == 0, ran.stderr
+        values = [one["value"] for one in ran.documents if one["schema"] == "dvtcli.value/1"]
+        assert values[0] == 1234
+
+
+@pytest.mark.parametrize(
+    ("line", "why"),
+    [
+        ("[1] 4 w 0x1017 0 u16", "x.309:2: data type and value are missing"),
+        ("[1] lss_store", "`lss_store` is for a gateway, not for a file of lines"),
+        ("[1] r p 1", "a PDO of the gateway itself is for a gateway"),
+        ("[1] 2 4 r 0x1018 1", "there is no net 2"),
+        ("[1] 200 start", "1…127"),
+    ],
+)
+def test_what_it_may_not_is_said_before_anything_is_done(line: str, why: str) -> None:
+    Path("x.309").write_text(f"[0] 4 w 0x1017 0 u16 1234\n{line}\n")
+    with Bench(("generic@4",), {"yes": True}) as bench:
+        ran = bench.run("run x.309")
+        assert ran.code == 2
+        assert why in ran.stderr
+        assert not bench.session.record.lines
+
+
+@given(
+    INDEXES, SUB_INDEXES, st.sampled_from(sorted(TYPES)).flatmap(lambda one: st.tuples(st.just(one), data_of_type(one)))
+)
+def test_a_value_comes_through_a_line_as_it_is(index: int, sub_index: int, typed: tuple[str, bytes]) -> None:
+    from dvtcli.cli.gateway_script import GatewayScript
+    from dvtcli.domain.datatypes import BY_SHORT_NAME
+    from dvtcli.domain.gateway.format import format_request
+
+    name, data = typed
+    line = format_request(Request(1, 1, 4, Write(index, sub_index, name, data)))
+    word, place, value, option, short = GatewayScript().words(line, "x:1")
+    assert (word, place, option) == ("write", f"4:{index:04X}:{sub_index:02X}", "--as")
+    said = value.removeprefix("@") if value.startswith("@@") else value
+    assert BY_SHORT_NAME[short].parse(said) == (data.rstrip(b"\0") if name == "vs" else data)
