@@ -6,7 +6,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from dvtcli.domain.gateway.errors import GatewayError, GatewayRequestError
+from dvtcli.domain.gateway.error_numbers import GatewayError, GatewayRequestError
 from dvtcli.domain.gateway.format import format_request
 from dvtcli.domain.gateway.line_words import LONGEST_LINE, words_of
 from dvtcli.domain.gateway.parse import parse_request

@@ -22,7 +22,7 @@ _MAY_CATCH_ALL = {
 _MAY_PRINT = {"cli/view/output.py": "the one place", "bus/drivers.py": "a child's answer to its parent"}
 #: exceptions that end within their room and reach no user
 INNER = {
-    "domain/gateway/errors.py:GatewayRequestError",  # a client's line, which gets an answer
+    "domain/gateway/error_numbers.py:GatewayRequestError",  # a client's line, which gets an answer
     "simulator/network/socketcand.py:RubbishError", "simulator/device/signal_shapes.py:RowsError",
     "simulator/device/refusal.py:Refusal", "cli/dvt/tcl_safe.py:Exit", "cli/dvt/tcl_process.py:Late",
     "cli/dvt/tcl_calls.py:Ended", "cli/dvt/tcl_wire.py:WireError", "cli/dvt/tcl_wire.py:Gone",
