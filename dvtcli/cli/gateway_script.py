@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from dvtcli.domain.gateway.error_numbers import GatewayRequestError
 from dvtcli.domain.gateway.parse import parse_request
 from dvtcli.domain.gateway.requests import Nmt, Order, Read, Write
-from dvtcli.domain.gateway.values import HEX, TYPES
+from dvtcli.domain.gateway.value_words import HEX, TYPES
 from dvtcli.errors import UsageError
 
 if TYPE_CHECKING:

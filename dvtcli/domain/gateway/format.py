@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dvtcli.domain.gateway.line_words import QUOTED, quoted
 from dvtcli.domain.gateway.requests import Nmt, Order, PdoEntry, Read, ReadPdo, Request, SetPdo, Write, WritePdo
-from dvtcli.domain.gateway.values import value_text
+from dvtcli.domain.gateway.value_words import value_text
 from dvtcli.domain.nmt import NmtCommand
 
 _NMT = {

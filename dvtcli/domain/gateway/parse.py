@@ -25,7 +25,7 @@ from dvtcli.domain.gateway.requests import (
     WritePdo,
     level_of,
 )
-from dvtcli.domain.gateway.values import data_of, type_word
+from dvtcli.domain.gateway.value_words import data_of, type_word
 from dvtcli.domain.nmt import NmtCommand
 
 _SEQUENCE = re.compile(r"[ \t]*\[[ \t]*(\w{1,12})[ \t]*\]", re.ASCII)

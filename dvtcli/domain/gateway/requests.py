@@ -24,7 +24,7 @@ class Level(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Read:
-    """SDO upload; *data_type* is a word of `values.TYPES`, None where the gateway chooses."""
+    """SDO upload; *data_type* is a word of `value_words.TYPES`, None where the gateway chooses."""
 
     index: int
     sub_index: int

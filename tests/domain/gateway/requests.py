@@ -22,7 +22,7 @@ from dvtcli.domain.gateway.requests import (
     WritePdo,
     level_of,
 )
-from dvtcli.domain.gateway.values import TYPES
+from dvtcli.domain.gateway.value_words import TYPES
 from dvtcli.domain.nmt import NmtCommand
 from tests.domain.test_datatypes import values
 

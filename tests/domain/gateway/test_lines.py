@@ -11,7 +11,7 @@ from dvtcli.domain.gateway.format import format_request
 from dvtcli.domain.gateway.line_words import LONGEST_LINE, words_of
 from dvtcli.domain.gateway.parse import parse_request
 from dvtcli.domain.gateway.requests import Nmt, Order, PdoEntry, Read, ReadPdo, Request, SetPdo, Write, WritePdo
-from dvtcli.domain.gateway.values import TYPES, data_of, value_text
+from dvtcli.domain.gateway.value_words import TYPES, data_of, value_text
 from dvtcli.domain.nmt import NmtCommand
 from tests.domain.gateway.requests import REQUESTS, data_of_type
 
