@@ -61,7 +61,7 @@ def travel(path: Path, share: int = 1) -> Journey:
     journey = Journey(path)
     try:
         dictionary = read_device_file(path).dictionary
-        with Bench((str(path),), {"yes": True}) as bench:
+        with Bench((str(path),), {"yes": True}, in_real_time=True) as bench:
             _check(bench, journey)
             _Trip(bench, journey, dictionary, share).go()
     except Exception as failed:

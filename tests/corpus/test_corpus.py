@@ -83,7 +83,7 @@ def check_proof(bench: Bench, path: Path) -> None:
 def test_the_first_pdo_is_mapped_verified_stored_and_proved_or_refused_with_the_reason(
     path: Path, direction: Direction
 ) -> None:
-    with Bench((str(path),), {"yes": True}) as bench:
+    with Bench((str(path),), {"yes": True}, in_real_time=True) as bench:
         node = bench.session.node()
         dictionary, pdo = node.dictionary, Pdo(direction, 1)
         assert dictionary is not None
@@ -127,7 +127,7 @@ def test_the_first_pdo_is_mapped_verified_stored_and_proved_or_refused_with_the_
 @pytest.mark.parametrize("direction", Direction)
 def test_what_objects_offers_can_be_mapped(path: Path, direction: Direction) -> None:
     """Each on its own, in a dry run; what does not fit by its length or the family's advice is an exception."""
-    with Bench((str(path),), {"yes": True, "dry_run": True}) as bench:
+    with Bench((str(path),), {"yes": True, "dry_run": True}, in_real_time=True) as bench:
         dictionary = bench.session.node().dictionary
         pdo = Pdo(direction, 1)
         assert dictionary is not None
