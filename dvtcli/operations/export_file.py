@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.errors import UsageError
 from dvtcli.files.device_file import VALUE_SUFFIXES
+from dvtcli.files.nodelist import SUFFIX as NODELIST_SUFFIX
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import Facts
@@ -15,9 +16,13 @@ if TYPE_CHECKING:
 def export_file(session: Session, file: str, node_id: int | None = None, *, twice: bool = False) -> Facts:
     """Write the node with *node_id* (None: the selected one), as it is now, to *file*: a network file, a DCF or an XDC.
 
-    With *twice* each object of these is read two times. Raises as `export_node` and `export_dcf`; UsageError for a
-    network file that is to be read twice.
+    A nodelist (.cpj) is of all nodes, each with its DCF beside it. With *twice* each object of these is read two times.
+    Raises as `export_node` and `export_dcf`; UsageError for a network file that is to be read twice.
     """
+    if file.lower().endswith(NODELIST_SUFFIX):
+        from dvtcli.operations.exchange.export_nodelist import export_nodelist
+
+        return export_nodelist(session, file, twice=twice)
     if file.lower().endswith(VALUE_SUFFIXES):
         from dvtcli.operations.whole_device.export_dcf import export_dcf
 

@@ -21,6 +21,7 @@ from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError, UsageError
 from dvtcli.files.device_file import DEVICE_SUFFIXES
 from dvtcli.files.network.write_network import write_network
 from dvtcli.files.profile.library import profile_of
+from dvtcli.operations.exchange.listed_files import listed_files, nodelist_in
 from dvtcli.operations.export_network import Exported, exported, network_place
 from dvtcli.operations.find_nodes import find_nodes
 from dvtcli.operations.results import Facts
@@ -53,11 +54,13 @@ class _Described:
     node_id: int
     dictionary: ObjectDictionary
     profile: DeviceProfile
+    #: what a nodelist calls it
+    name: str = ""
 
     @property
     def title(self) -> str:
-        """What the device is called in its file."""
-        return self.dictionary.info.product_name or self.profile.title
+        """What the device is called in its nodelist, else in its file."""
+        return self.name or self.dictionary.info.product_name or self.profile.title
 
     @property
     def values(self) -> SdoReader:
@@ -74,8 +77,9 @@ class _Described:
 def import_network(session: Session, file: str, folder: str | None = None) -> Facts:
     """Write the nodes that answer, and what joins them, to the network file *file*: a scan, or the nodes of `-n`.
 
-    With *folder* its EDS and DCF files instead, which needs no bus: a DCF's node-ID counts, others are numbered. Asks
-    before it overwrites. NoAnswer where no node answers, UsageError where there is no such file or nothing in it.
+    With *folder* its EDS and DCF files instead, which needs no bus: a DCF's node-ID counts, others are numbered. Of a
+    nodelist (CiA 306-3) in it, or as *folder*, its nodes and their DCFs. Asks before it overwrites. NoAnswer where no
+    node answers, UsageError where there is no such file or nothing in it.
     """
     path = network_place(file, "import {}/NAME.yaml")
     ask_before_overwriting(session, path)
@@ -195,7 +199,14 @@ def _of_file(one: _Described, path: Path) -> _Found:
 
 
 def _described(folder: Path, notes: list[str]) -> list[_Described]:
-    """The nodes of the EDS and DCF files of *folder*, each with its own node-ID, or the next that is free."""
+    """The nodes of the EDS and DCF files of *folder*, each with its own node-ID, or the next that is free.
+
+    Where *folder* is a nodelist, or has one, what that names.
+    """
+    if (nodelist := nodelist_in(folder)) is not None:
+        listed = listed_files(nodelist, notes)
+        read = [(one, read_dictionary(one.path)) for one in listed]
+        return [_Described(one.path, one.node_id, held, profile_of(held), one.name) for one, held in read]
     try:
         paths = sorted(one for one in folder.iterdir() if one.suffix.lower() in DEVICE_SUFFIXES)
     except OSError as failed:

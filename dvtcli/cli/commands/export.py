@@ -31,10 +31,13 @@ def command(session: Session, /, file: str, twice: bool) -> Facts:
     A DCF is the node's EDS, byte for byte, with a ParameterValue for what its configuration objects hold, and with the
     node-ID, bit rate and serial number. An XDC says the same in XML. What cannot be read is left out, and said.
 
+    A nodelist (.cpj) names the nodes that answer, or those of -n, and each has its DCF beside it.
+
     \b
     export press.yaml
     export press.dcf
     export press.xdc
+    export nodelist.cpj
     """
     from dvtcli.operations.export_file import export_file
 

@@ -26,8 +26,9 @@ TASK = ("Scripts and files", 55)
 def command(session: Session, /, file: str, folder: str | None) -> Facts:
     """Write every PDO of every node that answers, as it is now, and what joins them, to FILE (.yaml).
 
-    With `-n 1,5` these nodes only. With FOLDER its EDS and DCF files count instead of a bus: a DCF's node-ID, else the
-    next that is free. An RPDO that hears an enabled TPDO of another node, with a layout that agrees, is a link.
+    With `-n 1,5` these nodes only. With FOLDER its EDS, DCF, XDD and XDC files count instead of a bus: a DCF's node-ID,
+    else the next that is free; of a nodelist (.cpj) in it, or as FOLDER, its nodes and their DCFs. An RPDO that hears
+    an enabled TPDO of another node, with a layout that agrees, is a link.
 
     \b
     import press.yaml

@@ -1,0 +1,54 @@
+"""A whole network as a nodelist (CiA 306-3), with a DCF of each node beside it. Writes nothing to a node."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.several import plural
+from dvtcli.errors import NoAnswer
+from dvtcli.files.eds.writer import eds_bytes
+from dvtcli.files.nodelist import ListedNode, Nodelist, nodelist_text
+from dvtcli.operations.find_nodes import find_nodes
+from dvtcli.operations.results import Facts
+from dvtcli.operations.save_script import ask_before_overwriting, place_of, write_bytes
+from dvtcli.operations.whole_device.export_dcf import export_dcf
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from dvtcli.operations.session import Session
+
+
+def export_nodelist(session: Session, file: str, *, twice: bool = False) -> Facts:
+    """Write the nodes that answer (or those of `-n`) to the nodelist *file*, and a DCF of each into its folder.
+
+    A node that no EDS describes is listed without one, and said. Asks before it overwrites any of them. With *twice*
+    each object is read a second time. NoAnswer where no node answers; else as `export_dcf`.
+    """
+    path = place_of(file, "export {}/nodelist.cpj")
+    ask_before_overwriting(session, path)
+    notes: list[str] = []
+    ids = session.base.nodes or tuple(row.node for row in find_nodes(session).rows if not row.note)
+    if not ids:
+        raise NoAnswer("no node answers", hint="look at bit rate and supply: `doctor`, `scan`")
+    nodes = [_listed(session, path, node_id, notes, twice=twice) for node_id in sorted(ids)]
+    write_bytes(path, eds_bytes(nodelist_text(Nodelist(path.parent.resolve().name, tuple(nodes)))))
+    rows = (
+        ("file", file), ("nodes", [{"node": one.node_id, "name": one.name, "dcf": one.dcf or None} for one in nodes]),
+        ("notes", notes),
+    )  # fmt: skip
+    dcfs = sum(bool(one.dcf) for one in nodes)
+    said = [f"{file}: {plural(len(nodes), 'node')}, {plural(dcfs, 'DCF')} beside it"]
+    return Facts("nodelist", rows, (*said, *(f"note: {note}" for note in notes)))
+
+
+def _listed(session: Session, path: Path, node_id: int, notes: list[str], *, twice: bool) -> ListedNode:
+    """The node, with its DCF written."""
+    node = session.node(node_id)
+    if node.dictionary is None:
+        notes.append(f"node {node_id}: no EDS is known, so it has no DCF; `eds add FILE`, then export again")
+        return ListedNode(node_id, node.title)
+    name = f"node{node_id}.dcf"
+    done = dict(export_dcf(session, str(path.with_name(name)), node_id, twice=twice).rows)
+    notes += (f"node {node_id}: {one['object']} left out: {one['why']}" for one in done["left_out"])
+    return ListedNode(node_id, node.title, name)

@@ -1,0 +1,72 @@
+"""The device files of a network that a nodelist (CiA 306-3) names. Opens no device file, and needs no bus."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from dvtcli.domain.several import several
+from dvtcli.errors import InputFileError, UsageError
+from dvtcli.files.nodelist import MOST_BYTES, SUFFIX, ListedNode, read_nodelist
+
+
+@dataclass(frozen=True, slots=True)
+class ListedFile:
+    """The file of one node: where it is, and the *node_id* and *name* that the nodelist gives it."""
+
+    path: Path
+    node_id: int
+    name: str
+
+
+def nodelist_in(place: Path) -> Path | None:
+    """The nodelist that *place* is, or the only one of a folder; None where there is none. UsageError for several."""
+    if place.suffix.lower() == SUFFIX and place.is_file():
+        return place
+    found = sorted(one for one in place.iterdir() if one.suffix.lower() == SUFFIX) if place.is_dir() else []
+    if len(found) > 1:
+        names = several(one.name for one in found)
+        raise UsageError(f"{place} has several nodelists: {names}", hint=f"name one: {found[0]}")
+    return found[0] if found else None
+
+
+def listed_files(nodelist: Path, notes: list[str]) -> list[ListedFile]:
+    """The files that *nodelist* names, in order of node-ID; what is left out of it is added to *notes*.
+
+    InputFileError where it is none, or where a file that it names is not there; UsageError where it cannot be read.
+    """
+    try:
+        with nodelist.open("rb") as file:
+            networks = read_nodelist(file.read(MOST_BYTES + 1), nodelist.name)
+    except OSError as failed:
+        raise UsageError(f"{nodelist}: {failed.strerror or failed}", place=str(nodelist)) from failed
+    first, *others = networks
+    notes += (
+        f"{nodelist.name}: network {one.name or 'without a name'} is left out: one file, one bus" for one in others
+    )
+    if first.absent:
+        notes.append(f"{nodelist.name}: not present: node {several(map(str, first.absent))}")
+    found = []
+    for node in first.nodes:
+        if node.dcf:
+            found.append(ListedFile(_file(nodelist, node), node.node_id, node.name))
+        else:
+            notes.append(f"node {node.node_id} is left out: {nodelist.name} names no DCF of it")
+    if not found:
+        raise UsageError(f"{nodelist} names no DCF", place=str(nodelist), hint="NodeXDCFName says which")
+    return found
+
+
+def _file(nodelist: Path, node: ListedNode) -> Path:
+    """The DCF of *node*, beside the nodelist; such lists come from where case does not matter, and \\ parts folders."""
+    path = nodelist.parent / node.dcf.replace("\\", "/")
+    if path.is_file():
+        return path
+    near = path.parent.iterdir() if path.parent.is_dir() else ()
+    same = [one for one in near if one.name.lower() == path.name.lower()]
+    if len(same) != 1:
+        raise InputFileError(
+            f"{nodelist.name}:{node.line}: the DCF of node {node.node_id} is not there: {node.dcf}",
+            place=f"{nodelist}:{node.line}", hint="it is looked for beside the nodelist",
+        )  # fmt: skip
+    return same[0]

@@ -1,0 +1,122 @@
+"""Nodelists (CiA 306-3): written with a DCF of each node; a network file made of one is as of the nodes themselves."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dvtcli.errors import InputFileError
+from dvtcli.files.network.read_network import read_network_file
+from dvtcli.files.nodelist import ListedNode, Nodelist, nodelist_text, read_nodelist
+from tests.commands.bench import Bench
+from tests.commands.bus import device
+from tests.virtual_time import VirtualTimeBus
+
+
+@pytest.fixture(autouse=True)
+def _ground(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def test_a_network_comes_back_from_its_nodelist() -> None:
+    Path("line").mkdir()
+    with Bench(("gen4@1", "tmcm@5")) as bench:
+        assert bench.run("map 1:tpdo1 6041 606C --cob-id 0x190").code == 0
+        ran = bench.run("export line/nodelist.cpj --json")
+        assert (ran.code, [one["dcf"] for one in ran.document["nodes"]]) == (0, ["node1.dcf", "node5.dcf"])
+        assert bench.run("import live.yaml").code == 0
+    with Bench(()) as bench:
+        ran = bench.run("import listed.yaml line --json")
+        assert (ran.code, [one["node"] for one in ran.document["nodes"]]) == (0, [1, 5])
+        assert bench.run("import again.yaml line/nodelist.cpj --json").document["nodes"] == ran.document["nodes"]
+        assert not bench.session.is_open
+    live, listed = read_network_file(Path("live.yaml")), read_network_file(Path("listed.yaml"))
+    assert [node.pdos for node in listed.nodes] == [node.pdos for node in live.nodes]
+    assert [node.dcf.text for node in listed.nodes if node.dcf] == ["line/node1.dcf", "line/node5.dcf"]
+
+
+def test_nodes_without_an_eds_are_listed_without_a_dcf(tmp_path: Path) -> None:
+    bus = VirtualTimeBus([device("generic", 1), device("generic", 5)], simulated=False)
+    with Bench((), {"node": (1, 5), "journal": str(tmp_path)}, bus) as bench:
+        ran = bench.run("export a.cpj --json")
+        assert (ran.code, [one["dcf"] for one in ran.document["nodes"]]) == (0, [None, None])
+        assert [note.partition(":")[0] for note in ran.document["notes"]] == ["node 1", "node 5"]
+        assert bench.run("export a.cpj").code == 6  # nobody says that it may be overwritten
+    assert b"Node5Present=0x01\r\n" in Path("a.cpj").read_bytes()
+
+
+OWN = """; a comment
+[TOPOLOGY]
+NetName=Hall
+Nodes=0x03
+Node2Present=0x01
+Node2Name=Left valve
+Node2DCFName=Dcf\\LEFT.DCF
+Node7Present=0
+Node7Name=spare
+Node9Present=1
+EDSBaseName=C:\\EDS
+[Topology2]
+NetName=Other
+Node2Present=1
+"""
+
+
+def test_names_node_ids_and_what_is_left_out_come_from_the_list() -> None:
+    Path("dcf").mkdir()
+    Path("Dcf").mkdir(exist_ok=True)
+    with Bench(("generic@4",)) as bench:
+        assert bench.run("export Dcf/left.dcf").code == 0
+    Path("net.cpj").write_bytes(OWN.replace("\n", "\r\n").encode())
+    with Bench(()) as bench:
+        ran = bench.run("import net.yaml . --json")
+    assert ran.code == 0, ran
+    assert [(one["node"], one["name"]) for one in ran.document["nodes"]] == [(2, "left_valve_2")]
+    assert ran.document["notes"] == [
+        "net.cpj: network Other is left out: one file, one bus", "net.cpj: not present: node 7",
+        "node 9 is left out: net.cpj names no DCF of it",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("text", "code", "said"),
+    [
+        ("[Nodes]\n", 4, "[Topology]"), ("[Topology]\nNode1Present=1\n", 2, "names no DCF"),
+        ("[Topology]\nNode1Present=1\nNode1DCFName=none.dcf\n", 4, "net.cpj:3"),
+        ("[Topology]\nNode1Present=1\nNode1DCFName=net.cpj\n", 4, "not an EDS or DCF"),
+    ],
+)  # fmt: skip
+def test_what_is_none_is_refused(text: str, code: int, said: str) -> None:
+    Path("net.cpj").write_text(text)
+    with Bench(()) as bench:
+        ran = bench.run("import net.yaml net.cpj")
+        assert (ran.code, said in ran.stderr) == (code, True), ran
+        Path("second.cpj").write_text(text)
+        assert "several nodelists" in bench.run("import net.yaml .").stderr
+    assert not Path("net.yaml").exists()
+
+
+TEXT = st.text(st.characters(min_codepoint=0x21, max_codepoint=0xFF, exclude_categories=["C", "Z"]), max_size=9)
+NODES = st.builds(ListedNode, st.integers(1, 127), TEXT, TEXT)
+
+
+@given(TEXT, st.lists(NODES, unique_by=lambda node: node.node_id, max_size=4), TEXT)
+def test_what_was_written_reads_the_same(name: str, nodes: list[ListedNode], folder: str) -> None:
+    wanted = Nodelist(name, tuple(sorted(nodes, key=lambda node: node.node_id)), (), folder)
+    (found,) = read_nodelist(nodelist_text(wanted).encode(), "nodelist.cpj")
+    assert [(one.node_id, one.name, one.dcf) for one in found.nodes] == [
+        (one.node_id, one.name, one.dcf) for one in wanted.nodes
+    ]
+    assert (found.name, found.absent, found.eds_folder) == (name, (), folder)
+
+
+@given(st.binary(max_size=80), st.sampled_from([b"", b"[Topology]\nNode1Present=1\n"]))
+def test_any_bytes_are_read_or_refused(data: bytes, head: bytes) -> None:
+    try:
+        found = read_nodelist(head + data, "x.cpj")
+    except InputFileError:
+        found = ()
+    assert len(found) <= 40
