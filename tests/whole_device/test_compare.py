@@ -126,6 +126,7 @@ def test_what_changes_by_itself_is_told_apart(tmp_path: Path) -> None:
     path.write_text(eds.text(), "utf-8")
     with Bench((str(path),), {"signal": ("2010=ramp(0,4000000000,60s)",)}) as bench:  # 66 counts each microsecond
         assert bench.run(f"backup {tmp_path / 'a.dcf'}").code == 0
+        bench.session.wire.sleep(0.1)  # a signal is sampled each 0.01 s
         document = bench.run(f"compare {tmp_path / 'a.dcf'} --json").document
         assert (document["equal"], [one["object"] for one in document["apart"]]) == (True, ["2010:00"])
         kept = bench.run(f"backup {tmp_path / 'b.dcf'} --twice --json").document
