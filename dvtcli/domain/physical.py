@@ -10,6 +10,8 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
+from math import lcm
+from typing import NamedTuple
 
 from dvtcli.domain.datatypes import CanopenTime, Value
 from dvtcli.domain.object_dictionary import normalised
@@ -32,6 +34,15 @@ class State:
     text: str
 
 
+class _Counts(NamedTuple):
+    """Factor and offset in whole numbers: physical = (raw x *times* + *more*) / *parts*, with so many *decimals*."""
+
+    times: int
+    more: int
+    parts: int
+    decimals: int
+
+
 @dataclass(frozen=True, slots=True)
 class Physical:
     """What a raw value means: raw x *factor* + *offset* of *unit*; or a word of *values* or *states*; or named *bits*.
@@ -45,6 +56,7 @@ class Physical:
     values: Mapping[int, str] = field(default_factory=dict)
     states: tuple[State, ...] = ()
     bits: Mapping[int, str] = field(default_factory=dict)
+    _counts: _Counts | None = field(default=None, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         if not self.factor:
@@ -78,10 +90,11 @@ class Physical:
 
     def number(self, raw: float) -> int | float:
         """The physical number of *raw* for a document or a table: whole where it is and can only be, else a float."""
-        exact = self.to_physical(raw)
-        if isinstance(exact, Fraction) and self.factor.denominator == self.offset.denominator == 1:
-            return int(exact)
-        return float(exact)
+        if isinstance(raw, float):
+            return float(self.to_physical(raw))
+        counts = self._in_counts()
+        exact = raw * counts.times + counts.more
+        return exact if counts.parts == 1 else exact / counts.parts
 
     def meaning(self, raw: int) -> str:
         """The word for *raw*; empty where there is none."""
@@ -127,16 +140,25 @@ class Physical:
 
     def number_text(self, raw: float) -> str:
         """The physical number of *raw*, with as many digits as tell two raw values apart: `48.0`."""
-        exact = self.to_physical(raw)
-        if isinstance(exact, float):
-            return f"{exact:.9g}"
-        decimals = self._decimals()
-        digits = round(exact * 10**decimals)
+        if isinstance(raw, float):
+            return f"{self.to_physical(raw):.9g}"
+        times, more, parts, decimals = self._in_counts()
+        digits, rest = divmod((raw * times + more) * 10**decimals, parts)
+        digits += 2 * rest > parts or (2 * rest == parts and digits % 2)  # half to even
         whole, part = divmod(abs(digits), 10**decimals)
         sign = "-" if digits < 0 else ""
         if not decimals:
             return f"{sign}{whole}"
         return f"{sign}{whole}.{f'{part:0{decimals}}'.rstrip('0') or '0'}"
+
+    def _in_counts(self) -> _Counts:
+        """Factor and offset as whole numbers, which thousands of values a second are reckoned with."""
+        if self._counts is None:
+            parts = lcm(self.factor.denominator, self.offset.denominator)
+            counts = _Counts(int(self.factor * parts), int(self.offset * parts), parts, self._decimals())
+            object.__setattr__(self, "_counts", counts)
+            return counts
+        return self._counts
 
     def _decimals(self) -> int:
         """The fewest digits behind the point that tell two raw values apart."""
