@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.store_parameters import RESTORE, SIGNATURES, STORE
 from dvtcli.domain.abort import Abort
+from dvtcli.domain.network.network_state import CONCISE_DCF
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.rules.finding import error
 from dvtcli.domain.rules.raw_write import parameter_size
@@ -41,7 +42,11 @@ def write_text(
 
 
 def write_bytes(session: Session, node: Node, index: int, sub_index: int, data: bytes) -> Changed:
-    """Write *data* as it is, read it back, and put the old value back where that differs."""
+    """Write *data* as it is, read it back, and put the old value back where that differs; asks first for 0x1F22."""
+    if index == CONCISE_DCF and sub_index:
+        from dvtcli.operations.exchange.concise_consent import consent_to_concise
+
+        consent_to_concise(session, node, sub_index, data)
     started = time.monotonic()
     applied = node.write(index, sub_index, data, force=session.options.force)
     return changed(session, node, applied, time.monotonic() - started)

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from dvtcli.domain.network.concise_dcf import ConciseEntry, concise_bytes, concise_entries, read_concise_dcf
 from dvtcli.operations.exchange.concise_network import concise_dcf
 from tests.commands.bench import Bench
+from tests.small_eds import plain, var
 
 #: Every shape of record: a parameter of one, two, four and eight bytes, a PDO that was on, one that was off, one that
 #: stays off, one without a mapping, one with an empty mapping, and single objects.
@@ -119,6 +120,31 @@ def test_the_node_that_is_described_has_one_beside_one_that_is_not(file: str) ->
     alone = concise_dcf(file).data
     Path("two.yaml").write_text(FILE + "other:\n  node_id: 6\n  tpdo:\n    1: {enabled: false}\n")
     assert concise_dcf("two.yaml", "valve").data == alone
+
+
+def manager() -> str:
+    """A file of a device that is a manager of five nodes."""
+    eds = plain()
+    eds.record(0x1F22, "Concise DCF", {sub: var(f"Node {sub}", 0xF) for sub in range(1, 6)})
+    Path("manager.eds").write_text(eds.text())
+    return "manager.eds@10"
+
+
+def test_a_manager_gets_it_with_consent_only(file: str) -> None:
+    data = concise_dcf(file).data
+    Path("node5.cdcf").write_bytes(data)
+    Path("cut.cdcf").write_bytes(data[:-1])
+    with Bench((manager(),)) as bench:
+        asked = bench.run("write 1F22:5 @node5.cdcf")
+        assert (asked.code, f"download {COUNT} values to node 5 whenever that boots" in asked.stderr) == (6, True), (
+            asked
+        )
+    with Bench((manager(),), {"yes": True}) as bench:
+        cut = bench.run("write 1F22:5 @cut.cdcf")
+        assert (cut.code, "ends in entry 25 of 25" in cut.stderr) == (4, True), cut
+        assert bench.session.node().sdo.upload(0x1F22, 5) != data
+        assert bench.run("write 1F22:5 @node5.cdcf").code == 0
+        assert bench.session.node().sdo.upload(0x1F22, 5) == data
 
 
 ENTRIES = st.builds(ConciseEntry, st.integers(0, 0xFFFF), st.integers(0, 0xFF), st.binary(max_size=20))
