@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.api.python_bus import Bus
     from dvtcli.operations.api.python_lss import Lss
     from dvtcli.operations.api.python_node import Node
+    from dvtcli.operations.api.reported import report
 
 __all__ = [
     "Bus",
@@ -32,6 +33,7 @@ __all__ = [
     "errors",
     "profile",
     "profiles",
+    "report",
     "results",
     "simulate",
 ]
@@ -43,6 +45,7 @@ _FROM = {
     "connect": "operations.api.open_bus",
     "profile": "operations.api.known_profiles",
     "profiles": "operations.api.known_profiles",
+    "report": "operations.api.reported",
     "simulate": "operations.api.open_bus",
     "Node": "operations.api.python_node",
 }

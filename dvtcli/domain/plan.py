@@ -37,6 +37,21 @@ class Step:
         """The object as it is printed and typed: `1A00:01`."""
         return f"{self.index:04X}:{self.sub_index:02X}"
 
+    def text(self, data: bytes | None) -> str:
+        """*data* of the object as the field writes it: words and indices in hex, counts and times decimal."""
+        if data is None:
+            return "-"
+        value = int.from_bytes(data, "little")
+        if self.names_object:
+            return f"0x{value:04X}"
+        return f"0x{value:08X}" if len(data) == 4 else str(value) if len(data) <= 2 else _some(data)
+
+
+def _some(data: bytes) -> str:
+    """The first of many bytes, and how many there are: a line beside others has room for few."""
+    most = 16
+    return data.hex(" ").upper() if len(data) <= most else f"{data[:4].hex(' ').upper()} … {len(data):,} bytes"
+
 
 @dataclass(frozen=True, slots=True)
 class PdoChange:

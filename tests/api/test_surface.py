@@ -19,12 +19,13 @@ from tests.process import ROOT, environment
 
 PUBLIC = {
     "dvtcli": [
-        "Bus", "Lss", "Node", "__version__", "check_eds", "connect", "errors", "profile", "profiles", "results",
-        "simulate",
+        "Bus", "Lss", "Node", "__version__", "check_eds", "connect", "errors", "profile", "profiles", "report",
+        "results", "simulate",
     ],
     "Bus": [
         "apply", "check", "check_sync", "close", "dry_run", "finish_stores", "import_network", "is_dry_run", "link",
-        "load", "lss", "name", "node", "plan", "recover", "scan", "script", "sync", "unlink",
+        "load", "lss", "name", "node", "plan", "recover", "report", "scan", "script", "sync",
+        "unlink",
     ],
     "Lss": ["assign", "bit_rate", "identify", "node_id", "scan", "select", "store"],
     "Node": [

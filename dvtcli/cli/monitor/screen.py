@@ -11,10 +11,10 @@ from datetime import datetime
 
 from dvtcli.cli.monitor.graph import graph
 from dvtcli.cli.view.lines import Cell
-from dvtcli.cli.view.safe import safe
 from dvtcli.cli.view.shown_value import value_text
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.physical import Physical
+from dvtcli.domain.safe_text import safe
 from dvtcli.watch.decoder import Signal
 from dvtcli.watch.recent_load import HIGH_LOAD
 from dvtcli.watch.seen import Event, FrameStore, Row

@@ -18,8 +18,8 @@ from dvtcli.cli.lexer import split
 from dvtcli.cli.prompt.line import checked, cut, expanded, tcl_line
 from dvtcli.cli.run_line import parse
 from dvtcli.cli.view.lines import Cell
-from dvtcli.cli.view.safe import safe
 from dvtcli.cli.view.wrap import wrapped
+from dvtcli.domain.safe_text import safe
 from dvtcli.errors import DvtcliError, UsageError
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ from dvtcli.cli.global_options import PREFIX, global_options
 from dvtcli.cli.prompt.line import cut
 from dvtcli.cli.prompt.typed import Typed, last_line, quoted, typed
 from dvtcli.cli.registry import REGISTRY
-from dvtcli.cli.view.safe import safe
+from dvtcli.domain.safe_text import safe
 from dvtcli.errors import DvtcliError
 from dvtcli.operations.options import START_ONLY
 

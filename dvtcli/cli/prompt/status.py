@@ -11,9 +11,9 @@ from dvtcli.cli.prompt.events import SHORT_STATES
 from dvtcli.cli.prompt.fitting import BETWEEN, Part, fitted
 from dvtcli.cli.prompt.syntax import syntax
 from dvtcli.cli.view.glyphs import ascii_only
-from dvtcli.cli.view.safe import safe
 from dvtcli.domain.emergency_codes import emergency_text
 from dvtcli.domain.nmt import NmtState
+from dvtcli.domain.safe_text import safe
 from dvtcli.errors import DvtcliError
 from dvtcli.watch.recent_load import HIGH_LOAD
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from dvtcli.cli.view.network_lines import parameter_text
+from dvtcli.domain.parameter_text import parameter_text
 from dvtcli.domain.plan import PdoChange
 from dvtcli.domain.several import several
 from dvtcli.operations.results.comparisons import Compared

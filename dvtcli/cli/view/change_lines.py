@@ -105,29 +105,10 @@ def _value(result: Changed, step: Step, data: bytes | None) -> str:
     known = result.understood.get(step.object)
     value = None if known is None else known.value(data)
     if known is None or value is None or not known.meaning.words(value):
-        return step_value(step, data)
+        return step.text(data)
     from dvtcli.cli.view.shown_value import value_text
 
     return value_text(value, known.meaning, 8 * len(data or b""))
-
-
-def step_value(step: Step, data: bytes | None) -> str:
-    """A step's value; one that is an object's index in hexadecimal, as the field writes it."""
-    if data is None:
-        return "-"
-    return f"0x{int.from_bytes(data, 'little'):04X}" if step.names_object else shown(data)
-
-
-def shown(data: bytes) -> str:
-    """A step's value as the field writes it: words in hex, counts and times decimal."""
-    value = int.from_bytes(data, "little")
-    return f"0x{value:08X}" if len(data) == 4 else str(value) if len(data) <= 2 else _some(data)
-
-
-def _some(data: bytes) -> str:
-    """The first of many bytes, and how many there are: a line beside others has room for few."""
-    most = 16
-    return data.hex(" ").upper() if len(data) <= most else f"{data[:4].hex(' ').upper()} … {len(data):,} bytes"
 
 
 def _reason(step: Step, result: Changed) -> str:

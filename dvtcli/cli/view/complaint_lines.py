@@ -6,8 +6,8 @@ from collections.abc import Iterator, Sequence
 
 from dvtcli.cli.view.columns import columns
 from dvtcli.cli.view.lines import Cell, Line
-from dvtcli.cli.view.safe import safe
 from dvtcli.domain.file_complaint import FileComplaint
+from dvtcli.domain.safe_text import safe
 from dvtcli.domain.several import plural
 
 #: a longer line is shown around its caret

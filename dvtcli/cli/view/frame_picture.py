@@ -9,8 +9,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from dvtcli.cli.view.columns import clipped, columns
-from dvtcli.cli.view.safe import safe
 from dvtcli.domain.mapping import MAX_PDO_BITS
+from dvtcli.domain.safe_text import safe
 from dvtcli.operations.results.pdos import PdoRow
 
 #: What stands before a picture and its left border, and the least characters of a byte with its right border.

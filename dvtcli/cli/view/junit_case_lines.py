@@ -10,7 +10,7 @@ from xml.etree import ElementTree as ET
 from dvtcli.cli.view.cases import Case, cases_of
 from dvtcli.cli.view.junit_lines import suites_text
 from dvtcli.cli.view.lines import Line
-from dvtcli.cli.view.safe import safe
+from dvtcli.domain.safe_text import safe
 from dvtcli.errors import InputFileError, RuleError
 
 if TYPE_CHECKING:

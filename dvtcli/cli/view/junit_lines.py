@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from xml.etree import ElementTree as ET
 
 from dvtcli.cli.view.lines import Line
-from dvtcli.cli.view.safe import safe
+from dvtcli.domain.safe_text import safe
 from dvtcli.domain.several import plural
 from dvtcli.operations.results.checked_files import FileFinding, Report, Reported
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 from dvtcli.cli.view.columns import clipped, columns
-from dvtcli.cli.view.safe import safe
+from dvtcli.domain.safe_text import safe
 
 #: Screens are at most this wide, whatever the terminal.
 MAX_WIDTH = 100

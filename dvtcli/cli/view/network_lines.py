@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from dvtcli.cli.view.change_lines import step_value
 from dvtcli.cli.view.lines import Cell, Line, Table
-from dvtcli.domain.pdo import transmission_type_text
+from dvtcli.domain.parameter_text import entry_text, parameter_text
 from dvtcli.domain.plan import STAMP, PdoChange, Step
 from dvtcli.domain.several import plural, several
 from dvtcli.operations.results.networks import action, differing
@@ -15,7 +14,6 @@ from dvtcli.operations.results.networks import action, differing
 if TYPE_CHECKING:
     from dvtcli.domain.network.bus_need import BusNeed
     from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
-    from dvtcli.domain.pdo import Pdo
     from dvtcli.operations.results.networks import NetworkApplied, NetworkPlanned
 
 _SIGNS = {"prune": ("-", "red"), "disable": ("~", "yellow"), "enable": ("~", "yellow"), "change": ("~", "yellow")}
@@ -142,7 +140,7 @@ def _node(plan: NetworkPlan, node: NodePlan, width: int) -> Iterator[Line]:
 
 def _object(step: Step) -> Line:
     """A single object: what it holds, what it is to hold, and what that means."""
-    before, after = step_value(step, step.before), step_value(step, step.after)
+    before, after = step.text(step.before), step.text(step.after)
     said = "" if step.reason == "write" else f"  {step.reason}"
     return [Cell("  ~ ", "yellow"), Cell(f"0x{step.object}  {before} -> {after}"), Cell(said)]
 
@@ -171,28 +169,4 @@ def _entries(table: Table, node: NodePlan, was: list[str], will: list[str]) -> N
         before, after = (side[number] if number < len(side) else "-" for side in (was, will))
         if before != after:
             name = node.names.get(after.rpartition("/")[0], "")
-            table.add(f"map {number + 1}", _entry(before), "->", f"{_entry(after)}  {name}".rstrip())
-
-
-def _entry(text: str) -> str:
-    """A mapping entry; a dummy as it is typed."""
-    return f"dummy/{text.rpartition('/')[2]}" if text.startswith("000") else text
-
-
-def parameter_text(key: str, value: Any, pdo: Pdo) -> str:
-    """A parameter of a PDO, by its key in a network file, as the field writes it."""
-    if value is None:
-        return "-"
-    if key == "enabled":
-        return "on" if value else "off"
-    if key == "cob_id":
-        return f"0x{value:03X}"
-    if key == "type":
-        return f"{value} {transmission_type_text(value, pdo.direction)}"
-    if key == "inhibit_time":
-        return f"{value / 10:g} ms"
-    if key == "event_timer":
-        return f"{value} ms"
-    if key == "map":
-        return " ".join(map(_entry, value)) or "-"
-    return str(value).lower() if isinstance(value, bool) else str(value)
+            table.add(f"map {number + 1}", entry_text(before), "->", f"{entry_text(after)}  {name}".rstrip())

@@ -197,7 +197,7 @@ class Output:
     def progress(self, text: str, done: int, total: int) -> None:
         """Show how far long work has come, unless only errors are wanted, or traffic tells it already."""
         if not self.quiet and not self.json and not self.verbose and self._held is None:
-            from dvtcli.cli.view.safe import safe
+            from dvtcli.domain.safe_text import safe
 
             self.progress_line.show(safe(text), done, total)
 

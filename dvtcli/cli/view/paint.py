@@ -10,8 +10,8 @@ import click
 from dvtcli.cli.view.columns import columns
 from dvtcli.cli.view.glyphs import ascii_only, in_encoding
 from dvtcli.cli.view.lines import Cell, Line
-from dvtcli.cli.view.safe import safe
 from dvtcli.cli.view.wrap import wrapped
+from dvtcli.domain.safe_text import safe
 
 
 def painted(line: Line, stream: TextIO, *, colored: bool, plain: bool, width: int = 0) -> str:

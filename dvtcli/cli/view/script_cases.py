@@ -11,7 +11,7 @@ from dvtcli.cli.view.github_case_lines import workflow_command
 from dvtcli.cli.view.github_lines import as_data
 from dvtcli.cli.view.junit_lines import suites_text
 from dvtcli.cli.view.lines import Line
-from dvtcli.cli.view.safe import safe
+from dvtcli.domain.safe_text import safe
 from dvtcli.domain.several import plural
 
 if TYPE_CHECKING:

@@ -73,6 +73,31 @@ class NetworkCalls:
         wishes = load_wishes(for_s, bit_rate, sync_ms, inhibit_ms)
         return self._calls.run(lambda: network_load(self._session, chosen, wishes))
 
+    def report(
+        self,
+        target: str | Path,
+        file: str | Path | None = None,
+        *,
+        title: str | None = None,
+        bit_rate: int | None = None,
+        for_s: float | None = None,
+        yes: bool = False,
+    ) -> tuple[str, ...]:
+        """Draw the nodes on the bus to *target*: a page (.html), or their wiring alone (.svg, .dot).
+
+        The page also says what they hold otherwise than the network *file* says. *title* stands at its top; *bit_rate*
+        (bit/s) counts instead of the bus's own. The bus is listened to for *for_s* seconds (0…3600; None: 2, and not at
+        all where nobody else can be on it). The answer is what there is to say of it. Writing over a file needs *yes*.
+        NoAnswer where no node answers; UsageError for another suffix, or where *target* cannot be written.
+        """
+        from dvtcli.operations.api.reported import picture_wishes
+        from dvtcli.operations.picture.draw_network import draw_network
+
+        chosen, other = str(path("target", target)), None if file is None else str(path("file", file))
+        wishes = picture_wishes(title, bit_rate, for_s)
+        done = self._calls.run(lambda: draw_network(self._session, chosen, other, wishes), yes=yes)
+        return tuple(dict(done.rows)["notes"])
+
     def check(
         self,
         *files: str | Path,

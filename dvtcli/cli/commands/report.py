@@ -1,0 +1,50 @@
+"""Draw a network: a page (HTML) with wiring, layouts, load and findings; or its wiring as SVG or Graphviz."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.commands._load_params import BitRateType, PeriodType
+from dvtcli.cli.effect import Effect
+from dvtcli.cli.params import FILE, TEXT
+
+if TYPE_CHECKING:
+    from dvtcli.operations.results import Facts
+    from dvtcli.operations.session import Session
+
+TASK = ("Networks", 70)
+
+
+@click.command("report", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
+@click.argument("out", type=FILE)
+@click.argument("file", type=FILE, required=False)
+@click.option("--title", type=TEXT, help="What stands at its top [the name of FILE, or of the bus].")
+@click.option("--at", "bit_rate", type=BitRateType(), metavar="BIT/S", help="The bus's bit rate [its own, or 500000].")
+@click.option(
+    "--for", "for_s", type=PeriodType("s", 0, 3600), metavar="S", help="Listen to the bus so long [2]; 0: not."
+)
+@click.pass_obj
+def command(
+    session: Session, /, out: str, file: str | None, title: str | None, bit_rate: int | None, for_s: float | None
+) -> Facts:
+    """Write a network to OUT: a page (.html), or its wiring alone (.svg, .dot for Graphviz).
+
+    Without a bus that of the network FILE, as check and load see it. With a bus the nodes on it; FILE is what they are
+    compared with. The page is one file that asks for nothing else, and has no date: the same network gives the same
+    bytes. It can be sorted, printed, and read on a phone.
+
+    \b
+    report line.html line.yaml
+    report line.html line.yaml --title "Line 3, as delivered"
+    report line.svg line.yaml      its wiring alone
+    report line.dot line.yaml      for Graphviz: dot -Tpdf line.dot
+    report now.html                the nodes on the bus
+    report now.html press.yaml     and where they differ from FILE
+    """
+    from dvtcli.operations.picture.draw_network import draw_network
+    from dvtcli.operations.picture.gather import PictureWishes
+
+    return draw_network(session, out, file, PictureWishes(title, bit_rate, for_s))

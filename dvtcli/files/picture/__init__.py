@@ -1,0 +1,1 @@
+"""A network drawn: as a page (HTML), a drawing (SVG) and a graph (Graphviz)."""

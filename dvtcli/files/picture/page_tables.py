@@ -1,0 +1,177 @@
+"""The tables of a page: columns and rows with what they are sorted by. Knows no markup."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+
+from dvtcli.domain.network.picture import NetworkPicture, PictureFrame
+from dvtcli.domain.pdo import PdoConfig
+from dvtcli.files.picture.words import byte_count, cob_id, ends_text, ms, node_text, object_text, percent, timing
+
+_SEVERITIES = ("error", "warning", "note")
+#: a bar that is shorter says nothing
+_LEAST_BAR = 0.02
+#: behind every number
+_LAST = float("inf")
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """What stands in a cell, what it is sorted by (None: its text), its *style*, a link's *target*, a *bar* of 0…1."""
+
+    text: str
+    key: float | None = None
+    style: str = ""
+    target: str = ""
+    bar: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """The head of a column; numbers stand on the right."""
+
+    title: str
+    is_number: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class PageTable:
+    """A table that can be sorted by each column."""
+
+    name: str
+    caption: str
+    columns: tuple[Column, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+
+
+def findings_table(picture: NetworkPicture) -> PageTable:
+    """What the rules of `check` say."""
+    columns = ("Severity", "Node", "What", "Rule", "Line")
+    rows = (
+        (
+            Cell(one.severity, _SEVERITIES.index(one.severity), f"severity {one.severity}"),
+            _node(picture, one.node),
+            Cell(one.text),
+            Cell(one.rule, style="code"),
+            Cell("-" if one.line is None else str(one.line), _LAST if one.line is None else one.line),
+        )
+        for one in sorted(picture.findings, key=lambda one: _SEVERITIES.index(one.severity))
+    )
+    return _table("findings", "Findings of the rules", columns, rows, "Line")
+
+
+def differences_table(picture: NetworkPicture) -> PageTable:
+    """What nodes hold otherwise than a file says."""
+    columns = ("Node", "PDO or object", "What", "On the node", f"In {picture.compared}")
+    rows = (
+        (_node(picture, one.node), Cell(one.what), Cell(one.key, style="code"), Cell(one.was), Cell(one.will))
+        for one in picture.differences or ()
+    )
+    return _table("differences", f"Differences to {picture.compared}", columns, rows)
+
+
+def nodes_table(picture: NetworkPicture) -> PageTable:
+    """Every node with what it is and what it produces."""
+    columns = ("Node-ID", "Name", "Device", "TPDOs", "RPDOs", "Heartbeat", "Watches", "SYNC", "EMCY")
+    rows = []
+    for node in picture.nodes:
+        facts = dict(node.facts)
+        sends, hears = (len(node.enabled(is_tpdo=is_tpdo)) for is_tpdo in (True, False))
+        device = node.title if node.is_told else "only what the file says is known"
+        rows.append((
+            Cell(str(node.node_id), node.node_id), Cell(node.name or "-"), Cell(device or "-"),
+            Cell(str(sends), sends), Cell(str(hears), hears),
+            *(Cell(facts.get(key, "-")) for key in ("heartbeat", "watches", "SYNC", "EMCY")),
+        ))  # fmt: skip
+    return _table("nodes", "Nodes", columns, rows, "Node-ID", "TPDOs", "RPDOs")
+
+
+def pdos_table(picture: NetworkPicture) -> PageTable:
+    """Every PDO, also those that are off."""
+    columns = ("Node", "PDO", "State", "COB-ID", "Length", "Timing", "Maps", "Linked with")
+    rows = []
+    for node, pdo in picture.pdos:
+        target = f"{pdo.end.pdo}-{node.node_id}" if pdo.config.enabled else ""
+        maps = ", ".join("skipped" if one.is_dummy else object_text(one) for one in pdo.fields)
+        key = pdo.end.pdo.number + 1000 * pdo.is_tpdo
+        rows.append((
+            _node(picture, node.node_id), Cell(pdo.end.pdo.label, key, target=target),
+            _state(pdo.config, is_told=node.is_told),
+            _cob_id(pdo.identifier) if pdo.config.has_cob_id else Cell("not told", _LAST),
+            Cell(byte_count(pdo), pdo.config.bits), Cell(timing(pdo) or "-"), Cell(maps or "-"),
+            Cell(ends_text(pdo.partners) or "-"),
+        ))  # fmt: skip
+    return _table("pdos", "PDOs", columns, rows)
+
+
+def frames_table(picture: NetworkPicture) -> PageTable:
+    """Every CAN-ID with who sends and hears it, and what it needs of the bus."""
+    heard = picture.load.measured is not None
+    columns = ["COB-ID", "What", "Sent by", "Heard by", "Bytes", "At most", "Load", "Response", "Deadline"]
+    columns += ["Heard/s", "Heard load"] if heard else []
+    most = max((float(one.share) for one in picture.frames if one.share is not None), default=0.0)
+    rows = []
+    for one in picture.frames:
+        row = [
+            _cob_id(one.identifier), Cell(one.what or "-"), _node(picture, one.node),
+            Cell(ends_text(one.consumers) or "-"),
+            _length(one), _at_most(one), *_times(one, most),
+        ]  # fmt: skip
+        if heard:
+            row += [
+                Cell(f"{one.heard_hz or 0:.1f}", one.heard_hz or 0),
+                Cell(percent(one.heard_share or 0), one.heard_share or 0),
+            ]
+        rows.append(tuple(row))
+    numbers = ("Bytes", "Load", "Response", "Deadline", "Heard/s", "Heard load")
+    return _table("frames", "Frames on the bus", columns, rows, *numbers)
+
+
+def _table(
+    name: str, caption: str, titles: Iterable[str], rows: Iterable[tuple[Cell, ...]], *numbers: str
+) -> PageTable:
+    columns = tuple(Column(title, title in numbers) for title in titles)
+    return PageTable(name, caption, columns, tuple(rows))
+
+
+def _node(picture: NetworkPicture, node_id: int | None) -> Cell:
+    return Cell(node_text(picture, node_id), _LAST if node_id is None else node_id)
+
+
+def _cob_id(identifier: tuple[int, bool]) -> Cell:
+    can_id, extended = identifier
+    return Cell(cob_id(identifier), can_id + (1 << 11 if extended else 0), "code")
+
+
+def _state(config: PdoConfig, *, is_told: bool) -> Cell:
+    if config.inconsistency and is_told:
+        return Cell("not whole", 2, "severity error")
+    return Cell("on", 0, "on") if config.enabled else Cell("off", 1, "dim")
+
+
+def _length(one: PictureFrame) -> Cell:
+    return Cell(str(one.data_bytes) if one.what else "-", one.data_bytes)
+
+
+def _at_most(one: PictureFrame) -> Cell:
+    unlimited = one.is_computed and one.share is None
+    return Cell(one.why or "-", _LAST if one.period_us is None else float(one.period_us), "bad" if unlimited else "")
+
+
+def _times(one: PictureFrame, most: float) -> Iterator[Cell]:
+    """What a frame needs of the bus, when it is there, and until when it has to be."""
+    if not one.is_computed:
+        yield from (Cell("-", _LAST) for _ in range(3))
+        return
+    share = None if one.share is None else float(one.share)
+    bar = share / most if share is not None and most and share > _LEAST_BAR * most else None
+    yield Cell(percent(share), _LAST if share is None else share, "bad" if share is None else "", bar=bar)
+    late = "bad" if one.is_late else ""
+    yield Cell("no bound" if one.response_us is None else ms(one.response_us), _key(one.response_us), late)
+    yield Cell(ms(one.deadline_us) + (" - late" if one.is_late else ""), _key(one.deadline_us), late)
+
+
+def _key(time_us: Fraction | None) -> float:
+    return _LAST if time_us is None else float(time_us)

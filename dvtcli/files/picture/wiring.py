@@ -1,0 +1,133 @@
+"""The wiring of a network as a drawing: who sends on the left, who hears on the right, a curve for each link.
+
+A node that does both stands on both sides, so that every curve goes from left to right. Reads nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from dvtcli.domain.network.picture import NetworkPicture, PictureLink, PictureNode, PicturePdo
+from dvtcli.domain.network.wanted_state import Endpoint
+from dvtcli.domain.several import plural
+from dvtcli.files.picture.svg import Element, add, clipped, drawing
+from dvtcli.files.picture.words import byte_count, cob_id, end_text, title_of
+
+_HEAD, _ROW, _FOOT, _GAP, _TOP, _MARGIN = 36, 26, 8, 16, 40, 4
+_COLOURS = 6
+#: up to which share of the drawing a box goes on each side
+_BOX = 0.36
+
+
+@dataclass(frozen=True, slots=True)
+class _Column:
+    """One side of the drawing: its boxes from *x* on, and where the ports of their PDOs are (*port_x*)."""
+
+    x: float
+    port_x: float
+    width: float
+    is_tpdo: bool
+
+
+def wiring(picture: NetworkPicture, width: int = 960, name: str = "wiring") -> Element:
+    """The drawing, *width* wide; its ids begin with *name*."""
+    box = round(width * _BOX)
+    left = _Column(_MARGIN, _MARGIN + box, box, is_tpdo=True)
+    right = _Column(width - _MARGIN - box, width - _MARGIN - box, box, is_tpdo=False)
+    sends, hears = _sides(picture)
+    height = max(_height(sends, is_tpdo=True), _height(hears, is_tpdo=False))
+    count = f"{plural(len(picture.nodes), 'node')}, {plural(len(picture.links), 'link')}"
+    root = drawing(width, height, name, f"Wiring of {picture.title}: {count}; its table is that of the PDOs")
+    _arrows(root, name)
+    add(root, "text", "Sends", x=left.x + 2, y=22, class_="side")
+    add(root, "text", "Hears", x=right.x + 2, y=22, class_="side")
+    links = add(root, "g", class_="links")
+    ports = dict(_boxes(root, left, sends)) | dict(_boxes(root, right, hears))
+    colours = {node.node_id: number % _COLOURS for number, node in enumerate(sends)}
+    for link in picture.links:
+        _link(links, link, ports, colours[link.producer.node_id], name)
+    return root
+
+
+def _sides(picture: NetworkPicture) -> tuple[list[PictureNode], list[PictureNode]]:
+    """Who sends or has no PDO that is on, and who hears."""
+    hears = [node for node in picture.nodes if node.enabled(is_tpdo=False)]
+    ids = {node.node_id for node in hears}
+    sends = [node for node in picture.nodes if node.enabled(is_tpdo=True) or node.node_id not in ids]
+    return sends, hears
+
+
+def _box_height(node: PictureNode, *, is_tpdo: bool) -> int:
+    return _HEAD + _ROW * max(1, len(node.enabled(is_tpdo=is_tpdo))) + _FOOT
+
+
+def _height(nodes: Sequence[PictureNode], *, is_tpdo: bool) -> int:
+    return _TOP + sum(_box_height(node, is_tpdo=is_tpdo) + _GAP for node in nodes) + _MARGIN
+
+
+def _arrows(root: Element, name: str) -> None:
+    """The points of the links, one of each colour."""
+    defs = add(root, "defs")
+    for number in (*map(str, range(_COLOURS)), "bad"):
+        marker = add(
+            defs, "marker", id=f"{name}-arrow-{number}", viewBox="0 0 8 8", refX=7, refY=4, markerWidth=7,
+            markerHeight=7, orient="auto",
+        )  # fmt: skip
+        add(marker, "path", d="M0 0.5 8 4 0 7.5z", class_=f"point c{number}")
+
+
+def _boxes(
+    root: Element, column: _Column, nodes: Sequence[PictureNode]
+) -> Iterator[tuple[Endpoint, tuple[float, float]]]:
+    """Draw the boxes of one side; where the port of each PDO is."""
+    y = _TOP
+    for node in nodes:
+        height = _box_height(node, is_tpdo=column.is_tpdo)
+        group = add(root, "g", class_="node" if node.is_told else "node untold")
+        add(group, "title", f"{title_of(node)}{f' ({node.title})' if node.title else ''}")
+        add(group, "rect", x=column.x, y=y, width=column.width, height=height, rx=8, class_="box")
+        add(group, "text", str(node.node_id), x=column.x + 14, y=y + 23, class_="number")
+        room = column.width - 58
+        add(group, "text", clipped(_name(node), room, 14), x=column.x + 48, y=y + 23, class_="name")
+        pdos = node.enabled(is_tpdo=column.is_tpdo)
+        if not pdos:
+            add(group, "text", "no PDO is on", x=column.x + 14, y=y + _HEAD + 16, class_="dim")
+        for number, pdo in enumerate(pdos):
+            middle = y + _HEAD + _ROW * number + _ROW / 2
+            _port(group, column, pdo, middle)
+            yield pdo.end, (column.port_x, middle)
+        y += height + _GAP
+
+
+def _name(node: PictureNode) -> str:
+    return node.name or node.title or "node"
+
+
+def _port(group: Element, column: _Column, pdo: PicturePdo, y: float) -> None:
+    row = add(group, "g", class_="pdo")
+    what = ", ".join(field.label for field in pdo.fields)
+    add(row, "title", f"{end_text(pdo.end)} {cob_id(pdo.identifier)}: {what or byte_count(pdo)}")
+    add(row, "text", pdo.end.pdo.label, x=column.x + 14, y=y + 4.5, class_="label")
+    add(row, "text", cob_id(pdo.identifier), x=column.x + 72, y=y + 4.5, class_="id")
+    room = column.width - 160
+    if room > 60:
+        held = ", ".join(field.label for field in pdo.fields if not field.is_dummy) or byte_count(pdo)
+        add(row, "text", clipped(held, room, 12), x=column.x + 146, y=y + 4, class_="dim")
+    linked = bool(pdo.partners)
+    add(row, "circle", cx=column.port_x, cy=y, r=4.5, class_="port" if linked else "port open")
+
+
+def _link(
+    links: Element, link: PictureLink, ports: dict[Endpoint, tuple[float, float]], colour: int, name: str
+) -> None:
+    (x1, y1), (x2, y2) = ports[link.producer], ports[link.consumer]
+    start, stop = x1 + 5, x2 - 6
+    bend = (stop - start) * 0.45
+    kind = str(colour) if link.fits else "bad"
+    curve = add(
+        links, "path", d=f"M{start:g} {y1:g}C{start + bend:g} {y1:g} {stop - bend:g} {y2:g} {stop:g} {y2:g}",
+        class_=f"link c{kind}", marker_end=f"url(#{name}-arrow-{kind})",
+    )  # fmt: skip
+    unlike = "" if link.fits else "; their layouts differ"
+    add(curve, "title", f"{end_text(link.producer)} → {end_text(link.consumer)}, {cob_id(link.identifier)}{unlike}")

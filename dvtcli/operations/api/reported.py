@@ -1,0 +1,44 @@
+"""A network drawn for a program: by a network file, without a bus. Prints nothing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dvtcli.operations.api.checks import number, path, whole, word
+from dvtcli.operations.api.hints import python_words
+from dvtcli.operations.options import BIT_RATES, Options
+
+if TYPE_CHECKING:
+    from dvtcli.operations.picture.gather import PictureWishes
+
+
+def report(
+    target: str | Path, file: str | Path, *, title: str | None = None, bit_rate: int | None = None, yes: bool = False
+) -> tuple[str, ...]:
+    """Draw the network *file* to *target*: a page (.html), or its wiring alone (.svg, .dot); needs no bus.
+
+    *title* stands at its top (None: the file's name); *bit_rate* (bit/s) is the bus's. The answer is what there is to
+    say of it. Writing over a file needs *yes*. InputFileError with all that is wrong in *file*; UsageError for another
+    suffix, or where *target* cannot be written.
+    """
+    from dvtcli.operations.picture.draw_network import draw_network
+    from dvtcli.operations.session import Session
+
+    chosen, source, wishes = str(path("target", target)), str(path("file", file)), picture_wishes(title, bit_rate, None)
+    with python_words(), Session(Options(yes=yes)) as session:
+        done = draw_network(session, chosen, source, wishes)
+    return tuple(dict(done.rows)["notes"])
+
+
+def picture_wishes(title: str | None, bit_rate: int | None, for_s: float | None) -> PictureWishes:
+    """How a program wants a picture, checked; UsageError for a wrong argument."""
+    from dvtcli.operations.picture.gather import PictureWishes
+
+    if title is not None:
+        word("title", title, "what stands at the top of the page")
+    if bit_rate is not None:
+        whole("bit_rate", bit_rate, "a bit rate (bit/s)", BIT_RATES[-1], low=BIT_RATES[0])
+    if for_s is not None:
+        number("for_s", for_s, "a number of seconds, 0…3600", high=3600)
+    return PictureWishes(title, bit_rate, for_s)

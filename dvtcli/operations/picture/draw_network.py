@@ -1,0 +1,70 @@
+"""A network written as a page (HTML), a drawing (SVG) or a graph (Graphviz), by the suffix. Writes no node."""
+
+from __future__ import annotations
+
+from pathlib import PurePath
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.several import plural
+from dvtcli.errors import UsageError
+from dvtcli.operations.picture.gather import PictureWishes, network_picture
+from dvtcli.operations.results import Facts
+from dvtcli.operations.save_script import ask_before_overwriting, place_of, write_bytes
+
+if TYPE_CHECKING:
+    from dvtcli.domain.network.picture import NetworkPicture
+    from dvtcli.operations.session import Session
+
+SUFFIXES = (".html", ".htm", ".svg", ".dot", ".gv")
+
+
+def draw_network(session: Session, target: str, file: str | None = None, wishes: PictureWishes | None = None) -> Facts:
+    """Write the network of *file*, or of the bus, to *target*; asks before it overwrites. Raises as `network_picture`.
+
+    UsageError for another suffix, or where *target* cannot be written.
+    """
+    path = place_of(target, "report {}/NAME.html")
+    if path.suffix.lower() not in SUFFIXES:
+        raise UsageError(f"{target}: what format is that?", hint="report NAME.html, NAME.svg or NAME.dot")
+    picture = network_picture(session, file, wishes)
+    data = drawn(picture, path)
+    ask_before_overwriting(session, path)
+    write_bytes(path, data)
+    return _answer(target, picture, len(data))
+
+
+def drawn(picture: NetworkPicture, path: PurePath) -> bytes:
+    """*picture* in the format that the suffix of *path* names."""
+    suffix = path.suffix.lower()
+    if suffix == ".svg":
+        from dvtcli.files.picture.svg import alone
+        from dvtcli.files.picture.wiring import wiring
+
+        return alone(wiring(picture))
+    if suffix in (".dot", ".gv"):
+        from dvtcli.files.picture.graphviz import graphviz
+
+        return graphviz(picture)
+    from dvtcli.files.picture.page import page
+
+    return page(picture)
+
+
+def _answer(target: str, picture: NetworkPicture, size: int) -> Facts:
+    on = sum(pdo.config.enabled for _, pdo in picture.pdos)
+    differing = None if picture.differences is None else len(picture.differences)
+    counts = [plural(len(picture.nodes), "node"), plural(on, "PDO"), plural(len(picture.links), "link")]
+    counts += [plural(len(picture.findings), "finding")]
+    counts += (
+        [plural(differing, "difference") + f" to {picture.compared}"]
+        if picture.compared and differing is not None
+        else []
+    )
+    text = [f"{target}: {picture.title}, {', '.join(counts)}", *(f"note: {note}" for note in picture.notes)]
+    rows = (
+        ("file", target), ("from", picture.source), ("compared_with", picture.compared or None),
+        ("nodes", len(picture.nodes)), ("pdos", on), ("links", len(picture.links)),
+        ("findings", len(picture.findings)), ("differences", differing if picture.compared else None),
+        ("bytes", size), ("notes", list(picture.notes)),
+    )  # fmt: skip
+    return Facts("report", rows, tuple(text))

@@ -1,0 +1,140 @@
+"""A network gathered for a picture: from a network file without a bus, or from the nodes on one. Only reads.
+
+Judges nothing and computes nothing itself: rules, load and differences are those of `check`, `load` and `diff`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.network.bus_need import bus_need, fitting_bit_rates
+from dvtcli.domain.network.check.checked_network import CheckedNetwork
+from dvtcli.domain.network.frame_streams import streams_of
+from dvtcli.domain.network.heard_traffic import HeardTraffic
+from dvtcli.domain.network.picture import NetworkPicture, PictureFinding
+from dvtcli.errors import NoAnswer, RuleError, SafetyRefusal, UsageError
+from dvtcli.operations.check_live import LISTEN_S
+from dvtcli.operations.check_networks import CheckWishes, check_networks, chosen_rules, findings_of
+from dvtcli.operations.live_network import has_bus, listen, live_state, refuse_without_bus
+from dvtcli.operations.network_load import USUAL_BIT_RATE
+from dvtcli.operations.picture.differing_rows import differences
+from dvtcli.operations.picture.drawn_frames import drawn_frames, drawn_load
+from dvtcli.operations.picture.drawn_nodes import drawn_links, drawn_nodes
+from dvtcli.operations.results.loads import Measured, NetworkLoad
+from dvtcli.watch.frame_count import FrameCount
+
+if TYPE_CHECKING:
+    from dvtcli.domain.network.network_state import NetworkState
+    from dvtcli.domain.network.picture import PictureDifference
+    from dvtcli.domain.ports import Frame
+    from dvtcli.operations.results.checked_networks import NetworkFinding
+    from dvtcli.operations.session import Session
+
+
+@dataclass(frozen=True, slots=True)
+class PictureWishes:
+    """How a picture is taken: its *title* (None: the file's or the bus's name), and the *bit_rate* (bit/s) of the bus.
+
+    A bus is listened to for *for_s* seconds (None: 2, and not at all where nobody else can be on it).
+    """
+
+    title: str | None = None
+    bit_rate: int | None = None
+    for_s: float | None = None
+
+
+def network_picture(session: Session, file: str | None = None, wishes: PictureWishes | None = None) -> NetworkPicture:
+    """The network of *file* where there is no bus; else that of the nodes on the bus, compared with *file* if given.
+
+    Raises as `described_network`; UsageError where there is neither, NoAnswer where no node tells what it holds.
+    """
+    wishes = wishes or PictureWishes()
+    if file is not None and not has_bus(session):
+        return _of_file(session, file, wishes)
+    refuse_without_bus(session)
+    return _of_bus(session, file, wishes)
+
+
+def _of_file(session: Session, file: str, wishes: PictureWishes) -> NetworkPicture:
+    told = wishes.bit_rate or session.options.bitrate
+    state = _described(session, file)
+    found = check_networks([file], CheckWishes(bit_rate=told)).reports[0].findings
+    return _picture(state, wishes.title or Path(file).stem, Path(file).name, told, found)
+
+
+def _described(session: Session, file: str) -> NetworkState:
+    """What *file* makes; without its links where those cannot be made, which is a finding."""
+    from dvtcli.operations.described_network import described_network
+
+    try:
+        return described_network(file, session.tell, for_rules=True)
+    except (RuleError, UsageError):
+        return described_network(file, session.tell, for_rules=True, with_links=False)
+
+
+def _of_bus(session: Session, file: str | None, wishes: PictureWishes) -> NetworkPicture:
+    from dvtcli.operations.network_wish import read_wish
+
+    others = [node.node_id for node in read_wish(file).nodes] if file is not None else []
+    measured, traffic = _heard(session, wishes)
+    state = live_state(session, traffic, others)
+    if not state.nodes:
+        raise NoAnswer(
+            f"no node answers on {session.wire.name}: there is nothing to draw",
+            hint="is it the right bus, and are its nodes on? `scan` asks every node-ID",
+        )
+    told = wishes.bit_rate or session.wire.bitrate or session.options.bitrate
+    network = CheckedNetwork(state, told or USUAL_BIT_RATE, traffic)
+    found = list(findings_of(network, chosen_rules(CheckWishes())))
+    compared, notes = ((), ()) if file is None else _compared(session, file)
+    title = wishes.title or (session.wire.name if file is None else Path(file).stem)
+    picture = _picture(state, title, session.wire.name, told, found, measured)
+    name = "" if file is None else Path(file).name
+    return replace(picture, compared=name, differences=compared, notes=notes)
+
+
+def _heard(session: Session, wishes: PictureWishes) -> tuple[Measured | None, HeardTraffic | None]:
+    """What passes on the bus: counted for the load, and kept for the rules."""
+    simulated = session.wire.simulated
+    for_s = wishes.for_s if wishes.for_s is not None else 0.0 if simulated else LISTEN_S
+    count, traffic = FrameCount(), HeardTraffic()
+
+    def take(frame: Frame, sent: bool) -> None:
+        count.add(frame)
+        if not sent:
+            traffic.add(frame)
+
+    heard = listen(session, for_s, take)
+    if not heard.seconds:
+        return None, None
+    traffic.seconds, traffic.error_frames = heard.seconds, heard.error_frames
+    return Measured(count, heard.seconds, heard.error_frames, heard.lost_frames), traffic
+
+
+def _compared(session: Session, file: str) -> tuple[tuple[PictureDifference, ...] | None, tuple[str, ...]]:
+    """What `diff` finds; None and why where it cannot say."""
+    try:
+        return tuple(differences(session, file)), ()
+    except (RuleError, NoAnswer, SafetyRefusal) as refused:
+        return None, (f"not compared with {Path(file).name}: {refused.text}",)
+
+
+def _picture(
+    state: NetworkState, title: str, source: str, told: int | None, found: Sequence[NetworkFinding],
+    measured: Measured | None = None,
+) -> NetworkPicture:  # fmt: skip
+    streams, bit_rate = streams_of(state), told or USUAL_BIT_RATE
+    load = NetworkLoad(
+        bus_need(streams, bit_rate), fitting_bit_rates(streams), is_assumed=told is None, measured=measured
+    )
+    return NetworkPicture(
+        title, source, tuple(drawn_nodes(state)), tuple(drawn_links(state, bit_rate)),
+        tuple(drawn_frames(state, load)), drawn_load(load), tuple(map(_finding, found)),
+    )  # fmt: skip
+
+
+def _finding(one: NetworkFinding) -> PictureFinding:
+    return PictureFinding(one.severity, one.rule, one.text, one.node, one.line if one.column else None)
