@@ -24,7 +24,7 @@ from dvtcli.cli.monitor.screen import (
     value_and_more,
 )
 from dvtcli.cli.view.lines import Cell
-from dvtcli.cli.view.safe import safe
+from dvtcli.domain.safe_text import safe
 from dvtcli.watch.decoder import Signal
 from dvtcli.watch.seen import FrameStore, Row
 from dvtcli.watch.statistics import Course, physical_points, spark

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dvtcli.domain.network.picture import NetworkPicture, PictureFrame
 from dvtcli.domain.several import plural
+from dvtcli.files.picture.picture_words import cob_id, ends_text
 from dvtcli.files.picture.svg import Element, add, drawing
-from dvtcli.files.picture.words import cob_id, ends_text
 
 _ROWS = (
     "NMT", "SYNC, EMCY", "TIME", "TPDO1", "RPDO1", "TPDO2", "RPDO2", "TPDO3", "RPDO3", "TPDO4", "RPDO4", "SDO answer",

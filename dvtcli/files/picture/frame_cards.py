@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from dvtcli.domain.mapping import MAX_PDO_BITS
 from dvtcli.domain.network.picture import NetworkPicture, PictureField, PictureNode, PicturePdo
-from dvtcli.files.picture.words import (
+from dvtcli.files.picture.picture_words import (
     bit_range,
     byte_count,
     cob_id,

@@ -16,9 +16,9 @@ from dvtcli.domain.several import plural
 from dvtcli.files.picture import page_tables as tables
 from dvtcli.files.picture.cob_id_map import cob_id_map
 from dvtcli.files.picture.frame_cards import frame_cards
+from dvtcli.files.picture.picture_words import kbit, percent
 from dvtcli.files.picture.svg import markup, style
 from dvtcli.files.picture.wiring import wiring
-from dvtcli.files.picture.words import kbit, percent
 
 #: how wide drawings are: on a desk, and on a phone
 _WIDE, _NARROW = 960, 352

@@ -8,7 +8,16 @@ from fractions import Fraction
 
 from dvtcli.domain.network.picture import NetworkPicture, PictureFrame
 from dvtcli.domain.pdo import PdoConfig
-from dvtcli.files.picture.words import byte_count, cob_id, ends_text, ms, node_text, object_text, percent, timing
+from dvtcli.files.picture.picture_words import (
+    byte_count,
+    cob_id,
+    ends_text,
+    ms,
+    node_text,
+    object_text,
+    percent,
+    timing,
+)
 
 _SEVERITIES = ("error", "warning", "note")
 #: a bar that is shorter says nothing

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from dvtcli.domain.network.picture import NetworkPicture, PictureLink, PictureNode, PicturePdo
 from dvtcli.domain.network.wanted_state import Endpoint
 from dvtcli.domain.several import plural
+from dvtcli.files.picture.picture_words import byte_count, cob_id, end_text, title_of
 from dvtcli.files.picture.svg import Element, add, clipped, drawing
-from dvtcli.files.picture.words import byte_count, cob_id, end_text, title_of
 
 _HEAD, _ROW, _FOOT, _GAP, _TOP, _MARGIN = 36, 26, 8, 16, 40, 4
 _COLOURS = 6
