@@ -19,6 +19,8 @@ HEARTBEAT_TIME, GUARD_TIME, LIFE_TIME_FACTOR = 0x1017, 0x100C, 0x100D
 STATUSWORD = (0x6041, 0)
 #: How far the objects of a drive's axes are apart, and how many axes there may be (CiA 402-2, 6.2).
 AXIS, _AXES = 0x800, 8
+#: What tells the state of an axis, of each of them.
+STATUSWORDS = tuple((STATUSWORD[0] + axis * AXIS, STATUSWORD[1]) for axis in range(_AXES))
 #: What commands an axis to enable its operation, of each of them.
 CONTROLWORDS = frozenset((0x6040 + axis * AXIS, 0) for axis in range(_AXES))
 _ERROR_CONTROL = 0x700

@@ -64,7 +64,8 @@ def _node(document: Any) -> NodePlan:
     wanted, values = _wanted([*_holds(document), *plan.changes])
     return NodePlan(
         name, plan, identity, store=str(store), wanted=wanted, values=values, unstored=tuple(map(str, unstored)),
-        is_read=document.get("read") is not False,
+        is_read=document.get("read") is not False, needs_power_off=document.get("power_off") is True,
+        doubt=str(document.get("doubt") or ""),
     )  # fmt: skip
 
 

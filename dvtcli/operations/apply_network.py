@@ -23,6 +23,7 @@ from dvtcli.operations.plan_network import with_unknown_syncs
 from dvtcli.operations.results.networks import NetworkApplied
 from dvtcli.operations.store_network import store_network
 from dvtcli.operations.unknown_sync import short_frames
+from dvtcli.operations.whole_device.power_stage import refuse_powered
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -47,6 +48,8 @@ def apply_network(
     """
     planned = [one for one in plan.nodes if len(one.plan) or one.stores]
     nodes = {one.node_id: session.node(one.node_id) for one in plan.nodes}
+    powered_off = [one.node_id for one in planned if one.needs_power_off]
+    refuse_powered(session, powered_off)
     if planned:
         if asks or any(nodes[one.node_id].access.state() is NmtState.OPERATIONAL for one in planned):
             session.consent(_question(nodes, planned, f"{name}:" if name else "apply"))
@@ -62,6 +65,7 @@ def apply_network(
             [partial(refuse_stale, nodes[one.node_id], one, one.plan.changes) for one in planned]
         ):
             raise fault
+        refuse_powered(session, powered_off)  # somebody took time to answer
         plans = {one.node_id: one.plan for one in planned}
         findings = {one.node_id: one.findings for one in planned}
         course = carry_out_together(session, nodes, plans, found, name or f"apply {plan.file}", findings)
@@ -87,7 +91,8 @@ def _question(nodes: Mapping[int, Node], planned: list[NodePlan], name: str) -> 
     writes = plural(sum(len(one.plan) for one in planned), "write")
     stores = [str(one.node_id) for one in planned if one.stores]
     store = f", and store on node {', '.join(stores)}" if stores else ""
-    text = f"{name} {writes} to node {', '.join(str(one.node_id) for one in planned)}{store}?"
+    doubts = "".join(f"{one.doubt}; " for one in planned if one.doubt)
+    text = f"{doubts}{name} {writes} to node {', '.join(str(one.node_id) for one in planned)}{store}?"
     running = [str(one.node_id) for one in planned if _leaves_operational(nodes[one.node_id])]
     if running:
         text = f"node {', '.join(running)} goes from OPERATIONAL to PRE-OPERATIONAL and back; {text}"

@@ -14,6 +14,7 @@ from dvtcli.errors import UsageError
 from dvtcli.files.device_file import read_device_file
 from dvtcli.operations.look_at_frames import look
 from dvtcli.operations.results import Compared, ComparedNodes
+from dvtcli.operations.whole_device.device_suffix import holds_values
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
@@ -161,7 +162,16 @@ def _judge(node: Node, wish: Wish, *, differs: bool) -> None:
 
 
 def dcf_wish(node: Node, file: str) -> Wish:
-    """The PDOs as a DCF (or an EDS's defaults) sets them on this node; UsageError where the file cannot be read."""
+    """What a DCF, an XDC or a backup wants of this node, or the PDOs as an EDS's defaults set them.
+
+    UsageError where the file cannot be read, SafetyRefusal where it is about another product.
+    """
+    if holds_values(file):
+        from dvtcli.operations.whole_device.plan_device import wanted_alone
+
+        found = wanted_alone(node, file)
+        if found.pdos or found.values or file.lower().endswith(".jsonl"):
+            return found
     try:
         dictionary = read_device_file(Path(file)).dictionary
     except OSError as failed:

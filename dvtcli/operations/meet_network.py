@@ -54,7 +54,7 @@ def meet(session: Session, file: str, wish: NetworkWish) -> Met:
                 raise silent[node.node_id]
             found = session.network.node(node.node_id)
             session.network.describe(node.node_id)
-            failures = list(_unlike(found, node.identity, force=session.options.force))
+            failures = list(unlike_wanted(found, node.identity, force=session.options.force))
         except (NoAnswer, SdoProtocolError) as failed:
             failures = [failed]
         met.failures += failures
@@ -112,7 +112,7 @@ def _choose_files(session: Session, file: str, node: NodeWish) -> None:
         session.tell.note(f"{place}: there is no {named}: what is known of node {node.node_id} otherwise counts")
 
 
-def _unlike(node: Node, wanted: WantedIdentity, *, force: bool) -> Iterator[DvtcliError]:
+def unlike_wanted(node: Node, wanted: WantedIdentity, *, force: bool) -> Iterator[DvtcliError]:
     """What says that *node* is another device than the one *wanted*, or than its EDS is about."""
     held = node.identity()
     for name in ("vendor", "product", "revision", "serial"):

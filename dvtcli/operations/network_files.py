@@ -19,6 +19,7 @@ from dvtcli.operations.network_wish import read_wish
 from dvtcli.operations.plan_network import plan_network
 from dvtcli.operations.possible_stores import refuse_impossible_stores
 from dvtcli.operations.results.networks import NetworkPlanned
+from dvtcli.operations.whole_device.device_suffix import is_about_device
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -30,14 +31,20 @@ if TYPE_CHECKING:
 
 
 def planned(
-    session: Session, file: str, saved: str | None = None, *, tells: bool = False, trust_stamp: bool = False
+    session: Session,
+    file: str,
+    saved: str | None = None,
+    *,
+    tells: bool = False,
+    trust_stamp: bool = False,
+    include: tuple[str, ...] = (),
 ) -> NetworkPlanned:
-    """What has to be written for the network *file* to be so, *saved* as a file where that is named.
+    """What has to be written for *file*, a network file or one about a device, to be so; *saved* where that is named.
 
     With *tells* its exit code is 3 where something differs; with *trust_stamp* nodes are not read whose stamp (0x1020)
-    says that they are so. Raises as `plan_network`.
+    says that they are so; *include* as of `DeviceOptions`. Raises as `plan_network` and `plan_device`.
     """
-    plan = plan_network(session, file, trust_stamp=trust_stamp)
+    plan = _new_plan(session, file, trust_stamp=trust_stamp, include=include)
     keepers = {one.node_id: session.node(one.node_id).keeper for one in plan.nodes}
     interrupted = (node_id for node_id, keeper in keepers.items() if keeper is not None and keeper.open_journal())
     answer = NetworkPlanned(plan, tells, saved or "", load_after(session, plan), tuple(interrupted))
@@ -63,24 +70,27 @@ def applied(
     *,
     prove: str | None = None,
     trust_stamp: bool = False,
+    include: tuple[str, ...] = (),
     on_plan: Callable[[NetworkPlan], None] = lambda _plan: None,
 ) -> NetworkApplied:
-    """Make a network what *file* says, a network file or a saved plan; *on_plan* is told what is about to be written.
+    """Make nodes what *file* says: a network file, one about a device, a saved plan; *on_plan* is told it beforehand.
 
-    With *trust_stamp* nodes are not read whose stamp (0x1020) says that they are so; UsageError with a saved plan.
-    Raises as `plan_network` and `apply_network`.
+    With *trust_stamp* nodes are not read whose stamp (0x1020) says that they are so; *include* as of `DeviceOptions`;
+    UsageError for either with a saved plan. Raises as `plan_network`, `plan_device` and `apply_network`.
     """
     from dvtcli.operations.apply_network import apply_network
 
     if trust_stamp and prove is not None:
         raise UsageError("--trust-stamp and --prove exclude each other: what is not read is not proved either")
-    plan = _plan_of(session, file, trust_stamp=trust_stamp)
+    plan = _plan_of(session, file, trust_stamp=trust_stamp, include=include)
     on_plan(plan)
     return apply_network(session, plan, prove=prove)
 
 
 def may_store(file: str) -> bool:
     """Whether *file*, a network file or a saved plan, says that a node stores, or is yet to be written."""
+    if is_about_device(file):
+        return False
     try:
         if is_network_plan(Path(file)):
             return any(one.stores for one in read_network_plan(Path(file)).nodes)
@@ -91,11 +101,27 @@ def may_store(file: str) -> bool:
         return False  # nothing of it is carried out
 
 
-def _plan_of(session: Session, file: str, *, trust_stamp: bool) -> NetworkPlan:
-    with _opened(file):
-        saved = read_network_plan(Path(file)) if is_network_plan(Path(file)) else None
-    if saved is None:
+def _new_plan(session: Session, file: str, *, trust_stamp: bool, include: tuple[str, ...]) -> NetworkPlan:
+    """The plan for *file*, which its suffix tells apart; UsageError for an option of the other kind."""
+    if not is_about_device(file):
+        if include:
+            raise UsageError("--include is for a DCF, an XDC or a backup: a network file names what it sets")
         return plan_network(session, file, trust_stamp=trust_stamp)
+    if trust_stamp:
+        raise UsageError("--trust-stamp is for a network file: only its nodes have its stamp")
+    from dvtcli.operations.whole_device.plan_device import DeviceOptions, plan_device
+
+    return plan_device(session, file, DeviceOptions(include))
+
+
+def _plan_of(session: Session, file: str, *, trust_stamp: bool, include: tuple[str, ...]) -> NetworkPlan:
+    with _opened(file):
+        is_saved = not is_about_device(file) and is_network_plan(Path(file))
+        saved = read_network_plan(Path(file)) if is_saved else None
+    if saved is None:
+        return _new_plan(session, file, trust_stamp=trust_stamp, include=include)
+    if include:
+        raise UsageError(f"{file} is a saved plan, which says itself what is written", hint="plan --include makes one")
     if trust_stamp:
         raise UsageError(
             f"{file} is a saved plan, which says itself what was read", hint="plan --trust-stamp makes one"

@@ -122,7 +122,7 @@ def _judged(session: Session, met: Met, wish: NetworkWish, log: FileLog) -> list
             wants[node.node_id] = understood
     planned: list[NodePlan] = []
     try:
-        found_plans = _planned(nodes, wish.of(wants), wants, stamps)
+        found_plans = plans_of(nodes, wish.of(wants), wants, stamps)
         planned = [replace(one, findings=(*said.get(one.node_id, ()), *one.findings)) for one in found_plans]
         planned = list(checked(nodes, planned, force=session.options.force))
     except RuleError as refused:
@@ -144,10 +144,10 @@ def _known(session: Session, nodes: Mapping[int, Node]) -> Iterator[Node]:
                 yield session.network.node(node_id)
 
 
-def _planned(
+def plans_of(
     nodes: Mapping[int, Node], wish: NetworkWish, wants: Mapping[int, NodeWants], stamps: Mapping[int, Stamp]
 ) -> list[NodePlan]:
-    """Each node's changes, not judged yet; RuleError with all objects that devices lack."""
+    """What brings each of *nodes* to its *wants*, not judged yet; RuleError with all objects that devices lack."""
     senders = Senders(nodes, {one.node_id: {pdo.pdo: _said(pdo) for pdo in one.pdos} for one in wish.nodes})
     planned: list[NodePlan] = []
     refused: list[RuleError] = []

@@ -36,7 +36,7 @@ def _may_move(session: Session, node_ids: Collection[int]) -> dict[int, str]:
     from dvtcli.device.seen_state import why_it_may_move
 
     if session.bus.simulated:
-        node_ids = [node_id for node_id in node_ids if _commanded(session, node_id)]
+        node_ids = [node_id for node_id in node_ids if commanded(session, node_id)]
     said = {node_id: why_it_may_move(session.bus, node_id) for node_id in sorted(node_ids)}
     return {node_id: why for node_id, why in said.items() if why}
 
@@ -47,7 +47,7 @@ def consent_to_reset_unheard(session: Session) -> None:
         session.consent("no node is heard, a drive whose operation is enabled may be there all the same; reset all?")
 
 
-def _commanded(session: Session, node_id: int) -> bool:
+def commanded(session: Session, node_id: int) -> bool:
     """Whether this session wrote a controlword of the node."""
     from dvtcli.device.seen_state import CONTROLWORDS
 

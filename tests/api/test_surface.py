@@ -29,9 +29,9 @@ PUBLIC = {
     ],
     "Lss": ["assign", "bit_rate", "identify", "node_id", "scan", "select", "store"],
     "Node": [
-        "backup", "canopen", "clear", "clear_faults", "compare", "disable", "download", "enable", "export", "faults",
-        "identity", "learn", "login", "map", "nmt", "node_id", "objects", "pdo", "pdos", "read", "record",
-        "recover", "require", "restore", "script", "set", "store", "tie", "undo", "verify", "vpdo", "write",
+        "apply", "backup", "canopen", "clear", "clear_faults", "clone", "compare", "disable", "download", "enable",
+        "export", "faults", "identity", "learn", "login", "map", "nmt", "node_id", "objects", "pdo", "pdos", "read",
+        "record", "recover", "require", "restore", "script", "set", "store", "tie", "undo", "verify", "vpdo", "write",
     ],
     "results": [
         "Changed", "CobId", "Commanded", "Compared", "Difference", "EntryUnread", "FaultRow", "Faults", "FileFinding",

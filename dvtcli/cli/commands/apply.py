@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.commands._include import include as include_option
 from dvtcli.cli.commands._network_plan import show_plan
 from dvtcli.cli.commands._trust_stamp import trust_stamp as trust_stamp_option
 from dvtcli.cli.effect import Effect, Final
@@ -31,20 +32,28 @@ def _stores(params: Mapping[str, Any]) -> Final | None:
 @click.argument("file", type=FILE)
 @click.option("--prove", is_flag=True, help="Restart each node that stored, and compare what it comes up with.")
 @trust_stamp_option
+@include_option
 @click.pass_context
-def command(ctx: click.Context, /, file: str, prove: bool, trust_stamp: bool) -> NetworkApplied:
+def command(
+    ctx: click.Context, /, file: str, prove: bool, trust_stamp: bool, include: tuple[str, ...]
+) -> NetworkApplied:
     """Carry out what plan shows for the network FILE, or a saved plan, on all nodes; with a fault on one, on none.
 
     Asks first. PDOs go off, everything is written and read back, then consumers go on, then producers. Nodes store
     where the file says so, once all of them are verified. A saved plan is refused (6) where a node has changed since.
 
+    FILE may be a DCF, an XDC or a backup (.jsonl) of the selected node, too. Then what differs of its configuration is
+    written; commands, outputs, and the maker's own objects are not, unless --include names those. Another product is
+    refused (6), another revision asked about, and a power stage (0x6041) must be off.
+
     \b
     apply press.yaml --yes
     apply plan.json --yes
     apply press.yaml --dry-run
+    apply press.dcf --yes
     apply press.yaml --trust-stamp   read only nodes whose 0x1020 is not that of this file
     """
     from dvtcli.operations.network_files import applied
 
     show, prove_by = partial(show_plan, ctx.obj.output), "reset" if prove else None
-    return applied(ctx.obj, file, prove=prove_by, trust_stamp=trust_stamp, on_plan=show)
+    return applied(ctx.obj, file, prove=prove_by, trust_stamp=trust_stamp, include=include, on_plan=show)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.commands._include import include as include_option
 from dvtcli.cli.commands._trust_stamp import trust_stamp as trust_stamp_option
 from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import FILE
@@ -21,14 +22,18 @@ TASK = ("Networks", 20)
 @click.command("diff", cls=DvtCommand, short_help=__doc__, effect=Effect.READS, formats=CASE_FORMATS)
 @click.argument("file", type=FILE)
 @trust_stamp_option
+@include_option
 @click.pass_context
-def command(ctx: click.Context, /, file: str, trust_stamp: bool) -> NetworkPlanned:
+def command(ctx: click.Context, /, file: str, trust_stamp: bool, include: tuple[str, ...]) -> NetworkPlanned:
     """Read the nodes of the network FILE and show what differs: plan, with exit code 3 where it does.
+
+    FILE may be a DCF, an XDC or a backup (.jsonl) of the selected node, too.
 
     \b
     diff press.yaml
+    diff press.dcf
     diff press.yaml --json
     """
     from dvtcli.operations.network_files import planned
 
-    return planned(ctx.obj, file, None, tells=True, trust_stamp=trust_stamp)
+    return planned(ctx.obj, file, None, tells=True, trust_stamp=trust_stamp, include=include)

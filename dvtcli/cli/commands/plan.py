@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.commands._include import include as include_option
 from dvtcli.cli.commands._trust_stamp import trust_stamp as trust_stamp_option
 from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import FILE
@@ -25,19 +26,24 @@ TASK = ("Networks", 10)
 )
 @click.option("--exit-code", "tells", is_flag=True, help="End with 3 where something would be written or stored.")
 @trust_stamp_option
+@include_option
 @click.pass_context
-def command(ctx: click.Context, /, file: str, saved: str | None, tells: bool, trust_stamp: bool) -> NetworkPlanned:
+def command(
+    ctx: click.Context, /, file: str, saved: str | None, tells: bool, trust_stamp: bool, include: tuple[str, ...]
+) -> NetworkPlanned:
     """Read the nodes of the network FILE and show what differs, and what apply would write.
 
-    Everything that is wrong, on any node, is said at once. --format github or junit is for CI.
+    Everything that is wrong, on any node, is said at once. --format github or junit is for CI. FILE may be a DCF, an
+    XDC or a backup (.jsonl) of the selected node, too.
 
     \b
     plan press.yaml
     plan press.yaml -o plan.json
     plan press.yaml -o press.309     as lines that any CiA 309-3 gateway carries out
+    plan press.dcf
     plan press.yaml --exit-code      3 where anything is to be done
     plan press.yaml --format junit   a test case for each PDO, for CI
     """
     from dvtcli.operations.network_files import planned
 
-    return planned(ctx.obj, file, saved, tells=tells, trust_stamp=trust_stamp)
+    return planned(ctx.obj, file, saved, tells=tells, trust_stamp=trust_stamp, include=include)

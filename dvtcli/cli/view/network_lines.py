@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from dvtcli.cli.view.lines import Cell, Line, Table
+from dvtcli.domain.configuration import NotWritten
 from dvtcli.domain.parameter_text import entry_text, parameter_text
 from dvtcli.domain.plan import STAMP, PdoChange, Step
 from dvtcli.domain.several import plural, several
@@ -136,6 +137,19 @@ def _node(plan: NetworkPlan, node: NodePlan, width: int) -> Iterator[Line]:
         yield [Cell("  ! ", "yellow"), Cell(f"not stored yet: {several(node.unstored)}")]
     if node.unchanged > 0:
         yield [Cell(f"  = {node.unchanged} as wanted", "dim")]
+    yield from _left_out(node)
+
+
+def _left_out(node: NodePlan) -> Iterator[Line]:
+    """What the file says and nobody writes, by why; what is read-only is only counted."""
+    by_why: dict[str, list[str]] = {}
+    for place, why in node.left_out:
+        by_why.setdefault(why, []).append(place)
+    silent = by_why.pop(NotWritten.READ_ONLY, [])
+    for why, places in by_why.items():
+        yield [Cell("  ! ", "yellow"), Cell(f"not written: {several(places)} {why}")]
+    if silent:
+        yield [Cell(f"  = {plural(len(silent), 'read-only object')} of the file left aside", "dim")]
 
 
 def _object(step: Step) -> Line:

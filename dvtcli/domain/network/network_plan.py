@@ -42,6 +42,12 @@ class NodePlan:
     unstored: tuple[str, ...] = ()
     #: False where its stamp (0x1020) was trusted instead: nothing else is known of it
     is_read: bool = True
+    #: objects (or PDOs) that the file says something of and that are not written, each with why
+    left_out: tuple[tuple[str, str], ...] = ()
+    #: whether its power stage must be off before anything is written
+    needs_power_off: bool = False
+    #: what is to be asked first, beside whether to write at all
+    doubt: str = ""
 
     @property
     def node_id(self) -> int:

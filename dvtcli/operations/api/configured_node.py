@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Literal, TypeVar, Unpack
 
@@ -19,16 +19,19 @@ from dvtcli.operations.api.arguments import (
     request,
 )
 from dvtcli.operations.api.arguments import type_of as type_named
-from dvtcli.operations.api.checks import flags, whole, word
+from dvtcli.operations.api.checks import flags, path, whole, word
 from dvtcli.operations.api.read_node import ReadNode
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from dvtcli.device.node import Node as DeviceNode
     from dvtcli.domain.datatypes import Value
     from dvtcli.domain.pdo import Pdo
     from dvtcli.domain.request import PdoWant
     from dvtcli.operations.results import (
         Changed,
+        NetworkApplied,
         VpdoListing,
     )
 
@@ -146,6 +149,34 @@ class ConfiguredNode(ReadNode):
         text = None if object_ is None else word("object_", object_, "an object's name or index: 'throttle', 0x2220")
         session, node_id = self._calls.session, self._node_id
         return self._change(lambda _: tie_pin(session, group, number_of, text, node_id), yes=yes, force=force)
+
+    def apply(
+        self, file: str | Path, *, include: Sequence[str] = (), yes: bool = False, force: bool = False
+    ) -> NetworkApplied:
+        """Write what differs of the configuration that *file* says, a DCF, an XDC or a backup (.jsonl): all or nothing.
+
+        *include* are objects of the maker, `2001` or `2000-2FFF`, that are written, too. Asks first, unless *yes*.
+        SafetyRefusal where the node is another product, or its power stage is on.
+        """
+        return self._apply_file(file, include, is_clone=False, yes=yes, force=force)
+
+    def clone(
+        self, file: str | Path, *, include: Sequence[str] = (), yes: bool = False, force: bool = False
+    ) -> NetworkApplied:
+        """The same of a *file* about another device of the same product, with what it has of the maker's own objects.
+
+        Not of those that a PDO can map; never a node-ID, a command, an output or a passcode.
+        """
+        return self._apply_file(file, include, is_clone=True, yes=yes, force=force)
+
+    def _apply_file(
+        self, file: str | Path, include: Sequence[str], *, is_clone: bool, yes: bool, force: bool
+    ) -> NetworkApplied:
+        from dvtcli.operations.whole_device.apply_device import apply_device
+        from dvtcli.operations.whole_device.plan_device import DeviceOptions
+
+        options, chosen = DeviceOptions(tuple(include), is_clone, (self.node_id,)), str(path("file", file))
+        return self._change(lambda _node: apply_device(self._calls.session, chosen, options), yes=yes, force=force)
 
     def _change(self, work: Callable[[DeviceNode], T], *, yes: bool, force: bool) -> T:
         calls = self._calls

@@ -22,18 +22,20 @@ class NetworkCalls:
         self._session = session
         self._calls = calls
 
-    def plan(self, file: str | Path, *, trust_stamp: bool = False) -> NetworkPlanned:
-        """What has to be written for the network *file* (YAML) to be so; reads its nodes, and writes nothing.
+    def plan(self, file: str | Path, *, trust_stamp: bool = False, include: Sequence[str] = ()) -> NetworkPlanned:
+        """What has to be written for *file* to be so: a network file (YAML), or a DCF, an XDC or a backup (.jsonl).
 
-        With *trust_stamp* not those whose 0x1020 has the stamp of what the file says; the answer names them.
-        InputFileError with everything that is wrong in the file; RuleError with everything that the rules refuse, on
-        all nodes; SafetyRefusal where a node is another device than the file says.
+        Reads its nodes, and writes nothing. *include* are objects of the maker, `2001` or `2000-2FFF`, that a DCF, an
+        XDC or a backup may write, too. With *trust_stamp* not those whose 0x1020 has the stamp of what the file says;
+        the answer names them. InputFileError with everything that is wrong in the file; RuleError with everything that
+        the rules refuse, on all nodes; SafetyRefusal where a node is another device than the file says.
         """
         from dvtcli.operations.network_files import planned
 
         chosen = str(path("file", file))
         flags(trust_stamp=trust_stamp)
-        return self._calls.run(lambda: planned(self._session, chosen, trust_stamp=trust_stamp))
+        words = tuple(include)
+        return self._calls.run(lambda: planned(self._session, chosen, trust_stamp=trust_stamp, include=words))
 
     def import_network(
         self, file: str | Path, folder: str | Path | None = None, *, yes: bool = False
@@ -127,23 +129,24 @@ class NetworkCalls:
         *,
         prove: bool = False,
         trust_stamp: bool = False,
+        include: Sequence[str] = (),
         yes: bool = False,
         force: bool = False,
     ) -> NetworkApplied:
-        """Make the nodes what the network *file* says, or a plan that `dvtcli plan -o` saved: all of them, or none.
+        """Make the nodes what *file* says, as of `plan`, or a plan that `dvtcli plan -o` saved: all of them, or none.
 
-        Asks first, unless *yes*; *force* is as for a node's changes; *trust_stamp* as of `plan`. Nodes store where the
-        file says so, once all of them were read back; with *prove* each is restarted then, and compared. A fault on one
-        node brings every node back; LeftChanged where one could not be, or where not all have stored. SafetyRefusal
-        where a node has changed since the plan was saved.
+        Asks first, unless *yes*; *force* is as for a node's changes; *trust_stamp* and *include* as of `plan`. Nodes
+        store where the file says so, once all of them were read back; with *prove* each is restarted then, and
+        compared. A fault on one node brings every node back; LeftChanged where one could not be, or where not all have
+        stored. SafetyRefusal where a node has changed since the plan was saved.
         """
         from dvtcli.operations.network_files import applied
 
         chosen = str(path("file", file))
         flags(prove=prove, trust_stamp=trust_stamp)
-        prove_by = "reset" if prove else None
+        prove_by, words = "reset" if prove else None, tuple(include)
         return self._calls.run(
-            lambda: applied(self._session, chosen, prove=prove_by, trust_stamp=trust_stamp),
+            lambda: applied(self._session, chosen, prove=prove_by, trust_stamp=trust_stamp, include=words),
             changes=True,
             yes=yes,
             force=force,

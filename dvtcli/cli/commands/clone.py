@@ -1,0 +1,42 @@
+"""Make a device what a file says of another one of the same product."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+import click
+
+from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.commands._include import include as include_option
+from dvtcli.cli.commands._network_plan import show_plan
+from dvtcli.cli.effect import Effect
+from dvtcli.cli.params import FILE
+
+if TYPE_CHECKING:
+    from dvtcli.operations.results import NetworkApplied
+
+TASK = ("Whole devices", 30)
+
+
+@click.command("clone", cls=DvtCommand, short_help=__doc__, effect=Effect.CHANGES)
+@click.argument("file", type=FILE)
+@include_option
+@click.pass_context
+def command(ctx: click.Context, /, file: str, include: tuple[str, ...]) -> NetworkApplied:
+    """Write to the selected node what FILE (a DCF, an XDC or a backup's .jsonl) says that another one held.
+
+    Shows what is to be written and asks. Another product is refused (6), another revision asked about. As apply, and
+    with the maker's own objects that the file has a value for and that no PDO can map. A node-ID, commands, outputs and
+    passcodes are never written; what is left out is listed with why. With a fault the node is as it was.
+
+    \b
+    clone press.dcf --yes
+    clone press.jsonl --yes
+    clone press.dcf --dry-run
+    """
+    from dvtcli.operations.whole_device.apply_device import apply_device
+    from dvtcli.operations.whole_device.plan_device import DeviceOptions
+
+    show = partial(show_plan, ctx.obj.output)
+    return apply_device(ctx.obj, file, DeviceOptions(include, is_clone=True), on_plan=show)

@@ -1,0 +1,105 @@
+"""A PDO as a file about one device wants it on a node: what the file says, else what the node holds.
+
+What the node does not let write stays. Reads no node.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from dvtcli.device.read_pdos import read_pdo
+from dvtcli.domain.abort import Abort
+from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.pdo import PdoConfig
+from dvtcli.errors import SdoAborted
+from dvtcli.operations.whole_device.compare_device import entry_of
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+    from dvtcli.domain.configuration import Configuration
+    from dvtcli.domain.object_dictionary import ObjectDictionary
+    from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter
+    from dvtcli.domain.profile import ObjectAddress
+    from dvtcli.operations.whole_device.held_device import HeldDevice
+
+#: Parameters of a PDO by their sub-index of 0x1400 or 0x1800
+_PARAMETERS = {1: "cob_id", 2: "transmission_type", 3: "inhibit_time", 5: "event_timer", 6: "sync_start_value"}
+
+
+def pdo_of_file(
+    node: Node, held: HeldDevice, known: Configuration, pdo: Pdo, now: PdoConfig, left_out: dict[str, str]
+) -> PdoConfig | None:
+    """What *pdo* of *node*, which is *now*, is to be by *held*; None where the file says no whole PDO.
+
+    What may not be written stays, and is told to *left_out* with why.
+    """
+    said = _said(node, held, pdo)
+    if said is None or said.mpdo is not None or said.held_count is not None:
+        if said != now:
+            left_out[pdo.label] = "is no whole PDO in the file, or multiplexed"
+        return None
+    wanted = replace(now, communication=_communication(node, known, pdo, now, said, left_out))
+    if not said.has_mapping or (said.mapping == now.mapping and not _has_odd_mapping(now)):
+        return wanted
+    if why := _why_not(known, node.dictionary, (pdo.mapping_index, 0)):
+        left_out[f"{pdo.mapping_index:04X}:00"] = why
+        return wanted
+    return PdoConfig(wanted.communication, said.mapping, unread=now.lacking)
+
+
+def _said(node: Node, held: HeldDevice, pdo: Pdo) -> PdoConfig | None:
+    try:
+        return read_pdo(_Values(held, node.dictionary, node.node_id), pdo)
+    except SdoAborted:
+        return None
+
+
+def _has_odd_mapping(now: PdoConfig) -> bool:
+    return now.mpdo is not None or now.held_count is not None
+
+
+def _communication(
+    node: Node, known: Configuration, pdo: Pdo, now: PdoConfig, said: PdoConfig, left_out: dict[str, str]
+) -> PdoCommunicationParameter:
+    """The parameters that *said* says, where the node has them and lets them be written; else those of *now*."""
+    wanted = now.communication
+    for sub_index, name in _PARAMETERS.items():
+        value, place = getattr(said.communication, name), (pdo.communication_index, sub_index)
+        if value in (None, getattr(wanted, name)) or (name == "cob_id" and not said.has_cob_id):
+            continue
+        if name == "cob_id" and not value.raw:
+            value = CobId(0, valid=False)  # CAN-ID 0x000 is NMT: the file tells no COB-ID
+        if why := _why_not(known, node.dictionary, place):
+            left_out[f"{place[0]:04X}:{place[1]:02X}"] = why
+        else:
+            wanted = replace(wanted, **{name: value})
+    return wanted
+
+
+def _why_not(known: Configuration, dictionary: ObjectDictionary | None, place: ObjectAddress) -> str:
+    why = known.why_not(entry_of(dictionary, place))
+    return "" if why is None else str(why)
+
+
+@dataclass(frozen=True, slots=True)
+class _Values:
+    """What *held* says of a node with *node_id*, behind the same seam as a node."""
+
+    held: HeldDevice
+    dictionary: ObjectDictionary | None
+    node_id: int
+
+    def upload(
+        self,
+        index: int,
+        sub_index: int,
+        *,
+        timeout_s: float | None = None,  # noqa: ARG002 - a file answers at once
+        retries: int | None = None,  # noqa: ARG002
+    ) -> bytes:
+        """What the file says; SdoAborted where it says nothing of it."""
+        data = self.held.on_node((index, sub_index), entry_of(self.dictionary, (index, sub_index)), self.node_id)
+        if data is None:
+            raise SdoAborted(index, sub_index, Abort.NO_SUB_INDEX, node=self.node_id)
+        return data

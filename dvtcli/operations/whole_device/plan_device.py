@@ -1,0 +1,147 @@
+"""From a file about one device to what is to be written: a plan as that of a network file. Nothing is sent.
+
+Does not know how a plan is carried out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dvtcli.device.wish import Wish
+from dvtcli.domain.network.network_plan import NetworkPlan
+from dvtcli.domain.network.wanted_state import NetworkWish, NodeWish, WantedIdentity
+from dvtcli.domain.pdo import PdoConfig
+from dvtcli.errors import SafetyRefusal, UsageError
+from dvtcli.operations.judge_network import checked
+from dvtcli.operations.meet_network import meet, unlike_wanted
+from dvtcli.operations.named_objects import object_at
+from dvtcli.operations.plan_network import plans_of, with_unknown_syncs
+from dvtcli.operations.unknown_sync import short_frames
+from dvtcli.operations.whole_device.device_suffix import refuse_kind
+from dvtcli.operations.whole_device.held_device import held_by
+from dvtcli.operations.whole_device.wanted_of_file import WantedOfFile, wanted_of_file
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+    from dvtcli.domain.network.network_plan import NodePlan
+    from dvtcli.domain.profile import Range
+    from dvtcli.operations.session import Session
+    from dvtcli.operations.whole_device.held_device import HeldDevice
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceOptions:
+    """How a file about one device is taken.
+
+    *include* are objects, or ranges of indices (`2000-2FFF`), that the user calls configuration. With *is_clone* the
+    file itself names those of the maker's objects that no PDO can map, and must say whose it is. *nodes* are node-IDs,
+    none for the selected nodes.
+    """
+
+    include: tuple[str, ...] = ()
+    is_clone: bool = False
+    nodes: tuple[int, ...] = ()
+
+
+def plan_device(session: Session, file: str, options: DeviceOptions | None = None) -> NetworkPlan:
+    """What has to be written for the selected nodes to hold what *file*, a DCF, an XDC or a backup, says.
+
+    Without a selected node it is the one whose node-ID the file has. SafetyRefusal where a node is another product than
+    the file is about, RuleError with all that the rules refuse, UsageError where the file cannot be read.
+    """
+    options = options or DeviceOptions()
+    refuse_kind(file)
+    held = held_by(file)
+    wish = NetworkWish(tuple(_wish(held, node_id) for node_id in _node_ids(session, held, options)))
+    _refuse_nobody(held, options)
+    with short_frames(session.bus) as frames:
+        met = meet(session, file, wish)
+        met.end()
+        planned = _planned(session, met.nodes, held, wish, options)
+    return with_unknown_syncs(session, NetworkPlan(file, tuple(planned)), frames)
+
+
+def wanted_alone(node: Node, file: str) -> Wish:
+    """What *file* wants of *node*, not judged; SafetyRefusal where it is about another product."""
+    held = held_by(file, node.node_id)
+    for unlike in unlike_wanted(node, _wish(held, node.node_id).identity, force=False):
+        raise unlike
+    wants = wanted_of_file(node, held).wants
+    return Wish({pdo: want for pdo, want in wants.pdos.items() if isinstance(want, PdoConfig)}, wants.values)
+
+
+def _node_ids(session: Session, held: HeldDevice, options: DeviceOptions) -> tuple[int, ...]:
+    """The nodes that are meant; the file's own node-ID is told where it is another one."""
+    ids = options.nodes or (session.base.nodes if len(session.base.nodes) > 1 else ())
+    if not ids:
+        selected = session.selected_id()
+        ids = (selected if selected is not None else held.node_id or session.node_id(),)
+    others = [str(one) for one in ids if held.node_id not in (None, one)]
+    if others:
+        text = f"{held.name} is of node {held.node_id}: on node {', '.join(others)} what follows the node-ID does so"
+        session.tell.note(text)
+    return ids
+
+
+def _wish(held: HeldDevice, node_id: int) -> NodeWish:
+    identity = WantedIdentity(held.identity["vendor"] or None, held.identity["product"] or None)
+    return NodeWish(Path(held.name).name, node_id, identity)
+
+
+def _refuse_nobody(held: HeldDevice, options: DeviceOptions) -> None:
+    if options.is_clone and not held.identity["product"]:
+        raise SafetyRefusal(
+            f"{held.name} does not say which product it is of", place=held.name,
+            hint="apply FILE writes what is configuration by the standards, on whatever device is selected",
+        )  # fmt: skip
+
+
+def _planned(
+    session: Session, nodes: dict[int, Node], held: HeldDevice, wish: NetworkWish, options: DeviceOptions
+) -> Iterator[NodePlan]:
+    found: dict[int, WantedOfFile] = {}
+    for node_id, node in nodes.items():
+        own = held if held.node_id else held_by(held.name, node_id)
+        included = _ranges(node, options.include)
+        found[node_id] = wanted_of_file(node, own, included, names_makers=options.is_clone)
+    planned = plans_of(nodes, wish, {node_id: one.wants for node_id, one in found.items()}, {})
+    said = [_said(one, nodes[one.node_id], held, found[one.node_id]) for one in planned]
+    return checked(nodes, said, force=session.options.force)
+
+
+def _said(planned: NodePlan, node: Node, held: HeldDevice, found: WantedOfFile) -> NodePlan:
+    left_out = tuple(sorted(found.left_out.items()))
+    return replace(planned, left_out=left_out, needs_power_off=True, doubt=_doubt(node, held))
+
+
+def _doubt(node: Node, held: HeldDevice) -> str:
+    """What is to be asked before a file of this identity is written to *node*; empty for nothing."""
+    said, is_now = held.identity["revision"], node.identity()["revision"]
+    if not (held.identity["vendor"] or held.identity["product"]):
+        return f"{held.name} does not say which product it is of"
+    if not said or said == is_now:
+        return ""
+    now = "none" if is_now is None else f"0x{is_now:08X}"
+    return f"node {node.node_id} has revision {now}, and {held.name} is of 0x{said:08X}"
+
+
+def _ranges(node: Node, words: Collection[str]) -> tuple[Range, ...]:
+    """The indices that *words* mean; UsageError for one that is no object."""
+    return tuple(_range(node, word) for word in words)
+
+
+def _range(node: Node, word: str) -> Range:
+    first, dash, last = word.partition("-")
+    if dash:
+        try:
+            low, high = int(first, 16), int(last, 16)
+        except ValueError:
+            low, high = 1, 0
+        if not 0x1000 <= low <= high <= 0xFFFF:
+            raise UsageError(f"--include {word}: a range of indices is written 2000-2FFF")
+        return low, high
+    index, _ = object_at(node, word)
+    return index, index

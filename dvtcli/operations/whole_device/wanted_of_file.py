@@ -1,0 +1,131 @@
+"""What a file about one device asks of a node: its PDOs, its values, and what may not be written for a file's sake.
+
+A file is a DCF, an XDC or a backup. Reads the node; writes nothing, and does not judge by the rules.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.configuration import Configuration, NotWritten
+from dvtcli.domain.pdo import Direction, Pdo
+from dvtcli.errors import SdoAborted
+from dvtcli.files.dcf.value_text import same_value
+from dvtcli.operations.wanted_words import NodeWants
+from dvtcli.operations.whole_device.compare_device import entry_of
+from dvtcli.operations.whole_device.look_through import configuration, described
+from dvtcli.operations.whole_device.pdo_of_file import pdo_of_file
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+    from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
+    from dvtcli.domain.pdo import PdoConfig
+    from dvtcli.domain.profile import ObjectAddress, Range
+    from dvtcli.operations.whole_device.held_device import HeldDevice
+
+
+#: what is not even read to see whether it differs: secrets, programs, what cannot be read or says nothing then
+_NOT_READ = frozenset(
+    {
+        NotWritten.READ_ONLY, NotWritten.WRITE_ONLY, NotWritten.PASSCODE, NotWritten.PROGRAM, NotWritten.REQUEST,
+        NotWritten.STORE, NotWritten.ERROR_HISTORY, NotWritten.SDO_CHANNEL,
+    }
+)  # fmt: skip
+
+
+@dataclass(slots=True)
+class WantedOfFile:
+    """What a file wants of a node, *wants*, and what it says, differs, and is not written: *left_out*, each with why.
+
+    What is not read counts as different.
+    """
+
+    wants: NodeWants = field(default_factory=NodeWants)
+    left_out: dict[str, str] = field(default_factory=dict)
+
+
+def wanted_of_file(
+    node: Node, held: HeldDevice, included: Collection[Range] = (), *, names_makers: bool = False
+) -> WantedOfFile:
+    """What *held* wants of *node*: what it says itself, not what a device comes up with anyway.
+
+    *included* are indices that the user calls configuration. With *names_makers* the file itself names the maker's own
+    objects as configuration that no PDO can map. UsageError where nobody knows which objects the node has.
+    """
+    if node.dictionary is None and held.dictionary is not None:
+        node.describe(held.dictionary)
+    dictionary = described(node)
+    known = configuration(node, dictionary, included)
+    named = frozenset(_of_maker(dictionary, held)) if names_makers else frozenset()
+    found = WantedOfFile()
+    pdos = _pdos(node, held, known, found)
+    known = replace(known, named=named, taken=_taken(node, pdos))
+    for place, kept in sorted(held.objects.items()):
+        if kept.data is not None and place not in held.assumed and Pdo.at(place[0]) is None:
+            _value(node, held, known, entry_of(dictionary, place), found)
+    return found
+
+
+def _of_maker(dictionary: ObjectDictionary, held: HeldDevice) -> Iterator[ObjectAddress]:
+    """Objects that the file has a value for and that no PDO takes or sends."""
+    for place in held.objects.keys() - held.assumed:
+        entry = dictionary.entry(*place)
+        if entry is not None and not entry.pdo_mapping:
+            yield place
+
+
+def _pdos(node: Node, held: HeldDevice, known: Configuration, found: WantedOfFile) -> dict[Pdo, PdoConfig]:
+    """What each PDO of which the file says anything itself is to be."""
+    said = {pdo for place in held.objects.keys() - held.assumed if (pdo := Pdo.at(place[0])) is not None}
+    wanted: dict[Pdo, PdoConfig] = {}
+    present = set(node.present())
+    for pdo in sorted(said, key=lambda one: (not one.is_tpdo, one.number)):
+        if pdo not in present:
+            found.left_out[pdo.label] = "the node does not have it"
+            continue
+        now = node.observed(partial(node.known_pdo, pdo))
+        config = pdo_of_file(node, held, known, pdo, now, found.left_out)
+        if config is not None:
+            wanted[pdo] = config
+    found.wants.pdos.update(wanted)
+    return wanted
+
+
+def _taken(node: Node, wanted: dict[Pdo, PdoConfig]) -> frozenset[ObjectAddress]:
+    """What the node's RPDOs take, now or then: process data."""
+    rpdos = [pdo for pdo in node.present() if pdo.direction is Direction.RPDO]
+    now = node.observed(lambda: [node.known_pdo(pdo) for pdo in rpdos])
+    then = (config for pdo, config in wanted.items() if not pdo.is_tpdo)
+    return frozenset(
+        (entry.index, entry.sub_index) for config in (*now, *then) for entry in config.mapping if not entry.is_dummy
+    )
+
+
+def _value(node: Node, held: HeldDevice, known: Configuration, entry: OdEntry, found: WantedOfFile) -> None:
+    """Take in what the file says of one object, or why that is not written."""
+    place = entry.index, entry.sub_index
+    why = known.why_not(entry)
+    if why in _NOT_READ:
+        found.left_out[entry.object] = str(why)
+        return
+    data = held.on_node(place, entry, node.node_id)
+    if data is None:
+        return
+    try:
+        now = node.observed(partial(node.known_value, *place))
+    except SdoAborted as aborted:
+        found.left_out[entry.object] = f"cannot be read: {aborted.text}"
+        return
+    is_same = same_value(entry.data_type, data, now)
+    if why is None:
+        found.wants.values[place] = now if is_same else data
+        found.wants.reasons[place] = _name(node, place)
+    elif not is_same:
+        found.left_out[entry.object] = str(why)
+
+
+def _name(node: Node, place: ObjectAddress) -> str:
+    return (node.dictionary.display_name(*place) if node.dictionary else "") or "write"
