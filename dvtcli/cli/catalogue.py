@@ -16,6 +16,7 @@ TASKS = (
     "Begin",
     "Find nodes",
     "See",
+    "Frames",
     "Change PDOs",
     "Check and keep",
     "Whole devices",

@@ -44,11 +44,15 @@ class Signal:
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """What a frame carries: *read* turns its data into one value a signal, None where the frame ends before it."""
+    """What a frame carries: *read* turns its data into one value a signal, None where the frame ends before it.
+
+    *mapping* is the PDO's, dummies included; empty where a file says where its signals lie.
+    """
 
     service: Service
     signals: tuple[Signal, ...]
     read: Callable[[bytes], list[Value | None]]
+    mapping: tuple[PdoMappingEntry, ...] = ()
 
 
 def _nothing(_data: bytes) -> list[Value | None]:
@@ -134,7 +138,7 @@ def _layout(
     def read(data: bytes) -> list[Value | None]:
         return [one.value for one in decode(mapping, data, types.get)]
 
-    return Layout(service, tuple(unique(signals)), read)
+    return Layout(service, tuple(unique(signals)), read, mapping)
 
 
 def unique(signals: Iterable[Signal]) -> list[Signal]:

@@ -20,6 +20,7 @@ PROMISES = {
     "Find nodes": "nothing is changed on another device than the one you mean; your own device is one TOML file",
     "See": "raw 32-bit values are the truth, names come from the EDS; frames are decoded with what the nodes map",
     "Change PDOs": "it is checked, written in order, read back, and put back if anything fails",
+    "Frames": "a frame is read bit by bit, and none is sent that was not asked for",
     "Check and keep": "nothing is called stored or equal that was not read back",
     "Whole devices": "one pass over everything that can be read; values are compared by what they mean",
     "Networks": "every node gets what one file says, or none does; no consumer hears a layout that is not its own",

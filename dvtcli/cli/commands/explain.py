@@ -1,0 +1,41 @@
+"""Name every bit of a frame: whose it is, what it carries, what its values mean."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.commands._decoding_options import decoding_options
+from dvtcli.cli.effect import Effect
+from dvtcli.cli.params import TEXT
+
+if TYPE_CHECKING:
+    from dvtcli.operations.results import FrameExplained
+    from dvtcli.operations.session import Session
+
+TASK = ("Frames", 10)
+
+
+@click.command("explain", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
+@click.argument("frame", type=TEXT, nargs=-1, required=True, metavar="FRAME")
+@decoding_options
+@click.pass_obj
+def command(
+    session: Session, /, frame: tuple[str, ...], dbc: str | None, nodes: tuple[int, ...] | None
+) -> FrameExplained:
+    """Name every bit of FRAME, as 185#1027, as a line of candump, or as 0x185 10 27. It is not sent.
+
+    A PDO is read by the mapping that nodes hold now (-n, --nodes, --sim), by --eds, or by a network or DBC file (-d).
+    More than three hex digits before the # are a CAN-ID of 29 bits.
+
+    \b
+    explain 185#1027000000
+    explain 601#2B17100000000000
+    explain 0x081 10 81 01 00 00 00 00 00
+    explain 181#3706E803 --nodes 1
+    """
+    from dvtcli.operations.frames.explain_frame import explain_frame
+
+    return explain_frame(session, " ".join(frame), nodes, dbc)

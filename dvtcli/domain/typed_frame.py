@@ -1,0 +1,78 @@
+"""A frame as people write it: `185#1027`, a line of candump, `0x185 10 27`. Does not know what a frame means."""
+
+from __future__ import annotations
+
+import re
+
+from dvtcli.domain.ports import Frame
+
+#: the longest line that is looked at
+_MOST_CHARACTERS = 400
+_COMPACT = re.compile(r"([0-9A-F]{1,8})#(#?)(R[0-8]?|[0-9A-F._]*)", re.I)
+_CANDUMP = re.compile(r"(?:\(\s*[-\d .:]+\)\s*)?(?:(?P<interface>\S+)\s+)?(?P<rest>\S.*)")
+_SPACED = re.compile(
+    r"(?:0x)?([0-9A-F]{1,8})(?:\s+\[(\d{1,2})\])?((?:\s+(?:0x)?[0-9A-F]{2})*|\s+remote request.*)", re.I
+)
+_ASIDE = re.compile(r"\s+'.*'$|\s{2,}(?:ERRORFRAME|[A-Z-]+)$|\s+[TR]$")
+_MOST_STANDARD, _MOST_EXTENDED = 0x7FF, 0x1FFF_FFFF
+_SHORT_DIGITS, _MOST_BYTES = 3, 8
+
+
+def typed_frame(text: str) -> Frame:
+    """The frame that *text* writes; more than three hex digits, or a CAN-ID above 0x7FF, are one of 29 bits.
+
+    ValueError where it is none, with what is wrong.
+    """
+    line = " ".join(text[: _MOST_CHARACTERS + 1].split())
+    if len(line) > _MOST_CHARACTERS:
+        raise ValueError("a frame is one short line")
+    found = _CANDUMP.fullmatch(line)
+    for words in (line, found["rest"] if found else ""):
+        frame = _compact(words.strip()) or _spaced(_ASIDE.sub("", words.strip()))
+        if frame is not None:
+            return frame
+    raise ValueError(f"{line[:40] or 'nothing'!r} is no frame")
+
+
+def frame_text(frame: Frame) -> str:
+    """*frame* as `typed_frame` reads it: `185#1027000000`."""
+    digits = 8 if frame.extended else _SHORT_DIGITS
+    return f"{frame.can_id:0{digits}X}#{'R' if frame.remote else frame.data.hex().upper()}"
+
+
+def _compact(line: str) -> Frame | None:
+    found = _COMPACT.fullmatch(line.split(" ", maxsplit=1)[0]) if line else None
+    if found is None or " " in _ASIDE.sub("", line):
+        return None
+    digits, flexible, data = found.groups()
+    if flexible:
+        raise ValueError("a CAN FD frame: CANopen (CiA 301) has none")
+    if data[:1] in ("R", "r"):
+        return _frame(digits, b"", remote=True)
+    data = data.replace(".", "").replace("_", "")
+    if len(data) % 2:
+        raise ValueError(f"{data} has half a byte")
+    return _frame(digits, bytes.fromhex(data))
+
+
+def _spaced(line: str) -> Frame | None:
+    found = _SPACED.fullmatch(line)
+    if found is None:
+        return None
+    digits, length, rest = found.groups()
+    if rest.strip().lower().startswith("remote"):
+        return _frame(digits, b"", remote=True)
+    data = bytes(int(word, 16) for word in rest.split())
+    if length is not None and int(length) != len(data):
+        raise ValueError(f"[{length}] says another length than the {len(data)} bytes behind it")
+    return _frame(digits, data)
+
+
+def _frame(digits: str, data: bytes, *, remote: bool = False) -> Frame:
+    can_id = int(digits, 16)
+    if can_id > _MOST_EXTENDED:
+        raise ValueError(f"0x{can_id:X} is no CAN-ID: it has 29 bits at most")
+    if len(data) > _MOST_BYTES:
+        raise ValueError(f"{len(data)} bytes: a frame has 8 at most")
+    extended = can_id > _MOST_STANDARD or len(digits) > _SHORT_DIGITS
+    return Frame(can_id, data, extended=extended, remote=remote)

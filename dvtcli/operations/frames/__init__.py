@@ -1,0 +1,1 @@
+"""Single frames: explained, remembered, sent, and played from a recording."""

@@ -1,0 +1,80 @@
+"""A frame with every bit named, by what is known of the node it is about. Sends nothing of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.typed_frame import typed_frame
+from dvtcli.errors import UsageError
+from dvtcli.operations.physical_meanings import meanings_of
+from dvtcli.operations.recorded import decoder_for
+from dvtcli.operations.results.explained import FrameExplained
+from dvtcli.watch.explain.frame_parts import Described, frame_parts
+
+if TYPE_CHECKING:
+    from dvtcli.domain.ports import Frame
+    from dvtcli.operations.session import Session
+
+_NETWORK = (".yaml", ".yml")
+HOW = "write it as 185#1027, as candump does, or as 0x185 10 27"
+
+
+def parsed_frame(text: str) -> Frame:
+    """The frame that *text* writes; UsageError where it is none."""
+    try:
+        return typed_frame(text)
+    except ValueError as wrong:
+        raise UsageError(str(wrong), hint=HOW) from wrong
+
+
+def explain_frame(
+    session: Session, text: str, nodes: tuple[int, ...] | None = None, file: str | None = None
+) -> FrameExplained:
+    """Name every bit of the frame in *text*, by the mapping that *nodes* hold now, or by what a *file* says.
+
+    *file* is a DBC or network file. The frame is not sent; of nodes only what they map is read. UsageError where *text*
+    is no frame.
+    """
+    frame = parsed_frame(text)
+    decoder = decoder_for(session, nodes, file)
+    service = decoder.layout(frame).service
+    parts = tuple(frame_parts(frame, decoder, described_nodes(session, file)))
+    return FrameExplained(frame, service.kind, service.label, service.node, parts)
+
+
+def described_nodes(session: Session, file: str | None = None) -> Callable[[int], Described]:
+    """Who says what is known of a node, by node-ID: the node itself, if it was met, else --eds, else the network file.
+
+    Asks no node.
+    """
+    known = _network_nodes(file) if file is not None and Path(file).suffix.lower() in _NETWORK else {}
+    offline: list[Described] = []
+    if session.base.eds is not None:
+        from dvtcli.operations.device_files import offline_dictionaries
+
+        offline = [Described(one, meanings_of(profile, one)) for one, profile in offline_dictionaries(session.base)]
+    nobody = Described(None, meanings_of(None, None))
+
+    def described(node_id: int) -> Described:
+        node = session.network.nodes.get(node_id) if session.is_open else None
+        if node is not None and node_id not in known:
+            known[node_id] = Described(node.dictionary, meanings_of(node.profile, node.dictionary))
+        return known.get(node_id) or next(iter(offline), nobody)
+
+    return described
+
+
+def _network_nodes(file: str) -> dict[int, Described]:
+    from dvtcli.files.network.physical_keys import rules_of
+    from dvtcli.operations.described_network import described_network
+    from dvtcli.operations.network_wish import read_wish
+
+    own = {node.node_id: rules_of(node.physical) for node in read_wish(file).nodes}
+    return {
+        node.node_id: Described(
+            node.dictionary, meanings_of(node.profile, node.dictionary, [own.get(node.node_id, {})])
+        )
+        for node in described_network(file).nodes
+    }

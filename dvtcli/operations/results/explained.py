@@ -1,0 +1,55 @@
+"""Frames with every bit named, as answers. Knows no terminal and no session."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from dvtcli.domain.ports import Frame
+from dvtcli.domain.typed_frame import frame_text
+from dvtcli.operations.results.documents import Answer, Document, hex_bytes
+from dvtcli.watch.explain.parts import FramePart
+
+
+def part_document(part: FramePart) -> Document:
+    """One element of `parts` in `dvtcli.explain/1`."""
+    return {
+        "place": part.place,
+        "in_can_id": part.in_id,
+        "start_bit": part.start_bit,
+        "bits": part.bits,
+        "raw": part.raw,
+        "name": part.name.strip(),
+        "object": part.object,
+        "text": part.text,
+    }
+
+
+@dataclass(frozen=True, slots=True)
+class FrameExplained(Answer):
+    """A frame with what it is (*kind*, *label*), the *node* it is about where known, and its *parts*."""
+
+    renderer: ClassVar = "explained_lines:explained_lines"
+    at_leisure: ClassVar = True
+
+    frame: Frame
+    kind: str
+    label: str
+    node: int | None
+    parts: tuple[FramePart, ...]
+    exit_code: int = 0
+
+    def document(self) -> Document:
+        """`dvtcli.explain/1`."""
+        return {
+            "schema": "dvtcli.explain/1",
+            "frame": frame_text(self.frame),
+            "cob_id": self.frame.can_id,
+            "extended": self.frame.extended,
+            "remote": self.frame.remote,
+            "data": hex_bytes(self.frame.data),
+            "kind": self.kind,
+            "label": self.label,
+            "node": self.node,
+            "parts": [part_document(one) for one in self.parts],
+        }

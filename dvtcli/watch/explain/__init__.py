@@ -1,0 +1,1 @@
+"""What every bit of a frame says, service by service."""
