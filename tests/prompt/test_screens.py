@@ -29,6 +29,8 @@ _VOLATILE = [
     (re.compile(r"dvtcli \d+\.\d+\.\d+"), "dvtcli 0.0.0"),
     (re.compile(r"127\.0\.0\.1:\d{4,5}"), "127.0.0.1:00000"),
     (re.compile(r"\d\d:\d\d:\d\d\.\d{3}"), "00:00:00.000"),
+    (re.compile(r"\d+ frames  \d+/s"), "0 frames  0/s"),
+    (re.compile(r"( +\d+\.\d Hz)?( +±\d+\.\d ms)?( +\d+) +\d+\.\d s  "), r"\3  0.0 s  "),
     (re.compile(r"(MONITOR \S+)  \d\d:\d\d:\d\d"), r"\1  00:00:00"),
 ]
 
@@ -105,10 +107,11 @@ def interrupted(stage: Stage) -> Terminal:
 def monitored(stage: Stage) -> Terminal:
     """One frame of each kind, and the screen held."""
     terminal = stage.on_wire("monitor")
-    terminal.wait("0 frames")
+    terminal.until(lambda: terminal.lines[1].strip() == "5 Gen4", "the mapping, read")
     for can_id, data in ((0x705, "05"), (0x185, "37 12"), (0x285, "24 FA FF FF 78 00 88 FF"), (0x085, "30 81 11")):
         stage.wire.say(can_id, bytes.fromhex(data))
-    terminal.wait("4 frames")
+    terminal.wait("24 FA FF FF 78 00 88 FF")
+    terminal.until(lambda: "EMCY node 5" in terminal.text and "0x705" in terminal.text, "each of them")
     terminal.type("p")
     return terminal
 
