@@ -105,7 +105,7 @@ def pytest_configure(config: pytest.Config) -> None:
     """In every worker, before any test is read: nobody's wishes for dvtcli, Python or a terminal count."""
     process.FRESH_PYTHON |= config.getoption("--fresh-python")
     if config.option.cases is None:  # a worker is told what this process decides
-        named = config.option.file_or_dir or config.option.keyword
+        named = getattr(config.option, "file_or_dir", None) or config.option.keyword  # `--help` has no files
         config.option.cases = "all" if named else "lot"
     set_environment(clean_environment() | _for_workers(config))
     # A shell starts what it does not wait for without SIGINT, nohup without SIGHUP: dvtcli would start so, too.

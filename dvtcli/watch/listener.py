@@ -102,11 +102,13 @@ class Listener:
             self._arrived.set()
 
     def _keep(self, frame: Frame, _sent: bool) -> None:
-        """Called by whichever thread reads the bus, with every frame: it only keeps it."""
+        """Called by whichever thread reads or sends, with every frame: it only dates and keeps it."""
         if len(self._frames) >= self._most:
             self._overflowed += 1
             return
-        self._frames.append(replace(frame, data=frame.data[:4] + bytes(4)) if self._is_secret(frame) else frame)
+        if self._is_secret(frame):
+            frame = replace(frame, data=frame.data[:4] + bytes(4))
+        self._frames.append(self._dated(frame))
         if not self._arrived.is_set():  # to set it again costs as much as all the rest of this
             self._arrived.set()
 
@@ -123,8 +125,7 @@ class Listener:
         count = len(self._frames)
         if not count and self._failure is not None:
             raise self._failure
-        taken = [self._frames.popleft() for _ in range(count)]
-        return [self._dated(frame) for frame in taken]
+        return [self._frames.popleft() for _ in range(count)]
 
     def _dated(self, frame: Frame) -> Frame:
         """*frame* with a time of day: some drivers count from their start, and a frame sent from here has no time.

@@ -269,6 +269,22 @@ def test_who_stops_listening_can_still_take_what_came() -> None:
     bus.close()
 
 
+def test_what_is_sent_from_here_has_the_time_at_which_it_was_sent() -> None:
+    channel = "sent from here"
+    bus = CanBus(can.Bus(channel, interface="virtual", ignore_config=True), channel)
+    with (
+        can.Bus(channel, interface="virtual", ignore_config=True) as other,
+        Listener(bus, lambda _frame: False) as listener,
+    ):
+        bus.send(Frame(0x605, bytes(8)))
+        other.send(can.Message(arbitration_id=0x585, data=bytes(8), is_extended_id=False))
+        wait_for(lambda: len(listener._frames) == 2, "the answer")
+        asked, answered = listener.take()
+    bus.close()
+    assert asked.can_id == 0x605
+    assert asked.timestamp_s <= answered.timestamp_s, "the answer came later, whenever somebody looks"
+
+
 class Gateway:
     """A bus whose frames carry the times that it is made with."""
 

@@ -30,8 +30,9 @@ _VOLATILE = [
     (re.compile(r"127\.0\.0\.1:\d{4,5}"), "127.0.0.1:00000"),
     (re.compile(r"\d\d:\d\d:\d\d\.\d{3}"), "00:00:00.000"),
     (re.compile(r"\d+ frames  \d+/s"), "0 frames  0/s"),
-    (re.compile(r"( +\d+\.\d Hz)?( +±\d+\.\d ms)?( +\d+) +\d+\.\d s  "), r"\3  0.0 s  "),
-    (re.compile(r"(MONITOR \S+)  \d\d:\d\d:\d\d"), r"\1  00:00:00"),
+    (re.compile(r"(0x\d{3} SDO \w+ node 5) .*"), r"\1 ..."),  # how fast the mapping was read
+    (re.compile(r"( +\d+(\.\d)? Hz)?( +±\d+\.\d ms)?( +\d+) +\d+\.\d s  "), r"\4  0.0 s  "),
+    (re.compile(r"(MONITOR \S{12})\S*  \d\d:\d\d:\d\d"), r"\1  00:00:00"),
 ]
 
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from datetime import datetime
 
 from dvtcli.cli.monitor.graph import graph
+from dvtcli.cli.view.columns import clipped, columns
 from dvtcli.cli.view.lines import Cell
 from dvtcli.cli.view.shown_value import value_text
 from dvtcli.domain.nmt import NmtState
@@ -31,6 +32,8 @@ ABOVE_FROM = 12
 SPARK, LONG_SPARK, GRAPH_S = 8, 60, 60.0
 #: columns of a value on a screen that is not WIDE, and on one that is
 VALUE, LONG_VALUE, WIDE = 16, 20, 100
+#: of a bus's name so many columns stay, however much there is to say of its state
+SHORTEST_NAME = 12
 _LEVELS, _PLAIN_LEVELS = "▁▂▃▄▅▆▇█", "_.-=+*#@"
 
 _STATE_STYLES: dict[NmtState | None, str] = {NmtState.OPERATIONAL: "green", None: ""}
@@ -72,7 +75,7 @@ def picture(store: FrameStore, view: View, moment: Moment, width: int, height: i
     """The whole screen: header, body, events, keys; *height* lines (3 and more) of at most *width* columns."""
     events = [_event_line(event) for event in list(store.events)[-EVENTS:]]
     events = events[len(events) - min(len(events), max(0, height // 4)) :]
-    above = [_header(store, view, moment)]
+    above = [head_line("MONITOR", moment, _state(store, view, moment), width)]
     if view.mode != GRAPH and height >= ABOVE_FROM:
         above += [_nodes_line(store, moment), _heads()]
     room = max(0, height - 1 - len(above) - len(events))
@@ -105,8 +108,15 @@ def _title(row: Row) -> str:
     return f"0x{row.can_id:0{8 if row.extended else 3}X} {row.service.label}{node}"
 
 
-def _header(store: FrameStore, view: View, moment: Moment) -> list[Cell]:
-    cells = [Cell("MONITOR ", "bold"), Cell(f"{moment.name}  {clock(moment.running_s)}  ")]
+def head_line(title: str, moment: Moment, state: list[Cell], width: int) -> list[Cell]:
+    """*title*, the bus, and *state*; of the bus's name as much as leaves room for the state."""
+    rest = [Cell(f"  {clock(moment.running_s)}  "), *state]
+    room = width - len(title) - 1 - sum(columns(cell.text) for cell in rest)
+    return [Cell(f"{title} ", "bold"), Cell(clipped(moment.name, max(room, SHORTEST_NAME))), *rest]
+
+
+def _state(store: FrameStore, view: View, moment: Moment) -> list[Cell]:
+    cells: list[Cell] = []
     if moment.gone_s is not None:
         cells.append(Cell(f"GONE for {moment.gone_s:.0f} s, waiting for it  ", "red"))
     cells.append(Cell(f"{store.frames} frames  "))

@@ -17,8 +17,8 @@ from dvtcli.cli.monitor.screen import (
     Moment,
     View,
     age,
-    clock,
     cut,
+    head_line,
     levels,
     scrolled,
     value_and_more,
@@ -76,7 +76,7 @@ def watch_picture(board: Board, view: View, moment: Moment, width: int, height: 
     draw = _graph if view.mode == GRAPH else _table
     body = draw(board, view, moment, width, room)
     body += [[] for _ in range(room - len(body))]
-    lines = [_header(board, view, moment), _heads(width), *body[:room], _keys(view)]
+    lines = [head_line("WATCH", moment, _state(board, view, moment), width), _heads(width), *body[:room], _keys(view)]
     return [cut(line, width) for line in lines]
 
 
@@ -93,8 +93,8 @@ def _signals(board: Board, pdo: WatchedPdo) -> Iterator[_Shown]:
             yield _Shown(pdo[0], signal, course, row.last_s)
 
 
-def _header(board: Board, view: View, moment: Moment) -> list[Cell]:
-    cells = [Cell("WATCH ", "bold"), Cell(f"{moment.name}  {clock(moment.running_s)}  ")]
+def _state(board: Board, view: View, moment: Moment) -> list[Cell]:
+    cells: list[Cell] = []
     if board.objects:
         cells.append(Cell(f"SDO every {1000 * board.every_s:g} ms  " if board.every_s < 1 else _seconds(board.every_s)))
     if moment.gone_s is not None:
