@@ -122,7 +122,7 @@ def test_a_bus_is_drawn_as_it_is_and_compared_with_a_file(tmp_path: Path) -> Non
             bus.report(tmp_path / "x.html", LINE)
         bus.report(tmp_path / "x.html", LINE, yes=True, title="Halle 3")
         differing = Read((tmp_path / "x.html").read_text("utf-8"))
-    assert "1 differences to line.yaml" in differing.text
+    assert "1 difference to line.yaml" in differing.text
     assert "event_timer 70 ms 50 ms" in differing.text
     assert "Halle 3" in differing.text
 

@@ -35,8 +35,10 @@ class PictureField:
 
     @property
     def label(self) -> str:
-        """Its name, else its object."""
-        return "skipped" if self.is_dummy else self.name or self.object
+        """What it is called for short: of a sub-index its own name, which says more than that of the whole object."""
+        if self.is_dummy:
+            return "skipped"
+        return self.name.rpartition(".")[2].strip() or self.name or self.object
 
 
 @dataclass(frozen=True, slots=True)

@@ -96,7 +96,7 @@ def _row(number: int, field: PictureField, partners: list[PicturePdo]) -> FieldR
     ]
     named = "" if field.is_dummy else field.object
     return FieldRow(
-        number, _colour(number, field), bit_range(field), named, "skipped" if field.is_dummy else field.name,
+        number, _colour(number, field), bit_range(field), named, field.label,
         field.type_name or f"{field.bits} bits", meaning_text(field.meaning), () if field.is_dummy else tuple(heard),
     )  # fmt: skip
 
@@ -127,5 +127,5 @@ def _cells(pdo: PicturePdo, byte: int) -> Iterator[BitCell]:
 def _text(field: PictureField, first: int, behind: int) -> str:
     """The name where a field begins; behind that which of its bits lie here."""
     if first == field.start_bit:
-        return field.label.rpartition(".")[2] or field.label
-    return f"{behind - field.start_bit - 1}…{first - field.start_bit}"
+        return field.label
+    return "" if field.is_dummy else f"{behind - field.start_bit - 1}…{first - field.start_bit}"

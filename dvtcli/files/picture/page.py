@@ -86,10 +86,11 @@ def _tiles(picture: NetworkPicture) -> Iterator[Tile]:
         yield Tile(percent(load.measured), f"bus load heard in {load.seconds:.1f} s", target="frames")
     in_time = "good" if load.fits else "bad"
     yield Tile("all" if load.fits else "not all", "frames are in time", in_time, "frames")
-    said = [plural(count[severity], severity) for severity in ("error", "warning") if count[severity]]
+    said = [plural(count[severity], severity) for severity in ("error", "warning", "note") if count[severity]]
     bad = "bad" if count["error"] else "warn" if count["warning"] else "good"
     yield Tile(", ".join(said) or "none", "findings", bad, "findings")
     if picture.compared:
         differing = "not known" if picture.differences is None else str(len(picture.differences))
         style_of = "good" if picture.differences == () else "bad" if picture.differences is None else "warn"
-        yield Tile(differing, f"differences to {picture.compared}", style_of, "differences")
+        noun = "difference" if differing == "1" else "differences"
+        yield Tile(differing, f"{noun} to {picture.compared}", style_of, "differences")

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 
-from dvtcli.domain.network.picture import NetworkPicture, PictureFrame
+from dvtcli.domain.network.picture import NetworkPicture, PictureFinding, PictureFrame
 from dvtcli.domain.pdo import PdoConfig
 from dvtcli.files.picture.picture_words import (
     byte_count,
@@ -57,18 +57,23 @@ class PageTable:
 
 def findings_table(picture: NetworkPicture) -> PageTable:
     """What the rules of `check` say."""
-    columns = ("Severity", "Node", "What", "Rule", "Line")
+    has_lines = any(one.line for one in picture.findings)
+    columns = ("Severity", "Node", "What", "Rule", *(("Line",) if has_lines else ()))
     rows = (
         (
             Cell(one.severity, _SEVERITIES.index(one.severity), f"severity {one.severity}"),
             _node(picture, one.node),
             Cell(one.text),
             Cell(one.rule, style="code"),
-            Cell("-" if one.line is None else str(one.line), _LAST if one.line is None else one.line),
+            *((_line(one),) if has_lines else ()),
         )
         for one in sorted(picture.findings, key=lambda one: _SEVERITIES.index(one.severity))
     )
     return _table("findings", "Findings of the rules", columns, rows, "Line")
+
+
+def _line(one: PictureFinding) -> Cell:
+    return Cell("-" if one.line is None else str(one.line), _LAST if one.line is None else one.line)
 
 
 def differences_table(picture: NetworkPicture) -> PageTable:

@@ -11,7 +11,7 @@ from dvtcli.domain.network.wanted_state import Endpoint
 from dvtcli.domain.pdo import transmission_type_text
 from dvtcli.domain.physical import Physical
 
-_MOST_WORDS = 8
+_MOST_WORDS = 6
 
 
 def cob_id(identifier: Identifier) -> str:

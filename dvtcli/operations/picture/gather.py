@@ -78,14 +78,15 @@ def _described(session: Session, file: str) -> NetworkState:
 def _of_bus(session: Session, file: str | None, wishes: PictureWishes) -> NetworkPicture:
     from dvtcli.operations.network_wish import read_wish
 
-    others = [node.node_id for node in read_wish(file).nodes] if file is not None else []
+    names = {} if file is None else {node.node_id: node.name for node in read_wish(file).nodes}
     measured, traffic = _heard(session, wishes)
-    state = live_state(session, traffic, others)
+    state = live_state(session, traffic, names)
     if not state.nodes:
         raise NoAnswer(
             f"no node answers on {session.wire.name}: there is nothing to draw",
             hint="is it the right bus, and are its nodes on? `scan` asks every node-ID",
         )
+    state = replace(state, nodes=tuple(replace(one, name=names.get(one.node_id, "")) for one in state.nodes))
     told = wishes.bit_rate or session.wire.bitrate or session.options.bitrate
     network = CheckedNetwork(state, told or USUAL_BIT_RATE, traffic)
     found = list(findings_of(network, chosen_rules(CheckWishes())))
