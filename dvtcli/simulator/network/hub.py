@@ -18,7 +18,6 @@ from time import monotonic
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.network.hub_client import Client
 from dvtcli.simulator.network.hub_owners import owners
-from dvtcli.simulator.network.socketcand import HI
 
 #: how long a client may take nothing while something waits for it (s)
 STALL_S = 5.0
@@ -39,11 +38,18 @@ MayRead = Callable[[Client], bool]
 class Hub:
     """Listens at *address* (host, port; port 0 is a free one), or only waits where that is None.
 
-    *tell* takes one line about a client; one that takes nothing for *stall_s* is dropped. OSError where the address is
-    not to be had. Ends with `close`.
+    *tell* takes one line about a client; one that takes nothing for *stall_s* is dropped. *admit* makes a client, which
+    speaks its own protocol, of a connection. OSError where the address is not to be had. Ends with `close`.
     """
 
-    def __init__(self, address: tuple[str, int] | None, tell: Callable[[str], None], stall_s: float = STALL_S) -> None:
+    def __init__(
+        self,
+        address: tuple[str, int] | None,
+        tell: Callable[[str], None],
+        stall_s: float = STALL_S,
+        admit: type[Client] = Client,
+    ) -> None:
+        self._admit = admit
         self._tell = tell
         self._stall_s = stall_s
         self._selector = selectors.SelectSelector()  # the only one that waits for less than a millisecond
@@ -65,6 +71,11 @@ class Hub:
     def clients(self) -> int:
         """How many clients are connected."""
         return len(self._clients)
+
+    @property
+    def connected(self) -> tuple[Client, ...]:
+        """The clients, who came first first."""
+        return tuple(self._clients.values())
 
     def wake(self) -> None:
         """End a `wait`, from any thread or signal handler."""
@@ -160,10 +171,10 @@ class Hub:
         connection.setblocking(False)
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER)  # or the system keeps megabytes
-        client = Client(connection, f"{where[0]}:{where[1]}", self._tell, peer=where[:2], said_s=monotonic())
+        client = self._admit(connection, f"{where[0]}:{where[1]}", self._tell, peer=where[:2], said_s=monotonic())
         self._clients[connection] = client
         self._selector.register(connection, client.events, client)
-        client.reply(HI)
+        client.greet()
         self._drop_if_gone(client)
 
     def _make_room(self, newcomer: Peer) -> None:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from time import monotonic
 
 from dvtcli.domain.ports import Frame
-from dvtcli.simulator.network.socketcand import OK, SYNTAX, UNKNOWN, Requests, RubbishError, opened_bus, sent_frame
+from dvtcli.simulator.network.socketcand import HI, OK, SYNTAX, UNKNOWN, Requests, RubbishError, opened_bus, sent_frame
 
 #: python-can wants the answer to `rawmode` alone in one read: frames wait so long, or until the client speaks (s)
 HOLD_S = 0.1
@@ -130,6 +130,14 @@ class Client:
         self.unanswered = True
         self.said_s = monotonic()
         self.release()
+        return self.take(data)
+
+    def greet(self) -> None:
+        """Say the first word."""
+        self.reply(HI)
+
+    def take(self, data: bytes) -> list[Frame]:
+        """Do what *data* asks; the frames that it sends."""
         try:
             requests = self.requests.feed(data)
         except RubbishError as rubbish:

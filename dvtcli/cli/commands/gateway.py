@@ -1,0 +1,47 @@
+"""Serve the bus to programs that speak CiA 309-3: a gateway in ASCII lines over TCP."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.effect import Effect
+from dvtcli.cli.params import TEXT
+
+if TYPE_CHECKING:
+    from dvtcli.cli.conversation import Conversation
+
+TASK = ("Programs around", 20)
+
+
+@click.command("gateway", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
+@click.option("--listen", type=TEXT, metavar="HOST:PORT", help="Where to listen [127.0.0.1:60000]; port 0: a free one.")
+@click.option("--allow-changes", is_flag=True, help="Let clients write, send NMT commands and set node-IDs.")
+@click.option(
+    "--dialect",
+    type=click.Choice(["hash", "paren"]),
+    default="hash",
+    help="Errors as `ERROR:0x06020000 #text` (hash) or `ERROR: 06020000 (text)` (paren) [hash].",
+)
+@click.pass_obj
+def command(session: Conversation, /, listen: str | None, allow_changes: bool, dialect: str) -> None:
+    """Serve a CANopen gateway until Ctrl-C: SDO, NMT, settings and LSS, in the lines of CiA 309-3.
+
+    Only programs on this machine can reach it. It reads; with --allow-changes what clients write goes the way of
+    `write`: checked, read back, put back where that differs. Questions are answered by --yes, else they are refused.
+
+    \b
+    gateway
+    gateway --listen 127.0.0.1:0 --allow-changes
+    gateway --dialect paren
+    gateway --allow-changes --dry-run     clients change a twin
+    """
+    from dvtcli.domain.gateway.gateway_answers import Dialect
+    from dvtcli.operations.gateway.serve_gateway import DEFAULT_PORT, serve_gateway
+    from dvtcli.operations.serve import LOOPBACK, address
+
+    where = (LOOPBACK, DEFAULT_PORT) if listen is None else address(listen)
+    begun = session.output.result
+    serve_gateway(session, where, begun, allow_changes=allow_changes, dialect=Dialect(dialect))

@@ -1,0 +1,172 @@
+"""What a gateway does for a request: the same operations as the commands for it, one answer a request.
+
+Does not know sockets, nor how an answer is written.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from dvtcli.device.store_parameters import SIGNATURES
+from dvtcli.domain.datatypes import Kind
+from dvtcli.domain.gateway.error_numbers import GatewayError
+from dvtcli.domain.gateway.gateway_answers import Answer, Done, Failed
+from dvtcli.domain.gateway.requests import Nmt, Order, Read, Write
+from dvtcli.domain.gateway.value_words import HEX, value_text
+from dvtcli.domain.nmt import NmtCommand
+from dvtcli.errors import BusUnavailable, DvtcliError, LeftChanged, NoAnswer, UsageError
+from dvtcli.operations.command_nmt import command_nmt
+from dvtcli.operations.gateway.lss_lines import LSS, LssLines
+from dvtcli.operations.object_values import type_of
+from dvtcli.operations.write_object import signature, write_bytes
+from dvtcli.version import __version__
+
+if TYPE_CHECKING:
+    from dvtcli.domain.gateway.requests import Request
+    from dvtcli.operations.gateway.line_client import LineClient
+    from dvtcli.operations.session import Session
+
+#: the only net that there is
+NET = 1
+READ_ONLY = Failed(GatewayError.INTERNAL_STATE, "read-only: this gateway runs without --allow-changes")
+_HELP = "r w start stop preop reset set info lss_... (CiA 309-3)"
+
+
+class GatewayWork:
+    """Carries requests out on *session*; changes only where *allow_changes* says so."""
+
+    def __init__(self, session: Session, *, allow_changes: bool) -> None:
+        self._session = session
+        self._allow_changes = allow_changes
+        self._lss = LssLines(session, allow_changes=allow_changes)
+
+    def answer(self, client: LineClient, request: Request) -> Answer:
+        """What *client* is answered; BusUnavailable and Interrupted end the gateway."""
+        net = client.net if request.net is None else request.net
+        if net is None:
+            return Failed(GatewayError.NO_DEFAULT_NET)
+        if net != NET:
+            return Failed(GatewayError.UNSUPPORTED_NET)
+        timeout_s = client.timeout_s
+        given = {} if timeout_s is None else {"timeout": timeout_s}
+        try:
+            with self._session.under(**given):
+                return self._done(client, request)
+        except BusUnavailable:
+            raise
+        except DvtcliError as failed:
+            if isinstance(failed, LeftChanged):
+                self._session.tell.warning(failed.text)
+            return failure(failed)
+
+    def _done(self, client: LineClient, request: Request) -> Answer:
+        match request.command:
+            case Order(name, numbers) if name in LSS:
+                return self._lss.answer(name, numbers)
+            case Order(name, numbers):
+                return _ordered(client, name, numbers)
+            case Read() | Write() | Nmt() as command:
+                return self._to_node(client.node if request.node is None else request.node, command)
+        return Failed(GatewayError.NOT_SUPPORTED, "PDOs of the gateway itself are not served")
+
+    def _to_node(self, node_id: int | None, command: Read | Write | Nmt) -> Answer:
+        if node_id is None:
+            return Failed(GatewayError.NO_DEFAULT_NODE)
+        if not (0 if isinstance(command, Nmt) else 1) <= node_id <= 127:
+            return Failed(GatewayError.UNSUPPORTED_NODE)
+        if isinstance(command, Read):
+            return self._read(node_id, command)
+        if not self._allow_changes:
+            return READ_ONLY
+        code = 1
+        try:
+            answer = (
+                self._write(node_id, command) if isinstance(command, Write) else self._nmt(node_id, command.command)
+            )
+            code = 0
+        except DvtcliError as failed:
+            code = failed.exit_code
+            raise
+        finally:
+            self._session.end_line(code)
+        return answer
+
+    def _changed(self, node_id: int, command: Write | Nmt) -> Answer:
+        return self._nmt(node_id, command.command) if isinstance(command, Nmt) else self._write(node_id, command)
+
+    def _read(self, node_id: int, command: Read) -> Answer:
+        node = self._session.node(node_id)
+        data = node.upload(command.index, command.sub_index)
+        name = command.data_type
+        if name is None:
+            own = type_of(node, command.index, command.sub_index, len(data))
+            name = _word_of(own.short) if own.size in (None, len(data)) else HEX
+            name = HEX if own.kind is Kind.OCTETS else name
+        try:
+            return Done(value_text(name, data))
+        except ValueError as wrong:
+            return Failed(_LENGTH, str(wrong))
+
+    def _write(self, node_id: int, command: Write) -> Answer:
+        session, place = self._session, f"0x{command.index:04X}:{command.sub_index:02X}"
+        node = session.node(node_id)
+        if command.index in SIGNATURES:
+            taken = SIGNATURES[command.index]
+            word = taken.decode() if command.data == taken else command.data.hex()
+            failed = signature(session, node, command.index, command.sub_index, word).failure
+        else:
+            failed = write_bytes(session, node, command.index, command.sub_index, command.data).failure
+        if failed is not None:
+            return failure(failed)
+        session.tell.note(f"node {node_id}: {place} <- {command.data.hex(' ').upper()}")
+        return Done()
+
+    def _nmt(self, node_id: int, command: NmtCommand) -> Answer:
+        done = command_nmt(self._session, command, node_id)
+        self._session.tell.note(f"node {node_id or 'all'}: nmt {command.word}")
+        return Failed(GatewayError.WRONG_NMT_STATE) if done.exit_code else Done()
+
+
+_LENGTH = 0x0607_0010
+
+
+def failure(failed: DvtcliError) -> Failed:
+    """The answer for what *failed*: the node's own abort code, or that of the rule, else a number of the gateway."""
+    if failed.abort is not None:
+        return Failed(failed.abort, failed.text)
+    if isinstance(failed, NoAnswer):
+        return Failed(GatewayError.TIME_OUT, failed.text)
+    if isinstance(failed, UsageError):
+        return Failed(GatewayError.SYNTAX, failed.text)
+    return Failed(GatewayError.INTERNAL_STATE, failed.text)
+
+
+def _ordered(client: LineClient, name: str, numbers: tuple[int, ...]) -> Answer:
+    """Do what the order *name* sets for its *client*, or says."""
+    match name, numbers:
+        case "set network", (net,):
+            if net != NET:
+                return Failed(GatewayError.UNSUPPORTED_NET)
+            client.net = net
+        case "set node", (node_id,):
+            if not 1 <= node_id <= 127:
+                return Failed(GatewayError.UNSUPPORTED_NODE)
+            client.node = node_id
+        case "set sdo_timeout", (milliseconds,):
+            client.timeout_s = milliseconds / 1000
+        case "set command_timeout", _:
+            pass  # an answer always comes, within the time of its SDOs
+        case "boot_up_indication enable" | "boot_up_indication disable", _:
+            client.told_boot_ups = name.endswith("enable")
+        case "info version", _:
+            return Done(f"dvtcli {__version__} CiA 309-3")
+        case "help" | "help datatype" | "help lss", _:
+            return Done(_HELP)
+        case _:
+            return Failed(GatewayError.NOT_SUPPORTED)
+    return Done()
+
+
+def _word_of(short: str) -> str:
+    """The word of a line for the data type that dvtcli calls *short*."""
+    return {"bool": "b", "domain": "d"}.get(short, short)

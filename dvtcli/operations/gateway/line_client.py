@@ -1,0 +1,44 @@
+"""One client of a gateway: the lines that it said and nobody answered yet, and what it set for itself.
+
+Does not know what lines mean.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.gateway.line_words import LONGEST_LINE
+from dvtcli.simulator.network.hub_client import Client
+
+if TYPE_CHECKING:
+    from dvtcli.domain.ports import Frame
+
+#: lines that may wait for an answer before more is read
+MOST_LINES = 16
+
+
+@dataclass(eq=False, slots=True)
+class LineClient(Client):
+    """A connection that speaks in lines."""
+
+    lines: deque[str] = field(default_factory=deque)
+    rest: bytes = b""
+    #: its default node and net, None for none, and how long an SDO answer may take (s), None: what the options say
+    node: int | None = None
+    net: int | None = 1
+    timeout_s: float | None = None
+    #: whether it is told of boot-ups
+    told_boot_ups: bool = True
+
+    def greet(self) -> None:
+        """A gateway says nothing first."""
+
+    def take(self, data: bytes) -> list[Frame]:
+        """Keep the lines that *data* completes; who says a line without an end has to go."""
+        *lines, self.rest = (self.rest + data).split(b"\n")
+        self.lines.extend(line.decode("latin-1").rstrip("\r") for line in lines)
+        if len(self.rest) > LONGEST_LINE:
+            self.gone, self.why = True, f"a line of more than {LONGEST_LINE} characters"
+        return []

@@ -1,0 +1,111 @@
+"""LSS as a gateway's client asks for it: one slave is selected by its address, and asked or configured then."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.gateway.error_numbers import GatewayError
+from dvtcli.domain.gateway.gateway_answers import Answer, Done, Failed
+from dvtcli.domain.lss_services import LssAddress, LssRanges
+
+if TYPE_CHECKING:
+    from dvtcli.operations.session import Session
+
+#: the orders that are answered here
+LSS = (
+    "lss_switch_glob", "lss_switch_sel", "lss_set_node", "lss_conf_bitrate", "lss_activate_bitrate", "lss_store",
+    "lss_inquire_addr", "lss_get_node", "lss_identity", "lss_ident_nonconf", "_lss_fastscan",
+)  # fmt: skip
+#: the command specifier that asks for the first part of an address (CiA 305)
+_FIRST_PART = 0x5A
+_CHANGES = ("lss_set_node", "lss_store")
+
+
+class LssLines:
+    """LSS orders of all clients: a bus has one LSS master."""
+
+    def __init__(self, session: Session, *, allow_changes: bool) -> None:
+        self._session = session
+        self._allow_changes = allow_changes
+        self._selected: LssAddress | None = None
+        self._node_id: int | None = None
+
+    def answer(self, name: str, numbers: tuple[int, ...]) -> Answer:
+        """What the order *name* is answered."""
+        if name in _CHANGES and not self._allow_changes:
+            return Failed(GatewayError.INTERNAL_STATE, "read-only: this gateway runs without --allow-changes")
+        match name, numbers:
+            case "lss_switch_glob", (0,):
+                self._selected = self._node_id = None
+                return Done()
+            case "lss_switch_sel", (vendor, product, revision, serial):
+                return self._select(LssAddress(vendor, product, revision, serial))
+            case "lss_identity" | "lss_ident_nonconf", _:
+                return self._identify(numbers)
+            case "_lss_fastscan", _:
+                return self._scan()
+            case "lss_conf_bitrate" | "lss_activate_bitrate" | "lss_switch_glob", _:
+                return Failed(GatewayError.NOT_SUPPORTED, "all nodes at once are configured by `dvtcli lss`")
+        if self._selected is None:
+            return Failed(GatewayError.LSS, "no slave is selected: lss_switch_sel comes first")
+        return self._of_selected(self._selected, name, numbers)
+
+    def _select(self, address: LssAddress) -> Answer:
+        from dvtcli.operations.lss_find import lss_select
+
+        self._selected = self._node_id = None
+        found = lss_select(self._session, address)
+        self._selected = address
+        self._node_id = found.nodes[0].node_id if found.nodes else None
+        return Done()
+
+    def _identify(self, numbers: tuple[int, ...]) -> Answer:
+        """Whether somebody is within the ranges, or has no node-ID where none are given."""
+        from dvtcli.operations.lss_find import lss_identify
+
+        if numbers:
+            vendor, product, low_revision, high_revision, low_serial, high_serial = numbers
+            wanted = LssRanges(vendor, product, (low_revision, high_revision), (low_serial, high_serial))
+            there = bool(lss_identify(self._session, wanted).within)
+        else:
+            there = bool(lss_identify(self._session, None).answered)
+        return Done() if there else Failed(GatewayError.TIME_OUT, "no slave answered")
+
+    def _scan(self) -> Answer:
+        """The address of the first slave that waits for a node-ID."""
+        from dvtcli.operations.lss_find import lss_scan
+
+        found = lss_scan(self._session).nodes
+        if not found:
+            return Failed(GatewayError.TIME_OUT, "no slave waits for a node-ID")
+        return Done(" ".join(f"0x{part:08X}" for part in found[0].address.parts))
+
+    def _of_selected(self, address: LssAddress, name: str, numbers: tuple[int, ...]) -> Answer:
+        if name == "lss_inquire_addr":
+            part = numbers[0] if numbers else 0
+            part = part - _FIRST_PART if part >= _FIRST_PART else part
+            if part > 3:
+                return Failed(GatewayError.SYNTAX, "an address has the parts 0 to 3, or 0x5A to 0x5D")
+            return Done(f"0x{address.parts[part]:08X}")
+        if name == "lss_get_node":
+            return Done(str(255 if self._node_id is None else self._node_id))
+        if name == "lss_set_node":
+            return self._set_node(address, numbers[0])
+        from dvtcli.operations.lss_store import lss_store
+
+        if self._node_id is None:
+            return Failed(GatewayError.LSS_STORE, "the slave has no node-ID to store")
+        done = lss_store(self._session, self._node_id)
+        return Failed(GatewayError.LSS_STORE) if done.exit_code else Done()
+
+    def _set_node(self, address: LssAddress, node_id: int) -> Answer:
+        from dvtcli.operations.lss_node_id import lss_node_id
+
+        if not 1 <= node_id <= 127:
+            return Failed(GatewayError.LSS_NODE_ID)
+        done = lss_node_id(self._session, node_id, address)
+        if done.exit_code:
+            return Failed(GatewayError.LSS_NODE_ID)
+        self._node_id = node_id
+        self._session.tell.note(f"node-ID {node_id} <- {address}")
+        return Done()

@@ -1,0 +1,170 @@
+"""`gateway`: other programs read, write and command through it, and nothing that they say upsets it."""
+
+from __future__ import annotations
+
+import socket
+from pathlib import Path
+
+import canopen
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dvtcli.domain.gateway.gateway_answers import Dialect
+from dvtcli.domain.gateway.line_words import LONGEST_LINE
+from dvtcli.errors import BusUnavailable, SafetyRefusal
+from dvtcli.operations.gateway.serve_gateway import gateway
+from dvtcli.operations.options import Options
+from dvtcli.operations.session import Session
+from dvtcli.simulator.network.family_file import family_eds
+from tests.commands.bench import Bench
+from tests.gateway.clients import BridgedNode, Client, Heard, served
+from tests.gateway.networks import FAMILIES, everything, network_file, wishes
+
+
+def test_it_reads_writes_and_commands() -> None:
+    heard = Heard()
+    with served("generic@4", tell=heard) as (_, running), Client(running) as client:
+        assert client.ask("info version").startswith("dvtcli ")
+        assert client.ask("4 r 0x1017 0 u16") == "500"
+        assert client.ask("r 0x1017 0 u16").startswith("ERROR:105 #")
+        assert client.ask("set node 4") == "OK"
+        assert client.ask("w 0x1017 0 u16 1234") == "OK"
+        assert client.ask("1 4 r 0x1017 0") == "1234"
+        assert client.ask("r 0x1017 0 x16") == "0x04D2"
+        assert client.ask("r 0x1017 0 hex") == "D2 04"
+        assert client.ask("preop") == "OK"
+        assert client.ask("set sdo_timeout 700") == "OK"
+        assert client.ask("w 0x1010 1 vs save") == "OK"
+        assert client.ask("reset node") == "OK"
+        assert "1 4 BOOT_UP" in [*client.events, client.line()]
+        assert client.ask("r 0x1017 0 u16") == "1234"
+    assert any("connected" in one for one in heard.said)
+    assert "node 4: 0x1017:00 <- D2 04" in heard.said
+
+
+def test_errors_have_the_standards_numbers() -> None:
+    with served("generic@4") as (_, running), Client(running) as client:
+        assert client.ask("4 r 0x5FFF 0 u8").startswith("ERROR:0x06020000 #")
+        assert client.ask("4 w 0x1000 0 u32 1").startswith("ERROR:0x06010002 #")
+        assert client.ask("4 r 0x1000 0 u8").startswith("ERROR:0x06070010 #")
+        assert client.ask("4 fly").startswith("ERROR:100 #")
+        assert client.ask("4 r").startswith("ERROR:101 #")
+        assert client.ask("2 4 r 0x1000 0").startswith("ERROR:106 #")
+        assert client.ask("200 r 0x1000 0").startswith("ERROR:107 #")
+        assert client.ask("set network 2").startswith("ERROR:106 #")
+        assert client.ask("set node 0").startswith("ERROR:107 #")
+        assert client.ask("4 w 0x1010 1 vs load").startswith("ERROR:0x08000020 #")
+        assert client.ask("init 3").startswith("ERROR:100 #")
+        assert client.ask("9 r 0x1000 0").startswith("ERROR:103 #")
+        client.say(b"4 r 0x1017 0 u16\n# nothing\n\n4 r 0x1017 0 u16\n")
+        assert (client.line(), client.line()) == ("500", "500")
+
+
+def test_the_other_dialect() -> None:
+    with served("generic@4", dialect=Dialect.PAREN) as (_, running), Client(running) as client:
+        assert client.ask("4 r 0x5FFF 0 u8").startswith("ERROR: 06020000 (")
+        assert client.ask("4 fly").startswith("ERROR: 100 (")
+
+
+def test_without_allow_changes_nothing_is_written() -> None:
+    with served("generic@4", allow_changes=False) as (session, running), Client(running) as client:
+        for line in (
+            "4 w 0x1017 0 u16 9",
+            "4 start",
+            "0 reset node",
+            "4 w 0x1010 1 vs save",
+            "lss_store",
+            "lss_set_node 9",
+        ):
+            assert client.ask(line).startswith("ERROR:102 #read-only")
+        assert client.ask("4 r 0x1017 0 u16") == "500"
+        assert not session.record.lines
+
+
+def test_a_dry_run_changes_a_twin() -> None:
+    with served("generic@4", dry_run=True) as (session, running):
+        with Client(running) as client:
+            assert client.ask("4 w 0x1017 0 u16 9") == "OK"
+            assert client.ask("4 r 0x1017 0 u16") == "9"
+        assert session.wire.sdo(4).upload(0x1017, 0) == (500).to_bytes(2, "little")
+
+
+def test_lss() -> None:
+    with served("gen4@4") as (_, running), Client(running) as client:
+        assert client.ask("lss_inquire_addr").startswith("ERROR:501 #")
+        assert client.ask("lss_switch_glob 0") == "OK"
+        assert client.ask("lss_conf_bitrate 0 2").startswith("ERROR:100 #")
+        assert client.ask("_lss_fastscan").startswith("ERROR:103 #")
+        assert client.ask("lss_ident_nonconf").startswith("ERROR:103 #")
+
+
+def test_what_comes_from_elsewhere_is_refused() -> None:
+    with Session(Options(sim=("generic",))) as session:
+        with pytest.raises(SafetyRefusal, match=r"192\.0\.2\.1 is no loopback"), gateway(session, ("192.0.2.1", 0)):
+            pass
+        with socket.create_server(("127.0.0.1", 0)) as taken:
+            where = ("127.0.0.1", taken.getsockname()[1])
+            with pytest.raises(BusUnavailable, match="cannot listen"), gateway(session, where):
+                pass
+
+
+def test_idle_hostile_and_leaving_clients_stop_nobody() -> None:
+    heard = Heard()
+    with served("generic@4", tell=heard) as (_, running), Client(running) as client:
+        with Client(running), Client(running) as half, Client(running) as long, Client(running) as gone:
+            half.say(b"[1] 4 r 0x10")
+            long.say(b"x" * (LONGEST_LINE + 70_000))
+            gone.say(b"[1] 4 r 0x1017 0 u16\r\n" * 50)
+            gone.link.shutdown(socket.SHUT_RDWR)
+            assert client.ask("4 r 0x1017 0 u16") == "500"
+            assert long.line() == ""
+            half.say(b"17 0 u16\r\n")
+            assert half.line() == "[1] 500"
+        assert client.ask("4 r 0x1017 0 u16") == "500"
+    assert any("a line of more than" in one for one in heard.said)
+
+
+@given(st.lists(st.binary(max_size=40) | st.text('[]0194 "#rwxsetnodelpu', max_size=40).map(str.encode), max_size=20))
+def test_whatever_is_said_the_next_line_is_answered(said: list[bytes]) -> None:
+    with served("generic@4", allow_changes=False) as (_, running), Client(running) as client:
+        client.say(b"\n".join([*said, b""]))
+        assert client.answer("[4294967295] 4 r 0x1017 0 u16") == "500"
+
+
+@given(st.sampled_from(FAMILIES), wishes())
+def test_lines_through_the_gateway_make_the_device_that_apply_makes(family: str, wish: str) -> None:
+    path = network_file(Path(), wish)
+    with Bench((f"{family}@4",), {"yes": True}) as applied:
+        code = applied.run(f"apply {path}").code
+        assert applied.run(f"plan {path}").code == code
+        held = everything(applied)
+    with Bench((f"{family}@4",), {"yes": True}) as bench:
+        assert bench.run(f"plan {path} -o lines.309").code == code
+    if not code:
+        with served(f"{family}@4") as (session, running):
+            with Client(running) as client:
+                answers = client.execute(Path("lines.309").read_text())
+                assert set(answers) <= {"OK"}, answers
+            node = session.node(4)
+            node.read_anew()
+            assert (dict(node.pdos()), node.upload(0x1017, 0)) == held
+
+
+def test_canopen_sets_a_pdo_through_it() -> None:
+    eds = family_eds("generic")
+    with served("generic@4") as (session, running), Client(running) as client:
+        assert client.ask("4 preop") == "OK"
+        node = BridgedNode(client, 4, canopen.import_od(str(eds), 4))
+        node.tpdo.read()
+        pdo = node.tpdo[1]
+        pdo.clear()
+        pdo.add_variable(0x606C, 0)
+        pdo.add_variable(0x6041, 0)
+        pdo.enabled, pdo.trans_type, pdo.cob_id = True, 1, 0x1A4
+        pdo.save()
+        device = session.node(4)
+        device.read_anew()
+        config = next(config for name, config in device.pdos().items() if str(name) == "tpdo1")
+        assert (config.enabled, config.communication.cob_id.can_id) == (True, 0x1A4)
+        assert [(entry.index, entry.bits) for entry in config.mapping] == [(0x606C, 32), (0x6041, 16)]
