@@ -13,7 +13,7 @@ from dvtcli.cli.params import TEXT
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
 
-TASK = ("Programs around", 20)
+TASK = ("Programs around", 15)
 
 
 @click.command("gateway", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)

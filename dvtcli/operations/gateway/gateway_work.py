@@ -16,7 +16,7 @@ from dvtcli.domain.gateway.value_words import HEX, value_text
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.errors import BusUnavailable, DvtcliError, LeftChanged, NoAnswer, UsageError
 from dvtcli.operations.command_nmt import command_nmt
-from dvtcli.operations.gateway.lss_lines import LSS, LssLines
+from dvtcli.operations.gateway.gateway_lss import LSS, LssLines
 from dvtcli.operations.object_values import type_of
 from dvtcli.operations.write_object import signature, write_bytes
 from dvtcli.version import __version__
