@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from dvtcli.errors import UsageError
+from dvtcli.files.dbc_text import SUFFIX as DBC_SUFFIX
 from dvtcli.files.device_file import VALUE_SUFFIXES
 from dvtcli.files.nodelist import SUFFIX as NODELIST_SUFFIX
 
@@ -16,8 +17,9 @@ if TYPE_CHECKING:
 def export_file(session: Session, file: str, node_id: int | None = None, *, twice: bool = False) -> Facts:
     """Write the node with *node_id* (None: the selected one), as it is now, to *file*: a network file, a DCF or an XDC.
 
-    A nodelist (.cpj) is of all nodes, each with its DCF beside it. With *twice* each object of these is read two times.
-    Raises as `export_node` and `export_dcf`; UsageError for a network file that is to be read twice.
+    A nodelist (.cpj) is of all nodes, each with its DCF beside it; a DBC file has the PDOs of all nodes. With *twice*
+    each object of a DCF is read two times. Raises as `export_node` and `export_dcf`; UsageError for another file with
+    *twice*.
     """
     if file.lower().endswith(NODELIST_SUFFIX):
         from dvtcli.operations.exchange.export_nodelist import export_nodelist
@@ -29,6 +31,10 @@ def export_file(session: Session, file: str, node_id: int | None = None, *, twic
         return export_dcf(session, file, node_id, twice=twice)
     if twice:
         raise UsageError("--twice is for a DCF or XDC", hint="export NAME.dcf --twice")
+    if file.lower().endswith(DBC_SUFFIX):
+        from dvtcli.operations.exchange.export_dbc import export_dbc
+
+        return export_dbc(session, file)
     from dvtcli.operations.export_network import export_node
 
     return export_node(session, file, node_id)

@@ -7,10 +7,6 @@ from fractions import Fraction
 from pathlib import Path
 
 import pytest
-from cantools.database import Database
-from cantools.database.can import Message
-from cantools.database.can import Signal as DbcSignal
-from cantools.database.conversion import BaseConversion
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -18,14 +14,17 @@ from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.datatypes import BY_SHORT_NAME
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.meanings import Meaning, Meanings, ObjectRange
+from dvtcli.domain.network.network_state import NetworkState, NodeState
 from dvtcli.domain.object_dictionary import ObjectDictionary, ObjectType, OdEntry, OdObject
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
 from dvtcli.domain.physical import Physical
 from dvtcli.domain.ports import Frame
 from dvtcli.files.dbc import read_dbc
+from dvtcli.files.dbc_text import dbc_bytes
 from dvtcli.files.values.csv_values import csv_text
+from dvtcli.operations.exchange.network_messages import network_messages
 from dvtcli.operations.frame_answer import frame_seen
-from dvtcli.watch.decoder import Decoder, Layout, pdo_layouts
+from dvtcli.watch.decoder import Decoder, pdo_layouts
 from dvtcli.watch.table import SignalRows
 
 NODE = 5
@@ -46,8 +45,8 @@ mapped = st.builds(
 )
 
 
-def decoder_of(objects: list[Mapped]) -> Decoder:
-    """Our decoder of a TPDO that maps *objects*, in frame order."""
+def node_of(objects: list[Mapped]) -> tuple[NodeState, Meanings]:
+    """A node with a TPDO that maps *objects*, in frame order, and what they mean."""
     kinds = [BY_SHORT_NAME[one.kind] for one in objects]
     entries = [OdEntry(0x2000 + n, 0, f"Signal {n}", kind) for n, kind in enumerate(kinds)]
     dictionary = ObjectDictionary(
@@ -56,29 +55,19 @@ def decoder_of(objects: list[Mapped]) -> Decoder:
     mapping = tuple(PdoMappingEntry(one.index, 0, kind.bits or 0) for one, kind in zip(entries, kinds, strict=True))
     config = PdoConfig(PdoCommunicationParameter(CobId(0x185), 255, None, None, None), mapping)
     rules = {ObjectRange(0x2000 + n, 0x2000 + n): Meaning(one.physical) for n, one in enumerate(objects)}
-    return Decoder(pdo_layouts(NODE, {Pdo.parse("tpdo1"): config}, dictionary, Meanings([rules])))
-
-
-def dbc_of(layout: Layout, path: Path) -> Path:
-    """A DBC file of *layout*, with what its signals' meanings say."""
-    signals, start = [], 0
-    for number, one in enumerate(layout.signals):
-        assert one.data_type is not None
-        conversion = BaseConversion.factory(float(one.meaning.factor), float(one.meaning.offset))
-        signed = one.data_type.short.startswith("i")
-        name = f"Signal_{number}"
-        signals.append(DbcSignal(name, start, one.bits, is_signed=signed, conversion=conversion, unit=one.meaning.unit))
-        start += one.bits
-    path.write_text(Database([Message(0x185, "TPDO1", (start + 7) // 8, signals)]).as_dbc_string(), encoding="cp1252")
-    return path
+    return NodeState(NODE, "drive", {Pdo.parse("tpdo1"): config}, {}, dictionary), Meanings([rules])
 
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.lists(mapped, min_size=1, max_size=2), st.binary(min_size=8, max_size=8))
 def test_one_frame_has_one_value(tmp_path: Path, objects: list[Mapped], data: bytes) -> None:
-    decoder = decoder_of(objects)
+    node, meanings = node_of(objects)
+    decoder = Decoder(pdo_layouts(NODE, node.pdos, node.dictionary, meanings))
     (layout,) = decoder.layouts.values()
-    by_dbc = Decoder(read_dbc(str(dbc_of(layout, tmp_path / "bus.dbc"))))
+    written = network_messages(NetworkState((node,)), {NODE: meanings})
+    path = tmp_path / "bus.dbc"
+    path.write_bytes(dbc_bytes(written.nodes, written.messages))
+    by_dbc = Decoder(read_dbc(str(path)))
     frame = Frame(0x185, data)
     rows = SignalRows(decoder)
     cells = rows.row(frame)

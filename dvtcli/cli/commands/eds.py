@@ -42,7 +42,8 @@ def command(
 
     `check` ends with exit code 4 where a rule found an error. --format github, junit or sarif is for CI; -p judges the
     PDOs as on a device of that family. `convert IN OUT` writes the format that the name OUT ends in, and names all that
-    it cannot hold. A concise DCF (0x1F22, .cdcf) is shown, and made of a network file for one of its nodes.
+    it cannot hold. A concise DCF (0x1F22, .cdcf) is shown, and made of a network file for one of its nodes; a DBC file
+    is made of all of them.
 
     \b
     eds check drive.eds
@@ -54,6 +55,7 @@ def command(
     eds convert drive.eds drive.xdd
     eds convert press.dcf press.xdc
     eds convert press.yaml ram.cdcf --for ram
+    eds convert press.yaml press.dbc
     eds show ram.cdcf
     """
     from dvtcli.operations import eds_files

@@ -1,4 +1,4 @@
-"""Write what a node holds to a file that others read: a network file or a DCF."""
+"""Write what a node holds to a file that others read: a network file, a DCF, a DBC file."""
 
 from __future__ import annotations
 
@@ -31,13 +31,15 @@ def command(session: Session, /, file: str, twice: bool) -> Facts:
     A DCF is the node's EDS, byte for byte, with a ParameterValue for what its configuration objects hold, and with the
     node-ID, bit rate and serial number. An XDC says the same in XML. What cannot be read is left out, and said.
 
-    A nodelist (.cpj) names the nodes that answer, or those of -n, and each has its DCF beside it.
+    A nodelist (.cpj) names the nodes that answer, or those of -n, and each has its DCF beside it. A DBC file has the
+    enabled PDOs of all these nodes, with units, scales, words and who hears them.
 
     \b
     export press.yaml
     export press.dcf
     export press.xdc
     export nodelist.cpj
+    export press.dbc
     """
     from dvtcli.operations.export_file import export_file
 

@@ -15,6 +15,7 @@ from dvtcli.domain.object_dictionary import Commissioning
 from dvtcli.domain.several import plural, several
 from dvtcli.errors import UsageError
 from dvtcli.files.carried_over import not_held
+from dvtcli.files.dbc_text import SUFFIX as DBC_SUFFIX
 from dvtcli.files.device_file import DEVICE_SUFFIXES, VALUE_SUFFIXES, XDD_SUFFIXES, parse_device_file, read_device_file
 from dvtcli.operations.results import Facts
 from dvtcli.operations.save_script import ask_before_overwriting, place_of, write_bytes
@@ -39,7 +40,8 @@ _BESIDE = ("value_relative", "default_relative", "low_relative", "high_relative"
 def convert_file(session: Session, file: str, target: str, node: str | None = None) -> Facts:
     """Write what *file* says of a device to *target*, in the format that its name ends in, and say what it cannot hold.
 
-    An EDS or XDD holds no values of one node. A .cdcf is made of *node* of a network file. Asks before it overwrites.
+    An EDS or XDD holds no values of one node. A .cdcf is made of *node* of a network file, a .dbc of all
+    its nodes. Asks before it overwrites.
     UsageError where *target* has another suffix, or a file cannot be read or written; InputFileError where *file* is
     none.
     """
@@ -47,6 +49,10 @@ def convert_file(session: Session, file: str, target: str, node: str | None = No
         from dvtcli.operations.exchange.concise_network import convert_network
 
         return convert_network(session, file, target, node)
+    if target.lower().endswith(DBC_SUFFIX):
+        from dvtcli.operations.exchange.export_dbc import convert_to_dbc
+
+        return convert_to_dbc(session, file, target, node)
     if node is not None:
         raise UsageError("--for chooses a node of a network file", hint="eds convert net.yaml node5.cdcf --for 5")
     path = place_of(target, "eds convert FILE {}/NAME.xdd")

@@ -1,0 +1,192 @@
+"""A DBC file's text, and its rules for names, numbers and texts. Needs no package. Does not know CANopen.
+
+The same messages give the same bytes: nothing in them tells when, where or by which version they were written.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import unicodedata
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from fractions import Fraction
+
+SUFFIX = ".dbc"
+#: who sends or receives where the file names nobody
+NOBODY = "Vector__XXX"
+#: names may have so many characters; older tools cut them there
+LONGEST_NAME = 32
+#: bit 31 of a message's number: it has a 29-bit CAN-ID
+_EXTENDED = 1 << 31
+#: a double has no more decimal digits than these
+_DIGITS = 17
+_KEYWORDS = frozenset(
+    "VERSION NS_ NS_DESC_ BS_ BU_ BO_ SG_ EV_ CM_ BA_ BA_DEF_ BA_DEF_DEF_ BA_REL_ BA_DEF_REL_ BA_DEF_DEF_REL_ VAL_ "
+    "VAL_TABLE_ CAT_ CAT_DEF_ CAT_REL_ FILTER ENVVAR_DATA_ EV_DATA_ SGTYPE_ SGTYPE_VAL_ SIG_GROUP_ SIG_VALTYPE_ "
+    "SIGTYPE_VALTYPE_ SG_MUL_VAL_ BO_TX_BU_ BU_SG_REL_ BU_EV_REL_ BU_BO_REL_ VECTOR__XXX".casefold().split()
+)
+
+
+@dataclass(frozen=True, slots=True)
+class DbcSignal:
+    """One signal: *start* is its least significant bit, from bit 0 of byte 0 on; it is little-endian.
+
+    *low* and *high* are physical, both None for none. *values* are words for raw values.
+    """
+
+    name: str
+    start: int
+    bits: int
+    signed: bool = False
+    is_real: bool = False
+    factor: Fraction = Fraction(1)
+    offset: Fraction = Fraction(0)
+    unit: str = ""
+    low: Fraction | float | None = None
+    high: Fraction | float | None = None
+    values: Mapping[int, str] = field(default_factory=dict)
+    receivers: tuple[str, ...] = ()
+    comment: str = ""
+
+    @property
+    def end(self) -> int:
+        """The first bit behind it."""
+        return self.start + self.bits
+
+
+@dataclass(frozen=True, slots=True)
+class DbcMessage:
+    """One message of *length* bytes; *cycle_ms* is 0 where nobody says how often it is sent."""
+
+    can_id: int
+    extended: bool
+    name: str
+    length: int
+    sender: str = NOBODY
+    signals: tuple[DbcSignal, ...] = ()
+    comment: str = ""
+    cycle_ms: int = 0
+
+    @property
+    def number(self) -> int:
+        """The CAN-ID as the file has it."""
+        return self.can_id | (_EXTENDED if self.extended else 0)
+
+
+class Names:
+    """Names as a DBC file may have them, each once: letters, digits and `_`, also where upper and lower case is one."""
+
+    def __init__(self, longest: int = LONGEST_NAME) -> None:
+        self._longest = longest
+        self._taken: set[str] = set(_KEYWORDS)
+
+    def new(self, text: str, otherwise: str) -> str:
+        """A name like *text*, *otherwise* where nothing of that can be in a name; `_2` and so on where it is taken.
+
+        Of a text that is too long and has parts (`Analogue inputs 16-bit.Input 1`) the last one counts.
+        """
+        word = _legal(text) or otherwise
+        if len(word) > self._longest:
+            word = _legal(text.rpartition(".")[2]) or word
+        name, number = word[: self._longest].rstrip("_") or "_", 1
+        while name.casefold() in self._taken:
+            number += 1
+            tail = f"_{number}"
+            name = word[: self._longest - len(tail)].rstrip("_") + tail
+        self._taken.add(name.casefold())
+        return name
+
+
+def _legal(text: str) -> str:
+    plain = unicodedata.normalize("NFKD", text).encode("ascii", "ignore").decode()
+    word = re.sub(r"[^A-Za-z0-9]+", "_", plain).strip("_")
+    return f"_{word}" if word[:1].isdigit() else word
+
+
+def dbc_bytes(nodes: Mapping[str, str], messages: Sequence[DbcMessage]) -> bytes:
+    """The file of *messages* and of *nodes*, names with comments; every name is one of `Names`."""
+    lines = ['VERSION ""', "", "NS_ :", "", "BS_:", "", f"BU_: {' '.join(nodes)}".rstrip(), ""]
+    for message in messages:
+        lines += (_message_line(message), *map(_signal_line, message.signals), "")
+    lines += (*_comments(nodes, messages), *_attributes(messages), *_words(messages), *_reals(messages))
+    return "".join(f"{line}\r\n" for line in lines).encode("cp1252", "replace")
+
+
+def _message_line(message: DbcMessage) -> str:
+    return f"BO_ {message.number} {message.name}: {message.length} {message.sender}"
+
+
+def _signal_line(one: DbcSignal) -> str:
+    place = f"{one.start}|{one.bits}@1{'-' if one.signed or one.is_real else '+'}"
+    scale = f"({decimal(one.factor)},{decimal(one.offset)})"
+    low, high = decimal(one.low or 0), decimal(one.high or 0)
+    receivers = ",".join(one.receivers) or NOBODY
+    return f" SG_ {one.name} : {place} {scale} [{low}|{high}] {quoted(one.unit)} {receivers}"
+
+
+def _comments(nodes: Mapping[str, str], messages: Iterable[DbcMessage]) -> Iterator[str]:
+    for name, comment in nodes.items():
+        if comment:
+            yield f"CM_ BU_ {name} {quoted(comment)};"
+    for message in messages:
+        if message.comment:
+            yield f"CM_ BO_ {message.number} {quoted(message.comment)};"
+        for one in message.signals:
+            if one.comment:
+                yield f"CM_ SG_ {message.number} {one.name} {quoted(one.comment)};"
+
+
+def _attributes(messages: Iterable[DbcMessage]) -> Iterator[str]:
+    yield 'BA_DEF_ "BusType" STRING ;'
+    yield 'BA_DEF_ BO_ "GenMsgCycleTime" INT 0 4294967;'
+    yield 'BA_DEF_DEF_ "BusType" "CAN";'
+    yield 'BA_DEF_DEF_ "GenMsgCycleTime" 0;'
+    for message in messages:
+        if message.cycle_ms:
+            yield f'BA_ "GenMsgCycleTime" BO_ {message.number} {message.cycle_ms};'
+
+
+def _words(messages: Iterable[DbcMessage]) -> Iterator[str]:
+    for message in messages:
+        for one in message.signals:
+            if one.values:
+                words = " ".join(f"{raw} {quoted(word)}" for raw, word in sorted(one.values.items()))
+                yield f"VAL_ {message.number} {one.name} {words} ;"
+
+
+def _reals(messages: Iterable[DbcMessage]) -> Iterator[str]:
+    for message in messages:
+        for one in message.signals:
+            if one.is_real:
+                yield f"SIG_VALTYPE_ {message.number} {one.name} : {1 if one.bits == 32 else 2};"
+
+
+def quoted(text: str) -> str:
+    r"""*text* as a string of the file, on one line; quotes and `\`, which tools read in several ways, are ' and /."""
+    plain = text.replace('"', "'").replace("\\", "/").replace("\u03bc", "\u00b5").replace("\u03a9", "Ohm")
+    return f'"{" ".join("".join(one if one.isprintable() else " " for one in plain).split())}"'
+
+
+def decimal(number: Fraction | float) -> str:
+    """*number* in decimal: exact where 17 digits can say it, else the nearest double."""
+    if isinstance(number, float):
+        return repr(number) if math.isfinite(number) else "0"
+    exact = Fraction(number)
+    places = _places(exact.denominator)
+    if places is None or len(str(abs(exact.numerator) * 10**places // exact.denominator)) > _DIGITS:
+        return repr(float(exact)) if exact.denominator != 1 else str(exact.numerator)
+    digits = f"{abs(exact.numerator) * 10**places // exact.denominator:0{places + 1}}"
+    text = f"{digits[:-places]}.{digits[-places:]}" if places else digits
+    return f"-{text}" if exact < 0 else text
+
+
+def _places(denominator: int) -> int | None:
+    """How many digits behind the point say a fraction with *denominator* exactly; None where none do."""
+    places, rest = 0, denominator
+    for prime in (2, 5):
+        count = 0
+        while rest % prime == 0:
+            rest, count = rest // prime, count + 1
+        places = max(places, count)
+    return places if rest == 1 else None

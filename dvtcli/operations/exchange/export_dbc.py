@@ -1,0 +1,76 @@
+"""A whole network as a DBC file: from the nodes on the bus, or from a network file. Writes nothing to a node."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.network.network_state import NetworkState
+from dvtcli.domain.several import plural
+from dvtcli.errors import NoAnswer, UsageError
+from dvtcli.files.dbc_text import dbc_bytes
+from dvtcli.operations.exchange.network_messages import NetworkMessages, network_messages
+from dvtcli.operations.physical_meanings import meanings_of
+from dvtcli.operations.results import Facts
+from dvtcli.operations.save_script import ask_before_overwriting, place_of, write_bytes
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from dvtcli.domain.meanings import Rules
+    from dvtcli.operations.session import Session
+
+
+def export_dbc(session: Session, file: str) -> Facts:
+    """Write the enabled PDOs of the nodes that answer (or of those of `-n`), as they are now, to the DBC *file*.
+
+    Asks before it overwrites. NoAnswer where no node answers; UsageError where the file cannot be written.
+    """
+    from dvtcli.operations.find_nodes import find_nodes
+    from dvtcli.operations.network_states import network_state
+
+    place_of(file, "export {}/NAME.dbc")
+    ids = session.base.nodes or tuple(row.node for row in find_nodes(session).rows if not row.note)
+    if not ids:
+        raise NoAnswer("no node answers", hint="look at bit rate and supply: `doctor`, `scan`")
+    state = network_state([session.node(node_id) for node_id in ids])
+    return _write(session, file, None, state, {})
+
+
+def convert_to_dbc(session: Session, source: str, file: str, node: str | None = None) -> Facts:
+    """Write what the nodes of the network file *source* send and hear once it is applied to the DBC *file*.
+
+    Asks before it overwrites. Raises as reading a network file does; UsageError where the DBC file cannot be written.
+    """
+    from dvtcli.files.network.physical_keys import rules_of
+    from dvtcli.operations.described_network import described_network
+    from dvtcli.operations.network_wish import read_wish
+
+    if node is not None:
+        raise UsageError("--for is for a concise DCF", hint="a DBC file has all nodes of a network file")
+    place_of(file, "eds convert net.yaml {}/NAME.dbc")
+    said = {node.node_id: rules_of(node.physical) for node in read_wish(source).nodes}
+    return _write(session, file, source, described_network(source, session.tell), said)
+
+
+def _write(session: Session, file: str, source: str | None, state: NetworkState, said: Mapping[int, Rules]) -> Facts:
+    found = messages_of(state, said)
+    path = place_of(file)
+    ask_before_overwriting(session, path)
+    write_bytes(path, dbc_bytes(found.nodes, found.messages))
+    signals = sum(len(one.signals) for one in found.messages)
+    rows = (
+        ("file", file), ("from", source), ("nodes", [one.node_id for one in state.nodes]),
+        ("messages", len(found.messages)), ("signals", signals), ("left_out", found.left_out),
+    )  # fmt: skip
+    counts = (
+        f"{plural(len(state.nodes), 'node')}, {plural(len(found.messages), 'message')}, {plural(signals, 'signal')}"
+    )
+    return Facts("dbc", rows, (f"{file}: {counts}", *(f"note: left out: {one}" for one in found.left_out)))
+
+
+def messages_of(state: NetworkState, said: Mapping[int, Rules]) -> NetworkMessages:
+    """The messages of *state*; *said*, by node-ID, goes before what profiles and files say of values."""
+    meanings = {
+        one.node_id: meanings_of(one.profile, one.dictionary, [said.get(one.node_id, {})]) for one in state.nodes
+    }
+    return network_messages(state, meanings)

@@ -1,0 +1,156 @@
+"""What the nodes of a network send and hear by PDO, as the messages of a DBC file. Knows no file, reads no node."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from itertools import groupby
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.frame import Field, byte_length, layout
+from dvtcli.domain.network.network_state import Identifier, NetworkState, NodeState, identifier_of
+from dvtcli.files.dbc_text import LONGEST_NAME, NOBODY, DbcMessage, DbcSignal, Names
+from dvtcli.operations.exchange.pdo_signals import pdo_signal
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from dvtcli.domain.meanings import Meanings
+    from dvtcli.domain.pdo import Pdo, PdoConfig
+
+#: what a CAN frame carries at most (bits)
+_MOST_BITS = 64
+#: so that `_TPDO512` fits behind a node's name
+_NODE_NAME = LONGEST_NAME - len("_TPDO512")
+#: transmission types that are sent at every such SYNC, and those that are sent by an event timer (CiA 301, table 72)
+_CYCLIC, _BY_EVENT = range(1, 241), (254, 255)
+
+#: an enabled PDO with whose it is
+_Held = tuple[NodeState, "Pdo", "PdoConfig"]
+
+
+@dataclass(slots=True)
+class NetworkMessages:
+    """The *messages* in order of CAN-ID, the *nodes* by name with a comment, and what is *left_out* and why."""
+
+    names: dict[int, str]
+    nodes: dict[str, str]
+    messages: list[DbcMessage] = field(default_factory=list)
+    left_out: list[str] = field(default_factory=list)
+
+
+def network_messages(state: NetworkState, meanings: Mapping[int, Meanings]) -> NetworkMessages:
+    """The enabled PDOs of *state*, one message a CAN-ID; *meanings*, by node-ID, says what their objects' values mean.
+
+    A TPDO says what is in its message, and each RPDO with its CAN-ID makes its node a receiver of the signals it maps.
+    """
+    names = _node_names(state)
+    nodes = {names[one.node_id]: f"node {one.node_id} {one.title or one.name}".rstrip() for one in state.nodes}
+    found = NetworkMessages(names, nodes)
+    held = [*state.enabled(is_tpdo=True), *state.enabled(is_tpdo=False)]
+    for identifier, group in groupby(sorted(held, key=_place), _identifier):
+        whole = [one for one in group if _fits(one, found)]
+        if whole:
+            found.messages.append(_message(identifier, whole, state, meanings, found))
+    _name_messages(found)
+    return found
+
+
+def _node_names(state: NetworkState) -> dict[int, str]:
+    names = Names(_NODE_NAME)
+    return {
+        one.node_id: names.new(one.name or f"{one.title[:14]}_n{one.node_id}", f"node_{one.node_id}")
+        for one in state.nodes
+    }
+
+
+def _name_messages(found: NetworkMessages) -> None:
+    names = Names()
+    found.messages[:] = [replace(one, name=names.new(one.name, "message")) for one in found.messages]
+
+
+def _identifier(held: _Held) -> Identifier:
+    return identifier_of(held[2])
+
+
+def _place(held: _Held) -> tuple[bool, int, bool, int, int]:
+    (can_id, extended), (node, pdo, _) = _identifier(held), held
+    return extended, can_id, not pdo.is_tpdo, node.node_id, pdo.number
+
+
+def _fits(held: _Held, found: NetworkMessages) -> bool:
+    """Whether a message can say it; why not is said in *found*."""
+    node, pdo, config = held
+    bits = sum(entry.bits for entry in config.mapping)
+    why = "it is multiplexed" if config.mpdo is not None else config.inconsistency or ""
+    if not why and bits > _MOST_BITS:
+        why = f"it has {bits} bits, and a frame has {_MOST_BITS}"
+    if why:
+        found.left_out.append(f"{pdo.label} of node {node.node_id}: {why}")
+    return not why
+
+
+def _message(
+    identifier: Identifier, group: list[_Held], state: NetworkState, meanings: Mapping[int, Meanings],
+    found: NetworkMessages,
+) -> DbcMessage:  # fmt: skip
+    """The message of *group*, the PDOs with one CAN-ID: what the first one says, and what the others hear of it."""
+    (first, pdo, _), *others = group
+    heard = [one for one in group if not one[1].is_tpdo]
+    for node, other, _ in others:
+        if other.is_tpdo:
+            also = f"{pdo.label} of node {first.node_id} has its CAN-ID 0x{identifier[0]:03X}, too"
+            found.left_out.append(f"{other.label} of node {node.node_id}: {also}")
+    says = [group[0]] if pdo.is_tpdo else heard
+    signals = _signals(says, heard, meanings, found.names)
+    length = max(byte_length(sum(entry.bits for entry in one.mapping)) for _, _, one in says)
+    return DbcMessage(
+        *identifier, f"{found.names[first.node_id]}_{pdo.label}", length,
+        found.names[first.node_id] if pdo.is_tpdo else NOBODY, signals, _comment(group), _cycle_ms(group[0], state),
+    )  # fmt: skip
+
+
+def _signals(
+    says: list[_Held], heard: list[_Held], meanings: Mapping[int, Meanings], nodes: Mapping[int, str]
+) -> tuple[DbcSignal, ...]:
+    """One signal for each object that *says* map where no earlier one lies, received by those *heard* that map it."""
+    names, signals = Names(), list[DbcSignal]()
+    for node, _, config in says:
+        for one in _objects(config):
+            if not any(_overlap(one, other) for other in signals):
+                signals.append(pdo_signal(one, node, meanings[node.node_id], names))
+    receivers = {place: tuple(_receivers(one, heard, nodes)) for place, one in enumerate(signals)}
+    named = [replace(one, receivers=receivers[place]) for place, one in enumerate(signals)]
+    return tuple(sorted(named, key=lambda one: one.start))
+
+
+def _objects(config: PdoConfig) -> list[Field]:
+    """What is mapped, without dummies: these are gaps."""
+    return [one for one in layout(config.mapping) if not one.entry.is_dummy and one.bits]
+
+
+def _overlap(one: Field, other: DbcSignal) -> bool:
+    return one.start_bit < other.end and other.start < one.end_bit
+
+
+def _receivers(signal: DbcSignal, heard: list[_Held], nodes: Mapping[int, str]) -> dict[str, None]:
+    hearing = (node for node, _, config in heard if any(_overlap(one, signal) for one in _objects(config)))
+    return dict.fromkeys(nodes[node.node_id] for node in hearing)
+
+
+def _comment(group: list[_Held]) -> str:
+    """Who sends and hears it."""
+    return ", ".join(f"{pdo.label} of node {node.node_id}" for node, pdo, _ in group)
+
+
+def _cycle_ms(held: _Held, state: NetworkState) -> int:
+    """How often a TPDO is sent (ms): by its event timer, or at which SYNC; 0 where nobody knows."""
+    _, pdo, config = held
+    told = config.communication
+    if not pdo.is_tpdo or told.transmission_type is None:
+        return 0
+    if told.transmission_type in _BY_EVENT:
+        return told.event_timer or 0
+    periods = set(state.sync_periods_us)
+    if told.transmission_type in _CYCLIC and len(periods) == 1:
+        return round(periods.pop() * told.transmission_type / 1000)
+    return 0

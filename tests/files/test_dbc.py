@@ -1,0 +1,161 @@
+"""DBC files that we write: cantools reads in them what our own decoder reads in the frames, whatever is mapped."""
+
+from __future__ import annotations
+
+import re
+from fractions import Fraction
+from pathlib import Path
+
+import cantools
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.datatypes import BY_SHORT_NAME
+from dvtcli.domain.mapping import PdoMappingEntry
+from dvtcli.domain.meanings import Meaning, Meanings, ObjectRange
+from dvtcli.domain.network.network_state import NetworkState, NodeState
+from dvtcli.domain.object_dictionary import ObjectDictionary, ObjectType, OdEntry, OdObject
+from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
+from dvtcli.domain.physical import Physical
+from dvtcli.domain.ports import Frame
+from dvtcli.files.dbc_text import LONGEST_NAME, DbcMessage, DbcSignal, Names, dbc_bytes, decimal
+from dvtcli.operations.exchange.network_messages import NetworkMessages, network_messages
+from dvtcli.watch.decoder import Decoder, pdo_layouts
+
+TPDO1, RPDO1 = Pdo.parse("tpdo1"), Pdo.parse("rpdo1")
+ODD = 'Gr\u00f6\u00dfe "\\" \u03bc;\n BO_ 1 x: 8 y'
+KINDS = [kind for kind in BY_SHORT_NAME.values() if kind.limits is not None or kind.short in ("r32", "r64")]
+
+
+def config(mapping: tuple[PdoMappingEntry, ...], can_id: int = 0x185, *, extended: bool = False) -> PdoConfig:
+    cob_id = CobId(can_id, True, True, extended)
+    return PdoConfig(PdoCommunicationParameter(cob_id, 255, None, 20, None), mapping)
+
+
+def described(*entries: OdEntry) -> ObjectDictionary:
+    return ObjectDictionary({one.index: OdObject(one.index, one.name, ObjectType.VAR, {0: one}) for one in entries})
+
+
+def bytes_of(found: NetworkMessages) -> bytes:
+    return dbc_bytes(found.nodes, found.messages)
+
+
+@st.composite
+def nodes(draw: st.DrawFn) -> tuple[NodeState, Meanings]:
+    """A node with one TPDO of any objects that fit into a frame, dummies among them."""
+    left, mapping, entries, rules = 64, [], [], {}
+    for number in range(draw(st.sampled_from([1, 3, 8, 64]))):
+        kind = draw(st.sampled_from(KINDS))
+        whole = kind.bits or 0
+        bits = whole if kind.limits is None else draw(st.integers(1, whole))
+        if bits > left:
+            continue
+        left -= bits
+        if draw(st.integers(0, 4)) == 0:
+            mapping.append(PdoMappingEntry(kind.code if kind.code <= 7 else 5, 0, bits))
+            continue
+        index = 0x2000 + number
+        factor = draw(st.sampled_from(["1", "1/256", "0.1", "-0.25", "1/3", "1000"]))
+        offset = draw(st.sampled_from(["0", "-40", "0.5"]))
+        physical = Physical(draw(st.sampled_from(["", "V", "\u00b0C", ODD])), Fraction(factor), Fraction(offset))
+        words = draw(st.dictionaries(st.integers(-3, 3), st.text(max_size=8), max_size=3))
+        rules[ObjectRange(index, index)] = Meaning(Physical(physical.unit, physical.factor, physical.offset, words))
+        mapping.append(PdoMappingEntry(index, 0, bits))
+        known = draw(st.integers(0, 9)) > 0
+        name = draw(st.sampled_from([f"Signal {number}", "Speed", ODD, "VERSION", "7", "\u901f\u5ea6", "long " * 12]))
+        entries.append(OdEntry(index, 0, name, kind if known else None, low=-1 if known else None))
+    sent = config(tuple(mapping), draw(st.sampled_from([0x185, 0x1FFF_FFF0])), extended=True)
+    return NodeState(5, draw(st.sampled_from(["drive", ODD, ""])), {TPDO1: sent}, {}, described(*entries)), Meanings(
+        [rules]
+    )
+
+
+@given(nodes(), st.binary(min_size=8, max_size=8))
+def test_cantools_reads_what_our_decoder_reads(made: tuple[NodeState, Meanings], data: bytes) -> None:
+    node, meanings = made
+    written = bytes_of(network_messages(NetworkState((node,)), {5: meanings}))
+    assert written == bytes_of(network_messages(NetworkState((node,)), {5: meanings}))
+    (message,) = cantools.database.load_string(written.decode("cp1252"), "dbc").messages
+    cob_id = node.pdos[TPDO1].communication.cob_id
+    assert (message.frame_id, message.is_extended_frame, message.cycle_time) == (cob_id.can_id, True, 20)
+    decoder = Decoder(pdo_layouts(5, node.pdos, node.dictionary, meanings))
+    frame = Frame(cob_id.can_id, data[: message.length], extended=True)
+    ours = decoder.values(frame)
+    theirs = message.decode(frame.data, decode_choices=False)
+    signals = decoder.layout(frame).signals
+    assert len(ours) == len(theirs) == len(signals)
+    for signal, one in zip(signals, message.signals, strict=True):
+        raw = ours[signal.key]
+        assert isinstance(raw, int | float)
+        off = 1e-12 * float(abs(raw * float(signal.meaning.factor)) + abs(signal.meaning.offset))
+        exact = float(signal.meaning.number(raw))
+        assert float(theirs[one.name]) == pytest.approx(exact, rel=1e-12, abs=off, nan_ok=True)
+        assert one.comment is not None
+        assert one.comment.startswith(f"0x{signal.object}")
+
+
+@given(st.lists(st.text(max_size=50) | st.sampled_from(["a" * 40, "A" * 40, "BO_", "Vector__XXX", "a_2"])))
+def test_names_are_legal_and_differ(texts: list[str]) -> None:
+    names = Names()
+    found = [names.new(text, "signal") for text in texts]
+    assert len({name.casefold() for name in found}) == len(found)
+    assert all(re.fullmatch(rf"[A-Za-z_]\w{{0,{LONGEST_NAME - 1}}}", name, re.ASCII) for name in found)
+
+
+@given(st.fractions(max_denominator=10**6) | st.integers(-(10**30), 10**30).map(Fraction))
+def test_a_decimal_is_the_nearest_double_at_least(number: Fraction) -> None:
+    assert float(decimal(number)) == float(number)
+    assert decimal(Fraction(1, 256)) == "0.00390625"
+
+
+def test_a_message_of_64_bits() -> None:
+    kind = BY_SHORT_NAME["bool"]
+    entries = [OdEntry(0x2000 + n, 0, f"Bit {n}", kind) for n in range(64)]
+    sent = config(tuple(PdoMappingEntry(one.index, 0, 1) for one in entries))
+    node = NodeState(5, "io", {TPDO1: sent}, {}, described(*entries))
+    text = bytes_of(network_messages(NetworkState((node,)), {5: Meanings()})).decode("cp1252")
+    decoded = cantools.database.load_string(text, "dbc").decode_message(0x185, bytes(range(8)))
+    assert [decoded[f"Bit_{n}"] for n in range(64)] == [n // 8 >> n % 8 & 1 for n in range(64)]
+
+
+def test_limits_are_scaled_and_never_an_offset() -> None:
+    kind = BY_SHORT_NAME["i16"]
+    entry = OdEntry(0x2000, 0, "Torque", kind, low=-1500, high=1000)
+    rules = {ObjectRange(0x2000, 0x2000): Meaning(Physical("Nm", Fraction(-1, 10), Fraction(5)))}
+    node = NodeState(5, "", {TPDO1: config((PdoMappingEntry(0x2000, 0, 16),))}, {}, described(entry), title="Drive")
+    text = bytes_of(network_messages(NetworkState((node,)), {5: Meanings([rules])})).decode()
+    assert ' SG_ Torque : 0|16@1- (-0.1,5) [-95|155] "Nm" Vector__XXX\r\n' in text
+    assert "BO_ 389 Drive_n5_TPDO1: 2 Drive_n5\r\n" in text
+
+
+def test_who_hears_a_frame_receives_what_it_maps() -> None:
+    kind = BY_SHORT_NAME["u16"]
+    entries = [OdEntry(0x2000 + n, 0, f"S{n}", kind) for n in range(2)]
+    both = tuple(PdoMappingEntry(one.index, 0, 16) for one in entries)
+    dummy = PdoMappingEntry(6, 0, 16)
+    sender = NodeState(1, "a", {TPDO1: config(both), RPDO1: config((dummy, both[1]), 0x300)}, {}, described(*entries))
+    hearer = NodeState(2, "b", {RPDO1: config((dummy, both[1]))}, {}, described(*entries))
+    also = NodeState(3, "c", {RPDO1: config((both[0],), 0x300), TPDO1: config(both)}, {}, described(*entries))
+    found = network_messages(NetworkState((sender, hearer, also)), dict.fromkeys((1, 2, 3), Meanings()))
+    by_id = {one.can_id: one for one in found.messages}
+    assert [(one.name, one.receivers) for one in by_id[0x185].signals] == [("S0", ()), ("S1", ("b",))]
+    assert [(one.name, one.start, one.receivers) for one in by_id[0x300].signals] == [
+        ("S0", 0, ("c",)),
+        ("S1", 16, ("a",)),
+    ]
+    assert found.left_out == ["TPDO1 of node 3: TPDO1 of node 1 has its CAN-ID 0x185, too"]
+
+
+def test_a_pdo_that_no_frame_holds_is_left_out(tmp_path: Path) -> None:
+    mapping = tuple(PdoMappingEntry(0x2000, 0, 64) for _ in range(2))
+    found = network_messages(NetworkState((NodeState(5, "", {TPDO1: config(mapping)}),)), {5: Meanings()})
+    assert (found.messages, len(found.left_out)) == ([], 1)
+
+
+def test_texts_of_a_device_stay_texts() -> None:
+    message = DbcMessage(1, False, "m", 1, signals=(DbcSignal("s", 0, 8, unit=ODD, comment=ODD, values={0: ODD}),))
+    (read,) = cantools.database.load_string(dbc_bytes({"n": ODD}, [message]).decode("cp1252"), "dbc").messages
+    assert [one.name for one in read.signals] == ["s"]
+    assert read.signals[0].comment == "Gr\u00f6\u00dfe '/' \u00b5; BO_ 1 x: 8 y" == read.signals[0].unit
