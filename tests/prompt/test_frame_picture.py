@@ -28,9 +28,9 @@ def test_the_last_frame_is_shown_with_its_values_and_its_period(wire: Wire, open
     wire.say(0x285, TPDO2)
     terminal.until(lambda: _shown(wire, terminal, "pdo tpdo2") and "LAST VALUE" in terminal.text, "the values")
     row = next(line for line in terminal.lines if line.startswith("  1  606C:00"))
-    assert row.split()[-2:] == ["-1500", "rpm"]
+    assert row.endswith("-1500 rpm       rpm")
     battery = next(line for line in terminal.lines if line.startswith("  3  5100:02"))
-    assert battery.endswith("0.0625  (raw 1 x 1/16)  A")
+    assert battery.endswith("0.06 A (1)      1/16 A")
     assert re.search(r"last frame  24 FA FF FF 37 12 01 00 +\d+\.\d s ago, period \d+\.\d ms \(", terminal.text)
 
 
