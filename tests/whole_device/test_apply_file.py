@@ -2,17 +2,27 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
+from dvtcli.domain.configuration import configuration_of
+from dvtcli.domain.datatypes import Kind
+from dvtcli.domain.object_dictionary import OdEntry
+from dvtcli.domain.pdo import Pdo
 from tests.commands.bench import Bench
-from tests.whole_device.test_export_dcf import FAMILIES
+from tests.whole_device.test_export_dcf import FAMILIES, odd
 
 CHANGES = ("set tpdo1 --timer 70", "write 1017 700")
 
 
-def _made(folder: Path, family: str, form: str, *lines: str) -> Path:
+def made(folder: Path, family: str, form: str, *lines: str) -> Path:
     """A file of this *form* of a node that *lines* changed."""
     file = folder / f"node.{form}"
     with Bench((f"{family}@5",)) as bench:
@@ -25,7 +35,7 @@ def _made(folder: Path, family: str, form: str, *lines: str) -> Path:
 @pytest.mark.parametrize("form", ["dcf", "jsonl"])
 @pytest.mark.parametrize("family", FAMILIES)
 def test_a_fresh_node_becomes_what_the_file_says(family: str, form: str, tmp_path: Path) -> None:
-    file = _made(tmp_path, family, form, *CHANGES)
+    file = made(tmp_path, family, form, *CHANGES)
     with Bench((f"{family}@5",)) as bench:
         differs = bench.run(f"diff {file} --json").document["changed"]
         assert bench.run(f"verify {file}").code == (3 if differs else 0)
@@ -36,3 +46,159 @@ def test_a_fresh_node_becomes_what_the_file_says(family: str, form: str, tmp_pat
         assert bench.run(f"diff {file}").code == 0
         assert bench.run(f"verify {file}").code == 0
         assert bench.run(f"compare {file}").code == 0
+
+
+def test_another_product_is_refused_and_another_revision_asked_about(tmp_path: Path) -> None:
+    file = made(tmp_path, "generic", "dcf", *CHANGES)
+    text = file.read_text("utf-8")
+    for line in ("apply", "plan", "verify", "clone"):
+        with Bench(("gen4@5",)) as bench:
+            ran = bench.run(f"{line} {file}{' --yes' if line in ('apply', 'clone') else ''}")
+            assert (ran.code, "has product 0x0705302D, not 0x00000301" in ran.stderr) == (6, True), line
+    file.write_text(re.sub(r"(?m)^RevisionNumber=.*", "RevisionNumber=0x77", text), "utf-8")
+    with Bench(("generic@5",)) as bench:
+        asked = bench.run(f"apply {file}")
+        assert asked.code == 6
+        assert "and " + str(file) + " is of 0x00000077; apply" in asked.stderr
+        assert bench.run("read 1017 --json").document["value"] == 500
+        assert bench.run(f"plan {file} -o {tmp_path / 'plan.json'}").code == 0
+        assert "is of 0x00000077" in bench.run(f"apply {tmp_path / 'plan.json'}").stderr
+        assert bench.run(f"apply {file} --yes").code == 0
+        assert bench.run("read 1017 --json").document["value"] == 700
+    file.write_text(re.sub(r"(?m)^ProductNumber=.*", "ProductNumber=0", text), "utf-8")
+    with Bench(("generic@5",)) as bench:
+        ran = bench.run(f"clone {file} --yes")
+        assert (ran.code, "does not say which product" in ran.stderr) == (6, True)
+        assert "does not say which product" in bench.run(f"apply {file}").stderr
+
+
+def test_a_drive_whose_power_stage_is_on_is_not_configured(tmp_path: Path) -> None:
+    file = made(tmp_path, "generic", "dcf", *CHANGES)
+    with Bench(("generic@5",)) as bench:
+        assert bench.run(f"plan {file} -o {tmp_path / 'plan.json'}").code == 0
+        for controlword in (6, 7, 15):
+            assert bench.run(f"write 6040 {controlword}").code == 0
+        node = bench.session.node()
+        for one in (file, tmp_path / "plan.json"):
+            ran = bench.run(f"apply {one} --yes")
+            assert (ran.code, "the power stage of node 5 is on: operation enabled" in ran.stderr) == (6, True)
+        assert node.sdo.upload(0x1017, 0) == (500).to_bytes(2, "little")
+        assert bench.run("write 6040 6").code == 0
+        assert bench.run(f"apply {file} --yes").code == 0
+
+
+def test_what_is_no_configuration_is_left_and_told(tmp_path: Path) -> None:
+    eds = odd(tmp_path)
+    file = tmp_path / "node.jsonl"
+    with Bench((str(eds),)) as bench:
+        for line in ("write 2000 111", "write 2004 Crane", "write 6040 1", "write 2006 5", "write 1017 900"):
+            assert bench.run(line).code == 0, line
+        assert bench.run(f"backup {file}").code == 0
+    with Bench((str(eds),)) as bench:
+        node = bench.session.node()
+        done = bench.run(f"apply {file} --yes --json").document
+        out = {one["object"]: one["why"] for one in done["nodes"][0]["left_out"]}
+        assert out["6040:00"] == "is a command or a target"
+        assert out["2000:00"] == "is the maker's own, and nobody names it as configuration"
+        assert [one["object"] for one in done["nodes"][0]["objects"]] == ["1017:00"]
+        assert node.sdo.upload(0x6040, 0) == bytes(2)
+        shown = bench.run(f"plan {file} --include 2000").stdout
+        assert "0x2000:00" in shown
+        assert "0x2004:00" not in shown
+        assert "not written: 2004:00 is the maker's own" in shown
+        cloned = bench.run(f"apply {file} --include 2000-2005 --yes --json").document
+        assert [one["object"] for one in cloned["nodes"][0]["objects"]] == ["2000:00", "2004:00"]
+        assert node.sdo.upload(0x2006, 0) == bytes(2), "a set point, which an RPDO can take"
+
+
+def test_clone_takes_the_makers_objects_that_no_pdo_can_map(tmp_path: Path) -> None:
+    file = tmp_path / "node.dcf"
+    with Bench(("generic@5",)) as bench:
+        known = {e.object: e for e in _settable(bench)}
+        place, entry = next((p, e) for p, e in known.items() if p.startswith("2") and not e.pdo_mapping)
+        value = 1 if bench.session.node().sdo.upload(entry.index, entry.sub_index)[:1] != b"\1" else 2
+        assert bench.run(f"write {place} {value}").code == 0
+        assert bench.run(f"export {file}").code == 0
+    with Bench(("generic@7",)) as bench:
+        asked = bench.run(f"clone {file}")
+        assert (asked.code, f"clone {file}: 1 write to node 7?" in asked.stderr) == (6, True)
+        assert f"0x{place}" in asked.stdout
+        assert bench.run(f"apply {file} --yes --json").document["writes"] == 0
+        assert bench.run(f"clone {file} --dry-run").code == 0
+        assert bench.run(f"clone {file} --yes --json").document["writes"] == 1
+        assert bench.run(f"clone {file} --yes --json").document["writes"] == 0
+        assert bench.run(f"compare {file}").code == 0
+
+
+def _settable(bench: Bench) -> list[OdEntry]:
+    """Objects of numbers that are configuration, or the maker's, and no PDO's."""
+    node = bench.session.node()
+    dictionary = node.dictionary
+    assert dictionary is not None
+    known = configuration_of(dictionary, node.profile, [(0x2000, 0x5FFF)])
+    return [
+        entry for entry in dictionary.entries()
+        if known.why_not(entry) is None and Pdo.at(entry.index) is None and entry.data_type is not None
+        and entry.data_type.kind in (Kind.UNSIGNED, Kind.INTEGER)
+    ]  # fmt: skip
+
+
+EVERYTHING = "--include 1000-9FFF"
+
+
+@settings(max_examples=8)
+@given(st.data())
+def test_the_file_of_a_node_makes_a_fresh_one_equal(data: st.DataObject) -> None:
+    family = data.draw(st.sampled_from(FAMILIES))
+    with TemporaryDirectory() as folder:
+        makes_equal(f"{family}@5", Path(folder), data.draw)
+
+
+def makes_equal(what: str, folder: Path, draw: Callable[[st.SearchStrategy[Any]], Any]) -> int:
+    """Change a simulated node at random, write its file to a fresh one, see that both are equal; how many changes."""
+    file, taken = folder / f"node.{draw(st.sampled_from(['dcf', 'jsonl']))}", 0
+    with Bench((what,)) as bench:
+        for line in draw(st.lists(_lines(bench), max_size=6)):
+            taken += bench.run(line).code == 0
+        assert bench.run(f"backup {file}").code == 0
+        held = bench.run(f"diff {file}")
+        assert held.code == 0, held.stdout + held.stderr
+    with Bench((what,)) as bench:
+        applied = bench.run(f"apply {file} {EVERYTHING} --yes")
+        assert applied.code == 0, applied.stdout + applied.stderr
+        compared = bench.run(f"compare {file} --json").document
+        assert compared["differences"] == []
+        assert bench.run(f"apply {file} {EVERYTHING} --yes --json").document["writes"] == 0
+    return taken
+
+
+def _lines(bench: Bench) -> st.SearchStrategy[str]:
+    """Lines that change a PDO or a value; the device may refuse them."""
+    node = bench.session.node()
+    pdos = [str(pdo) for pdo in node.present()] or ["tpdo1"]
+    mappable = [e.object for e in node.dictionary.entries() if e.pdo_mapping] if node.dictionary else []
+    pdo = st.sampled_from(pdos)
+    lines = [
+        st.builds("disable {}".format, pdo),
+        st.builds("set {} --timer {}".format, pdo, st.integers(0, 500)),
+        st.builds("set {} --sync {} --inhibit {}".format, pdo, st.integers(1, 240), st.integers(0, 100)),
+        st.builds("set {} --cob-id 0x{:X}".format, pdo, st.integers(0x181, 0x57F)),
+    ]
+    if mappable:
+        chosen = st.lists(st.sampled_from(mappable), min_size=1, max_size=4)
+        lines.append(st.builds(lambda one, entries: f"map {one} {' '.join(entries)}", pdo, chosen))
+    if settable := _settable(bench):
+        lines.append(st.builds("write {} {}".format, st.sampled_from([e.object for e in settable]), st.integers(0, 99)))
+    return st.one_of(lines)
+
+
+@pytest.mark.parametrize("fault", ["refuse@4=0x08000000", "reset@4", "lose-response@3"])
+def test_a_fault_takes_everything_back(fault: str, tmp_path: Path) -> None:
+    file = made(tmp_path, "generic", "dcf", "map tpdo1 606C 6041", "write 1017 700")
+    with Bench(("generic@5",), {"fault": (fault,)}) as bench:
+        node = bench.session.node()
+        before = [node.sdo.upload(*place) for place in ((0x1800, 1), (0x1A00, 0), (0x1A00, 1), (0x1017, 0))]
+        ran = bench.run(f"apply {file} --yes")
+        assert ran.code in (1, 5), ran.stderr
+        assert "rolled back" in ran.stderr
+        assert before == [node.sdo.upload(*place) for place in ((0x1800, 1), (0x1A00, 0), (0x1A00, 1), (0x1017, 0))]
