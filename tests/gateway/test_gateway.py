@@ -168,3 +168,32 @@ def test_canopen_sets_a_pdo_through_it() -> None:
         config = next(config for name, config in device.pdos().items() if str(name) == "tpdo1")
         assert (config.enabled, config.communication.cob_id.can_id) == (True, 0x1A4)
         assert [(entry.index, entry.bits) for entry in config.mapping] == [(0x606C, 32), (0x6041, 16)]
+
+
+def test_pdos_of_the_gateway_itself() -> None:
+    with served("generic@4") as (_, running), Client(running) as client:
+        assert client.ask("r p 1").startswith("ERROR:102 #")
+        assert client.ask("set rpdo 1 0x301 event 3 0x2000 0 u16 u8 0x2001 0 i8") == "OK"
+        assert client.ask("set rpdo 2 0x301 event 0").startswith("ERROR:400 #")
+        assert client.ask("r p 1").startswith("ERROR:102 #no frame")
+        assert client.ask("set tpdo 1 0x601 event 0").startswith("ERROR:0x06090030 #")
+        assert client.ask("set tpdo 1 0x201 sync1 0").startswith("ERROR:100 #")
+        assert client.ask("set tpdo 1 0x201 event 2 0 0 u64 0 0 u8").startswith("ERROR:401 #")
+        assert client.ask("set tpdo 1 0x201 event 2 0 0 i16 0 0 u8") == "OK"
+        assert client.ask("w p 1 1 5").startswith("ERROR:101 #")
+        assert client.ask("w p 1 2 -2 256").startswith("ERROR:101 #")
+        assert client.ask("w p 1 2 -2 7") == "OK"
+        assert client.ask("set tpdo 1 0x80000201 event 0") == "OK"
+        assert client.ask("w p 1 2 -2 7").startswith("ERROR:102 #")
+
+
+def test_a_frame_of_a_node_is_read_as_a_pdo() -> None:
+    with served("generic@4") as (_, running), Client(running) as client:
+        assert client.ask("set rpdo 1 0x184 event 1 0x6041 0 u16") == "OK"
+        mapped = ("w 0x1800 1 u32 0x80000184", "w 0x1A00 0 u8 0", "w 0x1A00 1 u32 0x60410010", "w 0x1A00 0 u8 1")
+        for line in ("preop", *mapped, "w 0x1800 2 u8 255", "w 0x1800 1 u32 0x184", "start"):
+            assert client.ask(f"4 {line}") == "OK", line
+        said = client.ask("r p 1")
+        while said.startswith("ERROR:102"):  # until the first frame came
+            said = client.ask("r p 1")
+        assert said == f"1 pdo 1 {client.ask('4 r 0x6041 0 u16')}"

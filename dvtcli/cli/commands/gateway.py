@@ -27,7 +27,7 @@ TASK = ("Programs around", 15)
 )
 @click.pass_obj
 def command(session: Conversation, /, listen: str | None, allow_changes: bool, dialect: str) -> None:
-    """Serve a CANopen gateway until Ctrl-C: SDO, NMT, settings and LSS, in the lines of CiA 309-3.
+    """Serve a CANopen gateway until Ctrl-C: SDO, NMT, settings, PDOs and LSS, in the lines of CiA 309-3.
 
     Only programs on this machine can reach it. It reads; with --allow-changes what clients write goes the way of
     `write`: checked, read back, put back where that differs. Questions are answered by --yes, else they are refused.

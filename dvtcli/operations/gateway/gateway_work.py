@@ -17,6 +17,7 @@ from dvtcli.domain.nmt import NmtCommand
 from dvtcli.errors import BusUnavailable, DvtcliError, LeftChanged, NoAnswer, UsageError
 from dvtcli.operations.command_nmt import command_nmt
 from dvtcli.operations.gateway.gateway_lss import LSS, LssLines
+from dvtcli.operations.gateway.gateway_pdos import GatewayPdos
 from dvtcli.operations.object_values import type_of
 from dvtcli.operations.write_object import signature, write_bytes
 from dvtcli.version import __version__
@@ -39,6 +40,11 @@ class GatewayWork:
         self._session = session
         self._allow_changes = allow_changes
         self._lss = LssLines(session, allow_changes=allow_changes)
+        self._pdos = GatewayPdos(session, allow_changes=allow_changes)
+
+    def close(self) -> None:
+        """Listen no longer."""
+        self._pdos.close()
 
     def answer(self, client: LineClient, request: Request) -> Answer:
         """What *client* is answered; BusUnavailable and Interrupted end the gateway."""
@@ -67,7 +73,8 @@ class GatewayWork:
                 return _ordered(client, name, numbers)
             case Read() | Write() | Nmt() as command:
                 return self._to_node(client.node if request.node is None else request.node, command)
-        return Failed(GatewayError.NOT_SUPPORTED, "PDOs of the gateway itself are not served")
+            case command:
+                return self._pdos.answer(command)
 
     def _to_node(self, node_id: int | None, command: Read | Write | Nmt) -> Answer:
         if node_id is None:

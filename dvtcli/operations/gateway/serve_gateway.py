@@ -51,8 +51,9 @@ def gateway(
     bus = session.open_network().bus
     tell, session.tell = session.tell, Unattended(session.tell)
     served: Gateway | None = None
+    work = GatewayWork(session, allow_changes=allow_changes)
     try:
-        served = Gateway(session, where, GatewayWork(session, allow_changes=allow_changes), dialect)
+        served = Gateway(session, where, work, dialect)
         stop = bus.on_event(served.note)
         try:
             yield served
@@ -60,6 +61,7 @@ def gateway(
             stop()
     finally:
         session.tell = tell
+        work.close()
         if served is not None:
             served.hub.close()
 

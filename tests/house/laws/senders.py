@@ -43,6 +43,7 @@ MAY_SEND = {
     "operations/produce_sync.py": "SYNC",
     "operations/look_at_frames.py": "SYNC, and the way back to STOPPED",
     "operations/command_nmt.py": "NMT commands",
+    "operations/gateway/gateway_pdos.py": "the gateway's own TPDOs, under consent",
     "operations/api/canopen_access.py": "what canopen's user writes",
 }
 

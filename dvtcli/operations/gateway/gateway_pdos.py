@@ -1,0 +1,151 @@
+"""The gateway's own PDOs (CiA 309-3): RPDOs keep the last frame that was heard, TPDOs are sent when a client says so.
+
+They are no node's: nothing of a device's PDOs is set here. Does not know lines.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.abort import Abort
+from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.gateway.error_numbers import GatewayError, GatewayRequestError
+from dvtcli.domain.gateway.gateway_answers import Answer, Done, Failed
+from dvtcli.domain.gateway.requests import PdoEntry, ReadPdo, SetPdo, WritePdo
+from dvtcli.domain.gateway.value_words import TYPES, data_of, value_text
+from dvtcli.domain.ports import Frame
+from dvtcli.domain.rules.can_id import restricted_use
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from dvtcli.operations.session import Session
+
+_LONGEST = 8
+
+
+class GatewayPdos:
+    """The PDOs that clients set up, of all of them: a bus is one."""
+
+    def __init__(self, session: Session, *, allow_changes: bool) -> None:
+        self._session = session
+        self._allow_changes = allow_changes
+        self._rpdos: dict[int, SetPdo] = {}
+        self._tpdos: dict[int, SetPdo] = {}
+        #: the last frame of each CAN-ID that an RPDO waits for
+        self._heard: dict[tuple[int, bool], bytes] = {}
+        self._stop: Callable[[], None] | None = None
+
+    def close(self) -> None:
+        """Listen no longer."""
+        if self._stop is not None:
+            self._stop()
+
+    def answer(self, command: SetPdo | ReadPdo | WritePdo) -> Answer:
+        """Do *command*."""
+        match command:
+            case SetPdo():
+                return self._set(command)
+            case ReadPdo(number):
+                return self._read(number)
+            case WritePdo(number, values):
+                return self._write(number, values)
+
+    def _set(self, pdo: SetPdo) -> Answer:
+        """Set *pdo* up; one with bit 31 set in its COB-ID is there no longer."""
+        cob_id = CobId.from_raw(pdo.cob_id)
+        own = self._tpdos if pdo.is_tpdo else self._rpdos
+        if pdo.is_tpdo and not self._allow_changes:
+            return Failed(GatewayError.INTERNAL_STATE, "read-only: this gateway runs without --allow-changes")
+        if not cob_id.valid:
+            own.pop(pdo.number, None)
+            return Done()
+        refused = self._refusal(pdo, cob_id, own)
+        if refused is not None:
+            return refused
+        if pdo.is_tpdo:
+            self._session.consent(f"send frames with CAN-ID {cob_id}, which nodes may act on?")
+        elif self._stop is None:
+            self._stop = self._session.open_network().bus.tap(self._note)
+        own[pdo.number] = pdo
+        return Done()
+
+    def _refusal(self, pdo: SetPdo, cob_id: CobId, own: dict[int, SetPdo]) -> Failed | None:
+        if not self._session.bus.carries_frames or pdo.transmission != "event":
+            return Failed(GatewayError.NOT_SUPPORTED, "PDOs of the gateway are event-driven, on a bus of CAN frames")
+        use = None if cob_id.extended else restricted_use(cob_id.can_id)
+        if use is not None or not cob_id.fits_frame:
+            return Failed(Abort.VALUE_RANGE, f"CAN-ID {cob_id} is no PDO's{f': {use}' if use else ''}")
+        if any(number != pdo.number and one.cob_id == pdo.cob_id for number, one in own.items()):
+            return Failed(GatewayError.PDO_USED)
+        lengths = [TYPES[entry.data_type].bits for entry in pdo.entries]
+        if None in lengths or sum(one or 0 for one in lengths) > 8 * _LONGEST:
+            return Failed(GatewayError.PDO_LENGTH)
+        return None
+
+    def _note(self, frame: Frame, sent: bool) -> None:
+        """Keep what an RPDO waits for; called by whoever reads the bus."""
+        if sent or frame.remote:
+            return
+        for pdo in tuple(self._rpdos.values()):
+            if _frame_of(pdo) == (frame.can_id, frame.extended):
+                self._heard[frame.can_id, frame.extended] = frame.data
+
+    def _read(self, number: int) -> Answer:
+        pdo = self._rpdos.get(number)
+        if pdo is None:
+            return Failed(GatewayError.INTERNAL_STATE, f"RPDO {number} of the gateway is not set up")
+        data = self._heard.get(_frame_of(pdo))
+        if data is None:
+            return Failed(GatewayError.INTERNAL_STATE, "no frame of it was heard yet")
+        if 8 * len(data) < sum(map(_bits, pdo.entries)):
+            return Failed(GatewayError.PDO_LENGTH, f"the last frame has {len(data)} bytes only")
+        values = _unpacked(pdo, data)
+        return Done(" ".join(["1 pdo", str(len(values)), *values]))
+
+    def _write(self, number: int, values: tuple[str, ...]) -> Answer:
+        pdo = self._tpdos.get(number)
+        if not self._allow_changes or pdo is None:
+            return Failed(GatewayError.INTERNAL_STATE, f"TPDO {number} of the gateway is not set up")
+        if len(values) != sum(entry.index is not None for entry in pdo.entries):
+            return Failed(GatewayError.SYNTAX, "the PDO has another number of values")
+        try:
+            data = _packed(pdo, values)
+        except GatewayRequestError as wrong:
+            return Failed(wrong.error, str(wrong))
+        can_id, extended = _frame_of(pdo)
+        self._session.bus.send(Frame(can_id, data, extended))
+        self._session.tell.note(f"frame 0x{can_id:X} sent")
+        return Done()
+
+
+def _frame_of(pdo: SetPdo) -> tuple[int, bool]:
+    cob_id = CobId.from_raw(pdo.cob_id)
+    return cob_id.can_id, cob_id.extended
+
+
+def _bits(entry: PdoEntry) -> int:
+    return TYPES[entry.data_type].bits or 0
+
+
+def _packed(pdo: SetPdo, values: tuple[str, ...]) -> bytes:
+    """A frame's bytes with *values*, one for each entry that is no gap."""
+    word, at, left = 0, 0, list(values)
+    for entry in pdo.entries:
+        if entry.index is not None:
+            data = data_of(entry.data_type, [left.pop(0)])
+            word |= (int.from_bytes(data, "little") & ((1 << _bits(entry)) - 1)) << at
+        at += _bits(entry)
+    return word.to_bytes((at + 7) // 8, "little")
+
+
+def _unpacked(pdo: SetPdo, data: bytes) -> list[str]:
+    """The values in a frame's *data*, those of gaps left out."""
+    word, values = int.from_bytes(data, "little"), []
+    for entry in pdo.entries:
+        bits = _bits(entry)
+        part = (word & ((1 << bits) - 1)).to_bytes((bits + 7) // 8, "little")
+        word >>= bits
+        if entry.index is not None:
+            values.append(value_text(entry.data_type, part))
+    return values
