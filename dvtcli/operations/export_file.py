@@ -14,13 +14,17 @@ if TYPE_CHECKING:
     from dvtcli.operations.session import Session
 
 
-def export_file(session: Session, file: str, node_id: int | None = None, *, twice: bool = False) -> Facts:
+def export_file(
+    session: Session, file: str, node_id: int | None = None, *, twice: bool = False, services: str | None = None
+) -> Facts:
     """Write the node with *node_id* (None: the selected one), as it is now, to *file*: a network file, a DCF or an XDC.
 
     A nodelist (.cpj) is of all nodes, each with its DCF beside it; a DBC file has the PDOs of all nodes. With *twice*
     each object of a DCF is read two times. Raises as `export_node` and `export_dcf`; UsageError for another file with
-    *twice*.
+    *twice*. *services*, with commas between them, are for a DBC file only.
     """
+    if services and not file.lower().endswith(DBC_SUFFIX):
+        raise UsageError("--with is for a DBC file", hint="export NAME.dbc --with emcy,heartbeat")
     if file.lower().endswith(NODELIST_SUFFIX):
         from dvtcli.operations.exchange.export_nodelist import export_nodelist
 
@@ -33,8 +37,9 @@ def export_file(session: Session, file: str, node_id: int | None = None, *, twic
         raise UsageError("--twice is for a DCF or XDC", hint="export NAME.dcf --twice")
     if file.lower().endswith(DBC_SUFFIX):
         from dvtcli.operations.exchange.export_dbc import export_dbc
+        from dvtcli.operations.exchange.service_messages import services_of
 
-        return export_dbc(session, file)
+        return export_dbc(session, file, services_of(services))
     from dvtcli.operations.export_network import export_node
 
     return export_node(session, file, node_id)

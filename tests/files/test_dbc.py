@@ -22,6 +22,7 @@ from dvtcli.domain.physical import Physical
 from dvtcli.domain.ports import Frame
 from dvtcli.files.dbc_text import LONGEST_NAME, DbcMessage, DbcSignal, Names, dbc_bytes, decimal
 from dvtcli.operations.exchange.network_messages import NetworkMessages, network_messages
+from dvtcli.operations.exchange.service_messages import SERVICES
 from dvtcli.watch.decoder import Decoder, pdo_layouts
 
 TPDO1, RPDO1 = Pdo.parse("tpdo1"), Pdo.parse("rpdo1")
@@ -159,3 +160,22 @@ def test_texts_of_a_device_stay_texts() -> None:
     (read,) = cantools.database.load_string(dbc_bytes({"n": ODD}, [message]).decode("cp1252"), "dbc").messages
     assert [one.name for one in read.signals] == ["s"]
     assert read.signals[0].comment == "Gr\u00f6\u00dfe '/' \u00b5; BO_ 1 x: 8 y" == read.signals[0].unit
+
+
+def test_other_services_have_the_ids_and_times_of_the_nodes() -> None:
+    numbers = {
+        (0x1014, 0): 0x91,
+        (0x1017, 0): 500,
+        (0x1005, 0): 0x4000_0081,
+        (0x1006, 0): 10_000,
+        (0x1016, 1): 0x2_0300,
+    }
+    state = NetworkState((NodeState(1, "a", {}, numbers), NodeState(2, "b", {TPDO1: config((), 0x701)}, {})))
+    found = network_messages(state, dict.fromkeys((1, 2), Meanings()), SERVICES)
+    read = cantools.database.load_string(bytes_of(found).decode("cp1252"), "dbc")
+    assert found.left_out == ["a_Heartbeat: a PDO has its CAN-ID 0x701"]
+    assert {one.frame_id for one in read.messages} == {0, 0x81, 0x91, 0x701, 0x702, 0x601, 0x602, 0x581, 0x582}
+    assert read.get_message_by_name("SYNC").cycle_time == 10
+    assert read.get_message_by_name("b_Heartbeat").signals[0].receivers == ["a"]
+    assert str(read.decode_message(0x702, b"\x05")["State"]) == "operational"
+    assert read.decode_message(0x91, bytes.fromhex("1032010203040506"))["Error_code"] == 0x3210

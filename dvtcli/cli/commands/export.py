@@ -8,7 +8,7 @@ import click
 
 from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.effect import Effect
-from dvtcli.cli.params import FILE
+from dvtcli.cli.params import FILE, TEXT
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import Facts
@@ -20,8 +20,9 @@ TASK = ("Scripts and files", 50)
 @click.command("export", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
 @click.argument("file", type=FILE)
 @click.option("--twice", is_flag=True, help="DCF, XDC: read each object twice, and leave out what changed meanwhile.")
+@click.option("--with", "services", type=TEXT, metavar="LIST", help="DBC: also nmt,sync,emcy,heartbeat,sdo.")
 @click.pass_obj
-def command(session: Session, /, file: str, twice: bool) -> Facts:
+def command(session: Session, /, file: str, twice: bool, services: str | None) -> Facts:
     """Write the selected node, as it is now, to FILE: its PDOs (.yaml), or all of its configuration (.dcf
     or .xdc).
 
@@ -40,7 +41,8 @@ def command(session: Session, /, file: str, twice: bool) -> Facts:
     export press.xdc
     export nodelist.cpj
     export press.dbc
+    export press.dbc --with emcy,heartbeat
     """
     from dvtcli.operations.export_file import export_file
 
-    return export_file(session, file, twice=twice)
+    return export_file(session, file, twice=twice, services=services)

@@ -14,15 +14,16 @@ from dvtcli.operations.results import Facts
 from dvtcli.operations.save_script import ask_before_overwriting, place_of, write_bytes
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Collection, Mapping
 
     from dvtcli.domain.meanings import Rules
     from dvtcli.operations.session import Session
 
 
-def export_dbc(session: Session, file: str) -> Facts:
+def export_dbc(session: Session, file: str, services: Collection[str] = ()) -> Facts:
     """Write the enabled PDOs of the nodes that answer (or of those of `-n`), as they are now, to the DBC *file*.
 
+    *services* (see `SERVICES`) adds the frames of those.
     Asks before it overwrites. NoAnswer where no node answers; UsageError where the file cannot be written.
     """
     from dvtcli.operations.find_nodes import find_nodes
@@ -33,7 +34,7 @@ def export_dbc(session: Session, file: str) -> Facts:
     if not ids:
         raise NoAnswer("no node answers", hint="look at bit rate and supply: `doctor`, `scan`")
     state = network_state([session.node(node_id) for node_id in ids])
-    return _write(session, file, None, state, {})
+    return _write(session, file, None, state, {}, services)
 
 
 def convert_to_dbc(session: Session, source: str, file: str, node: str | None = None) -> Facts:
@@ -52,8 +53,15 @@ def convert_to_dbc(session: Session, source: str, file: str, node: str | None = 
     return _write(session, file, source, described_network(source, session.tell), said)
 
 
-def _write(session: Session, file: str, source: str | None, state: NetworkState, said: Mapping[int, Rules]) -> Facts:
-    found = messages_of(state, said)
+def _write(
+    session: Session,
+    file: str,
+    source: str | None,
+    state: NetworkState,
+    said: Mapping[int, Rules],
+    services: Collection[str] = (),
+) -> Facts:
+    found = messages_of(state, said, services)
     path = place_of(file)
     ask_before_overwriting(session, path)
     write_bytes(path, dbc_bytes(found.nodes, found.messages))
@@ -68,9 +76,9 @@ def _write(session: Session, file: str, source: str | None, state: NetworkState,
     return Facts("dbc", rows, (f"{file}: {counts}", *(f"note: left out: {one}" for one in found.left_out)))
 
 
-def messages_of(state: NetworkState, said: Mapping[int, Rules]) -> NetworkMessages:
+def messages_of(state: NetworkState, said: Mapping[int, Rules], services: Collection[str]) -> NetworkMessages:
     """The messages of *state*; *said*, by node-ID, goes before what profiles and files say of values."""
     meanings = {
         one.node_id: meanings_of(one.profile, one.dictionary, [said.get(one.node_id, {})]) for one in state.nodes
     }
-    return network_messages(state, meanings)
+    return network_messages(state, meanings, services)

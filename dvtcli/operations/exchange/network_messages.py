@@ -10,9 +10,10 @@ from dvtcli.domain.frame import Field, byte_length, layout
 from dvtcli.domain.network.network_state import Identifier, NetworkState, NodeState, identifier_of
 from dvtcli.files.dbc_text import LONGEST_NAME, NOBODY, DbcMessage, DbcSignal, Names
 from dvtcli.operations.exchange.pdo_signals import pdo_signal
+from dvtcli.operations.exchange.service_messages import service_messages
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Collection, Mapping
 
     from dvtcli.domain.meanings import Meanings
     from dvtcli.domain.pdo import Pdo, PdoConfig
@@ -38,10 +39,13 @@ class NetworkMessages:
     left_out: list[str] = field(default_factory=list)
 
 
-def network_messages(state: NetworkState, meanings: Mapping[int, Meanings]) -> NetworkMessages:
+def network_messages(
+    state: NetworkState, meanings: Mapping[int, Meanings], services: Collection[str] = ()
+) -> NetworkMessages:
     """The enabled PDOs of *state*, one message a CAN-ID; *meanings*, by node-ID, says what their objects' values mean.
 
     A TPDO says what is in its message, and each RPDO with its CAN-ID makes its node a receiver of the signals it maps.
+    Of *services* (see `SERVICES`) there is a message where no PDO has its CAN-ID.
     """
     names = _node_names(state)
     nodes = {names[one.node_id]: f"node {one.node_id} {one.title or one.name}".rstrip() for one in state.nodes}
@@ -51,6 +55,13 @@ def network_messages(state: NetworkState, meanings: Mapping[int, Meanings]) -> N
         whole = [one for one in group if _fits(one, found)]
         if whole:
             found.messages.append(_message(identifier, whole, state, meanings, found))
+    taken = {one.number for one in found.messages}
+    for message in service_messages(state, names, services):
+        if message.number not in taken:
+            found.messages.append(message)
+        else:
+            found.left_out.append(f"{message.name}: a PDO has its CAN-ID 0x{message.can_id:03X}")
+    found.messages.sort(key=lambda one: one.number)
     _name_messages(found)
     return found
 
