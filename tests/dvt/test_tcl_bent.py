@@ -127,7 +127,7 @@ def test_every_command_that_works_on_nodes_is_there_but_what_needs_a_person() ->
         for name, command in commands.items()
         if isinstance(command, DvtCommand) and command.effect not in (Effect.READS, Effect.RUNS)
     }
-    assert working - set(ON_NODES) == {"apply", "download", "learn", "lss", "recover"}
+    assert working - set(ON_NODES) == {"apply", "clone", "download", "learn", "lss", "recover"}
 
 
 def test_no_other_command_of_a_script_takes_a_file() -> None:

@@ -16,8 +16,9 @@ def test_results_go_into_files(gen4: Terminal, tmp_path: Path) -> None:
     gen4.wait_prompt()
     gen4.run("read 606C >> out.txt")
     gen4.wait_prompt()
-    first, second = (tmp_path / "out.txt").read_text("utf-8").splitlines()
+    first, bits, second = (tmp_path / "out.txt").read_text("utf-8").splitlines()
     assert "Statusword" in first
+    assert bits.lstrip().startswith("ready to switch on,"), "the names of the bits that are set"
     assert "Velocity actual value" in second
     assert "0x6041:00" not in gen4.text
     gen4.run("read 6041 > no/such/folder")
@@ -99,7 +100,7 @@ def test_without_a_pager_that_works_all_is_shown(open_terminal: Open, pager: str
 
 def test_aliases_are_commands_of_ones_own(open_terminal: Open, tmp_path: Path) -> None:
     (tmp_path / "dvtcli.toml").write_text('[aliases]\nsw = "read 6041"\nm1 = "map tpdo1"\n')
-    terminal = open_terminal("--sim", "gen4")
+    terminal = open_terminal("--sim", "gen4", rows=40)  # all of `help` without a pager
     terminal.wait_prompt()
     terminal.type("s")
     terminal.wait("alias of: read 6041")
