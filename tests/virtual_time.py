@@ -125,6 +125,10 @@ class VirtualTimeBus(WatchedBus):
         """Call *callback*(frame, sent) for each frame received or sent here; returns what ends that."""
         return self._traffic.tap(callback)
 
+    def exchanged(self) -> list[tuple[Frame, bool]]:
+        """What was sent here, and the SDO answers, as on the product's own buses."""
+        return self._traffic.exchanged()
+
     def send(self, frame: Frame) -> None:
         """Send one frame; frames that answer it are kept for a `receive` within the next second."""
         self._traffic.keep_answers()
@@ -229,6 +233,8 @@ class VirtualTimeBus(WatchedBus):
 
     def _hear(self, frame: Frame) -> None:
         self._traffic.received(frame)
+        if frame.can_id & ~0x7F == ANSWER_ID:
+            self._traffic.answered(frame)
         function, node_id = frame.can_id & ~0x7F, frame.can_id & 0x7F
         if frame.remote or frame.extended:
             return

@@ -16,6 +16,7 @@ from dvtcli.bus.sdo.channel import SdoChannel
 from dvtcli.bus.sdo.channels import SdoChannels
 from dvtcli.bus.sdo.sdo_link import ANSWER_ID, DEFAULT_RETRIES, DEFAULT_TIMEOUT_S, REQUEST_ID, DroppedAnswers
 from dvtcli.bus.watched_bus import NMT_CAN_ID
+from dvtcli.domain.lss_services import ANSWER_ID as LSS_ANSWER_ID
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.ports import Frame
 
@@ -94,21 +95,30 @@ class FrameBus(ReadBus[M]):
         function, node_id = can_id & ~0x7F, can_id & 0x7F
         if function in _SDO_IDS:
             if function == ANSWER_ID:
+                self._traffic.answered(message)
                 self._answered(node_id)
             elif not extended:
                 self._watch.request_of_another(self._frame_of(message))
             self._channels.receive(node_id, can_id, bytes(data), extended=extended)
         elif can_id > EMERGENCY + 0x7F and function < ANSWER_ID:
             self._pdo_s = monotonic()
-        elif extended:
-            return
-        elif function == HEARTBEAT:
+        elif not extended:
+            self._told(message, can_id, data)
+
+    def _told(self, message: M, can_id: int, data: bytes | bytearray) -> None:
+        """Take what a node, or another master, says by itself."""
+        function = can_id & ~0x7F
+        if function == HEARTBEAT:
             self._heartbeat(self._frame_of(message))
             if data == b"\0":
-                self._channels.restarted(node_id)
+                self._traffic.answered(message)
+                self._channels.restarted(can_id & 0x7F)
         elif can_id == NMT_CAN_ID:
             self._heard_command(bytes(data))
+        elif can_id == LSS_ANSWER_ID:
+            self._traffic.answered(message)
         elif function == EMERGENCY:
+            self._traffic.answered(message)
             self._watch.emergency(self._frame_of(message))
 
     def _answered(self, node_id: int) -> None:

@@ -49,6 +49,10 @@ class ReadBus(WatchedBus, Generic[M]):
         """Call *callback*(frame, sent) for each frame received or sent here; returns what ends that. As `on_event`."""
         return self._traffic.tap(callback)
 
+    def exchanged(self) -> list[tuple[Frame, bool]]:
+        """The frames that were sent here last, and those that answered them; each with whether it is ours."""
+        return self._traffic.exchanged()
+
     def receive(self, duration_s: float) -> Iterator[Frame]:
         """Yield every frame that arrives within *duration_s* of this call, and those since the last `send`."""
         self._receiver.drain()

@@ -7,7 +7,9 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+from dataclasses import replace
 from queue import SimpleQueue
+from time import time
 from typing import Generic, TypeVar
 from weakref import ref
 
@@ -16,6 +18,8 @@ from dvtcli.domain.ports import Frame
 
 #: frames that arrive after one of ours was sent are kept for a `receive` that follows within this time (s)
 ANSWERS_KEPT_S = 1.0
+#: how many of our own frames, and of those that answer them, are remembered
+REMEMBERED = 256
 
 Tap = Callable[[Frame, bool], None]
 M = TypeVar("M")
@@ -31,6 +35,8 @@ class Traffic(Generic[M]):
         self._taps: list[Tap] = []
         self._answers: deque[M] = deque(maxlen=4096)
         self._kept_until_s: float | None = None
+        #: what was exchanged last: the message, whether it is ours, and when (s since 1970)
+        self._exchanged: deque[tuple[M, bool, float]] = deque(maxlen=REMEMBERED)
 
     def tap(self, callback: Tap) -> Callable[[], None]:
         """Call *callback*(frame, sent) for each frame; returns what ends that."""
@@ -66,8 +72,17 @@ class Traffic(Generic[M]):
 
     def sent(self, message: M) -> None:
         """Pass on a message of ours."""
+        self._exchanged.append((message, True, time()))
         if self._taps:
             self._tell_taps(self._frame_of(message), True)
+
+    def answered(self, message: M) -> None:
+        """Remember a message that belongs to an exchange of ours, or tells what came of it."""
+        self._exchanged.append((message, False, time()))
+
+    def exchanged(self) -> list[tuple[Frame, bool]]:
+        """What was exchanged last, oldest first: each frame, and whether it is ours."""
+        return [(replace(self._frame_of(one), timestamp_s=at_s), ours) for one, ours, at_s in tuple(self._exchanged)]
 
     def _tell_taps(self, frame: Frame, sent: bool) -> None:
         for tap in tuple(self._taps):

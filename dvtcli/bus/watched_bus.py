@@ -201,6 +201,10 @@ class WatchedBus(HeardNodes):
         """Whether `send` can send a remote frame."""
         return False
 
+    def exchanged(self) -> list[tuple[Frame, bool]]:
+        """The frames that were sent here last, and those that answered them; none unless a transport keeps them."""
+        return []
+
     @abstractmethod
     def tap(self, callback: Tap) -> Callable[[], None]:
         """Call *callback*(frame, sent) for each frame received or sent here; returns what ends that. As `on_event`."""

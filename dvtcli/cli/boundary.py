@@ -60,7 +60,7 @@ def _ended(session: Conversation, raised: BaseException) -> int:
         case OSError() if raised.errno in _NO_ROOM:
             return _lost(session, raised)
         case _:
-            return _shown(session, _bug(raised))
+            return _shown(session, _bug(session, raised))
 
 
 def _shown(session: Conversation, error: DvtcliError) -> int:
@@ -115,13 +115,23 @@ def _lost(session: Conversation, failed: OSError) -> int:
     return lost.exit_code
 
 
-def _bug(bug: BaseException) -> Bug:
-    """*bug* as an error of ours, with its traceback in a file, where there is room for one."""
+def _bug(session: Conversation, bug: BaseException) -> Bug:
+    """*bug* as an error of ours, with its traceback and the last exchange in a file, where there is room for one."""
     from dvtcli.cli.crash import keep
 
     text = f"a bug in dvtcli: {type(bug).__name__}: {bug}"
     try:
-        hint = f"please report it with {keep(bug)}"
+        hint = f"please report it with {keep(bug, _last_exchange(session))}"
     except OSError as failed:
         hint = f"please report it; its traceback cannot be kept: {failed.strerror}"
     return Bug(text, hint=hint, state="unknown")
+
+
+def _last_exchange(session: Conversation) -> list[str]:
+    """The frames exchanged last, as text; none where what has failed is in the way of them."""
+    from dvtcli.operations.frames.last_exchange import exchange_text
+
+    try:
+        return exchange_text(session)
+    except Exception as second:  # noqa: BLE001 - the bug itself is the news
+        return [f"not known: {type(second).__name__}: {second}"]

@@ -166,6 +166,13 @@ class CanopenBus(Protocol):
         """Call *callback*(frame, sent) for each frame received or sent here; returns what ends that. As `on_event`."""
         ...
 
+    def exchanged(self) -> list[tuple[Frame, bool]]:
+        """The frames that were sent here last, and those that answered them; each with whether it is ours.
+
+        Oldest first; times are seconds since 1970; how many are remembered is bounded.
+        """
+        ...
+
     def disturbances(self) -> list[str]:
         """What was noticed since the last call, in words: error frames, other SDO clients, a node-ID used twice."""
         ...

@@ -16,6 +16,7 @@ from dvtcli.watch.explain.frame_parts import Described, frame_parts
 if TYPE_CHECKING:
     from dvtcli.domain.ports import Frame
     from dvtcli.operations.session import Session
+    from dvtcli.watch.decoder import Decoder
 
 _NETWORK = (".yaml", ".yml")
 HOW = "write it as 185#1027, as candump does, or as 0x185 10 27"
@@ -38,10 +39,15 @@ def explain_frame(
     is no frame.
     """
     frame = parsed_frame(text)
-    decoder = decoder_for(session, nodes, file)
+    return explained(frame, decoder_for(session, nodes, file), described_nodes(session, file))
+
+
+def explained(frame: Frame, decoder: Decoder, described: Callable[[int], Described]) -> FrameExplained:
+    """*frame* with every bit named, by what *decoder* and *described*(node-ID) know."""
     service = decoder.layout(frame).service
-    parts = tuple(frame_parts(frame, decoder, described_nodes(session, file)))
-    return FrameExplained(frame, service.kind, service.label, service.node, parts)
+    return FrameExplained(
+        frame, service.kind, service.label, service.node, tuple(frame_parts(frame, decoder, described))
+    )
 
 
 def described_nodes(session: Session, file: str | None = None) -> Callable[[int], Described]:

@@ -7,6 +7,7 @@ from typing import ClassVar
 
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.typed_frame import frame_text
+from dvtcli.domain.wall_clock import utc
 from dvtcli.operations.results.documents import Answer, Document, hex_bytes
 from dvtcli.watch.explain.parts import FramePart
 
@@ -41,8 +42,11 @@ class FrameExplained(Answer):
 
     def document(self) -> Document:
         """`dvtcli.explain/1`."""
+        return {"schema": "dvtcli.explain/1", **self.content()}
+
+    def content(self) -> Document:
+        """The frame and its parts, without a schema."""
         return {
-            "schema": "dvtcli.explain/1",
             "frame": frame_text(self.frame),
             "cob_id": self.frame.can_id,
             "extended": self.frame.extended,
@@ -53,3 +57,32 @@ class FrameExplained(Answer):
             "node": self.node,
             "parts": [part_document(one) for one in self.parts],
         }
+
+
+@dataclass(frozen=True, slots=True)
+class TracedFrame:
+    """One frame of an exchange, explained; *sent* says that it is one of ours, *secret* that its value is not shown."""
+
+    frame: FrameExplained
+    sent: bool
+    secret: bool = False
+
+    def document(self) -> Document:
+        """One element of `frames` in `dvtcli.trace/1`."""
+        at = utc(self.frame.frame.timestamp_s)
+        return {"time": at, "sent": self.sent, "secret": self.secret, **self.frame.content()}
+
+
+@dataclass(frozen=True, slots=True)
+class Traced(Answer):
+    """The frames of the last exchange, oldest first."""
+
+    renderer: ClassVar = "explained_lines:trace_lines"
+    at_leisure: ClassVar = True
+
+    frames: tuple[TracedFrame, ...]
+    exit_code: int = 0
+
+    def document(self) -> Document:
+        """`dvtcli.trace/1`."""
+        return {"schema": "dvtcli.trace/1", "frames": [one.document() for one in self.frames]}

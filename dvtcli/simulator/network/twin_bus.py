@@ -172,6 +172,10 @@ class TwinBus:
         """How many error frames were received on the wrapped bus so far."""
         return self._wrapped.error_frame_count()
 
+    def exchanged(self) -> list[tuple[Frame, bool]]:
+        """None: a twin is asked without a wire."""
+        return []
+
     def lost_frame_count(self) -> int:
         """Of the wrapped bus: that is where frames can be lost."""
         return self._wrapped.lost_frame_count()

@@ -16,7 +16,7 @@ _REQUESTS = {
     5: "block upload", 6: "block download",
 }  # fmt: skip
 _ANSWERS = {
-    0: "upload segment", 1: "download segment taken", 2: "initiate upload", 3: "download done or begun",
+    0: "upload segment", 1: "download segment taken", 2: "initiate upload", 3: "download taken",
     4: "abort transfer", 5: "block download", 6: "block upload",
 }  # fmt: skip
 #: subcommands of the block transfers, by direction, command specifier and number

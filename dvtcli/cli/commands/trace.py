@@ -1,0 +1,36 @@
+"""Show the last exchange with the nodes, frame by frame."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.effect import Effect
+from dvtcli.cli.params import NumberType
+
+if TYPE_CHECKING:
+    from dvtcli.operations.results import Traced
+    from dvtcli.operations.session import Session
+
+TASK = ("Frames", 20)
+
+
+@click.command("trace", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
+@click.argument("which", type=click.Choice(["last"]), metavar="last")
+@click.option("--count", type=NumberType(1, 256, "a count"), default=32, metavar="N", help="How many frames [32].")
+@click.pass_obj
+def command(session: Session, /, which: str, count: int) -> Traced:  # noqa: ARG001 - there is one
+    """Show the frames that were sent from here last, and those that answered them: SDO, LSS, EMCY and boot-ups, too.
+
+    It sends nothing. At the prompt, and in a script behind the line it is about: a run of its own has no exchange
+    before it. A passcode is not shown.
+
+    \b
+    trace last
+    trace last --count 8
+    """
+    from dvtcli.operations.frames.last_exchange import trace_last
+
+    return trace_last(session, count)

@@ -1,0 +1,55 @@
+"""The last exchange as frames: those that were sent here, and those that answered them. Sends nothing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from dvtcli.errors import UsageError
+
+if TYPE_CHECKING:
+    from dvtcli.domain.ports import Frame
+    from dvtcli.operations.results.explained import Traced
+    from dvtcli.operations.session import Session
+
+
+def trace_last(session: Session, count: int) -> Traced:
+    """The last *count* frames of what was exchanged on the session's bus, each explained.
+
+    The value of a passcode is left out. UsageError where nothing was exchanged yet.
+    """
+    from dvtcli.operations.frames.explain_frame import described_nodes, explained
+    from dvtcli.operations.results.explained import Traced, TracedFrame
+    from dvtcli.watch.decoder import Decoder
+
+    found = _exchanged(session)[-count:]
+    if not found:
+        raise UsageError(
+            "nothing was exchanged yet: a run of its own has no exchange before it",
+            hint="at the prompt, or in a script, behind the line it is about; -vv shows the frames of one command",
+        )
+    decoder, described = Decoder(), described_nodes(session)
+    frames = (TracedFrame(explained(frame, decoder, described), sent, secret) for frame, sent, secret in found)
+    return Traced(tuple(frames))
+
+
+def exchange_text(session: Session) -> list[str]:
+    """The same as text for a file, a line a frame; empty where nothing was exchanged."""
+    from dvtcli.domain.typed_frame import frame_text
+    from dvtcli.domain.wall_clock import utc
+
+    return [
+        f"{utc(frame.timestamp_s)} {'->' if sent else '<-'} {frame_text(frame)}{' (value not kept)' if secret else ''}"
+        for frame, sent, secret in _exchanged(session)
+    ]
+
+
+def _exchanged(session: Session) -> list[tuple[Frame, bool, bool]]:
+    """Each frame without a passcode in it, whether it is ours, and whether something was left out."""
+    if not session.is_open:
+        return []
+    is_secret = session.secrets.in_frame
+    return [
+        (replace(frame, data=frame.data[:4] + bytes(4)), sent, True) if is_secret(frame) else (frame, sent, False)
+        for frame, sent in session.open_network().bus.exchanged()
+    ]

@@ -1,0 +1,74 @@
+"""`trace last`: the last exchange, frame by frame, and in the file of a bug."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from dvtcli.bus.traffic import REMEMBERED
+from dvtcli.cli.run_line import boundary
+from tests.commands.bench import Bench
+
+
+def test_a_write_is_shown_with_its_answers() -> None:
+    with Bench(in_real_time=True) as bench:
+        assert bench.run("write 1017 7").code == 0
+        found = bench.run("trace last --count 2 --json").document["frames"]
+        assert [(one["sent"], one["frame"]) for one in found] == [
+            (True, "601#4017100000000000"),
+            (False, "581#4B17100007000000"),
+        ]
+        text = bench.run("trace last").stdout
+        assert "-> 601#2B17100007000000" in text
+        assert "1017:00 Producer heartbeat time, 7 ms" in text
+
+
+def test_an_abort_is_in_words() -> None:
+    with Bench(in_real_time=True) as bench:
+        assert bench.run("read 2FFF --force").code != 0
+        assert "object does not exist in the object dictionary" in bench.run("trace last").stdout
+
+
+def test_it_sends_nothing_and_stays_bounded() -> None:
+    with Bench(in_real_time=True) as bench:
+        for _ in range(REMEMBERED):
+            bench.session.node().sdo.upload(0x1001, 0)
+        bus = bench.session.open_network().bus
+        before = bus.exchanged()
+        assert len(before) == REMEMBERED
+        assert bench.run("trace last --count 256").code == 0
+        assert bus.exchanged() == before
+
+
+def test_pdos_do_not_push_an_exchange_out() -> None:
+    with Bench(in_real_time=True) as bench:
+        bench.run("nmt start")
+        bench.run("read 1017")
+        bench.session.wire.sleep(0.05)
+        kinds = {one["kind"] for one in bench.run("trace last --json").document["frames"]}
+        assert kinds <= {"nmt", "sdo", "emcy", "heartbeat"}
+
+
+def test_a_passcode_is_not_shown() -> None:
+    with Bench(("gen4-locked",), in_real_time=True) as bench:
+        bench.session.node().sdo.download(0x5000, 2, b"\x44\x44")
+        ran = bench.run("trace last")
+        assert "4444" not in ran.stdout
+        assert "its value is not shown" in ran.stdout
+
+
+def test_without_an_exchange_it_says_where_it_works() -> None:
+    ran = Bench().run("trace last")
+    assert (ran.code, "-vv" in ran.stderr) == (2, True)
+
+
+def test_a_bugs_file_has_the_last_exchange() -> None:
+    with Bench(in_real_time=True) as bench:
+        bench.run("read 1017")
+
+        def fails() -> None:
+            raise ZeroDivisionError("a bug")
+
+        ran = bench._ran(lambda: boundary(bench.session, fails))
+        assert ran.code == 70
+        path = ran.stderr.partition("report it with ")[2].split()[0]
+        assert "-> 601#4017100000000000" in Path(path).read_text("utf-8")
