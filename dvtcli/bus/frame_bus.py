@@ -16,11 +16,12 @@ from dvtcli.bus.sdo.channel import SdoChannel
 from dvtcli.bus.sdo.channels import SdoChannels
 from dvtcli.bus.sdo.sdo_link import ANSWER_ID, DEFAULT_RETRIES, DEFAULT_TIMEOUT_S, REQUEST_ID, DroppedAnswers
 from dvtcli.bus.watched_bus import NMT_CAN_ID
-from dvtcli.domain.lss_services import ANSWER_ID as LSS_ANSWER_ID
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.ports import Frame
 
 _SDO_IDS = (ANSWER_ID, REQUEST_ID)
+#: LSS slaves' answers (CiA 305), here to spare every command the import of all of LSS
+_LSS_ANSWER_ID = 0x7E4
 
 #: how many nodes are asked at once where nothing runs: enough for the wire to be busy with servers that take 10 ms
 MOST_AT_ONCE = 64
@@ -115,7 +116,7 @@ class FrameBus(ReadBus[M]):
                 self._channels.restarted(can_id & 0x7F)
         elif can_id == NMT_CAN_ID:
             self._heard_command(bytes(data))
-        elif can_id == LSS_ANSWER_ID:
+        elif can_id == _LSS_ANSWER_ID:
             self._traffic.answered(message)
         elif function == EMERGENCY:
             self._traffic.answered(message)
