@@ -102,6 +102,13 @@ _NEAR = 0.7
 _SHORT = 3
 
 
+def with_a_swap(word: str) -> Iterator[str]:
+    """*word* with two neighbours swapped, one pair after the other: `mpa` may be `map`; nothing of a short one."""
+    if len(word) >= _SHORT:
+        for at in range(len(word) - 1):
+            yield word[:at] + word[at + 1] + word[at] + word[at + 2 :]
+
+
 def unknown_command(name: str, others: Sequence[str] = ()) -> str:
     """What to say of a word that is no command, nor one of *others*."""
     from difflib import get_close_matches

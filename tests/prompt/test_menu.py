@@ -76,6 +76,16 @@ def test_a_comment_and_an_unknown_command_offer_nothing(session: Conversation) -
     assert words(session, "mpa tp") == []
 
 
+@pytest.mark.parametrize(("wrong", "meant"), [("mpa", "map"), ("sotr", "store"), ("pod", "pdo")])
+def test_two_letters_that_were_swapped_offer_the_command_first(session: Conversation, wrong: str, meant: str) -> None:
+    assert words(session, wrong)[0] == meant
+
+
+def test_nothing_is_swapped_in_a_word_that_begins_a_command_or_is_short(session: Conversation) -> None:
+    assert words(session, "set")[0] == "set"
+    assert "map" not in words(session, "am")
+
+
 def test_a_key_never_uses_the_bus(session: Conversation) -> None:
     bus = session.wire
     assert bus is not None

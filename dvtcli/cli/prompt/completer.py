@@ -13,7 +13,7 @@ from click.shell_completion import CompletionItem, ShellComplete
 from prompt_toolkit.completion import CompleteEvent, Completer, Completion, PathCompleter
 from prompt_toolkit.document import Document
 
-from dvtcli.cli.catalogue import command_names, summary
+from dvtcli.cli.catalogue import command_names, summary, with_a_swap
 from dvtcli.cli.dvt.words import WORDS
 from dvtcli.cli.global_options import PREFIX, global_options
 from dvtcli.cli.prompt.line import cut
@@ -83,6 +83,9 @@ class LineCompleter(Completer):
         wanted = incomplete.lower()
         yield from ((name, text) for name, text in self._commands.items() if name.startswith(wanted))
         if wanted:  # the DVT's words, and parts of names, only for who begins to type one
+            if not any(name.startswith(wanted) for name in self._commands):
+                swapped = tuple(with_a_swap(wanted))
+                yield from ((name, text) for name, text in self._commands.items() if name.startswith(swapped))
             others = {name: text for name, text in self._words.items() if name not in self._commands}
             yield from ((name, text) for name, text in others.items() if name.startswith(wanted))
             for name, text in self._commands.items():
