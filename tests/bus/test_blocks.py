@@ -143,14 +143,16 @@ def right_or_error(line: Line, data: bytes) -> None:
     assert state in ("done", "unknown", "unchanged")
     assert line.node.value(TEXT) in possible
     held = line.node.value(TEXT)
+    abort = 0x0500_0000
     try:
         read = line.sdo(1).upload(TEXT, 0)
     except NoAnswer:
         pass
     except SdoAborted as refused:  # a doubled request has the toggle bit of the one before
-        assert refused.code >> 24 == 0x05, "it is about the transfer"
+        abort = refused.code
     else:
         assert read == held
+    assert abort >> 24 == 0x05, "it is about the transfer"
     line.faults = {}
     line.sleep(2)
     line.sdo(1).download(TEXT, 0, data[::-1])
