@@ -197,3 +197,10 @@ def test_a_frame_of_a_node_is_read_as_a_pdo() -> None:
         while said.startswith("ERROR:102"):  # until the first frame came
             said = client.ask("r p 1")
         assert said == f"1 pdo 1 {client.ask('4 r 0x6041 0 u16')}"
+
+
+def test_a_signal_ends_it_at_once_also_after_a_change() -> None:
+    with served("generic@4") as (session, running), Client(running) as client:
+        for words in ("4 w 0x1017 0 u16 9", "4 preop", "4 w 0x5FFF 0 u8 1"):
+            client.ask(words)
+            assert session.cancellation.asked(130, insists=True), words

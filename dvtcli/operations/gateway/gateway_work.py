@@ -96,6 +96,7 @@ class GatewayWork:
             raise
         finally:
             self._session.end_line(code)
+            self._session.cancellation.release()  # what was asked for has ended: Ctrl-C ends the gateway at once again
         return answer
 
     def _changed(self, node_id: int, command: Write | Nmt) -> Answer:

@@ -111,8 +111,10 @@ class Gateway:
         self.hub.wake()
 
     def run(self) -> None:
-        """Serve until `stop`; raises where the bus is gone."""
+        """Serve until `stop`; raises where the bus is gone, KeyboardInterrupt for a Ctrl-C that came during a write."""
         while not self._stopping:
+            if self._session.cancellation.requested:
+                raise KeyboardInterrupt
             waiting = any(client.lines for client in self._clients())
             self.hub.wait(0.0 if waiting else _TURN_S, _may_read)
             for client in self._clients():
