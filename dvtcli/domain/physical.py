@@ -13,8 +13,7 @@ from fractions import Fraction
 from math import lcm
 from typing import NamedTuple
 
-from dvtcli.domain.datatypes import CanopenTime, Value
-from dvtcli.domain.object_dictionary import normalised
+from dvtcli.domain.datatypes import CanopenTime, Value, parse_number
 from dvtcli.domain.unit import scale_text, spelled, times, with_prefixes
 
 #: the most digits behind the point
@@ -23,6 +22,10 @@ _QUANTITY = re.compile(
     r"(?P<number>[+-]?(?:\d{1,30}(?:\.\d{0,30})?|\.\d{1,30})(?:[eE][+-]?\d{1,2})?)\s*(?P<unit>[^\s\d(][^()]*?)?"
     r"(?:\s*\((?P<raw>-?(?:\d{1,40}|0[xX][0-9a-fA-F]{1,38}))\))?"
 )
+#: a word as `text` shows it, raw in parentheses
+_WITH_RAW = re.compile(r"(?P<word>.*?)\s*\((?P<raw>-?(?:\d{1,40}|0[xX][0-9a-fA-F]{1,38}))\)", re.DOTALL)
+#: blanks, marks of a sentence, brackets, and the hyphen within a word
+_LEFT_OUT = re.compile(r"(?:[\s_,;:'\"()\[\]]|(?<=[^\W\d_])-(?=[^\W\d_]))+")
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,11 +177,11 @@ class Physical:
 
         None where it is none of these, as a number alone is: that is raw. A number counts to its last digit: `23.4 V`
         is the nearest raw value that is 23.4 V when rounded so. Without *whole* it is a real number. ValueError for
-        another unit, for a number that no raw value comes near, and for another raw value in parentheses.
+        another unit, for a number that no raw value comes near, for another raw value in parentheses, and for a word
+        that several raw values have.
         """
-        word, _, tail = text.partition(" (")
-        found = self._by_word(word)
-        if found is not None and (not tail or _number(tail.rstrip(")")) == found):
+        found = None if _is_raw(text, whole=whole) else self._by_word(text.strip())
+        if found is not None:
             return found
         match = None if _number(text) is not None else _QUANTITY.fullmatch(text.strip())
         if match is None or not self.has_number or not (match["unit"] or match["raw"]):
@@ -187,9 +190,19 @@ class Physical:
         return self._whole(match, *number) if whole else float((number[0] - self.offset) / self.factor)
 
     def _by_word(self, text: str) -> int | None:
-        wanted = normalised(text)
-        known = {normalised(word): raw for raw, word in self.values.items()}
-        return known.get(wanted) if wanted else None
+        """The raw value whose word is *text*, to the letter or but for blanks and capitals."""
+        shown = _WITH_RAW.fullmatch(text)
+        told = None if shown is None else _number(shown["raw"])
+        if shown and told is not None and _spelling(self.values.get(told, "")) == _spelling(shown["word"]) != "":
+            return told
+        wanted = _spelling(text)
+        named = [raw for raw, word in self.values.items() if word == text and text] or [
+            raw for raw, word in self.values.items() if wanted and _spelling(word) == wanted
+        ]
+        if len(named) > 1:
+            may_be = " or ".join(f"{self.values[raw]!r} ({raw})" for raw in named)
+            raise ValueError(f"it may be {may_be}: type the number")
+        return named[0] if named else None
 
     def _in_own_unit(self, match: re.Match[str]) -> tuple[Fraction, Fraction]:
         """The number of *match* in the object's own unit, and what its last digit counts."""
@@ -215,6 +228,20 @@ class Physical:
         exact = (number - self.offset) / self.factor
         below = exact.numerator // exact.denominator
         return " and ".join(self.text(raw) or str(raw) for raw in (below, below + 1))
+
+
+def _spelling(word: str) -> str:
+    """*word* without what a person may leave out; a sign stays, as it tells `+10 V` from `-10 V`."""
+    return _LEFT_OUT.sub("_", word.lower()).strip("_")
+
+
+def _is_raw(text: str, *, whole: bool) -> bool:
+    """Whether *text* is a number alone, as a value of the object's own type is written."""
+    try:
+        parse_number(text) if whole else float(text)
+    except ValueError:
+        return False
+    return True
 
 
 def _number(text: str) -> int | None:

@@ -95,6 +95,47 @@ def test_what_a_person_types(meaning: Physical, text: str, raw: int | None) -> N
     assert meaning.to_raw(text) == raw
 
 
+SIGNS = Physical(values={500: "+10 V", 1000: "-10 V", 7: "500", 8: "0x1F4", 9: "0500", 3: "< 5", 4: "> 5"})
+
+
+@pytest.mark.parametrize(
+    ("text", "raw"),
+    [
+        ("+10 V", 500), ("-10 V", 1000), (" +10_v ", 500), ("-10 V (1000)", 1000), ("+10 V (1000)", None),
+        ("10 V", None), ("<5", None), ("< 5", 3), ("> 5", 4), ("500", None), ("0x1F4", None), ("0500", None),
+        ("500 (7)", 7),
+    ],
+)  # fmt: skip
+def test_a_word_keeps_its_sign_and_a_number_alone_is_raw(text: str, raw: int | None) -> None:
+    assert SIGNS.to_raw(text) == raw
+
+
+def test_the_sign_of_the_only_word_counts_too() -> None:
+    one = Physical("V", values={500: "+10 V"})
+    assert (one.to_raw("-10 V"), one.to_raw("+10 V")) == (-10, 500)
+    assert Physical(values={7: "1.5"}).to_raw("1.5", whole=False) is None
+
+
+def test_words_that_are_one_but_for_their_spelling_are_told_apart_by_it() -> None:
+    twins = Physical(values={1: "quick stop", 2: "Quick-Stop", 3: "off", 4: "off"})
+    assert (twins.to_raw("quick stop"), twins.to_raw("Quick-Stop"), twins.to_raw("QUICK STOP (2)")) == (1, 2, 2)
+    for text, says in (("QUICK STOP", "'quick stop' (1) or 'Quick-Stop' (2)"), ("off", "'off' (3) or 'off' (4)")):
+        with pytest.raises(ValueError, match=re.escape(says)):
+            twins.to_raw(text)
+
+
+@given(st.dictionaries(st.integers(0, 99), st.text("+-<>1 aA_.,", max_size=4), max_size=6), st.integers(0, 99))
+def test_a_word_never_writes_another_ones_value(values: dict[int, str], raw: int) -> None:
+    meaning = Physical(values=values)
+    word = values.get(raw, "+1")
+    with suppress(ValueError):
+        found = meaning.to_raw(word)
+        assert found is None or values[int(found)] == word
+    if raw in values:
+        with suppress(ValueError):
+            assert meaning.to_raw(meaning.text(raw)) in (raw, None)
+
+
 @pytest.mark.parametrize(
     ("text", "says"),
     [
