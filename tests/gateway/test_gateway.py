@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+from contextlib import suppress
 from pathlib import Path
 
 import canopen
@@ -35,6 +36,7 @@ def test_it_reads_writes_and_commands() -> None:
         assert client.ask("r 0x1017 0 hex") == "D2 04"
         assert client.ask("preop") == "OK"
         assert client.ask("set sdo_timeout 700") == "OK"
+        assert client.ask("set sdo_timeout 5001").startswith("ERROR:101 #")
         assert client.ask("w 0x1010 1 vs save") == "OK"
         assert client.ask("reset node") == "OK"
         assert "1 4 BOOT_UP" in [*client.events, client.line()]
@@ -87,6 +89,8 @@ def test_a_dry_run_changes_a_twin() -> None:
         with Client(running) as client:
             assert client.ask("4 w 0x1017 0 u16 9") == "OK"
             assert client.ask("4 r 0x1017 0 u16") == "9"
+            for line in ("lss_switch_sel 1 2 3 4", "lss_set_node 5", "lss_store"):
+                assert client.ask(line).startswith("ERROR:102 #dry run")
         assert session.wire.sdo(4).upload(0x1017, 0) == (500).to_bytes(2, "little")
 
 
@@ -123,6 +127,25 @@ def test_idle_hostile_and_leaving_clients_stop_nobody() -> None:
             assert half.line() == "[1] 500"
         assert client.ask("4 r 0x1017 0 u16") == "500"
     assert any("a line of more than" in one for one in heard.said)
+
+
+@pytest.mark.parametrize("method", ["POST", "GET", "OPTIONS"])
+def test_what_a_browser_posts_is_not_carried_out(method: str) -> None:
+    heard = Heard()
+    body = "[1] 4 w 0x1017 0 u16 777\n[2] 0 start\n"
+    head = f"{method} / HTTP/1.1\r\nHost: localhost:60000\r\nContent-Type: text/plain\r\n\r\n"
+    with served("generic@4", tell=heard) as (session, running), Client(running) as client:
+        with Client(running) as page, Client(running) as slow:
+            page.say((head + body).encode())
+            assert page.line() == ""
+            slow.say(head[:9].encode())
+            assert client.ask("4 r 0x1017 0 u16") == "500"
+            with suppress(ConnectionError):
+                slow.say((head[9:] + body).encode())
+            assert slow.line() == ""
+        assert client.ask("4 r 0x1017 0 u16") == "500"
+        assert not session.record.lines
+    assert sum("an HTTP request, as a web page sends it" in one for one in heard.said) == 2
 
 
 @given(st.lists(st.binary(max_size=40) | st.text('[]0194 "#rwxsetnodelpu', max_size=40).map(str.encode), max_size=20))

@@ -34,6 +34,11 @@ class LssLines:
         """What the order *name* is answered."""
         if name in _CHANGES and not self._allow_changes:
             return Failed(GatewayError.INTERNAL_STATE, "read-only: this gateway runs without --allow-changes")
+        if self._session.dry_run:
+            return Failed(GatewayError.INTERNAL_STATE, "dry run: no LSS is sent, so that nobody can answer")
+        return self._answered(name, numbers)
+
+    def _answered(self, name: str, numbers: tuple[int, ...]) -> Answer:
         match name, numbers:
             case "lss_switch_glob", (0,):
                 self._selected = self._node_id = None

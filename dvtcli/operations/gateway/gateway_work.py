@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
 #: the only net that there is
 NET = 1
+#: how long an SDO of a client may take, since all clients wait meanwhile (ms)
+_MOST_SDO_MS = 5000
 READ_ONLY = Failed(GatewayError.INTERNAL_STATE, "read-only: this gateway runs without --allow-changes")
 _HELP = "r w start stop preop reset set info lss_... (CiA 309-3)"
 
@@ -99,9 +101,6 @@ class GatewayWork:
             self._session.cancellation.release()  # what was asked for has ended: Ctrl-C ends the gateway at once again
         return answer
 
-    def _changed(self, node_id: int, command: Write | Nmt) -> Answer:
-        return self._nmt(node_id, command.command) if isinstance(command, Nmt) else self._write(node_id, command)
-
     def _read(self, node_id: int, command: Read) -> Answer:
         node = self._session.node(node_id)
         data = node.upload(command.index, command.sub_index)
@@ -161,7 +160,7 @@ def _ordered(client: LineClient, name: str, numbers: tuple[int, ...]) -> Answer:
                 return Failed(GatewayError.UNSUPPORTED_NODE)
             client.node = node_id
         case "set sdo_timeout", (milliseconds,):
-            client.timeout_s = milliseconds / 1000
+            return _set_sdo_time_out(client, milliseconds)
         case "set command_timeout", _:
             pass  # an answer always comes, within the time of its SDOs
         case "boot_up_indication enable" | "boot_up_indication disable", _:
@@ -172,6 +171,13 @@ def _ordered(client: LineClient, name: str, numbers: tuple[int, ...]) -> Answer:
             return Done(_HELP)
         case _:
             return Failed(GatewayError.NOT_SUPPORTED)
+    return Done()
+
+
+def _set_sdo_time_out(client: LineClient, milliseconds: int) -> Answer:
+    if milliseconds > _MOST_SDO_MS:
+        return Failed(GatewayError.SYNTAX, f"at most {_MOST_SDO_MS} ms: all clients wait meanwhile")
+    client.timeout_s = milliseconds / 1000
     return Done()
 
 

@@ -5,6 +5,7 @@ Does not know what lines mean.
 
 from __future__ import annotations
 
+import re
 from collections import deque
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
 
 #: lines that may wait for an answer before more is read
 MOST_LINES = 16
+#: what a browser says first; any web page can make it say so to this machine, with lines of the page's own behind
+_HTTP = re.compile(r"[A-Z]+ \S+ HTTP/\d")
 
 
 @dataclass(eq=False, slots=True)
@@ -36,9 +39,12 @@ class LineClient(Client):
         """A gateway says nothing first."""
 
     def take(self, data: bytes) -> list[Frame]:
-        """Keep the lines that *data* completes; who says a line without an end has to go."""
+        """Keep the lines that *data* completes; who says a line without an end, or speaks HTTP, has to go."""
         *lines, self.rest = (self.rest + data).split(b"\n")
         self.lines.extend(line.decode("latin-1").rstrip("\r") for line in lines)
+        if any(map(_HTTP.match, self.lines)):
+            self.lines.clear()
+            self.gone, self.why = True, "an HTTP request, as a web page sends it: nothing of it was done"
         if len(self.rest) > LONGEST_LINE:
             self.gone, self.why = True, f"a line of more than {LONGEST_LINE} characters"
         return []
