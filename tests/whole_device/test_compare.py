@@ -18,7 +18,7 @@ from dvtcli.files.whole_device_file import read_whole_device
 from dvtcli.operations.whole_device.backup_device import backup_device
 from tests.commands.bench import Bench
 from tests.real_files import real_files
-from tests.small_eds import U32, plain, var
+from tests.small_eds import U16, U32, plain, var
 from tests.whole_device.test_export_dcf import FAMILIES, odd
 
 FORMS = ["dcf", "jsonl", "xdc"]
@@ -131,6 +131,27 @@ def test_what_changes_by_itself_is_told_apart(tmp_path: Path) -> None:
         assert (document["equal"], [one["object"] for one in document["apart"]]) == (True, ["2010:00"])
         kept = bench.run(f"backup {tmp_path / 'b.dcf'} --twice --json").document
         assert {"object": "2010:00", "why": "it changes by itself"} in kept["left_out"]
+
+
+def test_a_setting_that_was_not_read_is_not_called_equal(tmp_path: Path) -> None:
+    eds = plain()
+    eds.variable(0x1017, var("Producer heartbeat time", U16, 500, ObjFlags=2))
+    flagged, said, same = tmp_path / "flagged.eds", tmp_path / "said.dcf", tmp_path / "same.jsonl"
+    flagged.write_text(eds.text(), "utf-8")
+    eds.variable(0x1017, var("Producer heartbeat time", U16, 500, ObjFlags=2, ParameterValue=2000))
+    said.write_text(eds.text(), "utf-8")
+    with Bench((f"{flagged}@5",)) as bench:
+        compared = bench.run(f"compare {said} --json")
+        assert (compared.code, compared.document["equal"]) == (3, False)
+        assert [(one["object"], one["after"], one["why"]) for one in compared.document["differences"]] == [
+            ("1017:00", None, "not to be read on a scan (ObjFlags, bit 1)")
+        ]
+        assert bench.run(f"compare {flagged}").code == 0  # a default alone says nothing of it
+        assert bench.run(f"backup {same}").code == 0
+        kept = bench.run(f"compare {same} --json").document
+        both = bench.run(f"compare {said} {same} --json").document
+    assert (kept["equal"], kept["unsaid"]) == (True, 1)
+    assert both["unsaid"] >= 1
 
 
 def test_a_device_without_an_eds_is_asked_for_each_index(tmp_path: Path) -> None:

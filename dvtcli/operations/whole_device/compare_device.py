@@ -83,7 +83,7 @@ def _live(session: Session, node: Node, first: HeldDevice) -> _Second:
     objects = {
         place: KeptObject(one.data, why_unread(one))
         for place, one in read.items()
-        if one.unread in (None, Unread.SILENT)
+        if one.unread in (None, Unread.SILENT) or kind_of(known, one.entry) is Kind.SETTING
     }
     changing = frozenset(place for place, one in read.items() if one.changes)
     return _Second(f"node {node.node_id}", node.node_id, objects, known, dictionary, node.identity(), changing)
@@ -165,7 +165,7 @@ def _name(place: ObjectAddress, *dictionaries: ObjectDictionary | None) -> str:
 
 def _unsaid(first: HeldDevice, second: _Second, node: int | None) -> int:
     """How many settings only one side says something of."""
-    said, known = set(first.objects), set(second.objects)
+    said, known = ({place for place, one in side.objects.items() if one.data is not None} for side in (first, second))
     if node is not None and second.dictionary is not None:
         known = {(entry.index, entry.sub_index) for entry in second.dictionary.entries() if entry.access.readable}
     one_sided = known - said if node is not None else known ^ said
