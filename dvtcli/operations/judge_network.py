@@ -14,7 +14,8 @@ from dvtcli.device.virtual_pdos import tie_findings
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.network.consumers import Id, Sent, left_findings, length_findings, moved_tpdos, sent_by_id
 from dvtcli.domain.network.network_plan import NodePlan
-from dvtcli.domain.plan import PdoChange
+from dvtcli.domain.network.network_state import CONCISE_DCF
+from dvtcli.domain.plan import PdoChange, ValueChange
 from dvtcli.domain.rules import check_pdo, errors_in
 from dvtcli.domain.several import several
 from dvtcli.errors import RuleError
@@ -26,8 +27,11 @@ if TYPE_CHECKING:
 
 
 def checked(nodes: Mapping[int, Node], planned: Iterable[NodePlan], *, force: bool) -> Iterator[NodePlan]:
-    """*planned* with what the rules say of it as a whole; RuleError with all errors of all nodes, unless forced."""
-    planned = list(planned)
+    """*planned* with what the rules say of it as a whole, and what is to be asked about it.
+
+    RuleError with all errors of all nodes, and InputFileError for a concise DCF (0x1F22) that is none, unless forced.
+    """
+    planned = [_doubted(nodes[one.node_id], one, force=force) for one in planned]
     after = {one.node_id: _cob_ids(one) for one in planned}
     senders = Senders(nodes, after)
     sent = sent_by_id(planned)
@@ -40,6 +44,18 @@ def checked(nodes: Mapping[int, Node], planned: Iterable[NodePlan], *, force: bo
     if refused and not force:
         raise together(refused)
     return iter(judged)
+
+
+def _doubted(node: Node, planned: NodePlan, *, force: bool) -> NodePlan:
+    """*planned* with the question about what its node, as a manager, is to download to others."""
+    steps = [change.step for change in planned.plan.changes if isinstance(change, ValueChange)]
+    concise = [step for step in steps if step.index == CONCISE_DCF and step.sub_index]
+    if not concise:
+        return planned
+    from dvtcli.operations.exchange.concise_consent import concise_doubt
+
+    doubts = (concise_doubt(node, step.sub_index, step.after, force=force) for step in concise)
+    return replace(planned, doubt="; ".join(filter(None, (planned.doubt, *doubts))))
 
 
 def _all_findings(

@@ -48,6 +48,14 @@ def test_nodes_without_an_eds_are_listed_without_a_dcf(tmp_path: Path) -> None:
     assert b"Node5Present=0x01\r\n" in Path("a.cpj").read_bytes()
 
 
+def test_a_name_that_no_file_can_have_is_one_that_is_not_there() -> None:
+    for dcf in ("1" * 300 + ".dcf", "1" * 300 + "/a.dcf"):
+        Path("long.cpj").write_text(f"[Topology]\nNodes=1\nNode1Present=1\nNode1DCFName={dcf}\n")
+        with Bench(()) as bench:
+            ran = bench.run("import out.yaml long.cpj")
+            assert (ran.code, "the DCF of node 1 is not there" in ran.stderr) == (4, True), ran
+
+
 OWN = """; a comment
 [TOPOLOGY]
 NetName=Hall

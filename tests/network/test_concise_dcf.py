@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
@@ -144,6 +145,32 @@ def test_a_manager_gets_it_with_consent_only(file: str) -> None:
         assert (cut.code, "ends in entry 25 of 25" in cut.stderr) == (4, True), cut
         assert bench.session.node().sdo.upload(0x1F22, 5) != data
         assert bench.run("write 1F22:5 @node5.cdcf").code == 0
+        assert bench.session.node().sdo.upload(0x1F22, 5) == data
+
+
+def test_it_is_asked_about_on_every_road(file: str) -> None:
+    data = concise_dcf(file).data
+    cut = bytes([2, 0, 0, 0, 1])
+    with Bench((manager(),)) as bench:
+        assert bench.run("backup m.jsonl").code == 0
+    kept = [json.loads(line) for line in Path("m.jsonl").read_text("utf-8").splitlines()]
+    for name, held in (("good", data), ("cut", cut)):
+        lines = [one | {"raw": held.hex()} if one.get("object") == "1F22:05" else one for one in kept]
+        Path(f"{name}.jsonl").write_text("".join(json.dumps(one) + "\n" for one in lines), "utf-8")
+    value = f"{{index: 0x1F22, sub_index: 5, value: 0x{cut.hex()}}}"
+    Path("cut.yaml").write_text(f"m:\n  node_id: 10\n  sdo:\n    - {value}\n", "utf-8")
+    for form in ("jsonl", "yaml"):
+        with Bench((manager(),), {"yes": True}) as bench:
+            refused = bench.run(f"apply cut.{form}")
+            assert (refused.code, "that is no concise DCF" in refused.stderr) == (4, True), refused
+            assert bench.session.node().sdo.upload(0x1F22, 5) != cut
+    asks = f"download {COUNT} values to node 5 whenever that boots"
+    with Bench((manager(),)) as bench:
+        asked = bench.run("apply good.jsonl")
+        assert (asked.code, asks in asked.stderr) == (6, True), asked
+        assert bench.run("plan good.jsonl -o plan.json").code == 0
+        assert asks in bench.run("apply plan.json").stderr
+        assert bench.run("apply good.jsonl --yes").code == 0
         assert bench.session.node().sdo.upload(0x1F22, 5) == data
 
 

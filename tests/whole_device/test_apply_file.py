@@ -72,6 +72,19 @@ def test_another_product_is_refused_and_another_revision_asked_about(tmp_path: P
         assert "does not say which product" in bench.run(f"apply {file}").stderr
 
 
+def test_a_file_without_a_value_says_nothing_of_a_device(tmp_path: Path) -> None:
+    file = made(tmp_path, "generic", "dcf", *CHANGES)
+    text = file.read_text("utf-8")
+    file.write_text(re.sub(r"(?m)^ParameterValue=.*\n", "", text), "utf-8")
+    with Bench(("generic@5",)) as bench:
+        for line in (f"diff {file}", f"plan {file}", f"apply {file} --yes", f"clone {file} --yes"):
+            ran = bench.run(line)
+            assert (ran.code, "does not say what a device is to hold" in ran.stderr) == (2, True), ran
+    (tmp_path / "node.jsonl").write_text(made(tmp_path, "generic", "jsonl").read_text("utf-8").splitlines()[0] + "\n")
+    with Bench(("generic@5",)) as bench:
+        assert bench.run(f"diff {tmp_path / 'node.jsonl'}").code in (2, 4)
+
+
 def test_a_drive_whose_power_stage_is_on_is_not_configured(tmp_path: Path) -> None:
     file = made(tmp_path, "generic", "dcf", *CHANGES)
     with Bench(("generic@5",)) as bench:

@@ -14,14 +14,23 @@ if TYPE_CHECKING:
 
 
 def consent_to_concise(session: Session, node: Node, sub_index: int, data: bytes) -> None:
-    """Ask before *data* becomes what *node*, a manager, downloads to the node with the node-ID *sub_index*.
+    """Ask before *data* becomes what *node* downloads to the node with the node-ID *sub_index*.
+
+    InputFileError as of `concise_doubt`.
+    """
+    doubt = concise_doubt(node, sub_index, data, force=session.options.force)
+    session.consent(f"{doubt}; write it?", node.node_id)
+
+
+def concise_doubt(node: Node, sub_index: int, data: bytes, *, force: bool) -> str:
+    """What is to be known before *data* becomes what *node*, a manager, downloads to the node *sub_index*.
 
     InputFileError where *data* is no concise DCF, unless that is forced: the node would come up with a part of it.
     """
     try:
         count = plural(len(concise_entries(data)), "value")
     except ValueError as wrong:
-        if not session.options.force:
+        if not force:
             place = f"1F22:{sub_index:02X}"
             raise InputFileError(
                 f"node {node.node_id} 0x{place}: that is no concise DCF",
@@ -29,7 +38,4 @@ def consent_to_concise(session: Session, node: Node, sub_index: int, data: bytes
                 hint="`eds convert net.yaml node5.cdcf` makes one; --force writes it anyway",
             ) from wrong  # fmt: skip
         count = f"{len(data)} bytes that are no concise DCF"
-    session.consent(
-        f"node {node.node_id} ({node.title}) is to download {count} to node {sub_index} whenever that boots; write it?",
-        node.node_id,
-    )
+    return f"node {node.node_id} ({node.title}) is to download {count} to node {sub_index} whenever that boots"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -60,9 +61,9 @@ def listed_files(nodelist: Path, notes: list[str]) -> list[ListedFile]:
 def _file(nodelist: Path, node: ListedNode) -> Path:
     """The DCF of *node*, beside the nodelist; such lists come from where case does not matter, and \\ parts folders."""
     path = nodelist.parent / node.dcf.replace("\\", "/")
-    if path.is_file():
+    if os.path.isfile(path):  # noqa: PTH113 - Path.is_file raises OSError for a name that is too long
         return path
-    near = path.parent.iterdir() if path.parent.is_dir() else ()
+    near = path.parent.iterdir() if os.path.isdir(path.parent) else ()  # noqa: PTH112
     same = [one for one in near if one.name.lower() == path.name.lower()]
     if len(same) != 1:
         raise InputFileError(

@@ -55,6 +55,7 @@ def plan_device(session: Session, file: str, options: DeviceOptions | None = Non
     options = options or DeviceOptions()
     refuse_kind(file)
     held = held_by(file)
+    _refuse_nothing(held)
     wish = NetworkWish(tuple(_wish(held, node_id) for node_id in _node_ids(session, held, options)))
     _refuse_nobody(held, options)
     with short_frames(session.bus) as frames:
@@ -89,6 +90,15 @@ def _node_ids(session: Session, held: HeldDevice, options: DeviceOptions) -> tup
 def _wish(held: HeldDevice, node_id: int) -> NodeWish:
     identity = WantedIdentity(held.identity["vendor"] or None, held.identity["product"] or None)
     return NodeWish(Path(held.name).name, node_id, identity)
+
+
+def _refuse_nothing(held: HeldDevice) -> None:
+    """UsageError where *held* says no value itself: that every device is as it says would be no answer."""
+    if not held.objects.keys() - held.assumed:
+        raise UsageError(
+            f"{held.name} does not say what a device is to hold: it has no value of any object", place=held.name,
+            hint="`compare` and `verify` take its defaults; `restore` brings a device's own; `export x.dcf` writes one",
+        )  # fmt: skip
 
 
 def _refuse_nobody(held: HeldDevice, options: DeviceOptions) -> None:
