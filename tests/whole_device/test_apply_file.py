@@ -119,6 +119,10 @@ def test_what_is_no_configuration_is_left_and_told(tmp_path: Path) -> None:
         assert "0x2000:00" in shown
         assert "0x2004:00" not in shown
         assert "not written: 2004:00 is the maker's own" in shown
+        for line, words in ((f"diff {file}", "No difference: every node"), (f"apply {file} --yes", "Every node")):
+            said = bench.run(line).stdout
+            assert f"{words} holds what is written of the file" in said
+            assert f"not written, and may differ: dvtcli compare {file}" in said
         cloned = bench.run(f"apply {file} --include 2000-2005 --yes --json").document
         assert [one["object"] for one in cloned["nodes"][0]["objects"]] == ["2000:00", "2004:00"]
         assert node.sdo.upload(0x2006, 0) == bytes(2), "a set point, which an RPDO can take"

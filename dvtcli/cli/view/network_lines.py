@@ -35,7 +35,8 @@ def planned_lines(result: NetworkPlanned, width: int) -> Iterator[Line]:
     if not result.plan.changed and result.plan.to_do:
         yield "Every node holds what the file says, and not all of it is stored."
     elif not result.plan.changed:
-        yield f"No difference: {_every(result.plan)} holds what the file says. Nothing was written."
+        yield f"No difference: {_every(result.plan)} holds {_what(result.plan)}. Nothing was written."
+        yield from _aside(result.plan)
     if result.need is not None:
         yield from _load(result.need)
     if not result.interrupted and not result.plan.to_do:
@@ -54,6 +55,23 @@ def _every(plan: NetworkPlan) -> str:
     if len(plan.unread) == len(plan.nodes):
         return f"every node, as its stamp (0x{STAMP:04X}) says,"
     return "every node that was read" if plan.unread else "every node"
+
+
+def _what(plan: NetworkPlan) -> str:
+    """What a node holds of which nothing differs."""
+    return "what is written of the file" if any(map(_not_written, plan.nodes)) else "what the file says"
+
+
+def _aside(plan: NetworkPlan) -> Iterator[Line]:
+    """That the file says more than what is written of it."""
+    if count := sum(len(_not_written(node)) for node in plan.nodes):
+        more = "1 more is" if count == 1 else f"{count} more are"
+        yield [Cell("  ! ", "yellow"), Cell(f"{more} not written, and may differ: dvtcli compare {plan.file}")]
+
+
+def _not_written(node: NodePlan) -> list[str]:
+    """What the file says that could be set and is left out."""
+    return [place for place, why in node.left_out if why != NotWritten.READ_ONLY]
 
 
 def _load(need: BusNeed) -> Iterator[Line]:
@@ -75,7 +93,8 @@ def applied_lines(result: NetworkApplied, _width: int) -> Iterator[Line]:
     """What was made of a plan that was shown before, and where that is kept."""
     plan = result.plan
     if not plan.changed and not result.stored:
-        yield f"{_every(plan).capitalize()} holds what the file says already; nothing was written."
+        yield f"{_every(plan).capitalize()} holds {_what(plan)} already; nothing was written."
+        yield from _aside(plan)
         return
     writes, nodes = plural(plan.writes, "write"), plural(sum(bool(len(one.plan)) for one in plan.nodes), "node")
     if result.dry_run:
