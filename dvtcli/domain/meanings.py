@@ -18,6 +18,8 @@ from dvtcli.domain.unit import parse_factor, parse_scale
 NOTHING = Physical()
 #: the device type, whose lower half is the number of a device profile (CiA 301, 7.5.2.1)
 _DEVICE_TYPE = 0x1000
+#: objects up to here have the types that CiA 301 gives them, whatever file there is
+_LAST_OF_CIA_301 = 0x1FFF
 #: the objects of a device's next axis or module are so much further (CiA 301, 7.4.1: logical devices)
 _LOGICAL_DEVICE, _FIRST_STANDARDISED, _LAST_STANDARDISED = 0x800, 0x6000, 0x9FFF
 
@@ -119,12 +121,19 @@ def best(rules: Rules, index: int, sub_index: int) -> Physical | None:
 class Meanings:
     """What the objects of one device mean: the first of *own* that says something, else its file and *standards*.
 
-    A unit in the file, which is about the very device, goes before a standard's.
+    With *only_described* an object that *dictionary* does not describe has words and bits, but no unit: whether it has
+    a sign is not known. A unit in the file, which is about the very device, goes before a standard's.
     """
 
     def __init__(
-        self, own: Sequence[Rules] = (), standards: Sequence[Standard] = (), dictionary: ObjectDictionary | None = None
+        self,
+        own: Sequence[Rules] = (),
+        standards: Sequence[Standard] = (),
+        dictionary: ObjectDictionary | None = None,
+        *,
+        only_described: bool = False,
     ) -> None:
+        self._only_described = only_described
         self._own = own
         self._standards = standards
         self._dictionary = dictionary
@@ -138,10 +147,17 @@ class Meanings:
         return self._found[place]
 
     def _look_up(self, index: int, sub_index: int) -> Physical:
+        entry = self._dictionary.entry(index, sub_index) if self._dictionary else None
+        found = self._said(index, sub_index, entry)
+        if self._only_described and entry is None and index > _LAST_OF_CIA_301 and found.has_number:
+            # nobody tells whether the object has a sign: -1500 rpm would be shown as 4294965796 rpm
+            return replace(found, unit="", factor=NOTHING.factor, offset=NOTHING.offset)
+        return found
+
+    def _said(self, index: int, sub_index: int, entry: OdEntry | None) -> Physical:
         for rules in self._own:
             if (found := best(rules, index, sub_index)) is not None:
                 return found
-        entry = self._dictionary.entry(index, sub_index) if self._dictionary else None
         told = NOTHING if entry is None else _of_file(entry)
         for standard in self._standards:
             if (found := standard.rule(index, sub_index, self._dictionary)) is not None:

@@ -28,7 +28,7 @@ def meanings_of(
     from dvtcli.files.profile.standards import standards
 
     family = () if profile is None else (profile.physical,)
-    return Meanings((*more, *family), standards(), dictionary)
+    return Meanings((*more, *family), standards(), dictionary, only_described=True)
 
 
 def meaning_of(node: Node, index: int, sub_index: int) -> Physical:

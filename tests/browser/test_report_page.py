@@ -69,6 +69,7 @@ def browser(tmp_path: Path) -> Iterator[Any]:
         driver.quit()
 
 
+@pytest.mark.drawn(0)  # a browser takes too long for each run
 def test_the_page_is_sound_on_every_screen(browser: Any, tmp_path: Path) -> None:
     network = tmp_path / "network.yaml"
     network.write_text(NETWORK, encoding="utf-8")
