@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import signal
 import threading
@@ -39,14 +40,21 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     return [ramp(folder / f"run.{suffix}") for suffix in ("log", "asc", "blf")]
 
 
+def dcf(eds: str) -> str:
+    """*eds* with the defaults of the heartbeat time and of TPDO1's transmission type as values."""
+    said, count = re.subn(r"(?ms)(^\[(?:1017|1800sub2)\].*?^)Default(Value=.*?\n)", r"\1Parameter\2Default\2", eds)
+    assert count == 2
+    return said
+
+
 @pytest.fixture
 def folder(recordings: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder with the files that examples name, and the home of whoever runs them."""
     for name in HOMES:
         monkeypatch.setenv(name, str(tmp_path / "home"))
     (tmp_path / "scripts").symlink_to(ROOT / "scripts")
-    for name in ("drive.eds", "press.dcf"):
-        shutil.copy(family_eds("gen4"), tmp_path / name)
+    shutil.copy(family_eds("gen4"), tmp_path / "drive.eds")
+    (tmp_path / "press.dcf").write_text(dcf(family_eds("gen4").read_text("utf-8")), "utf-8")
     (tmp_path / "eds-files").mkdir()
     shutil.copy(family_eds("gen4"), tmp_path / "eds-files")
     for name in ("press.yaml", "line.yaml", "bus.yml"):
