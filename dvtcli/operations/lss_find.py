@@ -61,9 +61,10 @@ def scanned(session: Session, master: LssMaster) -> list[LssNode]:
     return [LssNode(one, UNCONFIGURED, master.select(one) == 1, _family(one)) for one in found]
 
 
-def lss_select(session: Session, who: LssAddress | int) -> LssFound:
-    """Let the node with the address *who* be configured, alone, or that with this node-ID; it stays so for others.
+def lss_select(session: Session, who: LssAddress | int, *, keep: bool = True) -> LssFound:
+    """Let the node with the address *who* be configured, alone, or that with this node-ID.
 
+    It stays so for others, or waits again where it is not to *keep*.
     Of a node-ID the address is what its 0x1018 says by SDO. NoAnswer where nobody has it, DeviceRefused where several
     have, SafetyRefusal where it does not tell its whole address.
     """
@@ -74,7 +75,8 @@ def lss_select(session: Session, who: LssAddress | int) -> LssFound:
     address = address_of(bus, who) if isinstance(who, int) else who
     with LssMaster(bus) as master:
         node_id = selected(master, address)
-        master.keep_selected()
+        if keep:
+            master.keep_selected()
     node = LssNode(address, node_id, profile=_family(address))
     return LssFound("select", (node,), None, master.requests, bus.now_s() - began_s)
 

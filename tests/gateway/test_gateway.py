@@ -103,6 +103,17 @@ def test_lss() -> None:
         assert client.ask("lss_ident_nonconf").startswith("ERROR:103 #")
 
 
+def test_a_slave_that_was_selected_waits_again() -> None:
+    """A later order of another master, to whoever is being configured, must not reach it; each order selects it anew."""
+    with served("gen4@4") as (session, running), Client(running) as client:
+        assert client.ask("lss_switch_sel 0x1E 0x0705302D 0x00030000 0x00012345") == "OK"
+        sent = [frame for frame, ours in session.bus.exchanged() if ours and frame.can_id == 0x7E5]
+        assert sent[-1].data[:2] == bytes([0x04, 0]), "switch state global: waiting"
+        assert client.ask("lss_get_node") == "4"
+        assert client.ask("lss_switch_glob 0") == "OK"
+        assert client.ask("lss_get_node").startswith("ERROR:501 #")
+
+
 def test_what_comes_from_elsewhere_is_refused() -> None:
     with Session(Options(sim=("generic",))) as session:
         with pytest.raises(SafetyRefusal, match=r"192\.0\.2\.1 is no loopback"), gateway(session, ("192.0.2.1", 0)):
