@@ -104,7 +104,7 @@ def test_lss() -> None:
 
 
 def test_a_slave_that_was_selected_waits_again() -> None:
-    """A later order of another master, to whoever is being configured, must not reach it; each order selects it anew."""
+    """An order of another master, to whoever is being configured, does not reach it; each order selects it anew."""
     with served("gen4@4") as (session, running), Client(running) as client:
         assert client.ask("lss_switch_sel 0x1E 0x0705302D 0x00030000 0x00012345") == "OK"
         sent = [frame for frame, ours in session.bus.exchanged() if ours and frame.can_id == 0x7E5]

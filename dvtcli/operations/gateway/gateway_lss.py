@@ -59,7 +59,7 @@ class LssLines:
         from dvtcli.operations.lss_find import lss_select
 
         self._selected = self._node_id = None
-        # It waits again at once, and each order selects it anew: whoever comes or goes, nobody is left to be configured.
+        # It waits again at once, and each order selects it anew: whoever goes, none is left to be configured.
         found = lss_select(self._session, address, keep=False)
         self._selected = address
         self._node_id = found.nodes[0].node_id if found.nodes else None
