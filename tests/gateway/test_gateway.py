@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import socket
 from contextlib import suppress
 from pathlib import Path
@@ -63,6 +64,17 @@ def test_errors_have_the_standards_numbers() -> None:
         assert (client.line(), client.line()) == ("500", "500")
 
 
+def test_who_is_not_there_is_not_told_and_not_ok() -> None:
+    with served("generic@4") as (_, running), Client(running) as client:
+        assert client.ask("77 r 0x1017 0 u16").startswith("ERROR:103 #node 77 did not answer for 0x1017:00")
+        assert client.ask("77 w 0x1017 0 u16 5").startswith("ERROR:103 #node 77 did not answer for 0x1017:00")
+        for command in ("start", "stop", "preop", "reset comm"):
+            assert client.ask(f"7 {command}").startswith("ERROR:103 #"), command
+        assert client.ask("4 stop") == "OK"
+        assert client.ask("4 stop") == "OK"
+        assert client.ask("0 preop") == "OK"
+
+
 def test_the_other_dialect() -> None:
     with served("generic@4", dialect=Dialect.PAREN) as (_, running), Client(running) as client:
         assert client.ask("4 r 0x5FFF 0 u8").startswith("ERROR: 06020000 (")
@@ -112,6 +124,17 @@ def test_a_slave_that_was_selected_waits_again() -> None:
         assert client.ask("lss_get_node") == "4"
         assert client.ask("lss_switch_glob 0") == "OK"
         assert client.ask("lss_get_node").startswith("ERROR:501 #")
+
+
+def test_who_one_client_selected_is_not_what_another_configures() -> None:
+    with served("gen4@4") as (_, running), Client(running) as first, Client(running) as second:
+        assert first.ask("lss_switch_sel 0x1E 0x0705302D 0x00030000 0x00012345") == "OK"
+        assert second.ask("lss_set_node 9").startswith("ERROR:501 #")
+        assert second.ask("lss_switch_sel 0x1E 0x0705302D 0x00030000 0x00012345") == "OK"
+        assert second.ask("lss_set_node 9") == "OK"
+        assert second.ask("lss_switch_glob 0") == "OK"
+        assert first.ask("lss_get_node") == "9"
+        assert first.ask("lss_store") == "OK"
 
 
 def test_what_comes_from_elsewhere_is_refused() -> None:
@@ -233,8 +256,52 @@ def test_a_frame_of_a_node_is_read_as_a_pdo() -> None:
         assert said == f"1 pdo 1 {client.ask('4 r 0x6041 0 u16')}"
 
 
+def test_a_pdo_that_is_set_up_again_has_heard_nothing() -> None:
+    with served("generic@4", "generic@5") as (_, running), Client(running) as client:
+        for line in ("set rpdo 1 0x585 event 0", "set rpdo 1 0x705 event 1 0 0 u8"):
+            assert client.ask(line).startswith("ERROR:0x06090030 #"), "no PDO's CAN-ID"
+        assert client.ask("set rpdo 1 0x301 event 1 0 0 u8") == "OK"
+        assert client.ask("set rpdo 2 0x40000301 event 0").startswith("ERROR:400 #"), "the same frame without RTR"
+        assert client.ask("set rpdo 1 0x185 event 1 0x6041 0 u16") == "OK"
+        mapped = ("w 0x1800 1 u32 0x80000185", "w 0x1A00 0 u8 0", "w 0x1A00 1 u32 0x60410010", "w 0x1A00 0 u8 1")
+        for line in ("preop", *mapped, "w 0x1800 2 u8 255", "w 0x1800 1 u32 0x185", "start"):
+            assert client.ask(f"5 {line}") == "OK", line
+        while client.ask("r p 1").startswith("ERROR:102"):
+            pass
+        assert client.ask("5 stop") == "OK"
+        for line in ("set rpdo 1 0x80000185 event 0", "set rpdo 1 0x185 event 1 0x6041 0 u16"):
+            assert client.ask(line) == "OK"
+        assert client.ask("r p 1").startswith("ERROR:102 #no frame")
+
+
+_WORDS = (
+    "r", "w", "p", "pdo", "set", "rpdo", "tpdo", "node", "network", "sdo_timeout", "start", "stop", "reset", "comm",
+    "lss_switch_sel", "lss_identity", "lss_inquire_addr", "lss_set_node", "lss_store", "_lss_fastscan", "init", "help",
+    "event", "sync1", "u8", "u64", "vs", "hex", "d", "td", '"', '""', "0", "1", "4", "-1", "0x1017", "0x1A00", "0x301",
+    "255", "4294967295", "99999999999", "1e9", "[3]",
+)  # fmt: skip
+
+
+@given(st.lists(st.lists(st.sampled_from(_WORDS), min_size=1, max_size=7).map(" ".join), max_size=12))
+def test_right_words_in_any_order_are_answered_once_each(lines: list[str]) -> None:
+    with served("generic@4", allow_changes=False) as (_, running), Client(running) as client:
+        client.say(
+            "".join(f"[{number}] set sdo_timeout 1\n[{number}] {line}\n" for number, line in enumerate(lines)).encode()
+        )
+        last = client.answer("[4294967295] set network 1")
+        assert last == "OK"
+        assert len([one for one in client.events if re.match(r"\[\d+\] ", one)]) == 2 * len(lines)
+
+
 def test_a_signal_ends_it_at_once_also_after_a_change() -> None:
-    with served("generic@4") as (session, running), Client(running) as client:
-        for words in ("4 w 0x1017 0 u16 9", "4 preop", "4 w 0x5FFF 0 u8 1"):
+    with served("gen4@4") as (session, running), Client(running) as client:
+        for words in (
+            "4 w 0x1017 0 u16 9",
+            "4 preop",
+            "4 w 0x5FFF 0 u8 1",
+            "lss_switch_sel 0x1E 0x0705302D 0x00030000 0x00012345",
+            "lss_set_node 5",
+            "lss_store",
+        ):
             client.ask(words)
             assert session.cancellation.asked(130, insists=True), words

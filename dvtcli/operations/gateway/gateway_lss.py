@@ -1,4 +1,7 @@
-"""LSS as a gateway's client asks for it: one slave is selected by its address, and asked or configured then."""
+"""LSS as a gateway's client asks for it: one slave is selected by its address, and asked or configured then.
+
+Whom a client selected is that client's own. Does not know lines.
+"""
 
 from __future__ import annotations
 
@@ -7,8 +10,10 @@ from typing import TYPE_CHECKING
 from dvtcli.domain.gateway.error_numbers import GatewayError
 from dvtcli.domain.gateway.gateway_answers import Answer, Done, Failed
 from dvtcli.domain.lss_services import LssAddress, LssRanges
+from dvtcli.domain.nmt import UNCONFIGURED
 
 if TYPE_CHECKING:
+    from dvtcli.operations.gateway.line_client import LineClient
     from dvtcli.operations.session import Session
 
 #: the orders that are answered here
@@ -22,48 +27,51 @@ _CHANGES = ("lss_set_node", "lss_store")
 
 
 class LssLines:
-    """LSS orders of all clients: a bus has one LSS master."""
+    """LSS orders of all clients: a bus has one LSS master, and each order selects its client's slave anew."""
 
     def __init__(self, session: Session, *, allow_changes: bool) -> None:
         self._session = session
         self._allow_changes = allow_changes
-        self._selected: LssAddress | None = None
-        self._node_id: int | None = None
 
-    def answer(self, name: str, numbers: tuple[int, ...]) -> Answer:
-        """What the order *name* is answered."""
+    def answer(self, client: LineClient, name: str, numbers: tuple[int, ...]) -> Answer:
+        """What *client* is answered to the order *name*."""
         if name in _CHANGES and not self._allow_changes:
             return Failed(GatewayError.INTERNAL_STATE, "read-only: this gateway runs without --allow-changes")
         if self._session.dry_run:
             return Failed(GatewayError.INTERNAL_STATE, "dry run: no LSS is sent, so that nobody can answer")
-        return self._answered(name, numbers)
+        return self._answered(client, name, numbers)
 
-    def _answered(self, name: str, numbers: tuple[int, ...]) -> Answer:
+    def _answered(self, client: LineClient, name: str, numbers: tuple[int, ...]) -> Answer:
         match name, numbers:
             case "lss_switch_glob", (0,):
-                self._selected = self._node_id = None
+                client.selected = None
                 return Done()
             case "lss_switch_sel", (vendor, product, revision, serial):
-                return self._select(LssAddress(vendor, product, revision, serial))
+                return self._select(client, LssAddress(vendor, product, revision, serial))
             case "lss_identity" | "lss_ident_nonconf", _:
                 return self._identify(numbers)
             case "_lss_fastscan", _:
                 return self._scan()
             case "lss_conf_bitrate" | "lss_activate_bitrate" | "lss_switch_glob", _:
                 return Failed(GatewayError.NOT_SUPPORTED, "all nodes at once are configured by `dvtcli lss`")
-        if self._selected is None:
+        if client.selected is None:
             return Failed(GatewayError.LSS, "no slave is selected: lss_switch_sel comes first")
-        return self._of_selected(self._selected, name, numbers)
+        return self._of_selected(client.selected, name, numbers)
 
-    def _select(self, address: LssAddress) -> Answer:
+    def _select(self, client: LineClient, address: LssAddress) -> Answer:
+        client.selected = None
+        self._node_id(address)
+        client.selected = address
+        return Done()
+
+    def _node_id(self, address: LssAddress) -> int:
+        """The node-ID that the slave with *address* has now, 255 for none: another client may have given it one."""
         from dvtcli.operations.lss_find import lss_select
 
-        self._selected = self._node_id = None
         # It waits again at once, and each order selects it anew: whoever goes, none is left to be configured.
         found = lss_select(self._session, address, keep=False)
-        self._selected = address
-        self._node_id = found.nodes[0].node_id if found.nodes else None
-        return Done()
+        node_id = found.nodes[0].node_id if found.nodes else None
+        return UNCONFIGURED if node_id is None else node_id
 
     def _identify(self, numbers: tuple[int, ...]) -> Answer:
         """Whether somebody is within the ranges, or has no node-ID where none are given."""
@@ -94,14 +102,16 @@ class LssLines:
                 return Failed(GatewayError.SYNTAX, "an address has the parts 0 to 3, or 0x5A to 0x5D")
             return Done(f"0x{address.parts[part]:08X}")
         if name == "lss_get_node":
-            return Done(str(255 if self._node_id is None else self._node_id))
-        if name == "lss_set_node":
-            return self._set_node(address, numbers[0])
+            return Done(str(self._node_id(address)))
+        return self._set_node(address, numbers[0]) if name == "lss_set_node" else self._store(address)
+
+    def _store(self, address: LssAddress) -> Answer:
         from dvtcli.operations.lss_store import lss_store
 
-        if self._node_id is None:
+        node_id = self._node_id(address)
+        if node_id == UNCONFIGURED:
             return Failed(GatewayError.LSS_STORE, "the slave has no node-ID to store")
-        done = lss_store(self._session, self._node_id)
+        done = lss_store(self._session, node_id)
         return Failed(GatewayError.LSS_STORE) if done.exit_code else Done()
 
     def _set_node(self, address: LssAddress, node_id: int) -> Answer:
@@ -112,6 +122,5 @@ class LssLines:
         done = lss_node_id(self._session, node_id, address)
         if done.exit_code:
             return Failed(GatewayError.LSS_NODE_ID)
-        self._node_id = node_id
         self._session.tell.note(f"node-ID {node_id} <- {address}")
         return Done()

@@ -32,8 +32,8 @@ class GatewayPdos:
         self._allow_changes = allow_changes
         self._rpdos: dict[int, SetPdo] = {}
         self._tpdos: dict[int, SetPdo] = {}
-        #: the last frame of each CAN-ID that an RPDO waits for
-        self._heard: dict[tuple[int, bool], bytes] = {}
+        #: what each RPDO heard last, since it was set up
+        self._heard: dict[int, bytes] = {}
         self._stop: Callable[[], None] | None = None
 
     def close(self) -> None:
@@ -59,14 +59,17 @@ class GatewayPdos:
             return Failed(GatewayError.INTERNAL_STATE, "read-only: this gateway runs without --allow-changes")
         if not cob_id.valid:
             own.pop(pdo.number, None)
+            if not pdo.is_tpdo:
+                self._heard.pop(pdo.number, None)
             return Done()
         refused = self._refusal(pdo, cob_id, own)
         if refused is not None:
             return refused
         if pdo.is_tpdo:
             self._session.consent(f"send frames with CAN-ID {cob_id}, which nodes may act on?")
-        elif self._stop is None:
-            self._stop = self._session.open_network().bus.tap(self._note)
+        else:
+            self._heard.pop(pdo.number, None)
+            self._stop = self._stop or self._session.open_network().bus.tap(self._note)
         own[pdo.number] = pdo
         return Done()
 
@@ -76,7 +79,7 @@ class GatewayPdos:
         use = None if cob_id.extended else restricted_use(cob_id.can_id)
         if use is not None or not cob_id.fits_frame:
             return Failed(Abort.VALUE_RANGE, f"CAN-ID {cob_id} is no PDO's{f': {use}' if use else ''}")
-        if any(number != pdo.number and one.cob_id == pdo.cob_id for number, one in own.items()):
+        if any(number != pdo.number and _frame_of(one) == _frame_of(pdo) for number, one in own.items()):
             return Failed(GatewayError.PDO_USED)
         lengths = [TYPES[entry.data_type].bits for entry in pdo.entries]
         if None in lengths or sum(one or 0 for one in lengths) > 8 * _LONGEST:
@@ -87,15 +90,15 @@ class GatewayPdos:
         """Keep what an RPDO waits for; called by whoever reads the bus."""
         if sent or frame.remote:
             return
-        for pdo in tuple(self._rpdos.values()):
+        for number, pdo in tuple(self._rpdos.items()):
             if _frame_of(pdo) == (frame.can_id, frame.extended):
-                self._heard[frame.can_id, frame.extended] = frame.data
+                self._heard[number] = frame.data
 
     def _read(self, number: int) -> Answer:
         pdo = self._rpdos.get(number)
         if pdo is None:
             return Failed(GatewayError.INTERNAL_STATE, f"RPDO {number} of the gateway is not set up")
-        data = self._heard.get(_frame_of(pdo))
+        data = self._heard.get(number)
         if data is None:
             return Failed(GatewayError.INTERNAL_STATE, "no frame of it was heard yet")
         if 8 * len(data) < sum(map(_bits, pdo.entries)):

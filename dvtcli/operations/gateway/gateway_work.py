@@ -70,7 +70,7 @@ class GatewayWork:
     def _done(self, client: LineClient, request: Request) -> Answer:
         match request.command:
             case Order(name, numbers) if name in LSS:
-                return self._lss.answer(name, numbers)
+                return self._lss.answer(client, name, numbers)
             case Order(name, numbers):
                 return _ordered(client, name, numbers)
             case Read() | Write() | Nmt() as command:
@@ -83,10 +83,15 @@ class GatewayWork:
             return Failed(GatewayError.NO_DEFAULT_NODE)
         if not (0 if isinstance(command, Nmt) else 1) <= node_id <= 127:
             return Failed(GatewayError.UNSUPPORTED_NODE)
+        if not self._allow_changes and not isinstance(command, Read):
+            return READ_ONLY
+        if not isinstance(command, Nmt):
+            try:
+                self._session.node(node_id)
+            except NoAnswer as silent:
+                return Failed(GatewayError.TIME_OUT, _silent(node_id, command, silent))
         if isinstance(command, Read):
             return self._read(node_id, command)
-        if not self._allow_changes:
-            return READ_ONLY
         code = 1
         try:
             answer = (
@@ -129,12 +134,26 @@ class GatewayWork:
         return Done()
 
     def _nmt(self, node_id: int, command: NmtCommand) -> Answer:
+        network = self._session.open_network()
+        there = {*self._session.network.nodes, *network.simulated_ids, *network.bus.heard_nodes()}
         done = command_nmt(self._session, command, node_id)
         self._session.tell.note(f"node {node_id or 'all'}: nmt {command.word}")
-        return Failed(GatewayError.WRONG_NMT_STATE) if done.exit_code else Done()
+        if done.exit_code:
+            return Failed(GatewayError.WRONG_NMT_STATE)
+        seen = {one for one, state in done.states if state is not None}
+        if there | seen if not node_id else node_id in there | seen:
+            return Done()
+        nobody = f"node {node_id} was" if node_id else "a node was"
+        return Failed(GatewayError.TIME_OUT, f"sent, and not seen to be obeyed: nothing of {nobody} ever heard")
 
 
 _LENGTH = 0x0607_0010
+
+
+def _silent(node_id: int, command: Read | Write, silent: NoAnswer) -> str:
+    """What is to be said where a node did not even say who it is, which is asked before anything else."""
+    place = f"0x{command.index:04X}:{command.sub_index:02X}"
+    return f"node {node_id} did not answer for {place}, nor before that for who it is: {silent.text}"
 
 
 def failure(failed: DvtcliError) -> Failed:

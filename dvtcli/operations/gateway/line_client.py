@@ -14,6 +14,7 @@ from dvtcli.domain.gateway.line_words import LONGEST_LINE
 from dvtcli.simulator.network.hub_client import Client
 
 if TYPE_CHECKING:
+    from dvtcli.domain.lss_services import LssAddress
     from dvtcli.domain.ports import Frame
 
 #: lines that may wait for an answer before more is read
@@ -34,6 +35,8 @@ class LineClient(Client):
     timeout_s: float | None = None
     #: whether it is told of boot-ups
     told_boot_ups: bool = True
+    #: the slave that it selected by LSS
+    selected: LssAddress | None = None
 
     def greet(self) -> None:
         """A gateway says nothing first."""
