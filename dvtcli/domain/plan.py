@@ -41,6 +41,8 @@ class Step:
         """*data* of the object as the field writes it: words and indices in hex, counts and times decimal."""
         if data is None:
             return "-"
+        if not data:
+            return "empty"
         value = int.from_bytes(data, "little")
         if self.names_object:
             return f"0x{value:04X}"

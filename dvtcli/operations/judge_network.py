@@ -49,13 +49,13 @@ def checked(nodes: Mapping[int, Node], planned: Iterable[NodePlan], *, force: bo
 def _doubted(node: Node, planned: NodePlan, *, force: bool) -> NodePlan:
     """*planned* with the question about what its node, as a manager, is to download to others."""
     steps = [change.step for change in planned.plan.changes if isinstance(change, ValueChange)]
-    concise = [step for step in steps if step.index == CONCISE_DCF and step.sub_index]
+    concise = {step.sub_index: step.after for step in steps if step.index == CONCISE_DCF and step.sub_index}
     if not concise:
         return planned
-    from dvtcli.operations.exchange.concise_consent import concise_doubt
+    from dvtcli.operations.exchange.concise_consent import concise_doubts
 
-    doubts = (concise_doubt(node, step.sub_index, step.after, force=force) for step in concise)
-    return replace(planned, doubt="; ".join(filter(None, (planned.doubt, *doubts))))
+    doubt = concise_doubts(node, concise, force=force)
+    return replace(planned, doubt="; ".join(filter(None, (planned.doubt, doubt))))
 
 
 def _all_findings(

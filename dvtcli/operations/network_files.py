@@ -38,16 +38,19 @@ def planned(
     tells: bool = False,
     trust_stamp: bool = False,
     include: tuple[str, ...] = (),
+    manager: int | None = None,
 ) -> NetworkPlanned:
     """What has to be written for *file*, a network file or one about a device, to be so; *saved* where that is named.
 
     With *tells* its exit code is 3 where something differs; with *trust_stamp* nodes are not read whose stamp (0x1020)
-    says that they are so; *include* as of `DeviceOptions`. Raises as `plan_network` and `plan_device`.
+    says that they are so; *include* as of `DeviceOptions`; with *manager* as of `plan_manager`. Raises as these and
+    `plan_network`.
     """
-    plan = _new_plan(session, file, trust_stamp=trust_stamp, include=include)
+    plan = _new_plan(session, file, trust_stamp=trust_stamp, include=include, manager=manager)
     keepers = {one.node_id: session.node(one.node_id).keeper for one in plan.nodes}
     interrupted = (node_id for node_id, keeper in keepers.items() if keeper is not None and keeper.open_journal())
-    answer = NetworkPlanned(plan, tells, saved or "", load_after(session, plan), tuple(interrupted))
+    need = None if manager is not None else load_after(session, plan)
+    answer = NetworkPlanned(plan, tells, saved or "", need, tuple(interrupted))
     if saved is not None:
         text = _saved_text(session, answer, saved)
         with _opened(saved):
@@ -71,18 +74,20 @@ def applied(
     prove: str | None = None,
     trust_stamp: bool = False,
     include: tuple[str, ...] = (),
+    manager: int | None = None,
     on_plan: Callable[[NetworkPlan], None] = lambda _plan: None,
 ) -> NetworkApplied:
     """Make nodes what *file* says: a network file, one about a device, a saved plan; *on_plan* is told it beforehand.
 
-    With *trust_stamp* nodes are not read whose stamp (0x1020) says that they are so; *include* as of `DeviceOptions`;
-    UsageError for either with a saved plan. Raises as `plan_network`, `plan_device` and `apply_network`.
+    With *trust_stamp* nodes are not read whose stamp (0x1020) says that they are so; *include* as of `DeviceOptions`,
+    *manager* as of `plan_manager`; UsageError for one of them with a saved plan. Raises as these, `plan_network` and
+    `apply_network`.
     """
     from dvtcli.operations.apply_network import apply_network
 
     if trust_stamp and prove is not None:
         raise UsageError("--trust-stamp and --prove exclude each other: what is not read is not proved either")
-    plan = _plan_of(session, file, trust_stamp=trust_stamp, include=include)
+    plan = _plan_of(session, file, trust_stamp=trust_stamp, include=include, manager=manager)
     on_plan(plan)
     return apply_network(session, plan, prove=prove)
 
@@ -101,8 +106,16 @@ def may_store(file: str) -> bool:
         return False  # nothing of it is carried out
 
 
-def _new_plan(session: Session, file: str, *, trust_stamp: bool, include: tuple[str, ...]) -> NetworkPlan:
+def _new_plan(
+    session: Session, file: str, *, trust_stamp: bool, include: tuple[str, ...], manager: int | None
+) -> NetworkPlan:
     """The plan for *file*, which its suffix tells apart; UsageError for an option of the other kind."""
+    if manager is not None:
+        from dvtcli.operations.exchange.plan_manager import plan_manager
+
+        if trust_stamp or include or is_about_device(file):
+            raise UsageError("--to-manager takes a network file, and goes with neither --trust-stamp nor --include")
+        return plan_manager(session, file, manager)
     if not is_about_device(file):
         if include:
             raise UsageError("--include is for a DCF, an XDC or a backup: a network file names what it sets")
@@ -114,12 +127,18 @@ def _new_plan(session: Session, file: str, *, trust_stamp: bool, include: tuple[
     return plan_device(session, file, DeviceOptions(include))
 
 
-def _plan_of(session: Session, file: str, *, trust_stamp: bool, include: tuple[str, ...]) -> NetworkPlan:
+def _plan_of(
+    session: Session, file: str, *, trust_stamp: bool, include: tuple[str, ...], manager: int | None
+) -> NetworkPlan:
     with _opened(file):
         is_saved = not is_about_device(file) and is_network_plan(Path(file))
         saved = read_network_plan(Path(file)) if is_saved else None
     if saved is None:
-        return _new_plan(session, file, trust_stamp=trust_stamp, include=include)
+        return _new_plan(session, file, trust_stamp=trust_stamp, include=include, manager=manager)
+    if manager is not None:
+        raise UsageError(
+            f"{file} is a saved plan, which says itself what is written", hint="plan --to-manager makes one"
+        )
     if include:
         raise UsageError(f"{file} is a saved plan, which says itself what is written", hint="plan --include makes one")
     if trust_stamp:

@@ -186,7 +186,7 @@ def _node_plan(node: Node, wish: NodeWish, wants: NodeWants, senders: Senders, s
     senders.after[node.node_id] = {pdo: config.communication.cob_id for pdo, config in wanted.items()}
     held = node.observed(lambda: {place: node.known_value(*place) for place in wants.values})
     values = [
-        _value(node, place, held[place], data, wants.reasons.get(place, "write"))
+        value_change(node, place, held[place], data, wants.reasons.get(place, "write"))
         for place, data in wants.values.items()
         if held[place] != data
     ]
@@ -212,5 +212,6 @@ def _unstored(node: Node, plan: Plan) -> tuple[str, ...]:
     return tuple(label for label in {**remembered, **node.unstored} if label not in changed)
 
 
-def _value(node: Node, place: tuple[int, int], held: bytes, data: bytes, reason: str) -> ValueChange:
+def value_change(node: Node, place: tuple[int, int], held: bytes, data: bytes, reason: str) -> ValueChange:
+    """The change of the object at *place* of *node* from *held* to *data*."""
     return ValueChange(Step(*place, held, data, reason, names_object=names_objects(node, *place)))

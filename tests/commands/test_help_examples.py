@@ -20,6 +20,7 @@ from tests.commands.bench import Bench
 from tests.commands.test_recording_commands import DBC, ramp
 from tests.house.test_commands import examples
 from tests.process import ROOT, environment, start
+from tests.small_eds import plain, var
 from tests.surroundings import HOMES
 
 #: how long a command may take to be at work, in seconds
@@ -38,6 +39,13 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     """The same ramp in three formats."""
     folder = tmp_path_factory.mktemp("recordings")
     return [ramp(folder / f"run.{suffix}") for suffix in ("log", "asc", "blf")]
+
+
+def manager_eds() -> str:
+    """A device that may be a manager of five nodes (CiA 302-3)."""
+    eds = plain()
+    eds.record(0x1F22, "Concise DCF", {sub: var(f"Node {sub}", 0xF) for sub in range(1, 6)})
+    return eds.text()
 
 
 def dcf(eds: str) -> str:
@@ -65,6 +73,7 @@ def folder(recordings: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPat
     (tmp_path / "drive.dbc").write_text(DBC, encoding="utf-8")
     (tmp_path / "setup.dvt").write_text("map tpdo1 6041\nverify\n", encoding="utf-8")
     (tmp_path / "press.dvt").write_text("map tpdo2 606C --sync 1\n", encoding="utf-8")
+    (tmp_path / "manager.eds").write_text(manager_eds(), encoding="utf-8")
     for recording in recordings:
         shutil.copy(recording, tmp_path)
     return tmp_path

@@ -10,6 +10,7 @@ import click
 from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.commands._include import include as include_option
 from dvtcli.cli.commands._network_plan import show_plan
+from dvtcli.cli.commands._to_manager import to_manager
 from dvtcli.cli.commands._trust_stamp import trust_stamp as trust_stamp_option
 from dvtcli.cli.effect import Effect, Final
 from dvtcli.cli.params import FILE
@@ -33,9 +34,16 @@ def _stores(params: Mapping[str, Any]) -> Final | None:
 @click.option("--prove", is_flag=True, help="Restart each node that stored, and compare what it comes up with.")
 @trust_stamp_option
 @include_option
+@to_manager
 @click.pass_context
 def command(
-    ctx: click.Context, /, file: str, prove: bool, trust_stamp: bool, include: tuple[str, ...]
+    ctx: click.Context,
+    /,
+    file: str,
+    prove: bool,
+    trust_stamp: bool,
+    include: tuple[str, ...],
+    manager: int | None,
 ) -> NetworkApplied:
     """Carry out what plan shows for the network FILE, or a saved plan, on all nodes; with a fault on one, on none.
 
@@ -46,14 +54,19 @@ def command(
     written; commands, outputs, and the maker's own objects are not, unless --include names those. Another product is
     refused (6), another revision asked about, and a power stage (0x6041) must be off.
 
+    With --to-manager one node is written instead: the manager that downloads to the others (0x1F22, 0x1F26, 0x1F27).
+
     \b
     apply press.yaml --yes
     apply plan.json --yes
     apply press.yaml --dry-run
     apply press.dcf --yes
     apply press.yaml --trust-stamp   read only nodes whose 0x1020 is not that of this file
+    apply press.yaml --to-manager 3 --yes   node 3 downloads it to each node that boots
     """
     from dvtcli.operations.network_files import applied
 
     show, prove_by = partial(show_plan, ctx.obj.output), "reset" if prove else None
-    return applied(ctx.obj, file, prove=prove_by, trust_stamp=trust_stamp, include=include, on_plan=show)
+    return applied(
+        ctx.obj, file, prove=prove_by, trust_stamp=trust_stamp, include=include, manager=manager, on_plan=show
+    )

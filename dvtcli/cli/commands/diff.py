@@ -8,6 +8,7 @@ import click
 
 from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.commands._include import include as include_option
+from dvtcli.cli.commands._to_manager import to_manager
 from dvtcli.cli.commands._trust_stamp import trust_stamp as trust_stamp_option
 from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import FILE
@@ -23,8 +24,11 @@ TASK = ("Networks", 20)
 @click.argument("file", type=FILE)
 @trust_stamp_option
 @include_option
+@to_manager
 @click.pass_context
-def command(ctx: click.Context, /, file: str, trust_stamp: bool, include: tuple[str, ...]) -> NetworkPlanned:
+def command(
+    ctx: click.Context, /, file: str, trust_stamp: bool, include: tuple[str, ...], manager: int | None
+) -> NetworkPlanned:
     """Read the nodes of the network FILE and show what differs: plan, with exit code 3 where it does.
 
     FILE may be a DCF, an XDC or a backup (.jsonl) of the selected node, too.
@@ -36,4 +40,4 @@ def command(ctx: click.Context, /, file: str, trust_stamp: bool, include: tuple[
     """
     from dvtcli.operations.network_files import planned
 
-    return planned(ctx.obj, file, None, tells=True, trust_stamp=trust_stamp, include=include)
+    return planned(ctx.obj, file, None, tells=True, trust_stamp=trust_stamp, include=include, manager=manager)

@@ -8,6 +8,7 @@ import click
 
 from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.commands._include import include as include_option
+from dvtcli.cli.commands._to_manager import to_manager
 from dvtcli.cli.commands._trust_stamp import trust_stamp as trust_stamp_option
 from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import FILE
@@ -27,9 +28,17 @@ TASK = ("Networks", 10)
 @click.option("--exit-code", "tells", is_flag=True, help="End with 3 where something would be written or stored.")
 @trust_stamp_option
 @include_option
+@to_manager
 @click.pass_context
 def command(
-    ctx: click.Context, /, file: str, saved: str | None, tells: bool, trust_stamp: bool, include: tuple[str, ...]
+    ctx: click.Context,
+    /,
+    file: str,
+    saved: str | None,
+    tells: bool,
+    trust_stamp: bool,
+    include: tuple[str, ...],
+    manager: int | None,
 ) -> NetworkPlanned:
     """Read the nodes of the network FILE and show what differs, and what apply would write.
 
@@ -43,7 +52,8 @@ def command(
     plan press.dcf
     plan press.yaml --exit-code      3 where anything is to be done
     plan press.yaml --format junit   a test case for each PDO, for CI
+    plan press.yaml --to-manager 3   what node 3 is to download to each node that boots
     """
     from dvtcli.operations.network_files import planned
 
-    return planned(ctx.obj, file, saved, tells=tells, trust_stamp=trust_stamp, include=include)
+    return planned(ctx.obj, file, saved, tells=tells, trust_stamp=trust_stamp, include=include, manager=manager)

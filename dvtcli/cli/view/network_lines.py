@@ -43,7 +43,8 @@ def planned_lines(result: NetworkPlanned, width: int) -> Iterator[Line]:
         return
     saved = f" Saved: {result.saved}." if result.saved else ""
     runs = result.saved.lower().endswith(".309")
-    after = f"dvtcli {'run' if runs else 'apply'} {result.saved or result.plan.file}"
+    to_manager = f" --to-manager {result.plan.manager}" if result.plan.manager and not result.saved else ""
+    after = f"dvtcli {'run' if runs else 'apply'} {result.saved or result.plan.file}{to_manager}"
     if result.interrupted:
         nodes = ", ".join(map(str, result.interrupted))
         after = f"dvtcli recover, since a change of node {nodes} was interrupted; then plan again"
@@ -52,6 +53,8 @@ def planned_lines(result: NetworkPlanned, width: int) -> Iterator[Line]:
 
 def _every(plan: NetworkPlan) -> str:
     """Of whom it is said that nothing differs."""
+    if plan.manager is not None:
+        return f"node {plan.manager}"
     if len(plan.unread) == len(plan.nodes):
         return f"every node, as its stamp (0x{STAMP:04X}) says,"
     return "every node that was read" if plan.unread else "every node"

@@ -83,6 +83,8 @@ class NetworkPlan:
     has_sync_master: bool = False
     #: CAN-IDs of SYNC that was heard and that no node sends
     unknown_syncs: tuple[int, ...] = ()
+    #: the node-ID of the manager that is to download it to the others, where it is planned for that one
+    manager: int | None = None
 
     @property
     def changed(self) -> bool:

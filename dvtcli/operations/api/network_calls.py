@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dvtcli.operations.api.checks import flags, path
+from dvtcli.operations.api.checks import flags, path, whole
 from dvtcli.operations.api.link_ends import endpoints, heartbeat_of
 
 if TYPE_CHECKING:
@@ -22,20 +22,31 @@ class NetworkCalls:
         self._session = session
         self._calls = calls
 
-    def plan(self, file: str | Path, *, trust_stamp: bool = False, include: Sequence[str] = ()) -> NetworkPlanned:
+    def plan(
+        self,
+        file: str | Path,
+        *,
+        trust_stamp: bool = False,
+        include: Sequence[str] = (),
+        to_manager: int | None = None,
+    ) -> NetworkPlanned:
         """What has to be written for *file* to be so: a network file (YAML), or a DCF, an XDC or a backup (.jsonl).
 
         Reads its nodes, and writes nothing. *include* are objects of the maker, `2001` or `2000-2FFF`, that a DCF, an
         XDC or a backup may write, too. With *trust_stamp* not those whose 0x1020 has the stamp of what the file says;
-        the answer names them. InputFileError with everything that is wrong in the file; RuleError with everything that
-        the rules refuse, on all nodes; SafetyRefusal where a node is another device than the file says.
+        the answer names them. With *to_manager* the plan is for that node (1…127) alone: a CANopen manager, which is to
+        download to each other node that boots what *file* says of it (0x1F22).
+        InputFileError with everything that is wrong in the file; RuleError with everything that the rules refuse, on
+        all nodes; SafetyRefusal where a node is another device than the file says.
         """
         from dvtcli.operations.network_files import planned
 
         chosen = str(path("file", file))
         flags(trust_stamp=trust_stamp)
-        words = tuple(include)
-        return self._calls.run(lambda: planned(self._session, chosen, trust_stamp=trust_stamp, include=words))
+        words, manager = tuple(include), _manager(to_manager)
+        return self._calls.run(
+            lambda: planned(self._session, chosen, trust_stamp=trust_stamp, include=words, manager=manager)
+        )
 
     def import_network(
         self, file: str | Path, folder: str | Path | None = None, *, yes: bool = False
@@ -130,23 +141,27 @@ class NetworkCalls:
         prove: bool = False,
         trust_stamp: bool = False,
         include: Sequence[str] = (),
+        to_manager: int | None = None,
         yes: bool = False,
         force: bool = False,
     ) -> NetworkApplied:
         """Make the nodes what *file* says, as of `plan`, or a plan that `dvtcli plan -o` saved: all of them, or none.
 
-        Asks first, unless *yes*; *force* is as for a node's changes; *trust_stamp* and *include* as of `plan`. Nodes
-        store where the file says so, once all of them were read back; with *prove* each is restarted then, and
-        compared. A fault on one node brings every node back; LeftChanged where one could not be, or where not all have
-        stored. SafetyRefusal where a node has changed since the plan was saved.
+        Asks first, unless *yes*; *force* is as for a node's changes; *trust_stamp*, *include* and *to_manager* as of
+        `plan`. Nodes store where the file says so, once all of them were read back; with *prove* each is restarted
+        then, and compared. A fault on one node brings every node back; LeftChanged where one could not be, or where not
+        all have stored. SafetyRefusal where a node has changed since the plan was saved.
         """
         from dvtcli.operations.network_files import applied
 
         chosen = str(path("file", file))
         flags(prove=prove, trust_stamp=trust_stamp)
         prove_by, words = "reset" if prove else None, tuple(include)
+        manager = _manager(to_manager)
         return self._calls.run(
-            lambda: applied(self._session, chosen, prove=prove_by, trust_stamp=trust_stamp, include=words),
+            lambda: applied(
+                self._session, chosen, prove=prove_by, trust_stamp=trust_stamp, include=words, manager=manager
+            ),
             changes=True,
             yes=yes,
             force=force,
@@ -192,3 +207,7 @@ class NetworkCalls:
             yes=yes,
             force=force,
         )
+
+
+def _manager(to_manager: int | None) -> int | None:
+    return None if to_manager is None else whole("to_manager", to_manager, "a node-ID", 127, low=1)

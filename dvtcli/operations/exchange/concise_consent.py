@@ -5,10 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.network.concise_dcf import concise_entries
-from dvtcli.domain.several import plural
+from dvtcli.domain.several import plural, several
 from dvtcli.errors import InputFileError
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from dvtcli.device.node import Node
     from dvtcli.operations.session import Session
 
@@ -39,3 +41,12 @@ def concise_doubt(node: Node, sub_index: int, data: bytes, *, force: bool) -> st
             ) from wrong  # fmt: skip
         count = f"{len(data)} bytes that are no concise DCF"
     return f"node {node.node_id} ({node.title}) is to download {count} to node {sub_index} whenever that boots"
+
+
+def concise_doubts(node: Node, downloads: Mapping[int, bytes], *, force: bool) -> str:
+    """The same of *downloads*, by node-ID, as one question; empty for none."""
+    doubts = [concise_doubt(node, node_id, data, force=force) for node_id, data in downloads.items()]
+    if len(doubts) < 2:
+        return "".join(doubts)
+    ids = several(map(str, downloads))
+    return f"node {node.node_id} ({node.title}) is to download other values to nodes {ids} whenever they boot"

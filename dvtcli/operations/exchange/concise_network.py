@@ -25,8 +25,10 @@ from dvtcli.operations.save_script import ask_before_overwriting, place_of, writ
 from dvtcli.operations.session import Session
 
 if TYPE_CHECKING:
+    from dvtcli.domain.network.network_plan import NodePlan
     from dvtcli.domain.network.wanted_state import NetworkWish, NodeWish
     from dvtcli.domain.object_dictionary import ObjectDictionary
+    from dvtcli.domain.rules import Finding
     from dvtcli.operations.telling import Teller
 
 #: The longest that is read (bytes): 0x1F22 is a DOMAIN, and of some kB.
@@ -40,11 +42,21 @@ class ConciseDcf:
     node_id: int
     name: str
     entries: tuple[ConciseEntry, ...]
+    #: what the rules say of it, beside errors
+    findings: tuple[Finding, ...] = ()
 
     @property
     def data(self) -> bytes:
         """It as 0x1F22 holds it."""
         return concise_bytes(self.entries)
+
+
+@dataclass(frozen=True, slots=True)
+class ConciseNetwork:
+    """The concise DCFs of a network file, in its order, and the names of the nodes that nothing describes."""
+
+    nodes: tuple[ConciseDcf, ...]
+    untold: tuple[NodeWish, ...]
 
 
 def concise_dcf(file: str, node: str | int | None = None, tell: Teller | None = None) -> ConciseDcf:
@@ -55,20 +67,36 @@ def concise_dcf(file: str, node: str | int | None = None, tell: Teller | None = 
     """
     read = read_wish(file)
     chosen = _chosen(file, read, node)
-    words = {one.node_id: word for one in read.nodes if (word := simulated_word(file, one))}
-    if chosen.node_id not in words:
+    if simulated_word(file, chosen) is None:
         raise UsageError(
             f"{file}: no EDS is known of {chosen.name}", place=f"{file}:{chosen.mark.line}",
             hint="dcf: names its file; a concise DCF says how a node gets from there to what is wanted",
         )  # fmt: skip
+    return next(one for one in _concise(file, read, tell).nodes if one.node_id == chosen.node_id)
+
+
+def concise_dcfs(file: str, tell: Teller | None = None) -> ConciseNetwork:
+    """The concise DCF of every node of the network *file* that something describes. Raises as `concise_dcf`."""
+    return _concise(file, read_wish(file), tell)
+
+
+def _concise(file: str, read: NetworkWish, tell: Teller | None) -> ConciseNetwork:
+    words = {one.node_id: word for one in read.nodes if (word := simulated_word(file, one))}
     wish = read.of(words.keys())
     anyone = replace(wish, nodes=tuple(replace(one, identity=WantedIdentity()) for one in wish.nodes))
     options = Options(sim=tuple(f"{word}@{node_id}" for node_id, word in words.items()))
-    with Session(options, tell) as session:
-        plan = plan_wish(session, anyone, FileLog(file, Path(file).read_text("utf-8-sig")))
-    mine = next(one for one in plan.nodes if one.node_id == chosen.node_id)
-    mapped = {pdo.pdo for pdo in chosen.pdos if pdo.mapping is not None}
-    return ConciseDcf(chosen.node_id, chosen.name, concise_of(mine, mapped))
+    made: list[ConciseDcf] = []
+    if words:
+        with Session(options, tell) as session:
+            plan = plan_wish(session, anyone, FileLog(file, Path(file).read_text("utf-8-sig")))
+        planned = {one.node_id: one for one in plan.nodes}
+        made = [_made(one, planned[one.node_id]) for one in wish.nodes]
+    return ConciseNetwork(tuple(made), tuple(one for one in read.nodes if one.node_id not in words))
+
+
+def _made(wish: NodeWish, plan: NodePlan) -> ConciseDcf:
+    mapped = {pdo.pdo for pdo in wish.pdos if pdo.mapping is not None}
+    return ConciseDcf(wish.node_id, wish.name, concise_of(plan, mapped), plan.findings)
 
 
 def _chosen(file: str, wish: NetworkWish, node: str | int | None) -> NodeWish:

@@ -1,0 +1,140 @@
+"""A network file for a CANopen manager: one plan, asked about, read back, taken back; it boots nodes with it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import dvtcli
+from dvtcli.domain.network.concise_dcf import concise_entries, read_concise_dcf
+from dvtcli.operations.exchange.concise_network import concise_dcf
+from tests.commands.bench import Bench
+from tests.small_eds import plain, var
+
+FILE = """io:
+  dcf: generic
+  node_id: 4
+  store: true
+  stamp: true
+  tpdo:
+    1: {event_timer: 50}
+valve:
+  dcf: lely
+  node_id: 5
+  heartbeat_producer: 250
+"""
+OTHERS = """spare:
+  node_id: 2
+  tpdo:
+    1: {enabled: false}
+boss:
+  dcf: generic
+  node_id: 10
+  heartbeat_producer: 100
+"""
+EXPECTED = {0x1F26: 1, 0x1F27: 2}
+
+
+@pytest.fixture(autouse=True)
+def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("net.yaml").write_text(FILE, "utf-8")
+
+
+def manager(*, expects: bool = True, nodes: int = 5) -> str:
+    eds = plain()
+    eds.record(0x1F22, "Concise DCF", {sub: var(f"Node {sub}", 0xF) for sub in range(1, nodes + 1)})
+    for index in EXPECTED if expects else ():
+        eds.record(index, f"Expected {index:X}", {sub: var(f"Node {sub}", 7, 7) for sub in range(1, nodes + 1)})
+    Path("manager.eds").write_text(eds.text(), "utf-8")
+    return "manager.eds@10"
+
+
+def held(bench: Bench, index: int, node_id: int) -> bytes:
+    return bench.session.node(10).sdo.upload(index, node_id)
+
+
+def test_it_gets_what_each_node_needs_and_a_date_for_those_with_a_stamp() -> None:
+    with Bench((manager(),), {"yes": True}) as bench:
+        assert bench.run("plan net.yaml --to-manager 10 --exit-code").code == 3
+        done = bench.run("apply net.yaml --to-manager 10 --json")
+        assert (done.code, done.document["writes"]) == (0, 6), done
+        for name in (4, 5):
+            assert held(bench, 0x1F22, name) == concise_dcf("net.yaml", name).data
+        stamped = read_concise_dcf(held(bench, 0x1F22, 4))
+        for index, sub_index in EXPECTED.items():
+            assert held(bench, index, 4) == stamped[0x1020, sub_index] != bytes(4)
+            assert held(bench, index, 5) == bytes(4)  # one of before would spare the new download
+        again = bench.run("apply net.yaml --to-manager 10 --json")
+        assert (again.code, again.document["writes"]) == (0, 0), again
+        assert bench.run("diff net.yaml --to-manager 10").code == 0
+
+
+def test_a_node_that_boots_so_is_as_wanted() -> None:
+    with Bench((manager(),), {"yes": True}) as bench:
+        assert bench.run("apply net.yaml --to-manager 10").code == 0
+        data = held(bench, 0x1F22, 4)
+    with Bench(("generic@4", "lely@5")) as bench:
+        for one in concise_entries(data):
+            bench.session.node(4).sdo.download(one.index, one.sub_index, one.data)
+        io, valve = bench.run("plan net.yaml --json").document["nodes"]
+    assert (io["pdos"], io["objects"]) == ([], [])
+    assert [one["object"] for one in valve["objects"]] == ["1017:00"]
+
+
+def test_a_fault_takes_it_all_back() -> None:
+    with Bench((manager(),), {"yes": True, "fault": ("refuse@4=0x06090030",)}) as bench:
+        before = [held(bench, index, node) for index in (0x1F22, *EXPECTED) for node in (4, 5)]
+        ran = bench.run("apply net.yaml --to-manager 10")
+        assert (ran.code, "rolled back" in ran.stderr) == (1, True), ran
+        assert [held(bench, index, node) for index in (0x1F22, *EXPECTED) for node in (4, 5)] == before
+
+
+def test_it_asks_and_a_dry_run_writes_nothing() -> None:
+    with Bench((manager(),)) as bench:
+        before = held(bench, 0x1F22, 4)
+        asked = bench.run("apply net.yaml --to-manager 10")
+        assert (asked.code, "download other values to nodes 4, 5 whenever they boot" in asked.stderr) == (6, True)
+        assert held(bench, 0x1F22, 4) == before
+        dry = bench.run("apply net.yaml --to-manager 10 --dry-run --yes")
+        assert (dry.code, held(bench, 0x1F22, 4)) == (0, before), dry
+
+
+def test_who_is_left_out_is_said() -> None:
+    Path("net.yaml").write_text(FILE + OTHERS, "utf-8")
+    with Bench((manager(expects=False),), {"yes": True}) as bench:
+        ran = bench.run("apply net.yaml --to-manager 10")
+        assert ran.code == 0
+        assert "node 2 spare is left out: no EDS is known of it" in ran.stderr
+        assert "node 10 boss is left out: it is the manager" in ran.stderr
+        assert "node 10 has no 0x1F26" in ran.stderr
+        assert held(bench, 0x1F22, 4) == concise_dcf("net.yaml", 4).data
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "said"),
+    [
+        ("plan net.yaml --to-manager 11", 2, "does not tell its 0x1F22:04"),
+        ("plan net.yaml --to-manager 10", 2, "does not tell its 0x1F22:05"),
+        ("plan net.yaml --to-manager 10 --trust-stamp", 2, "goes with neither"),
+        ("plan net.yaml --to-manager 128", 2, "a node-ID"),
+        ("plan alone.yaml --to-manager 10", 2, "no node that node 10 could download"),
+        ("apply plan.json --to-manager 10", 2, "a saved plan"),
+    ],
+)
+def test_what_cannot_be(words: str, code: int, said: str) -> None:
+    Path("alone.yaml").write_text("m: {node_id: 10, dcf: generic, heartbeat_producer: 100}\n", "utf-8")
+    with Bench((manager(nodes=4), "generic@11"), {"yes": True}) as bench:
+        assert bench.run("plan alone.yaml -n 11 -o plan.json").code in (0, 2)
+        Path("plan.json").write_text('{"schema": "dvtcli.plan/1", "file": "a", "nodes": []}', "utf-8")
+        ran = bench.run(words)
+        assert (ran.code, said in ran.stderr) == (code, True), ran
+
+
+def test_a_program_does_the_same() -> None:
+    with dvtcli.simulate(manager()) as bus:
+        assert not bus.plan("net.yaml", to_manager=10)
+        bus.apply("net.yaml", to_manager=10, yes=True)
+        assert bus.plan("net.yaml", to_manager=10)
+        assert bus.node(10).read((0x1F22, 5)).raw == concise_dcf("net.yaml", 5).data
