@@ -14,9 +14,8 @@ import can
 import pytest
 
 from tests.posix import SIGKILL
-from tests.process import start
-from tests.serve.killing import killing
-from tests.serve.served import Served, bus_words, own_environment, served, state_folder
+from tests.serve.killing import Killable, killable
+from tests.serve.served import state_folder
 
 NODES = (1, 3)
 FILE = """
@@ -45,39 +44,31 @@ def is_save(frame: can.Message) -> bool:
 
 
 @pytest.fixture
-def nodes(tmp_path: Path) -> Iterator[Served]:
-    with served(tmp_path, "generic@1", "generic@3", "--latency", "10") as made:  # a kill comes before the answer
+def nodes(tmp_path: Path) -> Iterator[Killable]:
+    with killable(tmp_path, "generic@1", "generic@3") as made:
         yield made
 
 
-def held(nodes: Served) -> list[object]:
+def held(nodes: Killable) -> list[object]:
     """Every PDO of both nodes, and a heartbeat time."""
     shown = [nodes.dvtcli("-n", str(node_id), "pdo", "--all", "--json") for node_id in NODES]
     shown.append(nodes.dvtcli("-n", "3", "read", "1017", "--json"))
     return [json.loads(one.stdout).get("pdos", one.stdout) for one in shown]
 
 
-def killed(nodes: Served, text: str, at: int, which: Callable[[can.Message], bool]) -> int:
+def killed(nodes: Killable, text: str, at: int, which: Callable[[can.Message], bool]) -> int:
     """Apply a file of *text* and kill that at the *at*-th of the frames that *which* tells; the exit code."""
     (nodes.folder / "net.yaml").write_text(text)
-    return killed_in(nodes, ["apply", str(nodes.folder / "net.yaml")], at, which)
+    return nodes.killed(["--yes", "apply", str(nodes.folder / "net.yaml")], at, which)
 
 
-def killed_in(nodes: Served, line: list[str], at: int, which: Callable[[can.Message], bool]) -> int:
-    """Run *line* and kill it at the *at*-th of the frames that *which* tells; the exit code."""
-    child = start([*bus_words(nodes.port), "--yes", *line], env=own_environment(nodes.folder))
-    with killing(nodes, child, at, which):
-        child.communicate(timeout=60)
-    return child.returncode
-
-
-def journals(nodes: Served) -> list[Path]:
+def journals(nodes: Killable) -> list[Path]:
     return sorted((state_folder(nodes.folder) / "journals").glob("*"))
 
 
 @pytest.mark.drawn(1)
 @pytest.mark.parametrize("kill_at", [1, 4, 8, 12])
-def test_every_node_is_recovered(nodes: Served, kill_at: int) -> None:
+def test_every_node_is_recovered(nodes: Killable, kill_at: int) -> None:
     before = held(nodes)
     assert killed(nodes, FILE, kill_at, is_download) == -SIGKILL
     refused = nodes.dvtcli("--yes", "apply", str(nodes.folder / "net.yaml"))
@@ -96,7 +87,7 @@ def test_every_node_is_recovered(nodes: Served, kill_at: int) -> None:
     assert nodes.dvtcli("diff", str(nodes.folder / "net.yaml")).returncode == 0
 
 
-def test_a_kill_while_nodes_store_is_said_and_goes_back_or_on(nodes: Served) -> None:
+def test_a_kill_while_nodes_store_is_said_and_goes_back_or_on(nodes: Killable) -> None:
     before = held(nodes)
     assert killed(nodes, "defaults: {store: true}\n" + FILE, 2, is_save) == -SIGKILL
     recovered = nodes.dvtcli("recover", "--yes")
@@ -115,12 +106,12 @@ def test_a_kill_while_nodes_store_is_said_and_goes_back_or_on(nodes: Served) -> 
 
 
 @pytest.mark.parametrize("kill_at", [2, 7])
-def test_both_ends_of_a_link_are_recovered(nodes: Served, kill_at: int) -> None:
+def test_both_ends_of_a_link_are_recovered(nodes: Killable, kill_at: int) -> None:
     assert nodes.dvtcli("-n", "1", "map", "tpdo1", "6041", "606C").returncode == 0
     assert nodes.dvtcli("-n", "3", "map", "rpdo1", "60FF", "--off").returncode == 0
     line = ["link", "1:tpdo1", "3:rpdo1", "--heartbeat", "300"]
     before = held(nodes)
-    assert killed_in(nodes, line, kill_at, is_download) == -SIGKILL
+    assert nodes.killed(["--yes", *line], kill_at, is_download) == -SIGKILL
     assert nodes.dvtcli("recover", "--yes").returncode == 0
     assert held(nodes) == before
     assert journals(nodes) == []
@@ -129,7 +120,7 @@ def test_both_ends_of_a_link_are_recovered(nodes: Served, kill_at: int) -> None:
     assert json.loads(again.stdout)["writes"] == 0
 
 
-def test_stores_that_a_kill_cut_short_are_finished(nodes: Served) -> None:
+def test_stores_that_a_kill_cut_short_are_finished(nodes: Killable) -> None:
     assert killed(nodes, "defaults: {store: true}\n" + FILE, 2, is_save) == -SIGKILL
     planned = nodes.dvtcli("plan", str(nodes.folder / "net.yaml"))
     assert "Next: dvtcli apply" not in planned.stdout
@@ -148,7 +139,7 @@ def test_stores_that_a_kill_cut_short_are_finished(nodes: Served) -> None:
     assert nodes.dvtcli("diff", str(nodes.folder / "net.yaml")).returncode == 0
 
 
-def test_what_is_not_verified_any_more_is_not_stored(nodes: Served) -> None:
+def test_what_is_not_verified_any_more_is_not_stored(nodes: Killable) -> None:
     assert killed(nodes, "defaults: {store: true}\n" + FILE, 1, is_save) == -SIGKILL
     bus = nodes.attach()
     bus.send(can.Message(arbitration_id=0, data=[0x81, 3], is_extended_id=False))  # node 3 loses what it did not store
@@ -158,7 +149,7 @@ def test_what_is_not_verified_any_more_is_not_stored(nodes: Served) -> None:
     assert len(journals(nodes)) == 3
 
 
-def test_where_not_every_node_was_verified_nothing_is_finished(nodes: Served) -> None:
+def test_where_not_every_node_was_verified_nothing_is_finished(nodes: Killable) -> None:
     assert killed(nodes, "defaults: {store: true}\n" + FILE, 4, is_download) == -SIGKILL
     assert nodes.dvtcli("recover", "--finish", "--yes").returncode == 2
     assert nodes.dvtcli("recover", "--yes").returncode == 0

@@ -14,9 +14,8 @@ import canopen
 import pytest
 
 from tests.posix import SIGKILL
-from tests.process import start
-from tests.serve.killing import killing
-from tests.serve.served import Served, bus_words, own_environment, served, state_folder
+from tests.serve.killing import Killable, killable
+from tests.serve.served import state_folder
 
 NODES = (1, 3)
 #: both nodes, one PDO twice, an object of its own, a swap of CAN-IDs, and a mapping entry behind the count
@@ -34,11 +33,11 @@ LINES = (
 pytestmark = pytest.mark.long
 #: how many SDO downloads they take, at least
 STEPS = 22
-#: What a script does after its last change, so that a kill, which takes its time on a busy machine, is not too late.
-AFTERWARDS = ["read 1009"] * 300
+#: what a script does after its last change
+AFTERWARDS = ["read 1009"]
 
 
-def held(nodes: Served) -> dict[int, dict[tuple[int, int], bytes]]:
+def held(nodes: Killable) -> dict[int, dict[tuple[int, int], bytes]]:
     """What the nodes hold of their first TPDOs and of their heartbeat time, by canopen."""
     bus = nodes.attach()
     network = canopen.Network(bus=bus)
@@ -69,7 +68,7 @@ def is_upload_of(index: int) -> Callable[[can.Message], bool]:
 
 
 def killed(
-    nodes: Served,
+    nodes: Killable,
     lines: Sequence[str],
     at: int,
     which: Callable[[can.Message], bool] = is_download,
@@ -78,14 +77,10 @@ def killed(
     """Run *lines* and kill that at the *at*-th of the frames that *which* tells; the exit code."""
     script = nodes.folder / "x.dvt"
     script.write_text("\n".join(lines))
-    argv = [*bus_words(nodes.port), "-n", "1", "--yes", "run", str(script), *words]
-    child = start(argv, env=own_environment(nodes.folder))
-    with killing(nodes, child, at, which):
-        child.communicate(timeout=60)
-    return child.returncode
+    return nodes.killed(["-n", "1", "--yes", "run", str(script), *words], at, which)
 
 
-def waiting(nodes: Served) -> list[int]:
+def waiting(nodes: Killable) -> list[int]:
     """Node-IDs of the journals that wait."""
     folder = state_folder(nodes.folder) / "journals"
     ids = sorted(int(path.stem.rpartition("-")[2]) for path in folder.glob("*.json"))
@@ -95,8 +90,8 @@ def waiting(nodes: Served) -> list[int]:
 
 
 @pytest.fixture
-def nodes(tmp_path: Path) -> Iterator[Served]:
-    with served(tmp_path, "generic@1", "generic@3", "--latency", "10") as made:  # a kill comes before the answer
+def nodes(tmp_path: Path) -> Iterator[Killable]:
+    with killable(tmp_path, "generic@1", "generic@3") as made:
         yield made
 
 
@@ -108,7 +103,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 
 
 @pytest.mark.counted
-def test_every_line_of_every_node_is_recovered(nodes: Served, kill_at: int) -> None:
+def test_every_line_of_every_node_is_recovered(nodes: Killable, kill_at: int) -> None:
     before = held(nodes)
     assert killed(nodes, [*LINES, *AFTERWARDS], kill_at) == -SIGKILL
     left, ids = held(nodes), waiting(nodes)
@@ -124,7 +119,7 @@ def test_every_line_of_every_node_is_recovered(nodes: Served, kill_at: int) -> N
     assert nodes.dvtcli("undo").returncode == 2, "what was taken back is not remembered as a change"
 
 
-def test_a_kill_between_two_lines_is_said_and_recovered_from_either_node(nodes: Served) -> None:
+def test_a_kill_between_two_lines_is_said_and_recovered_from_either_node(nodes: Killable) -> None:
     before = held(nodes)
     lines = [*LINES[:3], "read 1009", LINES[4]]
     assert killed(nodes, lines, 1, is_upload_of(0x1009)) == -SIGKILL
@@ -148,7 +143,7 @@ def test_a_kill_between_two_lines_is_said_and_recovered_from_either_node(nodes: 
     assert waiting(nodes) == []
 
 
-def test_a_script_that_is_complete_leaves_nothing_to_recover(nodes: Served) -> None:
+def test_a_script_that_is_complete_leaves_nothing_to_recover(nodes: Killable) -> None:
     before = held(nodes)
     done = nodes.dvtcli("-n", "1", "run", "-", "--atomic", stdin="\n".join(LINES))
     assert done.returncode == 0, done.stderr
@@ -162,7 +157,7 @@ def test_a_script_that_is_complete_leaves_nothing_to_recover(nodes: Served) -> N
     assert nodes.dvtcli("-n", "1", "set", "tpdo1", "--timer", "6").returncode == 0
 
 
-def test_a_kill_while_it_stores_says_that_it_may_be_stored(nodes: Served) -> None:
+def test_a_kill_while_it_stores_says_that_it_may_be_stored(nodes: Killable) -> None:
     before = held(nodes)
     lines = [*LINES[:2], "store", *AFTERWARDS]
     assert killed(nodes, lines, 1, is_upload_of(0x1010)) == -SIGKILL
@@ -178,7 +173,7 @@ def test_a_kill_while_it_stores_says_that_it_may_be_stored(nodes: Served) -> Non
     assert held(nodes) != before
 
 
-def test_what_a_kill_leaves_of_the_journals_of_a_complete_script_counts_no_longer(nodes: Served) -> None:
+def test_what_a_kill_leaves_of_the_journals_of_a_complete_script_counts_no_longer(nodes: Killable) -> None:
     """Journals are removed one by one: their end is a single step all the same."""
     lines = [*LINES[:3], *AFTERWARDS]
     assert killed(nodes, lines, 1, is_upload_of(0x1009)) == -SIGKILL
@@ -192,7 +187,7 @@ def test_what_a_kill_leaves_of_the_journals_of_a_complete_script_counts_no_longe
     assert nodes.dvtcli("-n", "3", "set", "tpdo3", "--timer", "9").returncode == 0
 
 
-def test_a_script_that_is_not_atomic_leaves_the_line_in_hand_alone(nodes: Served) -> None:
+def test_a_script_that_is_not_atomic_leaves_the_line_in_hand_alone(nodes: Killable) -> None:
     before = held(nodes)
     assert killed(nodes, ["set 1:tpdo3 --timer 9", LINES[1]], 4, words=()) == -SIGKILL
     assert waiting(nodes) == [3]

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.network.test_network_killed import is_download, journals, killed_in
+from tests.network.test_network_killed import is_download, journals
 from tests.posix import SIGKILL
-from tests.serve.served import served
+from tests.serve.killing import killable
 from tests.whole_device.test_apply_file import made
 
 pytestmark = pytest.mark.long
@@ -20,11 +20,11 @@ SETTING = ("map tpdo1 606C 6041", "write 1017 700", "set tpdo2 --timer 90")
 def test_a_killed_apply_is_recovered(tmp_path: Path, kill_at: int) -> None:
     file, folder = made(tmp_path, "generic", "dcf", *SETTING), tmp_path / "nodes"
     folder.mkdir()
-    with served(folder, "generic@1", "--latency", "10") as nodes:
+    with killable(folder, "generic@1") as nodes:
         assert nodes.dvtcli("-n", "1", "--yes", "apply", str(file)).returncode == 6, "its power stage is on"
         assert nodes.dvtcli("-n", "1", "write", "6040", "6").returncode == 0
         before = nodes.dvtcli("-n", "1", "pdo", "--all", "--json").stdout
-        assert killed_in(nodes, ["-n", "1", "apply", str(file)], kill_at, is_download) == -SIGKILL
+        assert nodes.killed(["--yes", "-n", "1", "apply", str(file)], kill_at, is_download) == -SIGKILL
         assert nodes.dvtcli("-n", "1", "--yes", "apply", str(file)).returncode == 6
         recovered = nodes.dvtcli("recover", "--yes")
         assert recovered.returncode == 0, recovered.stderr
