@@ -28,18 +28,27 @@ class Wish:
     pdos: dict[Pdo, PdoConfig] = field(default_factory=dict)
     values: dict[Place, bytes] = field(default_factory=dict)
     said: Mapping[Pdo, frozenset[str]] = field(default_factory=dict)
+    #: what it holds otherwise and nobody would write, as differences
+    unwritten: tuple[Difference, ...] = ()
 
     def __bool__(self) -> bool:
-        return bool(self.pdos or self.values)
+        return bool(self.pdos or self.values or self.unwritten)
 
     def only(self, pdos: Collection[Pdo]) -> Wish:
         """The part of it that is about *pdos*."""
-        return Wish({pdo: config for pdo, config in self.pdos.items() if pdo in pdos}, said=self.said)
+        chosen = {pdo: config for pdo, config in self.pdos.items() if pdo in pdos}
+        unwritten = tuple(one for one in self.unwritten if _pdo_of(one[0]) in pdos)
+        return Wish(chosen, said=self.said, unwritten=unwritten)
+
+    @property
+    def objects(self) -> int:
+        """How many single objects are compared."""
+        return len(self.values) + sum(":" in label for label, _ in self.unwritten)
 
     @property
     def parameters(self) -> int:
         """How many parameters are compared: five of each PDO's communication, its entries, and the single objects."""
-        return sum(self._said_of(pdo, config) for pdo, config in self.pdos.items()) + len(self.values)
+        return sum(self._said_of(pdo, config) for pdo, config in self.pdos.items()) + self.objects
 
     @property
     def unsaid(self) -> int:
@@ -50,6 +59,12 @@ class Wish:
         said = self.said.get(pdo, frozenset(PARAMETERS))
         communication = len(said - {MAPPING}) if config.has_cob_id else 0
         return communication + (len(config.mapping) if MAPPING in said and config.has_mapping else 0)
+
+
+def _pdo_of(label: str) -> Pdo | None:
+    """The PDO whose parameter the object *label* is."""
+    index, colon, _ = label.partition(":")
+    return Pdo.at(int(index, 16)) if colon else None
 
 
 def session_wish(node: KnownPdos) -> Wish:
@@ -66,6 +81,7 @@ def _unlike(node: KnownPdos, wish: Wish) -> Iterator[Difference]:
     for pdo, wanted in wish.pdos.items():
         yield from ((pdo.label, text) for text in differences(pdo, wanted, node.pdo(pdo)))
     yield from unlike_values(node, wish.values)
+    yield from wish.unwritten
 
 
 def unlike_values(node: KnownPdos, values: Mapping[Place, bytes]) -> Iterator[Difference]:

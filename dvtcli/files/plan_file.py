@@ -11,7 +11,7 @@ from typing import Any
 
 from dvtcli.device.change.journal import MOST_BYTES
 from dvtcli.device.change.plan_document import MOST_CHANGES, read_change, read_identity, read_number, read_plan
-from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
+from dvtcli.domain.network.network_plan import LeftOut, NetworkPlan, NodePlan
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Change, PdoChange, Plan, ValueChange
 from dvtcli.errors import InputFileError
@@ -65,8 +65,17 @@ def _node(document: Any) -> NodePlan:
     return NodePlan(
         name, plan, identity, store=str(store), wanted=wanted, values=values, unstored=tuple(map(str, unstored)),
         is_read=document.get("read") is not False, needs_power_off=document.get("power_off") is True,
-        doubt=str(document.get("doubt") or ""),
+        doubt=str(document.get("doubt") or ""), left_out=tuple(map(_left_out, document.get("left_out") or ())),
     )  # fmt: skip
+
+
+def _left_out(document: Any) -> LeftOut:
+    """What a plan's file said and the plan does not write."""
+    if not isinstance(document, dict):
+        raise ValueError("what is left out is malformed")
+    held, said = (bytes.fromhex(str(document.get(key) or "")) or None for key in ("before", "after"))
+    place, why = str(document.get("object", "")), str(document.get("why", ""))
+    return LeftOut(place, why, document.get("remains") is True, held, said)
 
 
 def _holds(document: dict[str, Any]) -> list[Change]:

@@ -78,27 +78,18 @@ def changed(
         saved=saved and not session.dry_run,
         named=len(session.known_ids()) > 1,
         not_put_back=applied.not_put_back,
-        understood=_understood(node, applied.plan.changes),
+        understood=understood(node, applied.plan.changes),
     )
 
 
-def _understood(node: Node, changes: Iterable[Change]) -> dict[str, Understood]:
+def understood(node: Node, changes: Iterable[Change]) -> dict[str, Understood]:
     """What the values of single objects among *changes* mean, by object, where somebody says."""
     steps = [change.step for change in changes if isinstance(change, ValueChange)]
     if not steps:
         return {}
-    from dvtcli.domain.meanings import Understood
-    from dvtcli.operations.object_values import type_of
-    from dvtcli.operations.physical_meanings import meanings_of
+    from dvtcli.operations.object_values import understood
 
-    meanings = meanings_of(node.profile, node.dictionary)
-    found = {}
-    for step in steps:
-        meaning = meanings.of(step.index, step.sub_index)
-        if meaning.says:
-            kind = type_of(node, step.index, step.sub_index, len(step.after))
-            found[step.object] = Understood(kind, meaning)
-    return found
+    return understood(node, {step.object: len(step.after) for step in steps})
 
 
 def names(node: Node, changes: Iterable[object]) -> dict[str, str]:

@@ -142,13 +142,14 @@ def compare(
         _judge(node, wish, differs=bool(found))
     return Compared(
         node.node_id, len(wish.pdos), wish.parameters, found, file or SESSION, frames, note,
-        objects=len(wish.values), frame_asked=frame, named=named, unsaid=wish.unsaid, labels=tuple(_labels(wish)),
+        objects=wish.objects, frame_asked=frame, named=named, unsaid=wish.unsaid, labels=tuple(_labels(wish)),
     )  # fmt: skip
 
 
 def _labels(wish: Wish) -> Iterator[str]:
     yield from (pdo.label for pdo in wish.pdos)
     yield from (f"{index:04X}:{sub_index:02X}" for index, sub_index in wish.values)
+    yield from dict(wish.unwritten)
 
 
 def _judge(node: Node, wish: Wish, *, differs: bool) -> None:

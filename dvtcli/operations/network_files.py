@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from dvtcli.domain.network.network_plan import NetworkPlan
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.plan_file import is_network_plan, read_network_plan
-from dvtcli.operations.change import names
+from dvtcli.operations.change import names, understood
 from dvtcli.operations.judge_network import checked
 from dvtcli.operations.network_load import load_after
 from dvtcli.operations.network_wish import read_wish
@@ -160,7 +160,8 @@ def _known(node: Node, planned: NodePlan) -> NodePlan:
 
     node.read_anew()
     refuse_stale(node, planned, (*planned.plan.changes, *planned.holds))
-    return replace(planned, title=node.title, names=names(node, planned.plan.changes))
+    changes = planned.plan.changes
+    return replace(planned, title=node.title, names=names(node, changes), understood=understood(node, changes))
 
 
 @contextmanager

@@ -4,17 +4,21 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from dvtcli.domain.datatypes import BY_SHORT_NAME, DataType
-from dvtcli.domain.meanings import NOTHING
+from dvtcli.domain.datatypes import BY_SHORT_NAME, DataType, Kind
+from dvtcli.domain.meanings import NOTHING, Understood
 from dvtcli.errors import SdoProtocolError
 from dvtcli.operations.physical_meanings import meanings_of
 from dvtcli.operations.results.values import ValueRead
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from dvtcli.device.node import Node
 
 #: Strings that every device keeps at the same place (CiA 301, 7.5.2.8 ff.).
 _STRINGS = frozenset({0x1008, 0x1009, 0x100A})
+#: what their bytes alone do not tell
+_NEEDS_TYPE = frozenset({Kind.INTEGER, Kind.REAL, Kind.VISIBLE_STRING, Kind.UNICODE_STRING})
 _BY_SIZE = {1: "u8", 2: "u16", 4: "u32", 8: "u64"}
 
 
@@ -24,6 +28,18 @@ def type_of(node: Node, index: int, sub_index: int, size: int) -> DataType:
     if entry is not None and entry.data_type is not None:
         return entry.data_type
     return BY_SHORT_NAME["vs" if index in _STRINGS else _BY_SIZE.get(size, "os")]
+
+
+def understood(node: Node, sizes: Mapping[str, int]) -> dict[str, Understood]:
+    """What the values of the objects in *sizes* (printed form, and how many bytes) mean, where somebody says."""
+    meanings = meanings_of(node.profile, node.dictionary)
+    found = {}
+    for place, size in sizes.items():
+        index, sub_index = (int(part, 16) for part in place.split(":"))
+        meaning, kind = meanings.of(index, sub_index), type_of(node, index, sub_index, size)
+        if meaning.says or kind.kind in _NEEDS_TYPE:
+            found[place] = Understood(kind, meaning)
+    return found
 
 
 def value_result(

@@ -21,7 +21,7 @@ from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
 from dvtcli.domain.plan import Change, Plan, Step, ValueChange, plan_pdo
 from dvtcli.errors import DvtcliError, InputFileError, NoAnswer, RuleError, SdoProtocolError
 from dvtcli.files.network.file_log import FileLog
-from dvtcli.operations.change import names
+from dvtcli.operations.change import names, understood
 from dvtcli.operations.chosen_nodes import named_nodes, of_nodes
 from dvtcli.operations.judge_network import checked, together
 from dvtcli.operations.linked_wishes import with_links
@@ -117,9 +117,9 @@ def _judged(session: Session, met: Met, wish: NetworkWish, log: FileLog) -> list
     wants = {}
     for node in wish.nodes:
         complaints = log.count
-        understood = node_wants(nodes[node.node_id], node, log)
+        wanted = node_wants(nodes[node.node_id], node, log)
         if log.count == complaints:
-            wants[node.node_id] = understood
+            wants[node.node_id] = wanted
     planned: list[NodePlan] = []
     try:
         found_plans = plans_of(nodes, wish.of(wants), wants, stamps)
@@ -198,6 +198,7 @@ def _node_plan(node: Node, wish: NodeWish, wants: NodeWants, senders: Senders, s
         wish.name, plan, node.identity(), node.title, wish.mark.line, str(wish.store or ""), wanted,
         {**wants.values, **stamped.values}, wants.pruned, stamped.findings,
         lines={pdo.pdo: pdo.mark.line for pdo in wish.pdos}, names=names(node, plan.changes),
+        understood=understood(node, plan.changes),
         unstored=_unstored(node, plan) if wish.store else (),
     )  # fmt: skip
 

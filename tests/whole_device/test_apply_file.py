@@ -118,14 +118,26 @@ def test_what_is_no_configuration_is_left_and_told(tmp_path: Path) -> None:
         shown = bench.run(f"plan {file} --include 2000").stdout
         assert "0x2000:00" in shown
         assert "0x2004:00" not in shown
-        assert "not written: 2004:00 is the maker's own" in shown
-        for line, words in ((f"diff {file}", "No difference: every node"), (f"apply {file} --yes", "Every node")):
-            said = bench.run(line).stdout
-            assert f"{words} holds what is written of the file" in said
-            assert f"not written, and may differ: dvtcli compare {file}" in said
+        assert "differs, not written: 2004:00 (holds 'Lift', the file says 'Crane') is the maker's own" in shown
+        last = f"2 settings of node 1 differ from {file} and are not written: --include 2000 --include 2004 writes such"
+        for line, code in ((f"diff {file}", 3), (f"plan {file} --exit-code", 3), (f"apply {file} --yes", 0)):
+            ran = bench.run(line)
+            assert (ran.code, last in ran.stdout, "No difference" in ran.stdout) == (code, True, False), line
+        assert "Every node holds what is written of the file already" in bench.run(f"apply {file} --yes").stdout
+        verified = bench.run(f"verify {file}")
+        assert (verified.code, "2000:00  is 0x0064, expected 0x006F" in verified.stdout) == (3, True)
+        assert bench.run(f"plan {file} -o {tmp_path / 'plan.json'}").code == 0
+        assert last in bench.run(f"apply {tmp_path / 'plan.json'} --yes").stdout
+        document = bench.run(f"diff {file} --json").document
+        assert (document["changed"], document["remaining"]) == (False, 2)
+        maker = next(one for one in document["nodes"][0]["left_out"] if one["object"] == "2000:00")
+        assert (maker["remains"], maker["before"], maker["after"]) == (True, "64 00", "6F 00")
         cloned = bench.run(f"apply {file} --include 2000-2005 --yes --json").document
         assert [one["object"] for one in cloned["nodes"][0]["objects"]] == ["2000:00", "2004:00"]
         assert node.sdo.upload(0x2006, 0) == bytes(2), "a set point, which an RPDO can take"
+        clean = bench.run(f"diff {file}")
+        assert (clean.code, "holds what is written of the file" in clean.stdout) == (0, True)
+        assert f"not written, and may differ: dvtcli compare {file}" in clean.stdout
 
 
 def test_clone_takes_the_makers_objects_that_no_pdo_can_map(tmp_path: Path) -> None:

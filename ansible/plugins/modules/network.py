@@ -98,7 +98,7 @@ def main():
         document = ended.unless(DONE)
     stored = [one["node"] for one in document.get("stored") or []]
     module.exit_json(
-        changed=bool(document["changed"] or stored or ended.code == DIFFERS),
+        changed=bool(document["changed"] or stored or (ended.code == DIFFERS and not document["remaining"])),
         writes=document["writes"],
         stored=stored,
         nodes=[{key: value for key, value in node.items() if key not in _INNER} for node in document["nodes"]],

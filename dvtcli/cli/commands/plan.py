@@ -25,7 +25,7 @@ TASK = ("Networks", 10)
 @click.option(
     "-o", "saved", type=FILE, metavar="PLAN", help="Save the plan for apply; as PLAN.309: gateway lines (CiA 309-3)."
 )
-@click.option("--exit-code", "tells", is_flag=True, help="End with 3 where something would be written or stored.")
+@click.option("--exit-code", "tells", is_flag=True, help="End with 3 where something differs or is to be stored.")
 @trust_stamp_option
 @include_option
 @to_manager

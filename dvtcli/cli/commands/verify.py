@@ -28,8 +28,8 @@ TASK = ("Check and keep", 10)
 def command(ctx: click.Context, /, words: tuple[str, ...], frame: bool) -> Compared | ComparedNodes:
     """Compare what the nodes hold now; exit code 3 where it differs, 1 where no frame came.
 
-    FILE is a script (what its lines would set), a network file (YAML), a DCF, XDC or backup (what apply would write of
-    it), or an EDS (its PDOs); without one it compares with the lines before it.
+    FILE is a script (what its lines would set), a network file (YAML), a DCF, XDC or backup (its settings, also those
+    that apply does not write), or an EDS (its PDOs); without one it compares with the lines before it.
 
     \b
     verify                   everything this session changed, on every node

@@ -58,6 +58,9 @@ def _planned(result: NetworkPlanned, node: NodePlan) -> Iterator[Case]:
         )
     for held in node.holds:
         yield Case(node.node_id, held.label, file=result.plan.file, line=_line(node, held))
+    for left in node.remaining:
+        says = (f"differs, not written: {left.why}",)
+        yield Case(node.node_id, left.object, says, level, result.plan.file, node.line)
     if node.store and node.unstored:
         says = (f"not stored yet: {several(node.unstored)}",)
         yield Case(node.node_id, "store", says, level, result.plan.file, node.line)

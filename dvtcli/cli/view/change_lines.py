@@ -102,13 +102,9 @@ def _others(result: Changed) -> str:
 
 def _value(result: Changed, step: Step, data: bytes | None) -> str:
     """A step's value with what it means, where that is known."""
-    known = result.understood.get(step.object)
-    value = None if known is None else known.value(data)
-    if known is None or value is None or not known.meaning.words(value):
-        return step.text(data)
-    from dvtcli.cli.view.shown_value import value_text
+    from dvtcli.cli.view.shown_value import step_text
 
-    return value_text(value, known.meaning, 8 * len(data or b""))
+    return step_text(step, data, result.understood.get(step.object))
 
 
 def _reason(step: Step, result: Changed) -> str:

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from dvtcli.cli.view.lines import Cell, Line, Table
+from dvtcli.cli.view.shown_value import step_text
 from dvtcli.domain.configuration import NotWritten
 from dvtcli.domain.parameter_text import entry_text, parameter_text
 from dvtcli.domain.plan import STAMP, PdoChange, Step
@@ -14,9 +15,13 @@ from dvtcli.operations.results.networks import action, differing
 
 if TYPE_CHECKING:
     from dvtcli.domain.network.bus_need import BusNeed
-    from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
+    from dvtcli.domain.network.network_plan import LeftOut, NetworkPlan, NodePlan
     from dvtcli.operations.results.networks import NetworkApplied, NetworkPlanned
 
+#: why an object is not written that --include lifts
+_LIFTED = frozenset(str(one) for one in NotWritten if one.is_lifted_by_include)
+#: how many settings that differ and are not written have a line each
+_MOST_REMAINING = 12
 _SIGNS = {"prune": ("-", "red"), "disable": ("~", "yellow"), "enable": ("~", "yellow"), "change": ("~", "yellow")}
 
 
@@ -32,9 +37,10 @@ def plan_lines(plan: NetworkPlan, width: int) -> Iterator[Line]:
 def planned_lines(result: NetworkPlanned, width: int) -> Iterator[Line]:
     """The plan, and what to do with it."""
     yield from plan_lines(result.plan, width)
+    yield from _remaining(result.plan)
     if not result.plan.changed and result.plan.to_do:
         yield "Every node holds what the file says, and not all of it is stored."
-    elif not result.plan.changed:
+    elif not result.plan.changed and not result.plan.remains:
         yield f"No difference: {_every(result.plan)} holds {_what(result.plan)}. Nothing was written."
         yield from _aside(result.plan)
     if result.need is not None:
@@ -51,6 +57,20 @@ def planned_lines(result: NetworkPlanned, width: int) -> Iterator[Line]:
     yield f"Nothing was written.{saved} Next: {after}"
 
 
+def _remaining(plan: NetworkPlan) -> Iterator[Line]:
+    """That settings of the file are otherwise and stay so: the last word on whether the device is as the file."""
+    for node in plan.nodes:
+        if not node.remaining:
+            continue
+        lifted = list(dict.fromkeys(one.object[:4] for one in node.remaining if one.why in _LIFTED))
+        named = " ".join(f"--include {index}" for index in lifted[:3])
+        more = " …" if len(lifted) > 3 else ""
+        are, verb = ("is", "differs") if len(node.remaining) == 1 else ("are", "differ")
+        what = f"{plural(len(node.remaining), 'setting')} of node {node.node_id} {verb} from {plan.file}"
+        hint = f": {named}{more} writes {'it' if are == 'is' else 'such'}" if lifted else ""
+        yield [Cell(f"! {what} and {are} not written{hint}", "yellow")]
+
+
 def _every(plan: NetworkPlan) -> str:
     """Of whom it is said that nothing differs."""
     if plan.manager is not None:
@@ -62,7 +82,8 @@ def _every(plan: NetworkPlan) -> str:
 
 def _what(plan: NetworkPlan) -> str:
     """What a node holds of which nothing differs."""
-    return "what is written of the file" if any(map(_not_written, plan.nodes)) else "what the file says"
+    is_all = not plan.remains and not any(map(_not_written, plan.nodes))
+    return "what the file says" if is_all else "what is written of the file"
 
 
 def _aside(plan: NetworkPlan) -> Iterator[Line]:
@@ -74,7 +95,7 @@ def _aside(plan: NetworkPlan) -> Iterator[Line]:
 
 def _not_written(node: NodePlan) -> list[str]:
     """What the file says that could be set and is left out."""
-    return [place for place, why in node.left_out if why != NotWritten.READ_ONLY]
+    return [one.object for one in node.left_out if one.why != NotWritten.READ_ONLY and not one.remains]
 
 
 def _load(need: BusNeed) -> Iterator[Line]:
@@ -98,11 +119,13 @@ def applied_lines(result: NetworkApplied, _width: int) -> Iterator[Line]:
     if not plan.changed and not result.stored:
         yield f"{_every(plan).capitalize()} holds {_what(plan)} already; nothing was written."
         yield from _aside(plan)
+        yield from _remaining(plan)
         return
     writes, nodes = plural(plan.writes, "write"), plural(sum(bool(len(one.plan)) for one in plan.nodes), "node")
     if result.dry_run:
         text = f"{writes} on the twins of {nodes}, read back equal. Nothing was written."
         yield [Cell("dry run: ", "cyan"), Cell(text)]
+        yield from _remaining(plan)
         return
     if plan.changed:
         yield f"{nodes} set: {writes}, read back equal, {result.seconds:.2f} s."
@@ -112,6 +135,7 @@ def applied_lines(result: NetworkApplied, _width: int) -> Iterator[Line]:
     if volatile:
         text = f"In RAM only on node {', '.join(volatile)}: `store` keeps it, `undo --all` reverts it."
         yield [Cell(text, "dim")]
+    yield from _remaining(plan)
 
 
 def _stored(result: NetworkApplied) -> Iterator[Line]:
@@ -152,7 +176,7 @@ def _node(plan: NetworkPlan, node: NodePlan, width: int) -> Iterator[Line]:
         if isinstance(change, PdoChange):
             yield from _pdo(node, change, width)
         else:
-            yield _object(change.step)
+            yield _object(node, change.step)
     if not node.is_read:
         yield [Cell("  = ", "dim"), Cell(f"not read: its stamp (0x{STAMP:04X}) is that of the file")]
     if node.store and node.unstored:
@@ -164,9 +188,15 @@ def _node(plan: NetworkPlan, node: NodePlan, width: int) -> Iterator[Line]:
 
 def _left_out(node: NodePlan) -> Iterator[Line]:
     """What the file says and nobody writes, by why; what is read-only is only counted."""
+    for one in node.remaining[:_MOST_REMAINING]:
+        yield _otherwise(node, one)
+    if len(node.remaining) > _MOST_REMAINING:
+        rest = [one.object for one in node.remaining[_MOST_REMAINING:]]
+        yield [Cell("  ! ", "yellow"), Cell(f"differs, not written: {several(rest)}")]
     by_why: dict[str, list[str]] = {}
-    for place, why in node.left_out:
-        by_why.setdefault(why, []).append(place)
+    for one in node.left_out:
+        if not one.remains:
+            by_why.setdefault(one.why, []).append(one.object)
     silent = by_why.pop(NotWritten.READ_ONLY, [])
     for why, places in by_why.items():
         yield [Cell("  ! ", "yellow"), Cell(f"not written: {several(places)} {why}")]
@@ -174,9 +204,20 @@ def _left_out(node: NodePlan) -> Iterator[Line]:
         yield [Cell(f"  = {plural(len(silent), 'read-only object')} of the file left aside", "dim")]
 
 
-def _object(step: Step) -> Line:
+def _otherwise(node: NodePlan, one: LeftOut) -> Line:
+    """A setting in which the node differs from the file, and why it stays so."""
+    values = ""
+    if one.held is not None and one.said is not None:
+        index, sub_index = (int(part, 16) for part in one.object.split(":"))
+        step, known = Step(index, sub_index, one.held, one.said, ""), node.understood.get(one.object)
+        values = f" (holds {step_text(step, one.held, known)}, the file says {step_text(step, one.said, known)})"
+    return [Cell("  ! ", "yellow"), Cell(f"differs, not written: {one.object}{values} {one.why}")]
+
+
+def _object(node: NodePlan, step: Step) -> Line:
     """A single object: what it holds, what it is to hold, and what that means."""
-    before, after = step.text(step.before), step.text(step.after)
+    known = node.understood.get(step.object)
+    before, after = step_text(step, step.before, known), step_text(step, step.after, known)
     said = "" if step.reason == "write" else f"  {step.reason}"
     return [Cell("  ~ ", "yellow"), Cell(f"0x{step.object}  {before} -> {after}"), Cell(said)]
 

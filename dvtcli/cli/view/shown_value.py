@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from dvtcli.domain.datatypes import Value
-from dvtcli.domain.meanings import NOTHING
+from dvtcli.domain.meanings import NOTHING, Understood
 from dvtcli.domain.physical import Physical
 
-#: how many bytes of a long value are shown
-MOST_SHOWN = 128
+if TYPE_CHECKING:
+    from dvtcli.domain.plan import Step
+
+#: how many bytes of a long value are shown, and how many characters of a text beside another one
+MOST_SHOWN, _WIDEST = 128, 24
 
 
 def value_text(value: Value | None, meaning: Physical = NOTHING, bits: int = 0, *, hexed: bool = False) -> str:
@@ -25,6 +30,16 @@ def value_text(value: Value | None, meaning: Physical = NOTHING, bits: int = 0, 
     if hexed and bits and isinstance(value, int) and not isinstance(value, bool) and not text.endswith(")"):
         return f"{text or value} (0x{value & ((1 << bits) - 1):0{(bits + 3) // 4}X})"
     return text or str(value)
+
+
+def step_text(step: Step, data: bytes | None, known: Understood | None) -> str:
+    """*data* of the object of *step* with what it means, where that is *known*; else as the field writes it."""
+    value = None if known is None else known.value(data)
+    if known is None or value is None or isinstance(value, bytes):
+        return step.text(data)
+    if isinstance(value, str):
+        return repr(value) if len(value) <= _WIDEST else f"{value[:_WIDEST]!r}… {len(value)} characters"
+    return value_text(value, known.meaning, 8 * len(data or b""))
 
 
 def cut_bytes(data: bytes) -> str:

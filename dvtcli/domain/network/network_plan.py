@@ -7,11 +7,27 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from dvtcli.domain.meanings import Understood
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Change, Plan, Step, ValueChange, plan_pdo
 from dvtcli.domain.rules.finding import Finding
 
 Identity = dict[str, int | None]
+
+
+@dataclass(frozen=True, slots=True)
+class LeftOut:
+    """An *object* (or a PDO) that a file says something of and that is not written, with *why*.
+
+    *held* is what the node holds of it, *said* what the file says; None where that is not known. With *remains* it is a
+    setting in which the two differ.
+    """
+
+    object: str
+    why: str
+    remains: bool = False
+    held: bytes | None = None
+    said: bytes | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,12 +54,14 @@ class NodePlan:
     lines: dict[Pdo, int] = field(default_factory=dict)
     #: names of objects, by their printed form
     names: dict[str, str] = field(default_factory=dict)
+    #: what values of single objects mean, by their printed form
+    understood: dict[str, Understood] = field(default_factory=dict)
     #: what it holds as wanted and is known not to have stored
     unstored: tuple[str, ...] = ()
     #: False where its stamp (0x1020) was trusted instead: nothing else is known of it
     is_read: bool = True
-    #: objects (or PDOs) that the file says something of and that are not written, each with why
-    left_out: tuple[tuple[str, str], ...] = ()
+    #: what the file says something of and that is not written
+    left_out: tuple[LeftOut, ...] = ()
     #: whether its power stage must be off before anything is written
     needs_power_off: bool = False
     #: what is to be asked first, beside whether to write at all
@@ -58,6 +76,11 @@ class NodePlan:
     def stores(self) -> bool:
         """Whether it stores once all nodes are verified: where it should, and there is something to store."""
         return bool(self.store) and bool(len(self.plan) or self.unstored)
+
+    @property
+    def remaining(self) -> tuple[LeftOut, ...]:
+        """Settings that differ from the file and are not written."""
+        return tuple(one for one in self.left_out if one.remains)
 
     @property
     def holds(self) -> tuple[Change, ...]:
@@ -95,6 +118,11 @@ class NetworkPlan:
     def to_do(self) -> bool:
         """Whether anything is to be written or stored."""
         return any(len(node.plan) or node.stores for node in self.nodes)
+
+    @property
+    def remains(self) -> int:
+        """How many settings differ from the file and are not written."""
+        return sum(len(node.remaining) for node in self.nodes)
 
     @property
     def unread(self) -> tuple[int, ...]:

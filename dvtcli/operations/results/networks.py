@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
+from dvtcli.domain.network.network_plan import LeftOut, NetworkPlan, NodePlan
 from dvtcli.domain.plan import PdoChange, ValueChange
 from dvtcli.operations.results.documents import CASES, Answer, Document, finding_document, hex_bytes
 from dvtcli.operations.results.loads import need_document
@@ -38,13 +38,13 @@ class NetworkPlanned(Answer):
     interrupted: tuple[int, ...] = ()
 
     def __bool__(self) -> bool:
-        """Whether nothing has to be written."""
-        return not self.plan.changed
+        """Whether nothing differs: nothing has to be written, and nothing is otherwise that is not written."""
+        return not self.plan.changed and not self.plan.remains
 
     @property
     def exit_code(self) -> int:
-        """3 where something is to be written or stored and that is to be told, else 0."""
-        return 3 if self.tells and self.plan.to_do else 0
+        """3 where something differs, or is to be stored, and that is to be told, else 0."""
+        return 3 if self.tells and (self.plan.to_do or self.plan.remains) else 0
 
     @property
     def findings(self) -> tuple[Finding, ...]:
@@ -59,6 +59,7 @@ class NetworkPlanned(Answer):
             "file": plan.file,
             "changed": plan.changed,
             "writes": plan.writes,
+            "remaining": plan.remains,
             "sync_master": plan.has_sync_master,
             "unknown_syncs": list(plan.unknown_syncs),
             "load": None if self.need is None else need_document(self.need),
@@ -87,7 +88,7 @@ def _node_document(node: NodePlan) -> Document:
         "store": node.store or None,
         "read": node.is_read,
         "unstored": list(node.unstored),
-        "left_out": [{"object": place, "why": why} for place, why in node.left_out],
+        "left_out": [_left_out_document(one) for one in node.left_out],
         "power_off": node.needs_power_off,
         "doubt": node.doubt,
         "unchanged": node.unchanged,
@@ -96,6 +97,16 @@ def _node_document(node: NodePlan) -> Document:
         "findings": [finding_document(finding) for finding in node.findings],
         "changes": [change_document(change) for change in changes],
         "holds": [change_document(change) for change in node.holds],
+    }
+
+
+def _left_out_document(one: LeftOut) -> Document:
+    return {
+        "object": one.object,
+        "why": one.why,
+        "remains": one.remains,
+        "before": hex_bytes(one.held),
+        "after": hex_bytes(one.said),
     }
 
 
@@ -142,7 +153,10 @@ def _object_document(change: ValueChange) -> Document:
 
 @dataclass(frozen=True, slots=True)
 class NetworkApplied(Answer):
-    """A plan that every node took and read back equal; *stored* are those that stored it then."""
+    """A plan that every node took and read back equal; *stored* are those that stored it then.
+
+    A setting that differs and that the plan does not write is so still: `plan.remains` counts them.
+    """
 
     renderer: ClassVar = "network_lines:applied_lines"
 
@@ -172,6 +186,7 @@ class NetworkApplied(Answer):
             "file": self.plan.file,
             "changed": self.plan.changed and not self.dry_run,
             "writes": self.plan.writes,
+            "remaining": self.plan.remains,
             "unknown_syncs": list(self.plan.unknown_syncs),
             "verified": True,
             "dry_run": self.dry_run,

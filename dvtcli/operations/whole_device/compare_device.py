@@ -116,10 +116,15 @@ def entry_of(dictionary: ObjectDictionary | None, place: ObjectAddress) -> OdEnt
     return OdEntry(*place, "", standard.data_type, standard.access or Access.RW)
 
 
+def is_setting(why: NotWritten | None) -> bool:
+    """Whether an object that is not written for this reason (None: it is) is configured all the same, by somebody."""
+    return why is None or why.is_lifted_by_include or why in (NotWritten.FLAGGED, NotWritten.SAFETY)
+
+
 def kind_of(known: Configuration, entry: OdEntry) -> Kind:
     """What a difference of the object that *entry* describes means."""
     why = known.why_not(entry)
-    if why is None or why.is_lifted_by_include:
+    if is_setting(why):
         return Kind.SETTING
     if why is not NotWritten.READ_ONLY or entry.index in _STATES:
         return Kind.APART

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from dvtcli.device.read_pdos import read_pdo
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.network.network_plan import LeftOut
 from dvtcli.domain.pdo import PdoConfig
 from dvtcli.errors import SdoAborted
 from dvtcli.operations.whole_device.compare_device import entry_of
@@ -28,7 +29,7 @@ _PARAMETERS = {1: "cob_id", 2: "transmission_type", 3: "inhibit_time", 5: "event
 
 
 def pdo_of_file(
-    node: Node, held: HeldDevice, known: Configuration, pdo: Pdo, now: PdoConfig, left_out: dict[str, str]
+    node: Node, held: HeldDevice, known: Configuration, pdo: Pdo, now: PdoConfig, left_out: dict[str, LeftOut]
 ) -> PdoConfig | None:
     """What *pdo* of *node*, which is *now*, is to be by *held*; None where the file says no whole PDO.
 
@@ -37,13 +38,13 @@ def pdo_of_file(
     said = _said(node, held, pdo)
     if said is None or said.mpdo is not None or said.held_count is not None:
         if said != now:
-            left_out[pdo.label] = "is no whole PDO in the file, or multiplexed"
+            _leave_out(left_out, pdo.label, "is no whole PDO in the file, or multiplexed")
         return None
     wanted = replace(now, communication=_communication(node, known, pdo, now, said, left_out))
     if not said.has_mapping or (said.mapping == now.mapping and not _has_odd_mapping(now)):
         return wanted
     if why := _why_not(known, node.dictionary, (pdo.mapping_index, 0)):
-        left_out[f"{pdo.mapping_index:04X}:00"] = why
+        _leave_out(left_out, f"{pdo.mapping_index:04X}:00", why)
         return wanted
     return PdoConfig(wanted.communication, said.mapping, unread=now.lacking)
 
@@ -60,7 +61,7 @@ def _has_odd_mapping(now: PdoConfig) -> bool:
 
 
 def _communication(
-    node: Node, known: Configuration, pdo: Pdo, now: PdoConfig, said: PdoConfig, left_out: dict[str, str]
+    node: Node, known: Configuration, pdo: Pdo, now: PdoConfig, said: PdoConfig, left_out: dict[str, LeftOut]
 ) -> PdoCommunicationParameter:
     """The parameters that *said* says, where the node has them and lets them be written; else those of *now*."""
     wanted = now.communication
@@ -71,10 +72,15 @@ def _communication(
         if name == "cob_id" and not value.raw:
             value = CobId(0, valid=False)  # CAN-ID 0x000 is NMT: the file tells no COB-ID
         if why := _why_not(known, node.dictionary, place):
-            left_out[f"{place[0]:04X}:{place[1]:02X}"] = why
+            _leave_out(left_out, f"{place[0]:04X}:{place[1]:02X}", why)
         else:
             wanted = replace(wanted, **{name: value})
     return wanted
+
+
+def _leave_out(left_out: dict[str, LeftOut], place: str, why: str) -> None:
+    """Tell of a part of a PDO that differs and stays."""
+    left_out[place] = LeftOut(place, why, remains=True)
 
 
 def _why_not(known: Configuration, dictionary: ObjectDictionary | None, place: ObjectAddress) -> str:

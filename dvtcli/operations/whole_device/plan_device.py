@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dvtcli.device.wish import Wish
+from dvtcli.device.wish import Wish, value_text
 from dvtcli.domain.network.network_plan import NetworkPlan
 from dvtcli.domain.network.wanted_state import NetworkWish, NodeWish, WantedIdentity
 from dvtcli.domain.pdo import PdoConfig
@@ -18,6 +18,7 @@ from dvtcli.errors import SafetyRefusal, UsageError
 from dvtcli.operations.judge_network import checked
 from dvtcli.operations.meet_network import meet, unlike_wanted
 from dvtcli.operations.named_objects import object_at
+from dvtcli.operations.object_values import understood
 from dvtcli.operations.plan_network import plans_of, with_unknown_syncs
 from dvtcli.operations.unknown_sync import short_frames
 from dvtcli.operations.whole_device.device_suffix import refuse_kind
@@ -26,7 +27,7 @@ from dvtcli.operations.whole_device.wanted_of_file import WantedOfFile, wanted_o
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
-    from dvtcli.domain.network.network_plan import NodePlan
+    from dvtcli.domain.network.network_plan import LeftOut, NodePlan
     from dvtcli.domain.profile import Range
     from dvtcli.operations.session import Session
     from dvtcli.operations.whole_device.held_device import HeldDevice
@@ -66,12 +67,22 @@ def plan_device(session: Session, file: str, options: DeviceOptions | None = Non
 
 
 def wanted_alone(node: Node, file: str) -> Wish:
-    """What *file* wants of *node*, not judged; SafetyRefusal where it is about another product."""
+    """What *file* wants of *node*, not judged, read anew; SafetyRefusal where it is about another product."""
+    node.read_anew()
     held = held_by(file, node.node_id)
     for unlike in unlike_wanted(node, _wish(held, node.node_id).identity, force=False):
         raise unlike
-    wants = wanted_of_file(node, held).wants
-    return Wish({pdo: want for pdo, want in wants.pdos.items() if isinstance(want, PdoConfig)}, wants.values)
+    found = wanted_of_file(node, held)
+    unwritten = tuple((one.object, _unwritten(one)) for one in found.left_out.values() if one.remains)
+    pdos = {pdo: want for pdo, want in found.wants.pdos.items() if isinstance(want, PdoConfig)}
+    return Wish(pdos, found.wants.values, unwritten=unwritten)
+
+
+def _unwritten(one: LeftOut) -> str:
+    """A setting that differs and that `apply` does not write, as a difference."""
+    if one.held is None or one.said is None:
+        return f"differs, and apply does not write it: {one.why}"
+    return f"is {value_text(one.held)}, expected {value_text(one.said)}; apply does not write it: {one.why}"
 
 
 def _node_ids(session: Session, held: HeldDevice, options: DeviceOptions) -> tuple[int, ...]:
@@ -123,8 +134,10 @@ def _planned(
 
 
 def _said(planned: NodePlan, node: Node, held: HeldDevice, found: WantedOfFile) -> NodePlan:
-    left_out = tuple(sorted(found.left_out.items()))
-    return replace(planned, left_out=left_out, needs_power_off=True, doubt=_doubt(node, held))
+    left_out = tuple(one for _, one in sorted(found.left_out.items()))
+    sizes = {one.object: len(one.held) for one in left_out if one.held is not None}
+    known = planned.understood | understood(node, sizes)
+    return replace(planned, left_out=left_out, understood=known, needs_power_off=True, doubt=_doubt(node, held))
 
 
 def _doubt(node: Node, held: HeldDevice) -> str:

@@ -10,12 +10,14 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
+from dvtcli.device.read_whole import PAUSE_S
 from dvtcli.domain.configuration import Configuration, NotWritten
+from dvtcli.domain.network.network_plan import LeftOut
 from dvtcli.domain.pdo import Direction, Pdo
 from dvtcli.errors import SdoAborted
 from dvtcli.files.dcf.value_text import same_value
 from dvtcli.operations.wanted_words import NodeWants
-from dvtcli.operations.whole_device.compare_device import entry_of
+from dvtcli.operations.whole_device.compare_device import entry_of, is_setting
 from dvtcli.operations.whole_device.look_through import configuration, described
 from dvtcli.operations.whole_device.pdo_of_file import pdo_of_file
 
@@ -38,13 +40,13 @@ _NOT_READ = frozenset(
 
 @dataclass(slots=True)
 class WantedOfFile:
-    """What a file wants of a node, *wants*, and what it says, differs, and is not written: *left_out*, each with why.
+    """What a file wants of a node, *wants*, and what it says and is not written: *left_out*, by object, each with why.
 
-    What is not read counts as different.
+    That is what differs, and what is not read.
     """
 
     wants: NodeWants = field(default_factory=NodeWants)
-    left_out: dict[str, str] = field(default_factory=dict)
+    left_out: dict[str, LeftOut] = field(default_factory=dict)
 
 
 def wanted_of_file(
@@ -66,6 +68,7 @@ def wanted_of_file(
     for place, kept in sorted(held.objects.items()):
         if kept.data is not None and place not in held.assumed and Pdo.at(place[0]) is None:
             _value(node, held, known, entry_of(dictionary, place), found)
+    _look_again(node, found)
     return found
 
 
@@ -84,7 +87,7 @@ def _pdos(node: Node, held: HeldDevice, known: Configuration, found: WantedOfFil
     present = set(node.present())
     for pdo in sorted(said, key=lambda one: (not one.is_tpdo, one.number)):
         if pdo not in present:
-            found.left_out[pdo.label] = "the node does not have it"
+            found.left_out[pdo.label] = LeftOut(pdo.label, "the node does not have it", remains=True)
             continue
         now = node.observed(partial(node.known_pdo, pdo))
         config = pdo_of_file(node, held, known, pdo, now, found.left_out)
@@ -109,7 +112,7 @@ def _value(node: Node, held: HeldDevice, known: Configuration, entry: OdEntry, f
     place = entry.index, entry.sub_index
     why = known.why_not(entry)
     if why in _NOT_READ:
-        found.left_out[entry.object] = str(why)
+        found.left_out[entry.object] = LeftOut(entry.object, str(why))
         return
     data = held.on_node(place, entry, node.node_id)
     if data is None:
@@ -117,14 +120,27 @@ def _value(node: Node, held: HeldDevice, known: Configuration, entry: OdEntry, f
     try:
         now = node.observed(partial(node.known_value, *place))
     except SdoAborted as aborted:
-        found.left_out[entry.object] = f"cannot be read: {aborted.text}"
+        text = f"cannot be read: {aborted.text}"
+        found.left_out[entry.object] = LeftOut(entry.object, text, is_setting(why), said=data)
         return
     is_same = same_value(entry.data_type, data, now)
     if why is None:
         found.wants.values[place] = now if is_same else data
         found.wants.reasons[place] = _name(node, place)
     elif not is_same:
-        found.left_out[entry.object] = str(why)
+        found.left_out[entry.object] = LeftOut(entry.object, str(why), is_setting(why), now, data)
+
+
+def _look_again(node: Node, found: WantedOfFile) -> None:
+    """What is otherwise and is not written may be what changes by itself: look once more."""
+    suspects = [one for one in found.left_out.values() if one.remains and one.held is not None]
+    if suspects:
+        node.bus.sleep(PAUSE_S)
+    for one in suspects:
+        index, _, sub_index = one.object.partition(":")
+        now = node.observed(partial(node.upload, int(index, 16), int(sub_index, 16)))
+        if now != one.held:
+            found.left_out[one.object] = replace(one, why="changes by itself", remains=False, held=now)
 
 
 def _name(node: Node, place: ObjectAddress) -> str:
