@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gc
-import itertools
 import os
 import signal
 import sys
@@ -14,7 +13,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from tests import process, sample
-from tests.surroundings import clean_environment, own_ground, own_place, set_environment
+from tests.surroundings import Places, clean_environment, own_ground, own_place, set_environment
 
 #: a machine under load is slow, and no less right for it
 _UNHURRIED = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
@@ -124,7 +123,7 @@ def _for_workers(config: pytest.Config) -> dict[str, str]:
 
 
 @pytest.fixture(scope="session", autouse=True)
-def ground(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Iterator[Path]]:
+def ground(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Places]:
     """The home and working folder of what lives longer than a test, and the folders of the tests."""
     base = own_ground(tmp_path_factory.getbasetemp())
     folder = base / "places"
@@ -132,11 +131,11 @@ def ground(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Iterator[Path]]
     with own_place(folder / "all"):
         # matplotlib looks for fonts, for seconds, in each home that is new to it
         os.environ["MPLCONFIGDIR"] = str(base.parent if "PYTEST_XDIST_WORKER" in os.environ else base)
-        yield (folder / str(number) for number in itertools.count(1))
+        yield Places(folder)
 
 
 @pytest.fixture(autouse=True)
-def surroundings(ground: Iterator[Path]) -> Iterator[Path]:
+def surroundings(ground: Places) -> Iterator[Path]:
     """Each test's own home, XDG folders, working folder and variables."""
-    with own_place(next(ground)) as work:
+    with ground.another() as work:
         yield work

@@ -5,10 +5,11 @@ Does not know what dvtcli does with them.
 
 from __future__ import annotations
 
+import itertools
 import os
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -17,6 +18,9 @@ _KEPT = ("PATH", "PATHEXT", "SYSTEMROOT", "TEMP", "TMP", "TMPDIR", "LD_LIBRARY_P
 _KEPT_BEGINNINGS = ("PYTEST_VERSION", "PYTEST_XDIST_", "PYTEST_CURRENT_TEST", "PYTEST_MUTATION_")
 _KEPT_BEGINNINGS += ("COVERAGE_", "COV_CORE_", "TESTS_")
 
+
+#: what of the project is found in a working folder
+_LINKED = ("scripts", "tests")
 
 #: the variables that say where the user's files are, each on one system or another
 HOMES = (
@@ -74,13 +78,57 @@ def own_place(folder: Path) -> Iterator[Path]:
 
     The project's `scripts` and `tests` are to be found in the working folder, which is what is yielded.
     """
-    home, work = folder / "home", folder / "work"
-    for made in (folder, home, work):
+    _make_place(folder)
+    with _in_place(folder) as work:
+        yield work
+
+
+class Places:
+    """Places below *folder*, as `own_place` has them, one after the other.
+
+    One that is found as it was made is given again: most tests leave nothing in theirs, and making it takes longer.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folders = (folder / str(number) for number in itertools.count(1))
+        self._last, self._as_made = folder, list[tuple[object, ...]]()
+
+    @contextmanager
+    def another(self) -> Iterator[Path]:
+        """A working folder in which nothing is but the project's `scripts` and `tests`, with an empty home."""
+        if not self._as_made or _seen(self._last) != self._as_made:
+            self._last = next(self._folders)
+            _make_place(self._last)
+            self._as_made = _seen(self._last)
+        with _in_place(self._last) as work:
+            yield work
+
+
+def _make_place(folder: Path) -> None:
+    for made in (folder, folder / "home", folder / "work"):
         made.mkdir()
-    for name in ("scripts", "tests"):
-        (work / name).symlink_to(ROOT / name)
+    for name in _LINKED:
+        (folder / "work" / name).symlink_to(ROOT / name)
+
+
+def _seen(folder: Path) -> list[tuple[object, ...]]:
+    """What a place is like: whose its folders are, what is in them, and where that leads. Empty where one is gone."""
+    seen: list[tuple[object, ...]] = []
+    with suppress(OSError):
+        for one in (str(folder), f"{folder}/home", f"{folder}/work"):
+            status = os.stat(one)  # noqa: PTH116 - strings: this is done for each test
+            with os.scandir(one) as entries:
+                names = sorted((entry.name, os.readlink(entry) if entry.is_symlink() else "") for entry in entries)  # noqa: PTH115
+            seen.append((status.st_mode, status.st_uid, status.st_gid, names))
+        return seen
+    return []
+
+
+@contextmanager
+def _in_place(folder: Path) -> Iterator[Path]:
+    work = folder / "work"
     before, variables = Path.cwd(), dict(os.environ)
-    os.environ |= _at_home(home)
+    os.environ |= _at_home(folder / "home")
     os.chdir(work)
     try:
         yield work

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import logging
 import subprocess
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -243,15 +244,32 @@ def test_a_call_back_must_not_call_the_bus() -> None:
         assert bus.node().pdo("tpdo1").config == before
 
 
-def test_messages_go_to_the_call_back_and_the_log(caplog: pytest.LogCaptureFixture) -> None:
+@pytest.fixture
+def logged() -> Iterator[list[str]]:
+    """What a program that keeps a log gets into it."""
+    lines: list[str] = []
+
+    class Kept(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            lines.append(record.getMessage())
+
+    logger, handler = logging.getLogger("dvtcli"), Kept("INFO")
+    before = logger.level
+    logger.addHandler(handler)
+    logger.setLevel("INFO")
+    yield lines
+    logger.setLevel(before)
+    logger.removeHandler(handler)
+
+
+def test_messages_go_to_the_call_back_and_the_log(logged: list[str]) -> None:
     told: list[Message] = []
-    caplog.set_level("INFO", logger="dvtcli")
     with dvtcli.simulate("gen4", on_message=told.append, faults=["reset@5"]) as bus:
         bus.node().set("tpdo1", event=True, timer_ms=100)
         with pytest.raises(errors.DvtcliError):
             bus.node().map("tpdo2", "6041", "606C")
     assert any("node 1 restarted" in one.text and one.kind == "warning" for one in told)
-    assert [one.text for one in told] == [record.getMessage() for record in caplog.records]
+    assert [one.text for one in told] == logged
 
 
 def test_nothing_is_printed(capsys: pytest.CaptureFixture[str]) -> None:

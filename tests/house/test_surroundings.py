@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ from platformdirs import user_cache_dir, user_config_dir, user_data_dir, user_st
 
 from tests.commands.bench import Bench
 from tests.process import dvtcli, environment
+from tests.surroundings import Places
 
 STRAY = 'sim = ["no-such-family"]\ntimeout = -1\n'
 #: wishes of whoever runs the tests, each of which dvtcli, Python, python-can or a terminal program would follow
@@ -46,6 +48,30 @@ def test_what_a_test_leaves_behind_no_other_finds(again: int) -> None:
     (Path.home() / "left").touch()
     os.environ["DVTCLI_SIM"] = "no-such-family"
     os.chdir("/")
+
+
+@pytest.mark.parametrize(
+    "meddle",
+    [
+        lambda work: (work / "left").touch(),
+        lambda work: (work / "scripts").unlink(),
+        lambda work: ((work / "tests").unlink(), (work / "tests").mkdir()),
+        lambda work: (work.parent / "home" / ".config").mkdir(),
+        lambda work: (work.parent / "home").chmod(0o500),
+        lambda work: (work.parent / "other").touch(),
+        lambda work: (work.parent / "home").rmdir(),
+    ],
+)
+def test_a_place_is_given_again_only_as_it_was_made(tmp_path: Path, meddle: Callable[[Path], object]) -> None:
+    places = Places(tmp_path)
+    with places.another() as first:
+        pass
+    with places.another() as second:
+        assert second == first
+        meddle(second)
+    with places.another() as third:
+        assert third != first
+        test_a_test_has_a_home_and_a_folder_of_its_own()
 
 
 def test_no_wish_of_whoever_runs_the_tests_gets_in() -> None:
