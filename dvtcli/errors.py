@@ -127,7 +127,12 @@ class SdoAborted(DvtcliError):
 
 
 class DeviceRefused(DvtcliError):
-    """The device refused a step, or reads back differently from what was written."""
+    """The device refused a step, or reads back differently from what was written.
+
+    *read_back* is what an object held then, and what it should: of one that was written alone.
+    """
+
+    read_back: tuple[bytes, bytes] | None = None
 
     slug = "device_refused"
 

@@ -71,6 +71,7 @@ def workplace(folder: Path) -> Path:
 def run(command: Command, folder: Path) -> Command:
     """Run *command* in *folder*; what it really printed and its exit code."""
     words = shlex.split(command.line.removesuffix("<<END"))
+    assert not any(word.startswith("#") for word in words), f"a comment would be typed: {command.line}"
     if words[0] == "cat":
         return Command(command.line, [], (folder / words[1]).read_text("utf-8").splitlines())
     assert words[0] == "dvtcli", f"sessions run dvtcli, not {words[0]}"

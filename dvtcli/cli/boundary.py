@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import sys
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
@@ -95,11 +96,25 @@ def _only_the_reader_left(raised: BrokenPipeError | SystemExit) -> bool:
 def usage_error(wrong: click.ClickException) -> UsageError:
     """A click usage error in our own form, with the command's grammar as the hint."""
     ctx = getattr(wrong, "ctx", None)
-    hint = None
+    hint, text = None, " ".join(wrong.format_message().split())
     if ctx is not None and ctx.command.name != "dvtcli":
         usage = " ".join(ctx.command.collect_usage_pieces(ctx)).replace("[OPTIONS] ", "")
-        hint = f"{ctx.info_name} {usage}; help {ctx.info_name}"
-    return UsageError(" ".join(wrong.format_message().split()), hint=hint)
+        hint = f"{ctx.info_name} {usage}; {_in_quotes(ctx, text) or f'help {ctx.info_name}'}"
+    return UsageError(text, hint=hint)
+
+
+_EXTRA = re.compile(r"Got unexpected extra arguments? \((.*)\)", re.DOTALL)
+
+
+def _in_quotes(ctx: click.Context, text: str) -> str:
+    """How what was typed with a blank is one word, where a command whose last argument is a text got one too many."""
+    from dvtcli.cli.params import TEXT
+
+    arguments = [one for one in ctx.command.params if isinstance(one, click.Argument)]
+    extra = _EXTRA.fullmatch(text)
+    if extra is None or not arguments or arguments[-1].type is not TEXT:
+        return ""
+    return f'what has a blank in it stands in quotes: "{ctx.params.get(arguments[-1].name or "")} {extra[1]}"'
 
 
 def _lost(session: Conversation, failed: OSError) -> int:

@@ -19,7 +19,7 @@ from dvtcli.domain.unit import scale_text, spelled, times, with_prefixes
 #: the most digits behind the point
 _MOST_DECIMALS = 12
 _QUANTITY = re.compile(
-    r"(?P<number>[+-]?(?:\d{1,30}(?:\.\d{0,30})?|\.\d{1,30})(?:[eE][+-]?\d{1,2})?)\s*(?P<unit>[^\s\d(][^()]*?)?"
+    r"(?P<number>[+-]?(?:\d{1,30}(?:\.\d{0,30})?|\.\d{1,30})(?:[eE][+-]?\d{1,2})?)\s*(?P<unit>[^\s\d(,][^()]*?)?"
     r"(?:\s*\((?P<raw>-?(?:\d{1,40}|0[xX][0-9a-fA-F]{1,38}))\))?"
 )
 #: a word as `text` shows it, raw in parentheses

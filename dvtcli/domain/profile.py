@@ -97,12 +97,14 @@ class LoginPolicy:
 class VpdoGroup:
     """One list of virtual PDOs: sub-index k of the object at *index* holds (u16) what pin k stands for.
 
-    *values* are the ranges of allowed object indices, *none* the value of an unused pin.
+    *values* are the ranges of allowed object indices, *none* the value of an unused pin. *drives* are the ranges of
+    objects that a device itself writes while a pin is tied.
     """
 
     index: int
     values: tuple[Range, ...]
     none: int
+    drives: tuple[Range, ...] = ()
 
     def allows(self, value: int) -> bool:
         """Whether a pin may hold *value* (0x0000..0xFFFF), "none" included."""

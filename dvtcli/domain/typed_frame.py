@@ -19,7 +19,7 @@ _SHORT_DIGITS, _MOST_BYTES = 3, 8
 
 
 def typed_frame(text: str) -> Frame:
-    """The frame that *text* writes; more than three hex digits, or a CAN-ID above 0x7FF, are one of 29 bits.
+    """The frame that *text* writes; more than three hex digits are a CAN-ID of 29 bits.
 
     ValueError where it is none, with what is wrong.
     """
@@ -74,5 +74,7 @@ def _frame(digits: str, data: bytes, *, remote: bool = False) -> Frame:
         raise ValueError(f"0x{can_id:X} is no CAN-ID: it has 29 bits at most")
     if len(data) > _MOST_BYTES:
         raise ValueError(f"{len(data)} bytes: a frame has 8 at most")
-    extended = can_id > _MOST_STANDARD or len(digits) > _SHORT_DIGITS
+    extended = len(digits) > _SHORT_DIGITS
+    if can_id > _MOST_STANDARD and not extended:
+        raise ValueError(f"0x{can_id:X} is above 0x7FF: a CAN-ID of 29 bits has 8 digits, {can_id:08X}")
     return Frame(can_id, data, extended=extended, remote=remote)

@@ -42,6 +42,18 @@ def understood(node: Node, sizes: Mapping[str, int]) -> dict[str, Understood]:
     return found
 
 
+def value_words(node: Node, index: int, sub_index: int, data: bytes) -> str:
+    """*data* of an object as a person reads it: `48.0 V (768)`, a word, a number; its bytes where it is none."""
+    kind = type_of(node, index, sub_index, len(data))
+    try:
+        value = kind.decode(data)
+    except ValueError:
+        return data.hex(" ")
+    if isinstance(value, bytes):
+        return data.hex(" ")
+    return meanings_of(node.profile, node.dictionary).of(index, sub_index).text(value, 8 * len(data)) or str(value)
+
+
 def value_result(
     node: Node, index: int, sub_index: int, data: bytes, asked: DataType | None, *, written: bool = False
 ) -> ValueRead:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.datatypes import Kind
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
     from dvtcli.domain.physical import Physical
     from dvtcli.domain.profile import DeviceProfile
 
+#: a number as many countries write it
+_DECIMAL_COMMA = re.compile(r"[+-]?\d{1,30},\d{1,30}\s*[^\d,]*")
 #: what can have a unit, or be one of some words
 _NUMBERS = (Kind.BOOLEAN, Kind.INTEGER, Kind.UNSIGNED, Kind.REAL)
 
@@ -36,6 +39,22 @@ def meaning_of(node: Node, index: int, sub_index: int) -> Physical:
     return meanings_of(node.profile, node.dictionary).of(index, sub_index)
 
 
+def _is_understood(kind: DataType, meaning: Physical, text: str) -> bool:
+    try:
+        typed_bytes(kind, meaning, text)
+    except ValueError:
+        return False
+    return True
+
+
+def _bit_words(meaning: Physical, kind: DataType) -> str:
+    """Which words stand for which bits, of an object whose number is made of bits."""
+    digits = (kind.bits or 8) // 4
+    if not meaning.states:
+        return ", ".join(f"{name} is bit {bit}" for bit, name in sorted(meaning.bits.items()))
+    return ", ".join(f"{one.text} is 0x{one.bits:0{digits}X}" for one in meaning.states)
+
+
 def typed_bytes(kind: DataType, meaning: Physical, text: str) -> bytes:
     """The bytes of what a person types: a number with its unit or a word of *meaning*, else as *kind* reads it.
 
@@ -45,10 +64,14 @@ def typed_bytes(kind: DataType, meaning: Physical, text: str) -> bytes:
     return kind.parse(text) if raw is None else kind.encode(raw)
 
 
-def how_to_write(meaning: Physical, kind: DataType) -> str | None:
-    """How a value of the object may be written, None where only raw can be."""
+def how_to_write(meaning: Physical, kind: DataType, text: str = "") -> str | None:
+    """How a value of the object may be written, where *text* is not understood; None where only raw can be."""
+    if _DECIMAL_COMMA.fullmatch(text.strip()) and _is_understood(kind, meaning, text.replace(",", ".")):
+        return f"with a decimal point: {text.strip().replace(',', '.')}"
     if meaning.values:
         return f"{', '.join(meaning.values.values())}; or the number"
+    if meaning.states or meaning.bits:
+        return f"the number: {_bit_words(meaning, kind)}"
     if not meaning.unit or kind.kind not in _NUMBERS:
         return None
     if kind.limits is None:

@@ -9,12 +9,13 @@ from dvtcli.device.store_parameters import RESTORE, SIGNATURES, STORE
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.network.network_state import CONCISE_DCF
 from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.profile import within
 from dvtcli.domain.rules.finding import error
 from dvtcli.domain.rules.raw_write import parameter_size
 from dvtcli.domain.rules.rule import ERROR, Rule
-from dvtcli.errors import DvtcliError, RuleError, UsageError
+from dvtcli.errors import DeviceRefused, DvtcliError, RuleError, UsageError
 from dvtcli.operations.change import changed
-from dvtcli.operations.object_values import type_of
+from dvtcli.operations.object_values import type_of, value_words
 from dvtcli.operations.physical_meanings import how_to_write, meaning_of, typed_bytes
 from dvtcli.operations.store_restore import restore_defaults, store_settings
 
@@ -48,8 +49,24 @@ def write_bytes(session: Session, node: Node, index: int, sub_index: int, data: 
 
         consent_to_concise(session, node, sub_index, data)
     started = time.monotonic()
-    applied = node.write(index, sub_index, data, force=session.options.force)
+    try:
+        applied = node.write(index, sub_index, data, force=session.options.force)
+    except DeviceRefused as refused:
+        _in_words(node, index, sub_index, refused)
+        raise
     return changed(session, node, applied, time.monotonic() - started)
+
+
+def _in_words(node: Node, index: int, sub_index: int, refused: DeviceRefused) -> None:
+    """Say in values what an object reads back, and what may have written it since."""
+    if refused.read_back is None:
+        return
+    held, wanted = (value_words(node, index, sub_index, data) for data in refused.read_back)
+    if held != wanted:
+        refused.why = f"0x{index:04X}:{sub_index:02X} is {held}, expected {wanted}"
+    group = next((name for name, one in node.profile.vpdo.items() if within(index, one.drives)), None)
+    if group is not None:
+        refused.hint = f"the device itself writes it while a virtual PDO ties it: vpdo {group} shows that"
 
 
 def _encoded(node: Node, index: int, sub_index: int, value: str, asked: DataType | None) -> bytes:
@@ -58,10 +75,11 @@ def _encoded(node: Node, index: int, sub_index: int, value: str, asked: DataType
     try:
         return typed_bytes(kind, meaning, value)
     except ValueError as wrong:
+        guessed = None if asked or _is_known(node, index, sub_index) else _GUESSED
         raise UsageError(
             f"{value!r} for 0x{index:04X}:{sub_index:02X} ({kind.short}): {wrong}",
             node=node.node_id,
-            hint=how_to_write(meaning, kind) or (None if asked or _is_known(node, index, sub_index) else _GUESSED),
+            hint=how_to_write(meaning, kind, value) or guessed,
         ) from wrong
 
 

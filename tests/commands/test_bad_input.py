@@ -70,6 +70,13 @@ WRONG = [
     ("write 6041 1", 1, "is ro"),
     ("write 2000:1 5Ω --as vs", 2, "'Ω' is none of the characters"),
     ("write 6040 6 --as u32", 1, "2 bytes, not 4"),
+    ("write 1017 1,5s", 2, "with a decimal point: 1.5s"),
+    ("write 1017 1,5", 2, "0 ms to 65535 ms"),
+    ("write 1017 1.5 s", 2, 'stands in quotes: "1.5 s"'),
+    ('write 6040 "enable operation"', 2, "enable operation is 0x000F"),
+    ("write 1001 current", 2, "no error; or the number"),
+    ("objects velocity actual", 2, 'stands in quotes: "velocity actual"'),
+    ("explain 999#00", 2, "is above 0x7FF"),
     ("write 6040 -1", 2, "does not fit UNSIGNED16"),
     # PDOs
     ("map tpdo9 6041", 1, "it has tpdo1…tpdo5"),

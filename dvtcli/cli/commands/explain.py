@@ -28,7 +28,7 @@ def command(
     """Name every bit of FRAME, as 185#1027, as a line of candump, or as 0x185 10 27. It is not sent.
 
     A PDO is read by the mapping that nodes hold now (-n, --nodes, --sim), by --eds, or by a network or DBC file (-d).
-    More than three hex digits before the # are a CAN-ID of 29 bits.
+    More than three hex digits before the # are a CAN-ID of 29 bits, written with eight.
 
     \b
     explain 185#1027000000

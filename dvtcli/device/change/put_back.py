@@ -190,14 +190,8 @@ def _pdo_steps_back(sdo: SdoTransport, change: PdoChange, fillers: Sequence[Valu
 def first_difference(sdo: SdoReader, change: Change, *, wanted_before: bool = False) -> str | None:
     """Read *change* back and name the first difference to what it wanted (or had *before*), or None."""
     if isinstance(change, ValueChange):
-        before = change.step.before
-        if before is None:
-            return None  # write-only: nothing can be read back
-        wanted = before if wanted_before else change.step.after
-        held = sdo.upload(change.step.index, change.step.sub_index)
-        if held == wanted:
-            return None
-        return f"0x{change.step.object} is {held.hex(' ')}, expected {wanted.hex(' ')}"
+        otherwise = held_otherwise(sdo, change, wanted_before=wanted_before)
+        return None if otherwise is None else bytes_differ(change, *otherwise)
     wanted_config = change.before if wanted_before else change.after
     differing = plan_pdo(change.pdo, read_pdo(sdo, change.pdo), wanted_config).steps
     if not differing:
@@ -206,6 +200,21 @@ def first_difference(sdo: SdoReader, change: Change, *, wanted_before: bool = Fa
     telling = (step for step in differing if (step.index, step.sub_index) != cob_id)
     step = next(telling, None) or replace(differing[0], after=differing[-1].after)  # the COB-ID alone
     return f"0x{step.object} is {_hex(step.before)}, expected {_hex(step.after)}"
+
+
+def held_otherwise(sdo: SdoReader, change: ValueChange, *, wanted_before: bool = False) -> tuple[bytes, bytes] | None:
+    """What the object of *change* holds, and what it should; None where these are equal, or it cannot be read."""
+    before = change.step.before
+    if before is None:
+        return None  # write-only: nothing can be read back
+    wanted = before if wanted_before else change.step.after
+    held = sdo.upload(change.step.index, change.step.sub_index)
+    return None if held == wanted else (held, wanted)
+
+
+def bytes_differ(change: ValueChange, held: bytes, wanted: bytes) -> str:
+    """That the object of *change* holds other bytes than it should."""
+    return f"0x{change.step.object} is {held.hex(' ')}, expected {wanted.hex(' ')}"
 
 
 def cob_id_difference(sdo: SdoReader, change: PdoChange) -> str | None:

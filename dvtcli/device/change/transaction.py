@@ -13,7 +13,14 @@ from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.change.acknowledged import Acknowledged
 from dvtcli.device.change.failed_change import TRY_AGAIN, left_changed, refused, step_text
 from dvtcli.device.change.other_pdos import OtherPdos, altered_too
-from dvtcli.device.change.put_back import Clock, cob_id_difference, first_difference, restore_patiently
+from dvtcli.device.change.put_back import (
+    Clock,
+    bytes_differ,
+    cob_id_difference,
+    first_difference,
+    held_otherwise,
+    restore_patiently,
+)
 from dvtcli.device.change.taken_back import put_back_findings
 from dvtcli.device.observe import MOST_LOOKS, Undisturbed, Witness, observed
 from dvtcli.domain.pdo import Pdo
@@ -123,8 +130,10 @@ class Transaction:
         """Read back what the plan set; what differs is a refusal that came without an abort."""
         self.boot_ups_verified = self.witness.boot_ups()
         for change in self.plan.changes:
-            difference = self._difference(change)
-            if difference:
+            if isinstance(change, ValueChange):
+                if otherwise := held_otherwise(self.sdo, change):
+                    raise self._differs(change, bytes_differ(change, *otherwise), otherwise)
+            elif difference := self._difference(change):
                 raise self._differs(change, difference)
         if self._others_matter() and self._restarted():
             raise self._unsure_of_others()
@@ -132,9 +141,9 @@ class Transaction:
         if altered:
             raise altered_too(self.plan, altered)
 
-    def _difference(self, change: Change) -> str | None:
+    def _difference(self, change: PdoChange) -> str | None:
         """What *change* has not come to; only the COB-ID is read where nothing else was written and more follows."""
-        if isinstance(change, PdoChange) and change.pdo in self.plan.looked_at and only_cob_id(change):
+        if change.pdo in self.plan.looked_at and only_cob_id(change):
             return cob_id_difference(self.sdo, change)
         return first_difference(self.sdo, change)
 
@@ -147,7 +156,7 @@ class Transaction:
         why = "what it holds of the other PDOs since then cannot be told from what this change may have altered"
         return DeviceRefused(f"node {node_id} restarted while {own} was changed", node=node_id, why=why, hint=TRY_AGAIN)
 
-    def _differs(self, change: Change, difference: str) -> DeviceRefused:
+    def _differs(self, change: Change, difference: str, read_back: tuple[bytes, bytes] | None = None) -> DeviceRefused:
         node_id, restarted = self.plan.node_id, self._restarted()
         text = f"node {node_id} took {change.label} without an error, but reads back differently"
         hint = "the device corrects or ignores the value: its manual says which values it takes"
@@ -156,7 +165,9 @@ class Transaction:
             hint = TRY_AGAIN
         # what was so already had no steps: a restart in between took it
         place = change.steps[-1].object if change.steps else change.label
-        return DeviceRefused(text, node=node_id, place=place, why=difference, hint=hint)
+        refused = DeviceRefused(text, node=node_id, place=place, why=difference, hint=hint)
+        refused.read_back = read_back
+        return refused
 
     def _altered(self) -> dict[Pdo, str]:
         """Other PDOs whose COB-ID the device changed along with ours, in words; none where it restarted meanwhile."""

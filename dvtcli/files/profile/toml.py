@@ -164,7 +164,9 @@ def _login(item: Item) -> LoginPolicy:
 
 
 def _vpdo(item: Item) -> dict[str, VpdoGroup]:
-    return {member.key: VpdoGroup(**member.table(_VPDO, required=_VPDO)) for member in item.items()}
+    return {
+        member.key: VpdoGroup(**member.table(_VPDO, required=("index", "values", "none"))) for member in item.items()
+    }
 
 
 def _fault_list(item: Item) -> FaultList:
@@ -222,6 +224,7 @@ _VPDO: Schema = {
     "index": integer(1, 0xFFFF),
     "values": number_ranges(0xFFFF),
     "none": integer(0, 0xFFFF),
+    "drives": number_ranges(0xFFFF),
 }
 _FAULT_LIST: Schema = {"count": object_address, "position": object_address, "code": object_address}
 _PROFILE: Schema = {

@@ -114,7 +114,7 @@ def bytes_of(kind: DataType, meaning: Physical, value: Value, object_: str) -> b
     try:
         return typed_bytes(kind, meaning, value) if isinstance(value, str) else kind.encode(value)
     except ValueError as failed:
-        hint = how_to_write(meaning, kind)
+        hint = how_to_write(meaning, kind, value if isinstance(value, str) else "")
         raise UsageError(f"{value!r} for 0x{object_} ({kind.short}): {failed}", hint=hint) from failed
 
 
