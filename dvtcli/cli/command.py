@@ -94,7 +94,7 @@ class DvtCommand(click.Command):
 
     def _require_format(self, name: str) -> None:
         """Refuse a format that the answer does not have, before anything is done."""
-        from dvtcli.operations.options import FORMATS, SPECIAL_FORMATS
+        from dvtcli.operations.user.options import FORMATS, SPECIAL_FORMATS
 
         if name in SPECIAL_FORMATS and name not in self.formats:
             from dvtcli.errors import UsageError

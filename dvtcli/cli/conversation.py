@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from dvtcli.errors import UsageError
-from dvtcli.operations.options import START_ONLY, Options
-from dvtcli.operations.session import Session
+from dvtcli.operations.session.session import Session
+from dvtcli.operations.user.options import START_ONLY, Options
 
 if TYPE_CHECKING:
     from dvtcli.cli.script_changes import ScriptChanges
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.object_dictionary import ObjectDictionary
     from dvtcli.domain.ports import Frame
     from dvtcli.domain.profile import DeviceProfile
-    from dvtcli.operations.bus_of_options import OpenBus
+    from dvtcli.operations.opening.bus_of_options import OpenBus
     from dvtcli.operations.results.bus_events import BusEvent
 
 
@@ -196,7 +196,7 @@ class Conversation(Session):
 
     def offline_dictionaries(self) -> list[tuple[ObjectDictionary, DeviceProfile]]:
         """Dictionaries (with their profiles) known without touching a bus: --eds, and those of simulated nodes."""
-        from dvtcli.operations.device_files import offline_dictionaries
+        from dvtcli.operations.opening.device_files import offline_dictionaries
 
         return offline_dictionaries(self.base)
 

@@ -12,7 +12,7 @@ from dvtcli.errors import LeftChanged, NoAnswer
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
     from dvtcli.cli.object_params import ObjectWord
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
 
 
 def several_ids(session: Session) -> tuple[int, ...]:
@@ -23,7 +23,7 @@ def several_ids(session: Session) -> tuple[int, ...]:
     """
     if not session.base.every_node:
         return session.base.nodes
-    from dvtcli.operations.find_nodes import find_nodes
+    from dvtcli.operations.nodes.find_nodes import find_nodes
 
     network = session.network
     if network.simulated_ids:

@@ -1,6 +1,6 @@
 """The global options as they are typed: one list, read before and after a command and from the environment.
 
-Does not know what an option's value may be beyond its kind (`operations.options`), nor acts on any.
+Does not know what an option's value may be beyond its kind (`operations.user.options`), nor acts on any.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import Any
 
 import click
 
-from dvtcli.operations.options import BIT_RATES, CHOICES, checked
+from dvtcli.operations.user.options import BIT_RATES, CHOICES, checked
 
 #: Prefix of the parameters' names, so that a command's own `--type` or `--node` can never meet them.
 PREFIX = "global_"

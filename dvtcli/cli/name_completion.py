@@ -21,8 +21,8 @@ from dvtcli.domain.profile import DeviceProfile, ObjectAddress
 from dvtcli.domain.rules.mappable import known_dummies
 from dvtcli.domain.rules.mapped_object import is_taken
 from dvtcli.errors import DvtcliError
-from dvtcli.operations.options import Options
-from dvtcli.operations.settings import Settings
+from dvtcli.operations.user.options import Options
+from dvtcli.operations.user.settings import Settings
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
@@ -59,7 +59,7 @@ def _dictionaries(
     contexts = [ctx.find_root(), ctx]
     try:
         given = {name: value for one in contexts for name, value in taken(dict(one.params)).items()}
-        from dvtcli.operations.device_files import offline_dictionaries
+        from dvtcli.operations.opening.device_files import offline_dictionaries
 
         return offline_dictionaries(_laid_over_files(given))
     except (DvtcliError, click.ClickException):

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.domain.plan import Plan
     from dvtcli.domain.rules import Finding
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
 
 #: What stands for a line that is not known, as one of a Tcl script.
 ABOVE = "lines above it"

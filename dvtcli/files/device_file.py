@@ -9,6 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from datetime import datetime
+
+    from dvtcli.domain.object_dictionary import ObjectDictionary
     from dvtcli.files.eds.reader import EdsFile
     from dvtcli.files.xdd.xdd_reader import XddFile
 
@@ -45,6 +48,17 @@ def parse_device_file(data: bytes, source: str) -> EdsFile | XddFile:
     from dvtcli.files.eds.reader import parse_eds
 
     return parse_eds(data, source)
+
+
+def device_file_bytes(dictionary: ObjectDictionary, name: str, description: str, made: datetime) -> bytes:
+    """*dictionary* as a file called *name*, in the format that the name ends in; *description* is one line about it."""
+    if name.lower().endswith(XDD_SUFFIXES):
+        from dvtcli.files.xdd.xdd_writer import xdd_bytes
+
+        return xdd_bytes(dictionary, name, made)
+    from dvtcli.files.eds.writer import eds_bytes, eds_text
+
+    return eds_bytes(eds_text(dictionary, name, description, made))
 
 
 def is_xml(data: bytes, name: str) -> bool:

@@ -25,10 +25,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from dvtcli.bus.sdo.sdo_link import REQUEST_ID
 from dvtcli.domain.bus_load import frame_bits
 from dvtcli.domain.ports import Frame
-from dvtcli.operations.apply_network import apply_network
-from dvtcli.operations.options import Options
-from dvtcli.operations.plan_network import plan_network
-from dvtcli.operations.session import Session
+from dvtcli.operations.plans.apply_network import apply_network
+from dvtcli.operations.plans.plan_network import plan_network
+from dvtcli.operations.session.session import Session
+from dvtcli.operations.user.options import Options
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family
 from dvtcli.simulator.network.station import SimulatedNode

@@ -22,13 +22,13 @@ from dvtcli.domain.pdo import Direction, Pdo
 from dvtcli.domain.ports import CanopenBus, Frame
 from dvtcli.domain.request import PdoRequest
 from dvtcli.errors import BusUnavailable, DvtcliError, NoAnswer, SdoAborted, SdoProtocolError, UsageError
-from dvtcli.operations.change import configure_pdo
-from dvtcli.operations.compare_pdos import verify
-from dvtcli.operations.find_nodes import find_nodes
-from dvtcli.operations.layouts import open_wire
-from dvtcli.operations.options import Options
-from dvtcli.operations.session import Session
-from dvtcli.operations.store_restore import store_settings
+from dvtcli.operations.changes.change import configure_pdo
+from dvtcli.operations.frames.layouts import open_wire
+from dvtcli.operations.nodes.find_nodes import find_nodes
+from dvtcli.operations.session.session import Session
+from dvtcli.operations.stores.store_restore import store_settings
+from dvtcli.operations.user.options import Options
+from dvtcli.operations.whole_device.compare_pdos import verify
 from dvtcli.simulator.network.in_process_bus import simulate
 from tests.bus import line_gateway
 from tests.bus.devices import device

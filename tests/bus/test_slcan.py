@@ -17,8 +17,8 @@ import pytest
 from dvtcli.bus.discover import serial_ports
 from dvtcli.bus.opening import open_bus
 from dvtcli.errors import BusUnavailable, NoAnswer
-from dvtcli.operations.come_back import come_back
 from dvtcli.operations.results.bus_events import BusEvent
+from dvtcli.operations.session.come_back import come_back
 from dvtcli.simulator.device.strict_device import StrictDevice
 from tests.bus.slcan_adapter import Line, SlcanAdapter
 from tests.commands.bench import Bench

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from dvtcli.domain.ports import Frame
-from dvtcli.operations.simulated_nodes import simulated_device, simulated_nodes
+from dvtcli.operations.opening.simulated_nodes import simulated_device, simulated_nodes
 from tests.commands.bench import Bench
 from tests.network_check.planted import concise
 from tests.process import ROOT

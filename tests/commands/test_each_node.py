@@ -6,8 +6,8 @@ import pytest
 
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import UsageError
-from dvtcli.operations.options import checked
-from dvtcli.operations.simulated_nodes import simulated_device, simulated_nodes
+from dvtcli.operations.opening.simulated_nodes import simulated_device, simulated_nodes
+from dvtcli.operations.user.options import checked
 from tests.commands.bench import Bench
 from tests.virtual_time import VirtualTimeBus
 

@@ -11,9 +11,9 @@ import pytest
 
 from dvtcli.cli.view.lines import Line
 from dvtcli.cli.view.load_lines import load_lines
-from dvtcli.operations.network_load import LoadWishes, load_after, network_load
-from dvtcli.operations.plan_network import plan_network
-from dvtcli.operations.simulated_nodes import simulated_device, simulated_nodes
+from dvtcli.operations.network.network_load import LoadWishes, load_after, network_load
+from dvtcli.operations.opening.simulated_nodes import simulated_device, simulated_nodes
+from dvtcli.operations.plans.plan_network import plan_network
 from tests.commands.bench import Bench, Ran
 from tests.process import ROOT
 from tests.virtual_time import VirtualTimeBus

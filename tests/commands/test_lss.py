@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 from dvtcli.domain.lss_services import REQUEST_ID
 from dvtcli.domain.nmt import UNCONFIGURED, NmtState
 from dvtcli.domain.ports import Frame
-from dvtcli.operations.lss_node_id import lss_node_id
-from dvtcli.operations.lss_order import in_order
-from dvtcli.operations.options import Options
+from dvtcli.operations.lss.lss_node_id import lss_node_id
+from dvtcli.operations.lss.lss_order import in_order
 from dvtcli.operations.results.lss_nodes import LssGiven
-from dvtcli.operations.session import Session
+from dvtcli.operations.session.session import Session
+from dvtcli.operations.user.options import Options
 from dvtcli.simulator.device.strict_device import StrictDevice
 from tests.commands.bench import Bench, Ran
 from tests.lss_nodes import address_of, unconfigured

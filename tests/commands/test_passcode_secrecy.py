@@ -12,7 +12,7 @@ import can
 import pytest
 
 from dvtcli.domain.ports import Frame
-from dvtcli.operations.secret_objects import Secrets
+from dvtcli.operations.user.secret_objects import Secrets
 from dvtcli.watch.listener import Listener
 from tests.commands.bench import Bench
 from tests.serve.served import PATIENCE_S, bus_words, own_environment, served, wait_for

@@ -13,12 +13,12 @@ from dvtcli.cli.view.output import Output
 from dvtcli.cli.view.progress_line import ProgressLine
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.request import PdoRequest
-from dvtcli.operations.change import configure
-from dvtcli.operations.learn_device import learn
-from dvtcli.operations.options import Options
+from dvtcli.operations.changes.change import configure
+from dvtcli.operations.known_devices.learn_device import learn
 from dvtcli.operations.results import LearntDevice
-from dvtcli.operations.session import Session
-from dvtcli.operations.telling import Silent
+from dvtcli.operations.session.session import Session
+from dvtcli.operations.user.options import Options
+from dvtcli.operations.user.telling import Silent
 from tests.posix import NO_TERMINAL
 
 pty = pytest.importorskip("pty", reason=NO_TERMINAL)

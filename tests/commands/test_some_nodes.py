@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from dvtcli.domain.plan import PdoChange
-from dvtcli.operations.network_files import planned
-from dvtcli.operations.options import Options
-from dvtcli.operations.session import Session
+from dvtcli.operations.network.network_files import planned
+from dvtcli.operations.session.session import Session
+from dvtcli.operations.user.options import Options
 from tests.process import documents, dvtcli
 
 NETWORK = """

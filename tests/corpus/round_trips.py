@@ -9,8 +9,7 @@ from pathlib import Path
 
 from dvtcli.domain.dictionary_difference import Difference, differences
 from dvtcli.domain.object_dictionary import ObjectDictionary
-from dvtcli.files.device_file import parse_device_file, read_device_file
-from dvtcli.operations.exchange.convert_file import device_file_bytes
+from dvtcli.files.device_file import device_file_bytes, parse_device_file, read_device_file
 
 WHEN = datetime(2026, 1, 2, 3, 4)
 #: The formats that a dictionary goes through, one after the other.

@@ -13,10 +13,10 @@ from dvtcli.domain.lss_services import BITS, FAST_SCAN, IDENTIFIED, PARTS, REQUE
 from dvtcli.domain.nmt import UNCONFIGURED
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import DeviceRefused, DvtcliError, NoAnswer
-from dvtcli.operations.lss_find import scanned
-from dvtcli.operations.lss_node_id import lss_node_id
-from dvtcli.operations.options import Options
-from dvtcli.operations.session import Session
+from dvtcli.operations.lss.lss_find import scanned
+from dvtcli.operations.lss.lss_node_id import lss_node_id
+from dvtcli.operations.session.session import Session
+from dvtcli.operations.user.options import Options
 from tests.lss_nodes import Fate, LossyBus, address_of, unconfigured
 from tests.virtual_time import VirtualTimeBus
 

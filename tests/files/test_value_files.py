@@ -18,8 +18,8 @@ from dvtcli.domain.ports import Frame
 from dvtcli.domain.unit import parse_scale
 from dvtcli.errors import InputFileError
 from dvtcli.files.values.value_file import FORMS, read_values, write_file
-from dvtcli.operations.frame_answer import frame_seen
-from dvtcli.operations.recorded_tracks import find_tracks
+from dvtcli.operations.frames.frame_answer import frame_seen
+from dvtcli.operations.frames.recorded_tracks import find_tracks
 from dvtcli.watch.decoder import Decoder, pdo_layouts
 from dvtcli.watch.table import SignalRows, all_columns
 from tests.files.recordings import BEGIN_S

@@ -49,13 +49,14 @@ from dvtcli.domain.rules import Finding
 from dvtcli.errors import DvtcliError, InputFileError, RuleError, UsageError
 from dvtcli.files.eds.reader import EdsFile, parse_eds
 from dvtcli.files.profile.toml import read_profile
-from dvtcli.operations import eds_files, results
-from dvtcli.operations.device_files import DeviceFiles
-from dvtcli.operations.open_network import Network
-from dvtcli.operations.options import node_id
-from dvtcli.operations.search_objects import object_row
-from dvtcli.operations.settings import File
-from dvtcli.operations.settings_search import Found
+from dvtcli.operations import results
+from dvtcli.operations.known_devices import eds_files
+from dvtcli.operations.objects.search_objects import object_row
+from dvtcli.operations.opening.device_files import DeviceFiles
+from dvtcli.operations.opening.open_network import Network
+from dvtcli.operations.user.options import node_id
+from dvtcli.operations.user.settings import File
+from dvtcli.operations.user.settings_search import Found
 from dvtcli.simulator.device.family import Family
 from dvtcli.simulator.device.refusal import Refusal
 from dvtcli.simulator.device.sdo_server import SdoServer

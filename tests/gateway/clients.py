@@ -14,9 +14,9 @@ from canopen.sdo import SdoAbortedError, SdoClient
 
 from dvtcli.domain.gateway.gateway_answers import Dialect
 from dvtcli.operations.gateway.serve_gateway import Gateway, gateway
-from dvtcli.operations.options import Options
-from dvtcli.operations.session import Session
-from dvtcli.operations.telling import Silent
+from dvtcli.operations.session.session import Session
+from dvtcli.operations.user.options import Options
+from dvtcli.operations.user.telling import Silent
 from tests.process import PATIENCE_S
 
 

@@ -16,8 +16,8 @@ from dvtcli.domain.gateway.gateway_answers import Dialect
 from dvtcli.domain.gateway.line_words import LONGEST_LINE
 from dvtcli.errors import BusUnavailable, SafetyRefusal
 from dvtcli.operations.gateway.serve_gateway import gateway
-from dvtcli.operations.options import Options
-from dvtcli.operations.session import Session
+from dvtcli.operations.session.session import Session
+from dvtcli.operations.user.options import Options
 from dvtcli.simulator.network.family_file import family_eds
 from tests.commands.bench import Bench
 from tests.gateway.clients import BridgedNode, Client, Heard, served

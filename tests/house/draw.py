@@ -119,7 +119,7 @@ class House:
         edges: dict[str, set[str]] = {file: set() for file in self.files}
         for arrow in self.arrows:
             edges[arrow.source].add(arrow.target)
-        return sorted((sorted(each) for each in _strongly_connected(edges) if len(each) > 1), key=len, reverse=True)
+        return sorted((sorted(each) for each in strongly_connected(edges) if len(each) > 1), key=len, reverse=True)
 
     def _of_file(self, file: str, text: str) -> Iterator[Arrow]:
         tree = parsed(text)
@@ -203,7 +203,7 @@ def _with_kind(tree: ast.Module) -> Iterator[tuple[ast.AST, str]]:
             yield node, "named"
 
 
-def _strongly_connected(edges: Mapping[str, set[str]]) -> Iterator[list[str]]:
+def strongly_connected(edges: Mapping[str, set[str]]) -> Iterator[list[str]]:
     """Groups of files each of which reaches all others of its group (Tarjan 1972), without recursion."""
     number: dict[str, int] = {}
     low: dict[str, int] = {}

@@ -19,7 +19,7 @@ pytestmark = pytest.mark.together
 
 HOUSE = SourceTree.of_the_package()
 #: laws about how files hang together: the others look at one file at a time
-WHOLE = {"direction", "independence", "laziness", "errors", "results"}
+WHOLE = {"direction", "folders", "independence", "laziness", "errors", "results"}
 
 
 @pytest.mark.drawn(20)

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from dvtcli.cli.catalogue import command_names
-from dvtcli.operations.options import Options
+from dvtcli.operations.user.options import Options
 from tests.house.pages import PAGES, text
 from tests.house.reference import PARTS, REWRITE, names, rewritten
 from tests.house.reference.documents import RUNS, SENSES, paths, schemas, sense

@@ -15,9 +15,9 @@ from dvtcli.domain.request import PdoRequest
 from dvtcli.errors import NoAnswer
 from dvtcli.files.eds.reader import read_eds
 from dvtcli.files.profile.library import load_folder_profile
-from dvtcli.operations.learn_device import learn
-from dvtcli.operations.options import Options
-from dvtcli.operations.session import Session
+from dvtcli.operations.known_devices.learn_device import learn
+from dvtcli.operations.session.session import Session
+from dvtcli.operations.user.options import Options
 from dvtcli.simulator.device.family import Family
 from dvtcli.simulator.device.simulated_faults import Fault
 from dvtcli.simulator.device.strict_device import StrictDevice

@@ -14,10 +14,10 @@ from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.ports import Frame
-from dvtcli.operations.network_files import applied, planned
-from dvtcli.operations.options import Options
+from dvtcli.operations.network.network_files import applied, planned
 from dvtcli.operations.results import NetworkApplied, NetworkPlanned
-from dvtcli.operations.session import Session
+from dvtcli.operations.session.session import Session
+from dvtcli.operations.user.options import Options
 from dvtcli.simulator.device.simulated_faults import Fault
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family

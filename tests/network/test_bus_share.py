@@ -12,7 +12,7 @@ from dvtcli.domain.bus_load import frame_bits
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import UsageError
-from dvtcli.operations.options import checked
+from dvtcli.operations.user.options import checked
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import load_family
 from tests.benchmarks.bench_network import WireTimedBus

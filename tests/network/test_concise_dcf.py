@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dvtcli.domain.network.concise_dcf import ConciseEntry, concise_bytes, concise_entries, read_concise_dcf
-from dvtcli.operations.exchange.concise_network import concise_dcf
+from dvtcli.operations.network.concise_network import concise_dcf
 from tests.commands.bench import Bench
 from tests.small_eds import plain, var
 

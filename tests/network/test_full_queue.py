@@ -13,9 +13,9 @@ import pytest
 from can.interfaces.virtual import VirtualBus
 
 from dvtcli.bus.python_can import CanBus
-from dvtcli.operations.network_files import applied
-from dvtcli.operations.options import Options
-from dvtcli.operations.session import Session
+from dvtcli.operations.network.network_files import applied
+from dvtcli.operations.session.session import Session
+from dvtcli.operations.user.options import Options
 from dvtcli.simulator.network.family_file import family_eds
 from tests.bus.devices import device
 from tests.served_nodes import ServedNodes

@@ -10,11 +10,11 @@ from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.request import PdoRequest
 from dvtcli.errors import SafetyRefusal
-from dvtcli.operations.change import configure_pdo
-from dvtcli.operations.compare_pdos import verify
-from dvtcli.operations.network_files import applied
-from dvtcli.operations.options import Options
-from dvtcli.operations.session import Session
+from dvtcli.operations.changes.change import configure_pdo
+from dvtcli.operations.network.network_files import applied
+from dvtcli.operations.session.session import Session
+from dvtcli.operations.user.options import Options
+from dvtcli.operations.whole_device.compare_pdos import verify
 from tests.network.bench import device
 from tests.virtual_time import VirtualTimeBus
 

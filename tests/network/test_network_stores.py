@@ -15,9 +15,9 @@ import pytest
 from dvtcli import Bus
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.errors import DvtcliError, LeftChanged, SafetyRefusal, UsageError
-from dvtcli.operations.network_files import applied
-from dvtcli.operations.recover_change import recover
-from dvtcli.operations.telling import Silent
+from dvtcli.operations.network.network_files import applied
+from dvtcli.operations.recover.recover_change import recover
+from dvtcli.operations.user.telling import Silent
 from tests.network.bench import Chain
 from tests.network.killed import Watched, afterwards
 

@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 from dvtcli.errors import DvtcliError, Interrupted, LeftChanged, NoAnswer
-from dvtcli.operations.network_files import applied
-from dvtcli.operations.session import Session
+from dvtcli.operations.network.network_files import applied
+from dvtcli.operations.session.session import Session
 from tests.network.bench import CHAIN, FILE, Chain
 from tests.network.killed import Watched
 from tests.network.test_network_faults import FAULTS, STEPS, ideal

@@ -18,13 +18,13 @@ from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.request import PdoRequest
 from dvtcli.domain.stamp import Stamp
 from dvtcli.errors import DvtcliError, LeftChanged, SdoAborted
-from dvtcli.operations.change import configure_pdo
-from dvtcli.operations.link_pdos import link_pdos
-from dvtcli.operations.network_files import applied, planned
-from dvtcli.operations.recover_change import recover
-from dvtcli.operations.session import Session
-from dvtcli.operations.store_restore import restore_defaults, store_settings
-from dvtcli.operations.undo_changes import undo
+from dvtcli.operations.changes.change import configure_pdo
+from dvtcli.operations.changes.undo_changes import undo
+from dvtcli.operations.network.network_files import applied, planned
+from dvtcli.operations.plans.link_pdos import link_pdos
+from dvtcli.operations.recover.recover_change import recover
+from dvtcli.operations.session.session import Session
+from dvtcli.operations.stores.store_restore import restore_defaults, store_settings
 from dvtcli.simulator.device.refusal import Refusal
 from tests.network.bench import Chain
 from tests.network.killed import Watched, afterwards

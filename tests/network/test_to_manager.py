@@ -8,7 +8,7 @@ import pytest
 
 import dvtcli
 from dvtcli.domain.network.concise_dcf import concise_entries, read_concise_dcf
-from dvtcli.operations.exchange.concise_network import concise_dcf
+from dvtcli.operations.network.concise_network import concise_dcf
 from tests.commands.bench import Bench
 from tests.small_eds import plain, var
 

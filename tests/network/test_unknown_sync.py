@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from dvtcli.domain.ports import Frame
-from dvtcli.operations.network_files import applied, planned
-from dvtcli.operations.options import Options
-from dvtcli.operations.session import Session
-from dvtcli.operations.unknown_sync import ShortFrames
+from dvtcli.operations.network.network_files import applied, planned
+from dvtcli.operations.session.session import Session
+from dvtcli.operations.sync.unknown_sync import ShortFrames
+from dvtcli.operations.user.options import Options
 from dvtcli.simulator.network.family_file import family_eds
 from tests.network.bench import device
 from tests.surroundings import HOMES

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from dvtcli.operations.described_network import described_network
+from dvtcli.operations.network.described_network import described_network
 from tests.commands.bench import Bench
 
 FILE = """

@@ -13,11 +13,11 @@ from dvtcli.domain.pdo import Direction, Pdo
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.request import PdoRequest
 from dvtcli.errors import SafetyRefusal, UsageError
-from dvtcli.operations.change import configure
-from dvtcli.operations.options import Options, options_of
-from dvtcli.operations.pdo_as_text import configure_from_text, pdo_as_text
-from dvtcli.operations.session import Session
-from dvtcli.operations.store_restore import restore_defaults, store_settings
+from dvtcli.operations.changes.change import configure
+from dvtcli.operations.pdos.pdo_as_text import configure_from_text, pdo_as_text
+from dvtcli.operations.session.session import Session
+from dvtcli.operations.stores.store_restore import restore_defaults, store_settings
+from dvtcli.operations.user.options import Options, options_of
 
 TPDO3 = Pdo(Direction.TPDO, 3)
 
@@ -148,8 +148,8 @@ def test_options_are_taken_as_a_command_line_takes_them() -> None:
 def test_plain_python_needs_neither_click_nor_a_terminal() -> None:
     code = (
         "import sys\n"
-        "from dvtcli.operations.options import Options\n"
-        "from dvtcli.operations.session import Session\n"
+        "from dvtcli.operations.user.options import Options\n"
+        "from dvtcli.operations.session.session import Session\n"
         "with Session(Options(sim=('generic',))) as session:\n"
         "    print(session.node().title)\n"
         "print(*sorted({'click', 'prompt_toolkit'} & set(sys.modules)))\n"

@@ -10,7 +10,7 @@ import pytest
 from dvtcli.bus.opening import open_bus
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.sim_state import Kept, read_state, write_state
-from dvtcli.operations.serve import address, is_loopback
+from dvtcli.operations.opening.serve import address, is_loopback
 from tests.process import dvtcli
 from tests.serve.served import Served, raw_client, served
 

@@ -13,9 +13,9 @@ from dvtcli.domain.configuration import configuration_of
 from dvtcli.files.dcf.value_text import same_value
 from dvtcli.files.eds.reader import read_eds
 from dvtcli.files.profile.toml import builtin_path
-from dvtcli.operations.options import Options
-from dvtcli.operations.session import Session
-from dvtcli.operations.telling import Silent
+from dvtcli.operations.session.session import Session
+from dvtcli.operations.user.options import Options
+from dvtcli.operations.user.telling import Silent
 from dvtcli.operations.whole_device.export_dcf import export_dcf
 from tests.commands.bench import Bench
 from tests.small_eds import U8, U16, U32, plain, var

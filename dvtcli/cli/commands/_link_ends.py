@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from dvtcli.cli.pdo_params import NodePdo
     from dvtcli.domain.network.wanted_state import Endpoint
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
 
 
 def endpoints(session: Session, words: Iterable[NodePdo]) -> list[Endpoint]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from dvtcli.cli.params import NODE_ID, CanopenType, MillisecondsType
-from dvtcli.operations.options import BIT_RATES
+from dvtcli.operations.user.options import BIT_RATES
 
 if TYPE_CHECKING:
     import click

@@ -24,7 +24,7 @@ TASK = ("Networks", 30)
 
 
 def _stores(params: Mapping[str, Any]) -> Final | None:
-    from dvtcli.operations.network_files import may_store
+    from dvtcli.operations.network.network_files import may_store
 
     return Final(f"store of apply {params['file']}") if may_store(params["file"]) else None
 
@@ -65,7 +65,7 @@ def command(
     apply press.yaml --trust-stamp   read only nodes whose 0x1020 is not that of this file
     apply press.yaml --to-manager 3 --yes   node 3 downloads it to each node that boots
     """
-    from dvtcli.operations.network_files import applied
+    from dvtcli.operations.network.network_files import applied
 
     show, prove_by = partial(show_plan, ctx.obj.output), "reset" if prove else None
     return applied(

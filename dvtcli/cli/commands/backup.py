@@ -12,7 +12,7 @@ from dvtcli.cli.params import FILE
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import Facts
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
 
 TASK = ("Whole devices", 10)
 

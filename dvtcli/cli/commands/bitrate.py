@@ -12,7 +12,7 @@ from dvtcli.cli.effect import Effect
 
 if TYPE_CHECKING:
     from dvtcli.operations.results.bit_rates import BitRateFound
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
 
 TASK = ("Find nodes", 14)
 
@@ -31,6 +31,6 @@ def command(session: Session, /, listen_s: float | None) -> BitRateFound:
     bitrate
     bitrate --for 800ms
     """
-    from dvtcli.operations.find_bit_rate import LISTEN_S, find_bit_rate
+    from dvtcli.operations.nodes.find_bit_rate import LISTEN_S, find_bit_rate
 
     return find_bit_rate(session, LISTEN_S if listen_s is None else listen_s)

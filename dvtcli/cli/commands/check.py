@@ -10,7 +10,7 @@ from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.commands._load_params import BitRateType, PeriodType
 from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import FILE
-from dvtcli.operations.options import SPECIAL_FORMATS
+from dvtcli.operations.user.options import SPECIAL_FORMATS
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
@@ -59,12 +59,12 @@ def command(
     check --live --for 1       the nodes on the bus
     check press.yaml --live    and whether they are those of the file
     """
-    from dvtcli.operations.check_networks import CheckWishes, check_networks
+    from dvtcli.operations.network.check_networks import CheckWishes, check_networks
 
     as_findings = live or session.output.format in SPECIAL_FORMATS  # so that the rest is looked at, too
     wishes = CheckWishes(only, without, strict, bit_rate or session.options.bitrate, as_findings, for_s)
     if files and not live:
         return check_networks(files, wishes)
-    from dvtcli.operations.check_live import check_all
+    from dvtcli.operations.network.check_live import check_all
 
     return check_all(session, files, wishes)

@@ -12,11 +12,11 @@ from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import CanopenType
 from dvtcli.cli.pdo_params import PDO, NodePdo
 from dvtcli.domain.request import Cleared
-from dvtcli.operations.switch import clear_all, switch
+from dvtcli.operations.pdos.switch import clear_all, switch
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import Changed
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
 
 TASK = ("Change PDOs", 50)
 

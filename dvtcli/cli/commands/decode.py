@@ -47,11 +47,11 @@ def command(
     decode run.blf --nodes 1,5 --filter velocity
     decode run.log --filter velocity -o speed.csv
     """
-    from dvtcli.operations.decode_recording import decode_recording, write_values
+    from dvtcli.operations.frames.decode_recording import decode_recording, write_values
 
     text = (wanted or "").lower()
     if output is not None:
-        from dvtcli.operations.decode_recording import values_into_file
+        from dvtcli.operations.frames.decode_recording import values_into_file
 
         return values_into_file(session, Path(file), Path(output), nodes, dbc, text)
     if as_csv:

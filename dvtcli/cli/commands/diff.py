@@ -12,7 +12,7 @@ from dvtcli.cli.commands._to_manager import to_manager
 from dvtcli.cli.commands._trust_stamp import trust_stamp as trust_stamp_option
 from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import FILE
-from dvtcli.operations.options import CASE_FORMATS
+from dvtcli.operations.user.options import CASE_FORMATS
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import NetworkPlanned
@@ -39,6 +39,6 @@ def command(
     diff press.dcf
     diff press.yaml --json
     """
-    from dvtcli.operations.network_files import planned
+    from dvtcli.operations.network.network_files import planned
 
     return planned(ctx.obj, file, None, tells=True, trust_stamp=trust_stamp, include=include, manager=manager)

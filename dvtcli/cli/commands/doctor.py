@@ -29,7 +29,7 @@ def command(session: Conversation, /) -> Diagnosis:
     doctor
     doctor --json
     """
-    from dvtcli.operations.diagnose import checks
+    from dvtcli.operations.doctor.diagnose import checks
     from dvtcli.operations.results import Diagnosis
 
     return Diagnosis((*checks(session), _terminal(session)))

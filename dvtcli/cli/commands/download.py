@@ -14,7 +14,7 @@ from dvtcli.domain.datatypes import parse_number
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import Facts, ProgramLoaded
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
 
 TASK = ("Check and keep", 65)
 
@@ -60,7 +60,7 @@ def command(
     download fw.bin --expect crc32 --program 2
     download --forget
     """
-    from dvtcli.operations.load_program import forget_download, load_program
+    from dvtcli.operations.nodes.load_program import forget_download, load_program
 
     if forget == (file is not None):
         raise click.UsageError("name a file (.bin .hex), or --forget alone")

@@ -10,7 +10,7 @@ from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import FILE, TEXT
 from dvtcli.errors import UsageError
-from dvtcli.operations.options import SPECIAL_FORMATS
+from dvtcli.operations.user.options import SPECIAL_FORMATS
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
@@ -58,7 +58,7 @@ def command(
     eds convert press.yaml press.dbc
     eds show ram.cdcf
     """
-    from dvtcli.operations import eds_files
+    from dvtcli.operations.known_devices import eds_files
 
     if node is not None and action != "convert":
         raise UsageError("--for belongs to eds convert", hint="eds convert net.yaml node5.cdcf --for 5")
@@ -85,13 +85,13 @@ def _convert(session: Conversation, files: tuple[str, ...], node: str | None) ->
 
 
 def _show(session: Conversation, file: str) -> Facts:
-    from dvtcli.operations.eds_files import show_eds
     from dvtcli.operations.exchange.convert_file import CONCISE_SUFFIX
+    from dvtcli.operations.known_devices.eds_files import show_eds
 
     if not file.lower().endswith(CONCISE_SUFFIX):
         return show_eds(file)
-    from dvtcli.operations.device_files import offline_dictionaries
-    from dvtcli.operations.exchange.concise_network import show_concise
+    from dvtcli.operations.network.concise_network import show_concise
+    from dvtcli.operations.opening.device_files import offline_dictionaries
 
     known = offline_dictionaries(session.options)
     return show_concise(file, known[0][0] if known else None)

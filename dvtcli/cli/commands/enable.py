@@ -11,11 +11,11 @@ from dvtcli.cli.commands._one_node import one_node
 from dvtcli.cli.effect import Effect
 from dvtcli.cli.pdo_params import PDO, NodePdo
 from dvtcli.domain.request import Switched
-from dvtcli.operations.switch import switch
+from dvtcli.operations.pdos.switch import switch
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import Changed
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
 
 TASK = ("Change PDOs", 30)
 

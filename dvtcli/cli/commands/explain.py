@@ -13,7 +13,7 @@ from dvtcli.cli.params import TEXT
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import FrameExplained
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
 
 TASK = ("Frames", 10)
 

@@ -12,7 +12,7 @@ from dvtcli.cli.params import FILE, TEXT
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import Facts
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
 
 TASK = ("Scripts and files", 50)
 
@@ -43,6 +43,6 @@ def command(session: Session, /, file: str, twice: bool, services: str | None) -
     export press.dbc
     export press.dbc --with emcy,heartbeat
     """
-    from dvtcli.operations.export_file import export_file
+    from dvtcli.operations.exchange.export_file import export_file
 
     return export_file(session, file, twice=twice, services=services)

@@ -40,7 +40,7 @@ def command(session: Conversation, /, listen: str | None, allow_changes: bool, d
     """
     from dvtcli.domain.gateway.gateway_answers import Dialect
     from dvtcli.operations.gateway.serve_gateway import DEFAULT_PORT, serve_gateway
-    from dvtcli.operations.serve import LOOPBACK, address
+    from dvtcli.operations.opening.serve import LOOPBACK, address
 
     where = (LOOPBACK, DEFAULT_PORT) if listen is None else address(listen)
     begun = session.output.result

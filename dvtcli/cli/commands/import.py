@@ -14,7 +14,7 @@ from dvtcli.cli.params import FILE
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import Facts
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
 
 TASK = ("Scripts and files", 55)
 
@@ -34,6 +34,6 @@ def command(session: Session, /, file: str, folder: str | None) -> Facts:
     import press.yaml
     import press.yaml eds-files/     no bus is needed
     """
-    from dvtcli.operations.import_network import import_network
+    from dvtcli.operations.exchange.import_network import import_network
 
     return import_network(session, file, folder)

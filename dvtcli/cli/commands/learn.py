@@ -12,7 +12,7 @@ from dvtcli.cli.params import TEXT
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import LearnForecast, LearntDevice
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
 
 TASK = ("Find nodes", 55)
 
@@ -45,6 +45,6 @@ def command(
     learn --compare gen4       after a firmware update
     learn --with-store         how it saves, too
     """
-    from dvtcli.operations.learn_device import learn
+    from dvtcli.operations.known_devices.learn_device import learn
 
     return learn(session, save=save, compare=compare, isolated=isolated, with_store=with_store)

@@ -48,7 +48,7 @@ def command(
     link 1:tpdo1 5:rpdo2 6:rpdo1
     link 1:tpdo1 5:rpdo2 --heartbeat 200
     """
-    from dvtcli.operations.link_pdos import link_pdos
+    from dvtcli.operations.plans.link_pdos import link_pdos
 
     if silent and heartbeat is not None:
         raise UsageError("--heartbeat and --no-heartbeat exclude each other: give one")

@@ -14,7 +14,7 @@ from dvtcli.cli.params import FILE
 if TYPE_CHECKING:
     from dvtcli.domain.pdo import Pdo
     from dvtcli.operations.results import NetworkLoad
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
 
 TASK = ("Networks", 60)
 
@@ -51,7 +51,7 @@ def command(
     load line.yaml --inhibit io:tpdo1=40    a node by its name in the file
     load --for 5      what is on the bus, and what its nodes could send
     """
-    from dvtcli.operations.network_load import MEASURED_S, LoadWishes, network_load
+    from dvtcli.operations.network.network_load import MEASURED_S, LoadWishes, network_load
 
     wishes = LoadWishes(
         MEASURED_S if for_s is None else for_s,

@@ -14,7 +14,7 @@ from dvtcli.cli.params import FILE, NumberType
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import Facts
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
 
 TASK = ("See", 70)
 
@@ -58,7 +58,7 @@ def command(
     log speed.csv --decode --filter velocity
     """
     from dvtcli.errors import UsageError
-    from dvtcli.operations.record_frames import record_frames, record_values
+    from dvtcli.operations.frames.record_frames import record_frames, record_values
 
     path = Path(file)
     words = [one for one in filters if isinstance(one, str)]

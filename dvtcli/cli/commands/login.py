@@ -33,6 +33,6 @@ def command(session: Conversation, /, level: int | None, user: int | None) -> Lo
     login 0                    log out
     """
     from dvtcli.cli.passcode import passcode
-    from dvtcli.operations.log_in import log_in
+    from dvtcli.operations.nodes.log_in import log_in
 
     return log_in(session, lambda node_id, wanted: passcode(session, node_id, wanted), level, user)

@@ -22,7 +22,7 @@ from dvtcli.cli.params import TEXT, NumberType
 
 if TYPE_CHECKING:
     from dvtcli.operations.results.lss_nodes import LssBitRate, LssChanged, LssFound
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
 
 TASK = ("Find nodes", 15)
 
@@ -67,7 +67,7 @@ def command(
     lss bitrate 250k press.yaml --store      refused unless just its nodes are there
     lss bitrate 250k --store --prove         all are reset then, and seen at it again
     """
-    from dvtcli.operations import lss_assign, lss_bit_rate, lss_find, lss_node_id, lss_store
+    from dvtcli.operations.lss import lss_assign, lss_bit_rate, lss_find, lss_node_id, lss_store
 
     if wait is not None and action != "scan":
         raise click.UsageError("--wait belongs to lss scan")

@@ -12,11 +12,11 @@ from dvtcli.cli.commands._pdo_options import pdo_options, request
 from dvtcli.cli.effect import Effect
 from dvtcli.cli.object_params import ENTRY, EntryWord
 from dvtcli.cli.pdo_params import PDO, NodePdo
-from dvtcli.operations.change import configure_pdo
+from dvtcli.operations.changes.change import configure_pdo
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import Changed
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
 
 TASK = ("Change PDOs", 10)
 

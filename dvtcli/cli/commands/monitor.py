@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
     from dvtcli.cli.conversation import Conversation
-    from dvtcli.operations.first_bus import Tell
+    from dvtcli.operations.opening.first_bus import Tell
     from dvtcli.operations.results import FrameSeen
     from dvtcli.operations.results.bus_events import BusEvent
 
@@ -54,7 +54,7 @@ def command(
     monitor --duration 10 --json
     """
     from dvtcli.cli.monitor.full_screen import has_full_screen
-    from dvtcli.operations.watch_bus import stream, watching
+    from dvtcli.operations.frames.watch_bus import stream, watching
 
     full_screen = has_full_screen(session)
     with watching(session, nodes or (), decode, known=not full_screen) as watched:

@@ -14,7 +14,7 @@ from dvtcli.domain.nmt import NmtCommand
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import Commanded
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
 
 TASK = ("Find nodes", 30)
 
@@ -49,6 +49,6 @@ def command(session: Session, /, command_: str, node_id: int | None) -> Commande
     nmt preop 5
     nmt reset-node all
     """
-    from dvtcli.operations.command_nmt import command_nmt
+    from dvtcli.operations.nodes.command_nmt import command_nmt
 
     return command_nmt(session, _WORDS[command_], node_id)

@@ -12,7 +12,7 @@ from dvtcli.cli.params import NODE_ID
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import NodeListing
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
 
 TASK = ("Find nodes", 20)
 
@@ -33,6 +33,6 @@ def command(session: Session, /, node_id: int | None) -> NodeListing:
     node
     node 5
     """
-    from dvtcli.operations.identify import identify
+    from dvtcli.operations.nodes.identify import identify
 
     return identify(session, node_id)

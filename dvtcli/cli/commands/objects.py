@@ -12,7 +12,7 @@ from dvtcli.cli.params import TEXT
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import ObjectListing
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
 
 TASK = ("See", 20)
 
@@ -29,6 +29,6 @@ def command(session: Session, /, text: str | None, mappable: str | None) -> Obje
     objects 6C01
     objects --mappable tpdo
     """
-    from dvtcli.operations.search_objects import search_objects
+    from dvtcli.operations.objects.search_objects import search_objects
 
     return search_objects(session, text, mappable)

@@ -44,6 +44,6 @@ def command(session: Conversation, /, words: tuple[NodePdo | str, ...], show_all
         from dvtcli.cli.commands._pdo_edit import edit
 
         return edit(session, pdo.pdo, pdo.node_id)
-    from dvtcli.operations.list_pdos import list_pdos, show_pdo
+    from dvtcli.operations.pdos.list_pdos import list_pdos, show_pdo
 
     return list_pdos(session, show_all=show_all) if pdo is None else show_pdo(session, pdo.pdo, pdo.node_id)

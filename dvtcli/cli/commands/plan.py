@@ -12,7 +12,7 @@ from dvtcli.cli.commands._to_manager import to_manager
 from dvtcli.cli.commands._trust_stamp import trust_stamp as trust_stamp_option
 from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import FILE
-from dvtcli.operations.options import CASE_FORMATS
+from dvtcli.operations.user.options import CASE_FORMATS
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import NetworkPlanned
@@ -54,6 +54,6 @@ def command(
     plan press.yaml --format junit   a test case for each PDO, for CI
     plan press.yaml --to-manager 3   what node 3 is to download to each node that boots
     """
-    from dvtcli.operations.network_files import planned
+    from dvtcli.operations.network.network_files import planned
 
     return planned(ctx.obj, file, saved, tells=tells, trust_stamp=trust_stamp, include=include, manager=manager)

@@ -46,7 +46,7 @@ def command(
     plot run.log velocity_actual_value 6041
     plot run.asc Speed --dbc drive.dbc -o speed.png
     """
-    from dvtcli.operations.recorded_tracks import recorded_tracks
+    from dvtcli.operations.frames.recorded_tracks import recorded_tracks
     from dvtcli.operations.results import Plotted
 
     if output is not None:

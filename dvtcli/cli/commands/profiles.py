@@ -24,8 +24,8 @@ class Known(TextType):
 
     def shell_complete(self, ctx: click.Context, _param: click.Parameter, incomplete: str) -> list[CompletionItem]:
         """The profiles there are, or the devices."""
-        from dvtcli.operations.device_habits import known_habits
-        from dvtcli.operations.show_profiles import known_profiles
+        from dvtcli.operations.known_devices.device_habits import known_habits
+        from dvtcli.operations.known_devices.show_profiles import known_profiles
 
         names = (*known_habits(), "all") if ctx.params.get("action") == "forget" else known_profiles()
         return [CompletionItem(name) for name in names if name.startswith(incomplete)]
@@ -47,8 +47,8 @@ def command(action: str | None, name: str | None) -> ProfileListing | ProfileSho
     profiles show gen4
     profiles habits
     """
-    from dvtcli.operations.device_habits import forget_habits, known_habits, list_habits
-    from dvtcli.operations.show_profiles import known_profiles, list_profiles, show_profile
+    from dvtcli.operations.known_devices.device_habits import forget_habits, known_habits, list_habits
+    from dvtcli.operations.known_devices.show_profiles import known_profiles, list_profiles, show_profile
 
     if name is None and action in ("show", "forget"):
         known = known_profiles() if action == "show" else (*known_habits(), "all")

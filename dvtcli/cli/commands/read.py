@@ -63,7 +63,7 @@ def command(
         raise click.UsageError("--for belongs to --every")
     if every_s is not None:
         from dvtcli.cli.each_node import objects_meant
-        from dvtcli.operations.watch_objects import watch_objects
+        from dvtcli.operations.objects.watch_objects import watch_objects
 
         show = session.output.stream
         return watch_objects(
@@ -73,19 +73,19 @@ def command(
         raise click.UsageError("-o takes the bytes of one object; with --every the values of several as .csv")
     if len(objects) > 1:
         from dvtcli.cli.each_node import objects_meant
-        from dvtcli.operations.watch_objects import read_objects
+        from dvtcli.operations.objects.watch_objects import read_objects
 
         return read_objects(session, objects_meant(session, objects), data_type)
     (only,) = objects
     if output is not None and only.node_id is None:
         _require_one_node(session)
     if output is not None:
-        from dvtcli.operations.object_files import read_to_file
+        from dvtcli.operations.objects.object_files import read_to_file
 
         if data_type is not None:
             raise click.UsageError("--as is of no use with -o: the bytes are written as they are")
         return read_to_file(session, only.text, output, only.node_id)
-    from dvtcli.operations.read_object import read_object
+    from dvtcli.operations.objects.read_object import read_object
 
     return read_object(session, only.text, data_type, only.node_id)
 

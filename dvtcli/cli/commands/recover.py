@@ -12,7 +12,7 @@ from dvtcli.cli.params import FILE
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import Changed, ChangedNodes, Facts
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
 
 TASK = ("Check and keep", 60)
 
@@ -35,6 +35,6 @@ def command(
     recover --accept           where the device does not take the old state back
     recover can0-5.json        a journal that was kept elsewhere
     """
-    from dvtcli.operations.recover_change import recover
+    from dvtcli.operations.recover.recover_change import recover
 
     return recover(session, file, accept=accept, discard=discard, finish=finish)

@@ -13,7 +13,7 @@ from dvtcli.cli.params import FILE, TEXT
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import Facts
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
 
 TASK = ("Networks", 70)
 

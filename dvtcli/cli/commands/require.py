@@ -32,7 +32,7 @@ def command(session: Conversation, /, what: str, pairs: tuple[str, ...]) -> Fact
     require identity vendor=0x1E serial=0x12345      this very device
     """
     from dvtcli.errors import DvtcliError
-    from dvtcli.operations.required_identity import require_identity
+    from dvtcli.operations.nodes.required_identity import require_identity
 
     del what
     wanted = tuple(map(_pair, pairs))

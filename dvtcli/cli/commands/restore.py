@@ -9,11 +9,11 @@ import click
 from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.commands._store_group import StoreGroup
 from dvtcli.cli.effect import Effect
-from dvtcli.operations.store_restore import restore_defaults
+from dvtcli.operations.stores.store_restore import restore_defaults
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import Stored
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
 
 TASK = ("Check and keep", 40)
 

@@ -11,7 +11,7 @@ from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import FILE, CanopenType
 from dvtcli.cli.ways import ways
-from dvtcli.operations.options import CASE_FORMATS
+from dvtcli.operations.user.options import CASE_FORMATS
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation

@@ -14,7 +14,7 @@ from dvtcli.errors import UsageError
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import Facts
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
 
 TASK = ("Scripts and files", 20)
 
@@ -33,7 +33,7 @@ def command(session: Session, /, file: str, history: bool, everything: bool) -> 
     save steps.dvt --history   each step that was taken
     save node.dvt --all        whatever the node's PDOs hold
     """
-    from dvtcli.operations.save_script import ENDS, EVERYTHING, STEPS, save_script
+    from dvtcli.operations.session.save_script import ENDS, EVERYTHING, STEPS, save_script
 
     if history and everything:
         raise UsageError("--history and --all exclude each other")

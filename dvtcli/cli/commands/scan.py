@@ -12,7 +12,7 @@ from dvtcli.cli.params import NumberType
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import NodeListing
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
 
 TASK = ("Find nodes", 10)
 
@@ -27,6 +27,6 @@ def command(session: Session, /, wait: int | None) -> NodeListing:
     scan
     scan --wait 200      for slow nodes
     """
-    from dvtcli.operations.find_nodes import find_nodes
+    from dvtcli.operations.nodes.find_nodes import find_nodes
 
     return find_nodes(session) if wait is None else find_nodes(session, wait / 1000)

@@ -55,8 +55,8 @@ def command(
     sim gen4 --signal "606C=sine(1500,2s)"
     sim gen4 -i socketcan -c vcan0
     """
-    from dvtcli.operations.serve import DEFAULT_PORT, LOOPBACK, Wanted, address, latency_of
-    from dvtcli.operations.serve_nodes import serve
+    from dvtcli.operations.nodes.serve_nodes import serve
+    from dvtcli.operations.opening.serve import DEFAULT_PORT, LOOPBACK, Wanted, address, latency_of
 
     session: Conversation = ctx.obj
     if _typed(ctx, "sim"):

@@ -11,11 +11,11 @@ from dvtcli.cli.commands._store_group import ProofWay, StoreGroup, way_and_group
 from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import NumberType
 from dvtcli.errors import UsageError
-from dvtcli.operations.store_restore import POWER_CYCLE_S, store_settings
+from dvtcli.operations.stores.store_restore import POWER_CYCLE_S, store_settings
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import Stored
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
 
 TASK = ("Check and keep", 30)
 

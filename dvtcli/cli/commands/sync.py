@@ -12,7 +12,7 @@ from dvtcli.cli.params import MillisecondsType, NumberType
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import SyncCheck, Synced
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
 
 TASK = ("Check and keep", 20)
 
@@ -35,9 +35,9 @@ def command(session: Session, /, period: int | None, count: int | None, check: b
     if check:
         if period is not None or count is not None:
             raise click.UsageError("--check sends no SYNC: leave --period and --count out")
-        from dvtcli.operations.sync_check import check_sync
+        from dvtcli.operations.sync.sync_check import check_sync
 
         return check_sync(session)
-    from dvtcli.operations.produce_sync import produce_sync
+    from dvtcli.operations.sync.produce_sync import produce_sync
 
     return produce_sync(session, count or 1, (20 if period is None else period) / 1000)

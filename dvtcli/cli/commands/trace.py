@@ -12,7 +12,7 @@ from dvtcli.cli.params import NumberType
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import Traced
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
 
 TASK = ("Frames", 20)
 

@@ -32,7 +32,7 @@ def command(ctx: click.Context, /, producer: NodePdo, consumers: tuple[NodePdo, 
     \b
     unlink 1:tpdo1 5:rpdo2
     """
-    from dvtcli.operations.link_pdos import unlink_pdos
+    from dvtcli.operations.plans.link_pdos import unlink_pdos
 
     sender, *hearers = endpoints(ctx.obj, (producer, *consumers))
     return unlink_pdos(ctx.obj, sender, hearers, heartbeat=not silent, on_plan=partial(show_plan, ctx.obj.output))

@@ -13,7 +13,7 @@ from dvtcli.cli.params import TEXT
 from dvtcli.cli.pdo_params import PDO, NodePdo
 from dvtcli.cli.ways import ways
 from dvtcli.errors import UsageError
-from dvtcli.operations.options import CASE_FORMATS, is_file
+from dvtcli.operations.user.options import CASE_FORMATS, is_file
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import Compared, ComparedNodes
@@ -39,7 +39,7 @@ def command(ctx: click.Context, /, words: tuple[str, ...], frame: bool) -> Compa
     verify press.yaml        what a network file wants, on each of its nodes
     verify tpdo1 press.dcf --frame
     """
-    from dvtcli.operations.compare_pdos import verify
+    from dvtcli.operations.whole_device.compare_pdos import verify
 
     pdos, file = _sorted_words(words)
     rehearse = partial(ways(ctx).rehearsed, ctx.obj)

@@ -13,7 +13,7 @@ from dvtcli.cli.params import CanopenType, NumberType
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import Changed, VpdoListing
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
 
 TASK = ("Change PDOs", 60)
 
@@ -58,7 +58,7 @@ def command(
     vpdo analogue-out 2 none
     vpdo digital-out none      no active pin in the whole group
     """
-    from dvtcli.operations.virtual_pdo_ties import list_ties, tie_pin
+    from dvtcli.operations.pdos.virtual_pdo_ties import list_ties, tie_pin
 
     if group is None or pin is None:
         return list_ties(session, group)

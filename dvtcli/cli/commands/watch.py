@@ -72,7 +72,7 @@ def command(
         return None
     if pdos:
         raise click.UsageError("PDOs are watched on a full screen, which needs a terminal; here `monitor` shows frames")
-    from dvtcli.operations.watch_objects import watch_objects
+    from dvtcli.operations.objects.watch_objects import watch_objects
 
     return watch_objects(session, objects_meant(session, objects), every_s or _EVERY_S, for_s, session.output.stream)
 
@@ -89,8 +89,8 @@ def _on_screen(
 ) -> None:
     from dvtcli.cli.each_node import objects_meant
     from dvtcli.cli.monitor.watch_keys import watch_screen
-    from dvtcli.operations.watch_bus import watching
-    from dvtcli.operations.watch_objects import ObjectRound
+    from dvtcli.operations.frames.watch_bus import watching
+    from dvtcli.operations.objects.watch_objects import ObjectRound
 
     wanted = [(session.node_id() if word.node_id is None else word.node_id, word.pdo.label) for word in pdos]
     nodes = tuple(dict.fromkeys(node_id for node_id, _ in wanted))

@@ -12,12 +12,12 @@ from dvtcli.cli.effect import Effect, Final, final_write
 from dvtcli.cli.object_params import OBJECT, DataTypeParam, ObjectWord
 from dvtcli.cli.params import TEXT
 from dvtcli.domain.object_syntax import parse_object
-from dvtcli.operations.write_object import write_text
+from dvtcli.operations.objects.write_object import write_text
 
 if TYPE_CHECKING:
     from dvtcli.domain.datatypes import DataType
     from dvtcli.operations.results import Changed, Stored
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
 
 TASK = ("Change PDOs", 70)
 
@@ -49,7 +49,7 @@ def command(session: Session, /, object_: ObjectWord, value: str, data_type: Dat
     node = session.node(object_.node_id)
     index, sub_index = object_.resolve(node)
     if value.startswith("@") and not value.startswith("@@"):
-        from dvtcli.operations.object_files import write_from_file
+        from dvtcli.operations.objects.object_files import write_from_file
 
         if data_type is not None:
             raise click.UsageError("--as is of no use with @FILE: its bytes are written as they are")

@@ -12,7 +12,7 @@ from dvtcli.operations.results import DvtAnswer
 
 if TYPE_CHECKING:
     from dvtcli.cli.dvt.word import Word
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
 
 
 _NOT_THERE = (Abort.NO_OBJECT, Abort.NO_SUB_INDEX)

@@ -12,26 +12,26 @@ from dvtcli.cli.effect import Effect
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import PdoRow
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
 
 
 def map_in(session: Session, node_id: int, index: int, sub_index: int, given: int | None) -> Done:
     """Put an object into the first TPDO with room, or into one whose CAN-ID is *given*; see `first_tpdo`."""
-    from dvtcli.operations.first_tpdo import map_in_tpdo
+    from dvtcli.operations.pdos.first_tpdo import map_in_tpdo
 
     return Done(findings=map_in_tpdo(session, node_id, index, sub_index, given))
 
 
 def locate(session: Session, node_id: int, index: int, sub_index: int) -> Done:
     """`TPDO1 0x181 bit 0` for the first TPDO that maps the object, enabled ones first; else `not mapped`."""
-    from dvtcli.operations.first_tpdo import locate_tpdo
+    from dvtcli.operations.pdos.first_tpdo import locate_tpdo
 
     return Done(locate_tpdo(session, node_id, index, sub_index))
 
 
 def config(session: Session, node_id: int | None) -> Done:
     """What every PDO of a node that carries something is set to, a line each, and how PDOs are set."""
-    from dvtcli.operations.list_pdos import list_pdos
+    from dvtcli.operations.pdos.list_pdos import list_pdos
 
     listing = list_pdos(session, node_id)
     lines = [_one(row) for row in listing.rows if row.config.mapping or row.config.enabled]
@@ -49,7 +49,7 @@ def _one(row: PdoRow) -> str:
 
 def clear(session: Session, node_id: int) -> Done:
     """Empty and disable every PDO whose mapping can be changed."""
-    from dvtcli.operations.switch import clear_all
+    from dvtcli.operations.pdos.switch import clear_all
 
     return Done(findings=clear_all(session, node_id).findings)
 

@@ -11,7 +11,7 @@ from dvtcli.cli.dvt.word import OBJECT, VALUE, Word
 from dvtcli.cli.effect import Effect, Final, final_write
 
 if TYPE_CHECKING:
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
 
 #: Longer values are no numbers: they are answered byte by byte, in the order of the wire.
 _MOST_NUMBER_BYTES = 8
@@ -25,7 +25,7 @@ def read_hex(session: Session, node_id: int, index: int, sub_index: int) -> Done
 
 def read_decimal(session: Session, node_id: int, index: int, sub_index: int) -> Done:
     """An object in decimal; signed where the node's file says that it is signed, text where it is text."""
-    from dvtcli.operations.object_values import value_result
+    from dvtcli.operations.meanings.object_values import value_result
 
     node = session.node(node_id)
     return Done(decimal(value_result(node, index, sub_index, node.upload(index, sub_index), None).value))
@@ -34,7 +34,7 @@ def read_decimal(session: Session, node_id: int, index: int, sub_index: int) -> 
 def write(session: Session, node_id: int, index: int, sub_index: int, data: bytes) -> Done:
     """Write *data* as `write` does: checked, journalled, read back, and put back where it does not read back."""
     from dvtcli.device.store_parameters import SIGNATURES
-    from dvtcli.operations.write_object import signature, write_bytes
+    from dvtcli.operations.objects.write_object import signature, write_bytes
 
     node = session.node(node_id)
     if index in SIGNATURES:

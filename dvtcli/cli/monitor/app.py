@@ -16,7 +16,7 @@ from dvtcli.errors import BusUnavailable
 from dvtcli.watch.seen import FrameStore
 
 if TYPE_CHECKING:
-    from dvtcli.operations.watch_bus import Watched
+    from dvtcli.operations.frames.watch_bus import Watched
 
 
 class Monitor:

@@ -10,7 +10,7 @@ from dvtcli.errors import DvtcliError
 
 if TYPE_CHECKING:
     from dvtcli.errors import BusUnavailable
-    from dvtcli.operations.steady_listener import SteadyListener
+    from dvtcli.operations.session.steady_listener import SteadyListener
 
 #: how long leaving may take where the bus is being opened (s)
 _LEAVE_S = 0.2

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from dvtcli.errors import BusUnavailable, DvtcliError
 
 if TYPE_CHECKING:
-    from dvtcli.operations.watch_bus import Watched
+    from dvtcli.operations.frames.watch_bus import Watched
     from dvtcli.watch.decoder import Decoder
 
 #: how long leaving waits for the answer that is under way (s)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from prompt_toolkit.key_binding import KeyPressEvent
 
     from dvtcli.cli.conversation import Conversation
-    from dvtcli.operations.watch_bus import Watched
+    from dvtcli.operations.frames.watch_bus import Watched
 
 
 def watch(session: Conversation, watched: Watched, wanted: str, duration_s: float | None, *, changes: bool) -> None:

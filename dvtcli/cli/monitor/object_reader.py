@@ -11,8 +11,8 @@ from dvtcli.cli.monitor.mapping_reader import LEAVE_S
 from dvtcli.errors import BusUnavailable, DvtcliError
 
 if TYPE_CHECKING:
+    from dvtcli.operations.objects.watch_objects import ObjectRound
     from dvtcli.operations.results import ValueRead
-    from dvtcli.operations.watch_objects import ObjectRound
 
 
 class ObjectReader:

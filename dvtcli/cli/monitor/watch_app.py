@@ -22,9 +22,9 @@ from dvtcli.watch.seen import FrameStore
 from dvtcli.watch.watched_object import WatchedObject
 
 if TYPE_CHECKING:
+    from dvtcli.operations.frames.watch_bus import Watched
+    from dvtcli.operations.objects.watch_objects import ObjectRound
     from dvtcli.operations.results import ValueRead
-    from dvtcli.operations.watch_bus import Watched
-    from dvtcli.operations.watch_objects import ObjectRound
 
 
 class WatchScreen:

@@ -14,8 +14,8 @@ from dvtcli.cli.monitor.watch_app import WatchScreen
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
     from dvtcli.cli.monitor.watch_screen import WatchedPdo
-    from dvtcli.operations.watch_bus import Watched
-    from dvtcli.operations.watch_objects import ObjectRound
+    from dvtcli.operations.frames.watch_bus import Watched
+    from dvtcli.operations.objects.watch_objects import ObjectRound
 
 
 def watch_screen(

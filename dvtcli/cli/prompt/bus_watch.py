@@ -24,14 +24,14 @@ from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.node_events import BootUp, Emergency, NodeEvent
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import BusUnavailable
-from dvtcli.operations.come_back import come_back, goes_on
 from dvtcli.operations.results.bus_events import BusEvent
-from dvtcli.operations.slept import Sleeps
-from dvtcli.operations.steady_listener import left_alone
+from dvtcli.operations.session.come_back import come_back, goes_on
+from dvtcli.operations.session.slept import Sleeps
+from dvtcli.operations.session.steady_listener import left_alone
 from dvtcli.watch.recent_load import BusLoad
 
 if TYPE_CHECKING:
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
 
 #: How long the bus is read in one go (s): how late a message is shown, and how long stopping takes.
 TICK_S = 0.1

@@ -21,7 +21,7 @@ from dvtcli.cli.prompt.typed import Typed, last_line, quoted, typed
 from dvtcli.cli.registry import REGISTRY
 from dvtcli.domain.safe_text import safe
 from dvtcli.errors import DvtcliError
-from dvtcli.operations.options import START_ONLY
+from dvtcli.operations.user.options import START_ONLY
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from dvtcli.cli.view.lines import Cell, Line, Table
 from dvtcli.device.cancellation import INTERRUPTED
 from dvtcli.errors import InputFileError
-from dvtcli.operations.settings_search import NAME, why_unusable
+from dvtcli.operations.user.settings_search import NAME, why_unusable
 
 if TYPE_CHECKING:
     from dvtcli.bus.discover import Found

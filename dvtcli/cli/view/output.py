@@ -15,7 +15,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, TextIO
 
 from dvtcli.cli.view.progress_line import ProgressLine
-from dvtcli.operations.options import CASE_FORMATS
+from dvtcli.operations.user.options import CASE_FORMATS
 
 if TYPE_CHECKING:
     from dvtcli.cli.view.lines import Line

@@ -13,7 +13,7 @@ from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.request import PdoRequest
 from dvtcli.errors import UsageError
 from dvtcli.operations.api.checks import flag, number, whole, word, wrong
-from dvtcli.operations.named_objects import entry_at, object_at
+from dvtcli.operations.meanings.named_objects import entry_at, object_at
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
@@ -105,7 +105,7 @@ def type_of(name: str | None) -> DataType | None:
 
 def bytes_of(kind: DataType, meaning: Physical, value: Value, object_: str) -> bytes:
     """*value* as *kind*, a text such as `48V` by its *meaning*; bytes as they are. UsageError where it does not fit."""
-    from dvtcli.operations.physical_meanings import how_to_write, typed_bytes
+    from dvtcli.operations.meanings.physical_meanings import how_to_write, typed_bytes
 
     if isinstance(value, bytes):
         return value

@@ -18,7 +18,7 @@ from dvtcli.operations.api.ctrl_c import ctrl_c_at_safe_points
 from dvtcli.operations.api.hints import python_words
 
 if TYPE_CHECKING:
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
 
 T = TypeVar("T")
 #: the buses of this program that are in use

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from dvtcli.operations.api.checks import flags, number, whole, words
-from dvtcli.operations.check_networks import CheckWishes
-from dvtcli.operations.options import BIT_RATES
+from dvtcli.operations.network.check_networks import CheckWishes
+from dvtcli.operations.user.options import BIT_RATES
 
 
 def check_wishes(

@@ -28,7 +28,7 @@ def check_eds(
     UsageError for a rule or family that there is not, and where the one file that is given cannot be opened.
     InputFileError where it cannot be read; of several that is a finding.
     """
-    from dvtcli.operations import eds_files
+    from dvtcli.operations.known_devices import eds_files
     from dvtcli.operations.results import FileReports
 
     chosen = [str(path("files", file)) for file in files]

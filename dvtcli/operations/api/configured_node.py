@@ -49,8 +49,8 @@ class ConfiguredNode(ReadNode):
         Bytes go as they are, other values as *as_type* or as the EDS says, a text such as `48V` in its unit. UsageError
         for 0x1010 and 0x1011: `store` and `restore` do that.
         """
-        from dvtcli.operations.physical_meanings import meaning_of
-        from dvtcli.operations.write_object import object_type, refuse_signature, write_bytes
+        from dvtcli.operations.meanings.physical_meanings import meaning_of
+        from dvtcli.operations.objects.write_object import object_type, refuse_signature, write_bytes
 
         def write(node: DeviceNode) -> Changed:
             index, sub_index = object_of(node, object_)
@@ -71,7 +71,7 @@ class ConfiguredNode(ReadNode):
         **options: Unpack[PdoOptions],
     ) -> Changed:
         """Map *objects* into a PDO, in frame order, and enable it: as the command `map`."""
-        from dvtcli.operations.change import configure
+        from dvtcli.operations.changes.change import configure
 
         asked, wanted = request(options, enabled=True), pdo_of(pdo)
 
@@ -85,7 +85,7 @@ class ConfiguredNode(ReadNode):
 
     def set(self, pdo: str | Pdo, *, yes: bool = False, force: bool = False, **options: Unpack[PdoOptions]) -> Changed:
         """Set communication parameters of a PDO and leave its mapping alone: as the command `set`."""
-        from dvtcli.operations.change import configure
+        from dvtcli.operations.changes.change import configure
 
         if not options:
             raise UsageError("nothing to set: give transmission_type, timer_ms, cob_id, …")
@@ -102,14 +102,14 @@ class ConfiguredNode(ReadNode):
 
     def clear(self, *pdos: str | Pdo | Literal["all"], yes: bool = False, force: bool = False) -> Changed:
         """Disable PDOs and empty their mapping, all or none; `"all"` are those whose mapping can be changed."""
-        from dvtcli.operations.switch import clear_all
+        from dvtcli.operations.pdos.switch import clear_all
 
         if pdos == ("all",):
             return self._change(lambda node: clear_all(self._calls.session, node.node_id), yes=yes, force=force)
         return self._switch(pdos, Cleared(), yes=yes, force=force)
 
     def _switch(self, pdos: tuple[str | Pdo, ...], want: PdoWant, *, yes: bool, force: bool) -> Changed:
-        from dvtcli.operations.switch import switch
+        from dvtcli.operations.pdos.switch import switch
 
         if not pdos:
             raise UsageError("which PDO? 'tpdo1', …")
@@ -123,7 +123,7 @@ class ConfiguredNode(ReadNode):
         on a real bus. False, with `not_put_back`, where the node does not take back what it held. SafetyRefusal where
         it holds something else by now, UsageError where nothing was changed.
         """
-        from dvtcli.operations.undo_changes import undo_on
+        from dvtcli.operations.changes.undo_changes import undo_on
 
         flags(everything=everything)
         return self._change(
@@ -138,7 +138,7 @@ class ConfiguredNode(ReadNode):
         *pin* None, without an object, unties every pin of the group. Where all is so already nothing is written, and
         the answer is what `vpdo` lists. UsageError for an unknown object, DvtcliError without such a group or pin.
         """
-        from dvtcli.operations.virtual_pdo_ties import tie_pin
+        from dvtcli.operations.pdos.virtual_pdo_ties import tie_pin
 
         word("group", group, "the name of a group, such as 'digital-in'")
         number_of = 0 if pin is None else whole("pin", pin, "a pin", 254, low=1)

@@ -16,7 +16,7 @@ def profiles() -> ProfileListing:
 
     InputFileError for one of the user's own that cannot be read.
     """
-    from dvtcli.operations.show_profiles import list_profiles
+    from dvtcli.operations.known_devices.show_profiles import list_profiles
 
     return list_profiles()
 
@@ -26,7 +26,7 @@ def profile(name: str) -> ProfileShown:
 
     UsageError where there is none of that name, InputFileError where its file is wrong.
     """
-    from dvtcli.operations.show_profiles import show_profile
+    from dvtcli.operations.known_devices.show_profiles import show_profile
 
     word("name", name, "the name of a device family, as `dvtcli profiles` lists them")
     with python_words():

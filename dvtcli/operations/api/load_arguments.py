@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dvtcli.domain.milliseconds import counts
 from dvtcli.domain.pdo import Pdo
 from dvtcli.operations.api.checks import number, whole, wrong
-from dvtcli.operations.network_load import LoadWishes
-from dvtcli.operations.options import BIT_RATES
+from dvtcli.operations.network.network_load import LoadWishes
+from dvtcli.operations.user.options import BIT_RATES
 
 _END = "a TPDO of a node, such as '5:tpdo3' or 'drive:tpdo3', and its inhibit time in ms"
 

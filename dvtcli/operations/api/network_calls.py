@@ -12,7 +12,7 @@ from dvtcli.operations.api.link_ends import endpoints, heartbeat_of
 if TYPE_CHECKING:
     from dvtcli.operations.api.calls import Calls
     from dvtcli.operations.results import NetworkApplied, NetworkLoad, NetworkPlanned, NetworksChecked
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
 
 
 class NetworkCalls:
@@ -39,7 +39,7 @@ class NetworkCalls:
         InputFileError with everything that is wrong in the file; RuleError with everything that the rules refuse, on
         all nodes; SafetyRefusal where a node is another device than the file says.
         """
-        from dvtcli.operations.network_files import planned
+        from dvtcli.operations.network.network_files import planned
 
         chosen = str(path("file", file))
         flags(trust_stamp=trust_stamp)
@@ -57,7 +57,7 @@ class NetworkCalls:
         it: what was left out, which layouts differ. Writing over a file needs *yes*. NoAnswer where no node answers,
         UsageError for another suffix, or where the file cannot be written.
         """
-        from dvtcli.operations.import_network import import_network
+        from dvtcli.operations.exchange.import_network import import_network
 
         chosen = str(path("file", file))
         files = None if folder is None else str(path("folder", folder))
@@ -80,7 +80,7 @@ class NetworkCalls:
         `plan`; UsageError where a PDO is none.
         """
         from dvtcli.operations.api.load_arguments import load_wishes
-        from dvtcli.operations.network_load import network_load
+        from dvtcli.operations.network.network_load import network_load
 
         chosen = None if file is None else str(path("file", file))
         wishes = load_wishes(for_s, bit_rate, sync_ms, inhibit_ms)
@@ -128,7 +128,7 @@ class NetworkCalls:
         a rule that there is not.
         """
         from dvtcli.operations.api.check_arguments import check_wishes
-        from dvtcli.operations.check_live import check_all
+        from dvtcli.operations.network.check_live import check_all
 
         chosen = [str(path("files", file)) for file in files]
         wishes = check_wishes(rules, without, bit_rate, for_s, strict=strict)
@@ -152,7 +152,7 @@ class NetworkCalls:
         then, and compared. A fault on one node brings every node back; LeftChanged where one could not be, or where not
         all have stored. SafetyRefusal where a node has changed since the plan was saved.
         """
-        from dvtcli.operations.network_files import applied
+        from dvtcli.operations.network.network_files import applied
 
         chosen = str(path("file", file))
         flags(prove=prove, trust_stamp=trust_stamp)
@@ -182,7 +182,7 @@ class NetworkCalls:
         keeps its CAN-ID where it may. The consumers watch the producer's heartbeat, which *heartbeat_ms* (1…65535)
         sets, unless *heartbeat* is False. RuleError where the layouts do not fit, else as `apply`.
         """
-        from dvtcli.operations.link_pdos import link_pdos
+        from dvtcli.operations.plans.link_pdos import link_pdos
 
         sender, *hearers = endpoints(producer, *consumers)
         flags(heartbeat=heartbeat)
@@ -197,7 +197,7 @@ class NetworkCalls:
         A node that hears nothing of the producer's node any more stops watching its heartbeat, unless *heartbeat* is
         False. UsageError where an RPDO does not hear the TPDO.
         """
-        from dvtcli.operations.link_pdos import unlink_pdos
+        from dvtcli.operations.plans.link_pdos import unlink_pdos
 
         sender, *hearers = endpoints(producer, *consumers)
         flags(heartbeat=heartbeat)

@@ -11,8 +11,8 @@ from dvtcli.operations.api.checks import call_back, path, seconds, whole, word, 
 from dvtcli.operations.api.hints import python_words
 from dvtcli.operations.api.python_bus import Bus
 from dvtcli.operations.api.told import Message, Told
-from dvtcli.operations.options import BIT_RATES, options_of
-from dvtcli.operations.session import Session
+from dvtcli.operations.session.session import Session
+from dvtcli.operations.user.options import BIT_RATES, options_of
 
 if TYPE_CHECKING:
     from dvtcli.device.change.progress import Progress

@@ -14,8 +14,8 @@ from dvtcli.operations.api.calls import Calls
 from dvtcli.operations.api.checks import flags, number, path, seconds, whole, word
 from dvtcli.operations.api.network_calls import NetworkCalls
 from dvtcli.operations.api.python_node import Node
-from dvtcli.operations.session import Session
-from dvtcli.operations.simulated_nodes import read_dictionary
+from dvtcli.operations.opening.simulated_nodes import read_dictionary
+from dvtcli.operations.session.session import Session
 
 if TYPE_CHECKING:
     from canopen import RemoteNode
@@ -118,7 +118,7 @@ class Bus(NetworkCalls):
 
     def scan(self, answer_s: float = 0.05) -> NodeListing:
         """List the nodes 1…127 that are heard or answer within *answer_s* seconds each; a list of rows."""
-        from dvtcli.operations.find_nodes import find_nodes
+        from dvtcli.operations.nodes.find_nodes import find_nodes
 
         seconds("answer_s", answer_s)
         return self._calls.run(lambda: find_nodes(self._session, answer_s))
@@ -130,7 +130,7 @@ class Bus(NetworkCalls):
         none, or no answer. Frames are listed by CAN-ID: the last one of each, how many came, and whose TPDO it is where
         its node was read. BusUnavailable where the bus fails.
         """
-        from dvtcli.operations.produce_sync import produce_sync
+        from dvtcli.operations.sync.produce_sync import produce_sync
 
         whole("count", count, "a count", 100_000, low=1)
         number("period_ms", period_ms, "a number of milliseconds, 0…1000", high=1000)
@@ -144,7 +144,7 @@ class Bus(NetworkCalls):
         Asked are the nodes *node_ids*, those that were used so far, and the simulated ones: 0x1005 and 0x1006. The bus
         is listened to for two periods, at least 0.1 s; none is sent.
         """
-        from dvtcli.operations.sync_check import check_sync
+        from dvtcli.operations.sync.sync_check import check_sync
 
         for node_id in node_ids:
             whole("node_ids", node_id, "a node-ID", 127, low=1)
@@ -156,7 +156,7 @@ class Bus(NetworkCalls):
         Needs *yes*, or asks. None of it where no change was interrupted; each is false where its node does not take
         back what it held. LeftChanged where a node could not be put back.
         """
-        from dvtcli.operations.recover_change import recover
+        from dvtcli.operations.recover.recover_change import recover
         from dvtcli.operations.results import Changed, ChangedNodes
 
         def work() -> tuple[Changed, ...]:
@@ -173,7 +173,7 @@ class Bus(NetworkCalls):
         one holds something else by now. None where no change was interrupted; UsageError where not all nodes had been
         verified. LeftChanged where a node did not store.
         """
-        from dvtcli.operations.recover_change import recover
+        from dvtcli.operations.recover.recover_change import recover
         from dvtcli.operations.results import Facts
 
         def work() -> tuple[int, ...]:
@@ -189,7 +189,7 @@ class Bus(NetworkCalls):
         With *history* it is every step as it was taken, stores and NMT commands included. Lines that require a node's
         identity stand before those about it. UsageError where nothing was changed.
         """
-        from dvtcli.operations.save_script import ENDS, STEPS, script_text
+        from dvtcli.operations.session.save_script import ENDS, STEPS, script_text
 
         flags(history=history)
         return self._calls.run(lambda: script_text(self._session, STEPS if history else ENDS))

@@ -27,7 +27,7 @@ class Lss:
 
         True where there are some; `nodes` are those. NoAnswer where the answers do not fit together.
         """
-        from dvtcli.operations.lss_find import lss_scan
+        from dvtcli.operations.lss.lss_find import lss_scan
 
         number("wait_s", wait_s, "a number of seconds, 0.005…2", low=0.005, high=2)
         return self._calls.run(lambda: lss_scan(self._calls.session, wait_s))
@@ -37,7 +37,7 @@ class Lss:
 
         Its revision and serial number may be pairs, lowest and highest: then `within` says whether one such is there.
         """
-        from dvtcli.operations.lss_find import lss_identify
+        from dvtcli.operations.lss.lss_find import lss_identify
 
         wanted = None if address is None else _address_or_ranges(address)
         return self._calls.run(lambda: lss_identify(self._calls.session, wanted))
@@ -47,7 +47,7 @@ class Lss:
 
         NoAnswer where nobody has it, DeviceRefused where several have.
         """
-        from dvtcli.operations.lss_find import lss_select
+        from dvtcli.operations.lss.lss_find import lss_select
 
         one = whole("who", who, "a node-ID", 127, low=1) if isinstance(who, int) else _address(who)
         return self._calls.run(lambda: lss_select(self._calls.session, one))
@@ -60,7 +60,7 @@ class Lss:
         Asks first, unless *yes*. Done once the node says by SDO, on its new node-ID, that it is the one. SafetyRefusal
         where the node-ID is in use; LeftChanged where it did not come up and could not get the old one back.
         """
-        from dvtcli.operations.lss_node_id import lss_node_id
+        from dvtcli.operations.lss.lss_node_id import lss_node_id
 
         wanted = None if address is None else _address(address)
         whole("node_id", node_id, "a node-ID", 127, low=1)
@@ -71,7 +71,7 @@ class Lss:
 
         Asks first, unless *yes*. DeviceRefused with its reason, LeftChanged where it comes back without its node-ID.
         """
-        from dvtcli.operations.lss_store import lss_store
+        from dvtcli.operations.lss.lss_store import lss_store
 
         whole("node_id", node_id, "a node-ID", 127, low=1)
         flags(prove=prove)
@@ -83,7 +83,7 @@ class Lss:
         Asks first, unless *yes*; with *store* they store them, once all came up, and with *prove* each is reset then.
         `missing` are those that were not found. Where one does not come up all get back what they had.
         """
-        from dvtcli.operations.lss_assign import lss_assign
+        from dvtcli.operations.lss.lss_assign import lss_assign
 
         chosen = str(path("file", file))
         flags(store=store, prove=prove)
@@ -100,7 +100,7 @@ class Lss:
         heard, there is no way back, or a drive that may move would be reset; where one does not come back all go back;
         LeftChanged where that fails, too.
         """
-        from dvtcli.operations.lss_bit_rate import lss_bit_rate
+        from dvtcli.operations.lss.lss_bit_rate import lss_bit_rate
 
         whole("bit_rate", bit_rate, "a bit rate (bit/s)", 1_000_000, low=10_000)
         chosen = None if file is None else str(path("file", file))

@@ -58,7 +58,7 @@ class Node(ConfiguredNode):
         `"power"` waits up to *within_s* seconds until it was switched off and on. *if_changed* spares the EEPROM:
         nothing is sent where the node holds what it came up with.
         """
-        from dvtcli.operations.store_restore import store_settings
+        from dvtcli.operations.stores.store_restore import store_settings
 
         flags(if_changed=if_changed)
         number("within_s", within_s, "a number of seconds, 0 or more")
@@ -76,7 +76,7 @@ class Node(ConfiguredNode):
 
     def restore(self, group: Group = "all", *, prove: bool = False, yes: bool = False, force: bool = False) -> Stored:
         """Bring the node's defaults back with its next reset (0x1011), which *prove* does at once; needs *yes*."""
-        from dvtcli.operations.store_restore import restore_defaults
+        from dvtcli.operations.stores.store_restore import restore_defaults
 
         flags(prove=prove)
         chosen = group_of(group)
@@ -99,7 +99,7 @@ class Node(ConfiguredNode):
         for what the node's profile says, if anything; needs *yes*. LeftChanged says what the device holds where it
         failed once the old program was cleared.
         """
-        from dvtcli.operations.load_program import load_program
+        from dvtcli.operations.nodes.load_program import load_program
 
         whole("program", program, "a program", 254, low=1)
         session, node_id = self._calls.session, self._node_id
@@ -115,7 +115,7 @@ class Node(ConfiguredNode):
 
         The reset of a drive that says operation enabled needs *yes*.
         """
-        from dvtcli.operations.command_nmt import command_nmt
+        from dvtcli.operations.nodes.command_nmt import command_nmt
 
         specifier = nmt_command_of(command)
         session = self._calls.session
@@ -127,7 +127,7 @@ class Node(ConfiguredNode):
         *user* is the user ID (1…65535), None for the family's. The passcode is kept nowhere, nor repeated in an error.
         DvtcliError where the device knows no login, DeviceRefused where it does not take the passcode.
         """
-        from dvtcli.operations.log_in import log_in
+        from dvtcli.operations.nodes.log_in import log_in
 
         if isinstance(passcode, bool) or not isinstance(passcode, int) or not 0 <= passcode <= 0xFFFF:
             raise UsageError("passcode: a passcode is 0…65535 (0x0…0xFFFF)")
@@ -143,7 +143,7 @@ class Node(ConfiguredNode):
 
         What is wrong stays wrong. DeviceRefused where the node has no history, DvtcliError where it is not empty then.
         """
-        from dvtcli.operations.show_faults import clear_faults
+        from dvtcli.operations.nodes.show_faults import clear_faults
 
         return self._change(lambda node: clear_faults(self._calls.session, node.node_id), yes=False, force=False)
 
@@ -153,7 +153,7 @@ class Node(ConfiguredNode):
         Other nodes that an atomic script changed with it are put back, too. None where no change was interrupted;
         false, with `not_put_back`, where the node does not take back what it held.
         """
-        from dvtcli.operations.recover_change import recover
+        from dvtcli.operations.recover.recover_change import recover
         from dvtcli.operations.results import Changed, ChangedNodes
 
         def finish(node: DeviceNode) -> Changed | None:
@@ -182,7 +182,7 @@ class Node(ConfiguredNode):
         bus, so that restricted CAN-IDs are asked for, too; *with_store* lets the node save, with two writes to 0x1010
         at most. In a dry run the answer is what would be asked. UsageError for a name or a profile that cannot be.
         """
-        from dvtcli.operations.learn_device import learn
+        from dvtcli.operations.known_devices.learn_device import learn
 
         flags(isolated=isolated, with_store=with_store)
         if save is not None:

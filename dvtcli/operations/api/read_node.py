@@ -52,26 +52,26 @@ class ReadNode:
 
     def identity(self) -> NodeRow:
         """What the node says of itself: device type, identity (0x1018), name, NMT state."""
-        from dvtcli.operations.identify import identify
+        from dvtcli.operations.nodes.identify import identify
 
         return self._read(lambda node: identify(self._calls.session, node.node_id)).rows[0]
 
     def pdos(self) -> PdoListing:
         """Every PDO as the node holds it now."""
-        from dvtcli.operations.list_pdos import list_pdos
+        from dvtcli.operations.pdos.list_pdos import list_pdos
 
         return self._read(lambda node: list_pdos(self._calls.session, node.node_id, show_all=True))
 
     def pdo(self, pdo: str | Pdo) -> PdoRow:
         """One PDO as the node holds it now; UsageError where it has none of that name (`tpdo1`)."""
-        from dvtcli.operations.list_pdos import show_pdo
+        from dvtcli.operations.pdos.list_pdos import show_pdo
 
         wanted = pdo_of(pdo)
         return self._read(lambda node: show_pdo(self._calls.session, wanted, node.node_id)).rows[0]
 
     def read(self, object_: Object, as_type: str | None = None) -> ValueRead:
         """Read an object by SDO upload, decoded as *as_type* (`u16`, `i32`, `r32`, `vs`, …) or as the EDS says."""
-        from dvtcli.operations.object_values import value_result
+        from dvtcli.operations.meanings.object_values import value_result
 
         def read(node: DeviceNode) -> ValueRead:
             index, sub_index = object_of(node, object_)
@@ -84,7 +84,7 @@ class ReadNode:
 
         An entry that the node refuses is among them, with its abort code. UsageError where it is a single value.
         """
-        from dvtcli.operations.read_record import record_at
+        from dvtcli.operations.objects.read_record import record_at
 
         return self._read(lambda node: record_at(node, object_of(node, object_)[0], type_named(as_type)))
 
@@ -93,7 +93,7 @@ class ReadNode:
 
         Of a family's own list each position is chosen by a write, and what was chosen before is put back.
         """
-        from dvtcli.operations.show_faults import show_faults
+        from dvtcli.operations.nodes.show_faults import show_faults
 
         return self._read(lambda node: show_faults(self._calls.session, node.node_id))
 
@@ -102,7 +102,7 @@ class ReadNode:
 
         *mappable* leaves those that such a PDO can take. UsageError where the node has no EDS here.
         """
-        from dvtcli.operations.search_objects import search_objects
+        from dvtcli.operations.objects.search_objects import search_objects
 
         if text is not None:
             word("text", text, "a part of a number or a name, such as 'velocity' or '6C01'")
@@ -115,7 +115,7 @@ class ReadNode:
 
         DvtcliError where the node has no such group, or no virtual PDOs.
         """
-        from dvtcli.operations.virtual_pdo_ties import list_ties
+        from dvtcli.operations.pdos.virtual_pdo_ties import list_ties
 
         if group is not None:
             word("group", group, "the name of a group, such as 'digital-in'")
@@ -130,7 +130,7 @@ class ReadNode:
         serial: int | None = None,
     ) -> None:
         """Raise SafetyRefusal unless the identity (0x1018) that is read of the node is the one given; each 32 bits."""
-        from dvtcli.operations.required_identity import require_identity
+        from dvtcli.operations.nodes.required_identity import require_identity
 
         given = {"vendor": vendor_id, "product": product_code, "revision": revision, "serial": serial}
         wanted = [(name, whole(name, value, name, 0xFFFF_FFFF)) for name, value in given.items() if value is not None]
@@ -144,7 +144,7 @@ class ReadNode:
 
         `Bus.script` has what this program changed.
         """
-        from dvtcli.operations.save_script import script_of
+        from dvtcli.operations.session.save_script import script_of
 
         return self._read(lambda node: script_of(self._calls.session, node.node_id))
 
@@ -156,7 +156,7 @@ class ReadNode:
         With *frame* the node is started for a moment (which needs *yes*) and a frame of each enabled TPDO looked at.
         UsageError where there is nothing to compare.
         """
-        from dvtcli.operations.compare_pdos import compare_node
+        from dvtcli.operations.whole_device.compare_pdos import compare_node
 
         flags(frame=frame)
         wanted, against = [pdo_of(pdo) for pdo in pdos], None if file is None else str(path("file", file))
@@ -197,7 +197,7 @@ class ReadNode:
         object of a DCF two times, and leaves out what changed meanwhile. Writing over a file needs *yes*. UsageError
         for another suffix, or where the file cannot be written.
         """
-        from dvtcli.operations.export_file import export_file
+        from dvtcli.operations.exchange.export_file import export_file
 
         flags(twice=twice)
         chosen = str(path("file", file))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.operations.api.checks import number, path, whole, word
 from dvtcli.operations.api.hints import python_words
-from dvtcli.operations.options import BIT_RATES, Options
+from dvtcli.operations.user.options import BIT_RATES, Options
 
 if TYPE_CHECKING:
     from dvtcli.operations.picture.gather import PictureWishes
@@ -23,7 +23,7 @@ def report(
     suffix, or where *target* cannot be written.
     """
     from dvtcli.operations.picture.draw_network import draw_network
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
 
     chosen, source, wishes = str(path("target", target)), str(path("file", file)), picture_wishes(title, bit_rate, None)
     with python_words(), Session(Options(yes=yes)) as session:

@@ -13,8 +13,8 @@ from dvtcli.operations.api.checks import words
 from dvtcli.operations.api.open_bus import connect
 from dvtcli.operations.api.python_bus import Bus
 from dvtcli.operations.api.told import LOG
-from dvtcli.operations.options import Options
-from dvtcli.operations.serve import LOOPBACK, Wanted, serving
+from dvtcli.operations.opening.serve import LOOPBACK, Wanted, serving
+from dvtcli.operations.user.options import Options
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,13 +16,20 @@ from dvtcli.domain.several import plural, several
 from dvtcli.errors import UsageError
 from dvtcli.files.carried_over import not_held
 from dvtcli.files.dbc_text import SUFFIX as DBC_SUFFIX
-from dvtcli.files.device_file import DEVICE_SUFFIXES, VALUE_SUFFIXES, XDD_SUFFIXES, parse_device_file, read_device_file
+from dvtcli.files.device_file import (
+    DEVICE_SUFFIXES,
+    VALUE_SUFFIXES,
+    XDD_SUFFIXES,
+    device_file_bytes,
+    parse_device_file,
+    read_device_file,
+)
 from dvtcli.operations.results import Facts
-from dvtcli.operations.save_script import ask_before_overwriting, place_of, write_bytes
+from dvtcli.operations.session.save_script import ask_before_overwriting, place_of, write_bytes
 
 if TYPE_CHECKING:
     from dvtcli.domain.object_dictionary import ObjectDictionary
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
 
 #: What the parts of a dictionary are called in a message.
 _WORDS = {
@@ -46,7 +53,7 @@ def convert_file(session: Session, file: str, target: str, node: str | None = No
     none.
     """
     if target.lower().endswith(CONCISE_SUFFIX):
-        from dvtcli.operations.exchange.concise_network import convert_network
+        from dvtcli.operations.network.concise_network import convert_network
 
         return convert_network(session, file, target, node)
     if target.lower().endswith(DBC_SUFFIX):
@@ -70,17 +77,6 @@ def convert_file(session: Session, file: str, target: str, node: str | None = No
     ask_before_overwriting(session, path)
     write_bytes(path, data)
     return _answer(file, target, len(again), losses)
-
-
-def device_file_bytes(dictionary: ObjectDictionary, name: str, description: str, made: datetime) -> bytes:
-    """*dictionary* as a file called *name*, in the format that the name ends in; *description* is one line about it."""
-    if name.lower().endswith(XDD_SUFFIXES):
-        from dvtcli.files.xdd.xdd_writer import xdd_bytes
-
-        return xdd_bytes(dictionary, name, made)
-    from dvtcli.files.eds.writer import eds_bytes, eds_text
-
-    return eds_bytes(eds_text(dictionary, name, description, made))
 
 
 def lost(before: ObjectDictionary, after: ObjectDictionary, suffix: str) -> list[str]:

@@ -9,15 +9,15 @@ from dvtcli.domain.several import plural
 from dvtcli.errors import NoAnswer, UsageError
 from dvtcli.files.dbc_text import dbc_bytes
 from dvtcli.operations.exchange.network_messages import NetworkMessages, network_messages
-from dvtcli.operations.physical_meanings import meanings_of
+from dvtcli.operations.meanings.physical_meanings import meanings_of
 from dvtcli.operations.results import Facts
-from dvtcli.operations.save_script import ask_before_overwriting, place_of, write_bytes
+from dvtcli.operations.session.save_script import ask_before_overwriting, place_of, write_bytes
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping
 
     from dvtcli.domain.meanings import Rules
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
 
 
 def export_dbc(session: Session, file: str, services: Collection[str] = ()) -> Facts:
@@ -26,8 +26,8 @@ def export_dbc(session: Session, file: str, services: Collection[str] = ()) -> F
     *services* (see `SERVICES`) adds the frames of those.
     Asks before it overwrites. NoAnswer where no node answers; UsageError where the file cannot be written.
     """
-    from dvtcli.operations.find_nodes import find_nodes
-    from dvtcli.operations.network_states import network_state
+    from dvtcli.operations.network.network_states import network_state
+    from dvtcli.operations.nodes.find_nodes import find_nodes
 
     place_of(file, "export {}/NAME.dbc")
     ids = session.base.nodes or tuple(row.node for row in find_nodes(session).rows if not row.note)
@@ -43,8 +43,8 @@ def convert_to_dbc(session: Session, source: str, file: str, node: str | None = 
     Asks before it overwrites. Raises as reading a network file does; UsageError where the DBC file cannot be written.
     """
     from dvtcli.files.network.physical_keys import rules_of
-    from dvtcli.operations.described_network import described_network
-    from dvtcli.operations.network_wish import read_wish
+    from dvtcli.operations.network.described_network import described_network
+    from dvtcli.operations.wanted.network_wish import read_wish
 
     if node is not None:
         raise UsageError("--for is for a concise DCF", hint="a DBC file has all nodes of a network file")

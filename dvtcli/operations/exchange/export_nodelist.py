@@ -8,15 +8,15 @@ from dvtcli.domain.several import plural
 from dvtcli.errors import NoAnswer
 from dvtcli.files.eds.writer import eds_bytes
 from dvtcli.files.nodelist import ListedNode, Nodelist, nodelist_text
-from dvtcli.operations.find_nodes import find_nodes
+from dvtcli.operations.nodes.find_nodes import find_nodes
 from dvtcli.operations.results import Facts
-from dvtcli.operations.save_script import ask_before_overwriting, place_of, write_bytes
+from dvtcli.operations.session.save_script import ask_before_overwriting, place_of, write_bytes
 from dvtcli.operations.whole_device.export_dcf import export_dcf
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
 
 
 def export_nodelist(session: Session, file: str, *, twice: bool = False) -> Facts:

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 
 from dvtcli.domain.typed_frame import typed_frame
 from dvtcli.errors import UsageError
-from dvtcli.operations.physical_meanings import meanings_of
-from dvtcli.operations.recorded import decoder_for
+from dvtcli.operations.frames.recorded import decoder_for
+from dvtcli.operations.meanings.physical_meanings import meanings_of
 from dvtcli.operations.results.explained import FrameExplained
 from dvtcli.watch.explain.frame_parts import Described, frame_parts
 
 if TYPE_CHECKING:
     from dvtcli.domain.ports import Frame
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
     from dvtcli.watch.decoder import Decoder
 
 _NETWORK = (".yaml", ".yml")
@@ -58,7 +58,7 @@ def described_nodes(session: Session, file: str | None = None) -> Callable[[int]
     known = _network_nodes(file) if file is not None and Path(file).suffix.lower() in _NETWORK else {}
     offline: list[Described] = []
     if session.base.eds is not None:
-        from dvtcli.operations.device_files import offline_dictionaries
+        from dvtcli.operations.opening.device_files import offline_dictionaries
 
         offline = [Described(one, meanings_of(profile, one)) for one, profile in offline_dictionaries(session.base)]
     nobody = Described(None, meanings_of(None, None))
@@ -74,8 +74,8 @@ def described_nodes(session: Session, file: str | None = None) -> Callable[[int]
 
 def _network_nodes(file: str) -> dict[int, Described]:
     from dvtcli.files.network.physical_keys import rules_of
-    from dvtcli.operations.described_network import described_network
-    from dvtcli.operations.network_wish import read_wish
+    from dvtcli.operations.network.described_network import described_network
+    from dvtcli.operations.wanted.network_wish import read_wish
 
     own = {node.node_id: rules_of(node.physical) for node in read_wish(file).nodes}
     return {

@@ -10,7 +10,7 @@ from dvtcli.errors import UsageError
 if TYPE_CHECKING:
     from dvtcli.domain.ports import Frame
     from dvtcli.operations.results.explained import Traced
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
 
 
 def trace_last(session: Session, count: int) -> Traced:

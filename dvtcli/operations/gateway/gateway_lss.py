@@ -14,7 +14,7 @@ from dvtcli.domain.nmt import UNCONFIGURED
 
 if TYPE_CHECKING:
     from dvtcli.operations.gateway.line_client import LineClient
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
 
 #: the orders that are answered here
 LSS = (
@@ -66,7 +66,7 @@ class LssLines:
 
     def _node_id(self, address: LssAddress) -> int:
         """The node-ID that the slave with *address* has now, 255 for none: another client may have given it one."""
-        from dvtcli.operations.lss_find import lss_select
+        from dvtcli.operations.lss.lss_find import lss_select
 
         # It waits again at once, and each order selects it anew: whoever goes, none is left to be configured.
         found = lss_select(self._session, address, keep=False)
@@ -75,7 +75,7 @@ class LssLines:
 
     def _identify(self, numbers: tuple[int, ...]) -> Answer:
         """Whether somebody is within the ranges, or has no node-ID where none are given."""
-        from dvtcli.operations.lss_find import lss_identify
+        from dvtcli.operations.lss.lss_find import lss_identify
 
         if numbers:
             vendor, product, low_revision, high_revision, low_serial, high_serial = numbers
@@ -87,7 +87,7 @@ class LssLines:
 
     def _scan(self) -> Answer:
         """The address of the first slave that waits for a node-ID."""
-        from dvtcli.operations.lss_find import lss_scan
+        from dvtcli.operations.lss.lss_find import lss_scan
 
         found = lss_scan(self._session).nodes
         if not found:
@@ -106,7 +106,7 @@ class LssLines:
         return self._set_node(address, numbers[0]) if name == "lss_set_node" else self._store(address)
 
     def _store(self, address: LssAddress) -> Answer:
-        from dvtcli.operations.lss_store import lss_store
+        from dvtcli.operations.lss.lss_store import lss_store
 
         node_id = self._node_id(address)
         if node_id == UNCONFIGURED:
@@ -115,7 +115,7 @@ class LssLines:
         return Failed(GatewayError.LSS_STORE) if done.exit_code else Done()
 
     def _set_node(self, address: LssAddress, node_id: int) -> Answer:
-        from dvtcli.operations.lss_node_id import lss_node_id
+        from dvtcli.operations.lss.lss_node_id import lss_node_id
 
         if not 1 <= node_id <= 127:
             return Failed(GatewayError.LSS_NODE_ID)

@@ -19,7 +19,7 @@ from dvtcli.domain.rules.can_id import restricted_use
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
 
 _LONGEST = 8
 

@@ -15,17 +15,17 @@ from dvtcli.domain.gateway.requests import Nmt, Order, Read, Write
 from dvtcli.domain.gateway.value_words import HEX, value_text
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.errors import BusUnavailable, DvtcliError, LeftChanged, NoAnswer, UsageError
-from dvtcli.operations.command_nmt import command_nmt
 from dvtcli.operations.gateway.gateway_lss import LSS, LssLines
 from dvtcli.operations.gateway.gateway_pdos import GatewayPdos
-from dvtcli.operations.object_values import type_of
-from dvtcli.operations.write_object import signature, write_bytes
+from dvtcli.operations.meanings.object_values import type_of
+from dvtcli.operations.nodes.command_nmt import command_nmt
+from dvtcli.operations.objects.write_object import signature, write_bytes
 from dvtcli.version import __version__
 
 if TYPE_CHECKING:
     from dvtcli.domain.gateway.requests import Request
     from dvtcli.operations.gateway.line_client import LineClient
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
 
 #: the only net that there is
 NET = 1

@@ -8,11 +8,11 @@ from dvtcli.device.store_parameters import STORE, chosen
 from dvtcli.domain.gateway.plan_lines import Around, plan_lines
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.profile import PreOperational
-from dvtcli.operations.possible_stores import store_group
+from dvtcli.operations.stores.possible_stores import store_group
 
 if TYPE_CHECKING:
     from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
 
 
 def plan_as_lines(session: Session, plan: NetworkPlan) -> str:

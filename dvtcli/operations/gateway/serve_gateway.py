@@ -19,13 +19,13 @@ from dvtcli.errors import BusUnavailable, SafetyRefusal
 from dvtcli.operations.gateway.gateway_work import NET, GatewayWork
 from dvtcli.operations.gateway.line_client import MOST_LINES, LineClient
 from dvtcli.operations.gateway.unattended import Unattended
+from dvtcli.operations.opening.serve import is_loopback
 from dvtcli.operations.results import Facts
-from dvtcli.operations.serve import is_loopback
 from dvtcli.simulator.network.hub import Hub
 
 if TYPE_CHECKING:
     from dvtcli.domain.node_events import NodeEvent
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
     from dvtcli.simulator.network.hub_client import Client
 
 #: where a gateway listens unless somebody says where

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from dvtcli.domain.ports import Frame
     from dvtcli.operations.results import BusEvent
-    from dvtcli.operations.telling import Teller
+    from dvtcli.operations.user.telling import Teller
 
 
 class Unattended:

@@ -13,12 +13,12 @@ from dvtcli.operations.results.networks import action, differing
 if TYPE_CHECKING:
     from dvtcli.domain.network.network_plan import NodePlan
     from dvtcli.domain.plan import ValueChange
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
 
 
 def differences(session: Session, file: str) -> Iterator[PictureDifference]:
     """Every parameter that is not as the network *file* says; raises as `plan_network`."""
-    from dvtcli.operations.plan_network import plan_network
+    from dvtcli.operations.plans.plan_network import plan_network
 
     for node in plan_network(session, file).nodes:
         for change in node.plan.changes:

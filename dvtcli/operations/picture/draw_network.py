@@ -9,11 +9,11 @@ from dvtcli.domain.several import plural
 from dvtcli.errors import UsageError
 from dvtcli.operations.picture.gather import PictureWishes, network_picture
 from dvtcli.operations.results import Facts
-from dvtcli.operations.save_script import ask_before_overwriting, place_of, write_bytes
+from dvtcli.operations.session.save_script import ask_before_overwriting, place_of, write_bytes
 
 if TYPE_CHECKING:
     from dvtcli.domain.network.picture import NetworkPicture
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
 
 SUFFIXES = (".html", ".htm", ".svg", ".dot", ".gv")
 

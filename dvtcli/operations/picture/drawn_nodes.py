@@ -11,7 +11,7 @@ from dvtcli.domain.network.links import agrees
 from dvtcli.domain.network.network_state import EMCY_COB_ID, SYNC_PERIOD
 from dvtcli.domain.network.picture import PictureField, PictureLink, PictureNode, PicturePdo
 from dvtcli.domain.network.wanted_state import Endpoint
-from dvtcli.operations.physical_meanings import meanings_of
+from dvtcli.operations.meanings.physical_meanings import meanings_of
 
 if TYPE_CHECKING:
     from dvtcli.domain.frame import Field

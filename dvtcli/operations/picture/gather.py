@@ -16,10 +16,10 @@ from dvtcli.domain.network.frame_streams import streams_of
 from dvtcli.domain.network.heard_traffic import HeardTraffic
 from dvtcli.domain.network.picture import NetworkPicture, PictureFinding
 from dvtcli.errors import NoAnswer, RuleError, SafetyRefusal, UsageError
-from dvtcli.operations.check_live import LISTEN_S
-from dvtcli.operations.check_networks import CheckWishes, check_networks, chosen_rules, findings_of
-from dvtcli.operations.live_network import has_bus, listen, live_state, refuse_without_bus
-from dvtcli.operations.network_load import USUAL_BIT_RATE
+from dvtcli.operations.network.check_live import LISTEN_S
+from dvtcli.operations.network.check_networks import CheckWishes, check_networks, chosen_rules, findings_of
+from dvtcli.operations.network.live_network import has_bus, listen, live_state, refuse_without_bus
+from dvtcli.operations.network.network_load import USUAL_BIT_RATE
 from dvtcli.operations.picture.differing_rows import differences
 from dvtcli.operations.picture.drawn_frames import drawn_frames, drawn_load
 from dvtcli.operations.picture.drawn_nodes import drawn_links, drawn_nodes
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.network.picture import PictureDifference
     from dvtcli.domain.ports import Frame
     from dvtcli.operations.results.checked_networks import NetworkFinding
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +67,7 @@ def _of_file(session: Session, file: str, wishes: PictureWishes) -> NetworkPictu
 
 def _described(session: Session, file: str) -> NetworkState:
     """What *file* makes; without its links where those cannot be made, which is a finding."""
-    from dvtcli.operations.described_network import described_network
+    from dvtcli.operations.network.described_network import described_network
 
     try:
         return described_network(file, session.tell, for_rules=True)
@@ -76,7 +76,7 @@ def _described(session: Session, file: str) -> NetworkState:
 
 
 def _of_bus(session: Session, file: str | None, wishes: PictureWishes) -> NetworkPicture:
-    from dvtcli.operations.network_wish import read_wish
+    from dvtcli.operations.wanted.network_wish import read_wish
 
     names = {} if file is None else {node.node_id: node.name for node in read_wish(file).nodes}
     measured, traffic = _heard(session, wishes)

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from dvtcli.operations.apply_network import apply_network
+from dvtcli.operations.plans.apply_network import apply_network
 from dvtcli.operations.whole_device.plan_device import DeviceOptions, plan_device
 
 if TYPE_CHECKING:
     from dvtcli.domain.network.network_plan import NetworkPlan
     from dvtcli.operations.results import NetworkApplied
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
 
 
 def apply_device(

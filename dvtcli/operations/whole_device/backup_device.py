@@ -15,7 +15,7 @@ from dvtcli.domain.wall_clock import utc
 from dvtcli.errors import UsageError
 from dvtcli.files.whole_device_file import SUFFIX, KeptDevice, KeptObject, whole_device_text
 from dvtcli.operations.results import Facts
-from dvtcli.operations.save_script import ask_before_overwriting, place_of, write_bytes
+from dvtcli.operations.session.save_script import ask_before_overwriting, place_of, write_bytes
 from dvtcli.operations.whole_device.export_dcf import SUFFIXES, dcf_of, left_out, why_unread
 from dvtcli.operations.whole_device.look_through import described, look_through, told
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.device.read_whole import ReadObject
     from dvtcli.domain.profile import ObjectAddress
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
 
 
 def backup_device(

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from dvtcli.device.read_whole import ReadObject
     from dvtcli.domain.object_dictionary import ObjectDictionary
     from dvtcli.domain.profile import DeviceProfile, ObjectAddress
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
 
 _COMMUNICATION, _STATES = range(0x1000, 0x2000), (0x1001, 0x1002)
 

@@ -11,14 +11,14 @@ from dvtcli.device.read_whole import ReadObject, read_whole
 from dvtcli.domain.configuration import Configuration, configuration_of, profile_number
 from dvtcli.domain.datatypes import Kind
 from dvtcli.errors import SdoAborted, UsageError
-from dvtcli.operations.transfer_progress import transfer_progress
+from dvtcli.operations.objects.transfer_progress import transfer_progress
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.device.read_whole import OnObject
     from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
     from dvtcli.domain.profile import ObjectAddress, Range
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
 
 _DEVICE_TYPE = (0x1000, 0)
 

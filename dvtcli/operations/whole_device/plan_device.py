@@ -15,12 +15,12 @@ from dvtcli.domain.network.network_plan import NetworkPlan
 from dvtcli.domain.network.wanted_state import NetworkWish, NodeWish, WantedIdentity
 from dvtcli.domain.pdo import PdoConfig
 from dvtcli.errors import SafetyRefusal, UsageError
-from dvtcli.operations.judge_network import checked
-from dvtcli.operations.meet_network import meet, unlike_wanted
-from dvtcli.operations.named_objects import object_at
-from dvtcli.operations.object_values import understood
-from dvtcli.operations.plan_network import plans_of, with_unknown_syncs
-from dvtcli.operations.unknown_sync import short_frames
+from dvtcli.operations.meanings.named_objects import object_at
+from dvtcli.operations.meanings.object_values import understood
+from dvtcli.operations.plans.judge_network import checked
+from dvtcli.operations.plans.plan_network import plans_of, with_unknown_syncs
+from dvtcli.operations.sync.unknown_sync import short_frames
+from dvtcli.operations.wanted.meet_network import meet, unlike_wanted
 from dvtcli.operations.whole_device.device_suffix import refuse_kind
 from dvtcli.operations.whole_device.held_device import held_by
 from dvtcli.operations.whole_device.wanted_of_file import WantedOfFile, wanted_of_file
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.domain.network.network_plan import LeftOut, NodePlan
     from dvtcli.domain.profile import Range
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
     from dvtcli.operations.whole_device.held_device import HeldDevice
 
 

@@ -16,7 +16,7 @@ from dvtcli.domain.network.network_plan import LeftOut
 from dvtcli.domain.pdo import Direction, Pdo
 from dvtcli.errors import SdoAborted
 from dvtcli.files.dcf.value_text import same_value
-from dvtcli.operations.wanted_words import NodeWants
+from dvtcli.operations.wanted.wanted_words import NodeWants
 from dvtcli.operations.whole_device.compare_device import entry_of, is_setting
 from dvtcli.operations.whole_device.look_through import configuration, described
 from dvtcli.operations.whole_device.pdo_of_file import pdo_of_file

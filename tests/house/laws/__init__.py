@@ -14,6 +14,7 @@ from tests.house.laws.failures import (
     nothing_is_swallowed,
     only_view_prints,
 )
+from tests.house.laws.folders import operations_stand_in_folders
 from tests.house.laws.imports import direction, independence, libraries, nothing_heavy_is_eager
 from tests.house.laws.makers import behaviours_not_vendors
 from tests.house.laws.results import results_say_all_of_themselves
@@ -24,6 +25,7 @@ Law = Callable[[SourceTree], Iterable[str]]
 
 LAWS: dict[str, Law] = {
     "direction": direction,
+    "folders": operations_stand_in_folders,
     "independence": independence,
     "libraries": libraries,
     "senders": few_files_send,

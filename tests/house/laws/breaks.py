@@ -18,6 +18,10 @@ def _function(*lines: str) -> str:
     return "\n".join(["def _broken(node, session, bus, ctx):", *(f"    {line}" for line in lines)])
 
 
+def _for_types(line: str) -> str:
+    return f"if TYPE_CHECKING:\n    {line}"
+
+
 #: a new result; what it says of itself is to be filled in
 _ANSWER = """class Odd(Answer):
     {}
@@ -28,11 +32,14 @@ _ANSWER = """class Odd(Answer):
 """
 
 BREAKS = [
-    # 1: direction
+    # 1: direction, of rooms and of the folders in a room
+    Break("folders", "operations/helper.py", "A_NUMBER = 1"),
+    Break("folders", "operations/user/said.py", _function("from dvtcli.operations.session.rehearse import Rehearse")),
+    Break("folders", "operations/meanings/named_objects.py", _for_types("from dvtcli.operations import pdos")),
     Break("direction", "domain/plan.py", "from dvtcli.device.node import Node"),
-    Break("direction", "operations/change.py", _function("from dvtcli.cli.pdo_params import NodePdo")),
-    Break("direction", "operations/change.py", 'if TYPE_CHECKING:\n    from dvtcli.cli.view.output import Output'),
-    Break("direction", "device/node.py", _function('return importlib.import_module("dvtcli.operations.session")')),
+    Break("direction", "operations/changes/change.py", _function("from dvtcli.cli.pdo_params import NodePdo")),
+    Break("direction", "operations/changes/change.py", _for_types("from dvtcli.cli.view.output import Output")),
+    Break("direction", "device/node.py", _function('return importlib.import_module("dvtcli.operations.sync")')),
     Break("direction", "files/dbc.py", _function('importlib.import_module(f"dvtcli.cli.commands.{node}")')),
     Break("direction", "bus/opening.py", _function('__import__("dvtcli.simulator.network.hub")')),
     Break("direction", "bus/opening.py", '_ARGV = ["-m", "dvtcli.cli.main"]'),
@@ -52,14 +59,14 @@ BREAKS = [
     Break("independence", "simulator/device/lss_slave.py", "from dvtcli.bus.discover import *"),
     # libraries
     Break("libraries", "device/node.py", "import canopen"),
-    Break("libraries", "operations/change.py", _function("import click")),
+    Break("libraries", "operations/changes/change.py", _function("import click")),
     Break("libraries", "cli/commands/map.py", _function("from can import Bus")),
     Break("libraries", "domain/plan.py", "from ruamel.yaml import YAML"),
     Break("libraries", "watch/decoder.py", _function('return importlib.import_module("can.interfaces")')),
     Break("libraries", "cli/view/lines.py", "from prompt_toolkit.formatted_text import HTML"),
     # 2: the plan is the only source of action
     Break("senders", "cli/commands/map.py", _function("node.sdo.download(0x1800, 1, b'')")),
-    Break("senders", "operations/change.py", _function("write = node.sdo.download", "write(0x1800, 1, b'')")),
+    Break("senders", "operations/changes/change.py", _function("write = node.sdo.download", "write(0x1800, 1, b'')")),
     Break("senders", "cli/commands/pdo.py", _function("session.bus.send_nmt(1, 0)")),
     Break("senders", "watch/listener.py", _function("bus.send(node)")),
     Break("senders", "files/recording.py", _function("map(bus.send, node)")),
@@ -68,7 +75,7 @@ BREAKS = [
     # 5: behaviours, not vendors
     Break("vendors", "device/node.py", _function('if node.profile.name == "gen4":', "    return 1")),
     Break("vendors", "device/store_parameters.py", _function("if node.identity()['vendor'] == 0x1E:", "    return 1")),
-    Break("vendors", "operations/change.py", "VENDOR = 0x4349"),
+    Break("vendors", "operations/changes/change.py", "VENDOR = 0x4349"),
     Break("vendors", "domain/plan.py", "class TrinamicPlan: ..."),
     Break("vendors", "cli/view/pdo_lines.py", _function("return session.curtis_order")),
     Break("vendors", "domain/cob_id.py", 'MAKERS = {"Lely": 1}'),
@@ -76,12 +83,12 @@ BREAKS = [
     # 6: nothing before it is needed
     Break("laziness", "cli/main.py", "import can"),
     Break("laziness", "cli/registry.py", "import asyncio"),
-    Break("laziness", "operations/session.py", "from dvtcli.bus.python_can import CanBus"),
+    Break("laziness", "operations/session/session.py", "from dvtcli.bus.python_can import CanBus"),
     Break("laziness", "errors.py", "try:\n    import canopen\nexcept ImportError:\n    canopen = None"),
     Break("laziness", "__init__.py", "from dvtcli.operations.api.open_bus import simulate"),
     # 7: errors
     Break("exits", "cli/commands/map.py", _function("raise SystemExit(3)")),
-    Break("exits", "operations/change.py", _function("sys.exit(0)")),
+    Break("exits", "operations/changes/change.py", _function("sys.exit(0)")),
     Break("exits", "cli/prompt/loop.py", "from sys import exit as leave"),
     Break("exits", "device/node.py", _function("raise SystemExit")),
     Break("exits", "files/dbc.py", _function("os._exit(0)")),
@@ -95,7 +102,7 @@ BREAKS = [
     Break("swallowing", "device/node.py", _function("try:", "    node()", "except:", "    pass")),
     Break("swallowing", "files/dbc.py", _function("try:", "    node()", "except (OSError, BaseException): ...")),
     Break("swallowing", "files/dbc.py", _function("with contextlib.suppress(Exception):", "    node()")),
-    Break("printing", "operations/change.py", _function('print("done")')),
+    Break("printing", "operations/changes/change.py", _function('print("done")')),
     Break("printing", "cli/commands/map.py", _function("click.echo(1)")),
     Break("printing", "device/node.py", _function('sys.stderr.write("oops")')),
     # 8: said once

@@ -28,7 +28,14 @@ _JUDGEMENT = ("domain/rules/", "domain/plan.py")
 #: what `--help` must not pay for
 _HEAVY = {"can", "canopen", "prompt_toolkit", "ruamel", "asyncio", "matplotlib", "cantools", "pytest"}
 _LATER = (ast.FunctionDef, ast.AsyncFunctionDef)
-_STARTS = ("__init__.py", "__main__.py", "cli/main.py", "cli/registry.py", "cli/boundary.py", "operations/session.py")
+_STARTS = (
+    "__init__.py",
+    "__main__.py",
+    "cli/main.py",
+    "cli/registry.py",
+    "cli/boundary.py",
+    "operations/session/session.py",
+)
 
 
 def direction(tree: SourceTree) -> Iterator[str]:

@@ -40,9 +40,9 @@ MAY_SEND = {
     "device/quirks/reversed_entries.py": "a plan's writes in the order of old firmware",
     "device/quirks/fixed_count.py": "a plan's writes with a count that stays",
     "device/error_history.py": "emptying the error history, and the position in a family's own list",
-    "operations/produce_sync.py": "SYNC",
-    "operations/look_at_frames.py": "SYNC, and the way back to STOPPED",
-    "operations/command_nmt.py": "NMT commands",
+    "operations/sync/produce_sync.py": "SYNC",
+    "operations/pdos/look_at_frames.py": "SYNC, and the way back to STOPPED",
+    "operations/nodes/command_nmt.py": "NMT commands",
     "operations/gateway/gateway_pdos.py": "the gateway's own TPDOs, under consent",
     "operations/api/canopen_access.py": "what canopen's user writes",
 }

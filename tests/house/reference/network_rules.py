@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from dvtcli.domain.network.check.network_rules import NETWORK_RULES
 from dvtcli.domain.profile import Severity
-from dvtcli.operations.check_networks import FILE_RULES
+from dvtcli.operations.network.check_networks import FILE_RULES
 from tests.house.reference.markdown import cell, code
 from tests.house.reference.markdown import table as markdown_table
 

@@ -1,0 +1,102 @@
+"""What commands that change PDOs share: from a request to an answered change."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.plan import PdoChange, ValueChange, alters
+from dvtcli.domain.rules.producer import producer_findings, sent_by
+from dvtcli.domain.script_line import change_lines
+from dvtcli.operations.results import Changed
+
+if TYPE_CHECKING:
+    from dvtcli.device.applied import Applied
+    from dvtcli.device.node import Node
+    from dvtcli.device.observe import Found
+    from dvtcli.domain.meanings import Understood
+    from dvtcli.domain.pdo import Pdo
+    from dvtcli.domain.plan import Change
+    from dvtcli.domain.request import PdoWant
+    from dvtcli.domain.rules import Finding
+    from dvtcli.operations.session.session import Session
+
+
+def configure_pdo(session: Session, node_id: int | None, pdo: Pdo, want: PdoWant) -> Changed:
+    """Make *pdo* of the node with *node_id* (None: the selected one) what *want* says, or leave it as it is."""
+    return configure(session, session.node(node_id), {pdo: want})
+
+
+def configure(session: Session, node: Node, wants: Mapping[Pdo, PdoWant], found: Found | None = None) -> Changed:
+    """Carry *wants* out on *node*, all or none, and answer what was done.
+
+    *found* is how the node was claimed, where it was: what was read since then counts.
+    """
+    started = time.monotonic()
+    applied = node.configure(wants, force=session.options.force, found=found)
+    applied = replace(applied, findings=(*applied.findings, *_without_producer(session, node, applied)))
+    return changed(session, node, applied, time.monotonic() - started)
+
+
+def _without_producer(session: Session, node: Node, applied: Applied) -> Iterator[Finding]:
+    """Warnings about RPDOs that nobody feeds, on a family that minds."""
+    changes = [change for change in applied.plan.changes if isinstance(change, PdoChange)]
+    if not node.profile.silent_rpdo or all(change.pdo.is_tpdo for change in changes):
+        return iter(())
+    known = [config for other in session.network.nodes.values() for config in other.tpdos_known()]
+    return producer_findings(changes, set(sent_by(known)), node.profile.silent_rpdo)
+
+
+def changed(
+    session: Session,
+    node: Node,
+    applied: Applied,
+    seconds: float,
+    *,
+    undone: bool = False,
+    lines: list[str] | None = None,
+) -> Changed:
+    """The answer to an applied plan; what changed something is remembered as script *lines* (None: the plan's own)."""
+    saved = any(node.saves((step.index, step.sub_index)) for step in applied.plan.steps)
+    if (saved or any(map(alters, applied.plan.changes))) and not session.dry_run:
+        session.record.add(node.node_id, change_lines(applied.plan) if lines is None else lines)
+    volatile = any(node.profile.store.needed_for(step.index) for step in applied.plan.steps)
+    policy = node.profile.store
+    keep = f"to keep it, {policy.instead}" if policy.instead else "`store` keeps it"
+    return Changed(
+        node.node_id,
+        applied.plan,
+        applied.findings,
+        session.dry_run,
+        seconds,
+        undone,
+        volatile,
+        keep,
+        names(node, applied.plan.changes),
+        saved=saved and not session.dry_run,
+        named=len(session.known_ids()) > 1,
+        not_put_back=applied.not_put_back,
+        understood=understood(node, applied.plan.changes),
+    )
+
+
+def understood(node: Node, changes: Iterable[Change]) -> dict[str, Understood]:
+    """What the values of single objects among *changes* mean, by object, where somebody says."""
+    steps = [change.step for change in changes if isinstance(change, ValueChange)]
+    if not steps:
+        return {}
+    from dvtcli.operations.meanings.object_values import understood
+
+    return understood(node, {step.object: len(step.after) for step in steps})
+
+
+def names(node: Node, changes: Iterable[object]) -> dict[str, str]:
+    """Names of the objects that *changes* map, by their printed form."""
+    found: dict[str, str] = {}
+    for change in changes:
+        if isinstance(change, PdoChange) and node.dictionary is not None:
+            for entry in change.after.mapping:
+                found[entry.object] = node.dictionary.display_name(entry.index, entry.sub_index)
+    return found

@@ -1,0 +1,151 @@
+"""Carrying out plans on several nodes together: phase by phase over all of them, and all or nothing.
+
+Does not know what the plans are for: `apply_network` makes a network what a file says, `undo_together` takes changes
+back.
+"""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+from dvtcli.device.change.taken_back import with_way_back
+from dvtcli.domain.network.phases import phases
+from dvtcli.domain.plan import PdoChange
+from dvtcli.errors import Interrupted, JournalKept
+from dvtcli.operations.changes.last_look import last_look
+from dvtcli.operations.changes.take_back_network import Course
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping
+
+    from dvtcli.device.change.progress import Progress
+    from dvtcli.device.node import Node
+    from dvtcli.device.observe import Found
+    from dvtcli.domain.plan import Plan
+    from dvtcli.domain.rules import Finding
+    from dvtcli.operations.session.session import Session
+
+
+def carry_out_together(
+    session: Session,
+    nodes: Mapping[int, Node],
+    plans: Mapping[int, Plan],
+    found: Mapping[int, Found],
+    name: str,
+    findings: Mapping[int, tuple[Finding, ...]],
+) -> Course:
+    """Every phase of *plans* on every one of *nodes*, as each was *found*; *name* is what that is called.
+
+    Any error of a node with state `rolled_back`: everything is taken back then; LeftChanged where a node could not be.
+    *findings* are what the rules had said of each.
+    """
+    course = Course(session, nodes, name, {node_id: one.boot_ups for node_id, one in found.items()})
+    for node_id, plan in plans.items():
+        if len(plan):
+            course.plans[node_id], _ = with_way_back(nodes[node_id], plan)
+    run = _Run(session, course, found, findings, sum(map(len, course.plans.values())))
+    boot_ups = {node_id: found[node_id].boot_ups for node_id in plans}
+    try:
+        faults = run.phases(plans) or last_look(session, nodes, course.verified(), boot_ups)
+    except BaseException as fault:  # a bug of ours must not leave a network half configured either
+        with course:
+            course.take_back([fault])
+        raise
+    if faults:
+        with course:
+            course.take_back(faults)
+        raise faults[0]
+    return course
+
+
+#: the phases in words
+_PHASES = ("producers off", "consumers off", "writing", "consumers on", "producers on")
+
+
+@dataclass(slots=True)
+class _Run:
+    """The parts of *course* on their way, *total* writes; side by side within a phase where the bus lets them."""
+
+    session: Session
+    course: Course
+    found: Mapping[int, Found]
+    findings: Mapping[int, tuple[Finding, ...]]
+    total: int
+    taken: int = 0
+
+    def phases(self, plans: Mapping[int, Plan]) -> list[BaseException]:
+        """Carry every phase out, up to the first that fails; what went wrong."""
+        for number, phase in enumerate(phases(plans.values())):
+            faults = self._side_by_side([partial(self._part, number, part) for part in phase])
+            if faults:
+                return faults
+        return []
+
+    def _side_by_side(self, jobs: list[Callable[[], None]]) -> list[BaseException]:
+        return self.session.bus.side_by_side(jobs)
+
+    def _part(self, phase: int, part: Plan) -> None:
+        """Carry *part* out; noted before it is done: what fails once it was verified must be taken back, too."""
+        node = self.course.nodes[part.node_id]
+        changes = self.course.plans[part.node_id].changes
+        part = replace(part, looked_at=frozenset(one.pdo for one in changes if isinstance(one, PdoChange)))
+        with self._told(phase, node):
+            _stop_if_cancelled(self.session)
+            with self.course.doing(with_way_back(node, part)[0]):
+                node.apply(
+                    part,
+                    self.findings[part.node_id],
+                    force=self.session.options.force,
+                    kept=False,
+                    found=self.found[part.node_id],
+                    is_part=True,
+                )
+
+    @contextmanager
+    def _told(self, phase: int, node: Node) -> Iterator[None]:
+        """While a part of *phase* (0..4) is carried out on *node*: steps count as those of the whole.
+
+        Interrupted says how far the whole had come.
+        """
+        tell = node.on_step
+
+        def took(progress: Progress) -> None:
+            self.taken += 1
+            tell(replace(progress, done=self.taken, total=self.total))
+
+        node.on_step = took
+        try:
+            yield
+        except (Interrupted, KeyboardInterrupt) as fault:
+            raise self._stopped(fault, phase, node.node_id) from fault
+        finally:
+            node.on_step = tell
+
+    def _stopped(self, fault: Interrupted | KeyboardInterrupt, phase: int, node_id: int) -> Interrupted:
+        at_once = " at once" if not isinstance(fault, Interrupted) or fault.text.startswith("stopped at once") else ""
+        where = f"at node {node_id}, phase {phase + 1} of 5 ({_PHASES[phase]})"
+        text = f"stopped{at_once} {where}, after write {self.taken} of {self.total}"
+        stopped = Interrupted(text, node=node_id, state=fault.state if isinstance(fault, Interrupted) else "unchanged")
+        stopped.exit_code = self.session.cancellation.exit_code
+        return stopped
+
+
+def _stop_if_cancelled(session: Session) -> None:
+    if session.cancellation.requested:
+        raise Interrupted("stopped before the next part")
+
+
+def complete(course: Course) -> None:
+    """Everything stays; JournalKept where a journal cannot be removed."""
+    kept: list[JournalKept] = []
+    for journal in course.journals():
+        try:
+            journal.complete_whole()
+        except JournalKept as failed:  # the journals of the other nodes are removed all the same
+            kept.append(failed)
+    if kept:
+        kept[0].details += [("also", other.text) for other in kept[1:]]
+        raise kept[0]

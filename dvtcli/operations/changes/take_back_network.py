@@ -1,0 +1,280 @@
+"""What of a network plan was done, and taking it back: phase by phase, the last one first, over all nodes.
+
+No consumer hears a layout that is not its own on the way back either. Does not know why it is taken back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+from dvtcli.device.change.course import combined
+from dvtcli.device.change.put_back import PATIENCE_S, RETRY_S, first_difference
+from dvtcli.device.change.way_back import TakeBack
+from dvtcli.device.observe import MOST_LOOKS
+from dvtcli.domain.plan import Change, PdoChange, Plan
+from dvtcli.domain.several import several
+from dvtcli.errors import DeviceRefused, DvtcliError, Interrupted, LeftChanged, NoAnswer, SdoAborted, SdoProtocolError
+
+if TYPE_CHECKING:
+    from dvtcli.device.change.own_journal import OwnJournal
+    from dvtcli.device.node import Node
+    from dvtcli.domain.pdo import Pdo, PdoConfig
+    from dvtcli.operations.session.session import Session
+
+#: What a node answers that is restarting, or does not.
+_PASSING = (NoAnswer, SdoProtocolError, SdoAborted, DeviceRefused)
+_Put = Callable[["Node"], None]
+_ALL_BACK = "rolled back: every node is as it was, read back equal; nothing was stored"
+_OWN_BACK = "rolled back: what was changed is as it was on every node, read back equal; nothing was stored"
+
+
+@dataclass(slots=True)
+class Course:
+    """The plan called *name* on its way: *done* are the parts that *nodes* took, *plans* what each is to hold.
+
+    Where it ended with a fault the last one of *done* may not be taken: putting it back writes nothing then.
+    """
+
+    session: Session
+    nodes: Mapping[int, Node]
+    name: str
+    #: boot-ups of each node before anything was read of it
+    boot_ups: Mapping[int, int]
+    done: list[Plan] = field(default_factory=list)
+    plans: dict[int, Plan] = field(default_factory=dict)
+    #: whether it is a whole by itself, and no line of a script that is one
+    _alone: bool = field(init=False)
+    _before: dict[int, _Before] = field(init=False)
+    #: nodes a part of which failed before anything of it was written
+    _unwritten: list[int] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self._alone = self.session.whole.id is None
+        if self._alone:
+            self.session.whole.begin(self.name)
+        self._before = {node_id: _Before.of(node, self.boot_ups[node_id]) for node_id, node in self.nodes.items()}
+
+    def journals(self) -> list[OwnJournal]:
+        """Those of the nodes, where they are this plan's alone."""
+        if not self._alone:
+            return []
+        return [node.keeper.own_journal for node in self.nodes.values() if node.keeper is not None]
+
+    def verified(self) -> dict[int, tuple[Change, ...]]:
+        """What was done on each node, and verified."""
+        parts = {node_id: [one for one in self.done if one.node_id == node_id] for node_id in self.plans}
+        return {node_id: combined(node_id, some).changes for node_id, some in parts.items()}
+
+    def __enter__(self) -> Course:
+        return self
+
+    def __exit__(self, *_fault: object) -> None:
+        """However it ended: each change stands alone again."""
+        if self._alone:
+            self.session.whole.end()
+
+    @contextmanager
+    def doing(self, part: Plan) -> Iterator[None]:
+        """While *part* is carried out; where it fails before anything of it was written it is none that was done."""
+        self.done.append(part)
+        try:
+            yield
+        except DvtcliError as fault:
+            if fault.state == "unchanged":
+                self.done = [one for one in self.done if one is not part]
+                self._unwritten.append(part.node_id)
+            raise
+
+    def take_back(self, faults: Sequence[BaseException]) -> None:
+        """Put back all that was done, each part verified.
+
+        The first of *faults* is to be told, with the state of the nodes; LeftChanged is raised where some stays.
+        """
+        fault = faults[0]
+        failures = {one.node: one for one in faults if isinstance(one, LeftChanged) and one.node is not None}
+        if isinstance(fault, DvtcliError):
+            others = (one for one in faults[1:] if not isinstance(one, Interrupted | LeftChanged))
+            fault.details += [("also", str(one)) for one in others]
+        with self.session.cancellation.way_back(), self.session.agreed():
+            for part in reversed(self.done):
+                if part.node_id not in failures:
+                    self._try(part.node_id, failures, fault, lambda node, part=part: _put_back(node, part))  # type: ignore[misc]
+            self._settle_all(failures, fault)
+        for journal in self.journals():
+            journal.abandon_whole()
+        if failures:
+            left = self._all_left(failures)
+            if left is not fault:
+                raise left from fault
+        elif isinstance(fault, DvtcliError) and fault.state != "left_changed" and self.done:
+            self._say_all_back(fault)
+
+    def _say_all_back(self, fault: DvtcliError) -> None:
+        also = f"; look at the NMT state of node {fault.node}" if fault.state == "unknown" else ""
+        unwritten = self._never_written()
+        also += f"; nothing was written to node {', '.join(map(str, unwritten))}" if unwritten else ""
+        restarted = several(
+            str(node_id) for node_id, node in self.nodes.items() if self._before[node_id].restarted(node)
+        )
+        also += f"; node {restarted} restarted: what else it held in RAM only is lost" if restarted else ""
+        fault.state, fault.state_text = "rolled_back", f"{_OWN_BACK if restarted else _ALL_BACK}{also}"
+
+    def _never_written(self) -> list[int]:
+        """The nodes that failed before anything at all was written to them."""
+        return [node_id for node_id in self._unwritten if all(part.node_id != node_id for part in self.done)]
+
+    def _all_left(self, failures: Mapping[int, LeftChanged]) -> LeftChanged:
+        """The first of *failures*, with what became of the other nodes."""
+        first, *others = failures.values()
+        first.details += [("also", failure.text) for failure in others]
+        back = [str(node_id) for node_id in self.nodes if node_id not in {*failures, *self._never_written()}]
+        if back:
+            first.details.append(("others", f"node {', '.join(back)}: as before, read back equal"))
+        return first
+
+    def _try(self, node_id: int, failures: dict[int, LeftChanged], fault: BaseException, put: _Put) -> None:
+        node = self.nodes[node_id]
+        try:
+            put(node)
+        except (DvtcliError, KeyboardInterrupt) as failed:
+            failures[node_id] = self._left(node, fault, failed)
+
+    def _settle_all(self, failures: dict[int, LeftChanged], fault: BaseException) -> None:
+        """Look at all nodes until they all were as before twice in turn; then forget what was put back.
+
+        Twice, since what was read of the first ones may be lost, unheard, while the last ones are put back.
+        """
+        taken = list(dict.fromkeys(part.node_id for part in self.done))
+        unsettled, clean = list[int](), 0
+        for _ in range(MOST_LOOKS + 1):
+            unsettled = self._look_at(taken, failures, fault)
+            clean = 0 if unsettled else clean + 1
+            if clean == 2:
+                break
+        for node_id in taken:
+            if node_id in failures:
+                continue
+            if node_id in unsettled:
+                restarts = DeviceRefused(f"it restarted each of {MOST_LOOKS} times that it was looked at")
+                failures[node_id] = self._left(self.nodes[node_id], fault, restarts)
+            else:
+                self._try(node_id, failures, fault, self._forget)
+
+    def _look_at(self, taken: Sequence[int], failures: dict[int, LeftChanged], fault: BaseException) -> list[int]:
+        """Look at each of *taken* but the *failures*, and put it back where it is not as it was.
+
+        Which of them were put back once more, or restarted meanwhile.
+        """
+        seen = {node_id: self.nodes[node_id].bus.boot_ups(node_id) for node_id in taken}
+        rewritten: list[int] = []
+        for node_id in taken:
+            if node_id not in failures:
+                self._try(node_id, failures, fault, lambda node: self._settle(node, rewritten))
+        restarted = {node_id for node_id in taken if self.nodes[node_id].bus.boot_ups(node_id) != seen[node_id]}
+        return [one for one in taken if one not in failures and (one in restarted or one in rewritten)]
+
+    def _settle(self, node: Node, rewritten: list[int]) -> None:
+        """Once all nodes had their turn: *node* is as it was, or it is put back again, which *rewritten* notes.
+
+        That is looked at of all that was planned: a restart takes what was not begun, too, back to what is stored.
+        """
+        plan = self.plans[node.node_id]
+        if _difference(node, plan):
+            rewritten.append(node.node_id)
+            _put_back(node, plan)
+            if difference := _difference(node, plan):
+                raise DeviceRefused("it does not read back as it was", why=difference)
+        untaken = [change.label for change in plan.changes if _is_otherwise(node, change)]
+        if untaken:
+            raise DeviceRefused(f"the device does not take back what {several(untaken)} held")
+
+    def _forget(self, node: Node) -> None:
+        """*node* is as it was, and so are the others: nothing of it is to be recovered."""
+        self._before[node.node_id].restore(node)
+        if self._alone and node.keeper is not None:
+            node.keeper.own_journal.end_whole()
+
+    def _left(self, node: Node, fault: BaseException, failed: BaseException) -> LeftChanged:
+        """What stays on *node*, whose journal `recover` takes where there is one."""
+        labels = several(change.label for change in self.plans[node.node_id].changes)
+        why = failed.why or failed.text if isinstance(failed, LeftChanged) else str(failed) or "interrupted"
+        left = LeftChanged(
+            f"{labels} of node {node.node_id} could not be taken back",
+            node=node.node_id,
+            why=f"{str(fault) or 'interrupted'}; then, while taking it back: {why}",
+            hint=f"look at it with `pdo`; `nmt reset-node {node.node_id}` brings the stored settings back",
+            state="left_changed",
+        )
+        path = node.keeper.open_journal() if node.keeper is not None else None
+        if path is not None:
+            left.place, left.hint = str(path), f"recover finishes it, from {path}"
+        return left
+
+
+@dataclass(frozen=True, slots=True)
+class _Before:
+    """What the session knew of a node before: what it had set, and what was not stored."""
+
+    wanted: dict[Pdo, PdoConfig]
+    values: dict[tuple[int, int], bytes]
+    unstored: dict[str, int]
+    boot_ups: int
+
+    @classmethod
+    def of(cls, node: Node, boot_ups: int) -> _Before:
+        return cls(dict(node.wanted), dict(node.wanted_values), dict(node.pending.unstored), boot_ups)
+
+    def restarted(self, node: Node) -> bool:
+        """Whether a boot-up of *node* was heard since then."""
+        return node.bus.boot_ups(node.node_id) != self.boot_ups
+
+    def restore(self, node: Node) -> None:
+        """Know that again, once *node* is as it was; what a restart took of it is said all the same."""
+        node.wanted.clear()
+        node.wanted.update(self.wanted)
+        node.wanted_values.clear()
+        node.wanted_values.update(self.values)
+        if not self.restarted(node):
+            node.pending.unstored.clear()
+            node.pending.unstored.update(self.unstored)
+
+
+def _put_back(node: Node, plan: Plan) -> None:
+    """Put back what *plan* replaced, whatever is there now; a node that is silent or refuses may be restarting."""
+    deadline_s = node.bus.now_s() + PATIENCE_S
+    while True:
+        try:
+            node.put_back(TakeBack([plan], force=True, own=True, rolls_back=True))
+        except _PASSING:
+            if node.bus.now_s() >= deadline_s:
+                raise
+            node.bus.sleep(RETRY_S)
+            with suppress(*_PASSING):
+                node.gate.renew()  # where that fails too, the next try finds out
+        else:
+            return
+
+
+def _difference(node: Node, plan: Plan) -> str | None:
+    """The first thing of *plan* that *node* holds neither as before nor as what it takes instead."""
+
+    def look() -> str | None:
+        for change in plan.changes:
+            found = first_difference(node.sdo, change, wanted_before=True)
+            if found and not _is_otherwise(node, change):
+                return f"{change.label}: {found}"
+        return None
+
+    return node.observed(look)
+
+
+def _is_otherwise(node: Node, change: Change) -> bool:
+    """Whether *node* holds what it takes instead of what it held."""
+    if not isinstance(change, PdoChange) or change.back is None:
+        return False
+    if first_difference(node.sdo, change, wanted_before=True) is None:
+        return False
+    return first_difference(node.sdo, replace(change, after=change.back)) is None

@@ -1,0 +1,182 @@
+"""Putting changes of earlier processes back, as they are remembered of the devices that are there.
+
+Parses no words. What a device must hold so that a change may be put back is decided in `device.change.way_back`.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.rules.finding import Finding, warning
+from dvtcli.domain.rules.rule import WARNING, Rule
+from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError, UsageError
+from dvtcli.operations.changes.change import changed
+from dvtcli.operations.results import Changed
+
+if TYPE_CHECKING:
+    from dvtcli.device.applied import Applied
+    from dvtcli.device.change.plan_document import Identity
+    from dvtcli.device.change.safekeeping import Keeper
+    from dvtcli.device.node import Node
+    from dvtcli.device.past import Past
+    from dvtcli.device.recorded_change import Recorded
+    from dvtcli.domain.plan import Plan
+    from dvtcli.operations.changes.undo_together import Undoing
+    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.user.keeping import Keeping
+
+RULES = (Rule("newer-change", WARNING, "`undo` of one node: another one of the bus was changed later", "ours"),)
+
+
+@dataclass(frozen=True, slots=True)
+class Remembered:
+    """What is remembered of a device that is there, oldest first; its node's lock is held."""
+
+    node: Node
+    keeper: Keeper
+    entries: list[Recorded]
+    #: what is to be said beside it
+    findings: tuple[Finding, ...] = ()
+
+
+def remembered(session: Session, *, everything: bool) -> list[Remembered]:
+    """What of earlier processes is to be put back, the device that was changed last first.
+
+    Of the selected node and what was changed from there, or of every node of the bus where none is selected; with
+    *everything* of all these devices. UsageError where nothing is remembered.
+    """
+    selected, keeping = session.selected_id(), session.open_network().keeping
+    if keeping is None:
+        raise _nothing_kept(session.node_id())
+    chains = _chains(session, keeping, selected, only_newest=not everything)
+    if not chains:
+        raise nothing_remembered(keeping, selected)
+    newer = () if selected is None else _newer_elsewhere(chains[0].keeper.past, chains)
+    return [replace(chain, findings=newer) for chain in chains]
+
+
+def remembered_of(session: Session, node_id: int) -> Remembered:
+    """What of earlier processes is to be put back on one node; UsageError where nothing is remembered of it."""
+    keeping = session.open_network().keeping
+    if keeping is None:
+        raise _nothing_kept(node_id)
+    chain = _chain(session, node_id, node_id)
+    if chain is None:
+        raise nothing_remembered(keeping, node_id)
+    return replace(chain, findings=_newer_elsewhere(chain.keeper.past, [chain]))
+
+
+def _nothing_kept(node_id: int) -> UsageError:
+    return UsageError("nothing to undo: this session changed nothing on the node", node=node_id)
+
+
+def put_remembered_back(session: Session, chain: Remembered, *, everything: bool) -> Changed:
+    """Put the last change of *chain* back, or *everything*; SafetyRefusal where the device holds something else."""
+    from dvtcli.device.change.way_back import TakeBack
+
+    started, node = time.monotonic(), chain.node
+    applied, count = node.put_back(TakeBack(_plans(chain), everything=everything, force=session.options.force))
+    _forget(session, chain, applied, count)
+    applied = replace(applied, findings=(*applied.findings, *chain.findings))
+    return changed(session, node, applied, time.monotonic() - started, undone=True)
+
+
+def undoing(session: Session, chain: Remembered) -> Undoing:
+    """Everything of *chain*, to be put back together with that of other nodes."""
+    from dvtcli.device.change.gap import unbroken
+    from dvtcli.operations.changes.undo_together import Undoing
+
+    def forget(applied: Applied, count: int) -> None:
+        _forget(session, chain, applied, count)
+        chain.node.unkept += 1
+
+    return Undoing(chain.node, tuple(unbroken(_plans(chain))), False, forget, chain.findings)
+
+
+def _plans(chain: Remembered) -> list[Plan]:
+    return [replace(one.plan, node_id=chain.node.node_id) for one in chain.entries]
+
+
+def _forget(session: Session, chain: Remembered, applied: Applied, count: int) -> None:
+    """The newest *count* entries of *chain* were put back, as *applied* says."""
+    undone = chain.entries[-count:]
+    session.tell.note(_undone_text(undone, gone=count > 1 and not len(applied.plan)))
+    if not session.dry_run:
+        chain.keeper.past.forget(undone, applied.plan)
+
+
+def _chains(session: Session, keeping: Keeping, selected: int | None, *, only_newest: bool) -> list[Remembered]:
+    """What is meant, the device that was changed last first."""
+    found: list[Remembered] = []
+    ids = dict.fromkeys(entry.plan.node_id for entry in keeping.past().tops(selected))
+    for node_id in [*ids, *([] if selected is None or selected in ids else [selected])]:
+        chain = _chain(session, node_id, selected)
+        if chain is not None:
+            found.append(chain)
+            if only_newest:
+                break
+    return found
+
+
+def _chain(session: Session, node_id: int, selected: int | None) -> Remembered | None:
+    """What is remembered of the device at *node_id* as far as it is meant; None where that is nothing."""
+    keeper = session.open_network().node(node_id).keeper
+    assert keeper is not None  # noqa: S101 - its changes are kept
+    node = session.node(node_id)
+    node.claim()
+    identity = node.identity()
+    entries = keeper.past.entries(node_id, identity, selected)
+    if not entries and node_id == selected:
+        entries = _moved(session, keeper, identity)
+    return Remembered(node, keeper, entries) if entries else None
+
+
+def _moved(session: Session, keeper: Keeper, identity: Identity) -> list[Recorded]:
+    """The changes of the device under another node-ID, unless a device of this *identity* still answers there."""
+    entry = keeper.past.moved(keeper.node_id, identity)
+    if entry is None:
+        return []
+    was = entry.plan.node_id
+    try:
+        there = session.open_network().node(was).identity()
+    except (NoAnswer, SdoAborted, SdoProtocolError):
+        there = {}
+    # two devices may well have one serial number
+    return [] if there == identity else keeper.past.entries(was, identity, None)
+
+
+def _newer_elsewhere(past: Past, chains: list[Remembered]) -> tuple[Finding, ...]:
+    """A warning where another node of the bus was changed after those that are meant."""
+    last = past.newest_of_all()
+    if last is None or last.when <= max(chain.entries[-1].when for chain in chains):
+        return ()
+    text = f"node {last.plan.node_id} was changed later, at {_time(last)}: -n {last.plan.node_id} undo puts that back"
+    return (warning("newer-change", f"node {last.plan.node_id}", text),)
+
+
+def _undone_text(undone: list[Recorded], *, gone: bool) -> str:
+    since = _time(undone[0])
+    if gone:
+        return f"what was before the last {len(undone)} changes, since {since}, is there already, as after a reset"
+    return (
+        f"this puts the change of {since} back"
+        if len(undone) == 1
+        else (f"this puts the {len(undone)} changes since {since} back")
+    )
+
+
+def _time(entry: Recorded) -> str:
+    return f"{entry.when[:19].replace('T', ' ')} UTC"
+
+
+def nothing_remembered(keeping: Keeping, selected: int | None) -> UsageError:
+    """That there is nothing to undo of the *selected* node, or of any of the bus."""
+    if selected is None:
+        return UsageError("nothing to undo: no change on this bus is remembered")
+    error = UsageError(f"nothing to undo: no change of node {selected} is remembered", node=selected)
+    last = keeping.past().newest_of_all()
+    if last is not None:
+        error.hint = f"the last change on this bus was one of node {last.plan.node_id}: -n {last.plan.node_id} undo"
+    return error

@@ -1,0 +1,97 @@
+"""Putting an automatic backup back: all that it says of a node's PDOs, in one transaction.
+
+Parses no words. Does not know which changes were made since; what a backup's lines wish is found by whoever asks.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dvtcli.device.backups import backups, remarks, way_to
+from dvtcli.device.wish import Wish
+from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.plan import Plan
+from dvtcli.domain.rules.finding import Finding, warning
+from dvtcli.domain.script_line import backup_of
+from dvtcli.errors import UsageError
+from dvtcli.operations.changes.change import changed
+from dvtcli.operations.changes.undo_remembered import nothing_remembered
+from dvtcli.operations.results import Changed
+
+if TYPE_CHECKING:
+    from dvtcli.device.change.safekeeping import Keeper
+    from dvtcli.device.node import Node
+    from dvtcli.operations.session.rehearse import Rehearse
+    from dvtcli.operations.session.session import Session
+
+
+def undo_to_backup(session: Session, rehearse: Rehearse, when: str | None = None) -> Changed:
+    """Make the node's PDOs what an automatic backup says, in one transaction: the newest, or one made at *when*.
+
+    *rehearse* finds what the backup, which is a script, wishes. UsageError, with those there are, where none fits.
+    """
+    keeper = _keeper(session)
+    node = session.node(keeper.node_id)
+    found = node.claim()
+    file = _backup_file(keeper, node, when)
+    session.tell.note(f"this puts {file} back")
+    said = remarks(Path(file))
+    for remark in said:
+        session.tell.warning(f"not put back as it was: {remark}")
+    started = time.monotonic()
+    wish = rehearse(file, node.node_id).get(node.node_id, Wish())
+    if not wish.pdos:
+        raise UsageError(
+            f"the backup says nothing of a PDO of node {node.node_id}",
+            node=node.node_id,
+            place=file,
+            hint="undo --backup WHEN takes an earlier one",
+        )
+    changes = way_to(node.observed(lambda: {pdo: node.pdo(pdo) for pdo in wish.pdos}), wish.pdos)
+    applied = node.apply(Plan(node.node_id, changes), force=session.options.force, found=found)
+    applied = replace(applied, not_put_back=tuple(_unlike_backup(node, said)))
+    return changed(session, node, applied, time.monotonic() - started, undone=True)
+
+
+def _keeper(session: Session) -> Keeper:
+    """What keeps the selected node's files; where none is selected, of the node that was changed last on this bus."""
+    network = session.open_network()
+    node_id = session.selected_id()
+    if node_id is None and network.keeping is not None:
+        entry = network.keeping.past().newest_of_all()
+        if entry is None:
+            raise nothing_remembered(network.keeping, None)
+        node_id = entry.plan.node_id
+    keeper = network.node(session.node_id() if node_id is None else node_id).keeper
+    if keeper is None:
+        raise UsageError(
+            f"no backup of node {node_id or session.node_id()}: it is simulated in this process, which makes none",
+            node=node_id or session.node_id(),
+            hint="`undo` puts the last change back, `undo --all` all that this session changed",
+        )
+    return keeper
+
+
+def _unlike_backup(node: Node, said: Iterable[str]) -> Iterator[Finding]:
+    """What of those PDOs that a backup cannot put back (*said* are its remarks) is not so already."""
+    for remark in said:
+        pdo = Pdo.parse(remark.split()[0])
+        if f"# {remark}" not in backup_of(pdo, node.pdo(pdo)):
+            text = f"{pdo.label} is not put back as it was: {remark}"
+            yield warning("way-back", f"0x{pdo.communication_index:04X}:01", text)
+
+
+def _backup_file(keeper: Keeper, node: Node, when: str | None) -> str:
+    """The newest backup of the node, or the newest of those made at *when*; UsageError lists what there is."""
+    found = backups(keeper.folder / "backups", keeper.bus, node.node_id, node.identity())
+    fitting = found if when is None else [one for one in found if one.was_made(when)]
+    if fitting:
+        return str(fitting[-1].path)
+    text = f"no backup of node {node.node_id} was made at {when}" if found else f"no backup of node {node.node_id}"
+    error = UsageError(text, node=node.node_id, hint="a backup is made before dvtcli's first change of a device")
+    error.details += [("backup", f"{one.stamp}  {one.path}") for one in found]
+    raise error

@@ -1,0 +1,76 @@
+"""Taking changes of several nodes back together: phase by phase over all of them, and all or nothing.
+
+Does not know where the changes are remembered: what is to be forgotten once they were put back is told by whoever asks.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from dvtcli.device.applied import Applied
+from dvtcli.device.change.carry_out import enter
+from dvtcli.device.change.taken_back import foreseen
+from dvtcli.device.change.way_back import TakeBack, way_back
+from dvtcli.operations.changes.change import changed
+from dvtcli.operations.changes.change_together import carry_out_together, complete
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+    from dvtcli.domain.plan import Plan
+    from dvtcli.domain.rules import Finding
+    from dvtcli.operations.results import Changed
+    from dvtcli.operations.session.session import Session
+
+
+@dataclass(frozen=True, slots=True)
+class Undoing:
+    """All changes of *node* that are to be put back: *plans*, oldest first; *own* are those of this session.
+
+    *forget* is called once they were, with what was done and how many changes that took back; it answers the lines
+    that `save` is to write for it, None for those of the plan. *findings* are to be said beside it.
+    """
+
+    node: Node
+    plans: Sequence[Plan]
+    own: bool
+    forget: Callable[[Applied, int], list[str] | None]
+    findings: tuple[Finding, ...] = ()
+
+
+def may_go_together(undoings: Sequence[Undoing]) -> bool:
+    """Whether they are of several devices, none of which is expected to refuse what it held."""
+    return len(undoings) > 1 and not any(foreseen(one.plans) for one in undoings)
+
+
+def undo_together(session: Session, undoings: Sequence[Undoing]) -> tuple[Changed, ...]:
+    """Put back every change of *undoings*, or none; any error of a node with state `rolled_back`.
+
+    SafetyRefusal where a device holds something else than what was left; LeftChanged where one could not be brought
+    back to what it held before this.
+    """
+    started = time.monotonic()
+    nodes = {one.node.node_id: one.node for one in undoings}
+    with session.cancellation.guard():
+        found = {node_id: node.claim() for node_id, node in sorted(nodes.items())}
+        force = session.options.force
+        backs = {
+            one.node.node_id: way_back(one.node, TakeBack(one.plans, everything=True, force=force, own=one.own))
+            for one in undoings
+        }
+        for node_id, back in backs.items():
+            if len(back.plan):
+                enter(nodes[node_id], found[node_id])  # whoever is asked is asked before the first write
+        plans = {node_id: back.plan for node_id, back in backs.items()}
+        findings = {node_id: back.unknown for node_id, back in backs.items()}
+        with carry_out_together(session, nodes, plans, found, "undo --all", findings) as course:
+            complete(course)
+    done = []
+    for one in undoings:
+        node, back = one.node, backs[one.node.node_id]
+        applied = Applied(back.plan, (*back.unknown, *one.findings))
+        lines = one.forget(applied, len(back.undone))
+        done.append(changed(session, node, applied, time.monotonic() - started, undone=True, lines=lines))
+    return tuple(done)

@@ -1,0 +1,52 @@
+"""Consent to what a manager is to download to a node whenever that boots (CiA 302-3, 0x1F22). Writes nothing."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.network.concise_dcf import concise_entries
+from dvtcli.domain.several import plural, several
+from dvtcli.errors import InputFileError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from dvtcli.device.node import Node
+    from dvtcli.operations.session.session import Session
+
+
+def consent_to_concise(session: Session, node: Node, sub_index: int, data: bytes) -> None:
+    """Ask before *data* becomes what *node* downloads to the node with the node-ID *sub_index*.
+
+    InputFileError as of `concise_doubt`.
+    """
+    doubt = concise_doubt(node, sub_index, data, force=session.options.force)
+    session.consent(f"{doubt}; write it?", node.node_id)
+
+
+def concise_doubt(node: Node, sub_index: int, data: bytes, *, force: bool) -> str:
+    """What is to be known before *data* becomes what *node*, a manager, downloads to the node *sub_index*.
+
+    InputFileError where *data* is no concise DCF, unless that is forced: the node would come up with a part of it.
+    """
+    try:
+        count = plural(len(concise_entries(data)), "value")
+    except ValueError as wrong:
+        if not force:
+            place = f"1F22:{sub_index:02X}"
+            raise InputFileError(
+                f"node {node.node_id} 0x{place}: that is no concise DCF",
+                node=node.node_id, place=place, why=str(wrong),
+                hint="`eds convert net.yaml node5.cdcf` makes one; --force writes it anyway",
+            ) from wrong  # fmt: skip
+        count = f"{len(data)} bytes that are no concise DCF"
+    return f"node {node.node_id} ({node.title}) is to download {count} to node {sub_index} whenever that boots"
+
+
+def concise_doubts(node: Node, downloads: Mapping[int, bytes], *, force: bool) -> str:
+    """The same of *downloads*, by node-ID, as one question; empty for none."""
+    doubts = [concise_doubt(node, node_id, data, force=force) for node_id, data in downloads.items()]
+    if len(doubts) < 2:
+        return "".join(doubts)
+    ids = several(map(str, downloads))
+    return f"node {node.node_id} ({node.title}) is to download other values to nodes {ids} whenever they boot"

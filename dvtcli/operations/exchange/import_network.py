@@ -1,0 +1,230 @@
+"""A network as it is, or as a folder of EDS files has it, as a network file. Writes nothing to a node."""
+
+from __future__ import annotations
+
+import os
+import shlex
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dvtcli.device.described_node import FileValues
+from dvtcli.device.heartbeat_slots import heartbeat_ms, heartbeat_slots
+from dvtcli.device.quirks.standard_channel import in_standard_order
+from dvtcli.device.read_pdos import WHATEVER, present_pdos, read_identity, read_pdo
+from dvtcli.domain.network.found_links import found_links
+from dvtcli.domain.network.heartbeats import watched_ms
+from dvtcli.domain.network.wanted_state import FileWord, NetworkWish
+from dvtcli.domain.several import plural
+from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError, UsageError
+from dvtcli.files.device_file import DEVICE_SUFFIXES
+from dvtcli.files.network.write_network import write_network
+from dvtcli.files.profile.library import profile_of
+from dvtcli.operations.exchange.export_network import Exported, exported, network_place
+from dvtcli.operations.exchange.listed_files import listed_files, nodelist_in
+from dvtcli.operations.nodes.find_nodes import find_nodes
+from dvtcli.operations.opening.simulated_nodes import read_dictionary
+from dvtcli.operations.results import Facts
+from dvtcli.operations.session.save_script import ask_before_overwriting, write_whole
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+    from dvtcli.domain.object_dictionary import ObjectDictionary
+    from dvtcli.domain.pdo import Pdo, PdoConfig
+    from dvtcli.domain.ports import SdoReader
+    from dvtcli.domain.profile import DeviceProfile
+    from dvtcli.operations.session.session import Session
+
+
+@dataclass(frozen=True, slots=True)
+class _Found:
+    """A node of the network: what it exports to, what its PDOs hold, and where heartbeats are read."""
+
+    exported: Exported
+    held: Mapping[Pdo, PdoConfig]
+    values: SdoReader
+
+
+@dataclass(frozen=True, slots=True)
+class _Described:
+    """A node as its EDS, DCF, XDD or XDC, *path*, has it."""
+
+    path: Path
+    node_id: int
+    dictionary: ObjectDictionary
+    profile: DeviceProfile
+    #: what a nodelist calls it
+    name: str = ""
+
+    @property
+    def title(self) -> str:
+        """What the device is called in its nodelist, else in its file."""
+        return self.name or self.dictionary.info.product_name or self.profile.title
+
+    @property
+    def values(self) -> SdoReader:
+        """What the file says that the node holds."""
+        return in_standard_order(FileValues(self.dictionary, self.node_id), self.profile)
+
+    def identity(self) -> dict[str, int | None]:
+        """What the file says of 0x1018, or of the device as a whole."""
+        info = self.dictionary.info
+        told = {"vendor": info.vendor_id, "product": info.product_code}
+        return {name: told[name] or read_identity(self.values, sub) for sub, name in enumerate(told, 1)}
+
+
+def import_network(session: Session, file: str, folder: str | None = None) -> Facts:
+    """Write the nodes that answer, and what joins them, to the network file *file*: a scan, or the nodes of `-n`.
+
+    With *folder* its EDS and DCF files instead, which needs no bus: a DCF's node-ID counts, others are numbered. Of a
+    nodelist (CiA 306-3) in it, or as *folder*, its nodes and their DCFs. Asks before it overwrites. NoAnswer where no
+    node answers, UsageError where there is no such file or nothing in it.
+    """
+    path = network_place(file, "import {}/NAME.yaml")
+    ask_before_overwriting(session, path)
+    notes: list[str] = []
+    if folder is None:
+        title = f"What the network {session.bus.name} held"
+        found = list(_live(session, path, notes))
+        if not found:
+            raise NoAnswer("no node answers", hint="look at bit rate and supply: `doctor`, `scan`")
+    else:
+        title = f"What the files of {folder} say"
+        found = [_of_file(one, path) for one in _described(Path(folder), notes)]
+    notes += (f"node {one.exported.wish.node_id}: {note}" for one in found if (note := one.exported.left_out_note))
+    return _written(path, file, title, found, notes)
+
+
+def _written(path: Path, file: str, title: str, found: list[_Found], notes: list[str]) -> Facts:
+    """The file, written, and what there is to say of it."""
+    nodes = {one.exported.wish.node_id: one for one in found}
+    links = found_links(
+        {node_id: one.held for node_id, one in nodes.items()},
+        lambda consumer, producer: _watches(nodes[consumer].values, nodes[producer].values, producer),
+    )
+    for consumer, producer in links.unlike:
+        heard, sent = (f"{end.node_id}:{end.pdo}" for end in (consumer, producer))
+        notes.append(f"{heard} hears {sent}, and their layouts differ: no link")
+    wishes = tuple(one.exported.wish for _, one in sorted(nodes.items()))
+    remarks = {word: text for one in found for word, text in one.exported.remarks.items()}
+    write_whole(path, write_network(NetworkWish(wishes, links.links), title, remarks))
+    pdos = sum(len(wish.pdos) for wish in wishes)
+    counts = f"{plural(len(wishes), 'node')}, {plural(pdos, 'PDO')}, {plural(len(links.links), 'link')}"
+    said = [f"{file}: {counts}. Check it: dvtcli check {shlex.quote(file)}", *(f"note: {note}" for note in notes)]
+    rows = (
+        ("file", file),
+        ("nodes", [_row(one) for _, one in sorted(nodes.items())]),
+        ("links", len(links.links)),
+        ("notes", notes),
+    )
+    return Facts("import", rows, tuple(said))
+
+
+def _row(one: _Found) -> dict[str, object]:
+    wish = one.exported.wish
+    left_out = list(one.exported.left_out)
+    return {"node": wish.node_id, "name": wish.name, "pdos": len(wish.pdos), "left_out": left_out}
+
+
+def _watches(consumer: SdoReader, producer: SdoReader, producer_id: int) -> bool:
+    """Whether nothing is left to set up: the producer sends no heartbeat, or the consumer waits long enough for it."""
+    try:
+        time_ms = heartbeat_ms(producer) or 0
+        return not time_ms or watched_ms(heartbeat_slots(consumer), producer_id) > time_ms
+    except SdoAborted:
+        return False
+
+
+def _live(session: Session, path: Path, notes: list[str]) -> Iterator[_Found]:
+    """Every node that answers; one that is there and does not is said."""
+    unnamed: list[str] = []
+    for node_id in _ids(session, notes):
+        try:
+            node = session.node(node_id)
+            held = node.pdos()
+            found = exported(node, held, _memory(node))
+        except (NoAnswer, SdoProtocolError, SdoAborted) as failed:
+            if session.base.nodes:
+                raise
+            notes.append(f"node {node_id} is left out: {failed.text}")
+            continue
+        if node.dictionary is None:
+            unnamed.append(str(node_id))
+        yield _Found(_as_chosen(session, found, path), held, _memory(node))
+    if unnamed:
+        who = f"node {', '.join(unnamed)}"
+        notes.append(f"{who}: no EDS is known, objects are numbers; `eds add FILE`, then import again")
+
+
+def _memory(node: Node) -> SdoReader:
+    return node.memory
+
+
+def _ids(session: Session, notes: list[str]) -> Iterator[int]:
+    if session.base.nodes:
+        yield from session.base.nodes
+        return
+    for row in find_nodes(session).rows:
+        if row.note:
+            notes.append(f"node {row.node} is left out: {row.note}")
+        else:
+            yield row.node
+
+
+def _as_chosen(session: Session, found: Exported, path: Path) -> Exported:
+    """*found*, with the EDS and the profile that somebody chose, so that names are looked up as they were."""
+    eds = session.options.eds
+    dcf = None if eds is None else _beside(Path(eds), path)
+    return replace(found, wish=replace(found.wish, dcf=dcf, profile=session.options.profile))
+
+
+def _beside(eds: Path, path: Path) -> FileWord:
+    """Where *eds* is, seen from the folder of the network file *path*."""
+    try:
+        return FileWord(Path(os.path.relpath(eds, path.parent)).as_posix())
+    except ValueError:  # on another drive
+        return FileWord(eds.absolute().as_posix())
+
+
+def _of_file(one: _Described, path: Path) -> _Found:
+    held: dict[Pdo, PdoConfig] = {}
+    for pdo in present_pdos(one.values, one.dictionary):
+        try:
+            held[pdo] = read_pdo(one.values, pdo, WHATEVER)
+        except SdoAborted:
+            continue  # it has neither COB-ID nor mapping: no such PDO
+    found = exported(one, held, one.values)
+    return _Found(replace(found, wish=replace(found.wish, dcf=_beside(one.path, path))), held, one.values)
+
+
+def _described(folder: Path, notes: list[str]) -> list[_Described]:
+    """The nodes of the EDS and DCF files of *folder*, each with its own node-ID, or the next that is free.
+
+    Where *folder* is a nodelist, or has one, what that names.
+    """
+    if (nodelist := nodelist_in(folder)) is not None:
+        listed = listed_files(nodelist, notes)
+        read = [(one, read_dictionary(one.path)) for one in listed]
+        return [_Described(one.path, one.node_id, held, profile_of(held), one.name) for one, held in read]
+    try:
+        paths = sorted(one for one in folder.iterdir() if one.suffix.lower() in DEVICE_SUFFIXES)
+    except OSError as failed:
+        hint = "a folder of EDS, DCF, XDD or XDC files"
+        raise UsageError(f"{folder}: {failed.strerror or failed}", hint=hint) from failed
+    if not paths:
+        raise UsageError(f"{folder} has no EDS, DCF, XDD or XDC file")
+    dictionaries = {path: read_dictionary(path) for path in paths}
+    ids: dict[Path, int] = {}
+    for path, dictionary in dictionaries.items():
+        own = dictionary.info.node_id
+        if own is not None and 1 <= own <= 127 and own not in ids.values():
+            ids[path] = own
+    for path in (path for path in paths if path not in ids):
+        free = next((number for number in range(1, 128) if number not in ids.values()), None)
+        if free is None:
+            raise UsageError(f"{folder} has {len(paths)} files, a network has 127 nodes")
+        ids[path] = free
+        notes.append(f"{path.name} names no node-ID of its own: it is node {free}")
+    found = [_Described(path, ids[path], one, profile_of(one)) for path, one in dictionaries.items()]
+    return sorted(found, key=lambda one: one.node_id)

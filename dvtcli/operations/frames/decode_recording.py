@@ -1,0 +1,100 @@
+"""A recording, decoded: by a DBC file, by the mapping in an EDS, or by what the nodes hold now."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from contextlib import closing
+from pathlib import Path
+from typing import TYPE_CHECKING, TextIO
+
+from dvtcli.errors import DvtcliError, UsageError
+from dvtcli.files.recording import check_readable, read_recording
+from dvtcli.operations.frames.frame_answer import frame_seen
+from dvtcli.operations.frames.recorded import decoder_for
+from dvtcli.watch.table import SignalRows
+
+if TYPE_CHECKING:
+    from dvtcli.domain.ports import Frame
+    from dvtcli.operations.results import Facts, FrameSeen
+    from dvtcli.operations.session.session import Session
+    from dvtcli.watch.decoder import Decoder
+
+
+def decode_recording(
+    session: Session, path: Path, nodes: tuple[int, ...] | None = None, dbc: str | None = None, text: str = ""
+) -> Iterator[FrameSeen]:
+    """The frames of the recording at *path* that have *text* (small letters) in their names; see `decoder_for`.
+
+    UsageError for a suffix that is no format, InputFileError where the file is none of it.
+    """
+    check_readable(path)
+    return _fitting(path, decoder_for(session, nodes, dbc), text)
+
+
+def write_values(
+    session: Session,
+    path: Path,
+    target: TextIO | Path,
+    nodes: tuple[int, ...] | None = None,
+    dbc: str | None = None,
+    text: str = "",
+) -> SignalRows:
+    """Write the values in the recording at *path* to *target*: to a text as CSV, to a file in the form of its suffix.
+
+    A row for each frame, a column for each signal that has *text* (small letters) in its name. UsageError where no
+    such signal is known; else as `decode_recording`.
+    """
+    check_readable(path)
+    rows = SignalRows(decoder_for(session, nodes, dbc), text)
+    if not rows.columns:
+        if text and len(rows.decoder):
+            raise UsageError(f"no signal has {text!r} in its name", hint="decode FILE shows what is in it")
+        raise UsageError("--csv needs a mapping, and none is known", hint="give --dbc, --eds, -n or --sim")
+    _write(rows, read_recording(path), target, text)
+    if rows.other:
+        session.tell.note(f"{rows.other} frames without known signals were left out")
+    return rows
+
+
+def values_into_file(
+    session: Session,
+    path: Path,
+    target: Path,
+    nodes: tuple[int, ...] | None = None,
+    dbc: str | None = None,
+    text: str = "",
+) -> Facts:
+    """Write the values in the recording at *path* into *target*, a .csv, .parquet or .jsonl; else as `write_values`."""
+    from dvtcli.files.values.value_file import checked_form
+    from dvtcli.operations.results import Facts
+    from dvtcli.operations.session.save_script import ask_before_overwriting
+
+    checked_form(target)
+    ask_before_overwriting(session, target)
+    rows = write_values(session, path, target, nodes, dbc, text)
+    names = [column.header for column in rows.columns]
+    said = (("file", str(target)), ("frames", rows.frames), ("columns", names))
+    return Facts("decode", said, (f"{target}: {rows.frames} rows, {len(names)} signals",))
+
+
+def _write(rows: SignalRows, frames: Iterable[Frame], target: TextIO | Path, text: str) -> None:
+    if not isinstance(target, Path):
+        from dvtcli.files.values.csv_values import CsvWriter
+
+        writer = CsvWriter(target, rows)
+        for frame in frames:
+            writer.write(frame)
+        return
+    from dvtcli.files.values.value_file import write_file
+
+    try:
+        with closing(write_file(target, rows, lambda one: frame_seen(one, rows.decoder).chosen(text).document())) as to:
+            for frame in frames:
+                to.write(frame)
+    except OSError as failed:
+        raise DvtcliError(f"{target}: {failed.strerror or failed}", place=str(target)) from failed
+
+
+def _fitting(path: Path, decoder: Decoder, text: str) -> Iterator[FrameSeen]:
+    seen = (frame_seen(frame, decoder) for frame in read_recording(path))
+    return (one.chosen(text) for one in seen if one.matches(text))

@@ -1,0 +1,37 @@
+"""Which frames a file knows: a DBC file's messages, or the PDOs of a network file's nodes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from dvtcli.watch.decoder import Address, Layout
+
+_NETWORK = (".yaml", ".yml")
+
+
+def file_layouts(file: str) -> dict[Address, Layout]:
+    """The layouts in *file*, a network file by its suffix, else a DBC file; errors as those of reading either."""
+    if Path(file).suffix.lower() not in _NETWORK:
+        from dvtcli.files.dbc import read_dbc
+
+        return read_dbc(file)
+    return _network_layouts(file)
+
+
+def _network_layouts(file: str) -> dict[Address, Layout]:
+    """What the nodes of the network *file* send and hear once it is applied, with what it says of their values."""
+    from dvtcli.files.network.physical_keys import rules_of
+    from dvtcli.operations.meanings.physical_meanings import meanings_of
+    from dvtcli.operations.network.described_network import described_network
+    from dvtcli.operations.wanted.network_wish import read_wish
+    from dvtcli.watch.decoder import pdo_layouts
+
+    said = {node.node_id: rules_of(node.physical) for node in read_wish(file).nodes}
+    layouts: dict[Address, Layout] = {}
+    for node in described_network(file).nodes:
+        meanings = meanings_of(node.profile, node.dictionary, [said.get(node.node_id, {})])
+        for address, layout in pdo_layouts(node.node_id, node.pdos, node.dictionary, meanings).items():
+            layouts.setdefault(address, layout)
+    return layouts

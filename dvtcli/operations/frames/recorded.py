@@ -1,0 +1,53 @@
+"""Recordings with what decodes them: a DBC or network file, the mapping in a device's file, or what nodes hold now."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from dvtcli.operations.session.session import Session
+    from dvtcli.watch.decoder import Decoder
+
+
+def decoder_for(session: Session, nodes: tuple[int, ...] | None, dbc: str | None) -> Decoder:
+    """The decoder of a recording: --dbc, else the mapping in the --eds file, else what the nodes hold now.
+
+    Nodes are asked only where they are named (-n, --nodes, --sim) or a bus is open already; else frames stay bytes.
+    """
+    from dvtcli.operations.frames.layouts import live_decoder
+    from dvtcli.watch.decoder import Decoder
+
+    base = session.base
+    if dbc is not None:
+        from dvtcli.operations.frames.file_layouts import file_layouts
+
+        return Decoder(file_layouts(dbc))
+    if base.eds is not None:
+        return _file_decoder(Path(base.eds), nodes or base.nodes, base.profile)
+    if base.sim or base.nodes or nodes or session.is_open:
+        return live_decoder(session, nodes or ())
+    return Decoder()
+
+
+def _file_decoder(path: Path, nodes: tuple[int, ...], family: str | None) -> Decoder:
+    """The mapping that an EDS, DCF, XDD or XDC sets, on *nodes*, else on the node-ID that it names, else on node 1.
+
+    What the values mean is said by the profile *family*, None for that of the file's identity.
+    """
+    from dvtcli.device.described_node import FileValues
+    from dvtcli.device.read_pdos import present_pdos, read_pdo
+    from dvtcli.files.device_file import read_device_file
+    from dvtcli.files.profile.library import load_profile, profile_of
+    from dvtcli.operations.meanings.physical_meanings import meanings_of
+    from dvtcli.watch.decoder import Decoder, pdo_layouts
+
+    dictionary = read_device_file(path).dictionary
+    profile = load_profile(family) if family else profile_of(dictionary)
+    meanings = meanings_of(profile, dictionary)
+    decoder = Decoder()
+    for node_id in nodes or (dictionary.info.node_id or 1,):
+        values = FileValues(dictionary, node_id)
+        configs = {pdo: read_pdo(values, pdo) for pdo in present_pdos(values, dictionary)}
+        decoder.add(pdo_layouts(node_id, configs, dictionary, meanings))
+    return decoder

@@ -1,0 +1,48 @@
+"""The values of some signals over time, from a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from dvtcli.errors import UsageError
+from dvtcli.files.recording import check_readable, read_recording
+from dvtcli.files.values.value_file import is_value_file, read_values
+from dvtcli.operations.frames.recorded import decoder_for
+from dvtcli.watch.table import all_columns
+from dvtcli.watch.tracks import fill, fill_rows, find_tracks
+
+if TYPE_CHECKING:
+    from dvtcli.operations.session.session import Session
+    from dvtcli.watch.tracks import Track
+
+
+def recorded_tracks(
+    session: Session,
+    path: Path,
+    signals: Sequence[str],
+    nodes: tuple[int, ...] | None = None,
+    dbc: str | None = None,
+) -> tuple[list[Track], tuple[float, float]]:
+    """Each of *signals* (a name or an object) that has samples in the recording at *path*, and from when to when (s).
+
+    A recording is one of frames, or of values as `log --decode` writes them; the unit of those is in their columns.
+
+    UsageError for a name that is no signal, or where no sample is found; what decodes is as `decoder_for` says.
+    """
+    tracks: Mapping[Any, Track]
+    if is_value_file(path):
+        values = read_values(path)
+        tracks = by_number = find_tracks(signals, dict(enumerate(values.columns)))
+        span_s = fill_rows(by_number, values.rows)
+    else:
+        check_readable(path)
+        decoder = decoder_for(session, nodes, dbc)
+        tracks = by_place = find_tracks(signals, all_columns(decoder))
+        span_s = fill(by_place, read_recording(path), decoder)
+    found = [track for track in tracks.values() if track.values]
+    if not found:
+        names = ", ".join(track.name for track in tracks.values())
+        raise UsageError(f"{path} has no sample of {names}", hint="decode shows what is in it")
+    return found, span_s

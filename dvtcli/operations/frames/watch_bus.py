@@ -1,0 +1,110 @@
+"""What is on the bus, as it passes, with what the nodes' mappings and a DBC file say of it. Only reads."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from time import monotonic
+from typing import TYPE_CHECKING
+
+from dvtcli.errors import BusUnavailable
+from dvtcli.operations.frames.frame_answer import frame_seen
+from dvtcli.operations.frames.layouts import live_decoder, live_decoders, open_wire
+from dvtcli.operations.session.steady_listener import SteadyListener
+from dvtcli.watch.decoder import Decoder
+from dvtcli.watch.seen import FrameStore
+
+if TYPE_CHECKING:
+    from dvtcli.operations.opening.first_bus import Tell
+    from dvtcli.operations.results import FrameSeen
+    from dvtcli.operations.session.session import Session
+
+#: how long frames are gathered before they are shown (s)
+_BATCH_S = 0.05
+
+
+@dataclass(slots=True)
+class Watched:
+    """A bus that is listened to, with the *decoder* for *nodes* and the file *dbc*; see `layouts.live_decoder`."""
+
+    session: Session
+    nodes: tuple[int, ...]
+    dbc: str | None
+    listener: SteadyListener
+    decoder: Decoder
+
+    @property
+    def bitrate(self) -> int | None:
+        """The bus's bit rate (bit/s), None where it is not known or has no meaning."""
+        wire = self.session.wire
+        return None if wire.simulated else wire.bitrate
+
+    def decoders(self) -> Iterator[tuple[int | None, Decoder]]:
+        """Read the nodes' mappings and names, node by node; see `layouts.live_decoders`."""
+        yield from live_decoders(self.session, self.nodes, self.dbc, named=True)
+
+    def come_back(self, failed: BusUnavailable, stopping: Callable[[], bool], tell: Tell | None = None) -> bool:
+        """Wait for the bus, which *failed*, and read the mappings anew; False as soon as *stopping*().
+
+        Raises *failed* where it is not to be waited for.
+        """
+        while self.listener.come_back(failed, stopping, tell):
+            try:
+                self.decoder = live_decoder(self.session, self.nodes, self.dbc)
+            except BusUnavailable as again:
+                failed = again
+            else:
+                return True
+        return False
+
+
+@contextmanager
+def watching(
+    session: Session, nodes: tuple[int, ...] = (), dbc: str | None = None, *, known: bool = True
+) -> Iterator[Watched]:
+    """Listen to the bus from now on, also when it was gone and is back; *known*: with the mappings read before."""
+    open_wire(session)
+    decoder = live_decoder(session, nodes, dbc) if known else Decoder()
+    with SteadyListener(session, unasked=True) as listener:
+        yield Watched(session, nodes, dbc, listener, decoder)
+
+
+def stream(
+    watched: Watched,
+    show: Callable[[Iterable[FrameSeen]], None],
+    text: str = "",
+    duration_s: float | None = None,
+    *,
+    changes: bool = False,
+    tell: Tell | None = None,
+) -> None:
+    """Show each frame that has *text* (small letters) in its names, for *duration_s* seconds, None for ever.
+
+    With *changes* only what says something new. The drops are said at the end, however it comes. *tell* hears of a bus
+    that is gone, or back; BusUnavailable where it is not waited for, or not back in time.
+    """
+    listener, store = watched.listener, FrameStore(watched.decoder)
+    until_s = None if duration_s is None else monotonic() + duration_s
+
+    def is_over() -> bool:
+        return until_s is not None and monotonic() >= until_s
+
+    try:
+        while not is_over():
+            left_s = _BATCH_S if until_s is None else min(_BATCH_S, max(0.0, until_s - monotonic()))
+            try:
+                taken = listener.take(left_s)
+            except BusUnavailable as failed:
+                if not watched.come_back(failed, is_over, tell):
+                    raise
+                store = FrameStore(watched.decoder)
+                continue
+            fresh = [frame for frame in taken if store.take(frame) or not changes]
+            seen = (frame_seen(frame, watched.decoder) for frame in fresh)
+            show(one.chosen(text) for one in seen if not text or one.matches(text))
+    finally:
+        if listener.overflowed:
+            watched.session.tell.warning(
+                f"{listener.overflowed} frames were dropped: they came faster than they were written"
+            )

@@ -1,0 +1,60 @@
+"""What is remembered of devices that want a PDO off first: shown and forgotten. Needs no bus and no session."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from dvtcli.device.habits import OFTEN_ENOUGH, read_habits
+from dvtcli.errors import SafetyRefusal, UsageError
+from dvtcli.operations.results import HabitListing
+from dvtcli.operations.results.habit_listing import HabitRow, Wanted
+from dvtcli.operations.user.keeping import state_folder
+
+
+def known_habits() -> tuple[str, ...]:
+    """The names of the devices of which something is remembered, sorted; reads nothing of it."""
+    return tuple(sorted(path.stem for path in habits_folder().glob("*.json")))
+
+
+def list_habits() -> HabitListing:
+    """What was found out of every device; a file that cannot be read says so in its row."""
+    return HabitListing(tuple(map(_row, known_habits())), str(habits_folder()))
+
+
+def forget_habits(name: str) -> HabitListing:
+    """Forget what the device *name* was found to want, or with `all` that of every one; and what is still remembered.
+
+    UsageError where nothing is remembered of *name*, SafetyRefusal where a file cannot be removed.
+    """
+    known = known_habits()
+    if name != "all" and name.upper() not in known:
+        remembered = f"remembered: {', '.join(known)}" if known else "nothing is remembered of any device"
+        raise UsageError(f"nothing is remembered of {name}", hint=remembered)
+    gone = known if name == "all" else (name.upper(),)
+    for one in gone:
+        path = habits_folder() / f"{one}.json"
+        try:
+            path.unlink(missing_ok=True)
+        except OSError as failed:
+            raise SafetyRefusal(f"{path} cannot be removed", why=failed.strerror, hint="remove it by hand") from failed
+    left = list_habits()
+    return HabitListing(left.rows, left.folder, gone)
+
+
+def habits_folder() -> Path:
+    """The folder of what is remembered, which may not be there."""
+    return state_folder(None) / "habits"
+
+
+def _row(name: str) -> HabitRow:
+    try:
+        return HabitRow(name, tuple(_wanted(habits_folder() / f"{name}.json")))
+    except (OSError, ValueError, RecursionError) as wrong:
+        return HabitRow(name, (), f"it cannot be read ({wrong}), and does not count")
+
+
+def _wanted(path: Path) -> Iterator[Wanted]:
+    for refusal, times in sorted(read_habits(path).items(), key=lambda item: item[0].parameter):
+        direction, sub = refusal.parameter
+        yield Wanted(str(direction), sub, refusal.abort, times, times >= OFTEN_ENOUGH)

@@ -1,0 +1,123 @@
+"""Keeping what was learnt of a device: under which name, over what, and where from. Does not know how it was found."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.learning.operational import merged
+from dvtcli.errors import SafetyRefusal, UsageError
+from dvtcli.operations.known_devices.learnt_compared import is_advice, said
+from dvtcli.operations.opening.simulated_nodes import family_named
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+    from dvtcli.domain.learning.learnt_value import Conclusions
+    from dvtcli.domain.learning.probe_table import Known
+    from dvtcli.domain.pdo import Pdo, PdoConfig
+    from dvtcli.files.learnt_folder import Origin
+    from dvtcli.operations.session.session import Session
+
+
+def refuse_name(name: str) -> None:
+    """Raise UsageError for a name that no profile can have, or whose folder is somebody else's."""
+    import re
+
+    from dvtcli.files.learnt_folder import refuse_foreign
+
+    if not re.fullmatch(r"[a-z][a-z0-9_-]*", name):
+        raise UsageError(f"{name!r} is not a profile name", hint="small letters, digits, - and _: learn --save pump")
+    from dvtcli.files.profile.toml import builtin_names
+
+    if name in builtin_names():
+        raise UsageError(f"{name} is a profile that comes with dvtcli", hint=f"--save my-{name}")
+    refuse_foreign(name)
+
+
+def refuse_other(name: str, node: Node) -> None:
+    """Raise SafetyRefusal where what is kept as *name* was learnt of a device with another identity than *node*."""
+    from dvtcli.files.learnt_folder import kept_profiles
+
+    held = node.identity()
+    own = (held.get("vendor") or 0, (held.get("product") or 0) if held.get("vendor") else 0)
+    for path, kept in kept_profiles(name):
+        theirs = (next(iter(kept.vendor_ids), 0), next(iter(kept.product_codes), 0))
+        if theirs != own:
+            raise SafetyRefusal(
+                f"{path} was learnt of another device: {kept.title}, {_identity_text(*theirs)}; "
+                f"node {node.node_id} is {node.title}, {_identity_text(*own)}",
+                node=node.node_id,
+                hint="--save with another name, or --force to write over it",
+            )
+
+
+def _identity_text(vendor: int, product: int) -> str:
+    return f"vendor 0x{vendor:X} product 0x{product:X}" if vendor else "without an identity"
+
+
+def save_learnt(
+    session: Session, node: Node, name: str, learnt: Conclusions, pdos: Mapping[Pdo, PdoConfig], known: Sequence[Known]
+) -> tuple[str, ...]:
+    """Write what was *learnt* as *name*; the files. Without an EDS one is made of *pdos*, and what is *known* of them.
+
+    InputFileError where a file cannot be read, or be written.
+    """
+    from dvtcli.files.learnt_folder import write_folder
+
+    origin = _origin(session, node, name)
+    kept = [one for one in learnt.profile if not is_advice(said(node.profile, one.key), one.value)]
+    like = family_named(origin.like_family).pre_operational_writes
+    family = [merged(one, like) if one.key == "pre_operational_writes" else one for one in learnt.family]
+    learnt = replace(learnt, profile=tuple(kept), family=tuple(family))
+    path = session.network.files.eds_path(node.node_id)
+    eds = path or _described(node, name, origin, pdos, known)
+    if path is None:
+        session.tell.note(f"no EDS of node {node.node_id} is known: {name}.eds has what was read of it, and no more")
+        if node.bus.bitrate is None:
+            session.tell.note(f"nobody said the bus's bit rate: no BaudRate_ key of {name}.eds is 1; -b says it")
+    files = write_folder(Path(name), origin, learnt, eds)
+    _take_up(session)
+    return tuple(map(str, files))
+
+
+def _take_up(session: Session) -> None:
+    """Let the nodes that were met have the profile that is theirs now."""
+    from dvtcli.device.file_fits import as_file_says
+
+    for node_id, node in session.network.nodes.items():
+        node.profile = as_file_says(session.network.files.profile(node_id), node.dictionary)
+
+
+def _described(node: Node, name: str, origin: Origin, pdos: Mapping[Pdo, PdoConfig], known: Sequence[Known]) -> str:
+    """An EDS of what was read of *node*, for which no file is known."""
+    from dvtcli.device.learn.read_device import read_device
+    from dvtcli.domain.learning.read_dictionary import described
+    from dvtcli.files.eds.writer import eds_text
+
+    dictionary = described(read_device(node, pdos, known))
+    about = f"What was read by learn, and no more: {origin.said[0]}"
+    return eds_text(dictionary, f"{name}.eds", about, datetime.now(UTC))
+
+
+def _origin(session: Session, node: Node, name: str) -> Origin:
+    from dvtcli.files.learnt_folder import Origin
+    from dvtcli.files.profile.toml import builtin_names
+    from dvtcli.simulator.network.family_file import family_names
+    from dvtcli.version import __version__
+
+    identity = node.identity()
+    numbers = " ".join(f"{key} 0x{value:X}" for key, value in identity.items() if value is not None)
+    day = datetime.now(UTC).date().isoformat()
+    own = node.profile.name
+    return Origin(
+        name,
+        node.title,
+        own if own in builtin_names() else "generic",
+        own if own in family_names() else "generic",
+        identity.get("vendor"),
+        identity.get("product"),
+        (f"node {node.node_id} on {session.bus.name}, {day}, dvtcli {__version__}", numbers or "no identity"),
+    )

@@ -1,0 +1,213 @@
+"""Learning what a device takes: asked under consent, put back, and kept as a profile and a simulated family."""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from dvtcli.device.access_level import level_finding
+from dvtcli.device.applied import refuse
+from dvtcli.device.learn.absences import absences
+from dvtcli.device.learn.safely import Terms, ask_safely
+from dvtcli.device.learn.saving import read_storage
+from dvtcli.device.learn.subjects import subjects
+from dvtcli.device.storing import is_stored, may_store
+from dvtcli.domain.learning.absence import absent_for_family
+from dvtcli.domain.learning.conclusions import conclude
+from dvtcli.domain.learning.forecast import forecast, most_writes
+from dvtcli.domain.learning.learnt_value import Conclusions
+from dvtcli.domain.learning.storage import not_asked, storage_for_family, storage_for_profile
+from dvtcli.domain.nmt import NmtState
+from dvtcli.domain.several import several
+from dvtcli.errors import DeviceRefused, SafetyRefusal
+from dvtcli.operations.known_devices.keep_learnt import refuse_name, refuse_other, save_learnt
+from dvtcli.operations.known_devices.learnt_compared import differences, profile_to_compare
+from dvtcli.operations.results import LearnForecast, LearntDevice
+
+if TYPE_CHECKING:
+    from dvtcli.device.learn.safely import Asked
+    from dvtcli.device.learn.saving import Saved
+    from dvtcli.device.node import Node
+    from dvtcli.device.observe import Found
+    from dvtcli.domain.learning.absence import Absence
+    from dvtcli.domain.learning.probe import Probe, Subject
+    from dvtcli.domain.learning.storage import Storage
+    from dvtcli.operations.session.session import Session
+
+#: How long the bus is listened to for CAN-IDs in use, in seconds.
+LISTEN_S = 1.5
+
+
+@dataclass(frozen=True, slots=True)
+class _Prepared:
+    """What is to be asked of a node, and what has to be said before; *saves* is what 0x1010 is to be asked."""
+
+    node: Node
+    subjects: list[Subject]
+    probes: list[Probe]
+    limit: int
+    storage: Storage
+    saves: tuple[Probe, ...] = ()
+
+    @property
+    def pdos(self) -> tuple[str, ...]:
+        return tuple(str(subject.pdo) for subject in self.subjects)
+
+
+def learn(
+    session: Session,
+    node_id: int | None = None,
+    *,
+    save: str | None = None,
+    compare: str | None = None,
+    isolated: bool = False,
+    with_store: bool = False,
+) -> LearntDevice | LearnForecast:
+    """Find out what the node *node_id* (None: the selected one) takes, and put everything back.
+
+    *save* is the name of the profile and of the folder that are written, *compare* that of a profile, or the path of
+    such a folder, to compare with; *isolated* asserts that nothing else is on the bus; *with_store* lets the node be
+    told to save, with at most two writes to 0x1010. Errors: SafetyRefusal without consent, where what it holds must not
+    be stored, and without force where *save* was learnt of another device; DeviceRefused where no PDO can be asked,
+    UsageError where *save* names somebody else's folder.
+    """
+    node = session.node(node_id)
+    if save is not None:
+        refuse_name(save)
+    known = None if compare is None else profile_to_compare(compare)
+    if save is not None and not session.options.force:
+        refuse_other(save, node)
+    found = _claimed(node)
+    pdos = node.pdos()
+    heard = frozenset[int]() if session.dry_run else _heard(session)
+    prepared = _prepared(node, subjects(node, pdos, heard), found.state, isolated=isolated, with_store=with_store)
+    if session.dry_run:
+        likely = ask_safely(node, prepared.subjects, pdos, found, Terms(prepared.limit, isolated)).writes  # of its twin
+        probes = [*prepared.probes, *prepared.saves]
+        return LearnForecast(node.node_id, prepared.pdos, probes, prepared.limit, likely, prepared.storage.wears)
+    if prepared.saves:
+        may_store(node, force=session.options.force)
+    _consent(session, prepared, found.state, isolated=isolated)
+    started = time.monotonic()  # nobody's thinking counts
+    lacking = absences(node, prepared.subjects, _looked(session, node))
+    terms = Terms(prepared.limit, isolated, prepared.saves)
+    asked = ask_safely(node, prepared.subjects, pdos, found, terms, _told(session, prepared))
+    _note_saved(node, asked.saved)
+    answers = asked.saved.answers or not_asked(prepared.storage, "only with --with-store")
+    learnt = _concluded(node, asked, prepared.storage, lacking)
+    return LearntDevice(
+        node.node_id, node.title, prepared.pdos,
+        [*(answer for one in asked.known for answer in one.answers.values()), *answers],
+        learnt, asked.writes, asked.saved.writes, time.monotonic() - started,
+        () if save is None else save_learnt(session, node, save, learnt, pdos, asked.known),
+        None if known is None else (compare or "", differences(known, learnt)),
+        save is None or bool(node.identity().get("vendor")),
+    )  # fmt: skip
+
+
+def _claimed(node: Node) -> Found:
+    """The node as it was found, which no other dvtcli writes to now; SafetyRefusal where it cannot be asked."""
+    found = node.claim()
+    if found.state is NmtState.STOPPED:
+        raise SafetyRefusal(
+            f"node {node.node_id} is STOPPED: it answers no SDO", node=node.node_id, hint=f"nmt preop {node.node_id}"
+        )
+    refuse(level_finding(node.access), "nothing was asked", node.node_id, force=False)
+    return found
+
+
+def _told(session: Session, prepared: _Prepared) -> Callable[[], None]:
+    """What tells the user of each write; how many there will be depends on the answers."""
+    count, node_id = itertools.count(1), prepared.node.node_id
+
+    def wrote() -> None:
+        session.tell.progress(f"node {node_id}: learning, write {next(count)} of {prepared.limit} at most", 0, 0)
+
+    return wrote
+
+
+def _looked(session: Session, node: Node) -> Callable[[int, int], None]:
+    """What tells the user how far the look for what the node lacks has come."""
+    text = f"node {node.node_id}: which objects of its EDS are there"
+    return lambda done, total: session.tell.progress(f"{text}, {done + 1} of {total}", done, total)
+
+
+def _heard(session: Session) -> frozenset[int]:
+    """CAN-IDs that pass; none may be known where the bus carries no frames, so then no PDO is enabled."""
+    if not session.bus.carries_frames:
+        return frozenset(range(0x800))
+    session.tell.progress(f"listening for {LISTEN_S} s to which CAN-IDs are in use", 0, 0)
+    return frozenset(frame.can_id for frame in session.bus.receive(LISTEN_S))
+
+
+def _prepared(
+    node: Node, found: list[Subject], state: NmtState | None, *, isolated: bool, with_store: bool
+) -> _Prepared:
+    if not found:
+        raise DeviceRefused(
+            f"node {node.node_id} has no PDO that could be asked",
+            node=node.node_id,
+            why="none has a mapping and a COB-ID that can be written, and a configuration that it takes back",
+            hint="pdo --all shows them; clear one",
+        )
+    probes, limit = [], 0
+    for subject in found:
+        own = forecast(subject, isolated=isolated, operational=state is NmtState.OPERATIONAL)
+        probes += own
+        limit += most_writes(subject, own)
+    storage = read_storage(node)
+    saves = storage.probes(node.profile.store.sub_indices) if with_store else []
+    return _Prepared(node, found, probes, limit, storage, tuple(saves))
+
+
+def _consent(session: Session, prepared: _Prepared, state: NmtState | None, *, isolated: bool) -> None:
+    node = prepared.node
+    labels = several(subject.pdo.label for subject in prepared.subjects)
+    enabled = [subject.pdo.label for subject in prepared.subjects if subject.held.enabled]
+    verb = "is" if len(enabled) == 1 else "are"
+    parts = [
+        f"{labels} of node {node.node_id} will be written up to {prepared.limit} times and put back",
+        f"{several(enabled)} {verb} enabled, and off meanwhile" if enabled else "",
+        prepared.storage.wears,
+        _saving_text(prepared),
+        "the node is OPERATIONAL, will be PRE-OPERATIONAL meanwhile, and OPERATIONAL again after that"
+        if state is NmtState.OPERATIONAL
+        else "",
+        "PDOs that are off are written in OPERATIONAL, too" if isolated and state is NmtState.OPERATIONAL else "",
+        "nothing else is on the bus (--isolated)" if isolated else "",
+    ]
+    session.consent(f"{'; '.join(part for part in parts if part)}; learn?")
+
+
+def _saving_text(prepared: _Prepared) -> str:
+    """What --with-store does, in words; empty without it."""
+    if not prepared.saves:
+        return ""
+    unstored = several(prepared.node.pending.unstored)
+    what = f"what it holds now, {unstored} with it," if unstored else "what it holds now"
+    place = prepared.saves[0].label
+    return f'0x{place} is written twice: a wrong signature, then "save": {what} is what it comes up with after that'
+
+
+def _note_saved(node: Node, saved: Saved) -> None:
+    """Changes of this session that were saved are no longer pending."""
+    if saved.sub_index is not None:
+        is_stored(node, node.pending.was_stored(saved.sub_index, len(node.history)))
+
+
+def _concluded(node: Node, asked: Asked, storage: Storage, lacking: Sequence[Absence]) -> Conclusions:
+    known = {one.subject.pdo.direction: one for one in asked.known}
+    most = 0
+    if node.dictionary is not None:
+        there = node.dictionary.without([one.place for one in lacking])
+        mappings = [there[pdo.mapping_index] for pdo in node.present() if pdo.mapping_index in there]
+        most = max((max(one.entries, default=0) for one in mappings), default=0)
+    found, saved = conclude(known, most), asked.saved
+    preferred = node.profile.store.sub_indices
+    return Conclusions(
+        (*found.profile, *storage_for_profile(storage, saved.answers, preferred, saved.seconds)),
+        (*found.family, *storage_for_family(storage, saved.answers), *absent_for_family(lacking)),
+    )

@@ -1,0 +1,1 @@
+"""LSS: nodes found, given a node-ID and a bit rate, and let keep both."""

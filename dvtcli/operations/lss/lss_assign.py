@@ -1,0 +1,164 @@
+"""Node-IDs for the nodes of a network file, by what it says of their identity. Does not know how one is given."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import astuple
+from typing import TYPE_CHECKING
+
+from dvtcli.device.lss_master import LssMaster
+from dvtcli.domain.lss_services import PARTS, LssAddress
+from dvtcli.domain.nmt import UNCONFIGURED
+from dvtcli.domain.several import several
+from dvtcli.errors import DvtcliError, SafetyRefusal, UsageError
+from dvtcli.operations.lss.lss_find import lss_bus, scanned, selected, two_alike
+from dvtcli.operations.lss.lss_identity import Identity, in_words, who_is_there
+from dvtcli.operations.lss.lss_node_id import consent_to_give, give, heard_ids, told_id
+from dvtcli.operations.lss.lss_order import in_order
+from dvtcli.operations.lss.lss_settled import require_same, to_store
+from dvtcli.operations.lss.lss_store_all import all_back, prove_all, store_all
+from dvtcli.operations.results.lss_nodes import LssChanged, LssGiven, LssNode
+from dvtcli.operations.wanted.network_wish import read_wish
+
+if TYPE_CHECKING:
+    from dvtcli.domain.network.wanted_state import NodeWish, WantedIdentity
+    from dvtcli.operations.session.session import Session
+
+
+def lss_assign(session: Session, file: str, *, stores: bool = False, prove: bool = False) -> LssChanged:
+    """Give each node of the network *file* that has another node-ID there or none the one of the file.
+
+    Each is found by its identity in the file. The plan is told first, and asked for. Nodes that have theirs keep it,
+    those that are not found are `missing`. Where one does not come up with its node-ID all get back what they had. With
+    *stores* all store it, once all came up, also those that had it before: it may be in RAM only. With *prove* each is
+    reset then, and looked at. SafetyRefusal where a node-ID is another device's, an identity fits several nodes, or
+    another master is active.
+    """
+    nodes = read_wish(file).nodes
+    wishes = _with_identity(session, file, nodes)
+    if session.dry_run:
+        return LssChanged("assign", dry_run=True)
+    bus = lss_bus(session)
+    there = who_is_there(bus, heard_ids(session))
+    waiting = [wish for wish in wishes if not _is_there(wish, there)]
+    if not (waiting or stores):
+        return LssChanged("assign")
+    settled = {wish.node_id for wish in nodes if wish not in waiting}
+    with LssMaster(bus) as master:
+        kept = to_store(session, master, [wish for wish in wishes if wish not in waiting], there) if stores else []
+        found = [*scanned(session, master), *_movable(there, settled)] if waiting else []
+        given, missing = _matched(waiting, found)
+        _refuse_used(waiting, given, there)
+        _confirm(master, given)
+        steps = in_order(given, there, {wish.node_id for wish in nodes})
+        if steps or kept:
+            _agree(session, steps, kept, stores=stores, prove=prove)
+            with session.cancellation.guard():
+                _give_all(session, master, steps)
+                given = store_all(master, kept, given, steps) if stores else given
+                given = prove_all(session, master, given) if prove else given
+    return LssChanged("assign", tuple(sorted(given, key=lambda one: one.node_id)), missing=missing)
+
+
+def _with_identity(session: Session, file: str, nodes: Sequence[NodeWish]) -> list[NodeWish]:
+    """Those of *nodes* that LSS can find; UsageError where there is none, and those that it cannot are named."""
+    wishes = [wish for wish in nodes if any(part is not None for part in astuple(wish.identity))]
+    if not wishes:
+        hint = "identity: {vendor: 0x1E, serial: 0x12345} under a node says who it is"
+        raise UsageError(f"{file}: no node has an identity, by which LSS could find it", hint=hint)
+    others = [f"{wish.name} ({wish.node_id})" for wish in nodes if wish not in wishes]
+    if others:
+        session.tell.note(f"no identity in {file}, left alone: {several(others)}")
+    return wishes
+
+
+def _is_there(wish: NodeWish, there: Mapping[int, Identity | None]) -> bool:
+    """Whether the node of the file has its node-ID."""
+    identity = there.get(wish.node_id)
+    return identity is not None and _fits(identity, wish.identity)
+
+
+def _fits(identity: Sequence[int | None], wanted: WantedIdentity) -> bool:
+    return all(want in (None, part) for part, want in zip(identity, astuple(wanted), strict=True))
+
+
+def _movable(there: Mapping[int, Identity | None], settled: Collection[int]) -> list[LssNode]:
+    """The nodes that tell their whole address, and whose node-IDs are not those of the file's nodes *settled* there."""
+    found: list[LssNode] = []
+    for node_id, identity in there.items():
+        told = [part for part in identity or () if part is not None]
+        if node_id not in settled and len(told) == PARTS:
+            found.append(LssNode(LssAddress(*told), node_id))
+    return found
+
+
+def _matched(wishes: Sequence[NodeWish], found: Sequence[LssNode]) -> tuple[list[LssGiven], tuple[str, ...]]:
+    """Who gets which node-ID, and the names of those that were not found; SafetyRefusal where that is not clear."""
+    given: list[LssGiven] = []
+    missing: list[str] = []
+    for wish in wishes:
+        fitting = [node for node in found if _fits(node.address.parts, wish.identity)]
+        if len(fitting) > 1:
+            raise SafetyRefusal(
+                f"{len(fitting)} nodes fit the identity of {wish.name}", node=wish.node_id,
+                why="; ".join(f"node-ID {told_id(_id(node))}: {node.address}" for node in fitting),
+                hint="serial: in its identity tells them apart",
+            )  # fmt: skip
+        if not fitting:
+            missing.append(wish.name)
+            continue
+        (node,) = fitting
+        if not node.confirmed:
+            raise two_alike(node.address)
+        twice = next((one.name for one in given if one.address == node.address), None)
+        if twice is not None:
+            raise SafetyRefusal(f"{twice} and {wish.name} are one node by their identity", hint=str(node.address))
+        given.append(LssGiven(node.address, _id(node), wish.node_id, name=wish.name))
+    return given, tuple(missing)
+
+
+def _id(node: LssNode) -> int:
+    return UNCONFIGURED if node.node_id is None else node.node_id
+
+
+def _refuse_used(wishes: Sequence[NodeWish], given: Sequence[LssGiven], there: Mapping[int, Identity | None]) -> None:
+    """SafetyRefusal where a node-ID of *wishes* is of a node that does not get another one itself."""
+    moving = {one.before for one in given}
+    for wish in wishes:
+        if wish.node_id in there and wish.node_id not in moving:
+            identity = there[wish.node_id]
+            raise SafetyRefusal(
+                f"node-ID {wish.node_id} is in use, and not by {wish.name}", node=wish.node_id,
+                why=f"0x1018 says {in_words(identity)}" if identity else "it is heard, and does not say who it is",
+                hint=f"node {wish.node_id} shows who has it; lss node-id gives it another one",
+            )  # fmt: skip
+
+
+def _confirm(master: LssMaster, given: Sequence[LssGiven]) -> None:
+    """See by LSS that each of *given* is there once, and has the node-ID that it had before; raises where not so."""
+    for one in given:
+        require_same(one, selected(master, one.address))
+    master.let_wait()
+
+
+def _agree(session: Session, steps: Sequence[LssGiven], kept: Sequence[LssGiven], *, stores: bool, prove: bool) -> None:
+    """Tell the plan, and ask for it."""
+    lines = [f"{one.name} gets node-ID {one.node_id} (now {told_id(one.before)})" for one in steps]
+    lines += [f"{one.name} stores node-ID {one.node_id}, which it has" for one in kept]
+    if len(lines) > 1:
+        for number, line in enumerate(lines, 1):
+            session.tell.note(f"plan {number}: {line}")
+    consent_to_give(session, steps, kept, store=stores, prove=prove)
+
+
+def _give_all(session: Session, master: LssMaster, steps: Sequence[LssGiven]) -> None:
+    """Do all *steps*; where one node does not come up all get back what they had."""
+    done: list[LssGiven] = []
+    for number, one in enumerate(steps):
+        session.tell.progress(f"LSS: node-ID {one.node_id} to {one.name}", number, len(steps))
+        try:
+            selected(master, one.address)
+            give(session, master, one)
+        except DvtcliError as failed:
+            raise all_back(master, done, failed, at=one) from failed
+        done.append(one)

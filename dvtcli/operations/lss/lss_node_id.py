@@ -1,0 +1,174 @@
+"""Giving a node its node-ID by LSS, seen on the new one before anything is called done.
+
+Does not know files, nor how the node was found.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from dvtcli.device.lss_master import LssMaster
+from dvtcli.domain.lss_services import LssAddress
+from dvtcli.domain.nmt import UNCONFIGURED
+from dvtcli.errors import DvtcliError, LeftChanged, NoAnswer, SafetyRefusal, UsageError
+from dvtcli.operations.consent.other_master import refuse_other_master
+from dvtcli.operations.consent.reset_consent import consent_to_reset
+from dvtcli.operations.lss.lss_find import lss_bus, selected
+from dvtcli.operations.lss.lss_identity import answers, require_on
+from dvtcli.operations.results.lss_nodes import LssChanged, LssGiven
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from dvtcli.domain.ports import Frame
+    from dvtcli.operations.session.session import Session
+
+#: How long a node may take to boot up with its new node-ID (s).
+BOOT_UP_S = 3.0
+_HEARTBEAT = 0x700
+
+
+def lss_node_id(session: Session, node_id: int, address: LssAddress | None = None) -> LssChanged:
+    """Give *node_id* (1..127) to the node with *address*, None: to the one that is selected.
+
+    Asks first. Done once the node has booted up with it, and says by SDO that it is the one; where it does not come up,
+    its old node-ID is given back. SafetyRefusal where *node_id* is in use, or another master is active; DeviceRefused,
+    NoAnswer with state `rolled_back`; LeftChanged.
+    """
+    if session.dry_run:
+        return LssChanged("node-id", wanted=node_id, dry_run=True)
+    bus = lss_bus(session)
+    with LssMaster(bus) as master:
+        one, before = _meant(master, address)
+        given = LssGiven(one, before, node_id)
+        if before == node_id:
+            require_on(bus, given.address, given.node_id)
+            return LssChanged("node-id", (given,))
+        refuse_used(session, node_id)
+        consent_to_give(session, [given])
+        with session.cancellation.guard():
+            give(session, master, given)
+    return LssChanged("node-id", (given,))
+
+
+def _meant(master: LssMaster, address: LssAddress | None) -> tuple[LssAddress, int]:
+    """The node that is to be configured, and its node-ID; it is selected then."""
+    if address is not None:
+        return address, selected(master, address)
+    said = master.inquire()
+    if said is None:
+        raise UsageError(
+            "no node is selected by LSS",
+            hint="lss select vendor=… product=… revision=… serial=…, or name these behind the node-ID; lss scan",
+        )
+    return said
+
+
+def refuse_used(session: Session, node_id: int) -> None:
+    """SafetyRefusal where *node_id* is heard or answers, or where another master is active."""
+    heard = node_id in heard_ids(session)
+    if heard or answers(session.bus, node_id):
+        raise SafetyRefusal(
+            f"node-ID {node_id} is in use: a node {'is heard' if heard else 'answers'} on it",
+            node=node_id,
+            hint=f"choose another one; node {node_id} shows who has it",
+        )
+
+
+def heard_ids(session: Session) -> set[int]:
+    """The node-IDs of heartbeats and boot-ups, while another master is listened for; SafetyRefusal where one is."""
+    heard: set[int] = set()
+
+    def note(frame: Frame, sent: bool) -> None:
+        if not sent and not frame.extended and 1 <= frame.can_id - _HEARTBEAT <= 127:
+            heard.add(frame.can_id - _HEARTBEAT)
+
+    stop = session.bus.tap(note)
+    try:
+        refuse_other_master(session)
+    finally:
+        stop()
+    return heard
+
+
+def consent_to_give(
+    session: Session, given: Sequence[LssGiven], kept: Sequence[LssGiven] = (), *, store: bool = False,
+    prove: bool = False,
+) -> None:  # fmt: skip
+    """Ask before nodes get node-IDs, and those *kept* store theirs; and before a drive that may move is reset."""
+    lines = [f"give node-ID {one.node_id} to {one.name or one.address} (now {told_id(one.before)})" for one in given]
+    if given and store:
+        lines[-1] += ", and store"
+    lines += [f"store node-ID {one.node_id} in {one.name}, which has it" for one in kept]
+    session.consent(f"{'; '.join(lines)}{', and reset all' if prove else ''}?")
+    reset = [*given, *kept] if prove else given
+    consent_to_reset(session, [one.before for one in reset if one.before != UNCONFIGURED])
+
+
+def told_id(node_id: int) -> str:
+    """A node-ID in words."""
+    return "none" if node_id == UNCONFIGURED else str(node_id)
+
+
+def give(session: Session, master: LssMaster, given: LssGiven) -> None:
+    """Give a node that is selected its node-ID, and see that it comes up with it; else take it back."""
+    bus = session.open_network().bus
+    seen = bus.boot_ups(given.node_id)
+    try:
+        master.configure_node_id(given.node_id)
+        activate(master, given.before)
+        bus.wait_boot_up(given.node_id, seen, BOOT_UP_S)  # not heard: it may be there all the same
+        require_on(bus, given.address, given.node_id)
+    except DvtcliError as failed:
+        raise _taken_back(master, given, failed) from failed
+    forget(session, given)
+
+
+def activate(master: LssMaster, before: int) -> None:
+    """Let a node that is being configured take its new node-ID: its first one by waiting, another one by a reset."""
+    master.let_wait()
+    if before != UNCONFIGURED:
+        master.reset_communication(before)
+
+
+def _taken_back(master: LssMaster, given: LssGiven, failed: DvtcliError) -> DvtcliError:
+    """*failed*, with the state that the node is in after its old node-ID was given back; LeftChanged where it was not.
+
+    Seen by asking the node for its node-ID once more.
+    """
+    try:
+        take_back(master, given)
+    except DvtcliError as stuck:
+        left = LeftChanged(
+            f"{failed.text}, and its old node-ID cannot be given back", node=given.node_id, why=stuck.text,
+            state="left_changed",
+            hint="nothing is stored: switch it off and on, then lss scan; lss identify asks for its address",
+        )  # fmt: skip
+        left.details.append(("node", str(given.address)))
+        return left
+    failed.state = "rolled_back"
+    failed.state_text = f"it has node-ID {told_id(given.before)} as before, nothing is stored"
+    failed.hint = failed.hint or "lss scan and scan show who is there"
+    return failed
+
+
+def take_back(master: LssMaster, given: LssGiven) -> None:
+    """Give a node its old node-ID back, and see by LSS that it has it; raises where that is not so."""
+    now = selected(master, given.address)
+    master.configure_node_id(given.before)
+    if now != given.before:
+        activate(master, now)
+        now = selected(master, given.address)
+    master.let_wait()
+    if now != given.before:
+        raise NoAnswer(f"it says that its node-ID is {told_id(now)}", state="unknown")
+
+
+def forget(session: Session, given: LssGiven) -> None:
+    """Whoever has these node-IDs is met anew: what was read of them was another node's."""
+    network = session.open_network()
+    for node_id in (given.before, given.node_id):
+        node = network.nodes.pop(node_id, None)
+        if node is not None:
+            node.let_go()
+        network.files.forget(node_id)

@@ -1,0 +1,94 @@
+"""Letting a node keep its node-ID and bit rate by LSS, and proving by a reset that it did.
+
+Does not know files, nor how the node got them.
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from dvtcli.device.lss_master import LssMaster
+from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, SafetyRefusal
+from dvtcli.operations.consent.other_master import refuse_other_master
+from dvtcli.operations.consent.reset_consent import consent_to_reset
+from dvtcli.operations.lss.lss_find import lss_bus, selected
+from dvtcli.operations.lss.lss_identity import address_of, require_on
+from dvtcli.operations.lss.lss_node_id import BOOT_UP_S, forget, told_id
+from dvtcli.operations.results.lss_nodes import LssChanged, LssGiven
+
+if TYPE_CHECKING:
+    from dvtcli.operations.session.session import Session
+
+
+def lss_store(session: Session, node_id: int | None = None, *, prove: bool = False) -> LssChanged:
+    """Let the node with *node_id*, None: the selected one, keep its node-ID without power; with *prove* reset it, too.
+
+    Asks first. It is asked by SDO who it is, so that a node that did not come up with its node-ID stores none. Proved
+    is what comes back with its node-ID after the reset. DeviceRefused with its reason, LeftChanged where it comes back
+    otherwise; NoAnswer, SafetyRefusal.
+    """
+    node_id = session.node_id() if node_id is None else node_id
+    if session.dry_run:
+        return LssChanged("store", wanted=node_id, dry_run=True)
+    bus = lss_bus(session)
+    address = address_of(bus, node_id)
+    refuse_other_master(session)
+    what = f"store node-ID {node_id} in the node with {address}{', and reset it' if prove else ''}?"
+    session.consent(what, node_id)
+    if prove:
+        consent_to_reset(session, [node_id])
+    with LssMaster(bus) as master, session.cancellation.guard():
+        stored = store(master, LssGiven(address, node_id, node_id))
+        return LssChanged("store", (prove_by_reset(session, master, stored) if prove else stored,))
+
+
+def store(master: LssMaster, given: LssGiven) -> LssGiven:
+    """Let a node that has its node-ID keep it; SafetyRefusal where it says that it has another one."""
+    now = selected(master, given.address)
+    if now != given.node_id:
+        raise SafetyRefusal(
+            f"the node with {given.address} has node-ID {told_id(now)}, not {given.node_id}", node=given.node_id,
+            hint="nothing was stored; scan shows who is there",
+        )  # fmt: skip
+    with suppress(DeviceRefused):  # who cannot be told its own node-ID was told no other one either
+        master.configure_node_id(now)  # else it keeps one that it was told and that waits for a reset
+    master.store()
+    return replace(given, stored=True)
+
+
+def prove_by_reset(session: Session, master: LssMaster, given: LssGiven) -> LssGiven:
+    """Reset a node that stored, and see that it comes back with the node-ID; LeftChanged where it does not.
+
+    DeviceRefused where it was not heard to boot up: nothing is proved.
+    """
+    bus, node_id = session.open_network().bus, given.node_id
+    master.let_wait()
+    seen = bus.boot_ups(node_id)
+    master.reset_node(node_id)
+    booted = bus.wait_boot_up(node_id, seen, BOOT_UP_S)
+    forget(session, given)
+    try:
+        require_on(bus, given.address, node_id)
+    except DvtcliError as failed:
+        raise _not_kept(master, given, failed) from failed
+    if not booted:
+        raise DeviceRefused(
+            f"node {node_id} was not heard to boot up after its reset: nothing is proved", node=node_id,
+            why="it answers with its node-ID all the same", hint="switch it off and on, then scan", state="unknown",
+        )  # fmt: skip
+    return replace(given, proved=True)
+
+
+def _not_kept(master: LssMaster, given: LssGiven, failed: DvtcliError) -> LeftChanged:
+    """What is to be said of a node that said it stores, and did not come back; with its node-ID now, as LSS tells."""
+    try:
+        now = f"by LSS its node-ID is {told_id(selected(master, given.address))} now"
+    except DvtcliError as silent:
+        now = silent.text
+    return LeftChanged(
+        f"node {given.node_id} says that it stored its node-ID, and did not come back with it after a reset",
+        node=given.node_id, why=f"{failed.text}; {now}", state="left_changed",
+        hint="lss scan and scan show who is there",
+    )  # fmt: skip

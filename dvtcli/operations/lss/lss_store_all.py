@@ -1,0 +1,148 @@
+"""Several nodes that keep their new node-IDs by LSS: all of them, or none, so that no power-on brings two with one.
+
+Does not know files, nor how the nodes got them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from dvtcli.device.lss_master import LssMaster
+from dvtcli.domain.several import several
+from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged
+from dvtcli.operations.lss.lss_find import selected
+from dvtcli.operations.lss.lss_node_id import take_back, told_id
+from dvtcli.operations.lss.lss_store import prove_by_reset, store
+from dvtcli.operations.results.lss_nodes import LssGiven
+
+if TYPE_CHECKING:
+    from dvtcli.operations.session.session import Session
+
+
+def store_all(
+    master: LssMaster, kept: Sequence[LssGiven], given: Sequence[LssGiven], steps: Sequence[LssGiven]
+) -> list[LssGiven]:
+    """Let each of *given* keep its node-ID; raises once all have what they had before *steps*, stored, too.
+
+    Those *kept*, who had theirs before, come first: what they had stored is not known, and no way leads back to it.
+    LeftChanged where one has not what it had: it says who has stored what, and who has which node-ID.
+    """
+    stored: list[LssGiven] = []
+    for one in (everybody := [*kept, *given]):
+        try:
+            stored.append(store(master, one))
+        except DvtcliError as failed:
+            failed.node = one.node_id
+            refused = isinstance(failed, DeviceRefused)
+            failed.details.append(("refused" if refused else "silent", _who(one)))
+            if stored:
+                failed.details.append(("stored", several([_who(other) for other in stored])))
+            if one in kept:
+                raise _partly_stored(master, stored, everybody, steps, failed) from failed
+            doubtful = [] if refused else [one]
+            raise _unstored(master, kept, [*stored[len(kept) :], *doubtful], steps, failed) from failed
+    return stored
+
+
+def prove_all(session: Session, master: LssMaster, stored: Sequence[LssGiven]) -> list[LssGiven]:
+    """Reset each of *stored*, and see that it comes back with its node-ID; raises, and says who was not looked at."""
+    proved: list[LssGiven] = []
+    for number, one in enumerate(stored, 1):
+        try:
+            proved.append(prove_by_reset(session, master, one))
+        except DvtcliError as failed:
+            if proved:
+                failed.details.append(("proved", several([_who(other) for other in proved])))
+            if stored[number:]:
+                failed.details.append(("stored", f"{several([_who(other) for other in stored[number:]])}, not proved"))
+            raise
+    return proved
+
+
+def all_back(
+    master: LssMaster, done: Sequence[LssGiven], failed: DvtcliError, *, at: LssGiven | None = None
+) -> DvtcliError:
+    """*failed*, once those that were *done* have what they had; LeftChanged where one has not: who has what by then.
+
+    It failed *at* that one, None: behind all, which was taken back or not where that was seen.
+    """
+    stuck: list[str] = []
+    for one in reversed(done):
+        try:
+            take_back(master, one)
+        except DvtcliError as silent:
+            stuck.append(f"{one.name}: {silent.text}")
+    if not stuck and not isinstance(failed, LeftChanged):
+        if done and failed.state == "rolled_back":
+            failed.state_text = "all have the node-IDs they had before, nothing is stored"
+        return failed
+    why = "; ".join([*([failed.why] if failed.why else []), *stuck])
+    error = LeftChanged(failed.text, node=failed.node, why=why, state="left_changed")
+    error.details += [*failed.details, *_who_has_what(master, [*done, *([at] if at else [])])]
+    error.hint = "nothing is stored: switch those with a new node-ID off and on, then lss scan"
+    return error
+
+
+def _who_has_what(master: LssMaster, done: Sequence[LssGiven]) -> list[tuple[str, str]]:
+    """Which node-ID each has by now, asked by LSS, as lines of an error; what is not told is not known."""
+    lines: list[tuple[str, str]] = []
+    for address, before in {one.address: one.before for one in reversed(done)}.items():
+        name = next(one.name for one in done if one.address == address)
+        try:
+            now = f"has node-ID {told_id(selected(master, address))}"
+        except DvtcliError as silent:
+            now = f"has a node-ID that is not known ({silent.text})"
+        lines.append(("now", f"{name} {now}, before {told_id(before)}"))
+    master.let_wait()
+    return lines
+
+
+def _partly_stored(
+    master: LssMaster, stored: Sequence[LssGiven], kept: Sequence[LssGiven], steps: Sequence[LssGiven],
+    failed: DvtcliError,
+) -> DvtcliError:  # fmt: skip
+    """*failed* where one that had its node-ID already did not store it, once the others have what they had."""
+    error = all_back(master, steps, failed)
+    if error is failed and not stored and isinstance(failed, DeviceRefused):
+        failed.state = "unchanged"
+        failed.state_text = "all have the node-IDs they had before, nothing new is stored"
+        return failed
+    others = [one.name for one in kept if one not in stored and one.before == one.node_id]
+    if error is failed:
+        error = LeftChanged(failed.text, node=failed.node, why=failed.why, state="left_changed")
+        error.details += failed.details
+        error.hint = "before the power goes: the same words again, or lss store NODE for these"
+    error.details.append(("unknown", f"{several(others)} may have another node-ID after the next power-on"))
+    return error
+
+
+def _unstored(
+    master: LssMaster, kept: Sequence[LssGiven], stored: Sequence[LssGiven], steps: Sequence[LssGiven],
+    failed: DvtcliError,
+) -> DvtcliError:  # fmt: skip
+    """*failed*, once all have what they had before *steps*, and those that may have *stored* another stored that."""
+    error = all_back(master, steps, failed)
+    left: list[str] = []
+    for one in stored:
+        try:
+            store(master, replace(one, node_id=one.before))
+        except DvtcliError as stuck:
+            left.append(f"{_who(one)} may have node-ID {one.node_id} stored: {stuck.text}")
+    if error is failed and not left:
+        failed.state = "rolled_back"
+        again = f"; {several([one.name for one in stored])} stored that again" if stored else ""
+        again += f"; {several([one.name for one in kept])} stored what it had" if kept else ""
+        failed.state_text = f"all have the node-IDs they had before{again}; nobody keeps a new one"
+        failed.hint = "lss assign without --store; lss store NODE says again why it is not stored"
+        return failed
+    why = "; ".join([*([error.why] if error is not failed and error.why else []), *left])
+    changed = LeftChanged(failed.text, node=failed.node, why=why, state="left_changed")
+    changed.details += error.details
+    changed.hint = "before the power goes: lss scan and scan show who has which node-ID; lss store NODE for these"
+    return changed
+
+
+def _who(one: LssGiven) -> str:
+    return f"{one.name} (node-ID {told_id(one.node_id)}, before {told_id(one.before)})"

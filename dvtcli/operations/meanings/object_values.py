@@ -1,0 +1,83 @@
+"""What `read` and `write` share: which type an object has, and its value as an answer."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.datatypes import BY_SHORT_NAME, DataType, Kind
+from dvtcli.domain.meanings import NOTHING, Understood
+from dvtcli.errors import SdoProtocolError
+from dvtcli.operations.meanings.physical_meanings import meanings_of
+from dvtcli.operations.results.values import ValueRead
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from dvtcli.device.node import Node
+
+#: Strings that every device keeps at the same place (CiA 301, 7.5.2.8 ff.).
+_STRINGS = frozenset({0x1008, 0x1009, 0x100A})
+#: what their bytes alone do not tell
+_NEEDS_TYPE = frozenset({Kind.INTEGER, Kind.REAL, Kind.VISIBLE_STRING, Kind.UNICODE_STRING})
+_BY_SIZE = {1: "u8", 2: "u16", 4: "u32", 8: "u64"}
+
+
+def type_of(node: Node, index: int, sub_index: int, size: int) -> DataType:
+    """The object's type: the EDS's, else what *size* in bytes suggests."""
+    entry = node.dictionary.entry(index, sub_index) if node.dictionary else None
+    if entry is not None and entry.data_type is not None:
+        return entry.data_type
+    return BY_SHORT_NAME["vs" if index in _STRINGS else _BY_SIZE.get(size, "os")]
+
+
+def understood(node: Node, sizes: Mapping[str, int]) -> dict[str, Understood]:
+    """What the values of the objects in *sizes* (printed form, and how many bytes) mean, where somebody says."""
+    meanings = meanings_of(node.profile, node.dictionary)
+    found = {}
+    for place, size in sizes.items():
+        index, sub_index = (int(part, 16) for part in place.split(":"))
+        meaning, kind = meanings.of(index, sub_index), type_of(node, index, sub_index, size)
+        if meaning.says or kind.kind in _NEEDS_TYPE:
+            found[place] = Understood(kind, meaning)
+    return found
+
+
+def value_words(node: Node, index: int, sub_index: int, data: bytes) -> str:
+    """*data* of an object as a person reads it: `48.0 V (768)`, a word, a number; its bytes where it is none."""
+    kind = type_of(node, index, sub_index, len(data))
+    try:
+        value = kind.decode(data)
+    except ValueError:
+        return data.hex(" ")
+    if isinstance(value, bytes):
+        return data.hex(" ")
+    return meanings_of(node.profile, node.dictionary).of(index, sub_index).text(value, 8 * len(data)) or str(value)
+
+
+def value_result(
+    node: Node, index: int, sub_index: int, data: bytes, asked: DataType | None, *, written: bool = False
+) -> ValueRead:
+    """The answer for an object that holds *data*; *asked* is a type the user named."""
+    kind = asked or type_of(node, index, sub_index, len(data))
+    if asked is None and kind.size is not None and kind.size != len(data):
+        kind = BY_SHORT_NAME[_BY_SIZE.get(len(data), "os")]  # the device disagrees with its file: show what it sent
+    try:
+        value = kind.decode(data)
+    except ValueError as wrong:
+        raise SdoProtocolError(
+            f"0x{index:04X}:{sub_index:02X} answered {len(data)} bytes ({data[:16].hex(' ')}): {wrong}",
+            node=node.node_id,
+            place=f"{index:04X}:{sub_index:02X}",
+            hint="--as names another type; --as os shows the bytes",
+        ) from wrong
+    name = node.dictionary.display_name(index, sub_index) if node.dictionary else ""
+    return ValueRead(
+        node.node_id,
+        f"{index:04X}:{sub_index:02X}",
+        name,
+        value,
+        data,
+        kind.short,
+        meanings_of(node.profile, node.dictionary).of(index, sub_index) if asked is None else NOTHING,
+        written,
+    )

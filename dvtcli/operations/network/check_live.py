@@ -1,0 +1,135 @@
+"""The nodes on a bus, checked: what they hold, what is heard of them, and what files say of them. Writes nothing.
+
+Judges nothing itself: the rules are in `domain/network/check`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.network.check.checked_network import CheckedNetwork
+from dvtcli.domain.network.network_state import (
+    BOOT_TIME,
+    IDENTITY,
+    NMT_STARTUP,
+    NetworkState,
+    NodeState,
+)
+from dvtcli.domain.several import plural
+from dvtcli.errors import DvtcliError, InputFileError, NoAnswer, RuleError, UsageError
+from dvtcli.operations.network.check_networks import (
+    USUAL_BIT_RATE,
+    CheckWishes,
+    asked_rules,
+    check_networks,
+    chosen_rules,
+    findings_of,
+)
+from dvtcli.operations.network.live_network import heard_traffic, live_state, refuse_without_bus
+from dvtcli.operations.results.checked_networks import NetworkReport, NetworksChecked
+
+if TYPE_CHECKING:
+    from dvtcli.domain.network.heard_traffic import HeardTraffic
+    from dvtcli.operations.session.session import Session
+
+#: How long a bus is listened to: most heartbeats come once a second or faster, SYNC much faster.
+LISTEN_S = 2.0
+#: What a node on the bus says of itself and of others, whatever a file says.
+_OF_ITSELF = {IDENTITY, 0x1000, *range(NMT_STARTUP, BOOT_TIME + 1)}
+
+
+def check_all(session: Session, files: Sequence[str], wishes: CheckWishes) -> NetworksChecked:
+    """Look at each of *files*, at the nodes on the bus, and hold the files against those."""
+    of_files = check_networks(files, wishes).reports if files else ()
+    return NetworksChecked((*of_files, *check_live(session, wishes, files).reports))
+
+
+def check_live(session: Session, wishes: CheckWishes | None = None, files: Sequence[str] = ()) -> NetworksChecked:
+    """Look at the nodes on the bus as they are, those known and those heard; and hold *files* against them.
+
+    A report of the bus, and one a file: whether its nodes are there and are the devices that it says, and whether a
+    manager there expects or downloads something else. A file that cannot be read is left out. UsageError without a bus,
+    or for a rule that there is not; NoAnswer where no node tells what it holds.
+    """
+    wishes = wishes or CheckWishes()
+    rules = chosen_rules(wishes)
+    refuse_without_bus(session)
+    networks = {file: state for file in dict.fromkeys(files) if (state := _described(file)) is not None}
+    traffic = heard_traffic(session, _seconds(session, wishes))
+    ids = {node.node_id for network in networks.values() for node in network.nodes}
+    live, bus = live_state(session, traffic, ids), session.wire
+    if not live.nodes:
+        frames = 0 if traffic is None else traffic.frames
+        raise NoAnswer(
+            f"no node answers on {bus.name}: nothing was checked", why=f"{plural(frames, 'frame')} heard",
+            hint="is it the right bus, and are its nodes on? `scan` asks every node-ID; `bitrate` listens",
+        )  # fmt: skip
+    bit_rate = wishes.bit_rate or bus.bitrate or session.options.bitrate or USUAL_BIT_RATE
+    of_bus = NetworkReport(
+        bus.name,
+        asked_rules(rules),
+        tuple(findings_of(CheckedNetwork(live, bit_rate, traffic), rules)),
+        tuple((node.title, node.node_id, len(node.pdos)) for node in live.nodes),
+        is_live=True,
+        strict=wishes.strict,
+        heard=_heard(traffic),
+    )
+    against = [_against(file, state, live, wishes, bit_rate) for file, state in networks.items()]
+    return NetworksChecked((of_bus, *(replace(one, bus=bus.name) for one in against)))
+
+
+def _seconds(session: Session, wishes: CheckWishes) -> float:
+    if wishes.for_s is not None:
+        return wishes.for_s
+    return 0.0 if session.wire.simulated else LISTEN_S
+
+
+def _heard(traffic: HeardTraffic | None) -> tuple[float, int] | None:
+    return None if traffic is None else (traffic.seconds, traffic.frames)
+
+
+def _described(file: str) -> NetworkState | None:
+    """What *file* makes, without its links where those cannot be made; None where it makes nothing."""
+    from dvtcli.operations.network.described_network import described_network
+
+    try:
+        return described_network(file, for_rules=True)
+    except (RuleError, UsageError):
+        pass
+    except InputFileError:
+        return None
+    try:
+        return described_network(file, for_rules=True, with_links=False)
+    except DvtcliError:
+        return None
+
+
+def _against(file: str, state: NetworkState, live: NetworkState, wishes: CheckWishes, bit_rate: int) -> NetworkReport:
+    """What of the network *state* of *file* the nodes on the bus contradict."""
+    from dvtcli.domain.network.check.network_rules import AGAINST_FILE
+
+    names = {rule.name for rule in chosen_rules(wishes)}
+    rules = [rule for rule in AGAINST_FILE if rule.name in names]
+    there = frozenset(node.node_id for node in live.nodes)
+    network = CheckedNetwork(_with_live(state, live), bit_rate, present=there)
+    findings = tuple(findings_of(network, rules))
+    nodes = tuple((node.name, node.node_id, len(node.marks)) for node in state.nodes)
+    return NetworkReport(file, asked_rules(rules), findings, nodes, is_live=True, strict=wishes.strict)
+
+
+def _with_live(state: NetworkState, live: NetworkState) -> NetworkState:
+    """*state*, and of each of its nodes what the one on the bus says of itself; with the managers there."""
+    nodes = [_one_with_live(node, live.node(node.node_id)) for node in state.nodes]
+    managers = [node for node in live.nodes if state.node(node.node_id) is None and node.number(NMT_STARTUP)]
+    ordered = sorted([*nodes, *managers], key=lambda one: one.node_id)
+    return replace(state, nodes=tuple(ordered), untold=())
+
+
+def _one_with_live(node: NodeState, live: NodeState | None) -> NodeState:
+    kept = {place: value for place, value in node.numbers.items() if place[0] not in _OF_ITSELF}
+    if live is None:
+        return replace(node, numbers=kept)
+    said = {place: value for place, value in live.numbers.items() if place[0] in _OF_ITSELF}
+    return replace(node, numbers={**kept, **said}, downloads=live.downloads)

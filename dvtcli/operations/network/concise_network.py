@@ -1,0 +1,163 @@
+"""Concise DCFs (CiA 302-3, 0x1F22) from a network file, and shown. Needs no bus: nodes are as new, as their files say.
+
+Writes nothing to a node.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.datatypes import Kind
+from dvtcli.domain.network.concise_dcf import ConciseEntry, concise_bytes, concise_entries
+from dvtcli.domain.network.concise_pdos import concise_of
+from dvtcli.domain.network.wanted_state import WantedIdentity
+from dvtcli.domain.several import plural, several
+from dvtcli.errors import InputFileError, UsageError
+from dvtcli.files.network.file_log import FileLog
+from dvtcli.operations.network.described_network import simulated_word
+from dvtcli.operations.plans.plan_network import plan_wish
+from dvtcli.operations.results import Facts
+from dvtcli.operations.session.save_script import ask_before_overwriting, place_of, write_bytes
+from dvtcli.operations.session.session import Session
+from dvtcli.operations.user.options import Options
+from dvtcli.operations.wanted.network_wish import read_wish
+
+if TYPE_CHECKING:
+    from dvtcli.domain.network.network_plan import NodePlan
+    from dvtcli.domain.network.wanted_state import NetworkWish, NodeWish
+    from dvtcli.domain.object_dictionary import ObjectDictionary
+    from dvtcli.domain.rules import Finding
+    from dvtcli.operations.user.telling import Teller
+
+#: The longest that is read (bytes): 0x1F22 is a DOMAIN, and of some kB.
+_MOST_BYTES = 1 << 20
+
+
+@dataclass(frozen=True, slots=True)
+class ConciseDcf:
+    """What a manager downloads to the node with *node_id*, called *name* in its network file."""
+
+    node_id: int
+    name: str
+    entries: tuple[ConciseEntry, ...]
+    #: what the rules say of it, beside errors
+    findings: tuple[Finding, ...] = ()
+
+    @property
+    def data(self) -> bytes:
+        """It as 0x1F22 holds it."""
+        return concise_bytes(self.entries)
+
+
+@dataclass(frozen=True, slots=True)
+class ConciseNetwork:
+    """The concise DCFs of a network file, in its order, and the names of the nodes that nothing describes."""
+
+    nodes: tuple[ConciseDcf, ...]
+    untold: tuple[NodeWish, ...]
+
+
+def concise_dcf(file: str, node: str | int | None = None, tell: Teller | None = None) -> ConciseDcf:
+    """The concise DCF of one node of the network *file*: that with the name or node-ID *node*, None for the only one.
+
+    Nodes that nothing describes are left out, with their links. UsageError where *node* is none, or one of those, or
+    the file cannot be read; InputFileError with all that it cannot mean, RuleError where what it wants cannot be made.
+    """
+    read = read_wish(file)
+    chosen = _chosen(file, read, node)
+    if simulated_word(file, chosen) is None:
+        raise UsageError(
+            f"{file}: no EDS is known of {chosen.name}", place=f"{file}:{chosen.mark.line}",
+            hint="dcf: names its file; a concise DCF says how a node gets from there to what is wanted",
+        )  # fmt: skip
+    return next(one for one in _concise(file, read, tell).nodes if one.node_id == chosen.node_id)
+
+
+def concise_dcfs(file: str, tell: Teller | None = None) -> ConciseNetwork:
+    """The concise DCF of every node of the network *file* that something describes. Raises as `concise_dcf`."""
+    return _concise(file, read_wish(file), tell)
+
+
+def _concise(file: str, read: NetworkWish, tell: Teller | None) -> ConciseNetwork:
+    words = {one.node_id: word for one in read.nodes if (word := simulated_word(file, one))}
+    wish = read.of(words.keys())
+    anyone = replace(wish, nodes=tuple(replace(one, identity=WantedIdentity()) for one in wish.nodes))
+    options = Options(sim=tuple(f"{word}@{node_id}" for node_id, word in words.items()))
+    made: list[ConciseDcf] = []
+    if words:
+        with Session(options, tell) as session:
+            plan = plan_wish(session, anyone, FileLog(file, Path(file).read_text("utf-8-sig")))
+        planned = {one.node_id: one for one in plan.nodes}
+        made = [_made(one, planned[one.node_id]) for one in wish.nodes]
+    return ConciseNetwork(tuple(made), tuple(one for one in read.nodes if one.node_id not in words))
+
+
+def _made(wish: NodeWish, plan: NodePlan) -> ConciseDcf:
+    mapped = {pdo.pdo for pdo in wish.pdos if pdo.mapping is not None}
+    return ConciseDcf(wish.node_id, wish.name, concise_of(plan, mapped), plan.findings)
+
+
+def _chosen(file: str, wish: NetworkWish, node: str | int | None) -> NodeWish:
+    """The node of *wish* that *node* means; UsageError where it means none, or where there are several."""
+    found = [one for one in wish.nodes if node is None or str(node) in (one.name, str(one.node_id))]
+    if len(found) == 1:
+        return found[0]
+    names = several(f"{one.name} ({one.node_id})" for one in wish.nodes) or "none"
+    text = "a concise DCF is for one node" if node is None else f"no node is {node!r}"
+    raise UsageError(f"{file}: {text}; it has {names}", place=file, hint="--for NODE, by its name or node-ID")
+
+
+def convert_network(session: Session, file: str, target: str, node: str | int | None = None) -> Facts:
+    """Write the concise DCF of *node* of the network *file* to *target* (.cdcf).
+
+    Asks before it overwrites. *node* and what is raised as of `concise_dcf`.
+    """
+    path = place_of(target, "eds convert net.yaml {}/node5.cdcf")
+    one = concise_dcf(file, node, session.tell)
+    ask_before_overwriting(session, path)
+    write_bytes(path, one.data)
+    count = plural(len(one.entries), "download")
+    rows = (("file", file), ("to", target), ("node", one.node_id), ("entries", _rows(one.entries)))
+    said = f"{target}: node {one.node_id} {one.name}, {count}, {len(one.data)} bytes for 0x1F22:{one.node_id:02X}"
+    return Facts("concise-dcf", rows, (said,))
+
+
+def read_concise_file(file: str) -> tuple[ConciseEntry, ...]:
+    """The entries of the concise DCF *file*; UsageError where it cannot be read, InputFileError where it is none."""
+    try:
+        with Path(file).open("rb") as opened:
+            data = opened.read(_MOST_BYTES + 1)
+    except OSError as failed:
+        raise UsageError(f"{file}: {failed.strerror or failed}", place=file) from failed
+    try:
+        if len(data) > _MOST_BYTES:
+            raise ValueError(f"it is larger than {_MOST_BYTES >> 20} MiB")
+        return concise_entries(data)
+    except ValueError as wrong:
+        raise InputFileError(f"{file} is no concise DCF (0x1F22)", place=file, why=str(wrong)) from wrong
+
+
+def show_concise(file: str, dictionary: ObjectDictionary | None = None) -> Facts:
+    """What the concise DCF *file* downloads, in its order, with the names that *dictionary* has."""
+    entries = read_concise_file(file)
+    rows = (("file", file), ("to", None), ("node", None), ("entries", _rows(entries)))
+    said = [f"{file}: {plural(len(entries), 'download')}"]
+    said += (f"  {one.object}  {_shown(one, dictionary)}".rstrip() for one in entries)
+    return Facts("concise-dcf", rows, tuple(said))
+
+
+def _rows(entries: tuple[ConciseEntry, ...]) -> list[dict[str, str]]:
+    return [{"object": one.object, "data": one.data.hex(" ").upper()} for one in entries]
+
+
+def _shown(one: ConciseEntry, dictionary: ObjectDictionary | None) -> str:
+    name = "" if dictionary is None else dictionary.display_name(one.index, one.sub_index)
+    entry = None if dictionary is None else dictionary.entry(one.index, one.sub_index)
+    is_text = entry is not None and entry.data_type is not None and entry.data_type.kind is Kind.VISIBLE_STRING
+    if 1 <= len(one.data) <= 8 and not is_text:
+        value = f"0x{int.from_bytes(one.data, 'little'):0{2 * len(one.data)}X}"
+    else:
+        value = one.data[:16].hex(" ").upper() + (f" … {len(one.data)} bytes" if len(one.data) > 16 else "")
+    return f"{value:<10}  {name}"

@@ -1,0 +1,193 @@
+"""A network as its file describes it, without a bus: its nodes simulated from their EDS, DCF or family, and set up.
+
+Sends nothing to any real bus. Judges nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.mapping import PdoMappingEntry
+from dvtcli.domain.network.heartbeats import MISSED, watch_time_ms
+from dvtcli.domain.network.network_state import NetworkState, NodeState
+from dvtcli.domain.network.wanted_state import (
+    Endpoint,
+    FileWord,
+    HeartbeatWatch,
+    LinkWish,
+    NetworkWish,
+    NodeWish,
+    PdoWish,
+    WantedIdentity,
+)
+from dvtcli.domain.object_syntax import MappedObject, Skipped, UnknownName, resolve_entry
+from dvtcli.domain.pdo import PdoCommunicationParameter, PdoConfig
+from dvtcli.files.network.file_log import FileLog
+from dvtcli.operations.network.network_states import network_after, network_state, with_wish
+from dvtcli.operations.plans.plan_network import plan_wish
+from dvtcli.operations.session.session import Session
+from dvtcli.operations.user.options import Options
+from dvtcli.operations.wanted.network_wish import eds_of, read_wish
+
+if TYPE_CHECKING:
+    from dvtcli.operations.user.telling import Teller
+
+
+def described_network(
+    file: str, tell: Teller | None = None, *, for_rules: bool = False, with_links: bool = True
+) -> NetworkState:
+    """What the nodes of the network *file* hold once it is applied to devices that are as new.
+
+    A node is what its `dcf` describes, else its `profile`'s family, else the family or the file of `eds add` that its
+    identity is of. Of one that is none of these only what the file says is known. InputFileError with all that the file
+    cannot mean, RuleError where what it wants cannot be made. Without *with_links* its links are left out.
+    """
+    read = read_wish(file) if with_links else replace(read_wish(file), links=())
+    words = {node.node_id: word for node in read.nodes if (word := simulated_word(file, node))}
+    wish = _with_untold_links(read, words.keys())
+    known = tuple(replace(node, identity=WantedIdentity()) for node in wish.nodes if node.node_id in words)
+    links = tuple(link for link in wish.links if _is_told(link, words.keys()))
+    state = NetworkState(file=file, master=wish.master, links=links)
+    if known:
+        state = _simulated(file, replace(wish, nodes=known, links=links), words, tell, for_rules=for_rules)
+    named = {node.node_id: node for node in wish.nodes}
+    met = [with_wish(node, named[node.node_id]) for node in state.nodes]
+    untold = [node for node in wish.nodes if node.node_id not in words]
+    nodes = sorted([*met, *map(told_state, untold)], key=lambda one: one.node_id)
+    return replace(state, nodes=tuple(nodes), untold=tuple(node.node_id for node in untold))
+
+
+def _is_told(link: LinkWish, told: Collection[int]) -> bool:
+    """Whether all ends of *link* are on nodes that are *told*, by an EDS or a family."""
+    return all(end.node_id in told for end in link.ends)
+
+
+def _with_untold_links(wish: NetworkWish, told: Collection[int]) -> NetworkWish:
+    """*wish* where both ends of each link with a node that nothing describes have one CAN-ID, and are on.
+
+    That of the TPDO is what the file says, else the pre-defined one. What their frames hold only a dictionary tells.
+    """
+    ends: dict[Endpoint, int] = {}
+    for link in wish.links:
+        can_id = _said_can_id(wish, link.producer)
+        if not _is_told(link, told) and can_id is not None:
+            ends |= dict.fromkeys(link.ends, can_id)
+    consumers = {end for link in wish.links for end in link.consumers}
+    untold = [link for link in wish.links if not _is_told(link, told)]
+    nodes = (_linked_node(_watching(wish, node, untold), ends, consumers, told) for node in wish.nodes)
+    return replace(wish, nodes=tuple(nodes))
+
+
+def _watching(wish: NetworkWish, node: NodeWish, links: Collection[LinkWish]) -> NodeWish:
+    """*node*, which watches the heartbeats of those whom it hears by *links*, as the file says how often."""
+    watched = {watch.producer for watch in node.watches}
+    found: dict[int, HeartbeatWatch] = {}
+    for link in links:
+        producer, hears = link.producer.node_id, any(end.node_id == node.node_id for end in link.consumers)
+        time_ms = link.heartbeat or _said_heartbeat_ms(wish, producer)
+        late_ms = watch_time_ms(time_ms, MISSED if wish.multiplier is None else wish.multiplier) if time_ms else None
+        if hears and link.heartbeat is not False and late_ms and producer not in watched:
+            found[producer] = HeartbeatWatch(producer, late_ms)
+    return replace(node, watches=(*node.watches, *found.values()))
+
+
+def _said_heartbeat_ms(wish: NetworkWish, node_id: int) -> int:
+    said = (one for node in wish.nodes if node.node_id == node_id for one in node.objects)
+    return next((int.from_bytes(one.data, "little") for one in said if one.index == 0x1017), 0)
+
+
+def _said_can_id(wish: NetworkWish, end: Endpoint) -> int | None:
+    node = next((node for node in wish.nodes if node.node_id == end.node_id), None)
+    said = next((pdo.cob_id for pdo in node.pdos if pdo.pdo == end.pdo), None) if node is not None else None
+    return said if isinstance(said, int) else end.pdo.default_can_id(end.node_id)
+
+
+def _linked_node(
+    node: NodeWish, ends: Mapping[Endpoint, int], consumers: Collection[Endpoint], told: Collection[int]
+) -> NodeWish:
+    pdos = {pdo.pdo: pdo for pdo in node.pdos}
+    for end, can_id in ends.items():
+        if end.node_id == node.node_id:
+            said = pdos.get(end.pdo, PdoWish(end.pdo))
+            hears = end in consumers and node.node_id not in told  # what it maps is laid out as the TPDO sends it
+            pdos[end.pdo] = replace(
+                said, cob_id=can_id, enabled=said.enabled is not False, mapping=None if hears else said.mapping
+            )
+    return replace(node, pdos=tuple(pdos.values()))
+
+
+def _simulated(
+    file: str, wish: NetworkWish, words: Mapping[int, str], tell: Teller | None, *, for_rules: bool
+) -> NetworkState:
+    options = Options(sim=tuple(f"{word}@{node_id}" for node_id, word in words.items()), force=True)
+    with Session(options, tell) as session:
+        plan = plan_wish(session, wish, FileLog(file, Path(file).read_text("utf-8-sig")))
+        nodes = [session.node(node.node_id) for node in wish.nodes]
+        return network_after(network_state(nodes, for_rules=for_rules), plan, wish)
+
+
+def simulated_word(file: str, node: NodeWish) -> str | None:
+    """What `--sim` takes for *node* of the network *file*, without a node-ID; None where nothing describes it."""
+    from dvtcli.files.eds.own_files import find
+    from dvtcli.files.profile.library import profile_for_identity
+    from dvtcli.simulator.network.family_file import family_names
+
+    if node.dcf is not None and (path := eds_of(file, node)) is not None:
+        return node.dcf.text if node.dcf.text in family_names() else str(path)
+    if node.profile in family_names():
+        return node.profile
+    vendor, product = node.identity.vendor, node.identity.product
+    if vendor is None or product is None:
+        return None
+    own = find(vendor, product, node.identity.revision)
+    if own is not None:
+        return str(own)
+    profile = profile_for_identity(vendor, product)
+    return profile.name if profile.matches(vendor, product) and profile.name in family_names() else None
+
+
+def told_state(wish: NodeWish) -> NodeState:
+    """A node of which nothing but *wish* is known: PDOs that it names are enabled unless it says otherwise."""
+    numbers = {(one.index, one.sub_index): int.from_bytes(one.data, "little") for one in wish.objects}
+    for sub_index, watch in enumerate(wish.watches, 1):
+        numbers[0x1016, sub_index] = watch.producer << 16 | watch.time_ms
+    pdos = {one.pdo: config for one in wish.pdos if (config := _told_pdo(wish.node_id, one)) is not None}
+    return with_wish(NodeState(wish.node_id, wish.name, pdos, numbers), wish)
+
+
+def _told_pdo(node_id: int, wish: PdoWish) -> PdoConfig | None:
+    default = wish.pdo.default_can_id(node_id)
+    can_id = wish.cob_id if isinstance(wish.cob_id, int) else default
+    if can_id is None:
+        return None
+    cob_id = CobId(can_id, wish.enabled is not False, wish.rtr_allowed is not False, wish.extended)
+    communication = PdoCommunicationParameter(
+        cob_id, wish.transmission_type, wish.inhibit_time, wish.event_timer, wish.sync_start_value
+    )
+    entries = None if wish.mapping is None else [_told_entry(word) for word in wish.mapping]
+    if entries is None or None in entries:
+        return PdoConfig(communication, (), unread=((wish.pdo.mapping_index, 0),))
+    return PdoConfig(communication, tuple(entry for one in entries if one is not None for entry in one))
+
+
+def _told_entry(word: FileWord) -> tuple[PdoMappingEntry, ...] | None:
+    """What a word maps, None where only a dictionary could tell."""
+    from dvtcli.domain.mapping import DUMMY_BITS, split_dummy
+
+    try:
+        found = resolve_entry(word.text, None, {})
+        if isinstance(found, Skipped):
+            return tuple(split_dummy(found.bits, DUMMY_BITS))
+    except (UnknownName, ValueError):
+        return None
+    return _entry(found)
+
+
+def _entry(found: MappedObject) -> tuple[PdoMappingEntry, ...] | None:
+    if found.bits is None:
+        return None
+    return (PdoMappingEntry(found.index, found.sub_index, found.bits),)

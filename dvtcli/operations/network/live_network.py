@@ -1,0 +1,108 @@
+"""A network as it is on its bus: listened to, and its nodes read. Sends nothing but SDO uploads. Judges nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.network.heard_traffic import HeardTraffic
+from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError, UsageError
+from dvtcli.operations.network.network_states import network_state
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+    from dvtcli.domain.network.network_state import Identifier, NetworkState
+    from dvtcli.domain.ports import Frame
+    from dvtcli.operations.session.session import Session
+
+_SLICE_S = 0.25
+_OF_ONE_NODE = (range(0x081, 0x100), range(0x181, 0x200), range(0x281, 0x300), range(0x381, 0x400),
+                range(0x481, 0x500), range(0x581, 0x600), range(0x701, 0x780))  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Listened:
+    """How long was listened (*seconds*), and what was not whole or got lost meanwhile."""
+
+    seconds: float = 0.0
+    error_frames: int = 0
+    lost_frames: int = 0
+
+
+def listen(session: Session, for_s: float, take: Callable[[Frame, bool], None]) -> Listened:
+    """Hand every frame within *for_s* to *take*, and whether it was sent from here; nothing without frames."""
+    bus = session.open_network().bus
+    if not for_s or not bus.carries_frames:
+        return Listened()
+    bus.heard_nodes()  # takes what waits here since before: it did not come within that time
+    errors, lost = bus.error_frame_count(), bus.lost_frame_count()
+    untap = bus.tap(take)
+    begun_s = bus.now_s()
+    try:
+        while (left_s := begun_s + for_s - bus.now_s()) > 0:
+            session.tell.progress("listening", round(10 * (for_s - left_s)), round(10 * for_s))
+            bus.sleep(min(_SLICE_S, left_s))
+    finally:
+        untap()
+    return Listened(bus.now_s() - begun_s, bus.error_frame_count() - errors, bus.lost_frame_count() - lost)
+
+
+def heard_traffic(session: Session, for_s: float) -> HeardTraffic | None:
+    """What others send within *for_s*; None where nobody listens."""
+    traffic = HeardTraffic()
+
+    def take(frame: Frame, sent: bool) -> None:
+        if not sent:
+            traffic.add(frame)
+
+    listened = listen(session, for_s, take)
+    traffic.seconds, traffic.error_frames = listened.seconds, listened.error_frames
+    return traffic if listened.seconds else None
+
+
+def live_state(session: Session, traffic: HeardTraffic | None, others: Collection[int] = ()) -> NetworkState:
+    """What the nodes on the bus hold, with what only rules look at: those known, those heard, and *others*."""
+    heard = () if traffic is None else traffic.by_id
+    ids = sorted({*present(session, heard), *others})
+    return network_state(answering(session, ids), for_rules=True)
+
+
+def refuse_without_bus(session: Session) -> None:
+    """UsageError where nobody chose a bus; opens it."""
+    from dvtcli.operations.user.settings import NOBODY
+
+    if not has_bus(session) and session.chosen_by() == NOBODY:
+        raise UsageError(
+            "no FILE, and no bus", hint="give a network file, or a bus: -i socketcan -c can0, or --sim gen4"
+        )
+    session.open_network()
+
+
+def has_bus(session: Session) -> bool:
+    """Whether somebody chose a bus."""
+    options = session.options
+    return session.is_open or bool(options.sim or options.interface or options.channel or options.bus)
+
+
+def present(session: Session, heard: Iterable[Identifier]) -> list[int]:
+    """The nodes that are known without asking, those that a scan found, and those of which a CAN-ID was *heard*."""
+    network = session.network
+    found = {*network.simulated_ids, *session.known_ids(), *network.scanned, *network.bus.heard_nodes()}
+    for can_id, extended in heard:
+        if not extended and any(can_id in one for one in _OF_ONE_NODE):
+            found.add(can_id & 0x7F)
+    return sorted(found)
+
+
+def answering(session: Session, node_ids: Iterable[int]) -> list[Node]:
+    """Those of *node_ids* that tell their PDOs; a word for each that does not."""
+    nodes = []
+    for node_id in node_ids:
+        try:
+            node = session.node(node_id)
+            node.pdos()
+            nodes.append(node)
+        except (NoAnswer, SdoAborted, SdoProtocolError) as silent:
+            session.tell.note(f"node {node_id} is not counted: {silent.text}")
+    return nodes

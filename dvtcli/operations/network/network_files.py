@@ -1,0 +1,172 @@
+"""`plan`, `diff`, `apply` of a network file, and of a saved plan. Writes the plan's file, and no device by itself."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.network.network_plan import NetworkPlan
+from dvtcli.errors import InputFileError, UsageError
+from dvtcli.files.plan_file import is_network_plan, read_network_plan
+from dvtcli.operations.changes.change import names, understood
+from dvtcli.operations.network.network_load import load_after
+from dvtcli.operations.plans.judge_network import checked
+from dvtcli.operations.plans.plan_network import plan_network
+from dvtcli.operations.results.networks import NetworkPlanned
+from dvtcli.operations.stores.possible_stores import refuse_impossible_stores
+from dvtcli.operations.wanted.network_wish import read_wish
+from dvtcli.operations.whole_device.device_suffix import is_about_device
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from dvtcli.device.node import Node
+    from dvtcli.domain.network.network_plan import NodePlan
+    from dvtcli.operations.results.networks import NetworkApplied
+    from dvtcli.operations.session.session import Session
+
+
+def planned(
+    session: Session,
+    file: str,
+    saved: str | None = None,
+    *,
+    tells: bool = False,
+    trust_stamp: bool = False,
+    include: tuple[str, ...] = (),
+    manager: int | None = None,
+) -> NetworkPlanned:
+    """What has to be written for *file*, a network file or one about a device, to be so; *saved* where that is named.
+
+    With *tells* its exit code is 3 where something differs; with *trust_stamp* nodes are not read whose stamp (0x1020)
+    says that they are so; *include* as of `DeviceOptions`; with *manager* as of `plan_manager`. Raises as these and
+    `plan_network`.
+    """
+    plan = _new_plan(session, file, trust_stamp=trust_stamp, include=include, manager=manager)
+    keepers = {one.node_id: session.node(one.node_id).keeper for one in plan.nodes}
+    interrupted = (node_id for node_id, keeper in keepers.items() if keeper is not None and keeper.open_journal())
+    need = None if manager is not None else load_after(session, plan)
+    answer = NetworkPlanned(plan, tells, saved or "", need, tuple(interrupted))
+    if saved is not None:
+        text = _saved_text(session, answer, saved)
+        with _opened(saved):
+            Path(saved).write_text(text, encoding="utf-8")
+    return answer
+
+
+def _saved_text(session: Session, answer: NetworkPlanned, saved: str) -> str:
+    """The plan as the file *saved* has it, by its suffix."""
+    if saved.lower().endswith(".309"):
+        from dvtcli.operations.gateway.plan_as_lines import plan_as_lines
+
+        return plan_as_lines(session, answer.plan)
+    return json.dumps(answer.document(), indent=1) + "\n"
+
+
+def applied(
+    session: Session,
+    file: str,
+    *,
+    prove: str | None = None,
+    trust_stamp: bool = False,
+    include: tuple[str, ...] = (),
+    manager: int | None = None,
+    on_plan: Callable[[NetworkPlan], None] = lambda _plan: None,
+) -> NetworkApplied:
+    """Make nodes what *file* says: a network file, one about a device, a saved plan; *on_plan* is told it beforehand.
+
+    With *trust_stamp* nodes are not read whose stamp (0x1020) says that they are so; *include* as of `DeviceOptions`,
+    *manager* as of `plan_manager`; UsageError for one of them with a saved plan. Raises as these, `plan_network` and
+    `apply_network`.
+    """
+    from dvtcli.operations.plans.apply_network import apply_network
+
+    if trust_stamp and prove is not None:
+        raise UsageError("--trust-stamp and --prove exclude each other: what is not read is not proved either")
+    plan = _plan_of(session, file, trust_stamp=trust_stamp, include=include, manager=manager)
+    on_plan(plan)
+    return apply_network(session, plan, prove=prove)
+
+
+def may_store(file: str) -> bool:
+    """Whether *file*, a network file or a saved plan, says that a node stores, or is yet to be written."""
+    if is_about_device(file):
+        return False
+    try:
+        if is_network_plan(Path(file)):
+            return any(one.stores for one in read_network_plan(Path(file)).nodes)
+        return any(one.store for one in read_wish(file).nodes)
+    except OSError:
+        return True
+    except InputFileError:
+        return False  # nothing of it is carried out
+
+
+def _new_plan(
+    session: Session, file: str, *, trust_stamp: bool, include: tuple[str, ...], manager: int | None
+) -> NetworkPlan:
+    """The plan for *file*, which its suffix tells apart; UsageError for an option of the other kind."""
+    if manager is not None:
+        from dvtcli.operations.network.plan_manager import plan_manager
+
+        if trust_stamp or include or is_about_device(file):
+            raise UsageError("--to-manager takes a network file, and goes with neither --trust-stamp nor --include")
+        return plan_manager(session, file, manager)
+    if not is_about_device(file):
+        if include:
+            raise UsageError("--include is for a DCF, an XDC or a backup: a network file names what it sets")
+        return plan_network(session, file, trust_stamp=trust_stamp)
+    if trust_stamp:
+        raise UsageError("--trust-stamp is for a network file: only its nodes have its stamp")
+    from dvtcli.operations.whole_device.plan_device import DeviceOptions, plan_device
+
+    return plan_device(session, file, DeviceOptions(include))
+
+
+def _plan_of(
+    session: Session, file: str, *, trust_stamp: bool, include: tuple[str, ...], manager: int | None
+) -> NetworkPlan:
+    with _opened(file):
+        is_saved = not is_about_device(file) and is_network_plan(Path(file))
+        saved = read_network_plan(Path(file)) if is_saved else None
+    if saved is None:
+        return _new_plan(session, file, trust_stamp=trust_stamp, include=include, manager=manager)
+    if manager is not None:
+        raise UsageError(
+            f"{file} is a saved plan, which says itself what is written", hint="plan --to-manager makes one"
+        )
+    if include:
+        raise UsageError(f"{file} is a saved plan, which says itself what is written", hint="plan --include makes one")
+    if trust_stamp:
+        raise UsageError(
+            f"{file} is a saved plan, which says itself what was read", hint="plan --trust-stamp makes one"
+        )
+    nodes = {one.node_id: session.node(one.node_id) for one in saved.nodes}
+    for one in saved.nodes:
+        if not len(one.plan) and one.plan.changes:
+            raise InputFileError(f"{file}: node {one.node_id} changes nothing", place=file)
+    known = [_known(nodes[one.node_id], one) for one in saved.nodes]
+    refuse_impossible_stores(nodes, {one.node_id: one.store for one in known})
+    return replace(saved, nodes=tuple(checked(nodes, known, force=session.options.force)))
+
+
+def _known(node: Node, planned: NodePlan) -> NodePlan:
+    """*planned* with what is known of *node*; SafetyRefusal where that is not what the plan was made from."""
+    from dvtcli.operations.plans.apply_network import refuse_stale
+
+    node.read_anew()
+    refuse_stale(node, planned, (*planned.plan.changes, *planned.holds))
+    changes = planned.plan.changes
+    return replace(planned, title=node.title, names=names(node, changes), understood=understood(node, changes))
+
+
+@contextmanager
+def _opened(file: str) -> Iterator[None]:
+    try:
+        yield
+    except OSError as failed:
+        raise UsageError(f"{file}: {failed.strerror or failed}", place=file) from failed

@@ -1,0 +1,128 @@
+"""`load`: what a network needs of its bus at worst, by its file or its nodes, and what is on the bus. Only reads.
+
+Computes nothing itself, and says nothing to the user.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.network.bus_need import bus_need, fitting_bit_rates
+from dvtcli.domain.network.frame_streams import WhatIf, streams_of
+from dvtcli.domain.network.network_state import NetworkState
+from dvtcli.domain.network.wanted_state import Endpoint
+from dvtcli.domain.pdo import Pdo
+from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError, UsageError
+from dvtcli.operations.network.live_network import answering, has_bus, listen, present, refuse_without_bus
+from dvtcli.operations.network.network_states import network_after, network_state
+from dvtcli.operations.results.loads import Measured, NetworkLoad
+from dvtcli.watch.frame_count import FrameCount
+
+if TYPE_CHECKING:
+    from dvtcli.domain.network.bus_need import BusNeed
+    from dvtcli.domain.network.network_plan import NetworkPlan
+    from dvtcli.operations.session.session import Session
+
+#: What a bus runs at where nobody says, in bit/s: said with the answer.
+USUAL_BIT_RATE = 500_000
+MEASURED_S = 3.0
+_HOW = "NODE:tpdoN=MS, such as 5:tpdo3=40; NODE is a node-ID, or a name in the file"
+
+
+@dataclass(frozen=True, slots=True)
+class LoadWishes:
+    """What is asked of `load`.
+
+    *for_s* is how long the bus is listened to (0: not at all), *bit_rate* (bit/s) counts instead of the bus's own.
+    *sync_ms* and *emcy_ms* are periods that are to count, *inhibit* inhibit times in 100 µs by node-ID or name in the
+    file (None: the selected one) and TPDO.
+    """
+
+    for_s: float = MEASURED_S
+    bit_rate: int | None = None
+    sync_ms: float | None = None
+    emcy_ms: float | None = None
+    inhibit: Mapping[tuple[int | str | None, Pdo], int] = field(default_factory=dict)
+
+
+def network_load(session: Session, file: str | None = None, wishes: LoadWishes | None = None) -> NetworkLoad:
+    """What the nodes of the network *file*, else those on the bus, need at worst, and what the bus carries.
+
+    Without a bus the file counts alone, its nodes as `described_network` has them; UsageError where there is neither.
+    InputFileError with all that is wrong in the file.
+    """
+    wishes = wishes or LoadWishes()
+    if file is None:
+        refuse_without_bus(session)
+    measured = _measured(session, wishes.for_s) if has_bus(session) else None
+    state = _state(session, file, measured)
+    told = wishes.bit_rate or (session.wire.bitrate if session.is_open else None) or session.options.bitrate
+    bit_rate = told or USUAL_BIT_RATE
+    found = streams_of(state, _what_if(session, state, wishes))
+    bus = session.wire.name if measured is not None else ""
+    return NetworkLoad(
+        bus_need(found, bit_rate), fitting_bit_rates(found), file or "", bus, is_assumed=told is None, measured=measured
+    )
+
+
+def load_after(session: Session, plan: NetworkPlan) -> BusNeed | None:
+    """What the nodes of *plan* need of the bus at worst once it is carried out; None where its bit rate is not known.
+
+    Reads all of their PDOs. None, too, where one of them does not tell what it holds, or is not to be read.
+    """
+    bit_rate = session.wire.bitrate or session.options.bitrate
+    if bit_rate is None or plan.unread:
+        return None
+    try:
+        state = network_state(session.node(one.node_id) for one in plan.nodes)
+    except (NoAnswer, SdoAborted, SdoProtocolError):
+        return None
+    return bus_need(streams_of(network_after(state, plan)), bit_rate)
+
+
+def _state(session: Session, file: str | None, measured: Measured | None) -> NetworkState:
+    if file is None:
+        return network_state(answering(session, present(session, () if measured is None else measured.count.by_id)))
+    if measured is None:
+        from dvtcli.operations.network.described_network import described_network
+
+        return described_network(file, session.tell)
+    from dvtcli.files.network.file_log import FileLog
+    from dvtcli.operations.plans.plan_network import plan_wish
+    from dvtcli.operations.wanted.network_wish import read_wish
+
+    wish = read_wish(file)
+    plan = plan_wish(session, wish, FileLog(file, Path(file).read_text("utf-8-sig")))
+    return network_after(network_state(session.node(one.node_id) for one in plan.nodes), plan, wish)
+
+
+def _measured(session: Session, for_s: float) -> Measured:
+    """What passes on the bus within *for_s*."""
+    count = FrameCount()
+    heard = listen(session, for_s, lambda frame, _sent: count.add(frame))
+    return Measured(count, heard.seconds, heard.error_frames, heard.lost_frames)
+
+
+def _what_if(session: Session, state: NetworkState, wishes: LoadWishes) -> WhatIf:
+    inhibit: dict[Endpoint, int] = {}
+    for (node, pdo), time in wishes.inhibit.items():
+        having = [one for one in state.nodes if pdo in one.pdos]
+        chosen = session.selected_id() if node is None and len(having) > 1 else node
+        having = [one for one in having if chosen in {None, one.node_id, one.name}]
+        ends = [Endpoint(one.node_id, pdo) for one in having]
+        if len(ends) != 1:
+            who = "" if node is None else f"{node}:"
+            several_nodes = "which node's?" if ends else "no node here has it"
+            raise UsageError(
+                f"--inhibit {who}{pdo}: {several_nodes}",
+                hint=_HOW,
+            )
+        inhibit[ends[0]] = time
+    return WhatIf(_us(wishes.sync_ms), _us(wishes.emcy_ms), inhibit)
+
+
+def _us(time_ms: float | None) -> int | None:
+    return None if time_ms is None else round(time_ms * 1000)

@@ -1,0 +1,109 @@
+"""From a network file to what its CANopen manager is to download to each node that boots (CiA 302-3, 0x1F22).
+
+Beside it stand date and time (0x1F26, 0x1F27): a manager leaves out the download to a node whose 0x1020 has them.
+Writes nothing: the answer is a plan for the manager, as any other. Does not look at the nodes themselves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+from dvtcli.device.read_pdos import UNREADABLE
+from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
+from dvtcli.domain.network.network_state import CONCISE_DCF
+from dvtcli.domain.plan import STAMP, Plan
+from dvtcli.domain.several import plural
+from dvtcli.domain.stamp import DATE, TIME
+from dvtcli.errors import SdoAborted, UsageError
+from dvtcli.operations.changes.change import names
+from dvtcli.operations.network.concise_network import concise_dcfs
+from dvtcli.operations.plans.judge_network import checked
+from dvtcli.operations.plans.plan_network import value_change
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+    from dvtcli.operations.network.concise_network import ConciseDcf
+    from dvtcli.operations.session.session import Session
+
+#: Which sub-index of 0x1020 these hold for each node: expected configuration date and time.
+_EXPECTED = {0x1F26: DATE, 0x1F27: TIME}
+_NO_MANAGER = (
+    "0x1F22 is where a CANopen manager (CiA 302-3) keeps what it downloads; is the node-ID that of the manager?"
+)
+_NOBODY = "no EDS is known of it, dcf: names one"
+_ITSELF = "it is the manager, which downloads nothing to itself"
+
+
+def plan_manager(session: Session, file: str, manager: int) -> NetworkPlan:
+    """What has to be written for the node *manager* to download, to each node of the network *file*, what that says.
+
+    Reads the manager alone. Nodes that nothing describes are left out, and said. UsageError where *manager* keeps no
+    concise DCFs, or no node is left; else as `concise_dcf`, and RuleError with all that the rules refuse.
+    """
+    found = concise_dcfs(file, session.tell)
+    mine = [one for one in found.nodes if one.node_id != manager]
+    aside = {(one.node_id, one.name): _NOBODY for one in found.untold}
+    aside |= {(one.node_id, one.name): _ITSELF for one in found.nodes if one not in mine}
+    for (node_id, name), why in sorted(aside.items()):
+        session.tell.note(f"{file}: node {node_id} {name} is left out: {why}")
+    if not mine:
+        raise UsageError(f"{file} has no node that node {manager} could download anything to", place=file)
+    node = session.node(manager)
+    node.read_anew()
+    held = {place: data for one in mine for place, data in _held(node, one)}
+    wanted = {place: data for one in mine for place, data in _wanted(one).items() if place in held}
+    counts = {one.node_id: len(one.entries) for one in mine}
+    changes = tuple(
+        value_change(node, place, held[place], data, _reason(place, counts)) for place, data in wanted.items()
+        if data != held[place]
+    )  # fmt: skip
+    for index in _lacking(held, mine):
+        session.tell.note(f"node {manager} has no 0x{index:04X}: it downloads at each boot-up, whatever 0x1020 says")
+    plan = Plan(manager, changes)
+    said = tuple(replace(one, text=f"node {each.node_id}: {one.text}") for each in mine for one in each.findings)
+    planned = NodePlan(
+        "manager", plan, node.identity(), node.title, values=wanted, names=names(node, changes), findings=said
+    )
+    nodes = tuple(checked({manager: node}, [planned], force=session.options.force))
+    return NetworkPlan(file, nodes, manager=manager)
+
+
+def _wanted(one: ConciseDcf) -> dict[tuple[int, int], bytes]:
+    """What the manager is to hold of a node; without a stamp no date: one of before would spare it a new download."""
+    stamp = {entry.sub_index: entry.data for entry in one.entries if entry.index == STAMP}
+    expected = {(index, one.node_id): stamp.get(sub_index, bytes(4)) for index, sub_index in _EXPECTED.items()}
+    return {(CONCISE_DCF, one.node_id): one.data, **expected}
+
+
+def _held(node: Node, one: ConciseDcf) -> Iterator[tuple[tuple[int, int], bytes]]:
+    """What the manager has of it now; date and time are no more than a convenience, which not every manager has."""
+    try:
+        yield (CONCISE_DCF, one.node_id), node.observed(partial(node.known_value, CONCISE_DCF, one.node_id))
+    except SdoAborted as aborted:
+        place = f"1F22:{one.node_id:02X}"
+        raise UsageError(
+            f"node {node.node_id} ({node.title}) does not tell its 0x{place}: {aborted.text}",
+            node=node.node_id, place=place, hint=_NO_MANAGER,
+        ) from aborted  # fmt: skip
+    for index in _EXPECTED:
+        try:
+            yield (index, one.node_id), node.observed(partial(node.known_value, index, one.node_id))
+        except SdoAborted as aborted:
+            if aborted.code not in UNREADABLE:
+                raise
+
+
+def _lacking(held: Mapping[tuple[int, int], bytes], mine: list[ConciseDcf]) -> list[int]:
+    """Of date and time what the manager does not have for nodes that get a stamp."""
+    stamped = [one.node_id for one in mine if any(entry.index == STAMP for entry in one.entries)]
+    return [index for index in _EXPECTED if any((index, node_id) not in held for node_id in stamped)]
+
+
+def _reason(place: tuple[int, int], downloads: Mapping[int, int]) -> str:
+    index, node_id = place
+    if index == CONCISE_DCF:
+        return f"node {node_id}: {plural(downloads[node_id], 'download')} when it boots"
+    return f"node {node_id}: expected {'date' if _EXPECTED[index] == DATE else 'time'}"

@@ -1,0 +1,1 @@
+"""Nodes as they stand on the bus: found, named, commanded, logged in to, given a program."""

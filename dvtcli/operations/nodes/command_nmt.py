@@ -1,0 +1,129 @@
+"""NMT commands: sent to one node or all, and judged by the state that each is seen in."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
+from dvtcli.device.nmt_gate import Access
+from dvtcli.device.seen_state import CONFIRM_S, seen_state, seen_states
+from dvtcli.device.store_parameters import reset_all_and_wait, reset_and_wait
+from dvtcli.domain.nmt import NmtCommand, NmtState
+from dvtcli.domain.profile import GENERIC
+from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
+from dvtcli.operations.consent.reset_consent import consent_to_reset, consent_to_reset_unheard
+from dvtcli.operations.results import Commanded
+
+if TYPE_CHECKING:
+    from dvtcli.operations.session.session import Session
+
+
+def command_nmt(session: Session, command: NmtCommand, node_id: int | None = None) -> Commanded:
+    """Send *command* to *node_id*: 0 for all nodes, None for the selected one; each node's state is looked at then.
+
+    A reset of a node that could move needs consent: SafetyRefusal without. What a reset took is named in the answer.
+    """
+    target = session.node_id() if node_id is None else node_id
+    reset = command.is_reset
+    if session.dry_run and not target:
+        _meet_all(session)
+    if reset:
+        concerned = {target} if target else _heard(session)
+        consent_to_reset(session, concerned)
+        if not concerned:
+            consent_to_reset_unheard(session)
+    else:
+        concerned = {target} if target else _known(session)
+    nodes = [node for node in session.network.nodes.values() if node.node_id in concerned]
+    for node in nodes:
+        node.commanded()
+    states = {target: _to_one(session, target, command)} if target else _to_all(session, command)
+    communication = command is NmtCommand.RESET_COMMUNICATION
+    lost = tuple(
+        f"{label} of node {node.node_id}"
+        for node in (nodes if reset else [])
+        for label in node.was_reset(communication=communication)
+    )
+    if not session.dry_run:
+        said = f"nmt {command.word}{'' if target else ' all'}"
+        session.record.add(target or session.selected_id() or 0, [said])
+    if reset and session.in_script:
+        _note_what_came_up(session, states)
+    seen = tuple((one, None if state is None else state.label) for one, state in sorted(states.items()))
+    notes = _interrupted(session, {*states, *([] if target else [session.selected_id()])})
+    wanted = None if reset else command.after.label
+    return Commanded(target, command.word, seen, session.dry_run, lost, wanted, notes)
+
+
+def _known(session: Session) -> set[int]:
+    """The nodes that were met, and those that were heard."""
+    return {*session.network.nodes, *([] if session.dry_run else session.open_network().bus.heard_nodes())}
+
+
+def _heard(session: Session) -> set[int]:
+    """The nodes that are there, as far as can be known before all are reset: met, selected and answering, or heard."""
+    if not session.dry_run and not session.bus.simulated:
+        session.bus.sleep(CONFIRM_S)  # the first command of a session has heard nobody yet
+        selected = session.selected_id()
+        if selected is not None:
+            with suppress(NoAnswer, SdoProtocolError):  # selected, and not there
+                session.node(selected)
+    return _known(session)
+
+
+def _meet_all(session: Session) -> None:
+    """Make twins of all nodes that are there, as far as they are heard, or selected: a dry run says whom it reaches."""
+    bus = session.open_network().bus
+    if not bus.simulated:
+        bus.sleep(CONFIRM_S)
+    selected = session.selected_id()
+    for node_id in sorted({*bus.heard_nodes(), *([] if selected is None else [selected])}):
+        with suppress(NoAnswer, SdoProtocolError):  # heard, and answers nothing: there is no twin of it
+            session.node(node_id)
+
+
+def _interrupted(session: Session, node_ids: Iterable[int | None]) -> tuple[str, ...]:
+    """What is to be known of those nodes that an interrupted change left half configured."""
+    network = session.open_network()  # under --dry-run, too: what is left half configured is the node itself
+    said = (network.interrupted(node_id) for node_id in sorted(one for one in node_ids if one is not None))
+    return tuple(dict.fromkeys(text for text in said if text))  # one of several nodes is said once
+
+
+def _access(session: Session, node_id: int) -> Access:
+    """A node that was not met yet may be stopped, and silent: it is commanded before it is asked who it is."""
+    met = session.network.nodes.get(node_id)
+    return met.access if met is not None else Access(session.bus, node_id, GENERIC)
+
+
+def _to_one(session: Session, target: int, command: NmtCommand) -> NmtState | None:
+    """Command one node; the state that it is seen in, None where it cannot be seen."""
+    access = _access(session, target)
+    if command.is_reset:
+        reset_and_wait(access, command)
+        return session.node(target).access.state()
+    session.bus.send_nmt(command, target)
+    if command.after is not NmtState.STOPPED:
+        access = session.node(target).access
+    return seen_state(access, command.after)
+
+
+def _to_all(session: Session, command: NmtCommand) -> dict[int, NmtState | None]:
+    """Command all nodes; the states of those that were met or are heard, None where one cannot be seen."""
+    bus, known = session.bus, _known(session)
+    if command.is_reset:
+        reset_all_and_wait(bus, command, known)
+        return {node_id: _access(session, node_id).state() for node_id in known}
+    bus.send_nmt(command, 0)
+    if not known and not session.dry_run:
+        bus.sleep(CONFIRM_S)  # nobody was heard before: who is there says so now
+    states = seen_states({node_id: _access(session, node_id) for node_id in known | _known(session)}, command.after)
+    late = _known(session) - states.keys()
+    return states | seen_states({node_id: _access(session, node_id) for node_id in late}, command.after)
+
+
+def _note_what_came_up(session: Session, node_ids: Iterable[int]) -> None:
+    """Read what a met node came up with: `store --if-changed` compares with that."""
+    for node in (session.network.nodes[node_id] for node_id in node_ids if node_id in session.network.nodes):
+        with suppress(NoAnswer, SdoAborted, SdoProtocolError):  # not known is not unchanged: then it is stored
+            node.pdos()

@@ -1,0 +1,110 @@
+"""The bit rate of a bus, by listening through the standard's: where frames come without errors. Sends nothing.
+
+Who listens at a wrong bit rate destroys the frames of others, unless the controller is in listen-only mode: without it
+nothing is listened to.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.lss_services import BIT_TIMINGS
+from dvtcli.errors import BusUnavailable, SafetyRefusal
+from dvtcli.operations.results.bit_rates import BitRateFound, HeardAt
+
+if TYPE_CHECKING:
+    from dvtcli.domain.ports import CanopenBus
+    from dvtcli.operations.session.session import Session
+
+#: How long each bit rate is listened to (s): nodes usually send a heartbeat once a second or more often.
+LISTEN_S = 1.5
+#: the standard's bit rates (bit/s), the ones that are met most often first
+ORDER = (500_000, 250_000, 125_000, 1_000_000, 50_000, 20_000, 10_000, 800_000)
+assert set(ORDER) == set(BIT_TIMINGS)  # noqa: S101 - all of them
+
+
+def find_bit_rate(session: Session, listen_s: float = LISTEN_S) -> BitRateFound:
+    """Listen to the bus at each of the standard's bit rates for *listen_s* seconds, until frames come without errors.
+
+    SafetyRefusal where the interface is not known to listen without a word (unless forced, which is asked for; one that
+    can is silent all the same), or its bit rate cannot be set from here: then it says how. A bus that is open goes back
+    to its bit rate. BusUnavailable.
+    """
+    try:
+        return _found(session, listen_s, silent=True)
+    except (SafetyRefusal, BusUnavailable):  # also: it does not say that it listens only
+        if not _spoken(session):
+            raise
+    return _found(session, listen_s, silent=False)
+
+
+def _found(session: Session, listen_s: float, *, silent: bool) -> BitRateFound:
+    with _listening(session, listen_only=silent) as (bus, rates):
+        heard: list[HeardAt] = []
+        for number, bit_rate in enumerate(rates):
+            session.tell.progress(f"listening at {bit_rate} bit/s, {listen_s:g} s", number, len(rates))
+            if bus.runs_at != bit_rate or not silent:
+                bus.set_bit_rate(bit_rate, listen_only=silent)
+            heard.append(_heard(bus, bit_rate, listen_s))
+            if heard[-1].frames and not heard[-1].error_frames:
+                return BitRateFound(bus.name, bit_rate, tuple(heard), listen_s, silent)
+        return BitRateFound(bus.name, None, tuple(heard), listen_s, silent, complete=len(rates) == len(ORDER))
+
+
+def _spoken(session: Session) -> bool:
+    """Whether frames of others may be destroyed: somebody forced it, and said so again."""
+    if not session.options.force or session.dry_run:
+        return False
+    session.consent("without listen-only mode a wrong bit rate destroys the frames of others; is the machine at rest?")
+    return True
+
+
+def _heard(bus: CanopenBus, bit_rate: int, listen_s: float) -> HeardAt:
+    for _ in bus.receive(0.0):
+        pass  # what came before came at another bit rate
+    errors = bus.error_frame_count()
+    frames = sum(1 for _ in bus.receive(listen_s))
+    return HeardAt(bit_rate, frames, bus.error_frame_count() - errors)
+
+
+@contextmanager
+def _listening(session: Session, *, listen_only: bool) -> Iterator[tuple[CanopenBus, Sequence[int]]]:
+    """A bus that only listens, and the bit rates that it can be listened to at."""
+    if session.is_open or session.options.sim:
+        with _lent(session, listen_only=listen_only) as bus:
+            yield bus, ORDER
+        return
+    from dvtcli.operations.opening.bus_of_options import listening_bus
+
+    session.require_settings()
+    bus = listening_bus(session.base, ORDER[0], listen_only=listen_only)
+    try:
+        bus.require_settable(ORDER[0], listen_only=listen_only)
+        rates: Sequence[int] = ORDER
+    except SafetyRefusal:  # it listens as it is, and somebody else sets it
+        rates = (bus.runs_at,) if bus.runs_at else ()
+    try:
+        yield bus, rates
+    finally:
+        bus.close()
+
+
+@contextmanager
+def _lent(session: Session, *, listen_only: bool) -> Iterator[CanopenBus]:
+    """The bus that is open, which gets its bit rate back."""
+    bus = session.open_network().bus
+    bus.require_settable(ORDER[0], listen_only=listen_only)
+    before = bus.runs_at
+    if before is None:
+        raise SafetyRefusal(
+            f"the bit rate of {bus.name} is not known, so that it could not be set back",
+            hint="exit, then dvtcli bitrate; or open it with -b/--bitrate",
+        )
+    try:
+        bus.set_bit_rate(before, listen_only=listen_only)
+        yield bus
+    finally:
+        bus.set_bit_rate(before)
+        bus.disturbances()  # what was noticed at wrong bit rates is no news

@@ -1,0 +1,130 @@
+"""The nodes on the bus: those whose heartbeat is heard, and those that answer when each node-ID is asked."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from dvtcli.device.read_pdos import read_identity, read_optional
+from dvtcli.device.seen_state import HEARTBEAT_TIME
+from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
+from dvtcli.operations.nodes.identify import device_name, silent
+from dvtcli.operations.results import NodeListing, NodeRow
+
+if TYPE_CHECKING:
+    from dvtcli.domain.ports import CanopenBus, Frame, SdoTransport
+    from dvtcli.operations.session.session import Session
+
+#: How long each node-ID has to answer, in seconds, and how many are asked at once.
+_ANSWER_S = 0.05
+_AT_ONCE = 8
+#: CAN-ID of an SDO answer, to which the node-ID is added (CiA 301, 7.3.5).
+_SDO_ANSWER = 0x580
+#: The state of a node of which nothing was heard: it sends no heartbeat (0x1017 is 0 or missing), or none came yet.
+_UNHEARD = _NO_HEARTBEAT, _UNKNOWN = "no heartbeat", "state unknown"
+#: Heartbeats are usually sent once a second or faster.
+_LISTEN_S = 1.0
+
+
+def find_nodes(session: Session, answer_s: float = _ANSWER_S) -> NodeListing:
+    """List the nodes 1…127 that are heard or answer; each node-ID has *answer_s* seconds for its first answer.
+
+    A node that was heard, or whose answer came late, is there, and gets the bus's time-out as well before it is said
+    not to answer. Only reads. BusUnavailable where there is no bus; what goes wrong with one node is its row's note.
+    """
+    started = time.monotonic()
+    bus = session.bus
+    if not bus.simulated:
+        for _ in bus.receive(_LISTEN_S):
+            pass  # heartbeats are noted by the bus itself
+    with ThreadPoolExecutor(_AT_ONCE) as pool, _answers(bus) as answered:
+        found = list(pool.map(lambda node_id: _ask(bus, node_id, answer_s), range(1, 128)))
+        if not bus.simulated:
+            bus.sleep(answer_s)
+        late = [node_id for node_id, row in enumerate(found, 1) if row is None and node_id in answered]
+        found += pool.map(lambda node_id: _ask(bus, node_id, None), late)
+    rows = [_with_own_state(session, row) for row in found if row is not None]
+    rows.sort(key=lambda row: row.node)
+    session.network.scanned = tuple(row.node for row in rows)
+    return NodeListing(bus.name, tuple(rows), time.monotonic() - started)
+
+
+def _with_own_state(session: Session, row: NodeRow) -> NodeRow:
+    """*row* with what the node's own state object says, where nothing was heard and its family is known to have one."""
+    node = session.network.nodes.get(row.node)
+    if row.state not in _UNHEARD or node is None or node.profile.state_object is None:
+        return row
+    try:
+        state = node.access.state()
+    except (NoAnswer, SdoAborted, SdoProtocolError):
+        return row
+    return row if state is None else replace(row, state=state.label)
+
+
+@contextmanager
+def _answers(bus: CanopenBus) -> Iterator[set[int]]:
+    """The node-IDs that answered an SDO request of anybody meanwhile, in time or late."""
+    answered: set[int] = set()
+
+    def note(frame: Frame, sent: bool) -> None:
+        if not sent and not frame.extended and 1 <= frame.can_id - _SDO_ANSWER <= 127:
+            answered.add(frame.can_id - _SDO_ANSWER)
+
+    stop = bus.tap(note)
+    try:
+        yield answered
+    finally:
+        stop()
+
+
+def _ask(bus: CanopenBus, node_id: int, limit_s: float | None) -> NodeRow | None:
+    """The row for *node_id*, or None where nobody is there; what goes wrong with one node is its row's note.
+
+    It has *limit_s* seconds to answer, the bus's time-out where that is None.
+    """
+    from dvtcli.files.profile.library import profile_for_identity
+
+    sdo = bus.sdo(node_id)
+    state = bus.nmt_state(node_id)
+    label = state.label if state is not None else _UNKNOWN
+    try:
+        device_type = _device_type(sdo, limit_s, heard=state is not None)
+    except NoAnswer as error:
+        return None if state is None else silent(node_id, error, label)
+    except SdoProtocolError as error:
+        return silent(node_id, error, label)
+    label = _unheard(sdo) if state is None else label
+    row = NodeRow(node_id, label, device_type)
+    try:
+        vendor, product, revision, serial = (read_identity(sdo, sub) for sub in (1, 2, 3, 4))
+        profile = "" if vendor is None else profile_for_identity(vendor, product or 0).name
+        row = NodeRow(node_id, label, device_type, vendor, product, revision, serial, profile=profile)
+        return replace(row, name=device_name(sdo))
+    except (NoAnswer, SdoProtocolError) as error:
+        return replace(row, note=error.text)
+
+
+def _device_type(sdo: SdoTransport, limit_s: float | None, *, heard: bool) -> int | None:
+    """What 0x1000 says, None where the node refuses that; NoAnswer, SdoProtocolError where it cannot be read."""
+    try:
+        try:
+            data = sdo.upload(0x1000, 0, timeout_s=limit_s, retries=0)
+        except NoAnswer:
+            if not heard:
+                raise
+            data = sdo.upload(0x1000, 0)
+    except SdoAborted:
+        return None
+    return int.from_bytes(data[:4], "little")
+
+
+def _unheard(sdo: SdoTransport) -> str:
+    """What is to be said of the state of a node that answers, and of which nothing was heard."""
+    try:
+        return _UNKNOWN if read_optional(sdo, HEARTBEAT_TIME, 0, 2) else _NO_HEARTBEAT
+    except (NoAnswer, SdoAborted, SdoProtocolError):
+        return _UNKNOWN

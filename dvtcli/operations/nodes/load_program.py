@@ -1,0 +1,159 @@
+"""`download`: a program file into a device, under consent, seen to run; what was not completed is noted for later.
+
+Does not know how a program is loaded, nor what the file's formats are.
+"""
+
+from __future__ import annotations
+
+import time
+from binascii import crc32
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dvtcli.device.file_fits import refuse_unlike_file
+from dvtcli.device.program_download import ProgramDownload
+from dvtcli.device.program_note import ProgramNotes
+from dvtcli.device.read_pdos import read_identity
+from dvtcli.domain.nmt import NmtState
+from dvtcli.domain.program import CRC32, PROGRAM_CONTROL, SOFTWARE_IDENTIFICATION, Stage
+from dvtcli.errors import DvtcliError, LeftChanged, SafetyRefusal, SdoAborted, UsageError
+from dvtcli.files.program_file import read_program
+from dvtcli.operations.consent.reset_consent import consent_to_reset
+from dvtcli.operations.objects.transfer_progress import transfer_progress
+from dvtcli.operations.results.files import Facts
+from dvtcli.operations.results.programs import ProgramLoaded
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+    from dvtcli.operations.session.session import Session
+
+
+def load_program(
+    session: Session, file: str, *, number: int = 1, expect: int | str | None = None, node_id: int | None = None
+) -> ProgramLoaded:
+    """Load *file* (.bin, .hex) as program *number* (1..254) of node *node_id*, None: the selected one, and start it.
+
+    *expect* is what its software identification (0x1F56) has to be then: a number of 32 bits, "crc32" for that of what
+    is sent, None for what the node's profile says of it, if anything. Asks first. UsageError, InputFileError,
+    SafetyRefusal before anything is sent; the device's failure with state `rolled_back` where the old program runs
+    again; LeftChanged otherwise, which says what the device holds.
+    """
+    program = read_program(file)
+    if isinstance(expect, str) and expect != CRC32:
+        raise UsageError(f"{expect!r}: a number, or crc32", hint="--expect 0x12345678")
+    node = session.node(node_id)
+    wanted, by = _expected(node, number, program, expect)
+    if session.dry_run:
+        return ProgramLoaded(node.node_id, number, file, len(program), None, None, wanted, by, dry_run=True)
+    before = _identity(node)
+    _consent(session, node, number, file, len(program))
+    node.claim()
+    notes = _notes(session)
+    loading = ProgramDownload(
+        session.bus, node.node_id, number,
+        lambda stage: _begins(session, notes, node.node_id, number, file, stage), session.cancellation,
+    )  # fmt: skip
+    was = loading.identification()
+    started_s = time.monotonic()
+    try:
+        node.gate.enter_agreed()
+        with transfer_progress(session, node.node_id, f"node {node.node_id}: sending {file}", len(program)):
+            loading.run(program, wanted)
+        _require_same(node, before)
+    except DvtcliError as failed:
+        if failed.state == "rolled_back":
+            notes.forget(node.node_id)
+        if by and failed.place == f"{SOFTWARE_IDENTIFICATION:04X}:{number:02X}":
+            failed.hint = f"profile {by} says what is expected; is it the right file? --expect NUMBER says another one"
+        raise
+    finally:
+        _forget(session, node)
+    notes.forget(node.node_id)
+    seconds, now = time.monotonic() - started_s, loading.identification()
+    return ProgramLoaded(
+        node.node_id, number, file, len(program), was, now, wanted, by, restarted=loading.restarted, seconds=seconds
+    )
+
+
+def _expected(node: Node, number: int, program: bytes, expect: int | str | None) -> tuple[int | None, str]:
+    """What 0x1F56 has to be, None for whatever it is, and the name of the profile that says so, if one does."""
+    by_profile = node.profile.software_identification.get(number) if expect is None else None
+    wanted = by_profile if expect is None else expect
+    number_wanted = crc32(program) if isinstance(wanted, str) else wanted
+    return number_wanted, "" if by_profile is None else node.profile.name
+
+
+def forget_download(session: Session, node_id: int | None = None) -> Facts:
+    """Forget that a download into node *node_id*, None: the selected one, was not completed: it is all right."""
+    wanted = session.node_id() if node_id is None else node_id
+    session.open_network()
+    was_there = not session.dry_run and _notes(session).forget(wanted)
+    said = "forgotten" if was_there else "nothing was noted"
+    rows = (("node", wanted), ("forgotten", was_there))
+    return Facts("download-forgotten", rows, (f"node {wanted}: {said} of a program download that was not completed",))
+
+
+def _notes(session: Session) -> ProgramNotes:
+    return ProgramNotes(session.state_folder / "programs", session.open_network().bus.name)
+
+
+def _identity(node: Node) -> tuple[int | None, ...]:
+    return tuple(read_identity(node.sdo, sub_index) for sub_index in (1, 2, 3, 4))
+
+
+def _consent(session: Session, node: Node, number: int, file: str, size: int) -> None:
+    """Refuse what is no device for that, and ask."""
+    refuse_unlike_file(node.node_id, node.unlike_file, force=session.options.force)
+    try:
+        node.sdo.upload(PROGRAM_CONTROL, number)
+    except SdoAborted as aborted:
+        aborted.hint = f"the device has no program {number} that could be downloaded (CiA 302-3)"
+        raise
+    state = node.access.state()
+    if state is NmtState.STOPPED:
+        raise SafetyRefusal(f"node {node.node_id} is STOPPED: it answers no SDO", node=node.node_id, hint="nmt preop")
+    leaves = "it is OPERATIONAL, and is PRE-OPERATIONAL from then on; " if state is NmtState.OPERATIONAL else ""
+    session.consent(
+        f"node {node.node_id} ({node.title}): {leaves}stop program {number}, clear it, load {Path(file).name} "
+        f"({size:,} bytes) and start that? There is no way back from clearing it",
+        node.node_id,
+    )
+    consent_to_reset(session, [node.node_id])
+
+
+def _begins(session: Session, notes: ProgramNotes, node_id: int, number: int, file: str, stage: Stage) -> None:
+    """A stage begins: on a bus whose nodes outlive this process that is noted first."""
+    try:
+        if not session.bus.simulated:
+            notes.write(node_id, str(Path(file).absolute()), number, stage)
+    except OSError as failed:
+        raise SafetyRefusal(
+            f"the download cannot be noted: {failed.strerror or failed}", node=node_id, place=str(notes.folder)
+        ) from failed
+    session.tell.progress(f"node {node_id}: {stage.name.lower()}", 0, 0)
+
+
+def _require_same(node: Node, before: tuple[int | None, ...]) -> None:
+    """LeftChanged where another device than *before*, by vendor and product, answers now."""
+    now = _identity(node)
+    if now[:2] != before[:2]:
+        raise LeftChanged(
+            f"node {node.node_id} is another device with its new program", node=node.node_id, place="1018",
+            why=f"vendor and product were {_shown(before)}, are {_shown(now)}", state="left_changed",
+            hint="is it the right file? download the right one",
+        )  # fmt: skip
+
+
+def _shown(identity: tuple[int | None, ...]) -> str:
+    return ", ".join("none" if part is None else f"0x{part:08X}" for part in identity[:2])
+
+
+def _forget(session: Session, node: Node) -> None:
+    """Whatever was read of the node was another program's; and it stays in the state that it came up in."""
+    left_behind = node.gate.abandon()
+    network = session.open_network()
+    network.nodes.pop(node.node_id, None)
+    network.files.forget(node.node_id)
+    node.let_go()
+    if left_behind:
+        session.tell.note(left_behind)

@@ -1,0 +1,39 @@
+"""A line that says which device is meant: what comes after it is done to no other."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from dvtcli.device.read_pdos import read_identity
+from dvtcli.errors import SafetyRefusal
+from dvtcli.operations.results import Facts
+
+if TYPE_CHECKING:
+    from dvtcli.operations.session.session import Session
+
+#: sub-indices of 0x1018, the identity object
+_SUB_INDICES = {"vendor": 1, "product": 2, "revision": 3, "serial": 4}
+
+
+def require_identity(
+    session: Session, wanted: Sequence[tuple[str, int]], node_id: int | None = None, who: str = "the script"
+) -> Facts:
+    """Read the identity (0x1018) of a node (None: of the selected one) and compare it with *wanted*.
+
+    That is pairs of `vendor`, `product`, `revision` or `serial` with a number. SafetyRefusal, which names *who* wants
+    another device, where one differs.
+    """
+    node = session.node(node_id)
+    held = {name: read_identity(node.sdo, sub_index) for name, sub_index in _SUB_INDICES.items()}
+    for name, value in wanted:
+        if held[name] != value:
+            has = "none" if held[name] is None else f"0x{held[name]:08X}"
+            raise SafetyRefusal(
+                f"node {node.node_id} is another device: {name} is {has}, {who} wants 0x{value:08X}",
+                node=node.node_id,
+                place=f"1018:{_SUB_INDICES[name]:02X}",
+                hint="is this the right node? scan lists them",
+            )
+    shown = ", ".join(f"{name} 0x{value:08X}" for name, value in wanted)
+    return Facts("require", (("node", node.node_id), ("identity", held)), (f"node {node.node_id} is the one: {shown}",))

@@ -1,0 +1,1 @@
+"""Objects of a node: searched, read, watched, written, and as files."""

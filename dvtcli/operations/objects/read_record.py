@@ -1,0 +1,103 @@
+"""A record or an array, read with all its sub-indices. Only reads."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.abort import Abort
+from dvtcli.domain.datatypes import BY_SHORT_NAME
+from dvtcli.domain.several import several
+from dvtcli.domain.standard_names import standard_name
+from dvtcli.domain.standard_objects import is_pdo_mapping
+from dvtcli.errors import SdoAborted, SdoProtocolError, UsageError
+from dvtcli.operations.meanings.named_objects import object_at
+from dvtcli.operations.meanings.object_values import value_result
+from dvtcli.operations.results.records import EntryUnread, RecordRead
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+    from dvtcli.domain.datatypes import DataType
+    from dvtcli.operations.results import ValueRead
+
+_DOMAIN = BY_SHORT_NAME["domain"]
+#: sub-indices that a record may have behind 0 (CiA 301, 7.4.1), and entries that a PDO's mapping may have
+_MOST, _MOST_MAPPED = 254, 64
+#: whose entries are programs: megabytes (CiA 302-3)
+_PROGRAMS = 0x1F50
+_TOO_LONG = "DOMAIN: -o FILE reads it"
+
+
+def read_whole(node: Node, text: str, data_type: DataType | None = None) -> RecordRead | ValueRead:
+    """Read sub-index 0 of the record *text*, and each entry up to what it says, as *data_type* or the file's own.
+
+    What is no count there, as in an object that is no record after all, is answered as it is. SdoAborted where
+    sub-index 0 is refused; an entry that is refused is one of the answer, one that is missing is left out.
+    """
+    return _whole(node, object_at(node, text)[0], data_type)
+
+
+def record_at(node: Node, index: int, data_type: DataType | None = None) -> RecordRead:
+    """The same of the object at *index*; UsageError where it is no record."""
+    found = _whole(node, index, data_type)
+    if not isinstance(found, RecordRead):
+        raise UsageError(f"0x{index:04X} is no record: sub-index 0 holds no count", node=node.node_id)
+    return found
+
+
+def _whole(node: Node, index: int, data_type: DataType | None) -> RecordRead | ValueRead:
+    count = node.upload(index, 0)
+    head = value_result(node, index, 0, count, None)
+    if len(count) != 1:
+        return head if data_type is None else value_result(node, index, 0, count, data_type)
+    entries = tuple(_entries(node, index, count[0]))
+    if data_type is not None:
+        entries = _as_type(node, entries, data_type)
+    return RecordRead(head, entries)
+
+
+def _as_type(
+    node: Node, entries: tuple[ValueRead | EntryUnread, ...], data_type: DataType
+) -> tuple[ValueRead | EntryUnread, ...]:
+    """*entries* decoded as *data_type*; SdoProtocolError names all that it does not fit."""
+    found, wrong = list(entries), []
+    for number, one in enumerate(entries):
+        if isinstance(one, EntryUnread):
+            continue
+        index, sub_index = (int(part, 16) for part in one.object.split(":"))
+        try:
+            found[number] = replace(value_result(node, index, sub_index, one.raw, data_type), name=one.name)
+        except SdoProtocolError:
+            wrong.append(f"{one.object} ({len(one.raw)} bytes)")
+    if wrong:
+        raise SdoProtocolError(
+            f"{data_type.short} does not fit {several(wrong)}", node=node.node_id, hint="read one of them with --as"
+        )
+    return tuple(found)
+
+
+def _entries(node: Node, index: int, count: int) -> Iterator[ValueRead | EntryUnread]:
+    most = _MOST_MAPPED if is_pdo_mapping(index) else _MOST  # a count of 254 or 255 says that it is an MPDO
+    for sub_index in range(1, min(count, most) + 1):
+        if _is_domain(node, index, sub_index):
+            yield EntryUnread(f"{index:04X}:{sub_index:02X}", _name(node, index, sub_index), None, _TOO_LONG)
+            continue
+        try:
+            data = node.upload(index, sub_index)
+        except SdoAborted as refused:
+            if refused.abort != Abort.NO_SUB_INDEX:
+                name = _name(node, index, sub_index)
+                yield EntryUnread(f"{index:04X}:{sub_index:02X}", name, refused.abort)
+            continue
+        yield replace(value_result(node, index, sub_index, data, None), name=_name(node, index, sub_index))
+
+
+def _is_domain(node: Node, index: int, sub_index: int) -> bool:
+    entry = node.dictionary.entry(index, sub_index) if node.dictionary is not None else None
+    return index == _PROGRAMS if entry is None else entry.data_type == _DOMAIN
+
+
+def _name(node: Node, index: int, sub_index: int) -> str:
+    known = node.dictionary.display_name(index, sub_index) if node.dictionary is not None else ""
+    return known or standard_name(index, sub_index)

@@ -1,0 +1,156 @@
+"""Several objects, read once, or again and again: what they hold, and the course that it took. Only reads."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dvtcli.errors import UsageError
+from dvtcli.operations.meanings.named_objects import means_whole, object_at, one_name
+from dvtcli.operations.meanings.object_values import value_result
+from dvtcli.operations.meanings.physical_meanings import meanings_of
+from dvtcli.operations.objects.read_record import read_whole
+from dvtcli.operations.results.documents import hex_bytes
+from dvtcli.operations.results.watched_values import ObjectCourse, ValuesRead, ValuesWatched
+from dvtcli.operations.session.save_script import ask_before_overwriting, place_of
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+    from dvtcli.domain.datatypes import DataType
+    from dvtcli.operations.results.values import ValueRead
+    from dvtcli.operations.session.session import Session
+
+#: an object as it was typed, and the node that it was typed with
+Asked = tuple[str, int | None]
+_Place = tuple["Node", int, int]
+Show = Callable[[Iterable[ValuesRead]], None]
+
+
+def read_objects(session: Session, objects: Sequence[Asked], data_type: DataType | None = None) -> ValuesRead:
+    """Read each of *objects* in turn, as *data_type* or the file's own; errors as those of `read_object`."""
+    places = _places(session, objects)
+    return ValuesRead(
+        tuple(
+            read_whole(place[0], text, data_type) if means_whole(place[0], text) else _read(place, data_type)
+            for place, (text, _) in zip(places, objects, strict=True)
+        )
+    )
+
+
+def watch_objects(
+    session: Session,
+    objects: Sequence[Asked],
+    every_s: float,
+    for_s: float | None,
+    show: Show,
+    *,
+    data_type: DataType | None = None,
+    file: str | None = None,
+) -> ValuesWatched:
+    """Read *objects* every *every_s* seconds for *for_s* (None: until Ctrl-C), and *show* what they hold each time.
+
+    Also as a row of the CSV *file*. What takes longer than *every_s* leaves moments out. Errors as those of
+    `read_object`: one that cannot be read ends it.
+    """
+    places, courses = _places(session, objects), [ObjectCourse() for _ in objects]
+    with _rows(session, places, file, data_type) as write:
+        try:
+            for at_s in _moments(session, every_s, for_s):
+                values = tuple(_read(place, data_type) for place in places)
+                for course, value in zip(courses, values, strict=True):
+                    course.add(value)
+                write([f"{at_s:.3f}", *(_cell(value) for value in values)])
+                show([ValuesRead(values, at_s)])
+        except KeyboardInterrupt:
+            if not courses[0].samples:
+                raise
+    return ValuesWatched(tuple(courses), file)
+
+
+class ObjectRound:
+    """*objects*, found once, to be read again and again; UsageError as `read_object`."""
+
+    def __init__(self, session: Session, objects: Sequence[Asked]) -> None:
+        self._places = _places(session, objects)
+
+    @property
+    def objects(self) -> list[tuple[int, int, int]]:
+        """The node-ID, index and sub-index of each."""
+        return [(node.node_id, index, sub_index) for node, index, sub_index in self._places]
+
+    def read(self, number: int) -> ValueRead:
+        """What the object *number* of them holds; errors as those of `read_object`."""
+        return _read(self._places[number], None)
+
+
+def _places(session: Session, objects: Sequence[Asked]) -> list[_Place]:
+    nodes = [(session.node(node_id), text) for text, node_id in objects]
+    try:
+        return [(node, *object_at(node, text)) for node, text in nodes]
+    except UsageError as wrong:
+        said = one_name([text for text, _ in objects], lambda name: _is_object(nodes[0][0], name))
+        if said is None:
+            raise
+        raise UsageError(said, node=wrong.node) from wrong
+
+
+def _is_object(node: Node, text: str) -> bool:
+    try:
+        object_at(node, text)
+    except UsageError:
+        return False
+    return True
+
+
+def _cell(read: ValueRead) -> object:
+    """The number in its unit; bytes as hex."""
+    if read.physical is not None:
+        return read.physical
+    return hex_bytes(read.value) if isinstance(read.value, bytes) else read.value
+
+
+def _head(place: _Place, data_type: DataType | None) -> str:
+    """An object's column, with its unit: `3:5100:01 [V]`."""
+    node, index, sub_index = place
+    name = f"{node.node_id}:{index:04X}:{sub_index:02X}"
+    unit = "" if data_type else meanings_of(node.profile, node.dictionary).of(index, sub_index).unit
+    return f"{name} [{unit}]" if unit else name
+
+
+def _read(place: _Place, data_type: DataType | None) -> ValueRead:
+    node, index, sub_index = place
+    return value_result(node, index, sub_index, node.sdo.upload(index, sub_index), data_type)
+
+
+def _moments(session: Session, every_s: float, for_s: float | None) -> Iterator[float]:
+    """When to read, in seconds since the first time; waits for each."""
+    bus = session.bus
+    started_s, number = bus.now_s(), 0
+    while for_s is None or number * every_s <= for_s + every_s / 1000:
+        bus.sleep(started_s + number * every_s - bus.now_s())
+        yield bus.now_s() - started_s
+        number = max(number + 1, int((bus.now_s() - started_s) / every_s))
+
+
+@contextmanager
+def _rows(
+    session: Session, places: Sequence[_Place], file: str | None, data_type: DataType | None
+) -> Iterator[Callable[[list[object]], None]]:
+    """What writes a row of the CSV file, or nothing where none is wanted."""
+    if file is None:
+        yield lambda _row: None
+        return
+    if not file.lower().endswith(".csv"):
+        raise UsageError(f"{file}: --every writes a .csv file", hint="read 6041 606C --every 100ms -o run.csv")
+    path = place_of(file, "read 6041 --every 1s -o {}/NAME.csv")
+    ask_before_overwriting(session, path)
+    try:
+        with Path(path).open("w", encoding="utf-8", newline="") as opened:
+            writer = csv.writer(opened)
+            writer.writerow(["time_s", *(_head(place, data_type) for place in places)])
+            yield writer.writerow
+    except OSError as failed:
+        raise UsageError(f"{file}: {failed.strerror or failed}", place=file) from failed

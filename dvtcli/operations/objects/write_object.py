@@ -1,0 +1,135 @@
+"""Writing one object under the rules of the command that is meant for it: `write`, and the words of a DVT script."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING
+
+from dvtcli.device.store_parameters import RESTORE, SIGNATURES, STORE
+from dvtcli.domain.abort import Abort
+from dvtcli.domain.network.network_state import CONCISE_DCF
+from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.profile import within
+from dvtcli.domain.rules.finding import error
+from dvtcli.domain.rules.raw_write import parameter_size
+from dvtcli.domain.rules.rule import ERROR, Rule
+from dvtcli.errors import DeviceRefused, DvtcliError, RuleError, UsageError
+from dvtcli.operations.changes.change import changed
+from dvtcli.operations.meanings.object_values import type_of, value_words
+from dvtcli.operations.meanings.physical_meanings import how_to_write, meaning_of, typed_bytes
+from dvtcli.operations.stores.store_restore import restore_defaults, store_settings
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+    from dvtcli.domain.datatypes import DataType
+    from dvtcli.operations.results import Changed, Stored
+    from dvtcli.operations.session.session import Session
+
+RULES = (
+    Rule("signature", ERROR, "`write` to 0x1010 or 0x1011 of anything but its signature",
+         "CiA 301, 7.5.2.13 and 7.5.2.14", (Abort.CANNOT_STORE,)),
+)  # fmt: skip
+
+_GUESSED = "no EDS says its type, it is guessed by its length: --as vs writes text, --as TYPE another one"
+
+
+def write_text(
+    session: Session, node: Node, index: int, sub_index: int, value: str, asked: DataType | None = None
+) -> Changed | Stored:
+    """Write *value* as a person types it, as type *asked* or the object's own; UsageError where it does not fit."""
+    if index in SIGNATURES and (not session.options.force or _is_signature(index, value)):
+        return signature(session, node, index, sub_index, value)
+    return write_bytes(session, node, index, sub_index, _encoded(node, index, sub_index, value, asked))
+
+
+def write_bytes(session: Session, node: Node, index: int, sub_index: int, data: bytes) -> Changed:
+    """Write *data* as it is, read it back, and put the old value back where that differs; asks first for 0x1F22."""
+    if index == CONCISE_DCF and sub_index:
+        from dvtcli.operations.consent.concise_consent import consent_to_concise
+
+        consent_to_concise(session, node, sub_index, data)
+    started = time.monotonic()
+    try:
+        applied = node.write(index, sub_index, data, force=session.options.force)
+    except DeviceRefused as refused:
+        _in_words(node, index, sub_index, refused)
+        raise
+    return changed(session, node, applied, time.monotonic() - started)
+
+
+def _in_words(node: Node, index: int, sub_index: int, refused: DeviceRefused) -> None:
+    """Say in values what an object reads back, and what may have written it since."""
+    if refused.read_back is None:
+        return
+    held, wanted = (value_words(node, index, sub_index, data) for data in refused.read_back)
+    if held != wanted:
+        refused.why = f"0x{index:04X}:{sub_index:02X} is {held}, expected {wanted}"
+    group = next((name for name, one in node.profile.vpdo.items() if within(index, one.drives)), None)
+    if group is not None:
+        refused.hint = f"the device itself writes it while a virtual PDO ties it: vpdo {group} shows that"
+
+
+def _encoded(node: Node, index: int, sub_index: int, value: str, asked: DataType | None) -> bytes:
+    kind = asked or object_type(node, index, sub_index)
+    meaning = meaning_of(node, index, sub_index)
+    try:
+        return typed_bytes(kind, meaning, value)
+    except ValueError as wrong:
+        guessed = None if asked or _is_known(node, index, sub_index) else _GUESSED
+        raise UsageError(
+            f"{value!r} for 0x{index:04X}:{sub_index:02X} ({kind.short}): {wrong}",
+            node=node.node_id,
+            hint=how_to_write(meaning, kind, value) or guessed,
+        ) from wrong
+
+
+def _is_known(node: Node, index: int, sub_index: int) -> bool:
+    """Whether a file says what type the object has; else it is taken for a number of as many bytes as it holds."""
+    entry = node.dictionary.entry(index, sub_index) if node.dictionary else None
+    return entry is not None and entry.data_type is not None
+
+
+def object_type(node: Node, index: int, sub_index: int) -> DataType:
+    """The type that a value is written as; DvtcliError with a hint where it can be neither read nor looked up."""
+    return type_of(node, index, sub_index, _size(node, index, sub_index))
+
+
+def refuse_signature(node: Node, index: int) -> None:
+    """Raise UsageError for 0x1010 and 0x1011, which take nothing but a signature."""
+    if index in SIGNATURES:
+        raise UsageError(f"0x{index:04X} takes a signature: use store() or restore()", node=node.node_id)
+
+
+def _size(node: Node, index: int, sub_index: int) -> int:
+    """How long the object is; 0 where it cannot be read and no file tells."""
+    if Pdo.at(index) is not None:
+        return parameter_size(index, sub_index) or 4
+    entry = node.dictionary.entry(index, sub_index) if node.dictionary else None
+    if entry is not None and entry.data_type is not None:
+        return entry.data_type.size or 0
+    try:
+        return len(node.upload(index, sub_index))
+    except DvtcliError as failed:
+        failed.hint = failed.hint or "--as TYPE says how to write an object that cannot be read"
+        raise
+
+
+def _is_signature(index: int, value: str) -> bool:
+    """Whether *value*, as a person types it, is what the object at *index* takes."""
+    word = SIGNATURES[index]
+    number = int.from_bytes(word, "little")
+    return value.lower() in {word.decode(), f"0x{number:x}", str(number)}
+
+
+def signature(session: Session, node: Node, index: int, sub_index: int, value: str) -> Stored:
+    """0x1010 and 0x1011 take one signature each: the same as `store` and `restore`."""
+    if not _is_signature(index, value):
+        word, place = SIGNATURES[index], f"0x{index:04X}:{sub_index:02X}"
+        finding = error(
+            "signature", place, f"{place} takes {word.decode()!r} only, not {value!r}", Abort.CANNOT_STORE,
+            "store" if index == STORE else "restore",
+        )  # fmt: skip
+        raise RuleError(f"nothing was written: {finding.text}", [finding], node=node.node_id)
+    if index == RESTORE:
+        return restore_defaults(session, node, sub_index, prove=False)
+    return store_settings(session, node, sub_index)

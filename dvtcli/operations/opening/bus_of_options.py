@@ -1,0 +1,92 @@
+"""The bus that the options name: one of simulated nodes in this process, or a real one. Does not know its nodes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+from dvtcli.domain.nmt import UNCONFIGURED
+from dvtcli.domain.ports import CanopenBus
+from dvtcli.errors import UsageError
+from dvtcli.operations.opening.simulated_nodes import (
+    Simulated,
+    read_dictionary,
+    simulated_device,
+    simulated_faults,
+    simulated_nodes,
+    simulated_signals,
+)
+from dvtcli.operations.user.options import Options
+
+if TYPE_CHECKING:
+    from dvtcli.simulator.device.signals import Signal
+    from dvtcli.simulator.device.simulated_faults import Fault
+    from dvtcli.simulator.device.strict_device import StrictDevice
+
+#: Opens the bus that options name.
+OpenBus = Callable[[Options], CanopenBus]
+
+
+class Simulate(Protocol):
+    """Starts simulated devices on a bus of their own, and joins it."""
+
+    def __call__(
+        self,
+        devices: Sequence[StrictDevice],
+        *,
+        faults: Sequence[Fault],
+        signals: Sequence[Signal],
+        timeout_s: float,
+        bit_rate: int,
+    ) -> CanopenBus:
+        """The bus of *devices*, which boot now, with their *faults* and *signals*, at *bit_rate* (bit/s)."""
+        ...
+
+
+def bus_of(
+    options: Options, open_bus: OpenBus | None = None, simulate: Simulate | None = None
+) -> tuple[CanopenBus, tuple[Simulated, ...]]:
+    """Open the bus that *options* name, or with *open_bus*; which nodes are simulated on it, with their node-IDs.
+
+    Simulated nodes live on the bus that *simulate* makes, None: the one in this process.
+
+    BusUnavailable, UsageError or InputFileError.
+    """
+    if options.eds:
+        read_dictionary(Path(options.eds))  # a wrong file is said before a bus is touched
+    simulated = simulated_nodes(options.sim, unconfigured=True)
+    if simulated and (options.interface or options.channel):
+        raise UsageError(
+            "--sim and an interface exclude each other: a simulated node lives on no real bus", hint="leave one out"
+        )
+    faults = simulated_faults(options.fault, simulated)
+    signals = simulated_signals(options.signal, simulated)
+    if not simulated:
+        return (open_bus or open_real_bus)(options), ()
+    from dvtcli.simulator.network import in_process_bus
+
+    devices, rate = [simulated_device(one) for one in simulated], options.bitrate or in_process_bus.BIT_RATE
+    start = simulate or in_process_bus.simulate
+    return start(devices, faults=faults, signals=signals, timeout_s=options.timeout, bit_rate=rate), tuple(
+        one for one in simulated if one.node_id != UNCONFIGURED
+    )
+
+
+def open_real_bus(options: Options) -> CanopenBus:
+    """Open the interface that *options* name, else the one that python-can's own settings do; BusUnavailable."""
+    from dvtcli.bus.opening import open_transport
+
+    extra = dict(pair.split("=", 1) for pair in options.bus_kwargs)
+    return open_transport(options.interface, options.channel, options.bitrate, extra, timeout_s=options.timeout)
+
+
+def listening_bus(options: Options, bit_rate: int, *, listen_only: bool) -> CanopenBus:
+    """Open the interface that *options* name at *bit_rate* (bit/s), without a word where *listen_only*.
+
+    SafetyRefusal where it is not known to be silent then, or cannot be set; BusUnavailable.
+    """
+    from dvtcli.bus.opening import open_listening
+
+    extra = dict(pair.split("=", 1) for pair in options.bus_kwargs)
+    return open_listening(options.interface, options.channel, bit_rate, extra, listen_only=listen_only)

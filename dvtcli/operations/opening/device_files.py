@@ -1,0 +1,115 @@
+"""Which EDS and which profile describe a node: as somebody chose, as it is simulated, else by its identity.
+
+Does not know what is done with them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from dvtcli.device.file_fits import unlike_file
+from dvtcli.device.read_pdos import read_identity
+from dvtcli.device.remembered import Memory
+from dvtcli.domain.object_dictionary import ObjectDictionary
+from dvtcli.domain.ports import CanopenBus
+from dvtcli.domain.profile import DeviceProfile
+from dvtcli.files.profile.library import (
+    has_profile,
+    load_folder_profile,
+    load_profile,
+    own_names,
+    profile_for_identity,
+    profile_names,
+    profile_of,
+)
+from dvtcli.operations.opening.simulated_nodes import Simulated, read_dictionary, simulated_nodes
+from dvtcli.operations.user.options import Options
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceFiles:
+    """The files of the nodes on *bus*, of which some are *simulated*, as *options* say."""
+
+    bus: CanopenBus
+    options: Options
+    simulated: tuple[Simulated, ...] = ()
+    #: EDS and profile of single nodes, where somebody chose them
+    own_eds: dict[int, Path] = field(default_factory=dict)
+    own_profile: dict[int, str] = field(default_factory=dict)
+    _memories: dict[int, Memory] = field(default_factory=dict)
+
+    def memory(self, node_id: int) -> Memory:
+        """The way by which a node is asked who it is; it remembers the answers."""
+        return self._memories.setdefault(node_id, Memory(self.bus, node_id, lambda: self.bus.sdo(node_id)))
+
+    def forget(self, node_id: int) -> None:
+        """Another device may be there: it is asked anew who it is."""
+        self._memories.pop(node_id, None)
+
+    def unlike(self, node_id: int, dictionary: ObjectDictionary | None) -> str:
+        """How the node differs from the device that *dictionary* is about, where somebody chose that file for it."""
+        if dictionary is None or not (self.options.eds or node_id in self.own_eds):
+            return ""
+        vendor, product = (read_identity(self.memory(node_id), sub) for sub in (1, 2))
+        return unlike_file(node_id, dictionary, (vendor, product))
+
+    def dictionary(self, node_id: int) -> ObjectDictionary | None:
+        """The object dictionary of a node; None where no file is known."""
+        path = self.eds_path(node_id)
+        return None if path is None else read_dictionary(path)
+
+    def eds_path(self, node_id: int) -> Path | None:
+        """The file that describes a node; None where none is known."""
+        if node_id in self.own_eds:
+            return self.own_eds[node_id]
+        if self.options.eds:
+            return Path(self.options.eds)
+        for one in self.simulated:
+            if one.node_id == node_id:
+                return one.eds
+        return self._from_library(node_id)
+
+    def _from_library(self, node_id: int) -> Path | None:
+        """The file that `eds add` keeps for the node's identity."""
+        from dvtcli.files.eds.own_files import find, folder
+
+        if not folder().is_dir():
+            return None
+        vendor, product, revision = (read_identity(self.memory(node_id), sub) for sub in (1, 2, 3))
+        return None if vendor is None or product is None else find(vendor, product, revision)
+
+    def profile(self, node_id: int) -> DeviceProfile:
+        """The profile of a node, the generic one where its family is not known."""
+        if node_id in self.own_profile:
+            return load_profile(self.own_profile[node_id])
+        if self.options.profile:
+            return load_profile(self.options.profile)
+        for one in self.simulated:
+            if one.node_id == node_id and one.folder is not None and has_profile(one.folder):
+                return load_folder_profile(one.folder)
+            if one.node_id == node_id and one.family in profile_names():
+                return self._simulated_profile(node_id, one.family)
+        vendor, product = (read_identity(self.memory(node_id), sub) for sub in (1, 2))
+        if not vendor:  # a device that does not say who it is (0 is nobody's number): its file does
+            return profile_of(self.dictionary(node_id))
+        return profile_for_identity(vendor, product or 0)
+
+    def _simulated_profile(self, node_id: int, family: str) -> DeviceProfile:
+        """The user's own profile where it names the identity that a simulated node's file tells, else the family's."""
+        if own := own_names():
+            found = profile_of(self.dictionary(node_id))
+            if found.name in own:
+                return found
+        return load_profile(family)
+
+
+def offline_dictionaries(options: Options) -> list[tuple[ObjectDictionary, DeviceProfile]]:
+    """Dictionaries, with their profiles, that are known before any bus is opened."""
+    paths = [Path(options.eds)] if options.eds else []
+    found = []
+    paths += [] if paths else [one.eds for one in simulated_nodes(options.sim, unconfigured=True)]
+    for dictionary in map(read_dictionary, paths):
+        profile = load_profile(options.profile) if options.profile else profile_of(dictionary)
+        found.append((dictionary, profile))
+    return found

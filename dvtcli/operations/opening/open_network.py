@@ -1,0 +1,174 @@
+"""The nodes of an open bus: each is looked at when it is first asked for. Does not know who opened it, nor lines."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from dvtcli.device.cancellation import Cancellation
+from dvtcli.device.file_fits import as_file_says
+from dvtcli.device.looking import Looking
+from dvtcli.device.node import Node
+from dvtcli.domain.ports import CanopenBus
+from dvtcli.domain.several import several
+from dvtcli.errors import NoAnswer, SafetyRefusal, SdoAborted, SdoProtocolError, UsageError
+from dvtcli.operations.opening.device_files import DeviceFiles
+
+if TYPE_CHECKING:
+    from dvtcli.device.change.plan_document import Identity
+    from dvtcli.device.change.progress import Progress
+    from dvtcli.domain.nmt import NmtState
+    from dvtcli.domain.plan import Plan
+    from dvtcli.operations.user.keeping import Keeping
+
+
+@dataclass(slots=True)
+class Network:
+    """An open *bus* with its nodes, and the *files* that describe them."""
+
+    bus: CanopenBus
+    files: DeviceFiles
+    cancellation: Cancellation
+    #: asks a question about the node with that ID
+    consent: Callable[[str, int], None]
+    #: lock, backup and journal of each node; None where the nodes die with this process, and of twins
+    keeping: Keeping | None = None
+    nodes: dict[int, Node] = field(default_factory=dict)
+    #: node-IDs of the changes that this session made and can undo, oldest first
+    order: list[int] = field(default_factory=list)
+    #: the changes of a node that were made before it was met here: of a twin, those of the node itself
+    done_before: Callable[[int], list[Plan]] = lambda _node_id: []
+    #: node-IDs that were met elsewhere: where these are twins, on the bus itself
+    met: Callable[[], Iterable[int]] = tuple
+    #: whether this process makes one change and ends
+    only_one: Callable[[], bool] = lambda: False
+    #: node-IDs that answered when all were asked last
+    scanned: tuple[int, ...] = ()
+    #: told of every object that is read of a node ahead of a change or for a list
+    on_look: Callable[[Looking], None] = lambda _looking: None
+    #: shows what nobody may miss
+    warn: Callable[[str], None] = lambda _text: None
+    #: told of every step of a change that a node took
+    on_step: Callable[[Progress], None] = lambda _progress: None
+    #: whether a bus that is gone is waited for, so that each node has to say who it is before
+    comes_back: bool = False
+    #: who the nodes said they were, where that is so
+    identities: dict[int, Identity] = field(default_factory=dict)
+    #: the nodes as they were when the bus was gone, until each is met anew
+    left: dict[int, Node] = field(default_factory=dict)
+    #: boot-ups and NMT state that were heard of each of these when it was asked last, in the line that is being done
+    asked_again: dict[int, tuple[int, NmtState | None]] = field(default_factory=dict)
+
+    @property
+    def simulated_ids(self) -> tuple[int, ...]:
+        """Node-IDs of the simulated nodes, in the order they were given."""
+        return tuple(one.node_id for one in self.files.simulated)
+
+    def node(self, node_id: int) -> Node:
+        """The node with *node_id*, its dictionary and profile found from its identity where not given.
+
+        SafetyRefusal where it was met before the bus was gone, and is another device now.
+        """
+        if node_id not in self.nodes:
+            boot_ups = self.bus.boot_ups(node_id)
+            profile, dictionary = self.files.profile(node_id), self.files.dictionary(node_id)
+            keeper = None if self.keeping is None else self.keeping.keeper(node_id, dictionary)
+            node = Node(
+                self.bus, node_id, dictionary, as_file_says(profile, dictionary), self.cancellation,
+                lambda question: self.consent(question, node_id),
+                history=self.done_before(node_id), order=self.order, keeper=keeper,
+                neighbours=lambda: self._others(node_id), on_step=self.on_step, on_look=self.on_look,
+                only_one=lambda: self.only_one() and node_id not in self.simulated_ids,
+                unlike_file=self.files.unlike(node_id, dictionary),
+            )  # fmt: skip
+            node.memory.learn(self.files.memory(node_id))
+            if node.unlike_file:
+                self.warn(f"{node.unlike_file}: what it says may not be so; changes need --force")
+            if self.comes_back:
+                self._identify(node)
+            node.pending.boot_ups = boot_ups  # from first contact on a restart is noticed
+            self.nodes[node_id] = node
+        return self.nodes[node_id]
+
+    def describe(self, node_id: int) -> None:
+        """Give a node that was met without an EDS the one that is known by now."""
+        node = self.nodes[node_id]
+        if node.dictionary is None and (dictionary := self.files.dictionary(node_id)) is not None:
+            node.describe(dictionary)
+            node.profile = as_file_says(node.profile, dictionary)
+            if self.keeping is not None and node.keeper is not None:
+                node.keeper.is_fixed = self.keeping.is_fixed(dictionary)
+            node.unlike_file = self.files.unlike(node_id, dictionary)
+
+    def _identify(self, node: Node) -> None:
+        """Know who *node* is; SafetyRefusal where it was somebody else."""
+        now, before = node.identity(), self.left.get(node.node_id)
+        if before is not None:
+            from dvtcli.device.same_device import another_device, unlike_before
+
+            unlike = unlike_before(self.identities[node.node_id], now)
+            if unlike:
+                raise another_device(node.node_id, unlike)
+            node.go_on_from(before)
+            with suppress(SdoAborted, UsageError):  # what cannot be read is not called lost
+                if lost := node.look_after_gap():
+                    self.warn(
+                        f"node {node.node_id} does not hold any more what was set and not stored: {several(lost)}; "
+                        "it may have restarted"
+                    )
+            self.left.pop(node.node_id, None)
+        self.identities[node.node_id] = now
+
+    def meet_again(self) -> None:
+        """Meet the nodes that were changed before the bus was gone; who is silent, or somebody else, is met later.
+
+        Each is asked once until `asked_again` is emptied, and once more where it was heard since.
+        """
+        for node_id, before in tuple(self.left.items()):
+            if before.wanted or before.wanted_values or before.unstored or before.history:
+                heard = self.bus.boot_ups(node_id), self.bus.nmt_state(node_id)
+                if self.asked_again.get(node_id) != heard:
+                    self.asked_again[node_id] = heard
+                    with suppress(NoAnswer, SdoProtocolError, SafetyRefusal):
+                        self.node(node_id)
+
+    def accept(self, node_id: int) -> None:
+        """Whoever has *node_id* now is to be met as if there had been nobody before, and that is said."""
+        if self.left.pop(node_id, None) is not None:
+            from dvtcli.device.same_device import unlike_before
+
+            self.files.forget(node_id)
+            before, now = self.identities.pop(node_id), self.node(node_id).identity()
+            if unlike := unlike_before(before, now):
+                self.warn(f"node {node_id} is another device than before the bus was gone: {unlike}")
+
+    def leave(self) -> None:
+        """The bus is gone: what was done to its nodes is kept until it is back."""
+        self.close()
+        self.left |= {node_id: node for node_id, node in self.nodes.items() if node_id in self.identities}
+
+    def go_on_from(self, before: Network) -> None:
+        """Be the same bus as *before*, opened again."""
+        self.left, self.identities, self.order = before.left, before.identities, before.order
+
+    def _others(self, node_id: int) -> list[Node]:
+        """The nodes that were met besides *node_id*; of twins, those of the nodes that were met."""
+        for other in set(self.met()) - self.nodes.keys():
+            with suppress(NoAnswer, SdoProtocolError):  # it was met, and is gone
+                self.node(other)
+        return [node for other, node in sorted(self.nodes.items()) if other != node_id]
+
+    def interrupted(self, node_id: int) -> str:
+        """What to say of a change of the node that was interrupted and not finished; empty where there is none."""
+        if self.keeping is None:
+            return ""
+        node = self.nodes.get(node_id)
+        return self.keeping.interrupted(node_id, None if node is None else node.keeper)
+
+    def close(self) -> None:
+        """Leave the bus and let others write to its nodes."""
+        self.bus.close()
+        for node in self.nodes.values():
+            node.let_go()

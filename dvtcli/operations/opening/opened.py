@@ -1,0 +1,259 @@
+"""What a session has open: the bus and its nodes, their twins under --dry-run, the tap that shows traffic.
+
+Everything is opened when it is first needed, and does as the options in force say. Does not know which node is
+selected, nor what is done to it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+from dvtcli.errors import DRY_RUN, BusUnavailable, DvtcliError, UsageError
+from dvtcli.operations.user.said import Said
+
+if TYPE_CHECKING:
+    from dvtcli.device.change.whole import Whole
+    from dvtcli.device.node import Node
+    from dvtcli.domain.ports import CanopenBus
+    from dvtcli.operations.opening.bus_of_options import OpenBus, Simulate
+    from dvtcli.operations.opening.open_network import Network
+    from dvtcli.operations.opening.serve import Serving, Wanted
+    from dvtcli.operations.opening.simulated_nodes import Simulated
+    from dvtcli.operations.user.options import Options
+    from dvtcli.operations.user.telling import Teller
+
+
+class Opened(Said):
+    """A session with the bus that it opens: the one that the options name, or another one with *open_bus*."""
+
+    def __init__(
+        self, options: Options | None = None, tell: Teller | None = None, *, open_bus: OpenBus | None = None
+    ) -> None:
+        super().__init__(options, tell)
+        #: called when the bus is about to be opened
+        self.on_open: Callable[[], None] = lambda: None
+        self._open_bus = open_bus
+        #: makes the bus of simulated nodes; None: the usual one
+        self.simulate: Simulate | None = None
+        self._network: Network | None = None
+        self._twin: Network | None = None
+        self._untap: Callable[[], None] | None = None
+        #: what to say to whoever wants a bus that is gone; None while it is there
+        self._gone: str | None = None
+        #: what the bus was set to since it was opened (bit/s), so that it is opened again at that
+        self._set_rate: int | None = None
+        #: whether a bus that is gone is waited for
+        self.comes_back = False
+
+    @contextmanager
+    def under(self, **given: Any) -> Iterator[None]:
+        """Let other options, by their names in `Options`, count while the block runs, `dry_run=True` above all."""
+        try:
+            with self._under(given):
+                yield
+        finally:
+            self._apply()
+
+    @contextmanager
+    def _under(self, given: Mapping[str, Any]) -> Iterator[None]:
+        """Let *given* options count; what they do to the bus stays until the next `_apply`."""
+        outer = self.base
+        fresh_twin = given.get("dry_run") and not outer.dry_run
+        self.base = self.options = outer._replace(**given)
+        self._apply()
+        try:
+            yield
+        except DvtcliError as error:
+            if self.dry_run:
+                error.state = "unchanged"
+                error.details.insert(0, (DRY_RUN, "this was the node's twin; nothing was sent"))
+            raise
+        finally:
+            if fresh_twin:
+                self._twin = None
+            self.base = self.options = outer
+
+    def _apply(self) -> None:
+        """Let the bus do as the options say now."""
+        if self._network is not None:
+            self._obey(self._network.bus)
+        self._watch()
+
+    def _obey(self, bus: CanopenBus) -> None:
+        bus.set_timeout(self.options.timeout)
+        bus.set_bus_share(self.options.bus_share)
+
+    def _watch(self) -> None:
+        """Show traffic while -v asks for it, and only then: a tap costs time on every frame."""
+        if self._network is None or bool(self.options.verbose) == (self._untap is not None):
+            return
+        if self._untap is not None:
+            self._untap()
+            self._untap = None
+        else:
+            secret, traffic = self.secrets.in_frame, self.tell.traffic
+            self._untap = self._network.bus.tap(lambda frame, sent: traffic(frame, sent=sent, secret=secret(frame)))
+
+    @property
+    def network(self) -> Network:
+        """The bus with its nodes, or their twins under --dry-run; opened on first use."""
+        network = self.open_network()
+        if not self.dry_run:
+            return network
+        if self._twin is None:
+            from dvtcli.operations.opening.twin_network import twin_of
+
+            self._twin = twin_of(network)
+        return self._twin
+
+    def open_network(self) -> Network:
+        """The bus itself with its nodes, also under --dry-run; opened on first use. BusUnavailable where it is gone."""
+        if self._gone is not None:
+            raise BusUnavailable(self._gone, hint="what you typed was not done; type it again when the bus is back")
+        if self._network is None:
+            self.require_settings()
+            self.on_open()
+            with self._chooser_said():
+                bus, simulated = self._first_bus()
+            if self.options.verbose:
+                self.tell.note(f"{bus.name} is open, chosen by {self.chosen_by()}")
+            self._network = self._network_on(bus, simulated)
+            self._obey(bus)
+            if self.options.bus_share and bus.bitrate is None and not bus.simulated:
+                self.tell.note(f"--bus-share is of no effect: the bit rate of {bus.name} is not known; -b says it")
+            self._watch()
+        if self._network.left:
+            self._network.meet_again()
+        return self._network
+
+    def _first_bus(self) -> tuple[CanopenBus, tuple[Simulated, ...]]:
+        """The bus of the options, and which nodes are simulated on it; with --reconnect it is waited for."""
+        from dvtcli.operations.opening.bus_of_options import bus_of
+
+        def opened() -> tuple[CanopenBus, tuple[Simulated, ...]]:
+            return bus_of(self.base, self._open_bus, self.simulate)
+
+        if not self.options.reconnect:
+            return opened()
+        from dvtcli.operations.opening.first_bus import first_bus
+
+        return first_bus(opened, self.options, self.tell.bus)
+
+    def bus_again(self) -> CanopenBus:
+        """The bus of the options, opened once more, by any thread; BusUnavailable."""
+        from dvtcli.operations.opening.bus_of_options import bus_of
+
+        given = self.base if self._set_rate is None else self.base._replace(bitrate=self._set_rate)
+        return bus_of(given, self._open_bus, self.simulate)[0]
+
+    def take_bit_rate(self, bit_rate: int) -> None:
+        """The bus runs at *bit_rate* (bit/s) from now on, whatever the options say."""
+        self._set_rate = bit_rate
+
+    def leave_bus(self, why: str) -> None:
+        """The bus is gone, and *why*: whoever wants it is told so until `take_bus`."""
+        assert self._network is not None  # noqa: S101 - it was open
+        self._gone = why
+        self._network.leave()
+
+    def take_bus(self, bus: CanopenBus) -> None:
+        """Go on with *bus*, which was opened again: nothing that was read of its nodes before counts."""
+        assert self._network is not None  # noqa: S101 - it was open
+        network = self._network_on(bus, ())
+        network.go_on_from(self._network)
+        self._network, self._twin, self._untap, self._gone = network, None, None, None
+        self._obey(bus)
+        self._watch()
+
+    def _network_on(self, bus: CanopenBus, simulated: tuple[Simulated, ...]) -> Network:
+        from dvtcli.operations.opening.network_on_bus import network_on_bus
+
+        return network_on_bus(
+            self, bus, simulated, only_one=lambda: self.ends_with_line, comes_back=self.comes_back, whole=self.whole
+        )
+
+    @property
+    def ends_with_line(self) -> bool:
+        """Whether nothing follows what is being done now."""
+        return False
+
+    @contextmanager
+    def _chooser_said(self) -> Iterator[None]:
+        """Where the bus does not open it is said who chose it."""
+        try:
+            yield
+        except BusUnavailable as failed:
+            from dvtcli.operations.user.settings import NOBODY
+
+            if (by := self.chosen_by()) != NOBODY:
+                failed.details.append(("chosen by", by))
+            elif described := self.settings.described_buses():
+                failed.hint = f"{described}; {failed.hint}"
+            failed.at_start = True
+            raise
+        except UsageError as wrong:
+            wrong.at_start = True
+            raise
+
+    def serving(self, wanted: Wanted) -> AbstractContextManager[Serving]:
+        """Simulated nodes for other programs, instead of a bus of our own."""
+        from dvtcli.operations.opening.serve import serving
+
+        self.require_settings()
+        self.on_open()
+        return serving(self.base, wanted, self.tell.warning, self.tell.bus)
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the bus was opened."""
+        return self._network is not None
+
+    @property
+    def wire(self) -> CanopenBus:
+        """The bus itself, also under --dry-run: to listen to, never to write to."""
+        assert self._network is not None  # noqa: S101 - who listens has opened it
+        return self._network.bus
+
+    @property
+    def bus(self) -> CanopenBus:
+        """The bus, or the twin's under --dry-run."""
+        return self.network.bus
+
+    @cached_property
+    def whole(self) -> Whole:
+        """The changes that stand or fall together, as those of an atomic script."""
+        from dvtcli.device.change.whole import Whole
+
+        return Whole()
+
+    def met_nodes(self) -> Iterator[Node]:
+        """Every node that was looked at so far, and every twin of one."""
+        for network in (self._network, self._twin):
+            yield from network.nodes.values() if network else ()
+
+    def seen_nodes(self) -> dict[int, Node]:
+        """The nodes that were met, or their twins under --dry-run, by node-ID; opens nothing, also where it is gone."""
+        network = self._twin if self.dry_run else self._network
+        return {} if network is None else network.nodes
+
+    def left_nodes(self) -> list[Node]:
+        """The nodes as they were when the bus was gone, as far as they were not met since."""
+        return [] if self._network is None else list(self._network.left.values())
+
+    def _nodes(self) -> list[Node]:
+        return list(self._network.nodes.values()) if self._network is not None else []
+
+    def warn_of_disturbances(self) -> None:
+        """Say what was noticed on the SDO channels: another client, two nodes with one node-ID."""
+        for text in self._network.bus.disturbances() if self._network is not None else ():
+            self.tell.warning(text)
+
+    def close(self) -> None:
+        """Leave the bus."""
+        self._twin = None
+        if self._network is not None:
+            self._network.close()
+            self._network = self._untap = None

@@ -1,0 +1,211 @@
+"""Simulated nodes for other programs, put together from the options: which nodes, where they listen, what they keep.
+
+The counterpart of `network` for the other end of the bus. Does not know lines or screens.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+import re
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.nmt import UNCONFIGURED
+from dvtcli.errors import BusUnavailable, InputFileError, UsageError
+from dvtcli.files.sim_state import read_state, write_state
+from dvtcli.operations.opening.simulated_nodes import (
+    Simulated,
+    simulated_device,
+    simulated_faults,
+    simulated_nodes,
+    simulated_signals,
+)
+from dvtcli.operations.user.options import Options, node_id
+
+if TYPE_CHECKING:
+    from dvtcli.domain.ports import CanopenBus
+    from dvtcli.operations.opening.first_bus import Tell
+    from dvtcli.simulator.device.strict_device import StrictDevice
+    from dvtcli.simulator.network.hub import Hub
+    from dvtcli.simulator.network.joined_bus import JoinedBus
+    from dvtcli.simulator.network.shared_bus import Server
+
+#: where socketcand listens, by its own documentation
+DEFAULT_PORT = 29536
+LOOPBACK = "127.0.0.1"
+_LONGEST_LATENCY_MS = 60_000
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """What `sim` was asked for.
+
+    *nodes* as for `--sim`; *address* is where to listen, None for nowhere; *join* says that the bus of the options is
+    joined; *state* is the folder of what nodes store; *latencies* how long SDO servers take to answer:
+    node-ID, None for the others, and time (s).
+    """
+
+    nodes: tuple[str, ...]
+    address: tuple[str, int] | None
+    join: bool = False
+    state: Path | None = None
+    latencies: tuple[tuple[int | None, float], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Serving:
+    """Nodes that are ready to be served by `server.run()`; *port* is None where they do not listen."""
+
+    server: Server
+    nodes: tuple[Simulated, ...]
+    port: int | None
+    joined: str | None
+
+
+def address(text: str) -> tuple[str, int]:
+    """Read `HOST:PORT`, `[IPv6]:PORT`, `:PORT` or `PORT`; a missing host is 127.0.0.1. UsageError otherwise."""
+    match = re.fullmatch(r"(?:(?:\[([0-9A-Fa-f:.]+)\]|([^\s:\[\]]*)):)?(\d{1,5})", text, re.ASCII)
+    if match is None or int(match[3]) > 65535:
+        raise UsageError(f"--listen {text}: not HOST:PORT", hint="for example 127.0.0.1:29536; port 0 is a free one")
+    return match[1] or match[2] or LOOPBACK, int(match[3])
+
+
+def latency_of(text: str) -> tuple[int | None, float]:
+    """Read `[NODE:]MS`, 0…60000 ms; the node-ID, None for every other node, and the time (s). UsageError otherwise."""
+    node, colon, time = text.rpartition(":")
+    if not re.fullmatch(r"\d{1,5}(\.\d{1,3})?", time, re.ASCII) or float(time) > _LONGEST_LATENCY_MS:
+        raise UsageError(f"--latency {text}: not [NODE:]MS", hint="for example 2 or 5:20, up to 60000 ms")
+    return (node_id(node) if colon else None), float(time) / 1000
+
+
+def is_loopback(host: str) -> bool:
+    """Whether only programs on this machine reach *host*."""
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host.lower() == "localhost"
+
+
+@contextmanager
+def serving(
+    options: Options, wanted: Wanted, warn: Callable[[str], None], tell: Tell = lambda _event: None
+) -> Iterator[Serving]:
+    """Open everything that *wanted* needs, and leave it at the end; *warn* takes what nobody should miss.
+
+    With the option `reconnect` a joined bus that is gone is waited for, and *tell* hears of it.
+    BusUnavailable where an address or a bus is not to be had, UsageError and InputFileError for wrong words and files.
+    """
+    from dvtcli.simulator.network.shared_bus import Server
+    from dvtcli.simulator.network.station import stations
+    from dvtcli.simulator.network.wire import Wire
+
+    nodes = simulated_nodes(wanted.nodes, "sim", unconfigured=True)
+    devices = [simulated_device(one) for one in nodes]
+    keep = _keeper(wanted.state, nodes, devices, warn)
+    nodes = tuple(replace(one, node_id=device.node_id) for one, device in zip(nodes, devices, strict=True))
+    for one, many in Counter(device.node_id for device in devices).items():
+        if many > 1 and one != UNCONFIGURED:
+            warn(f"{many} nodes have node-ID {one}, as --state {wanted.state} keeps it: they will answer as one")
+    faults = simulated_faults(options.fault, nodes)
+    for fault in faults:
+        if fault.kind.of_bit_rate:
+            raise UsageError(f"--fault {fault}: a served bus keeps its one bit rate", hint="it is for --sim")
+    signals, rate = simulated_signals(options.signal, nodes), options.bitrate
+    latencies_s = _latencies(wanted.latencies, devices)
+    with ExitStack() as stack:
+        hub = _hub(wanted.address, warn)
+        stack.callback(hub.close)
+        joined = _joined(options, hub, tell) if wanted.join else None
+        if joined is not None:
+            stack.callback(joined.close)
+        server = Server(
+            stations(devices, faults, signals, bit_rate=rate, known_rates=() if rate is None else (rate,)),
+            hub,
+            Wire(None if wanted.join else rate),
+            [] if joined is None else [joined],
+            latencies_s=latencies_s,
+            stored=keep,
+            bus_failed=lambda: warn("the bus is dead (a simulated fault): every client was cut off"),
+            frames_lost=lambda: warn("the nodes have more to say than the bus carries: what does not fit is lost"),
+        )
+        yield Serving(server, nodes, hub.port, None if joined is None else joined.name)
+
+
+def _latencies(wanted: tuple[tuple[int | None, float], ...], devices: list[StrictDevice]) -> list[float]:
+    """How long each of *devices* takes to answer (s); UsageError for a node that is not there, or said twice."""
+    said, here = dict(wanted), {device.node_id for device in devices}
+    for one in said:
+        name = "--latency" if one is None else f"--latency {one}:"
+        if sum(other == one for other, _ in wanted) > 1:
+            raise UsageError(f"{name} is given twice")
+        if one is not None and one not in here:
+            raise UsageError(f"{name} no such node here", hint="NODE:MS is the node-ID of a node behind sim")
+    return [said.get(device.node_id, said.get(None, 0.0)) for device in devices]
+
+
+def _hub(where: tuple[str, int] | None, warn: Callable[[str], None]) -> Hub:
+    from dvtcli.simulator.network.hub import Hub
+
+    try:
+        hub = Hub(where, warn)
+    except OSError as failed:
+        host, port = where or (LOOPBACK, 0)
+        raise BusUnavailable(
+            f"cannot listen on {host}:{port}",
+            why=failed.strerror or str(failed),
+            hint="is another dvtcli sim or a socketcand running? --listen HOST:0 takes a free port",
+        ) from failed
+    if where is not None and not is_loopback(where[0]):
+        warn(f"{where[0]} is no loopback address: whoever reaches it can read and write these nodes")
+    return hub
+
+
+def _joined(options: Options, hub: Hub, tell: Tell) -> JoinedBus:
+    from dvtcli.operations.opening.first_bus import first_bus, waited_for
+    from dvtcli.simulator.network.joined_bus import JoinedBus
+
+    def opened() -> CanopenBus:
+        from dvtcli.bus.opening import open_bus
+
+        extra = dict(pair.split("=", 1) for pair in options.bus_kwargs)
+        return open_bus(options.interface, options.channel, options.bitrate, extra)
+
+    bus = first_bus(opened, options, tell)
+    if not options.reconnect or options.no_reconnect:
+        return JoinedBus(bus, hub.wake)
+    return JoinedBus(
+        bus, hub.wake, lambda gone, failed, stopping: waited_for(opened, gone.name, failed, stopping, tell)
+    )
+
+
+def _keeper(
+    folder: Path | None, nodes: tuple[Simulated, ...], devices: list[StrictDevice], warn: Callable[[str], None]
+) -> Callable[[StrictDevice], None]:
+    """Wake *devices* with what *folder* keeps of them; what keeps a device's stored values from then on."""
+    if folder is None:
+        return lambda _device: None
+    if folder.exists() and not folder.is_dir():
+        raise InputFileError(f"{folder}: not a folder", place=str(folder), hint="--state takes a folder")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)  # now, rather than when a node first stores
+    except OSError as failed:
+        why = failed.strerror or str(failed)
+        raise UsageError(f"{folder}: {why}", place=str(folder), hint="--state takes a folder to write to") from failed
+    names = [f"{one.family or one.eds.stem}@{one.node_id}.json" for one in nodes]
+    paths = {device: folder / name for device, name in zip(devices, names, strict=True)}
+    for device, path in paths.items():
+        kept = read_state(path)
+        device.power_on(kept.values, kept.node_id)
+
+    def keep(device: StrictDevice) -> None:
+        try:
+            write_state(paths[device], device.lss.stored, device.areas.kept())
+        except OSError as failed:
+            why = failed.strerror or str(failed)
+            warn(f"{paths[device]}: {why}; node {device.node_id} keeps what it stored only while sim runs")
+
+    return keep

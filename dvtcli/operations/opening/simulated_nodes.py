@@ -1,0 +1,218 @@
+"""Simulated nodes from the words that ask for them: `--sim`, `sim`, and the `--fault` and `--signal` beside them.
+
+Does not know buses, and neither whether the nodes live in this process or are served to others.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.nmt import UNCONFIGURED
+from dvtcli.domain.object_dictionary import ObjectDictionary
+from dvtcli.errors import InputFileError, UsageError
+from dvtcli.files.device_file import VALUE_SUFFIXES
+from dvtcli.files.profile.library import profile_of
+from dvtcli.operations.user.options import is_file, node_id
+
+if TYPE_CHECKING:
+    from dvtcli.domain.profile import DeviceProfile
+    from dvtcli.simulator.device.family import Family
+    from dvtcli.simulator.device.signals import Signal
+    from dvtcli.simulator.device.simulated_faults import Fault
+    from dvtcli.simulator.device.strict_device import StrictDevice
+
+
+@dataclass(frozen=True, slots=True)
+class Simulated:
+    """One `--sim`: its node-ID (255: none yet), the family (None for a file), and the file of its dictionary.
+
+    *folder* is where a family of the user's own is, as `learn` writes one; its name is the folder's.
+    """
+
+    node_id: int
+    family: str | None
+    eds: Path
+    folder: Path | None = None
+
+    @property
+    def label(self) -> str:
+        """Which node it is, in words."""
+        what = self.family or self.eds.name
+        return f"{what} without a node-ID" if self.node_id == UNCONFIGURED else f"node {self.node_id} {what}"
+
+
+def simulated_device(one: Simulated) -> StrictDevice:
+    """The device that *one* names, INITIALISING."""
+    from dvtcli.simulator.device.strict_device import StrictDevice
+
+    return StrictDevice(read_dictionary(one.eds), _family(one), one.node_id)
+
+
+def _family(one: Simulated) -> Family:
+    from dvtcli.simulator.network.family_file import load_family_folder
+
+    if one.folder is not None:
+        return load_family_folder(one.folder)
+    return family_named(one.family) if one.family else _family_of_file(read_dictionary(one.eds))
+
+
+def _family_of_file(dictionary: ObjectDictionary) -> Family:
+    """A plain CiA 301 device; the object in which the device's own family tells its NMT state is alive in it, too.
+
+    The family's profile asks that object, and a value that a DCF has for it would be the state for ever. Which accesses
+    may be mapped is the family's, too, where the profile allows more than the standard.
+    """
+    profile = profile_of(dictionary)
+    known = learnt_family(profile, None) or family_named(profile.name)
+    return replace(
+        family_named("generic"),
+        state_object=known.state_object,
+        state_request=known.state_request,
+        master_object=known.master_object,
+        tpdo_access=known.tpdo_access,
+        rpdo_access=known.rpdo_access,
+    )
+
+
+def simulated_nodes(words: tuple[str, ...], by: str = "--sim", *, unconfigured: bool = False) -> tuple[Simulated, ...]:
+    """What each of *words* means, which *by* took: a file wins over `@`.
+
+    Node-IDs default to the one that a DCF or XDC was made for, else to the first free one.
+    With *unconfigured* a node may wait for its node-ID: `WHAT@255`.
+    """
+    found: list[Simulated] = []
+    for word in words:
+        what, wanted = _split(word, unconfigured=unconfigured)
+        used = {one.node_id for one in found}
+        chosen = _node_id_of_file(what, used) if wanted is None else wanted
+        chosen = chosen if chosen is not None else next((n for n in range(1, 128) if n not in used), 1)
+        one = _simulated(what, chosen, by)
+        if chosen == UNCONFIGURED and one in found:
+            raise UsageError(f"{by} {word}: nobody could tell two of them apart", hint="give one another identity")
+        if chosen != UNCONFIGURED and chosen in used:
+            raise UsageError(f"{by} {word}: node-ID {chosen} is given twice", hint="WHAT@ID sets the node-ID")
+        found.append(one)
+    return tuple(found)
+
+
+def simulated_faults(words: tuple[str, ...], simulated: tuple[Simulated, ...]) -> tuple[Fault, ...]:
+    """What each `--fault` means; UsageError for a wrong one, and where no node is simulated."""
+    if not words:
+        return ()
+    if not simulated:
+        raise UsageError("--fault is for simulated nodes", hint="give --sim too: --sim gen4 --fault lose-response@3")
+    from dvtcli.simulator.device.faulty import altered
+    from dvtcli.simulator.device.simulated_faults import own_of, read_faults
+
+    try:
+        faults = read_faults(words, [one.node_id for one in simulated])
+        for one in simulated:
+            for fault in own_of(one.node_id, simulated[0].node_id, faults):
+                if fault.place is not None:
+                    altered(simulated_device(one), fault)
+    except ValueError as wrong:
+        raise UsageError(f"--fault {wrong}") from wrong
+    return faults
+
+
+def simulated_signals(words: tuple[str, ...], simulated: tuple[Simulated, ...]) -> tuple[Signal, ...]:
+    """What each `--signal` means; UsageError for a wrong one, or without simulated nodes; InputFileError for a file."""
+    if not words:
+        return ()
+    if not simulated:
+        raise UsageError(
+            "--signal is for simulated nodes", hint='give --sim too: --sim gen4 --signal "606C=sine(1500,2s)"'
+        )
+    from dvtcli.simulator.device.signal_shapes import RowsError
+    from dvtcli.simulator.device.signals import read_signals
+
+    try:
+        return read_signals(words, [(one.node_id, read_dictionary(one.eds)) for one in simulated])
+    except RowsError as wrong:
+        raise InputFileError(
+            f"--signal: {wrong.place}: {wrong}", place=wrong.place, hint="rows are TIME,VALUE,…"
+        ) from wrong
+    except OSError as failed:
+        raise UsageError(f"--signal: {failed.filename}: {failed.strerror or failed}") from failed
+    except ValueError as wrong:
+        raise UsageError(f"--signal {wrong}") from wrong
+
+
+def _split(word: str, *, unconfigured: bool) -> tuple[str, int | None]:
+    from dvtcli.simulator.network.family_file import is_family_folder
+
+    if is_file(word) or "@" not in word or is_family_folder(word):
+        return word, None
+    what, _, digits = word.rpartition("@")
+    return what, UNCONFIGURED if unconfigured and digits == str(UNCONFIGURED) else node_id(digits)
+
+
+def _node_id_of_file(what: str, used: set[int]) -> int | None:
+    """The node-ID that a DCF or XDC was made for; None for other files, where it says none, or one *used*."""
+    if not what.lower().endswith(VALUE_SUFFIXES) or not is_file(what):
+        return None
+    stated = read_dictionary(Path(what)).info.node_id
+    return stated if stated is not None and 1 <= stated <= 127 and stated not in used else None
+
+
+def _simulated(what: str, chosen: int, by: str) -> Simulated:
+    from dvtcli.simulator.network.family_file import family_eds, family_folder_eds, family_names, is_family_folder
+
+    path = Path(what)
+    if is_file(what):
+        return Simulated(chosen, None, path)
+    if what in family_names():
+        return Simulated(chosen, what, family_eds(what))
+    if is_family_folder(what):
+        return Simulated(chosen, path.resolve().name, family_folder_eds(path), path)
+    known = ", ".join(family_names())
+    raise UsageError(
+        f"{by} {what}: no such family and no such file",
+        hint=f"families: {known}; or the path of an EDS, DCF, XDD or XDC, or of a folder that `learn` wrote",
+    )
+
+
+def family_named(name: str) -> Family:
+    """How the family *name* behaves; a plain CiA 301 device where none is called that."""
+    from dvtcli.simulator.device.family import Family
+    from dvtcli.simulator.network.family_file import family_names, load_family
+
+    return load_family(name) if name in family_names() else Family()
+
+
+def learnt_family(profile: DeviceProfile, folder: Path | None) -> Family | None:
+    """The family that was learnt along with *profile*, or is in *folder*; None where there is none.
+
+    InputFileError where its file is wrong.
+    """
+    from dvtcli.files.learnt_folder import own_family_path
+    from dvtcli.simulator.network.family_file import load_family_folder, read_family, read_text
+
+    if folder is not None:
+        return load_family_folder(folder)
+    path = own_family_path(profile.name)
+    if not profile.learnt or not path.is_file():
+        return None
+    return read_family(profile.name, read_text(path), str(path))
+
+
+def read_dictionary(path: Path) -> ObjectDictionary:
+    """The object dictionary of an EDS, DCF, XDD or XDC as it is now; UsageError where there is no such file."""
+    try:
+        known = path.stat()
+        return _dictionary(path, None if path.is_absolute() else Path.cwd(), known.st_mtime_ns, known.st_size)
+    except OSError as failed:
+        raise UsageError(
+            f"{path}: {failed.strerror or failed}", hint="--eds takes the path of an EDS, DCF, XDD or XDC"
+        ) from failed
+
+
+@lru_cache(maxsize=16)
+def _dictionary(path: Path, _folder: Path | None, _changed_ns: int, _size: int) -> ObjectDictionary:
+    """What the file at *path*, from *_folder* where it is relative, says since it was changed."""
+    from dvtcli.files.device_file import read_device_file
+
+    return read_device_file(path).dictionary

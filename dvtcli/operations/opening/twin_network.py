@@ -1,0 +1,50 @@
+"""A network of twins for a dry run. Does not know what is tried on it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.object_dictionary import ObjectDictionary
+from dvtcli.domain.plan import Plan
+from dvtcli.operations.opening.open_network import Network
+from dvtcli.operations.opening.simulated_nodes import family_named, learnt_family
+from dvtcli.simulator.device.reversed import ReversedDevice
+from dvtcli.simulator.device.strict_device import StrictDevice
+from dvtcli.simulator.network.twin_bus import TwinBus
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+    from dvtcli.simulator.device.family import Family
+
+
+def twin_of(network: Network) -> Network:
+    """A network of copy-on-write twins of *network*'s nodes: what is written there never reaches the bus.
+
+    What was done to the nodes, and in which order, is known to the twins: `undo` is tried on it.
+    """
+
+    def device_for(node_id: int, backing: Callable[[int, int], bytes]) -> StrictDevice:
+        node = network.node(node_id)
+        kind = ReversedDevice if node.profile.reversed_entries else StrictDevice
+        family = replace(_family(network, node), filler=node.profile.filler or 0)
+        return kind(node.dictionary or ObjectDictionary({}), family, node_id, backing=backing)
+
+    bus = TwinBus(network.bus, device_for)
+
+    def done_before(node_id: int) -> list[Plan]:
+        return list(network.nodes[node_id].history) if node_id in network.nodes else []
+
+    return replace(
+        network, bus=bus, files=replace(network.files, bus=bus, _memories={}), keeping=None, nodes={},
+        order=list(network.order), done_before=done_before, warn=lambda _text: None,
+        met=lambda: list(network.nodes), comes_back=False, left={},
+    )  # fmt: skip
+
+
+def _family(network: Network, node: Node) -> Family:
+    """How *node* behaves: as it was learnt, else as its profile's family does."""
+    folder = next((one.folder for one in network.files.simulated if one.node_id == node.node_id), None)
+    learnt = learnt_family(node.profile, folder)
+    return family_named(node.profile.name) if learnt is None else learnt

@@ -1,0 +1,97 @@
+"""The TPDO that an object goes into, or is in, where nobody says which: the first that fits."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.mapping import MAX_ENTRIES, PdoMappingEntry
+from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.request import PdoRequest
+from dvtcli.errors import DeviceRefused
+from dvtcli.operations.changes.change import configure_pdo
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+    from dvtcli.domain.rules import Finding
+    from dvtcli.operations.session.session import Session
+
+_MOST_BITS = 64
+
+
+def map_in_tpdo(
+    session: Session, node_id: int, index: int, sub_index: int, can_id: int | None = None
+) -> tuple[Finding, ...]:
+    """Put an object behind what the first enabled TPDO with room maps, else into the first disabled TPDO.
+
+    Sets type 1 (every SYNC), inhibit time 0 and event timer 0, and stores nothing. Nothing is done where an enabled
+    TPDO maps the object. With *can_id*, a TPDO of that CAN-ID is taken, else a disabled one gets it.
+    """
+    node = session.node(node_id)
+    node.claim()
+    tpdos = _tpdos(node)
+    if any(_position(config, index, sub_index) is not None for config in tpdos.values() if config.enabled):
+        return ()
+    bits = node.length_of(index, sub_index) or 8 * len(node.upload(index, sub_index))
+    pdo, kept = _with_room(node, tpdos, bits, can_id)
+    asked = PdoRequest(
+        cob_id=can_id, transmission_type=1, enabled=True,
+        inhibit_time=None if tpdos[pdo].communication.inhibit_time is None else 0,
+        event_timer=None if tpdos[pdo].communication.event_timer is None else 0,
+        objects=(*kept, PdoMappingEntry(index, sub_index, bits)),
+    )  # fmt: skip
+    return configure_pdo(session, node_id, pdo, asked).findings
+
+
+def _tpdos(node: Node) -> dict[Pdo, PdoConfig]:
+    return {pdo: config for pdo, config in node.pdos().items() if pdo.is_tpdo}
+
+
+def _with_room(
+    node: Node, tpdos: Mapping[Pdo, PdoConfig], bits: int, can_id: int | None
+) -> tuple[Pdo, tuple[PdoMappingEntry, ...]]:
+    """The TPDO that takes *bits* more, with the entries that stay in it; DeviceRefused where there is none."""
+    usable = {pdo: config for pdo, config in tpdos.items() if node.is_dynamic(pdo) and not _is_odd(config)}
+    for pdo, config in usable.items():
+        right = can_id in (None, config.communication.cob_id.can_id)
+        if config.enabled and right and config.bits + bits <= _MOST_BITS and _takes_entry(node, pdo, config):
+            return pdo, config.mapping
+    for pdo, config in usable.items():
+        if not config.enabled:
+            return pdo, ()
+    raise DeviceRefused(
+        f"no TPDO of node {node.node_id} has {bits} bits of room, and none is disabled",
+        node=node.node_id,
+        hint="clear a TPDO first, or map into one by name: map tpdo1 …",
+    )
+
+
+def _is_odd(config: PdoConfig) -> bool:
+    return config.mpdo is not None or bool(config.inconsistency)
+
+
+def _takes_entry(node: Node, pdo: Pdo, config: PdoConfig) -> bool:
+    object_ = node.dictionary[pdo.mapping_index] if node.dictionary and pdo.mapping_index in node.dictionary else None
+    subs = len(object_.entries.keys() - {0}) if object_ is not None else 0
+    return len(config.mapping) < min(subs or MAX_ENTRIES, node.profile.max_entries or MAX_ENTRIES)
+
+
+def _position(config: PdoConfig, index: int, sub_index: int) -> int | None:
+    """The first bit of an object in a PDO's frame, None where the PDO does not map it."""
+    start = 0
+    for entry in config.mapping:
+        if (entry.index, entry.sub_index) == (index, sub_index):
+            return start
+        start += entry.bits
+    return None
+
+
+def locate_tpdo(session: Session, node_id: int, index: int, sub_index: int) -> str:
+    """`TPDO1 0x181 bit 0` for the first TPDO that maps the object, enabled ones first; else `not mapped`."""
+    tpdos = _tpdos(session.node(node_id))
+    for pdo, config in sorted(tpdos.items(), key=lambda item: not item[1].enabled):
+        start = _position(config, index, sub_index)
+        if start is not None:
+            where = f"0x{config.communication.cob_id.can_id:03X}" if config.enabled else "off"
+            return f"{pdo.label} {where} bit {start}"
+    return "not mapped"

@@ -1,0 +1,69 @@
+"""PDOs as a node holds them now, with the names of what is mapped. Only reads."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from time import monotonic
+from typing import TYPE_CHECKING
+
+from dvtcli.device.read_pdos import read_optional
+from dvtcli.domain.frame import decode
+from dvtcli.operations.meanings.physical_meanings import meanings_of
+from dvtcli.operations.results import LastFrame, MappedName, PdoListing, PdoRow
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+    from dvtcli.domain.datatypes import DataType
+    from dvtcli.domain.mapping import PdoMappingEntry
+    from dvtcli.domain.meanings import Meanings
+    from dvtcli.domain.pdo import Pdo, PdoConfig
+    from dvtcli.operations.session.session import Session
+
+
+def list_pdos(session: Session, node_id: int | None = None, *, show_all: bool = False) -> PdoListing:
+    """Read every PDO of *node_id*, None for the selected node; *show_all* shows those that are off and empty, too."""
+    node = session.node(node_id)
+    rows = tuple(_row(node, pdo, config) for pdo, config in node.pdos().items())
+    return PdoListing(node.node_id, node.title, rows, show_all)
+
+
+def show_pdo(session: Session, pdo: Pdo, node_id: int | None = None) -> PdoListing:
+    """Read one PDO of *node_id*, None for the selected node, with its last frame where one was heard."""
+    node = session.node(node_id)
+    row = _row(node, pdo, node.pdo(pdo))
+    row = replace(row, last=_last_frame(session, node, row.config))
+    period = read_optional(node.sdo, 0x1006, 0, 4)
+    return PdoListing(node.node_id, node.title, (row,), detail=True, sync_period_us=period)
+
+
+def _row(node: Node, pdo: Pdo, config: PdoConfig) -> PdoRow:
+    meanings = meanings_of(node.profile, node.dictionary)
+    named = tuple(_name(node, meanings, entry.index, entry.sub_index) for entry in config.mapping)
+    return PdoRow(pdo, config, named, pdo.default_can_id(node.node_id), pdo.label in node.unstored)
+
+
+def _name(node: Node, meanings: Meanings, index: int, sub_index: int) -> MappedName:
+    meaning = meanings.of(index, sub_index)
+    entry = node.dictionary.entry(index, sub_index) if node.dictionary else None
+    if entry is None or node.dictionary is None:
+        return MappedName(meaning=meaning)
+    kind = entry.data_type.short if entry.data_type else ""
+    return MappedName(node.dictionary.display_name(index, sub_index), kind, meaning)
+
+
+def _last_frame(session: Session, node: Node, config: PdoConfig) -> LastFrame | None:
+    """The last frame with the PDO's COB-ID, where the session listens and heard one."""
+    cob_id = config.communication.cob_id
+    if session.frames is None or not config.enabled or config.mpdo is not None:
+        return None
+    heard = session.frames.last(cob_id.can_id, extended=cob_id.extended)
+    if heard is None:
+        return None
+
+    def type_of(mapped: PdoMappingEntry) -> DataType | None:
+        entry = node.dictionary.entry(mapped.index, mapped.sub_index) if node.dictionary else None
+        return None if entry is None else entry.data_type
+
+    found = iter(decode(config.mapping, heard.data, type_of))
+    values = tuple(None if entry.is_dummy else next(found).value for entry in config.mapping)
+    return LastFrame(heard.data, monotonic() - heard.at_s, heard.period, values)

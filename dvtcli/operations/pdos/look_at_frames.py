@@ -1,0 +1,79 @@
+"""Looking at real frames of TPDOs: start the node, give SYNC where needed, restore its state."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.nmt import NmtCommand, NmtState
+from dvtcli.domain.ports import Frame
+from dvtcli.errors import Interrupted
+from dvtcli.operations.sync.sync_frame import sync_frame
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+    from dvtcli.domain.pdo import Pdo, PdoConfig
+    from dvtcli.operations.session.session import Session
+
+#: How long a frame is waited for, and how long a heartbeat that tells the node's state, in seconds.
+FRAME_TIMEOUT_S = 1.0
+HEARTBEAT_S = 1.2
+
+Look = tuple[tuple[str, Frame | None, float], ...]
+
+
+def look(session: Session, node: Node, pdos: list[Pdo]) -> tuple[Look, str]:
+    """A frame of each enabled one of *pdos*, and what was done to the node's state for that.
+
+    Ctrl-C ends the looking, not the way back to the state that was found.
+    """
+    found = node.access.state()
+    found = node.access.state(HEARTBEAT_S) if found is None else found
+    started = found is not NmtState.OPERATIONAL
+    with node.cancellation.guard():
+        if started:
+            question = f"node {node.node_id} will be started for a moment, its machine may move; start it?"
+            session.consent(question, node.node_id)
+            node.access.request(NmtState.OPERATIONAL)
+        try:
+            frames = tuple(_frames(session, node, pdos))
+        finally:
+            note = _return(node, found) if started else ""
+    if node.cancellation.requested:
+        stopped = Interrupted(f"stopped looking at frames; {note or 'the node is as it was'}", node=node.node_id)
+        stopped.exit_code = node.cancellation.exit_code
+        raise stopped
+    return frames, note
+
+
+def _return(node: Node, found: NmtState | None) -> str:
+    """Bring the node back to the state that was found; says so, or that it was never known."""
+    if found is None:
+        return (
+            "the node was started for this and still runs: it told no state before (no heartbeat); nmt preop stops it"
+        )
+    if found is NmtState.STOPPED:
+        node.bus.send_nmt(NmtCommand.STOP, node.node_id)
+    else:
+        node.access.insist(NmtState.PRE_OPERATIONAL)
+    return "the node was started for this; its NMT state is restored"
+
+
+def _frames(session: Session, node: Node, pdos: list[Pdo]) -> Look:
+    enabled = {pdo: config for pdo in pdos if (config := node.pdo(pdo)).enabled}
+    sync = sync_frame(node.sdo)
+    asked = (one for one in enabled.items() if not node.cancellation.requested)
+    return tuple(_frame(session, sync, pdo, config) for pdo, config in asked)
+
+
+def _frame(session: Session, sync: Frame, pdo: Pdo, config: PdoConfig) -> tuple[str, Frame | None, float]:
+    cob_id, kind = config.communication.cob_id, config.communication.transmission_type
+    bus = session.bus
+    began_s = bus.now_s()
+    for _ in range(kind if kind is not None and 1 <= kind <= 240 else 1):
+        if kind is not None and kind <= 240:
+            bus.send(sync)
+        listen_s = FRAME_TIMEOUT_S if kind is None or kind <= 1 or kind > 240 else 0.02
+        for frame in bus.receive(listen_s):
+            if frame.can_id == cob_id.can_id and frame.extended == cob_id.extended:
+                return pdo.label, frame, (bus.now_s() - began_s) * 1000
+    return pdo.label, None, (bus.now_s() - began_s) * 1000

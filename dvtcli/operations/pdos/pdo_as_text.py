@@ -1,0 +1,81 @@
+"""A PDO as text that people edit, and what they made of it carried out. Does not know the editor."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING
+
+from dvtcli.device.change.private_file import write_private
+from dvtcli.device.change.safekeeping import who_else
+from dvtcli.domain.request import PdoRequest
+from dvtcli.errors import SafetyRefusal, UsageError
+from dvtcli.files.pdo_yaml import Word, read_pdo_yaml, write_pdo_yaml, wrong_at
+from dvtcli.operations.changes.change import configure_pdo
+from dvtcli.operations.meanings.named_objects import entry_at
+from dvtcli.operations.user.keeping import state_folder
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+    from dvtcli.domain.mapping import PdoMappingEntry
+    from dvtcli.domain.object_syntax import MappedObject, Skipped
+    from dvtcli.domain.pdo import Pdo
+    from dvtcli.operations.results import Changed
+    from dvtcli.operations.session.session import Session
+
+
+def pdo_as_text(session: Session, pdo: Pdo, node_id: int | None = None) -> str:
+    """*pdo* as the node with *node_id* (None: the selected one) holds it now, as YAML; UsageError for an MPDO."""
+    node = session.node(node_id)
+    config = node.pdo(pdo)
+    if config.mpdo is not None:
+        raise UsageError(f"{pdo.label} is a multiplexed PDO, which is shown and never written", node=node.node_id)
+    names = [_name(node, entry) for entry in config.mapping]
+    return write_pdo_yaml(pdo, config, names, f'node {node.node_id} "{node.title}"')
+
+
+def configure_from_text(
+    session: Session, pdo: Pdo, text: str, node_id: int | None = None, *, seen: str | None = None
+) -> Changed:
+    """Make *pdo* what *text* says, as `map` does; UsageError or InputFileError with the line that is wrong.
+
+    *seen* is the text that was edited: SafetyRefusal where the node holds something else by now.
+    """
+    node, asked = session.node(node_id), read_pdo_yaml(text, pdo)
+    if seen is not None:
+        node.claim()
+        if pdo_as_text(session, pdo, node_id) != seen:
+            raise SafetyRefusal(
+                f"{pdo.label} of node {node.node_id} is not what it was when the editor was opened",
+                node=node.node_id,
+                hint=f"{who_else(node.keeper)}: `pdo edit {pdo}` again shows what it holds now",
+            )
+    want = PdoRequest(
+        asked.cob_id, asked.transmission_type, asked.inhibit_time, asked.event_timer, asked.sync_start_value,
+        asked.rtr_allowed, asked.extended, asked.enabled,
+        objects=None if asked.mapping is None else tuple(_resolved(word, node) for word in asked.mapping),
+    )  # fmt: skip
+    return configure_pdo(session, node.node_id, pdo, want)
+
+
+def keep_text(pdo: Pdo, text: str) -> str:
+    """Keep an edited *text* that was not carried out, which nobody wants to type twice; says where, or why not."""
+    path = state_folder(None) / "edited" / f"{pdo}-{datetime.now(UTC).strftime('%Y%m%dT%H%M%S.%fZ')}.yaml"
+    try:
+        write_private(path, text)
+    except (OSError, SafetyRefusal) as failed:
+        return f"what you typed cannot be kept: {failed}"
+    return f"what you typed is kept as {path}"
+
+
+def _name(node: Node, entry: PdoMappingEntry) -> str:
+    known = node.dictionary is not None and not entry.is_dummy
+    return node.dictionary.display_name(entry.index, entry.sub_index) if known and node.dictionary else ""
+
+
+def _resolved(word: Word, node: Node) -> MappedObject | Skipped:
+    try:
+        return entry_at(node, word.text)
+    except UsageError as wrong:
+        error = wrong_at(word.line, wrong.text)
+        error.hint = wrong.hint
+        raise error from wrong

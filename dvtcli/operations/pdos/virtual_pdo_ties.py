@@ -1,0 +1,90 @@
+"""The virtual PDOs inside a node: which pin is tied to which object, and tying one."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING
+
+from dvtcli.device.virtual_pdos import apply, group_names, read_pins
+from dvtcli.errors import DvtcliError, UsageError
+from dvtcli.operations.changes.change import changed
+from dvtcli.operations.meanings.named_objects import object_at
+from dvtcli.operations.results import VpdoListing
+from dvtcli.operations.results.vpdos import PinRow, VpdoRow
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+    from dvtcli.domain.plan import ValueChange
+    from dvtcli.domain.rules import Finding
+    from dvtcli.domain.vpdo import Pins
+    from dvtcli.operations.results import Changed
+    from dvtcli.operations.session.session import Session
+
+_NONE = "none"
+
+
+def list_ties(session: Session, group: str | None = None, node_id: int | None = None) -> VpdoListing:
+    """What each pin of *group* of *node_id*, else of the selected node, is tied to, None for all groups.
+
+    DvtcliError where it has no such group.
+    """
+    node = session.node(node_id)
+    return _listing(node, [group] if group else group_names(node))
+
+
+def tie_pin(
+    session: Session, group: str, pin: int, object_: str | None = None, node_id: int | None = None
+) -> Changed | VpdoListing:
+    """Tie *pin* (1 and up) of *group* to *object_*, None to untie it; pin 0 unties all pins of the group.
+
+    What is as wanted already is listed. UsageError for an unknown object, DvtcliError where there is no such pin.
+    """
+    node = session.node(node_id)
+    node.claim()
+    pins = read_pins(node, group)
+    value = pins.group.none if object_ is None else object_index(node, object_)
+    changes, findings = _wanted(node, pins, pin, value)
+    if not changes:
+        return _listing(node, [group], f"{group} is as wanted already; nothing was written.")
+    started = time.monotonic()
+    applied = apply(node, changes, findings, force=session.options.force)
+    tied = _NONE if value == pins.group.none else f"{value:04X}"
+    line = f"vpdo {group} {pin} {tied}" if pin else f"vpdo {group} {_NONE}"
+    return changed(session, node, applied, time.monotonic() - started, lines=[line])
+
+
+def _wanted(node: Node, pins: Pins, pin: int, value: int) -> tuple[list[ValueChange], list[Finding]]:
+    """The writes that tie *pin* to the object at index *value*, pin 0 to untie all; and what speaks against it."""
+    if not pin:
+        return list(pins.count(0)), []
+    if pin > len(pins.values):
+        have = f"it has 1…{len(pins.values)}" if pins.values else "it has none"
+        raise DvtcliError(f"node {node.node_id} has no {pins.name} pin {pin}: {have}", node=node.node_id)
+    return list(pins.tie(pin, value, tied_name(node, value))), list(pins.findings(pin, value, node.dictionary))
+
+
+def object_index(node: Node, text: str) -> int:
+    """The index of the object *text* that a pin can be tied to; UsageError where it is none, or a part of one."""
+    index, sub_index = object_at(node, text)
+    if sub_index:
+        raise UsageError(f"a pin is tied to a whole object: {index:04X}, without a sub-index", node=node.node_id)
+    return index
+
+
+def tied_name(node: Node, index: int) -> str:
+    """What the EDS calls an object, else a name that the profile has for it."""
+    if node.dictionary is not None and index in node.dictionary:
+        return node.dictionary[index].name
+    return next((alias for alias, place in node.profile.aliases.items() if place == f"{index:04X}:00"), "")
+
+
+def _listing(node: Node, names: list[str], said: str = "") -> VpdoListing:
+    return VpdoListing(node.node_id, tuple(_row(node, read_pins(node, name)) for name in names), said)
+
+
+def _row(node: Node, pins: Pins) -> VpdoRow:
+    rows = [
+        PinRow(number, index, "" if index is None else tied_name(node, index))
+        for number, index in enumerate(pins.tied(), 1)
+    ]
+    return VpdoRow(pins.name, pins.group.index, len(pins.values), tuple(rows))

@@ -1,0 +1,121 @@
+"""Carrying out a plan for a network: all nodes get what was planned, or every one is as it was.
+
+Decides nothing about what is legal (`plan_network`). Does not know files.
+"""
+
+from __future__ import annotations
+
+import time
+from functools import partial
+from typing import TYPE_CHECKING
+
+from dvtcli.device.change.put_back import first_difference
+from dvtcli.domain.nmt import NmtState
+from dvtcli.domain.plan import Change
+from dvtcli.domain.profile import PreOperational
+from dvtcli.domain.script_line import change_lines
+from dvtcli.domain.several import plural
+from dvtcli.errors import SafetyRefusal
+from dvtcli.operations.changes.change_together import carry_out_together, complete
+from dvtcli.operations.changes.last_look import Verified
+from dvtcli.operations.consent.other_master import refuse_other_master
+from dvtcli.operations.consent.power_stage import refuse_powered
+from dvtcli.operations.plans.plan_network import with_unknown_syncs
+from dvtcli.operations.results.networks import NetworkApplied
+from dvtcli.operations.stores.store_network import store_network
+from dvtcli.operations.sync.unknown_sync import short_frames
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from dvtcli.device.node import Node
+    from dvtcli.device.observe import Found
+    from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
+    from dvtcli.operations.changes.take_back_network import Course
+    from dvtcli.operations.session.session import Session
+
+
+def apply_network(
+    session: Session, plan: NetworkPlan, *, prove: str | None = None, name: str = "", asks: bool = True
+) -> NetworkApplied:
+    """Carry *plan* out on all its nodes, in phases; with a fault on one of them every node is brought back.
+
+    *name* is what it is called, `apply FILE` unless it is given. Asks first; without *asks* only where a node is
+    OPERATIONAL. Once all nodes were read back equal those store whose file says so; with *prove* each is restarted then
+    and compared (`reset`, `power`). SafetyRefusal where a node is not as it was planned from, or another master is
+    heard; any error of a node with state `rolled_back`; LeftChanged where a node could not be brought back, or not all
+    of them stored.
+    """
+    planned = [one for one in plan.nodes if len(one.plan) or one.stores]
+    nodes = {one.node_id: session.node(one.node_id) for one in plan.nodes}
+    powered_off = [one.node_id for one in planned if one.needs_power_off]
+    refuse_powered(session, powered_off)
+    if planned:
+        if asks or any(nodes[one.node_id].access.state() is NmtState.OPERATIONAL for one in planned):
+            session.consent(_question(nodes, planned, f"{name}:" if name else "apply"))
+        with short_frames(session.bus) as frames:
+            refuse_other_master(session)
+        plan = with_unknown_syncs(session, plan, frames)
+    started = time.monotonic()  # nobody's time to think counts
+    with session.cancellation.guard(), session.agreed():
+        found = {node_id: node.claim() for node_id, node in sorted(nodes.items())}
+        if not planned:  # what is as wanted may be what an interrupted change left
+            return NetworkApplied(plan, session.dry_run, 0.0)
+        for fault in session.bus.side_by_side(
+            [partial(refuse_stale, nodes[one.node_id], one, one.plan.changes) for one in planned]
+        ):
+            raise fault
+        refuse_powered(session, powered_off)  # somebody took time to answer
+        plans = {one.node_id: one.plan for one in planned}
+        findings = {one.node_id: one.findings for one in planned}
+        course = carry_out_together(session, nodes, plans, found, name or f"apply {plan.file}", findings)
+        with course:
+            for node_id, done in course.plans.items():
+                nodes[node_id].keep(done)
+                if not session.dry_run:
+                    session.record.add(node_id, change_lines(done))
+            stored = store_network(session, course, planned, _verified(session, course, planned, found), prove)
+            complete(course)
+    return NetworkApplied(plan, session.dry_run, time.monotonic() - started, stored)
+
+
+def _verified(session: Session, course: Course, planned: list[NodePlan], found: Mapping[int, Found]) -> Verified:
+    """What each node of *planned* holds by now: what it was changed to; where it only stores, what the file says."""
+    held = {one.node_id: one.holds for one in planned if not len(one.plan)}
+    boot_ups = {one.node_id: found[one.node_id].boot_ups for one in planned if not one.stores}
+    identities = {one.node_id: one.identity for one in planned}
+    return Verified(session, course.nodes, {**held, **course.verified()}, identities, boot_ups)
+
+
+def _question(nodes: Mapping[int, Node], planned: list[NodePlan], name: str) -> str:
+    writes = plural(sum(len(one.plan) for one in planned), "write")
+    stores = [str(one.node_id) for one in planned if one.stores]
+    store = f", and store on node {', '.join(stores)}" if stores else ""
+    doubts = "".join(f"{one.doubt}; " for one in planned if one.doubt)
+    text = f"{doubts}{name} {writes} to node {', '.join(str(one.node_id) for one in planned)}{store}?"
+    running = [str(one.node_id) for one in planned if _leaves_operational(nodes[one.node_id])]
+    if running:
+        text = f"node {', '.join(running)} goes from OPERATIONAL to PRE-OPERATIONAL and back; {text}"
+    return text
+
+
+def _leaves_operational(node: Node) -> bool:
+    required = node.profile.pre_operational_gate is PreOperational.REQUIRED
+    return required and node.access.state() is NmtState.OPERATIONAL
+
+
+def refuse_stale(node: Node, planned: NodePlan, changes: Iterable[Change]) -> None:
+    """SafetyRefusal where *node* is another device than *planned* is for, or *changes* would replace something else."""
+    hint = "plan again, and look at what has changed"
+    if node.identity() != planned.identity:
+        raise SafetyRefusal(f"node {node.node_id} is another device than the plan is for", node=node.node_id, hint=hint)
+    for change in changes:
+        difference = first_difference(node.memory, change, wanted_before=True)  # which is empty since it was claimed
+        if difference:
+            raise SafetyRefusal(
+                f"node {node.node_id} has changed since the plan was made: {change.label}",
+                node=node.node_id,
+                place=change.label,
+                why=difference,
+                hint=hint,
+            )

@@ -1,0 +1,116 @@
+"""`link` and `unlink`: a TPDO and the RPDOs that hear it, carried out as a network file would be."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Literal
+
+from dvtcli.device.heartbeat_slots import heartbeat_slots
+from dvtcli.domain.network.heartbeats import watched_ms
+from dvtcli.domain.network.wanted_state import Endpoint, HeartbeatWatch, LinkWish, NetworkWish, NodeWish, PdoWish
+from dvtcli.errors import UsageError
+from dvtcli.files.network.file_log import FileLog
+from dvtcli.operations.plans.plan_network import plan_wish
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+    from dvtcli.domain.cob_id import CobId
+    from dvtcli.domain.network.network_plan import NetworkPlan
+    from dvtcli.operations.results.networks import NetworkApplied
+    from dvtcli.operations.session.session import Session
+
+OnPlan = Callable[["NetworkPlan"], None]
+
+
+def link_pdos(
+    session: Session,
+    producer: Endpoint,
+    consumers: Sequence[Endpoint],
+    *,
+    heartbeat: int | Literal[False] | None = None,
+    on_plan: OnPlan = lambda _plan: None,
+) -> NetworkApplied:
+    """Let the RPDOs *consumers* hear the TPDO *producer*, on all nodes or on none; *on_plan* is told the plan first.
+
+    The TPDO keeps its CAN-ID where it may, or gets a free one. *heartbeat* is that of the producer in ms (1..65535),
+    None for what it has, False for watching nothing. Asks where a node is OPERATIONAL. UsageError for ends that make
+    no link, RuleError where the layouts do not fit, else as `apply`.
+    """
+    _refuse_ends(producer, consumers)
+    ids = sorted({producer.node_id, *(end.node_id for end in consumers)})
+    wish = NetworkWish(
+        tuple(NodeWish("", node_id) for node_id in ids), (LinkWish(producer, tuple(consumers), heartbeat),)
+    )
+    return _carried_out(session, _spelled("link", producer, consumers), wish, on_plan)
+
+
+def unlink_pdos(
+    session: Session,
+    producer: Endpoint,
+    consumers: Sequence[Endpoint],
+    *,
+    heartbeat: bool = True,
+    on_plan: OnPlan = lambda _plan: None,
+) -> NetworkApplied:
+    """Disable the RPDOs *consumers*, which hear the TPDO *producer*; that one goes on: others may hear it.
+
+    A node that hears nothing of the producer's node any more stops watching its heartbeat, unless *heartbeat* is False.
+    UsageError where an RPDO does not hear the TPDO, else as `apply`.
+    """
+    _refuse_ends(producer, consumers)
+    sent = session.node(producer.node_id).pdo(producer.pdo).communication.cob_id
+    nodes = []
+    for node_id in sorted({end.node_id for end in consumers}):
+        node, mine = session.node(node_id), [end for end in consumers if end.node_id == node_id]
+        for end in mine:
+            _refuse_unlinked(node, end, producer, sent)
+        watches = _no_watches(session, node, mine, producer.node_id) if heartbeat else ()
+        pdos = tuple(PdoWish(end.pdo, enabled=False) for end in mine)
+        nodes.append(NodeWish("", node_id, pdos=pdos, watches=watches))
+    return _carried_out(session, _spelled("unlink", producer, consumers), NetworkWish(tuple(nodes)), on_plan)
+
+
+def _spelled(word: str, producer: Endpoint, consumers: Sequence[Endpoint]) -> str:
+    return " ".join([word, *(f"{end.node_id}:{end.pdo}" for end in (producer, *consumers))])
+
+
+def _refuse_ends(producer: Endpoint, consumers: Sequence[Endpoint]) -> None:
+    """UsageError where the ends are no link."""
+    hint = "link 1:tpdo1 5:rpdo2"
+    if not producer.pdo.is_tpdo:
+        raise UsageError(f"{producer.node_id}:{producer.pdo} sends nothing: a link begins with a TPDO", hint=hint)
+    if not consumers:
+        raise UsageError("a link needs an RPDO that hears the TPDO", hint=hint)
+    for number, end in enumerate(consumers):
+        if end.pdo.is_tpdo:
+            raise UsageError(f"{end.node_id}:{end.pdo} hears nothing: a link goes to RPDOs", hint=hint)
+        if end in consumers[:number]:
+            raise UsageError(f"{end.node_id}:{end.pdo} is named twice")
+
+
+def _refuse_unlinked(node: Node, end: Endpoint, producer: Endpoint, sent: CobId) -> None:
+    heard = node.pdo(end.pdo).communication.cob_id
+    if (heard.can_id, heard.extended) != (sent.can_id, sent.extended):
+        names = [f"{one.node_id}:{one.pdo}" for one in (end, producer)]
+        raise UsageError(f"{names[0]} does not hear {names[1]}: it has CAN-ID {heard}, and that sends {sent}")
+
+
+def _no_watches(session: Session, node: Node, ends: Sequence[Endpoint], producer: int) -> tuple[HeartbeatWatch, ...]:
+    """That the node stops watching *producer*, where *ends* are all that it hears of it."""
+    if not watched_ms(heartbeat_slots(node.memory), producer):
+        return ()
+    cob_ids = session.node(producer).known_cob_ids()
+    sent = {(one.can_id, one.extended) for pdo, one in cob_ids.items() if pdo.is_tpdo and one.valid}
+    gone = {end.pdo for end in ends}
+    for pdo, one in node.known_cob_ids().items():
+        if not pdo.is_tpdo and pdo not in gone and one.valid and (one.can_id, one.extended) in sent:
+            return ()
+    return (HeartbeatWatch(producer, 0),)
+
+
+def _carried_out(session: Session, name: str, wish: NetworkWish, on_plan: OnPlan) -> NetworkApplied:
+    from dvtcli.operations.plans.apply_network import apply_network
+
+    plan = plan_wish(session, wish, FileLog(name, ""))
+    on_plan(plan)
+    return apply_network(session, plan, name=name, asks=False)

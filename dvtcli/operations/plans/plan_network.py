@@ -1,0 +1,218 @@
+"""From a network file to what is to be written: every node is read, everything wrong is said at once, nothing is sent.
+
+Writes nothing. Does not know how a plan is carried out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import replace
+from functools import cache, partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dvtcli.device.resolve import resolve, untyped_lengths
+from dvtcli.device.senders import Senders
+from dvtcli.device.unstored import held_unstored
+from dvtcli.device.virtual_pdos import names_objects
+from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
+from dvtcli.domain.plan import Change, Plan, Step, ValueChange, plan_pdo
+from dvtcli.errors import DvtcliError, InputFileError, NoAnswer, RuleError, SdoProtocolError
+from dvtcli.files.network.file_log import FileLog
+from dvtcli.operations.changes.change import names, understood
+from dvtcli.operations.plans.judge_network import checked, together
+from dvtcli.operations.stores.possible_stores import refuse_stores_of
+from dvtcli.operations.sync.unknown_sync import short_frames, sync_note, unknown_syncs
+from dvtcli.operations.wanted.chosen_nodes import named_nodes, of_nodes
+from dvtcli.operations.wanted.linked_wishes import with_links
+from dvtcli.operations.wanted.meet_network import Met, meet
+from dvtcli.operations.wanted.network_wish import read_wish
+from dvtcli.operations.wanted.stamping import stamping, stamps_of, trusted
+from dvtcli.operations.wanted.wanted_words import NodeWants, node_wants
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+    from dvtcli.domain.network.wanted_state import NetworkWish, NodeWish, PdoWish
+    from dvtcli.domain.rules import Finding
+    from dvtcli.domain.stamp import Stamp
+    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.sync.unknown_sync import ShortFrames
+
+
+def plan_network(session: Session, file: str, *, trust_stamp: bool = False) -> NetworkPlan:
+    """What has to be written for the nodes of the network *file* to hold what it says; reads them, writes nothing.
+
+    With *trust_stamp* not those whose 0x1020 says that they do, which the answer says.
+    SafetyRefusal where a node is another device, InputFileError with everything that is wrong in the file, also what
+    only a node's dictionary knows, RuleError with all that the rules refuse, NoAnswer where nodes are silent: the first
+    of these that there is, with all else that is wrong among its details.
+    """
+    wish = read_wish(file)
+    for note in wish.notes:
+        session.tell.note(f"{file}:{note.mark.line}:{note.mark.column}: {note.text}")
+    wish = of_nodes(session, file, wish, named_nodes(session))
+    return plan_wish(session, wish, FileLog(file, Path(file).read_text("utf-8-sig")), trust_stamp=trust_stamp)
+
+
+def plan_wish(session: Session, wish: NetworkWish, log: FileLog, *, trust_stamp: bool = False) -> NetworkPlan:
+    """What has to be written for the nodes of *wish* to hold what it says; what it cannot mean is told to *log*.
+
+    *trust_stamp* and what is raised as of `plan_network`.
+    """
+    with short_frames(session.bus) as frames:
+        plan = _planned_wish(session, wish, log, trust_stamp=trust_stamp)
+    return with_unknown_syncs(session, replace(plan, has_sync_master=_master_syncs(wish)), frames)
+
+
+def _master_syncs(wish: NetworkWish) -> bool:
+    return wish.master is not None and bool(wish.master.sync_period_us)
+
+
+def with_unknown_syncs(session: Session, plan: NetworkPlan, frames: ShortFrames) -> NetworkPlan:
+    """*plan* with SYNC among *frames* that nobody who is known sends; what is new of that is told."""
+    if plan.has_sync_master:
+        return plan
+    found = unknown_syncs(frames, [session.network.nodes[node_id] for node_id in sorted(session.network.nodes)])
+    for can_id in found:
+        if can_id not in plan.unknown_syncs:
+            session.tell.note(sync_note(can_id))
+    return replace(plan, unknown_syncs=tuple(sorted({*plan.unknown_syncs, *found})))
+
+
+def _planned_wish(session: Session, wish: NetworkWish, log: FileLog, *, trust_stamp: bool) -> NetworkPlan:
+    met = meet(session, log.file, wish)
+    unread = trusted(met.nodes, wish) if trust_stamp else frozenset()
+    planned: list[NodePlan] = []
+    try:
+        planned = _judged(session, met, wish.of(met.nodes.keys() - unread), log)
+    except (InputFileError, RuleError, NoAnswer, SdoProtocolError) as failed:
+        met.failures.append(failed)
+    met.end()
+    planned += (_unread(met.nodes[node.node_id], node) for node in wish.nodes if node.node_id in unread)
+    return NetworkPlan(log.file, tuple(sorted(planned, key=lambda one: one.node_id)))
+
+
+def _unread(node: Node, wish: NodeWish) -> NodePlan:
+    """Nothing is to be done about *node*, which was not read."""
+    plan = Plan(node.node_id, ())
+    return NodePlan(wish.name, plan, node.identity(), node.title, wish.mark.line, is_read=False)
+
+
+def _judged(session: Session, met: Met, wish: NetworkWish, log: FileLog) -> list[NodePlan]:
+    """The plan of each node that was met; raises with all that is wrong of a kind.
+
+    Where a node's words mean nothing there, the others are judged all the same.
+    """
+    nodes = met.nodes
+    said: Mapping[int, tuple[Finding, ...]] = {}
+    stamps = stamps_of(nodes, wish)
+    try:
+        if wish.links:
+            found = with_links(nodes, _known(session, nodes), wish)
+            wish, said = found.wish, found.findings
+    except RuleError as refused:
+        met.failures.append(refused)
+    wants = {}
+    for node in wish.nodes:
+        complaints = log.count
+        wanted = node_wants(nodes[node.node_id], node, log)
+        if log.count == complaints:
+            wants[node.node_id] = wanted
+    planned: list[NodePlan] = []
+    try:
+        found_plans = plans_of(nodes, wish.of(wants), wants, stamps)
+        planned = [replace(one, findings=(*said.get(one.node_id, ()), *one.findings)) for one in found_plans]
+        planned = list(checked(nodes, planned, force=session.options.force))
+    except RuleError as refused:
+        met.failures.append(refused)
+    try:
+        refuse_stores_of(nodes, wish, log)
+    except RuleError as refused:
+        met.failures.append(refused)
+    log.end(read=True)
+    return planned
+
+
+def _known(session: Session, nodes: Mapping[int, Node]) -> Iterator[Node]:
+    """The other nodes that this session knows and that answer: what they use is not free."""
+    for node_id in session.known_ids():
+        with suppress(NoAnswer, SdoProtocolError):  # a node that is off hinders no change of another one
+            if node_id not in nodes:
+                session.network.node(node_id).known_cob_ids()
+                yield session.network.node(node_id)
+
+
+def plans_of(
+    nodes: Mapping[int, Node], wish: NetworkWish, wants: Mapping[int, NodeWants], stamps: Mapping[int, Stamp]
+) -> list[NodePlan]:
+    """What brings each of *nodes* to its *wants*, not judged yet; RuleError with all objects that devices lack."""
+    senders = Senders(nodes, {one.node_id: {pdo.pdo: _said(pdo) for pdo in one.pdos} for one in wish.nodes})
+    planned: list[NodePlan] = []
+    refused: list[RuleError] = []
+    for node in list(nodes.values())[:1]:
+        node.bus.side_by_side([partial(_look_ahead, nodes[node_id], want) for node_id, want in wants.items()])
+    for one in wish.nodes:
+        try:
+            stamp = stamps.get(one.node_id)
+            planned.append(_node_plan(nodes[one.node_id], one, wants[one.node_id], senders, stamp))
+        except RuleError as error:
+            refused.append(error)
+    if refused:
+        raise together(refused)
+    return planned
+
+
+def _look_ahead(node: Node, wants: NodeWants) -> None:
+    """Read what the plan of *node* needs; what cannot be read is told where it is needed."""
+    with suppress(DvtcliError):
+        node.observed(lambda: [node.known_pdo(pdo) for pdo in wants.pdos])
+        node.observed(lambda: [node.known_value(*place) for place in wants.values])
+
+
+def _said(wish: PdoWish) -> CobId | None:
+    """The COB-ID that the file itself names, while it is not known yet what the others will come to."""
+    if not isinstance(wish.cob_id, int) or wish.enabled is False:
+        return None
+    return CobId(wish.cob_id, extended=wish.extended)
+
+
+def _node_plan(node: Node, wish: NodeWish, wants: NodeWants, senders: Senders, stamp: Stamp | None) -> NodePlan:
+    elsewhere = cache(partial(senders.besides, node.node_id))
+    lengths = untyped_lengths(node, wants.pdos.values())
+    now = node.observed(lambda: {pdo: node.known_pdo(pdo) for pdo in wants.pdos})
+    wanted = {pdo: resolve(node, pdo, now[pdo], want, lengths, elsewhere) for pdo, want in wants.pdos.items()}
+    senders.after[node.node_id] = {pdo: config.communication.cob_id for pdo, config in wanted.items()}
+    held = node.observed(lambda: {place: node.known_value(*place) for place in wants.values})
+    values = [
+        value_change(node, place, held[place], data, wants.reasons.get(place, "write"))
+        for place, data in wants.values.items()
+        if held[place] != data
+    ]
+    pdos = [plan_pdo(pdo, now[pdo], want) for pdo, want in wanted.items()]
+    changes: tuple[Change, ...] = (*values, *(change for change in pdos if change.steps))
+    stamped = stamping(node, stamp, changes)
+    plan = Plan(node.node_id, (*stamped.changes, *changes))
+    return NodePlan(
+        wish.name, plan, node.identity(), node.title, wish.mark.line, str(wish.store or ""), wanted,
+        {**wants.values, **stamped.values}, wants.pruned, stamped.findings,
+        lines={pdo.pdo: pdo.mark.line for pdo in wish.pdos}, names=names(node, plan.changes),
+        understood=understood(node, plan.changes),
+        unstored=_unstored(node, plan) if wish.store else (),
+    )  # fmt: skip
+
+
+def _unstored(node: Node, plan: Plan) -> tuple[str, ...]:
+    """Labels of what *node* holds and no store is known to have taken, whoever of dvtcli set it.
+
+    Not what *plan* changes: what that was need not be stored, and what it will be may be what is stored.
+    """
+    remembered = {} if node.keeper is None else held_unstored(node, node.keeper.past, node.identity())
+    changed = {change.label for change in plan.changes}
+    return tuple(label for label in {**remembered, **node.unstored} if label not in changed)
+
+
+def value_change(node: Node, place: tuple[int, int], held: bytes, data: bytes, reason: str) -> ValueChange:
+    """The change of the object at *place* of *node* from *held* to *data*."""
+    return ValueChange(Step(*place, held, data, reason, names_object=names_objects(node, *place)))

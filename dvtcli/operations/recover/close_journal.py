@@ -1,0 +1,146 @@
+"""Closing journals without a way back: accepted as the device is now, or set aside. Parses no words."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from dvtcli.device.change.journal import ACCEPTED, DISCARDED, read_journal
+from dvtcli.domain.nmt import NmtState
+from dvtcli.errors import InputFileError, SafetyRefusal, UsageError
+from dvtcli.operations.recover.waiting_journals import waiting_paths, with_others
+from dvtcli.operations.results import Facts
+
+if TYPE_CHECKING:
+    from dvtcli.device.change.journal import Journal
+    from dvtcli.device.node import Node
+    from dvtcli.operations.session.session import Session
+
+
+def nothing_to_recover(session: Session) -> Facts:
+    """The answer where no change was interrupted."""
+    node_id = session.selected_id()
+    where = "on this bus" if node_id is None else "of this node"
+    said = f"nothing to recover: no change {where} was interrupted"
+    return Facts("recover", (("node", node_id), ("recovered", False)), (said,))
+
+
+def refuse_other_bus(session: Session, journal: Journal) -> None:
+    """SafetyRefusal where *journal* was made on another bus, unless forced."""
+    if journal.bus != session.wire.name and not session.options.force:
+        raise SafetyRefusal(
+            f"the journal was made on another bus: {journal.bus}, not {session.wire.name}",
+            node=journal.plan.node_id,
+            place=str(journal.path),
+            hint="attach to that bus, or --force if it is the same one under another name",
+        )
+
+
+def _one_path(session: Session, file: str | None, word: str) -> Path | None:
+    """The journal that is to be closed, one at a time; None where no change was interrupted."""
+    paths = waiting_paths(session, file)
+    if len(paths) > 1:
+        raise UsageError(
+            f"several changes were interrupted on this bus: --{word} closes one at a time",
+            hint=f"-n ID recover --{word}",
+        )
+    return paths[0] if paths else None
+
+
+def accepted(session: Session, file: str | None) -> Facts:
+    """Close the journal with what the device holds now, which is shown beside what it held; writes nothing to it."""
+    from dvtcli.device.change.finish_interrupted import accepted_states, refuse_other_device
+    from dvtcli.device.change.pending import CHANGE
+
+    path = _one_path(session, file, "accept")
+    if path is None:
+        return nothing_to_recover(session)
+    journal = read_journal(path)
+    refuse_other_bus(session, journal)
+    node = session.node(journal.plan.node_id)
+    refuse_other_device(node, journal)
+    states = accepted_states(node, journal)
+    others = [one.plan.node_id for one in with_others(session, path) if one.path != path]
+    kept = None if session.dry_run else _set_aside(session, path, node.node_id, ACCEPTED)
+    if kept is not None:
+        node.pending.suspicions.pop(CHANGE, None)
+    text = [
+        f"{name:<11} {line}" for one in states for name, line in (("holds now", one.held), ("held before", one.before))
+    ]
+    rows: tuple[tuple[str, Any], ...] = (
+        ("node", node.node_id),
+        ("recovered", False),
+        ("accepted", kept is not None),
+        ("kept", None if kept is None else str(kept)),
+        ("held", [one.document() for one in states]),
+    )
+    if kept is None:
+        return Facts("recover", rows, (*text, "dry run: the journal stays"))
+    said = f"node {node.node_id}: what it holds now is the new state; the journal is kept as {kept}"
+    return Facts("recover", rows, (*text, said, *_after_accepting(node, journal, others)))
+
+
+def _after_accepting(node: Node, journal: Journal, others: list[int]) -> list[str]:
+    """What is to be done next, where the change was left half-way."""
+    lines = [
+        "next: a line behind `held before` sets that back when it is typed; `store` keeps what is right, "
+        f"`nmt reset-node {node.node_id}` brings back what is stored"
+    ]
+    if journal.nmt_state == NmtState.OPERATIONAL and node.access.state() is NmtState.PRE_OPERATIONAL:
+        lines.append(f"it was OPERATIONAL and is PRE-OPERATIONAL now; when it is right: nmt start {node.node_id}")
+    if others:
+        ids = ", ".join(map(str, others))
+        lines.append(f"what {journal.part.name} changed on node {ids} waits, too: -n {others[0]} recover takes it back")
+    return lines
+
+
+def discarded(session: Session, file: str | None) -> Facts:
+    """Set the journal aside unless it can be used; a usable one only with `--force`."""
+    path = _one_path(session, file, "discard")
+    if path is None:
+        return nothing_to_recover(session)
+    node_id = _useless_for(session, path)
+    kept = None if session.dry_run else _set_aside(session, path, node_id, DISCARDED)
+    rows = (
+        ("node", node_id),
+        ("recovered", False),
+        ("discarded", kept is not None),
+        ("kept", None if kept is None else str(kept)),
+    )
+    said = f"the journal is kept as {kept}; look at the node with `pdo`, and set it as it should be"
+    return Facts("recover", rows, (said if kept is not None else "dry run: the journal stays",))
+
+
+def _useless_for(session: Session, path: Path) -> int:
+    """The node whose writing the journal at *path* blocks; SafetyRefusal where the journal could be used."""
+    try:
+        journal = read_journal(path)
+    except InputFileError:
+        return _blocked_by(session, path)
+    node_id = journal.plan.node_id
+    bus = session.open_network().bus.name
+    if not session.options.force and journal.bus == bus and journal.identity == session.node(node_id).identity():
+        raise SafetyRefusal(
+            f"the journal of node {node_id} can be used: it is not set aside",
+            node=node_id,
+            place=str(path),
+            hint="recover puts the old configuration back, recover --accept takes what the device holds; "
+            "--force sets it aside all the same",
+        )
+    selected = session.selected_id()
+    return node_id if selected is None else selected
+
+
+def _blocked_by(session: Session, path: Path) -> int:
+    """The node of a journal that cannot be read: the one that is selected, else what the file's name says."""
+    number = path.stem.rpartition("-")[2]
+    if session.selected_id() is None and number.isdecimal() and 1 <= int(number) <= 127:
+        return int(number)
+    return session.node_id()
+
+
+def _set_aside(session: Session, path: Path, node_id: int, word: str) -> Path:
+    keeper = session.open_network().node(node_id).keeper
+    if keeper is None:
+        raise UsageError("a node of this process has no journal: attach to the bus that it was made on")
+    return keeper.set_aside(path, word)

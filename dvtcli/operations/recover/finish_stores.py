@@ -1,0 +1,119 @@
+"""Going on where a process ended in the middle of the stores of a network: what is verified is stored on the rest.
+
+Puts nothing back (`recover_change`). Does not find journals.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from dvtcli.device.change.finish_interrupted import refuse_other_device
+from dvtcli.domain.nmt import NmtState
+from dvtcli.errors import DeviceRefused, LeftChanged, SafetyRefusal, UsageError
+from dvtcli.operations.changes.last_look import Verified
+from dvtcli.operations.recover.stores_begun import furthest, waiting
+from dvtcli.operations.results import Facts
+from dvtcli.operations.stores.store_network import Stores, store_each
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from dvtcli.device.change.journal import Journal
+    from dvtcli.device.change.whole import Part
+    from dvtcli.device.node import Node
+    from dvtcli.operations.session.session import Session
+
+
+def may_finish(journals: Sequence[Journal]) -> bool:
+    """Whether *journals* are all of one whole, each of whose nodes had been verified before the stores began."""
+    parts = [journal.part for journal in journals]
+    return bool(parts) and bool(parts[0].stores) and len({one.whole for one in parts}) == 1
+
+
+def finish(session: Session, journals: Sequence[Journal]) -> Facts:
+    """Verify once more what *journals* say that every node holds, store on those that have not, forget the journals.
+
+    UsageError where not all nodes had been verified; SafetyRefusal, and nothing is stored, where one holds something
+    else by now; LeftChanged where a node did not store: the journals stay then.
+    """
+    one = next((one for one in journals if may_finish([one])), None)
+    if one is not None and not may_finish(journals):
+        raise UsageError(
+            "several changes were interrupted: --finish goes on with one network at a time",
+            hint=f"-n {one.plan.node_id} recover --finish goes on with {one.part.name}",
+        )
+    if not may_finish(journals):
+        raise UsageError(
+            "not all nodes had been verified: there is nothing to finish", hint="recover puts them back as they were"
+        )
+    part = furthest(journals)
+    nodes = {one.node_id: session.node(one.node_id) for one in part.stores}
+    nodes |= {journal.plan.node_id: session.node(journal.plan.node_id) for journal in journals}
+    for journal in journals:
+        refuse_other_device(nodes[journal.plan.node_id], journal)
+    verified = _verified(session, journals, part, nodes)
+    for node_id in nodes:
+        _refuse_unlike(verified, node_id)
+    ids = ", ".join(map(str, waiting(part)))
+    session.consent(f"{part.name}: every node holds what was planned; store on node {ids}?")
+    _store(session, journals, part, verified)
+    rows = (("node", None), ("recovered", False), ("finished", not session.dry_run), ("stored", waiting(part)))
+    said = f"dry run: node {ids} would store" if session.dry_run else f"{part.name} is complete: node {ids} stored"
+    return Facts("recover", rows, (said,))
+
+
+def _verified(session: Session, journals: Sequence[Journal], part: Part, nodes: Mapping[int, Node]) -> Verified:
+    """What every node was verified to hold, as the journals say; a node that only stores has none of its own."""
+    changes = {one.node_id: one.holds for one in part.stores}
+    changes |= {journal.plan.node_id: journal.plan.changes for journal in journals}
+    identities = {one.node_id: one.identity for one in part.stores if one.identity is not None}
+    identities |= {journal.plan.node_id: journal.identity for journal in journals}
+    silent = {one for one in nodes if one not in {store.node_id for store in part.stores}}
+    boot_ups = {one: nodes[one].bus.boot_ups(one) for one in silent}
+    return Verified(session, nodes, changes, identities, boot_ups)
+
+
+def _store(session: Session, journals: Sequence[Journal], part: Part, verified: Verified) -> None:
+    nodes, course = verified.nodes, Stores({one.node_id: one for one in part.stores})
+    keepers = [] if session.dry_run else [node.keeper for node in nodes.values() if node.keeper is not None]
+    waited = {journal.plan.node_id: journal for journal in journals}
+    with session.cancellation.guard(), session.agreed():
+        session.whole.id, session.whole.name = part.whole, part.name
+        for node_id, changes in verified.changes.items():
+            for change in changes:  # the store itself looks at that, too, and at nothing else that was not changed
+                nodes[node_id].expected.changed(change)
+        try:
+            for keeper in keepers:
+                if keeper.node_id in waited:
+                    keeper.own_journal.adopt(waited[keeper.node_id])
+            store_each(session, part.name, course, verified, [keeper.own_journal for keeper in keepers])
+            for keeper in keepers:
+                keeper.own_journal.complete_whole()
+        except LeftChanged as left:
+            if not course.lost:
+                left.hint = "recover --finish goes on with those that are missing; recover puts every node back"
+            raise
+        finally:
+            session.whole.end()
+            for keeper in keepers:
+                keeper.own_journal.is_over()
+        for journal in journals:
+            _start(nodes[journal.plan.node_id], journal)
+
+
+def _refuse_unlike(verified: Verified, node_id: int) -> None:
+    try:
+        verified.require(node_id)
+    except DeviceRefused as other:
+        raise SafetyRefusal(
+            f"node {node_id} does not hold any more what was verified: nothing is stored",
+            node=node_id,
+            why=other.why,
+            hint="recover puts every node back as it was before; then apply again",
+        ) from other
+
+
+def _start(node: Node, journal: Journal) -> None:
+    """Start a node that was found OPERATIONAL before the change."""
+    if journal.nmt_state == NmtState.OPERATIONAL and node.access.state() is NmtState.PRE_OPERATIONAL:
+        node.access.insist(NmtState.OPERATIONAL)

@@ -1,0 +1,180 @@
+"""Finishing interrupted changes: put back, or gone on with; closed as they are by `close_journal`. Parses no words."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.several import several
+from dvtcli.errors import DvtcliError, Restarted, SafetyRefusal, UsageError
+from dvtcli.operations.changes.change import changed
+from dvtcli.operations.recover.close_journal import accepted, discarded, nothing_to_recover, refuse_other_bus
+from dvtcli.operations.recover.stores_begun import furthest, stored_before, stores_of
+from dvtcli.operations.recover.waiting_journals import waiting_paths, with_others
+from dvtcli.operations.results import Changed, ChangedNodes, Facts
+
+if TYPE_CHECKING:
+    from dvtcli.device.change.finish_interrupted import Recovery
+    from dvtcli.device.change.journal import Journal
+    from dvtcli.device.node import Node
+    from dvtcli.operations.session.session import Session
+
+
+def recover(
+    session: Session,
+    file: str | None = None,
+    *,
+    accept: bool = False,
+    discard: bool = False,
+    finish: bool = False,
+) -> Changed | ChangedNodes | Facts:
+    """Put back what interrupted changes replaced, of all nodes that belong to them, and forget their journals.
+
+    *file* is a journal; None stands for that of the selected node, or where none is selected for all of the bus.
+    *accept* takes what the device holds as the new state and writes nothing; *discard* sets a journal that cannot be
+    used aside; *finish* goes on with the stores of a network whose nodes had all been verified. SafetyRefusal for a
+    journal of another bus or device, LeftChanged where a device does not take it; an
+    error says what was put back before it.
+    """
+    if accept + discard + finish > 1:
+        raise UsageError("--accept, --discard and --finish exclude each other")
+    if accept:
+        return accepted(session, file)
+    return discarded(session, file) if discard else _recovered(session, file, finish=finish)
+
+
+def _recovered(session: Session, file: str | None, *, finish: bool) -> Changed | ChangedNodes | Facts:
+    found: dict[Path, Journal] = {}
+    for path in waiting_paths(session, file):
+        found |= {one.path: one for one in with_others(session, path)}
+    if not found:
+        return nothing_to_recover(session)
+    journals = list(found.values())
+    for journal in journals:
+        refuse_other_bus(session, journal)
+    if finish or _rather_finishes(session, journals):
+        from dvtcli.operations.recover.finish_stores import finish as go_on
+
+        return go_on(session, journals)
+    text = several(f"{_labels(journal)} of node {journal.plan.node_id}" for journal in journals)
+    what = "`learn`, which was interrupted" if all(one.part.asked for one in journals) else "the interrupted change"
+    session.consent(f"{text} will be put back as before {what}; recover?", _only(journals))
+    for said in dict.fromkeys(_whole_text(journal, journals) for journal in journals if journal.part.whole is not None):
+        session.tell.note(said)
+    done, failed = _put_back(session, journals)
+    if failed is not None:
+        ids = [str(one.node) for one in done if not _restarted_since(session.node(one.node))]
+        if ids:
+            failed.details.append(("done", f"node {', '.join(ids)}: put back"))
+        raise failed
+    return done[0] if len(done) == 1 else ChangedNodes(tuple(done))
+
+
+def _rather_finishes(session: Session, journals: list[Journal]) -> bool:
+    """Whether the stores are to be gone on with, where they had begun; SafetyRefusal where nobody can say so.
+
+    Beside other interrupted changes nobody is asked: that each of them may be finished by itself is said.
+    """
+    from dvtcli.operations.recover.finish_stores import may_finish
+
+    wholes = {one.part.whole: [other for other in journals if other.part.whole == one.part.whole] for one in journals}
+    finishing = [ours for ours in wholes.values() if may_finish(ours)]
+    alone = len(wholes) == 1
+    for ours in finishing:
+        if session.options.yes or session.dry_run or not alone:
+            which = "" if alone else f"-n {ours[0].plan.node_id} "
+            session.tell.note(f"{_begun_stores(ours)}: recover goes back, {which}recover --finish would go on")
+        else:
+            return _asked_to_finish(session, _begun_stores(ours))
+    return False
+
+
+def _begun_stores(journals: list[Journal]) -> str:
+    part = furthest(journals)
+    told = "; ".join(f"{label}: node {', '.join(map(str, ids))}" for label, ids in stores_of(part).items() if ids)
+    return f"every node held what {part.name} wanted, and it ended while they stored ({told})"
+
+
+def _asked_to_finish(session: Session, text: str) -> bool:
+    answer = session.tell.ask(f"{text}; store on the others? No goes on to the way back")
+    if answer is None:
+        raise SafetyRefusal(f"nobody can answer: {text}", hint="recover --finish goes on, recover --yes goes back")
+    return answer
+
+
+def _only(journals: list[Journal]) -> int | None:
+    """The one node that *journals* are about; None where there are several."""
+    ids = {journal.plan.node_id for journal in journals}
+    return ids.pop() if len(ids) == 1 else None
+
+
+def _labels(journal: Journal) -> str:
+    return several(journal.labels)
+
+
+def _whole_text(journal: Journal, journals: list[Journal]) -> str:
+    ids = [one.plan.node_id for one in journals if one.part.whole == journal.part.whole]
+    return f"{journal.part.name} was interrupted: every line of it is taken back, on node {', '.join(map(str, ids))}"
+
+
+def _put_back(session: Session, journals: list[Journal]) -> tuple[list[Changed], DvtcliError | None]:
+    """What was put back, and the first error; the other nodes are put back all the same."""
+    from dvtcli.device.change.finish_interrupted import Recovery, recover_together
+
+    started = time.monotonic()
+    begun: list[Recovery] = []
+    done: list[Changed] = []
+    failures: list[DvtcliError] = []
+    for journal in journals:
+        try:
+            begun.append(Recovery.begin(session.node(journal.plan.node_id), journal))
+        except DvtcliError as error:
+            failures.append(error)
+    failed = recover_together(begun)
+    failures += failed.values()
+    for one in begun:
+        try:
+            if one.node.node_id not in failed:
+                done.append(_ended(session, one, stored_before(one.journal, journals), time.monotonic() - started))
+        except DvtcliError as error:
+            failures.append(error)
+    if failures:
+        failures[0].details += [("also", other.text) for other in failures[1:]]
+        return done, failures[0]
+    return done, _restarted(session, done)
+
+
+def _restarted(session: Session, done: list[Changed]) -> Restarted | None:
+    """The error where a node restarted after it was put back, while another one was."""
+    nodes = [session.node(one.node) for one in done]
+    again = [node.node_id for node in nodes if _restarted_since(node)]
+    if not again:
+        return None
+    return Restarted(
+        f"node {', '.join(map(str, again))} restarted after it was put back: what it had not stored is lost",
+        hint="look at its supply, then at what it holds with `pdo`; `undo --backup` puts an automatic backup back",
+        state="unknown",
+    )
+
+
+def _restarted_since(node: Node) -> bool:
+    """Whether *node* sent a boot-up since it was put back."""
+    return node.bus.boot_ups(node.node_id) != node.pending.boot_ups
+
+
+def _ended(session: Session, recovery: Recovery, stored: bool | None, seconds: float) -> Changed:
+    """Forget the journal of what was put back, and answer what was done; *stored* as `stored_before` says it."""
+    from dvtcli.device.applied import Applied
+    from dvtcli.device.change.way_back import unknown_before
+
+    node, journal = session.node(recovery.node.node_id), recovery.journal
+    plan, not_put_back = recovery.end(stored=stored is not False)
+    if stored is not False:
+        said = "stored" if stored else "may have stored"
+        session.tell.warning(
+            f"{journal.part.final} had begun: node {node.node_id} {said} what was taken back; "
+            f"-n {node.node_id} store keeps what it holds now"
+        )
+    applied = Applied(plan, unknown_before([journal.plan]), not_put_back)
+    return changed(session, node, applied, seconds, undone=True)

@@ -1,0 +1,94 @@
+"""Which interrupted changes are meant: those of a file, of the selected node, or, where none is selected, of the bus.
+
+Takes the locks of their nodes, since a change that is under way is not an interrupted one. Puts nothing back.
+"""
+
+from __future__ import annotations
+
+import re
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dvtcli.device.change.journal import Journals, read_journal
+from dvtcli.device.change.lock import NodeLock
+from dvtcli.device.change.private_file import file_name
+from dvtcli.errors import InputFileError, NoAnswer, UsageError
+from dvtcli.operations.user.keeping import state_folder
+from dvtcli.operations.user.options import is_file
+
+if TYPE_CHECKING:
+    from dvtcli.device.change.journal import Journal
+    from dvtcli.operations.session.session import Session
+
+
+def waiting_paths(session: Session, file: str | None) -> list[Path]:
+    """The journals that are meant, whether they can be read or not; empty where no change was interrupted.
+
+    UsageError where *file* is none, SafetyRefusal where another dvtcli is at work on one of the nodes.
+    """
+    if file is not None:
+        if not is_file(file):
+            raise UsageError(f"{file}: no such file", place=file, hint="recover alone takes the node's own journal")
+        return _held_file(session, Path(file))
+    selected = session.selected_id()
+    if selected is not None:
+        return _of_node(session, selected)
+    return [path for node_id in _waiting_ids(session) for path in _of_node(session, node_id)]
+
+
+def _of_node(session: Session, node_id: int) -> list[Path]:
+    keeper = session.open_network().node(node_id).keeper
+    if keeper is not None:
+        path = keeper.open_journal() if session.dry_run else keeper.held_journal()
+    else:
+        journals = Journals(session.state_folder / "journals", session.wire.name)
+        path = journals.path(node_id) if journals.counts(journals.path(node_id)) else None
+    return [path] if path is not None else []
+
+
+def _waiting_ids(session: Session) -> list[int]:
+    """Node-IDs of this bus with a journal: in our own folder, or where the node's lock notes one."""
+    bus = session.open_network().bus.name
+    journals, locks = Journals(session.state_folder / "journals", bus), state_folder(None) / "locks"
+    names = [*journals.folder.glob(f"{file_name(bus)}-*.json"), *locks.glob(f"{file_name(bus)}-*.lock")]
+    numbers = (re.fullmatch(rf"{re.escape(file_name(bus))}-(\d{{1,3}})\.\w+", path.name) for path in names)
+    ids = sorted({int(number[1]) for number in numbers if number is not None})
+    noted = {one: NodeLock(locks, bus, one).noted() for one in ids}
+    return [one for one in ids if any(journals.counts(path) for path in (journals.path(one), noted[one]) if path)]
+
+
+def _held_file(session: Session, path: Path) -> list[Path]:
+    """The journal at *path* once no other dvtcli is at work on its node; none where it is gone by then."""
+    network = session.open_network()
+    try:
+        journal = read_journal(path)
+    except InputFileError:  # whoever reads it says so; `recover --discard` sets it aside under the lock
+        return [path] if path.exists() else []
+    if not session.dry_run and journal.bus == network.bus.name:
+        # of another bus nobody here is at work on its node, which need not be on this one
+        keeper = network.node(journal.plan.node_id).keeper
+        if keeper is not None:
+            keeper.hold()
+    return [path] if path.exists() else []
+
+
+def with_others(session: Session, path: Path) -> list[Journal]:
+    """The journal at *path*, and those beside it that belong to the same whole, each node's lock taken."""
+    journal = read_journal(path)
+    if journal.part.whole is None:
+        return [journal]
+    beside = Journals(path.parent, journal.bus).all_of(journal.part.whole)
+    others = [one for one in beside if one.plan.node_id != journal.plan.node_id]
+    return sorted([journal, *(one for one in others if _is_held(session, one))], key=lambda one: one.plan.node_id)
+
+
+def _is_held(session: Session, journal: Journal) -> bool:
+    """Take the lock of its node; whether the journal is there by then."""
+    if session.dry_run or journal.bus != session.open_network().bus.name:
+        return True
+    with suppress(NoAnswer):  # it is not there: who puts it back says so
+        keeper = session.open_network().node(journal.plan.node_id).keeper
+        if keeper is not None:
+            keeper.hold()
+    return journal.path.exists()

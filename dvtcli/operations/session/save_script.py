@@ -1,0 +1,208 @@
+"""What this session did, or what nodes hold, as a script that runs; its lines pin the nodes' identities."""
+
+from __future__ import annotations
+
+import os
+import shlex
+from collections.abc import Callable, Sequence
+from enum import Enum
+from pathlib import Path
+from stat import S_IMODE
+from typing import TYPE_CHECKING
+
+from dvtcli.device.change.private_file import put_in_place
+from dvtcli.device.read_pdos import read_identity
+from dvtcli.domain.end_state import end_state, touched
+from dvtcli.domain.plan import PdoChange
+from dvtcli.domain.script_line import backup_lines
+from dvtcli.domain.several import several
+from dvtcli.errors import UsageError
+from dvtcli.operations.results import Facts
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+    from dvtcli.domain.pdo import Pdo
+    from dvtcli.operations.session.session import Session
+
+#: Lines about one node that stand together.
+Section = tuple[int, list[str]]
+
+
+class Saved(Enum):
+    """What of a session is saved."""
+
+    ENDS = "what its changes come to"
+    STEPS = "every step as it was taken"
+    EVERYTHING = "everything that the nodes' PDOs hold"
+
+
+ENDS, STEPS, EVERYTHING = Saved
+
+
+def script_text(session: Session, what: Saved = ENDS) -> str:
+    """*what* this session knows, as the text of a script that runs; UsageError where there is nothing to save."""
+    return _script(session, _SECTIONS[what](session))[0]
+
+
+def script_of(session: Session, node_id: int) -> str:
+    """Everything that the PDOs of the node with *node_id* hold, as the text of a script that runs."""
+    return _script(session, _held(session, [node_id]))[0]
+
+
+def save_script(session: Session, file: str, what: Saved = ENDS, spelled: Callable[[str], str] | None = None) -> Facts:
+    """Write *what* this session knows into *file*, whole or not at all; *spelled* turns its text into another language.
+
+    Asks before it overwrites. UsageError where there is nothing to save, or where the file cannot be written.
+    """
+    path = place_of(file)
+    sections = _SECTIONS[what](session)
+    ask_before_overwriting(session, path)
+    text, identity = _script(session, sections)
+    write_whole(path, text if spelled is None else spelled(text))
+    count = sum(not line.startswith("#") for _, lines in sections for entry in lines for line in entry.splitlines())
+    said = f"{file}: {count} command{'' if count == 1 else 's'} for {identity}. Run it: dvtcli run {shlex.quote(file)}"
+    return Facts("save", (("file", file), ("commands", count)), (said,))
+
+
+def place_of(file: str, example: str = "save {}/NAME.dvt") -> Path:
+    """Where *file* is to be; UsageError with an *example* where there is no folder for it, or a folder of that name."""
+    path = Path(file)
+    if os.path.isdir(path):  # noqa: PTH112 - Path.is_dir raises OSError for a name that is too long
+        hint = f"name a file in it: {example.format(shlex.quote(str(path)))}"
+        raise UsageError(f"{file} is a folder", hint=hint)
+    if not os.path.isdir(path.parent):  # noqa: PTH112
+        raise UsageError(f"{file}: there is no folder {path.parent}", place=file)
+    return path
+
+
+def ask_before_overwriting(session: Session, path: Path) -> None:
+    """Consent to write over *path*, where it exists."""
+    if os.path.exists(path):  # noqa: PTH110 - Path.exists raises OSError for a name that is too long
+        session.consent(f"{path} exists; overwrite it?")
+
+
+def _steps(session: Session) -> list[Section]:
+    """What was done, in its order; a node has a section for each time that it was its turn."""
+    if not session.record.lines:
+        raise UsageError("nothing to save: this session changed nothing")
+    sections: list[Section] = []
+    for node_id, line in session.record.lines:
+        if not sections or sections[-1][0] != node_id:
+            sections.append((node_id, []))
+        sections[-1][1].append(line)
+    return sections
+
+
+def _ends(session: Session) -> list[Section]:
+    """What it came to, one section a node."""
+    steps = _steps(session)
+    node_ids = dict.fromkeys(node_id for node_id, _ in steps if node_id)
+    found = {node_id: _end(session, node_id, [line for one, line in session.record.lines if one == node_id])
+             for node_id in node_ids}  # fmt: skip
+    sections = [(node_id, lines) for node_id, lines in found.items() if lines]
+    if not sections:
+        raise UsageError(
+            "nothing to save: what this session changed is as it was before", hint="save --history writes each step"
+        )
+    return sections
+
+
+def _end(session: Session, node_id: int, lines: list[str]) -> list[str]:
+    node = session.node(node_id)
+    before = {
+        change.pdo: change.before
+        for plan in reversed(node.history)
+        for change in reversed(plan.changes)
+        if isinstance(change, PdoChange)
+    }
+    after = {pdo: node.wanted[pdo] if pdo in node.wanted else node.pdo(pdo) for pdo in sorted(touched(lines))}
+    return end_state(lines, before, after)
+
+
+def _everything(session: Session) -> list[Section]:
+    """Every PDO of the nodes that this session changed, and of the selected one, as it is now."""
+    selected = session.selected_id()
+    node_ids = {node_id for node_id, _ in session.record.lines if node_id} | (set() if selected is None else {selected})
+    if not node_ids:
+        session.node_id()  # says that none is selected
+    return _held(session, sorted(node_ids))
+
+
+def _held(session: Session, node_ids: Sequence[int]) -> list[Section]:
+    nodes = [session.node(node_id) for node_id in node_ids]
+    pdos = {node.node_id: node.pdos() for node in nodes}
+    return [(node.node_id, backup_lines({}, pdos[node.node_id], _fixed(node))[1:]) for node in nodes]
+
+
+def _fixed(node: Node) -> set[Pdo]:
+    """The PDOs whose COB-ID the EDS says is read-only."""
+    entries = (
+        {pdo: node.dictionary.entry(pdo.communication_index, 1) for pdo in node.present()} if node.dictionary else {}
+    )
+    return {pdo for pdo, entry in entries.items() if entry is not None and not entry.access.writable}
+
+
+def _script(session: Session, sections: list[Section]) -> tuple[str, str]:
+    """The script's text, and the identities that it pins.
+
+    Lines about one node that is selected anyway fit any node of that kind; others say which node they are about.
+    """
+    node_ids = list(dict.fromkeys(node_id for node_id, _ in sections if node_id))  # 0: commands to all nodes
+    named = len(node_ids) > 1 or node_ids != [_default_id(session)]
+    pins = {node_id: _pin(session, node_id) for node_id in node_ids}
+    lines = ["# dvtcli script 1"]
+    for node_id, section in sections:
+        lines += [f"node {node_id}"] if named and node_id else []
+        lines += [*(pins[node_id][0] if node_id else []), *section]
+    shown = [f"node {node_id} ({pins[node_id][1]})" if named else pins[node_id][1] for node_id in node_ids]
+    return "\n".join([*lines, ""]), several(shown) or "any node"
+
+
+def _default_id(session: Session) -> int | None:
+    try:
+        return session.default_id()
+    except UsageError:
+        return None
+
+
+def _pin(session: Session, node_id: int) -> tuple[list[str], str]:
+    """The line that requires a node's identity, none where it has none, and the identity for people."""
+    sdo = session.node(node_id).sdo
+    vendor, product = (read_identity(sdo, sub_index) for sub_index in (1, 2))
+    if vendor is None:
+        return [], "any node"
+    if product is None:
+        return [f"require identity vendor=0x{vendor:08X}"], f"vendor 0x{vendor:X}"
+    words = f"vendor=0x{vendor:08X} product=0x{product:08X}"
+    return [f"require identity {words}"], f"vendor 0x{vendor:X} product 0x{product:08X}"
+
+
+def write_whole(path: Path, text: str) -> None:
+    """Write the file whole or not at all; UsageError where that cannot be."""
+    write_bytes(path, text.encode())
+
+
+def write_bytes(path: Path, data: bytes) -> None:
+    """Write the file whole or not at all, for others to read, too; UsageError where that cannot be."""
+    made = path.parent / f".{os.urandom(8).hex()}.new"
+    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
+    try:
+        try:
+            with os.fdopen(os.open(made, flags, _mode(path)), "wb") as file:
+                file.write(data)
+            put_in_place(made, path)
+        finally:
+            made.unlink(missing_ok=True)
+    except OSError as failed:
+        raise UsageError(f"{path}: {failed.strerror}", place=str(path)) from failed
+
+
+def _mode(path: Path) -> int:
+    """Who may read the file at *path*: who may already; others, too, where it is new, but for the umask."""
+    try:
+        return S_IMODE(path.stat().st_mode)
+    except FileNotFoundError:
+        return 0o644
+
+
+_SECTIONS: dict[Saved, Callable[[Session], list[Section]]] = {ENDS: _ends, STEPS: _steps, EVERYTHING: _everything}

@@ -1,0 +1,130 @@
+"""A session: the bus that is open, which of its nodes is meant, and what was done to them so far.
+
+Knows no lines, no scripts and no screen: what is to be said goes to a `Teller`.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from dvtcli.errors import DvtcliError, UsageError
+from dvtcli.operations.opening.opened import Opened
+
+if TYPE_CHECKING:
+    from dvtcli.device.nmt_gate import Gate
+    from dvtcli.device.node import Node
+    from dvtcli.domain.heard import LastFrames
+    from dvtcli.operations.opening.bus_of_options import OpenBus
+    from dvtcli.operations.session.record import Record
+    from dvtcli.operations.user.options import Options
+    from dvtcli.operations.user.telling import Teller
+
+#: Exit codes after which a device may be half configured, and must not go back to OPERATIONAL.
+_HALF_CONFIGURED = frozenset({7, 70})
+
+
+class Session(Opened):
+    """What is open; operations ask it for the bus, for nodes and for consent.
+
+    In Python: `with Session(Options(sim=("gen4",))) as session:` and then any operation, which takes the session first.
+    *options* count from the beginning, and *tell* hears what the user should know. *open_bus* opens another bus than
+    the one that the options name.
+    """
+
+    def __init__(
+        self, options: Options | None = None, tell: Teller | None = None, *, open_bus: OpenBus | None = None
+    ) -> None:
+        super().__init__(options, tell, open_bus=open_bus)
+        self.selected: int | None = None
+        #: the last frames that were heard, where somebody listens all the time as the prompt does
+        self.frames: LastFrames | None = None
+
+    def __enter__(self) -> Session:
+        return self
+
+    def __exit__(self, raised: type[BaseException] | None, error: BaseException | None, _traceback: object) -> None:
+        code = 0 if raised is None else error.exit_code if isinstance(error, DvtcliError) else 1
+        try:
+            self.end_line(code)
+        finally:
+            self.close()
+
+    @cached_property
+    def record(self) -> Record:
+        """What succeeded and changed something, as script lines."""
+        from dvtcli.operations.session.record import Record
+
+        return Record()
+
+    def node_id(self) -> int:
+        """The selected node-ID: `node ID`, else -n, else the first simulated node; UsageError where none is."""
+        return self.default_id() if self.selected is None else self.selected
+
+    def default_id(self) -> int:
+        """The node-ID that is selected before any `node ID`."""
+        if self.base.one_node is not None:
+            return self.base.one_node
+        if self.base.nodes or self.base.every_node:
+            said = ",".join(map(str, self.base.nodes)) or "all"
+            raise UsageError(
+                f"-n {said} names several nodes, and this is about one",
+                hint="pdo, read, node, faults, store, and plan, diff, verify, apply and import of a file take several",
+            )
+        if self.base.sim and (simulated := self.network.simulated_ids):
+            return simulated[0]
+        raise UsageError(
+            "no node is selected",
+            hint="scan finds the nodes; `node ID` selects one at the prompt and in scripts, -n ID on the command line",
+        )
+
+    def selected_id(self) -> int | None:
+        """The selected node-ID, or None where none is."""
+        try:
+            return self.node_id()
+        except UsageError:
+            return None
+
+    def node(self, node_id: int | None = None) -> Node:
+        """The node with *node_id*, or the selected one."""
+        return self.network.node(self.node_id() if node_id is None else node_id)
+
+    def known_ids(self) -> list[int]:
+        """Node-IDs that are known without asking any bus: those met, those simulated, and the selected one."""
+        met = set(self._network.nodes) | set(self._network.simulated_ids) if self._network is not None else set()
+        return sorted(met | {one for one in (self.selected, *self.base.nodes) if one is not None})
+
+    def end_line(self, code: int, *, alone: bool = False) -> None:
+        """A line of its own, or a whole script, ended with *code*: nodes go back to the NMT state they were found in.
+
+        Not after a failure that left a device changed, nor after one in the middle of a script, which is neither the
+        old set-up nor the new one: there they stay PRE-OPERATIONAL, and that is said. Another dvtcli may write then.
+        Where the line stands *alone*, not at a prompt, Restarted is raised if a node lost by then what was set.
+        """
+        failures: list[DvtcliError] = []
+        if self._network is not None:
+            self._network.asked_again.clear()
+        with self.cancellation.guard():  # a signal waits until the nodes are where they belong
+            for node in self.met_nodes():
+                try:
+                    self._end_gate(node.gate, code)
+                except DvtcliError as failed:  # the other nodes go back all the same
+                    failures.append(failed)
+                finally:
+                    node.memory.clear()
+                    node.let_go()
+        if failures:
+            raise failures[0]
+        if alone and not code and (nodes := self._nodes()):
+            from dvtcli.device.restarts import refuse_after_restarts
+
+            refuse_after_restarts(nodes)
+
+    def _end_gate(self, gate: Gate, code: int) -> None:
+        try:
+            if code not in _HALF_CONFIGURED:
+                gate.leave()
+        finally:
+            left_behind = gate.abandon()
+            if left_behind:
+                self.tell.warning(left_behind)

@@ -1,0 +1,227 @@
+"""Storing on the nodes of a network, once all of them are verified: from the first store on nothing is taken back.
+
+Does not know what was changed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+from dvtcli.bus.turns import one_by_one
+from dvtcli.device.change.whole import Storing
+from dvtcli.errors import (
+    DvtcliError,
+    JournalKept,
+    LeftChanged,
+    NoAnswer,
+    SafetyRefusal,
+    SdoProtocolError,
+)
+from dvtcli.operations.stores.possible_stores import store_group
+from dvtcli.operations.stores.store_restore import end_stamp, store_settings
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from dvtcli.device.change.own_journal import OwnJournal
+    from dvtcli.domain.network.network_plan import NodePlan
+    from dvtcli.operations.changes.last_look import Verified
+    from dvtcli.operations.changes.take_back_network import Course
+    from dvtcli.operations.results import Stored
+    from dvtcli.operations.session.session import Session
+
+
+def store_network(
+    session: Session, course: Course, planned: Sequence[NodePlan], verified: Verified, prove: str | None
+) -> tuple[Stored, ...]:
+    """Store what *planned* say, one node after the other; LeftChanged names who has stored and who has not.
+
+    Each node is looked at right before its store, and all of them, as they were *verified*, once more after the last.
+    A journal says from here on that stores have begun; it stays where a node lost what was set.
+    """
+    stores = [
+        Storing(one.node_id, one.store, identity=one.identity, holds=() if len(one.plan) else one.holds)
+        for one in planned
+        if one.stores
+    ]
+    if not stores:
+        return ()
+    on_way = Stores({one.node_id: one for one in stores})
+    try:
+        return store_each(session, course.name, on_way, verified, course.journals(), prove)
+    except BaseException as fault:
+        if isinstance(fault, LeftChanged) and not on_way.lost:
+            _close(course.journals(), fault)
+            _end_stamps(session, on_way, verified, fault)
+        elif isinstance(fault, LeftChanged) and not course.journals():
+            fault.hint = AGAIN
+        for journal in course.journals():
+            journal.is_over()
+        raise
+
+
+#: What helps where a node lost what was set, and there is no journal.
+AGAIN = "`apply` again sets what is missing, and stores it"
+
+
+def _close(journals: Sequence[OwnJournal], left: LeftChanged) -> None:
+    """What was set stays: forget *journals*; one that cannot be removed is said beside what is *left*."""
+    for journal in journals:
+        try:
+            journal.complete_whole()
+        except JournalKept as kept:
+            left.details.append(("also", f"{kept.text}: {kept.why}"))
+
+
+def _end_stamps(session: Session, course: Stores, verified: Verified, left: LeftChanged) -> None:
+    """What could not be stored is not stamped: elsewhere `--trust-stamp` would believe it."""
+    for one in course.states.values():
+        if one.is_done:
+            continue
+        try:
+            end_stamp(session, verified.nodes[one.node_id], "what is not stored has no stamp")
+        except DvtcliError as failed:
+            left.details.append(("also", f"0x1020 of node {one.node_id} may say that it is stored: {failed.text}"))
+
+
+@dataclass(slots=True)
+class Stores:
+    """The stores of one whole on their way, by node-ID; *lost*: faults of a node that held something else."""
+
+    states: dict[int, Storing]
+    answers: dict[int, Stored] = field(default_factory=dict)
+    failed: dict[int, BaseException] = field(default_factory=dict)
+    lost: list[BaseException] = field(default_factory=list)
+
+
+def store_each(
+    session: Session,
+    name: str,
+    course: Stores,
+    verified: Verified,
+    journals: Sequence[OwnJournal],
+    prove: str | None = None,
+) -> tuple[Stored, ...]:
+    """Carry out what *course* has not done, the end of what is called *name*; *journals* say how far it is.
+
+    Each node is asked for what was *verified* right before it stores, and all of them once more behind the last store.
+    LeftChanged names who has stored and who has not; *course* says then whether a node held something else.
+    """
+    stores = list(course.states.values())
+
+    def store(one: Storing) -> None:
+        try:
+            _store_one(session, name, one, course, verified, journals, prove)
+        except (DvtcliError, KeyboardInterrupt) as fault:
+            course.failed[one.node_id] = fault
+            raise
+
+    jobs = [partial(store, one) for one in stores if not one.is_done]
+    faults = one_by_one(jobs)  # not side by side: wherever this ends, nobody knows of one node at most
+    if faults and not course.failed:
+        raise faults[0]
+    course.lost = course.lost or verified.faults(
+        [node_id for node_id, one in course.answers.items() if one.proof is not None]
+    )
+    if course.lost:
+        raise _lost(course, course.lost) from course.lost[0]
+    if course.failed:
+        raise _not_all(course) from next(iter(course.failed.values()))
+    return tuple(course.answers[one.node_id] for one in stores if one.node_id in course.answers)
+
+
+def _store_one(
+    session: Session,
+    name: str,
+    one: Storing,
+    course: Stores,
+    verified: Verified,
+    journals: Sequence[OwnJournal],
+    prove: str | None,
+) -> None:
+    states = tuple(course.states.values())
+    for journal in _to_note(journals, one.node_id):
+        journal.final(_final(name, states, one), states)
+    node = verified.nodes[one.node_id]
+    node.pending.stores += 1  # whatever becomes of it, no script takes its lines back any more
+    try:
+        try:
+            verified.require(one.node_id)
+        except DvtcliError as other:
+            course.lost.append(other)
+            raise
+        course.answers[one.node_id] = store_settings(session, node, store_group(one.group), prove=prove)
+    except SafetyRefusal as other:
+        course.lost = [other]
+        raise
+    course.states[one.node_id] = replace(one, is_done=True)
+
+
+def _to_note(journals: Sequence[OwnJournal], node_id: int) -> Sequence[OwnJournal]:
+    """The journals that say of the store of *node_id* that it begins: all of them where none says of a store yet.
+
+    After that its own one is enough, else any: who reads them takes the one that says most (`furthest`).
+    """
+    ours = [journal for journal in journals if journal.is_begun]
+    if not all(journal.says_stores for journal in ours):
+        return ours
+    return [journal for journal in ours if journal.lock.node_id == node_id] or ours[:1]
+
+
+def _final(name: str, states: Iterable[Storing], one: Storing) -> str:
+    """What a `recover` says had begun, where this process ends in the middle of it."""
+    done = [str(before.node_id) for before in states if before.is_done]
+    stored = f"; stored on node {', '.join(done)}" if done else ""
+    return f"{name}: store on node {one.node_id}{stored}"
+
+
+def _not_all(course: Stores) -> LeftChanged:
+    """What is told where stores came to nothing, and every node holds what was planned all the same."""
+    first, fault = next(iter(course.failed.items()))
+    left = LeftChanged(
+        f"every node holds what was planned, and node {first} did not store it",
+        node=first,
+        place=fault.place if isinstance(fault, DvtcliError) else None,
+        why=str(fault) or "interrupted",
+        hint=f"`-n {first} store` finishes, on each of them; `undo --all` goes back to what was before, then "
+        "`store` on each that stored",
+        state="left_changed",
+    )
+    left.details += _who(course)
+    left.state_text = "every node holds what was planned, read back equal; not all of them have stored it"
+    return left
+
+
+def _lost(course: Stores, lost: Sequence[BaseException]) -> LeftChanged:
+    """What is told where *lost* say who does not hold any more what was planned: nothing of that is to be stored."""
+    first, *others = lost
+    left = LeftChanged(
+        str(first) or "stopped before every node was read once more",
+        node=first.node if isinstance(first, DvtcliError) else None,
+        place=first.place if isinstance(first, DvtcliError) else None,
+        why=(first.why if isinstance(first, DvtcliError) else None) or "seen while the nodes stored",
+        hint="recover puts every node back as it was before; then `apply` again",
+        state="left_changed",
+    )
+    left.details += [("also", str(one)) for one in others]
+    left.details += _who(course)
+    left.state_text = "not every node is known to hold what was planned: `diff` looks; what was stored stays stored"
+    return left
+
+
+def _who(course: Stores) -> list[tuple[str, str]]:
+    """Who has stored, who has not, and of whom nobody knows."""
+    done = [one.node_id for one in course.states.values() if one.is_done]
+    unsure = [node_id for node_id, one in course.failed.items() if _is_unsure(one)]
+    missing = [node_id for node_id in course.states if node_id not in {*done, *unsure}]
+    rows = (("stored", done), ("not stored", missing), ("unknown", unsure))
+    return [(label, f"node {', '.join(map(str, numbers))}") for label, numbers in rows if numbers]
+
+
+def _is_unsure(fault: BaseException) -> bool:
+    """Whether nobody knows if the node stored."""
+    if not isinstance(fault, DvtcliError):
+        return True
+    return isinstance(fault, NoAnswer | SdoProtocolError) or fault.state == "unknown"

@@ -1,0 +1,191 @@
+"""What `store`, `restore` and a `write` to 0x1010 or 0x1011 share."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from dvtcli.device.change.pending import COMMUNICATION, EVERYTHING, GROUPS
+from dvtcli.device.change.proven import Restart, prepare_proof, prove_restore, prove_store, restart_and_read
+from dvtcli.device.held import Held
+from dvtcli.device.stamped import NO_STAMP, held_stamp, stamp_changes
+from dvtcli.device.store_parameters import RESTORE, STORE, await_power_cycle, chosen, reset_and_wait, return_to, sign
+from dvtcli.device.storing import is_stored, prepare_store
+from dvtcli.domain.nmt import NmtCommand
+from dvtcli.domain.plan import Plan
+from dvtcli.domain.proof import POWER, RESET_COMM, RESET_NODE
+from dvtcli.errors import DeviceRefused, SdoAborted
+from dvtcli.operations.consent.reset_consent import consent_to_reset
+from dvtcli.operations.results import Stored
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+    from dvtcli.device.store_parameters import Signed
+    from dvtcli.operations.session.session import Session
+
+#: How long a power cycle is waited for, in seconds.
+POWER_CYCLE_S = 60.0
+
+
+def store_settings(
+    session: Session,
+    node: Node,
+    sub_index: int | None,
+    *,
+    prove: str | None = None,
+    if_changed: bool = False,
+    wait_s: float = POWER_CYCLE_S,
+) -> Stored:
+    """Store what the node holds.
+
+    With *prove* restart it (`reset`, or by `power`, which is waited for *wait_s* seconds), and compare the PDOs that it
+    comes back with. With *if_changed* only unless the PDOs are what came up with a boot-up that was heard.
+    """
+    because = why_to_store(node, sub_index) if if_changed else ""
+    if if_changed and not because:
+        return _skipped(session, node, sub_index)
+    restart = _restart(session, node, prove, wait_s) if prove else None
+    boot_ups = node.bus.boot_ups(node.node_id)
+    prepare_store(node, force=session.options.force)
+    before = None
+    if restart is not None:
+        before = Held.now(node)
+        prepare_proof(node, before.pdos)
+    stored_at = node.pending.stored_at
+    done = sign(node.access, node.profile.store, STORE, sub_index, node.cancellation, node.dictionary)
+    node.gate.done.append(f"0x{done.place} acknowledged the store")
+    refuse_after_restart(node, boot_ups, done)
+    changed = node.pending.was_stored(done.sub_index, len(node.history))
+    proof = None if restart is None or before is None else prove_store(node, before, done, restart)
+    if proof is not None and proof.differences and set(changed) <= set(proof.differing):
+        node.pending.was_not_kept(stored_at)
+    is_stored(node, set(changed) - set(() if proof is None else proof.differing))
+    if not session.dry_run:
+        session.record.add(node.node_id, ["store" if sub_index is None else f"store {sub_index}"])
+    return Stored(
+        node.node_id, done.place, "store", done.seconds, node.profile.store.timeout_s, changed, session.dry_run, proof,
+        because=because, prove_asked=prove is not None, all_known=node.keeper is None and done.sub_index in GROUPS,
+    )  # fmt: skip
+
+
+def refuse_after_restart(node: Node, boot_ups: int, signed: Signed) -> None:
+    """Raise DeviceRefused where *node* restarted after it was read for the last time before it *signed* a store."""
+    if node.bus.boot_ups(node.node_id) != boot_ups:
+        raise DeviceRefused(
+            f"node {node.node_id} restarted just before or while it stored: what it stored was not looked at",
+            node=node.node_id,
+            why=f"0x{signed.place} acknowledged the store",
+            hint="`verify`, set again what differs, then store again",
+            state="unknown",
+        )
+
+
+def why_to_store(node: Node, sub_index: int | None) -> str:
+    """Why what the node holds may not be what it has stored; empty where it came up with that, and nobody wrote it."""
+    if sub_index not in (None, EVERYTHING, COMMUNICATION):
+        return f"nothing is known of what group {sub_index} covers"
+    node.claim()  # from here on no other dvtcli writes to it
+    if node.bus.downloads_of_others(node.node_id):
+        return "another SDO client wrote to it since its last boot-up"
+    known = replace(node.came_up, pdos=dict(node.came_up.pdos))  # reading again would count as what came up
+    boot_ups, now = node.bus.boot_ups(node.node_id), node.pdos()
+    return known.why_not(node.bus.boot_ups(node.node_id), now) or (
+        "it restarted meanwhile" if node.bus.boot_ups(node.node_id) != boot_ups else ""
+    )
+
+
+def _skipped(session: Session, node: Node, sub_index: int | None) -> Stored:
+    place = f"{STORE:04X}:{sub_index or 1:02X}"
+    skipped = "nothing was written since the node's boot-up, and its PDOs read back as it came up with them"
+    return Stored(node.node_id, place, "store", 0.0, node.profile.store.timeout_s, (), session.dry_run, skipped=skipped)
+
+
+def _restart(session: Session, node: Node, way: str, wait_s: float) -> Restart | None:
+    """How the node is to be restarted, after consent to that; None on a twin, whose restart would prove nothing."""
+    if session.dry_run:
+        return None
+    if way == "power":
+        session.consent(
+            f"node {node.node_id} must be switched off and on once it has stored; will you do that?", node.node_id
+        )
+        return Restart(POWER, lambda: _power_cycle(session, node, wait_s))
+    consent_to_reset(session, [node.node_id])
+    return Restart(RESET_NODE, lambda: _reset(node, NmtCommand.RESET_NODE))
+
+
+def _power_cycle(session: Session, node: Node, wait_s: float) -> None:
+    text = f"switch node {node.node_id} off and on now: its boot-up message is waited for, {wait_s:g} s at most"
+
+    def stop() -> None:
+        if node.cancellation.requested:
+            raise KeyboardInterrupt
+
+    with node.cancellation.guard():  # a Ctrl-C is looked for between two moments of waiting, and torn apart is nothing
+        await_power_cycle(node.access, wait_s, lambda: session.tell.instruct(text), stop)
+
+
+def _reset(node: Node, command: NmtCommand) -> None:
+    reset_and_wait(node.access, command)
+
+
+def restore_defaults(session: Session, node: Node, sub_index: int | None, *, prove: bool) -> Stored:
+    """Ask the node for its defaults; they come with the next reset, which *prove* does at once, and looks."""
+    session.consent(
+        f"node {node.node_id} will lose what is set and stored, and take its defaults; restore?", node.node_id
+    )
+    asked, prove = prove, prove and not session.dry_run  # a twin has no defaults but those of its file
+    if prove:
+        consent_to_reset(session, [node.node_id])
+    prepare_store(node, force=session.options.force, confirm=False)
+    communication = sub_index == COMMUNICATION
+    command = NmtCommand.RESET_COMMUNICATION if communication else NmtCommand.RESET_NODE
+    restart = Restart(
+        RESET_COMM if communication else RESET_NODE, lambda: _reset(node, command), communication=communication
+    )
+    state = node.access.state() if prove else None
+    before, lost = _before_restore(node, restart) if prove else (None, ())
+    _end_stamp_before(session, node, sub_index)
+    done = sign(node.access, node.profile.store, RESTORE, sub_index, node.cancellation, node.dictionary)
+    node.gate.done.append(f"0x{done.place} acknowledged the restore")
+    proof = prove_restore(node, done, restart, before, lost) if prove else None
+    return_to(node.access, state)
+    node.wanted.clear()
+    if proof is None or not proof.differences:  # what is not restored is looked at again the next time
+        node.wanted_values.clear()
+    node.expected.clear()
+    node.pending.forget(done.sub_index)
+    if proof is not None:
+        node.pending.was_restored(len(node.history))
+    if not session.dry_run:
+        session.record.add(node.node_id, ["restore" if sub_index is None else f"restore {sub_index}"])
+    return Stored(
+        node.node_id, done.place, "restore", done.seconds, node.profile.store.timeout_s, (), session.dry_run, proof,
+        prove_asked=asked,
+    )  # fmt: skip
+
+
+def _end_stamp_before(session: Session, node: Node, sub_index: int | None) -> None:
+    """Before *node* is asked for its defaults: a stamp of ours ends, since what it stands for is stored no longer."""
+    held = held_stamp(node)
+    if held is not None and held.is_own:  # a device that has no defaults keeps its stamp
+        chosen(node.access, node.profile.store, RESTORE, sub_index, node.dictionary)
+        end_stamp(session, node, "what is no longer stored loses its stamp")
+
+
+def end_stamp(session: Session, node: Node, why: str) -> None:
+    """Write 0 to 0x1020 of *node* where it holds a stamp of ours, and say *why*."""
+    held = held_stamp(node)
+    if held is not None and held.is_own:
+        session.tell.note(f"0x1020 of node {node.node_id} <- 0: {why}")
+        ending = stamp_changes(held, NO_STAMP, why)
+        node.apply(Plan(node.node_id, ending), force=session.options.force, kept=False)
+
+
+def _before_restore(node: Node, restart: Restart) -> tuple[Held | None, tuple[str, ...]]:
+    """What *node* holds ahead of a restore, and what was lost to find out: without its EDS, what it comes up with."""
+    if node.dictionary is None or node.unlike_file:
+        return restart_and_read(node, restart)
+    try:
+        return Held.now(node), ()
+    except SdoAborted:  # a node that refuses to be read is not kept from its defaults
+        return None, ()

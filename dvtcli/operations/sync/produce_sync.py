@@ -1,0 +1,60 @@
+"""SYNC messages from here, and the frames that come in answer."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.several import several
+from dvtcli.operations.results import Synced
+from dvtcli.operations.sync.sync_frame import DEFAULT, sync_frame
+
+if TYPE_CHECKING:
+    from dvtcli.domain.ports import Frame
+    from dvtcli.operations.session.session import Session
+
+#: How long frames are waited for after the last SYNC, in seconds.
+_LISTEN_S = 0.05
+
+
+def produce_sync(session: Session, count: int = 1, period_s: float = 0.02, node_id: int | None = None) -> Synced:
+    """Send *count* SYNC messages, one each *period_s* seconds, and list what synchronous PDOs send.
+
+    The CAN-ID is what 0x1005 of the node *node_id* (None: the selected one) says, 0x080 where there is none.
+    """
+    seen: dict[int, tuple[Frame, int]] = {}
+    bus = session.bus
+    selected = session.selected_id() if node_id is None else node_id
+    sync = DEFAULT if selected is None else sync_frame(bus.sdo(selected))
+    began = time.monotonic()
+    for number in range(count):
+        bus.send(sync)
+        due = began + (number + 1) * period_s
+        for frame in bus.receive(_LISTEN_S if number == count - 1 else max(0.0, due - time.monotonic())):
+            if 0x181 <= frame.can_id <= 0x57F or 0x680 <= frame.can_id < 0x700 or frame.extended:
+                seen[frame.can_id] = (frame, seen.get(frame.can_id, (frame, 0))[1] + 1)
+    labels = _labels(session)
+    rows = tuple((frame, number, labels.get(can_id, "")) for can_id, (frame, number) in sorted(seen.items()))
+    return Synced(count, period_s * 1000, rows, session.dry_run, sync.can_id, note=_held_back(session))
+
+
+def _held_back(session: Session) -> str:
+    """Says so where nodes send no PDOs because the script has them PRE-OPERATIONAL."""
+    held = [node.node_id for node in session.network.nodes.values() if node.gate.found is not None]
+    if not held:
+        return ""
+    named = several(f"node {node_id}" for node_id in held)
+    return (
+        f"{named} sent none: this script changes PDOs, so it stays PRE-OPERATIONAL until the last line; "
+        "`nmt start` before sync starts it now"
+    )
+
+
+def _labels(session: Session) -> dict[int, str]:
+    """CAN-IDs of the TPDOs of nodes that were looked at."""
+    return {
+        config.communication.cob_id.can_id: f"{pdo.label} node {node.node_id}"
+        for node in session.network.nodes.values()
+        for pdo, config in {**node.last_read, **node.wanted}.items()
+        if pdo.is_tpdo and config.enabled
+    }

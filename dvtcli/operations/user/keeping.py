@@ -1,0 +1,131 @@
+"""What is kept of the nodes of a bus, and where: locks, backups, journals, the changes that `undo` remembers.
+
+Of nodes that outlive this process only. Does not know when a node is changed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dvtcli.device.change.journal import Journals
+from dvtcli.device.change.safekeeping import Keeper
+from dvtcli.device.change.whole import Whole
+from dvtcli.device.past import Past
+from dvtcli.device.program_note import ProgramNotes
+from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.several import several
+from dvtcli.errors import InputFileError, SafetyRefusal
+from dvtcli.files.user_folders import user_folder
+from dvtcli.operations.user.options import Options
+
+if TYPE_CHECKING:
+    from dvtcli.device.change.journal import Journal
+    from dvtcli.domain.object_dictionary import ObjectDictionary
+
+
+@dataclass(frozen=True, slots=True)
+class Keeping:
+    """The files about the nodes of *bus*, by its name; journals and backups below *folder*."""
+
+    bus: str
+    folder: Path
+    #: the node-ID that -n selects
+    selected: int | None
+    #: show a message that is no result, and one that nobody may miss
+    say: Callable[[str], None]
+    warn: Callable[[str], None]
+    #: what is being done now, for another dvtcli that finds a node's lock taken
+    doing: Callable[[], str]
+    #: what the changes that are made now belong to
+    whole: Whole = field(default_factory=Whole)
+    #: what was said of interrupted changes: one of several nodes is said once
+    _said: set[str] = field(default_factory=set)
+
+    def keeper(self, node_id: int, dictionary: ObjectDictionary | None) -> Keeper:
+        """Lock, backup and journal of a node; says so where a change of it was interrupted."""
+        keeper = self._keeper(node_id, dictionary)
+        interrupted, is_damaged = _interrupted(keeper)
+        if interrupted and interrupted not in self._said:
+            self._said.add(interrupted)
+            (self.warn if is_damaged else self.say)(interrupted)
+        if (program := self.programs().told(node_id)) and keeper.lock.is_free():
+            self.warn(program)
+        return keeper
+
+    def programs(self) -> ProgramNotes:
+        """What is noted of program downloads that are under way on this bus, or were not completed."""
+        return ProgramNotes(self.folder / "programs", self.bus)
+
+    def interrupted(self, node_id: int, keeper: Keeper | None) -> str:
+        """What to say of a change of the node that was interrupted and not finished; empty where there is none.
+
+        Of a node that was not met yet, and has no *keeper*, it is said to the user, too, as it is when it is met.
+        """
+        return _interrupted(keeper or self.keeper(node_id, None))[0]
+
+    def past(self) -> Past:
+        """The changes on this bus that are remembered."""
+        return Past(state_folder(None) / "changes", self.bus, self.say)
+
+    @staticmethod
+    def is_fixed(dictionary: ObjectDictionary | None) -> Callable[[Pdo], bool]:
+        """What tells whether the COB-ID of a PDO is read-only, as far as *dictionary* says it."""
+
+        def told(pdo: Pdo) -> bool:
+            entry = dictionary.entry(pdo.communication_index, 1) if dictionary else None
+            return entry is not None and not entry.access.writable
+
+        return told
+
+    def _keeper(self, node_id: int, dictionary: ObjectDictionary | None) -> Keeper:
+        locks = state_folder(None) / "locks"
+        fixed = self.is_fixed(dictionary)
+        keeper = Keeper(self.folder, locks, self.bus, node_id, self.say, fixed, self.warn, self.doing, self.whole)
+        keeper.past.selected = self.selected
+        return keeper
+
+
+def _interrupted(keeper: Keeper) -> tuple[str, bool]:
+    """What to say of a change that was interrupted, empty where there is none; and whether its journal is damaged."""
+    try:
+        journal = keeper.interrupted()
+    except (InputFileError, SafetyRefusal) as damaged:
+        return f"{damaged.text}: {damaged.why or damaged.place}; {damaged.hint}", True
+    return "" if journal is None else _how_to_finish(journal), False
+
+
+def _how_to_finish(journal: Journal) -> str:
+    changed = _changed(journal)
+    labels, node_id = several(journal.labels), journal.plan.node_id
+    if journal.part.whole is None and journal.part.asked:
+        what = f"`learn`, which asked {labels} of node {node_id},"
+        return f"{what} was interrupted: `recover` puts the old configuration back"
+    if journal.part.whole is None:
+        return f"a change of {labels} of node {node_id} was interrupted: `recover` puts the old configuration back"
+    if journal.part.stores:
+        return (
+            f"{journal.part.name} was interrupted while nodes stored what it changed, {changed}: "
+            "`recover --finish` stores on the rest of them, `recover` takes every line of it back, on all nodes"
+        )
+    back = "`recover` takes every line of it back, on all nodes"
+    return f"{journal.part.name} was interrupted, which changed {changed}: {back}"
+
+
+def _changed(journal: Journal) -> str:
+    """What the change that *journal* is of altered: on several nodes which ones, so that it is the same of each."""
+    whole = journal.part.whole
+    together = [] if whole is None else Journals(journal.path.parent, journal.bus).all_of(whole)
+    ids = sorted({journal.plan.node_id, *(one.plan.node_id for one in together)})
+    if len(ids) > 1:
+        return f"nodes {', '.join(map(str, ids))}"
+    return f"{several(journal.labels)} of node {ids[0]}"
+
+
+def state_folder(options: Options | None) -> Path:
+    """Where journals and backups are kept: --journal, else the user's state folder (which None asks for)."""
+    if options is not None and options.journal:
+        return Path(options.journal)
+    return user_folder("state")

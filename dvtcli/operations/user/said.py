@@ -1,0 +1,106 @@
+"""What the user has said and can be asked: the options that count, who listens, what may be shown to nobody.
+
+Does not know whether a bus is open.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from dvtcli.device.cancellation import Cancellation
+from dvtcli.errors import SafetyRefusal
+from dvtcli.operations.user.options import Options
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from dvtcli.operations.user.secret_objects import Secrets
+    from dvtcli.operations.user.settings import Settings
+    from dvtcli.operations.user.telling import Teller
+
+
+class Said:
+    """A session as far as its user goes: *options* count from the beginning, *tell* hears what the user should know."""
+
+    def __init__(self, options: Options | None = None, tell: Teller | None = None) -> None:
+        self.tell = tell or _nobody()
+        self.base = self.options = options or Options()
+        self.cancellation = Cancellation()
+        self._agreed = False
+
+    @cached_property
+    def settings(self) -> Settings:
+        """Everything that was said at the program's start, in options, variables and files."""
+        from dvtcli.operations.user.settings import Settings
+
+        return Settings()
+
+    def require_settings(self) -> None:
+        """Raise what is wrong with the settings; what a project's file says in vain is said once."""
+        said = self.settings.required()
+        if said is not None:
+            self.tell.warning(said)
+
+    def chosen_by(self) -> str:
+        """Who chose the bus: an option, a variable or a file, for people."""
+        return self.settings.chosen_by()
+
+    @property
+    def in_script(self) -> bool:
+        """Whether lines follow one another, with nobody to look at each answer."""
+        return False
+
+    @property
+    def dry_run(self) -> bool:
+        """Whether writes go to a twin."""
+        return self.options.dry_run
+
+    def doing(self) -> str:
+        """What is being done, for another dvtcli that waits for a node: nothing that has a name."""
+        return ""
+
+    def consent(self, question: str, node_id: int | None = None) -> None:
+        """Ask *question*, about one node if *node_id* is given, where somebody can answer.
+
+        Returns on yes, raises SafetyRefusal otherwise.
+        """
+        if self.options.yes or self.dry_run or self._agreed:
+            return
+        with self.cancellation.released():  # Ctrl-C here is a no to everything that the question was for
+            answer = self.tell.ask(question)
+        if answer is None:
+            raise SafetyRefusal(f"nobody can answer: {question}", node=node_id, hint="give --yes to answer yes")
+        if not answer:
+            raise SafetyRefusal("not done: the answer was no", node=node_id)
+
+    @contextmanager
+    def agreed(self) -> Iterator[None]:
+        """A block in which nothing is asked: all of it was consented to, or takes back what was."""
+        self._agreed = True
+        try:
+            yield
+        finally:
+            self._agreed = False
+
+    @property
+    def state_folder(self) -> Path:
+        """Where journals, locks and backups are kept."""
+        from dvtcli.operations.user.keeping import state_folder
+
+        return state_folder(self.options)
+
+    @cached_property
+    def secrets(self) -> Secrets:
+        """What no screen and no file may show: passcodes on the wire and in lines."""
+        from dvtcli.operations.user.secret_objects import Secrets
+
+        return Secrets.known()
+
+
+def _nobody() -> Teller:
+    from dvtcli.operations.user.telling import Silent
+
+    return Silent()

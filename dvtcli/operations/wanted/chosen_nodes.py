@@ -1,0 +1,66 @@
+"""The part of a network file that is meant: of the nodes that were named, without what needs others. Sends nothing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.network.wanted_state import Endpoint
+from dvtcli.domain.several import plural
+from dvtcli.errors import UsageError
+from dvtcli.operations.wanted.stamped_words import linked_with
+
+if TYPE_CHECKING:
+    from dvtcli.domain.network.wanted_state import NetworkWish
+    from dvtcli.operations.session.session import Session
+
+
+def named_nodes(session: Session) -> tuple[int, ...]:
+    """The nodes that the user means, none: all of the file.
+
+    One alone counts where `-n` stands in the line itself: at a prompt and in scripts, in settings and variables it only
+    says which node is selected.
+    """
+    ids = session.base.nodes
+    typed = session.settings.sources.get("node") == "option" and session.ends_with_line
+    return ids if len(ids) > 1 or typed else ()
+
+
+def of_nodes(session: Session, file: str, wish: NetworkWish, ids: tuple[int, ...]) -> NetworkWish:
+    """What *wish* says of the nodes *ids* where some were named (`-n 1,3`); UsageError for one that it has not."""
+    if not ids:
+        return wish
+    if unknown := [one for one in ids if one not in {node.node_id for node in wish.nodes}]:
+        raise UsageError(f"{file} has no node {', '.join(map(str, unknown))}", place=file)
+    chosen, alone = _without_torn_links(wish, _without_stamps(wish, wish.of(ids)))
+    if left_out := len(wish.links) - len(chosen.links):
+        stay = ", ".join(f"{end.node_id}:{end.pdo}" for end in alone)
+        session.tell.note(
+            f"{plural(left_out, 'link')} of {file} left out: not both ends are among -n; left as they are: {stay}"
+        )
+    return chosen
+
+
+def _without_stamps(wish: NetworkWish, chosen: NetworkWish) -> NetworkWish:
+    """*chosen* of *wish*, where no node gets a stamp that stands for links with nodes that are left out, too."""
+    ids = {node.node_id for node in chosen.nodes}
+    nodes = (node if linked_with(wish, node.node_id) <= ids else replace(node, stamp=None) for node in chosen.nodes)
+    return replace(chosen, nodes=tuple(nodes))
+
+
+def _without_torn_links(wish: NetworkWish, chosen: NetworkWish) -> tuple[NetworkWish, list[Endpoint]]:
+    """*chosen* of *wish* without the links that lack an end, and without their PDOs, which are answered, too.
+
+    What one end of such a link has must not change while the other stays: it would hear another layout.
+    """
+    links, torn = chosen.links, {end for link in wish.links if link not in chosen.links for end in link.ends}
+    while shared := [link for link in links if not torn.isdisjoint(link.ends)]:
+        links = tuple(link for link in links if link not in shared)
+        torn |= {end for link in shared for end in link.ends}
+    nodes = tuple(
+        replace(node, pdos=tuple(pdo for pdo in node.pdos if Endpoint(node.node_id, pdo.pdo) not in torn))
+        for node in chosen.nodes
+    )
+    ids = {node.node_id for node in chosen.nodes}
+    alone = sorted((end for end in torn if end.node_id in ids), key=lambda end: (end.node_id, str(end.pdo)))
+    return replace(chosen, nodes=nodes, links=links), alone

@@ -1,0 +1,143 @@
+"""The nodes of a network file, met: those that answer and are who the file means; of the others, why not.
+
+Writes nothing. Does not know what the nodes should hold.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dvtcli.device.file_fits import refuse_unlike_file
+from dvtcli.device.read_pdos import read_identity
+from dvtcli.errors import DvtcliError, InputFileError, NoAnswer, RuleError, SafetyRefusal, SdoProtocolError
+from dvtcli.operations.wanted.network_wish import eds_of
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+    from dvtcli.domain.network.wanted_state import NetworkWish, NodeWish, WantedIdentity
+    from dvtcli.operations.session.session import Session
+
+#: Vendor, product, revision and serial number, by their sub-indices of 0x1018.
+_IDENTITY_PARTS = range(1, 5)
+_ATTACH = "attach the device that is meant, or say in the file which one it is"
+
+
+@dataclass(slots=True)
+class Met:
+    """The *nodes* that are as the file means them, by node-ID, and what speaks against going on."""
+
+    nodes: dict[int, Node] = field(default_factory=dict)
+    failures: list[DvtcliError] = field(default_factory=list)
+
+    def end(self) -> None:
+        """One error for all failures, where there is one: what trying again does not mend comes first."""
+        if not self.failures:
+            return
+        first, *others = sorted(self.failures, key=_weight)
+        first.details += [("also", text) for other in others for text in _texts(other)]
+        raise first
+
+
+def meet(session: Session, file: str, wish: NetworkWish) -> Met:
+    """The nodes of *wish*, each with the files that it names."""
+    met = Met()
+    for node in wish.nodes:
+        _choose_files(session, file, node)
+    silent = _ask_all(session, [node.node_id for node in wish.nodes])
+    for node in wish.nodes:
+        try:
+            if node.node_id in silent:
+                raise silent[node.node_id]
+            found = session.network.node(node.node_id)
+            session.network.describe(node.node_id)
+            failures = list(unlike_wanted(found, node.identity, force=session.options.force))
+        except (NoAnswer, SdoProtocolError) as failed:
+            failures = [failed]
+        met.failures += failures
+        if not failures:
+            met.nodes[node.node_id] = found
+    _joined(met.failures)
+    return met
+
+
+def _ask_all(session: Session, ids: Sequence[int]) -> dict[int, DvtcliError]:
+    """Ask *ids* anew who they are, side by side where nothing runs; of those that do not tell it, why not.
+
+    Nothing is said to the user here, so that what is to be said has the order of the file.
+    """
+    network = session.network
+    silent: dict[int, DvtcliError] = {}
+
+    def ask(node_id: int) -> None:
+        try:
+            met = network.nodes.get(node_id)
+            if met is not None:
+                met.read_anew()
+            for sub_index in _IDENTITY_PARTS:
+                read_identity(network.files.memory(node_id) if met is None else met.memory, sub_index)
+        except (NoAnswer, SdoProtocolError) as failed:
+            silent[node_id] = failed
+
+    for fault in session.bus.side_by_side([partial(ask, node_id) for node_id in ids]):
+        raise fault
+    return silent
+
+
+def _joined(failures: list[DvtcliError]) -> None:
+    """Nodes that are silent are one failure."""
+    silent = [one for one in failures if isinstance(one, NoAnswer) and one.node is not None]
+    if len(silent) > 1:
+        silent[0].text = f"nodes {', '.join(str(one.node) for one in silent)} do not answer"
+        for one in silent[1:]:
+            failures.remove(one)
+
+
+def _choose_files(session: Session, file: str, node: NodeWish) -> None:
+    files, met = session.network.files, session.network.nodes
+    if node.node_id in met and met[node.node_id].dictionary is not None:
+        return
+    if node.profile is not None and session.options.profile is None and node.node_id not in met:
+        files.own_profile[node.node_id] = node.profile
+    if node.dcf is None or session.options.eds is not None:
+        return
+    path = eds_of(file, node)
+    if path is not None:
+        files.own_eds[node.node_id] = path
+    else:
+        place, named = f"{file}:{node.dcf.mark.line}:{node.dcf.mark.column}", Path(file).parent / node.dcf.text
+        session.tell.note(f"{place}: there is no {named}: what is known of node {node.node_id} otherwise counts")
+
+
+def unlike_wanted(node: Node, wanted: WantedIdentity, *, force: bool) -> Iterator[DvtcliError]:
+    """What says that *node* is another device than the one *wanted*, or than its EDS is about."""
+    held = node.identity()
+    for name in ("vendor", "product", "revision", "serial"):
+        number = getattr(wanted, name)
+        if number is not None and held[name] != number:
+            is_now = "none" if held[name] is None else f"0x{held[name]:08X}"
+            what = f"node {node.node_id} has {name} {is_now}, not 0x{number:08X}"
+            text = f"another device than the file is about: {what}"
+            yield SafetyRefusal(text, node=node.node_id, hint=_ATTACH)
+    try:
+        refuse_unlike_file(node.node_id, node.unlike_file, force=force)
+    except SafetyRefusal as refused:
+        yield refused
+
+
+def _weight(failure: DvtcliError) -> int:
+    kinds = (SafetyRefusal, InputFileError, RuleError)
+    return next((number for number, kind in enumerate(kinds) if isinstance(failure, kind)), len(kinds))
+
+
+def _texts(failure: DvtcliError) -> Iterator[str]:
+    if isinstance(failure, RuleError):
+        node = "" if failure.node is None else f"node {failure.node}: "
+        yield from (f"{node}{finding.text}" for finding in failure.findings)
+    elif isinstance(failure, InputFileError) and failure.complaints:
+        yield from (f"{one.place}: {one.text}" for one in failure.complaints)
+    else:
+        yield failure.text

@@ -1,0 +1,167 @@
+"""What the words of a network file mean on a node: names of its dictionary, types, slots of its heartbeat consumer.
+
+Complains where they mean nothing there, and of everything at once. Reads values; judges none, and writes nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from dvtcli.device.read_pdos import read_optional
+from dvtcli.device.store_parameters import SIGNATURES
+from dvtcli.domain.object_syntax import UnknownName
+from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.request import PdoRequest, Switched
+from dvtcli.errors import DvtcliError, SdoAborted, UsageError
+from dvtcli.operations.meanings.named_objects import entry_at, object_at
+from dvtcli.operations.meanings.physical_meanings import meaning_of, typed_bytes
+from dvtcli.operations.objects.write_object import object_type
+from dvtcli.operations.wanted.wanted_pins import WantedValue, wanted_pins
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+    from dvtcli.domain.network.wanted_state import FileWord, NodeWish, PdoWish
+    from dvtcli.domain.object_syntax import MappedObject, Skipped
+    from dvtcli.domain.request import PdoWant
+    from dvtcli.files.network.file_log import FileLog
+
+Place = tuple[int, int]
+_CONSUMER_HEARTBEAT = 0x1016
+#: What helps where a name is looked up on a node that no file describes.
+_NO_EDS = (
+    "`dcf: drive.eds` beside its `node_id` gives one (`dcf: generic`: that of a simulated family), or "
+    "`eds add drive.eds` for all files; numbers need none"
+)
+
+
+@dataclass(slots=True)
+class NodeWants:
+    """What a node should hold: PDOs, single objects in their order, with reasons; *pruned*: PDOs that no file names."""
+
+    pdos: dict[Pdo, PdoWant] = field(default_factory=dict)
+    values: dict[Place, bytes] = field(default_factory=dict)
+    reasons: dict[Place, str] = field(default_factory=dict)
+    pruned: frozenset[Pdo] = frozenset()
+
+
+def node_wants(node: Node, wish: NodeWish, log: FileLog) -> NodeWants:
+    """What *wish* means on *node*; what it cannot mean there is told to *log*."""
+    wants = NodeWants()
+    for pdo in wish.pdos:
+        wants.pdos[pdo.pdo] = pdo_request(node, pdo, log)
+    if wish.prune:
+        others = {pdo: cob_id for pdo, cob_id in node.known_cob_ids().items() if pdo not in wants.pdos}
+        wants.pruned = frozenset(pdo for pdo, cob_id in others.items() if cob_id.valid)
+        wants.pdos.update({pdo: Switched(enabled=False) for pdo in sorted(wants.pruned)})
+    pins = wanted_pins(node, wish.pins, log)
+    for want in (*_objects(wish), *_values(node, wish, log), *_watches(node, wish, log), *pins):
+        if wrong := _why_not(node, want.place):
+            log.complain(want.mark, wrong)
+        else:
+            wants.values[want.place], wants.reasons[want.place] = want.data, want.reason
+    return wants
+
+
+def pdo_request(node: Node, wish: PdoWish, log: FileLog) -> PdoRequest:
+    """What *wish* asks of a PDO of *node*; entries that mean nothing there are told to *log*, and left out."""
+    objects = None if wish.mapping is None else tuple(_entries(node, wish.mapping, log))
+    return PdoRequest(
+        cob_id=wish.cob_id, transmission_type=wish.transmission_type, inhibit_time=wish.inhibit_time,
+        event_timer=wish.event_timer, sync_start_value=wish.sync_start_value, rtr_allowed=wish.rtr_allowed,
+        extended=wish.extended, enabled=wish.enabled, objects=objects,
+    )  # fmt: skip
+
+
+def _entries(node: Node, words: tuple[FileWord, ...], log: FileLog) -> Iterator[MappedObject | Skipped]:
+    for word in words:
+        try:
+            yield entry_at(node, word.text)
+        except UsageError as wrong:
+            log.complain(word.mark, _unknown(node, wrong))
+
+
+def _unknown(node: Node, wrong: UsageError) -> str:
+    """Why a word means nothing there, and what helps in a file."""
+    if node.dictionary is None and isinstance(wrong.__cause__, UnknownName):
+        return f"{wrong.text}: {_NO_EDS}"
+    return _text(wrong)
+
+
+def _text(wrong: DvtcliError) -> str:
+    return f"{wrong.text}; {wrong.hint}" if wrong.hint else wrong.text
+
+
+def _objects(wish: NodeWish) -> Iterator[WantedValue]:
+    yield from (WantedValue((one.index, one.sub_index), one.data, one.key, one.mark) for one in wish.objects)
+
+
+def _values(node: Node, wish: NodeWish, log: FileLog) -> Iterator[WantedValue]:
+    for one in wish.values:
+        try:
+            place = object_at(node, one.object.text)
+        except UsageError as wrong:
+            log.complain(one.object.mark, _unknown(node, wrong))
+            continue
+        if refusal := _why_not(node, place):
+            log.complain(one.object.mark, refusal)
+            continue
+        try:
+            kind = object_type(node, *place)
+            data = typed_bytes(kind, meaning_of(node, *place), one.value.text)
+            yield WantedValue(place, data, _name(node, place), one.value.mark)
+        except ValueError as unfit:
+            log.complain(one.value.mark, f"{one.value.text!r} for 0x{place[0]:04X}:{place[1]:02X}: {unfit}")
+        except SdoAborted as aborted:
+            log.complain(one.object.mark, aborted.text)
+
+
+def _name(node: Node, place: Place) -> str:
+    return "write" if node.dictionary is None else node.dictionary.display_name(*place) or "write"
+
+
+def _why_not(node: Node, place: Place) -> str:
+    """Why the object at *place* is none that a file may set; empty where it may."""
+    index, text = place[0], f"0x{place[0]:04X}:{place[1]:02X}"
+    if index in SIGNATURES:
+        return f"{text} is a command: `store: true` stores once all nodes are verified"
+    pdo = Pdo.at(index)
+    if pdo is not None:
+        return f"{text} is part of {pdo.label}: `{pdo.direction}:` with `{pdo.number}:` sets it"
+    login = node.profile.login
+    if login is not None and place == login.passcode:
+        return f"{text} takes a passcode, and a file is no place for one: `login` asks for it"
+    try:
+        node.known_value(*place)
+    except SdoAborted as aborted:
+        return f"{aborted.text}: what cannot be read is not compared, and not set"
+    return ""
+
+
+def _watches(node: Node, wish: NodeWish, log: FileLog) -> Iterator[WantedValue]:
+    """The entries of 0x1016 that *wish* means: that of the producer where it has one, else a free one.
+
+    Source: CiA 301, 7.5.2.17: node-ID in bits 16..23, time in ms below; an entry with 0 in one of them is not used.
+    """
+    if not wish.watches:
+        return
+    count = read_optional(node.memory, _CONSUMER_HEARTBEAT, 0, 1) or 0
+    held = {sub: read_optional(node.memory, _CONSUMER_HEARTBEAT, sub, 4) for sub in range(1, count + 1)}
+    slots = {sub: value for sub, value in held.items() if value is not None}
+    for watch in wish.watches:
+        own = next((sub for sub, value in slots.items() if _used(value) and value >> 16 & 0x7F == watch.producer), None)
+        sub = own if own is not None else next((one for one, value in slots.items() if not _used(value)), None)
+        if own is None and not watch.time_ms:
+            continue  # it watches nothing of that node already
+        if sub is None:
+            log.complain(watch.mark, f"0x1016 of node {node.node_id} has no free entry ({count} in all)")
+            continue
+        slots[sub] = watch.producer << 16 | watch.time_ms if watch.time_ms else 0
+        late = f"late after {watch.time_ms} ms" if watch.time_ms else "watched no more"
+        reason = f"node {watch.producer} is {late}"
+        yield WantedValue((_CONSUMER_HEARTBEAT, sub), slots[sub].to_bytes(4, "little"), reason, watch.mark)
+
+
+def _used(value: int) -> bool:
+    return bool(value & 0xFFFF and value >> 16 & 0xFF)

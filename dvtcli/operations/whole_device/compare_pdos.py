@@ -1,0 +1,181 @@
+"""Comparing what a node holds with what it should: this session's changes, or a file's values."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dvtcli.device.change.pending import REBOOT, VERIFY
+from dvtcli.device.described_node import FileValues
+from dvtcli.device.read_pdos import present_pdos, read_pdo
+from dvtcli.device.wish import Wish, session_wish, unlike
+from dvtcli.errors import UsageError
+from dvtcli.files.device_file import read_device_file
+from dvtcli.operations.pdos.look_at_frames import look
+from dvtcli.operations.results import Compared, ComparedNodes
+from dvtcli.operations.whole_device.device_suffix import holds_values
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Sequence
+
+    from dvtcli.device.node import Node
+    from dvtcli.domain.pdo import Pdo
+    from dvtcli.operations.session.rehearse import Rehearse
+    from dvtcli.operations.session.session import Session
+
+NodePdo = tuple[int | None, "Pdo"]
+#: What is compared with where no file is named.
+SESSION = "this session's changes"
+
+
+def verify(
+    session: Session,
+    rehearse: Rehearse,
+    pdos: Sequence[NodePdo] = (),
+    file: str | None = None,
+    *,
+    frame: bool = False,
+) -> Compared | ComparedNodes:
+    """Compare what the nodes hold now with what this session set, or with *file*.
+
+    A file is a script, a network file, a DCF or an EDS. *pdos* are those to look at, each with its node-ID,
+    None for the selected node; none means everything. With *frame* each node is started and a frame of each enabled
+    TPDO looked at. *rehearse* finds what a script sets. UsageError where there is nothing to compare.
+    """
+    wishes = _chosen(session, pdos, _wishes(session, rehearse, pdos, file), file or SESSION)
+    named = len(wishes) > 1 or len(session.known_ids()) > 1
+    compared = tuple(
+        compare(session, session.node(node_id), wish, file, frame=frame, named=named)
+        for node_id, wish in wishes.items()
+    )
+    return compared[0] if len(compared) == 1 else ComparedNodes(compared)
+
+
+def _wishes(session: Session, rehearse: Rehearse, pdos: Sequence[NodePdo], file: str | None) -> dict[int, Wish]:
+    """What should be on each node, by *file* or by what this session set."""
+    if file is None:
+        network = session.network
+        for node_id, before in tuple(network.left.items()):
+            if before.wanted or before.wanted_values:
+                network.node(node_id)  # it was changed before the bus was gone: who is it now?
+        return {node_id: session_wish(node) for node_id, node in sorted(network.nodes.items())}
+    if file.lower().endswith((".yaml", ".yml")):
+        return _network_wishes(session, file)
+    if _is_script(file):
+        return rehearse(file)
+    named = {node_id for node_id, _ in pdos if node_id is not None}
+    if len(named) > 1:
+        raise UsageError("a DCF is about one node: use one line for each node")
+    node = session.node(named.pop() if named else None)
+    return {node.node_id: dcf_wish(node, file)}
+
+
+def _network_wishes(session: Session, file: str) -> dict[int, Wish]:
+    from dvtcli.operations.plans.plan_network import plan_network
+
+    plan = plan_network(session, file)
+    return {node.node_id: Wish(dict(node.wanted), dict(node.values)) for node in plan.nodes}
+
+
+def _is_script(file: str) -> bool:
+    if file.lower().endswith(".tcl"):
+        raise UsageError(
+            f"{file}: what a Tcl script sets is not known before it runs",
+            place=file,
+            hint="run it, then `verify` compares with what it set; or `save FILE.dvt` and compare with that",
+        )
+    if file.lower().endswith(".dvt"):
+        return True
+    try:
+        with Path(file).open("rb") as opened:
+            return opened.read(32).lstrip(b"\xef\xbb\xbf").startswith(b"# dvtcli script")
+    except OSError as failed:
+        raise UsageError(f"{file}: {failed.strerror}", place=file) from failed
+
+
+def _chosen(session: Session, pdos: Sequence[NodePdo], wishes: dict[int, Wish], against: str) -> dict[int, Wish]:
+    """The part of *wishes* that is about *pdos* (none: everything); UsageError where nothing is left to compare."""
+    wished = {node_id: wish for node_id, wish in wishes.items() if wish}
+    if not wished:
+        said = "this session changed nothing" if against == SESSION else f"{against} sets nothing"
+        raise UsageError(
+            f"nothing to compare: {said}",
+            hint="verify FILE compares with a script, a DCF or an EDS, with --frame, too; without FILE it compares "
+            "with what map or set did before it, at the prompt or in one script",
+        )
+    asked: dict[int, list[Pdo]] = {}
+    for node_id, pdo in pdos:
+        asked.setdefault(session.node_id() if node_id is None else node_id, []).append(pdo)
+    for node_id, wanted in asked.items():
+        missing = [pdo for pdo in wanted if node_id not in wished or pdo not in wished[node_id].pdos]
+        if missing:
+            what = f"{missing[0].label} of node {node_id}" if len(session.known_ids()) > 1 else missing[0].label
+            said = f"this session did not set {what}" if against == SESSION else f"{against} says nothing of {what}"
+            raise UsageError(said, hint="verify FILE compares with a script, a DCF or an EDS; map or set it first")
+    return {node_id: wished[node_id].only(wanted) for node_id, wanted in sorted(asked.items())} or wished
+
+
+def compare_node(
+    session: Session, node: Node, pdos: Collection[Pdo] = (), file: str | None = None, *, frame: bool = False
+) -> Compared:
+    """Compare *pdos* (none: everything) with what this session set on *node*, or with the DCF or EDS *file*.
+
+    UsageError where there is nothing to compare.
+    """
+    wish = session_wish(node) if file is None else dcf_wish(node, file)
+    missing = [pdo.label for pdo in pdos if pdo not in wish.pdos]
+    if missing or not wish:
+        what = missing[0] if missing else "anything"
+        raise UsageError(f"nothing to compare: {file or SESSION} does not set {what}", node=node.node_id)
+    return compare(session, node, wish.only(pdos) if pdos else wish, file, frame=frame)
+
+
+def compare(
+    session: Session, node: Node, wish: Wish, file: str | None = None, *, frame: bool = False, named: bool = False
+) -> Compared:
+    """One node's answer; looked at again after a frame, since the node was started for that and may have restarted."""
+    found = unlike(node, wish)
+    frames, note = look(session, node, [pdo for pdo in wish.pdos if pdo.is_tpdo]) if frame else ((), "")
+    found = unlike(node, wish) if frame else found
+    if file is None:
+        _judge(node, wish, differs=bool(found))
+    return Compared(
+        node.node_id, len(wish.pdos), wish.parameters, found, file or SESSION, frames, note,
+        objects=wish.objects, frame_asked=frame, named=named, unsaid=wish.unsaid, labels=tuple(_labels(wish)),
+    )  # fmt: skip
+
+
+def _labels(wish: Wish) -> Iterator[str]:
+    yield from (pdo.label for pdo in wish.pdos)
+    yield from (f"{index:04X}:{sub_index:02X}" for index, sub_index in wish.values)
+    yield from dict(wish.unwritten)
+
+
+def _judge(node: Node, wish: Wish, *, differs: bool) -> None:
+    """A difference forbids to store; only a look at everything this session set, without one, allows it again."""
+    suspicions = node.pending.suspicions
+    if differs:
+        suspicions[VERIFY] = "verify found differences to what this session set"
+    elif set(node.wanted) <= set(wish.pdos) and set(node.wanted_values) <= set(wish.values):
+        suspicions.pop(VERIFY, None)
+        suspicions.pop(REBOOT, None)
+
+
+def dcf_wish(node: Node, file: str) -> Wish:
+    """What a DCF, an XDC or a backup wants of this node, or the PDOs as an EDS's defaults set them.
+
+    UsageError where the file cannot be read, SafetyRefusal where it is about another product.
+    """
+    if holds_values(file):
+        from dvtcli.operations.whole_device.plan_device import wanted_alone
+
+        found = wanted_alone(node, file)
+        if found.pdos or found.values or file.lower().endswith(".jsonl"):
+            return found
+    try:
+        dictionary = read_device_file(Path(file)).dictionary
+    except OSError as failed:
+        raise UsageError(f"{file}: {failed.strerror or failed}", place=file) from failed
+    values = FileValues(dictionary, node.node_id)
+    return Wish({pdo: read_pdo(values, pdo) for pdo in present_pdos(values, dictionary)})
