@@ -106,7 +106,7 @@ class VirtualTimeBus(WatchedBus):
         """Let *duration_s* of virtual time pass; takes no real time. Raises BusUnavailable."""
         self._use()
         until_s = self._now_s + duration_s
-        if duration_s > 0 and self._gave_turn(lambda: False, until_s):
+        if duration_s > 0 and self._gave_turn_until(until_s):
             return
         while self._step(until_s):
             pass

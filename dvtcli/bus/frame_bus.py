@@ -75,12 +75,14 @@ class FrameBus(ReadBus[M]):
         """Send one frame, and tell those who watch; raises BusUnavailable."""
 
     def _most_at_once(self) -> int:
-        """One as long as a machine may be running: SDO at full speed would keep its heartbeats off the bus."""
+        """One as long as a machine may be running, or the bit rate is not known.
+
+        SDO at full speed would keep heartbeats off the bus; where the bit rate is known its pace is kept.
+        """
         self.drain()
         running = NmtState.OPERATIONAL in self._watch.states.values() or monotonic() - self._pdo_s < QUIET_S
-        if self._consumers and self.bitrate is None and not self.simulated:
-            running = True  # nothing else keeps the load small
-        return 1 if running else MOST_AT_ONCE
+        paced = self.bitrate is not None or self.simulated
+        return MOST_AT_ONCE if paced and not running else 1
 
     def _channel(self, node_id: int) -> SdoChannel:
         return self._channels.channel(node_id)

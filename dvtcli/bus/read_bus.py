@@ -76,7 +76,7 @@ class ReadBus(WatchedBus, Generic[M]):
 
     def sleep(self, duration_s: float) -> None:
         """Wait *duration_s*, reading the bus meanwhile unless another thread does; raises BusUnavailable."""
-        if duration_s > 0 and not self._gave_turn(lambda: False, monotonic() + duration_s):
+        if duration_s > 0 and not self._gave_turn_until(monotonic() + duration_s):
             self._receiver.idle(duration_s)
 
     def take(self, inbox: Inbox, deadline_s: float) -> bytes | None:

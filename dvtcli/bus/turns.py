@@ -114,6 +114,10 @@ class Turns:
         self._asked[worker] = None
         worker.wait()
 
+    def wait_until(self, deadline_s: float) -> None:
+        """Let others go on until *deadline_s*."""
+        self._waiting(deadline_s).wait()
+
     def wait_for(self, inbox: Inbox, deadline_s: float) -> None:
         """Let others go on until something is in *inbox*, or *deadline_s*."""
         worker = self._waiting(deadline_s)

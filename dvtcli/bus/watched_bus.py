@@ -24,6 +24,7 @@ from dvtcli.errors import BusUnavailable, SafetyRefusal, UsageError
 
 if TYPE_CHECKING:
     from dvtcli.bus.bus_share import KeptShare
+    from dvtcli.bus.wire_pace import WirePace
 
 NMT_CAN_ID = 0x000
 
@@ -59,6 +60,10 @@ class WatchedBus(HeardNodes):
         #: what keeps the load small, once something may run
         self._share: KeptShare | None = None
         self._share_lock = Lock()
+        #: the SDO transfers under way, each by its channel's lock; their pace while they are several, and what ends it
+        self._transfers: set[Lock] = set()
+        self._pace: WirePace | None = None
+        self._end_pace: Callable[[], None] = lambda: None
         #: 0x1016 entries that are known not to be zero, by node-ID and sub-index
         self._consumers: set[tuple[int, int]] = set()
         self._oddities = Oddities(self.now_s)
@@ -85,12 +90,22 @@ class WatchedBus(HeardNodes):
             self._turns = None
         return turns.faults
 
-    def hold(self, lock: Lock) -> None:
-        """Take *lock*, which somebody may hold who waits for an answer (SdoLink)."""
-        while not lock.acquire(blocking=False):
-            if not self._gave_turn(lambda: not lock.locked(), inf):
-                lock.acquire()
-                return
+    def begin_transfer(self, turn: Lock) -> None:
+        """Take *turn*, which somebody may hold who waits for an answer (SdoLink)."""
+        while not turn.acquire(blocking=False):
+            if not self._gave_turn(lambda: not turn.locked(), inf):
+                turn.acquire()
+                break
+        self._transfers.add(turn)
+
+    def end_transfer(self, turn: Lock) -> None:
+        """Give *turn* back (SdoLink)."""
+        self._transfers.discard(turn)
+        turn.release()
+        if self._pace is not None and not self._transfers:
+            with self._share_lock:
+                self._end_pace()
+                self._pace, self._end_pace = None, lambda: None
 
     def _most_at_once(self) -> int:
         """How many nodes may be asked at once by now."""
@@ -106,6 +121,14 @@ class WatchedBus(HeardNodes):
         if turns is None or not turns.mine():
             return False
         turns.wait(ready, deadline_s)
+        return True
+
+    def _gave_turn_until(self, deadline_s: float) -> bool:
+        """The same until *deadline_s*, whatever happens."""
+        turns = self._turns
+        if turns is None or not turns.mine():
+            return False
+        turns.wait_until(deadline_s)
         return True
 
     def _gave_turn_for(self, inbox: Inbox, deadline_s: float) -> bool:
@@ -127,19 +150,39 @@ class WatchedBus(HeardNodes):
     def await_share(self) -> None:
         """Wait until an SDO exchange leaves the load within the share (SdoLink), 1 s at most.
 
-        Only where the bit rate is known, and a node was heard OPERATIONAL or one watches another's heartbeat (0x1016).
+        Only where the bit rate is known: all but a few gaps is the share of several transfers at once, and a smaller
+        one is kept while a node was heard OPERATIONAL, or one watches another's heartbeat (0x1016).
         """
-        if self.bitrate is None or not (self._share or self._may_run()):
+        if self.bitrate is None:
             return
+        if self._share or self._may_run():
+            self._keep_share(self.bitrate)
+        if len(self._transfers) > 1:
+            slot_s = self._paced(self.bitrate).slot_s()
+            if (wait_s := slot_s - self.now_s()) > 0:
+                self.sleep(wait_s)
+
+    def _keep_share(self, bit_rate: int) -> None:
+        """Wait until an exchange leaves the load within what was allowed while something may run."""
         with self._share_lock:
             if self._share is None:
                 from dvtcli.bus.bus_share import KeptShare
 
-                self._share = KeptShare(self, self.bitrate)
+                self._share = KeptShare(self, bit_rate)
         percent = self._percent if self._percent < 100 and self._may_run() else 0
         if percent:
             self.drain()
         self._share.wait(percent)
+
+    def _paced(self, bit_rate: int) -> WirePace:
+        """The pace of the transfers that are under way."""
+        with self._share_lock:
+            if self._pace is None:
+                from dvtcli.bus.wire_pace import WirePace
+
+                self._pace = WirePace(bit_rate, self.now_s)
+                self._end_pace = self.tap(self._pace.count)
+            return self._pace
 
     def takes_bursts(self) -> bool:
         """Whether the bus may be filled for a moment (SdoLink): nothing runs, or all of it was allowed to us."""

@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import load_family
-from tests.benchmarks.bench_network import WireTimedBus
 from tests.laws.bench import dictionary
+from tests.wire_timed_bus import WireTimedBus
 
 OBJECT, SERVER_S = (0x2002, 0), 0.0005
 

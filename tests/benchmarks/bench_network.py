@@ -15,15 +15,12 @@ import subprocess
 import sys
 import tempfile
 import time
-from heapq import heappop, heappush
 from pathlib import Path
 
 import canopen
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from dvtcli.bus.sdo.sdo_link import REQUEST_ID
-from dvtcli.domain.bus_load import frame_bits
 from dvtcli.domain.ports import Frame
 from dvtcli.operations.plans.apply_network import apply_network
 from dvtcli.operations.plans.plan_network import plan_network
@@ -31,69 +28,11 @@ from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import Options
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family
-from dvtcli.simulator.network.station import SimulatedNode
-from dvtcli.simulator.network.wire import Wire
 from examples.many_nodes import PAIRS, can_id, network
 from tests.laws.bench import dictionary
-from tests.virtual_time import VirtualTimeBus
+from tests.wire_timed_bus import WireTimedBus
 
 COUNTS, BIT_RATES, SERVERS_S = (1, 16, 64, 127), (250_000, 500_000, 1_000_000), (0.002, 0.010)
-
-
-class WireTimedBus(VirtualTimeBus):
-    """A bus of *bitrate* bit/s whose nodes answer an SDO request *server_s* after its last bit."""
-
-    def __init__(self, devices: list[StrictDevice], bitrate: int, server_s: float) -> None:
-        self.wire, self.bitrate_, self.server_s = Wire(bitrate), bitrate, server_s
-        self._answers: list[tuple[float, int, SimulatedNode, Frame]] = []
-        self._order = 0
-        self.bits = 0
-        self.chains_s: dict[int, float] = {}
-        super().__init__(devices)
-        self._stations = {node.device.node_id: node for node in self.nodes}
-
-    def _send(self, frame: Frame) -> None:
-        self._traffic.sent(frame)
-        self.wire.offer(None, frame, self._now_s)
-
-    def _step(self, until_s: float) -> bool:
-        times = [self._answers[0][0]] if self._answers else []
-        if (wire_s := self.wire.next_s()) is not None:
-            times.append(wire_s)
-        next_s = max(self._now_s, min(times, default=float("inf")))
-        if next_s > until_s:
-            self._now_s = max(self._now_s, until_s)
-            return False
-        self._now_s = next_s
-        while self._answers and self._answers[0][0] <= next_s:
-            _, _, node, frame = heappop(self._answers)
-            self.wire.offer(node, frame, next_s)
-        arrived = self.wire.take(next_s)
-        if arrived is not None:
-            self._arrived(*arrived)
-        return True
-
-    def _arrived(self, at_s: float, source: object, frame: Frame) -> None:
-        bits = frame_bits(frame.can_id, frame.data)
-        self.bits += bits
-        node_id = frame.can_id & 0x7F
-        self.chains_s[node_id] = self.chains_s.get(node_id, 0.0) + bits / self.bitrate_
-        if source is not None:
-            self._hear(frame)
-        elif frame.can_id & ~0x7F == REQUEST_ID:
-            node = self._stations[node_id]
-            for answer in node.handle(frame, at_s):
-                self._order += 1
-                self.chains_s[node_id] += self.server_s
-                heappush(self._answers, (at_s + self.server_s, self._order, node, answer))
-
-    def begin(self) -> None:
-        """Count from here on."""
-        self.bits, self.chains_s = 0, {}
-
-    def limit_s(self) -> float:
-        """The least time that what was sent since then could take."""
-        return max(self.bits / self.bitrate_, max(self.chains_s.values(), default=0.0))
 
 
 class OnTheWire(canopen.Network):

@@ -145,13 +145,24 @@ def at_once(bus: CanBus) -> int:
 
 def test_a_machine_that_may_run_is_not_asked_side_by_side_though_its_pdos_were_not_let_come() -> None:
     ends = [can.Bus("running", interface="virtual", ignore_config=True) for _ in range(2)]
-    bus = CanBus(ends[0], "running", carrier=Filtering(ends[0]))
+    bus = CanBus(ends[0], "running", carrier=Filtering(ends[0]), bitrate=1_000_000)
     assert at_once(bus) == 1, "nothing was listened for yet"
     bus.sleep(HEARD_S)
     assert at_once(bus) == 3, "nothing runs"
     ends[1].send(can.Message(arbitration_id=0x181, data=b"12", is_extended_id=False))
     assert at_once(bus) == 1
     ends[1].shutdown()
+    bus.close()
+
+
+def test_nodes_are_asked_one_by_one_where_nothing_is_known_of_the_bit_rate() -> None:
+    end = can.Bus("unknown", interface="virtual", ignore_config=True)
+    bus = CanBus(end, "unknown")
+    bus.receive(0)
+    bus.sleep(HEARD_S)
+    assert at_once(bus) == 1
+    bus.bitrate = 1_000_000
+    assert at_once(bus) == 3
     bus.close()
 
 

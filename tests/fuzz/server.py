@@ -63,8 +63,11 @@ class HostileLink:
 
     def consumes_heartbeat(self, node_id: int, sub_index: int, *, consumes: bool) -> None: ...
 
-    def hold(self, lock: Lock) -> None:
-        lock.acquire()
+    def begin_transfer(self, turn: Lock) -> None:
+        turn.acquire()
+
+    def end_transfer(self, turn: Lock) -> None:
+        turn.release()
 
     def take(self, inbox: Inbox, deadline_s: float) -> bytes | None:
         while inbox.empty() and self.coming and self.coming[0][0] <= deadline_s:

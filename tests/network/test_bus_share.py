@@ -15,8 +15,8 @@ from dvtcli.errors import UsageError
 from dvtcli.operations.user.options import checked
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import load_family
-from tests.benchmarks.bench_network import WireTimedBus
 from tests.laws.bench import dictionary
+from tests.wire_timed_bus import WireTimedBus
 
 OPERATIONAL, PRE_OPERATIONAL = b"\x05", b"\x7f"
 _HEARTBEAT_S = 0.1
@@ -41,21 +41,21 @@ class BusyBus(WireTimedBus):
         for one in devices:
             one.boot_up()
             one.take_outbox()
+            one.set_value(0x1017, 0, bytes(2))  # they would be more than the share of a slow bus
         pdo_s = frame_bits(_OTHERS.can_id, _OTHERS.data) / bitrate / others if others else float("inf")
         self._others = [_Cyclic(pdo_s, pdo_s, _OTHERS), _Cyclic(0.0, _HEARTBEAT_S, Frame(0x764, state))]
         #: when each frame had arrived, and its bits
         self.passed: list[tuple[float, int]] = []
         super().__init__(devices, bitrate, server_s)
-        self.bitrate = bitrate
 
     def _step(self, until_s: float) -> bool:
         other = min(self._others, key=lambda one: one.due_s)
-        wire_s, due_s = self.wire.next_s(), other.due_s
-        if due_s > min([until_s, *([] if wire_s is None else [wire_s]), *(one[0] for one in self._answers[:1])]):
+        if other.due_s > min(until_s, self.next_s()):
             return super()._step(until_s)
+        due_s = other.due_s
         self._now_s = max(self._now_s, due_s)
         other.due_s += other.period_s
-        self.wire.offer(other, other.frame, due_s)
+        self._offer(other, other.frame, due_s)
         return True
 
     def _arrived(self, at_s: float, source: object, frame: Frame) -> None:
@@ -80,7 +80,7 @@ class BusyBus(WireTimedBus):
             while window[0][0] <= at_s - 1:
                 bits -= window.popleft()[1]
             highest = max(highest, bits)
-        return highest / self.bitrate if self.bitrate else 0.0
+        return highest / self.wire_bitrate
 
 
 def test_reading_64_nodes_leaves_the_load_at_the_share_while_one_runs() -> None:

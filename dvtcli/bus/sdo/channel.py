@@ -69,11 +69,11 @@ class SdoChannel:
 
     @contextmanager
     def _alone(self) -> Iterator[None]:
-        self._client.link.hold(self._turn)
+        self._client.link.begin_transfer(self._turn)
         try:
             yield
         finally:
-            self._turn.release()
+            self._client.link.end_transfer(self._turn)
 
     def _run(self, transfer: Callable[[], T], timeout_s: float | None, retries: int | None) -> T:
         client = self._client

@@ -57,8 +57,12 @@ class SdoLink(Protocol):
         """Take what was read or written: whether 0x1016 of *node_id* is not zero at *sub_index*."""
         ...
 
-    def hold(self, lock: Lock) -> None:
-        """Take *lock*, which somebody may hold who waits for an answer."""
+    def begin_transfer(self, turn: Lock) -> None:
+        """Take *turn*, which somebody may hold who waits for an answer: a transfer begins."""
+        ...
+
+    def end_transfer(self, turn: Lock) -> None:
+        """Give *turn* back: the transfer has ended."""
         ...
 
     def now_s(self) -> float:

@@ -1,0 +1,70 @@
+"""When each of several SDO requests that are under way at once may go, so that the frames of others find gaps.
+
+Whoever always has a request ready takes every gap of the wire: heartbeats, whose CAN-IDs are higher, never get on it, nor
+does what a node has to say behind its own heartbeat, as its SDO answer. Counts frames; does not know who waits, nor how.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from threading import Lock
+
+from dvtcli.bus.sdo.sdo_link import ANSWER_ID, REQUEST_ID
+from dvtcli.domain.bus_load import frame_bits, most_frame_bits
+from dvtcli.domain.ports import Frame
+
+#: how much of the wire all frames together may take (%): a frame that has to wait for a gap waits some ten milliseconds
+FULL_PERCENT = 95
+#: how far ahead of the wire requests are sent (s): what a late thread catches up
+AHEAD_S = 0.002
+#: the longest that a request waits (s): where others alone take more, what was begun still ends
+LONGEST_WAIT_S = 1.0
+_MOST_BITS = most_frame_bits(8)
+_ABORT = 0x80
+
+
+class WirePace:
+    """The pace of a wire of *bit_rate* bit/s; *now_s* tells the time in seconds. For any number of threads."""
+
+    def __init__(self, bit_rate: int, now_s: Callable[[], float]) -> None:
+        self._bit_s = 100 / FULL_PERCENT / bit_rate
+        self._now_s = now_s
+        self._lock = Lock()
+        #: until when the wire has to do with what is known
+        self._busy_until_s = now_s()
+        #: requests that have their time and were not sent yet, and nodes that owe an answer: both are counted as long
+        #: as can be until they pass
+        self._reserved = 0
+        self._owed: set[int] = set()
+
+    def slot_s(self) -> float:
+        """When the next request may be sent; whoever asks first is first."""
+        with self._lock:
+            now_s = self._now_s()
+            self._busy_until_s = min(max(self._busy_until_s, now_s), now_s + LONGEST_WAIT_S)
+            slot_s = max(now_s, self._busy_until_s - AHEAD_S)
+            self._busy_until_s += 2 * _MOST_BITS * self._bit_s
+            self._reserved += 1
+        return slot_s
+
+    def count(self, frame: Frame, sent: bool) -> None:
+        """Take a frame as it passes (Tap)."""
+        with self._lock:
+            bits = frame_bits(frame.can_id, frame.data, frame.extended, frame.remote) - self._counted(frame, sent)
+            self._busy_until_s = max(self._busy_until_s, self._now_s()) + bits * self._bit_s
+
+    def _counted(self, frame: Frame, sent: bool) -> int:
+        """How many bits were counted already for *frame*, or will not pass because of it; less than 0: more follow."""
+        function, node_id = (0 if frame.extended else frame.can_id & ~0x7F), frame.can_id & 0x7F
+        owes = node_id in self._owed
+        if function == ANSWER_ID and owes and not sent:
+            self._owed.remove(node_id)
+            return _MOST_BITS
+        if function != REQUEST_ID or not sent or frame.data[0] == _ABORT:
+            return 0
+        self._owed.add(node_id)
+        counted = _MOST_BITS if owes else 0  # what was asked before is not answered any more
+        if self._reserved:
+            self._reserved -= 1
+            return counted + _MOST_BITS
+        return counted - _MOST_BITS
