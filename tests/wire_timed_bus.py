@@ -25,9 +25,7 @@ class WireTimedBus(VirtualTimeBus):
     Who uses it knows the bit rate unless it is not *known*.
     """
 
-    def __init__(
-        self, devices: Sequence[StrictDevice], bitrate: int, server_s: float, *, known: bool = True
-    ) -> None:
+    def __init__(self, devices: Sequence[StrictDevice], bitrate: int, server_s: float, *, known: bool = True) -> None:
         self.wire, self.wire_bitrate, self.server_s = Wire(bitrate), bitrate, server_s
         #: frames that nodes are still thinking about: (time, order, node, frame)
         self._answers: list[tuple[float, int, SimulatedNode, Frame]] = []

@@ -24,7 +24,7 @@ from dvtcli.errors import BusUnavailable, SafetyRefusal, UsageError
 
 if TYPE_CHECKING:
     from dvtcli.bus.bus_share import KeptShare
-    from dvtcli.bus.wire_pace import WirePace
+    from dvtcli.bus.wire_pace import KeptPace
 
 NMT_CAN_ID = 0x000
 
@@ -60,10 +60,9 @@ class WatchedBus(HeardNodes):
         #: what keeps the load small, once something may run
         self._share: KeptShare | None = None
         self._share_lock = Lock()
-        #: the SDO transfers under way, each by its channel's lock; their pace while they are several, and what ends it
+        #: the SDO transfers under way, each by its channel's lock, and their pace, once they were several
         self._transfers: set[Lock] = set()
-        self._pace: WirePace | None = None
-        self._end_pace: Callable[[], None] = lambda: None
+        self._pace: KeptPace | None = None
         #: 0x1016 entries that are known not to be zero, by node-ID and sub-index
         self._consumers: set[tuple[int, int]] = set()
         self._oddities = Oddities(self.now_s)
@@ -103,9 +102,7 @@ class WatchedBus(HeardNodes):
         self._transfers.discard(turn)
         turn.release()
         if self._pace is not None and not self._transfers:
-            with self._share_lock:
-                self._end_pace()
-                self._pace, self._end_pace = None, lambda: None
+            self._pace.rest()
 
     def _most_at_once(self) -> int:
         """How many nodes may be asked at once by now."""
@@ -158,9 +155,7 @@ class WatchedBus(HeardNodes):
         if self._share or self._may_run():
             self._keep_share(self.bitrate)
         if len(self._transfers) > 1:
-            slot_s = self._paced(self.bitrate).slot_s()
-            if (wait_s := slot_s - self.now_s()) > 0:
-                self.sleep(wait_s)
+            self._keep_pace(self.bitrate)
 
     def _keep_share(self, bit_rate: int) -> None:
         """Wait until an exchange leaves the load within what was allowed while something may run."""
@@ -174,15 +169,14 @@ class WatchedBus(HeardNodes):
             self.drain()
         self._share.wait(percent)
 
-    def _paced(self, bit_rate: int) -> WirePace:
-        """The pace of the transfers that are under way."""
+    def _keep_pace(self, bit_rate: int) -> None:
+        """Wait until one of several requests may go."""
         with self._share_lock:
             if self._pace is None:
-                from dvtcli.bus.wire_pace import WirePace
+                from dvtcli.bus.wire_pace import KeptPace
 
-                self._pace = WirePace(bit_rate, self.now_s)
-                self._end_pace = self.tap(self._pace.count)
-            return self._pace
+                self._pace = KeptPace(self)
+        self._pace.wait(bit_rate)
 
     def takes_bursts(self) -> bool:
         """Whether the bus may be filled for a moment (SdoLink): nothing runs, or all of it was allowed to us."""

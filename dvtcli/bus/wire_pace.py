@@ -1,17 +1,21 @@
 """When each of several SDO requests that are under way at once may go, so that the frames of others find gaps.
 
-Whoever always has a request ready takes every gap of the wire: heartbeats, whose CAN-IDs are higher, never get on it, nor
-does what a node has to say behind its own heartbeat, as its SDO answer. Counts frames; does not know who waits, nor how.
+Whoever always has a request ready takes every gap of the wire: heartbeats, whose CAN-IDs are higher, never get on it,
+nor does what a node has to say behind its own heartbeat, as its SDO answer. Counts frames; does not know who waits.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from threading import Lock
+from typing import TYPE_CHECKING
 
 from dvtcli.bus.sdo.sdo_link import ANSWER_ID, REQUEST_ID
 from dvtcli.domain.bus_load import frame_bits, most_frame_bits
 from dvtcli.domain.ports import Frame
+
+if TYPE_CHECKING:
+    from dvtcli.domain.ports import CanopenBus
 
 #: how much of the wire all frames together may take (%): a frame that has to wait for a gap waits some ten milliseconds
 FULL_PERCENT = 95
@@ -68,3 +72,29 @@ class WirePace:
             self._reserved -= 1
             return counted + _MOST_BITS
         return counted - _MOST_BITS
+
+
+class KeptPace:
+    """The pace of *bus*, whose frames are counted from the first request that waits until `rest`."""
+
+    def __init__(self, bus: CanopenBus) -> None:
+        self._bus = bus
+        self._lock = Lock()
+        self._pace: WirePace | None = None
+        self._end_counting: Callable[[], None] = lambda: None
+
+    def wait(self, bit_rate: int) -> None:
+        """Wait until a request may go, at *bit_rate* bit/s."""
+        with self._lock:
+            if self._pace is None:
+                self._pace = WirePace(bit_rate, self._bus.now_s)
+                self._end_counting = self._bus.tap(self._pace.count)
+            wait_s = self._pace.slot_s() - self._bus.now_s()
+        if wait_s > 0:
+            self._bus.sleep(wait_s)
+
+    def rest(self) -> None:
+        """Nothing is under way any more."""
+        with self._lock:
+            self._end_counting()
+            self._pace, self._end_counting = None, lambda: None
