@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.domain.gateway.error_numbers import GatewayRequestError
 from dvtcli.domain.gateway.parse import parse_request
+from dvtcli.domain.gateway.plan_lines import REQUIRED
 from dvtcli.domain.gateway.requests import Nmt, Order, Read, Write
 from dvtcli.domain.gateway.value_words import HEX, TYPES
 from dvtcli.errors import UsageError
@@ -29,7 +30,12 @@ class GatewayScript:
         self._options: list[str] = []
 
     def words(self, line: str, place: str) -> list[str]:
-        """The command that *line* at *place* means, empty for none; UsageError where there is none."""
+        """The command that *line* at *place* means, empty for none; UsageError where there is none.
+
+        A comment that begins with `#! require` is one: what a plan was made for holds wherever its lines are run.
+        """
+        if line.startswith(REQUIRED):
+            return line.removeprefix("#!").split()
         try:
             request = parse_request(line)
         except GatewayRequestError as wrong:

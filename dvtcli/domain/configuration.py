@@ -42,12 +42,13 @@ class NotWritten(StrEnum):
     NODE_ID = "is a node-ID or a bit rate: `lss` changes those"
     BEHAVIOUR = "is asked or written by dvtcli for another purpose (the device's profile)"
     RPDO_MAPPABLE = "is what an RPDO can take: process data"
+    NAMED_COMMAND = "is the maker's own, and a command by its name"
     MAKERS = "is the maker's own, and nobody names it as configuration"
 
     @property
     def is_lifted_by_include(self) -> bool:
-        """Whether it may be written all the same where somebody names it himself."""
-        return self in (NotWritten.MAKERS, NotWritten.RPDO_MAPPABLE)
+        """Whether it may be written all the same where somebody names it himself; a command one by one."""
+        return self in (NotWritten.MAKERS, NotWritten.NAMED_COMMAND, NotWritten.RPDO_MAPPABLE)
 
 
 _ERROR_HISTORY, _STAMP, _DEVICE_TYPE = 0x1003, 0x1020, 0x1000
@@ -78,6 +79,35 @@ _PRESETS: Mapping[int, frozenset[int]] = {
 _DOWNLOAD_REFUSED = 0x01
 _NAMED_PASSCODE = re.compile(r"pass_?(code|word|wort|phrase)|password|kennwort|access_code|security_(code|key)|unlock")
 _NAMED_NODE_ID = re.compile(r"node_?(id|address|number)|module_(id|address)|can_address|bit_?rate|baud_?rate")
+#: words of a command, wherever they stand in a name, unless a word of `_NAMED_SETTING` stands there, too
+_NAMED_COMMAND = re.compile(
+    r"(?<![a-z])((soft|hard|power)?_?re_?set|re_?boot|factory|boot_?loader|erase|calibrate|self_?test|auto_?tune|teach|acknowledge|brake_release"
+    r"|(save|store|restore|load|reload)_(all|defaults?|param(eter)?s?|settings?|config(uration)?|now|to_\w+|from_\w+)"
+    r"|(start|stop|run|do|perform|begin|execute|trigger)_(self|auto|test|calibration|homing|teach|tuning|identification)"
+    r"|(homing|calibration|jog)_(start|stop|run)|firmware_update|format_(flash|memory|disk|card|eeprom|file_?system))(?![a-z])"
+)
+#: the whole name of a command, with or without what it is done to
+_WHOLE_COMMAND = re.compile(
+    r"(start|stop|enable|disable|re_?start|jog|homing|home|calibration|format|save|store|restore|defaults?|command|execute"
+    r"|trigger|release|clear|un_?lock)"
+    r"(_(drive|motor|axis|motion|movement|device|power(_stage)?|brake|plus|minus|positive|negative|forward|backward"
+    r"|reverse|now|errors?|faults?|alarms?|history|memory|flash|all|parameters?))?(_?\d+)?"
+)
+_NAMED_SETTING = re.compile(
+    r"(?<![a-z])(speed|velocity|acceleration|deceleration|ramp|jerk|timer?|timeout|delay|interval|period|duration|limit|level"
+    r"|threshold|current|voltage|torque|frequency|angle|position|offset|mode|method|type|mask|gain|factor|value|percent"
+    r"|percentage|temperature|polarity|source|input|output|pin|switch|address|window|distance|direction|filter|bit)s?(?![a-z])"
+)
+
+
+def is_named_as_command(name: str, whole: str) -> bool:
+    """Whether a maker's object is a command by its *name*, or by its *whole* one with its record's, as `normalised`.
+
+    `Factory reset` and `Jog` are, `Fault reset input`, `Homing speed` and `Filter enable` are settings.
+    """
+    if _NAMED_SETTING.search(whole):
+        return False
+    return bool(_WHOLE_COMMAND.fullmatch(name) or _NAMED_COMMAND.search(whole))
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +135,7 @@ class Configuration:
             found = self._of_maker(entry)
         elif _is_taken_by_rpdos(entry):
             found = NotWritten.RPDO_MAPPABLE
-        return None if found is not None and found.is_lifted_by_include and self._is_included(entry) else found
+        return None if found is not None and found.is_lifted_by_include and self._is_included(entry, found) else found
 
     def _never(self, entry: OdEntry) -> NotWritten | None:
         """Why nobody writes it, named or not."""
@@ -133,8 +163,7 @@ class Configuration:
         """What the name tells of an object that no standard describes."""
         if entry.index not in _MAKERS:
             return None
-        whole = "" if self.dictionary is None else self.dictionary.display_name(entry.index, entry.sub_index)
-        name = normalised(f"{entry.name} {whole}")
+        name = self._full_name(entry)
         if _NAMED_PASSCODE.search(name):
             return NotWritten.PASSCODE
         return NotWritten.NODE_ID if _NAMED_NODE_ID.search(name) else None
@@ -142,15 +171,22 @@ class Configuration:
     def _of_maker(self, entry: OdEntry) -> NotWritten | None:
         if is_command(entry.index, entry) or _is_taken_by_rpdos(entry):
             return NotWritten.COMMAND
-        return None if self._is_named(entry) else NotWritten.MAKERS
-
-    def _is_named(self, entry: OdEntry) -> bool:
         pins = {group.index for group in self.profile.vpdo.values()}
-        by_profile = entry.index in pins or within(entry.index, self.profile.configuration)
-        return by_profile or (entry.index, entry.sub_index) in self.named
+        if entry.index in pins or within(entry.index, self.profile.configuration):
+            return None
+        if is_named_as_command(normalised(entry.name), self._full_name(entry)):
+            return NotWritten.NAMED_COMMAND
+        return None if (entry.index, entry.sub_index) in self.named else NotWritten.MAKERS
 
-    def _is_included(self, entry: OdEntry) -> bool:
+    def _is_included(self, entry: OdEntry, why: NotWritten) -> bool:
+        if why is NotWritten.NAMED_COMMAND:
+            return (entry.index, entry.index) in self.included
         return within(entry.index, self.included)
+
+    def _full_name(self, entry: OdEntry) -> str:
+        """Its own name and the one with its object's, as `normalised`."""
+        whole = "" if self.dictionary is None else self.dictionary.display_name(entry.index, entry.sub_index)
+        return normalised(f"{entry.name} {whole}")
 
 
 _ONE_BY_ONE = {

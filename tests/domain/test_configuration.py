@@ -155,6 +155,32 @@ def test_what_is_written_can_be_written_and_read_back_and_is_no_process_data_una
         assert not (one.pdo_mapping and one.access in (Access.RW, Access.RWW))
 
 
+COMMANDS = [
+    "Factory reset", "Reboot", "Save parameters", "Load defaults", "Start self test", "Calibrate", "Format flash",
+    "Jog", "Teach-in", "Homing", "Enable drive", "Unlock", "Enter bootloader", "Brake release", "Restart",
+    "Reset errors",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_command_of_the_maker_is_told_by_its_name_and_named_one_by_one(name: str) -> None:
+    entry = OdEntry(0x2100, 1, name, U32, Access.RW, pdo_mapping=False)
+    for included in ((), EVERYTHING, ((0x2000, 0x2FFF),)):
+        known = Configuration(GENERIC, named={(0x2100, 1)}, included=included)
+        assert known.why_not(entry) in (Why.NAMED_COMMAND, Why.PASSCODE)
+    asked = Configuration(GENERIC, included=((0x2100, 0x2100),)).why_not(entry)
+    assert asked is (Why.PASSCODE if name == "Unlock" else None)
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["Homing speed", "Fault reset input", "Reset voltage (V)", "Start delay", "Data format", "Filter enable", "Ramp"],
+)
+def test_a_setting_is_none(name: str) -> None:
+    entry = OdEntry(0x2100, 1, name, U32, Access.RW, pdo_mapping=False)
+    assert Configuration(GENERIC, named={(0x2100, 1)}).why_not(entry) is None
+
+
 @given(entries, known)
 def test_naming_objects_lifts_only_what_may_be_lifted(one: OdEntry, known: Configuration) -> None:
     unasked = Configuration(known.profile, known.profile_number).why_not(one)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -45,6 +46,36 @@ def test_a_plan_is_written_as_lines_and_run(file: Path) -> None:
         assert bench.run(f"plan {file} -o {lines}").code == 0
         assert "nothing is to be done" in lines.read_text()
         assert not any(map(parse_request, lines.read_text().splitlines()))
+
+
+def test_lines_of_a_device_file_keep_what_apply_refuses(tmp_path: Path) -> None:
+    held, lines = tmp_path / "held.dcf", tmp_path / "x.309"
+    with Bench(("generic@4",)) as bench:
+        assert bench.run("write 1017 700").code == 0
+        assert bench.run(f"export {held}").code == 0
+    with Bench(("generic@4",), {"yes": True}) as bench:
+        assert bench.run(f"plan {held} -o {lines}").code == 0
+        assert "#! require 4:power-off" in lines.read_text()
+        for controlword in (6, 7, 15):
+            assert bench.run(f"write 6040 {controlword}").code == 0
+        for line in (f"run {lines}", f"plan {held} -o {tmp_path / 'y.309'}", "require power-off"):
+            ran = bench.run(line)
+            assert (ran.code, "the power stage of node 4 is on" in ran.stderr) == (6, True), line
+        assert not (tmp_path / "y.309").exists()
+        assert bench.run("write 6040 6").code == 0
+        assert bench.run("read 1017 --json").document["value"] == 500
+        assert bench.run(f"run {lines}").code == 0
+        assert bench.run("read 1017 --json").document["value"] == 700
+    with Bench(("gen4@4",), {"yes": True}) as bench:
+        ran = bench.run(f"run {lines}")
+        assert (ran.code, "is another device" in ran.stderr) == (6, True)
+        assert bench.run("read 1017 --json").document["value"] != 700
+    text = held.read_text("utf-8")
+    held.write_text(re.sub(r"(?m)^RevisionNumber=.*", "RevisionNumber=0x77", text), "utf-8")
+    with Bench(("generic@4",)) as bench:
+        asked = bench.run(f"plan {held} -o {tmp_path / 'z.309'}")
+        assert (asked.code, "is of 0x00000077" in asked.stderr, (tmp_path / "z.309").exists()) == (6, True, False)
+        assert bench.run(f"plan {held} -o {tmp_path / 'z.309'} --yes").code == 0
 
 
 @given(st.sampled_from(FAMILIES), wishes())

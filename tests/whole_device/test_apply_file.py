@@ -17,6 +17,7 @@ from dvtcli.domain.datatypes import Kind
 from dvtcli.domain.object_dictionary import OdEntry
 from dvtcli.domain.pdo import Pdo
 from tests.commands.bench import Bench
+from tests.small_eds import U16, plain, var
 from tests.whole_device.test_export_dcf import FAMILIES, odd
 
 CHANGES = ("set tpdo1 --timer 70", "write 1017 700")
@@ -157,6 +158,25 @@ def test_clone_takes_the_makers_objects_that_no_pdo_can_map(tmp_path: Path) -> N
         assert bench.run(f"clone {file} --yes --json").document["writes"] == 1
         assert bench.run(f"clone {file} --yes --json").document["writes"] == 0
         assert bench.run(f"compare {file}").code == 0
+
+
+def test_a_command_by_its_name_is_written_only_where_it_is_named_itself(tmp_path: Path) -> None:
+    eds, file = plain(), tmp_path / "node.dcf"
+    for index, name in ((0x2000, "Ramp"), (0x2001, "Factory reset"), (0x2002, "Homing")):
+        eds.variable(index, var(name, U16, 0))
+    (tmp_path / "plain.eds").write_text(eds.text(), encoding="utf-8")
+    with Bench((f"{tmp_path / 'plain.eds'}@5",)) as bench:
+        for index in (2000, 2001, 2002):
+            assert bench.run(f"write {index} 7").code == 0
+        assert bench.run(f"export {file}").code == 0
+    with Bench((f"{tmp_path / 'plain.eds'}@5",)) as bench:
+        cloned = bench.run(f"apply {file} --include 2000-2FFF --include 2002 --yes")
+        assert cloned.code == 0, cloned.stderr
+        sdo = bench.session.node().sdo
+        assert [sdo.upload(index, 0)[0] for index in (0x2000, 0x2001, 0x2002)] == [7, 0, 7]
+        assert "2001:00 (holds 0, the file says 7) is the maker's own, and a command by its name" in cloned.stdout
+        assert "1 setting of node 5 differs" in cloned.stdout.splitlines()[-1]
+        assert (bench.run(f"diff {file}").code, bench.run(f"compare {file}").code) == (3, 3)
 
 
 def _settable(bench: Bench) -> list[OdEntry]:

@@ -1,14 +1,15 @@
-"""Require an identity: in scripts, stop before anything is written if the node is another."""
+"""Stop a script before anything is written if the node is another device, or its power stage is on."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 import click
+from click.shell_completion import CompletionItem
 
 from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.effect import Effect
-from dvtcli.cli.params import TEXT
+from dvtcli.cli.params import TEXT, CanopenType
 from dvtcli.domain.datatypes import parse_number
 
 if TYPE_CHECKING:
@@ -18,26 +19,55 @@ if TYPE_CHECKING:
 TASK = ("Scripts and files", 30)
 
 _PARTS = ("vendor", "product", "revision", "serial")
+_IDENTITY, _POWER_OFF = "identity", "power-off"
+
+
+class _Required(CanopenType):
+    """What is required, of a node where that is named: `identity`, `5:power-off`."""
+
+    name = "what"
+
+    def parse(self, text: str, ctx: click.Context | None) -> tuple[int | None, str]:
+        """Node-ID, None for the selected node, and what; ValueError for anything else."""
+        del ctx
+        node, colon, what = text.rpartition(":")
+        if what not in (_IDENTITY, _POWER_OFF):
+            raise ValueError(f"{text!r} is not {_IDENTITY!r} or {_POWER_OFF!r}")
+        node_id = parse_number(node) if colon else None
+        if node_id is not None and not 1 <= node_id <= 127:
+            raise ValueError(f"{text!r}: a node-ID is 1..127")
+        return node_id, what
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        """Both words."""
+        del ctx, param
+        return [CompletionItem(word) for word in (_IDENTITY, _POWER_OFF) if word.startswith(incomplete)]
 
 
 @click.command("require", cls=DvtCommand, short_help=__doc__, effect=Effect.SELECTS)
-@click.argument("what", type=click.Choice(["identity"]), metavar="identity")
-@click.argument("pairs", type=TEXT, nargs=-1, required=True, metavar="vendor=… product=… [revision=…] [serial=…]")
+@click.argument("what", type=_Required(), metavar="[NODE:]identity|power-off")
+@click.argument("pairs", type=TEXT, nargs=-1, metavar="[vendor=… product=… revision=… serial=…]")
 @click.pass_obj
-def command(session: Conversation, /, what: str, pairs: tuple[str, ...]) -> Facts:
-    """Stop with exit code 6 unless the node's identity (0x1018) is the one given.
+def command(session: Conversation, /, what: tuple[int | None, str], pairs: tuple[str, ...]) -> Facts:
+    """Stop with exit code 6 unless the node's identity (0x1018) is the one given, or its power stage (0x6041) is off.
 
     \b
     require identity vendor=0x1E product=0x0705302D
     require identity vendor=0x1E serial=0x12345      this very device
+    require power-off                                a drive that cannot move
     """
     from dvtcli.errors import DvtcliError
-    from dvtcli.operations.nodes.required_identity import require_identity
+    from dvtcli.operations.required_identity import require_identity, require_power_off
 
-    del what
+    node_id, word = what
     wanted = tuple(map(_pair, pairs))
+    if bool(wanted) is (word == _POWER_OFF):
+        takes = "takes no more words" if wanted else "needs vendor=…, product=…, revision=… or serial=…"
+        raise click.UsageError(f"require {word} {takes}")
+    if word == _POWER_OFF:
+        return require_power_off(session, node_id)
     try:
-        return require_identity(session, wanted)
+        return require_identity(session, wanted, node_id)
     except DvtcliError:  # one that does not say who it is may be another, too
         session.other_device = True
         raise

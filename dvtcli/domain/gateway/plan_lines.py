@@ -17,6 +17,8 @@ from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.plan import Change, Step
 
 _STORE, _SAVE = 0x1010, b"save"
+#: how a comment begins that `run` of dvtcli carries out
+REQUIRED = "#! require "
 _PHASES = ("producers off", "consumers off", "writing", "consumers on", "producers on")
 
 
@@ -38,6 +40,7 @@ def plan_lines(plan: NetworkPlan, around: dict[int, Around]) -> list[str]:
     nodes = [one for one in plan.nodes if len(one.plan) or one.stores]
     lines = [f"# CiA 309-3 gateway lines: {plan.writes} SDO downloads for {_plain(plan.file)}", *map(_who, plan.nodes)]
     lines.append("# Nothing is read back and nothing taken back: stop at the first answer that is an ERROR.")
+    lines += required_lines(nodes)
     commands = list(_commands(nodes, around)) or ["nothing is to be done: every node holds what the file says"]
     number = 0
     for one in commands:
@@ -47,6 +50,16 @@ def plan_lines(plan: NetworkPlan, around: dict[int, Around]) -> list[str]:
             number += 1
             lines.append(format_request(Request(number, None, *one)))
     return lines
+
+
+def required_lines(nodes: Iterable[NodePlan]) -> Iterator[str]:
+    """What must be so before the first line: `run` of dvtcli looks at it, to any other program it is a comment."""
+    for node in nodes:
+        known = [f"{name}=0x{value:08X}" for name, value in node.identity.items() if value is not None]
+        if known:
+            yield f"{REQUIRED}{node.node_id}:identity {' '.join(known)}"
+        if node.needs_power_off:
+            yield f"{REQUIRED}{node.node_id}:power-off"
 
 
 def _commands(nodes: list[NodePlan], around: dict[int, Around]) -> Iterator[str | tuple[int, Command]]:

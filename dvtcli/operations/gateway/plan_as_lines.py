@@ -8,7 +8,8 @@ from dvtcli.device.store_parameters import STORE, chosen
 from dvtcli.domain.gateway.plan_lines import Around, plan_lines
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.profile import PreOperational
-from dvtcli.operations.stores.possible_stores import store_group
+from dvtcli.operations.possible_stores import store_group
+from dvtcli.operations.whole_device.power_stage import refuse_powered
 
 if TYPE_CHECKING:
     from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
@@ -16,7 +17,15 @@ if TYPE_CHECKING:
 
 
 def plan_as_lines(session: Session, plan: NetworkPlan) -> str:
-    """The text of a file with the lines that carry *plan* out."""
+    """The text of a file with the lines that carry *plan* out.
+
+    Asks what `apply` would ask of another device than the file is about; SafetyRefusal where a power stage is on.
+    """
+    planned = [one for one in plan.nodes if len(one.plan) or one.stores]
+    refuse_powered(session, [one.node_id for one in planned if one.needs_power_off])
+    for one in planned:
+        if one.doubt:
+            session.consent(f"{one.doubt}; write the lines for it?")
     around = {one.node_id: _around(session, one) for one in plan.nodes}
     return "\n".join([*plan_lines(plan, around), ""])
 

@@ -1,4 +1,4 @@
-"""A line that says which device is meant: what comes after it is done to no other."""
+"""A line that says which device is meant, or how: what comes after it is done to no other."""
 
 from __future__ import annotations
 
@@ -37,3 +37,13 @@ def require_identity(
             )
     shown = ", ".join(f"{name} 0x{value:08X}" for name, value in wanted)
     return Facts("require", (("node", node.node_id), ("identity", held)), (f"node {node.node_id} is the one: {shown}",))
+
+
+def require_power_off(session: Session, node_id: int | None = None) -> Facts:
+    """SafetyRefusal where a statusword of a node (None: the selected one) says that its power stage is on."""
+    from dvtcli.operations.whole_device.power_stage import refuse_powered
+
+    node = session.node(node_id)
+    refuse_powered(session, [node.node_id])
+    rows = (("node", node.node_id), ("power_off", True))
+    return Facts("require", rows, (f"no statusword of node {node.node_id} says that its power stage is on",))
