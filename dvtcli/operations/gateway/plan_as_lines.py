@@ -8,8 +8,8 @@ from dvtcli.device.store_parameters import STORE, chosen
 from dvtcli.domain.gateway.plan_lines import Around, plan_lines
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.profile import PreOperational
-from dvtcli.operations.possible_stores import store_group
-from dvtcli.operations.whole_device.power_stage import refuse_powered
+from dvtcli.operations.consent.power_stage import refuse_powered
+from dvtcli.operations.stores.possible_stores import store_group
 
 if TYPE_CHECKING:
     from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan

@@ -41,7 +41,7 @@ def require_identity(
 
 def require_power_off(session: Session, node_id: int | None = None) -> Facts:
     """SafetyRefusal where a statusword of a node (None: the selected one) says that its power stage is on."""
-    from dvtcli.operations.whole_device.power_stage import refuse_powered
+    from dvtcli.operations.consent.power_stage import refuse_powered
 
     node = session.node(node_id)
     refuse_powered(session, [node.node_id])
