@@ -29,12 +29,19 @@ def part(everything: Sequence[One], count: int, config: pytest.Config, what: obj
 
 
 def left_out(items: Sequence[pytest.Item], config: pytest.Config, wanted: str) -> set[pytest.Item]:
-    """Those cases of tests marked `drawn(N)` that do not run: all but N of each test, or, of the `rest`, those N."""
+    """Those cases of tests marked `drawn(N)` that do not run: all but N of each test, or, of the `rest`, those N.
+
+    With `drawn(N, NAME)` all tests of that name are one lot; a whole file may be. None whose cases are counted, or of
+    Hypothesis, is in such a lot: `.ci/run` asks for more of them.
+    """
     cases: dict[tuple[str, int], list[pytest.Item]] = defaultdict(list)
     for item in items if wanted != "all" else ():
         marker = item.get_closest_marker("drawn")
-        if marker is not None:
-            cases[item.nodeid.partition("[")[0], marker.args[0]].append(item)
+        if marker is None:
+            continue
+        count, *name = marker.args
+        if not name or not any(item.get_closest_marker(kind) for kind in ("counted", "hypothesis")):
+            cases[(name or [item.nodeid.partition("[")[0]])[0], count].append(item)
     out: set[pytest.Item] = set()
     for (test, count), of_test in cases.items():
         of_test.sort(key=lambda item: item.nodeid)

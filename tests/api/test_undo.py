@@ -16,6 +16,8 @@ from dvtcli.results import Message
 from dvtcli.testing import ServedBus
 from tests.process import environment
 
+pytestmark = pytest.mark.drawn(2, "undo")
+
 
 def in_another_program(served: ServedBus, *calls: str) -> None:
     """Run *calls* on `bus` in a process of its own."""

@@ -29,6 +29,8 @@ from tests.serve.served import wait_for
 from tests.served_nodes import ServedNodes
 from tests.socketcan.recorded import interrupted, seen_by
 
+pytestmark = pytest.mark.drawn(4, "makers drivers")
+
 _NUMBERS = count(1)
 _MESSAGE = struct.Struct("=IBB8s2x")
 #: PCAN-Basic's words for bit rates

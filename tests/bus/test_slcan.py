@@ -32,6 +32,7 @@ from tests.socketcan.recorded import interrupted, seen_by
 pytestmark = [
     pytest.mark.skipif(not find_spec("serial"), reason="pyserial is not installed"),
     pytest.mark.skipif(sys.platform == "win32" or not find_spec("pty"), reason="this system has no pseudo-terminals"),
+    pytest.mark.drawn(6, "slcan"),
 ]
 _NUMBERS = count(1)
 #: python-can waits 2 s for an adapter that starts anew where its port is opened

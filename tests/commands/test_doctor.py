@@ -8,11 +8,14 @@ from pathlib import Path
 from typing import Any
 
 import can
+import pytest
 
 from tests.commands.bench import Bench
 from tests.commands.bus import Wire, device
 from tests.process import ROOT, documents, environment, run
 from tests.surroundings import homes, kept_in
+
+pytestmark = pytest.mark.drawn(5, "doctor")
 
 _NUMBERS = count(1)
 

@@ -84,6 +84,7 @@ def test_nothing_is_said_of_examples_that_are_gone() -> None:
     assert len(kind("why_not")) <= 3
 
 
+@pytest.mark.drawn(80)
 @pytest.mark.parametrize("line", [line for line in EXAMPLES if line not in kind("until") + kind("why_not")])
 def test_an_example_does_what_it_says(line: str, folder: Path) -> None:
     needs = NEEDS.get(line, {})
@@ -94,6 +95,7 @@ def test_an_example_does_what_it_says(line: str, folder: Path) -> None:
     assert ran.code == needs.get("code", 0), ran.stderr
 
 
+@pytest.mark.drawn(6)
 @pytest.mark.parametrize("line", kind("until"))
 def test_an_example_without_an_end_works_until_control_c(line: str, folder: Path) -> None:
     needs = NEEDS[line]

@@ -20,6 +20,8 @@ from tests.commands.bench import Bench
 from tests.posix import needs_signals
 from tests.process import PATIENCE_S, environment
 
+pytestmark = pytest.mark.drawn(3, "live lines")
+
 
 class Child:
     """A dvtcli that a program drives."""

@@ -23,6 +23,8 @@ from tests.commands.bench import Bench, Ran
 from tests.lss_nodes import address_of, unconfigured
 from tests.virtual_time import ANSWER_S, VirtualTimeBus
 
+pytestmark = pytest.mark.drawn(33, "lss")
+
 
 def bench(*nodes: StrictDevice, **options: Any) -> Bench:
     return Bench((), {"yes": True, **options}, VirtualTimeBus(nodes, simulated=False))

@@ -21,6 +21,8 @@ from tests.commands.bench import Bench, Ran
 from tests.lss_nodes import unconfigured
 from tests.virtual_time import ANSWER_S, VirtualTimeBus
 
+pytestmark = pytest.mark.drawn(20, "lss bit rate")
+
 OLD, NEW = 250_000, 500_000
 
 

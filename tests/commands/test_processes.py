@@ -15,6 +15,8 @@ import pytest
 
 from tests.process import ROOT, documents, dvtcli, environment, run
 
+pytestmark = pytest.mark.drawn(18, "processes")
+
 PDO_FIELDS = {
     "pdo", "enabled", "cob_id", "extended", "rtr_allowed", "transmission_type", "inhibit_ms", "event_timer_ms",
     "sync_start", "bits", "mapping",

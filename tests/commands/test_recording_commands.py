@@ -22,6 +22,8 @@ from tests.files.recordings import BEGIN_S
 from tests.process import documents, dvtcli
 from tests.serve.served import bus_words, own_environment, served, wait_for
 
+pytestmark = pytest.mark.drawn(18, "recording commands")
+
 GEN4 = str(family_eds("gen4"))
 DBC = """VERSION ""
 BS_:

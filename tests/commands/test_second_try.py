@@ -17,6 +17,8 @@ from tests.commands.bench import Bench
 from tests.commands.bus import Wire
 from tests.surroundings import HOMES, kept_in
 
+pytestmark = pytest.mark.drawn(10, "second try")
+
 EDS = str(family_eds("generic"))
 
 

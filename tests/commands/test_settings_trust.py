@@ -12,7 +12,10 @@ import pytest
 from tests.commands.settings_bench import STRANGER, WHY_NOT, Place, place
 from tests.process import documents
 
-pytestmark = pytest.mark.skipif(os.name != "posix", reason="Windows has no owners and modes of this kind")
+pytestmark = [
+    pytest.mark.skipif(os.name != "posix", reason="Windows has no owners and modes of this kind"),
+    pytest.mark.drawn(10, "settings trust"),
+]
 AS_ROOT = pytest.mark.skipif(bool(WHY_NOT), reason=WHY_NOT)
 GEN4 = 30
 

@@ -15,7 +15,10 @@ from tests import process
 from tests.process import documents
 from tests.serve.served import PATIENCE_S, Served, bus_words, own_environment, served
 
-pytestmark = pytest.mark.skipif(os.name != "posix", reason="Windows has no owners and modes of this kind")
+pytestmark = [
+    pytest.mark.skipif(os.name != "posix", reason="Windows has no owners and modes of this kind"),
+    pytest.mark.drawn(6, "state folder"),
+]
 
 
 def run(server: Served, *words: str, umask: int = 0o022, state: str = "state-home") -> subprocess.CompletedProcess[str]:

@@ -20,9 +20,12 @@ from tests.commands.bench import Bench, Ran
 from tests.posix import STOPPING
 from tests.process import SCRIPTS, documents, dvtcli, environment, run
 
-pytestmark = pytest.mark.skipif(
-    importlib.util.find_spec("_tkinter") is None, reason="Python has no _tkinter here (Debian: python3-tk)"
-)
+pytestmark = [
+    pytest.mark.skipif(
+        importlib.util.find_spec("_tkinter") is None, reason="Python has no _tkinter here (Debian: python3-tk)"
+    ),
+    pytest.mark.drawn(15, "tcl"),
+]
 
 
 def tcl(bench: Bench, folder: Path, text: str, options: str = "") -> Ran:

@@ -24,6 +24,7 @@ pytestmark = [
     pytest.mark.skipif(
         not Path(f"/proc/self/task/{os.getpid()}/children").exists(), reason="this system does not show children"
     ),
+    pytest.mark.drawn(8, "tcl killed"),
 ]
 
 

@@ -17,9 +17,12 @@ from tests.dvt.test_tcl import tcl
 from tests.posix import STOPPING
 from tests.process import documents, dvtcli
 
-pytestmark = pytest.mark.skipif(
-    importlib.util.find_spec("_tkinter") is None, reason="Python has no _tkinter here (Debian: python3-tk)"
-)
+pytestmark = [
+    pytest.mark.skipif(
+        importlib.util.find_spec("_tkinter") is None, reason="Python has no _tkinter here (Debian: python3-tk)"
+    ),
+    pytest.mark.drawn(8, "tcl limits"),
+]
 
 #: Each is one C call of minutes, in which Tcl looks after nothing. (With a constant it is made when the file is read.)
 ENDLESS = ["expr {3**[set n 200000000]}", "expr {[string repeat 9 2000000] + 1}"]

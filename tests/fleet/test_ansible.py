@@ -14,6 +14,8 @@ from tests.process import PATIENCE_S, environment
 from tests.serve.served import Served, served
 
 pytestmark = pytest.mark.skipif(not (BINARIES / "ansible-playbook").exists(), reason="ansible-core is not here")
+#: each of them starts Ansible, which takes two seconds of a processor to begin
+by_lot = pytest.mark.drawn(2, "ansible")
 
 NETWORK = """\
 nodes:
@@ -82,6 +84,7 @@ def test_a_fleet_is_set_once_and_what_fails_is_put_back_while_the_rest_goes_on(
         assert not second.hosts("changed")
 
 
+@by_lot
 def test_a_check_reads_shows_the_difference_and_writes_nothing(fleet: Fleet) -> None:
     with served(fleet.folder, *NODES) as one:
         fleet.host("bench", one)
@@ -95,6 +98,7 @@ def test_a_check_reads_shows_the_difference_and_writes_nothing(fleet: Fleet) -> 
         assert held(one) == before
 
 
+@by_lot
 def test_a_bus_that_cannot_be_opened_makes_its_host_unreachable(fleet: Fleet) -> None:
     fleet.host("bench", None)
     played = fleet.play([network(fleet)])
@@ -103,6 +107,7 @@ def test_a_bus_that_cannot_be_opened_makes_its_host_unreachable(fleet: Fleet) ->
     assert "nothing listens there" in played.said
 
 
+@by_lot
 def test_a_file_that_is_wrong_fails_with_dvtclis_own_words(fleet: Fleet) -> None:
     text = "nodes: {drive: {node_id: 1, tpdo: {1: {enabled: 'false'}}}}\n"
     (fleet.folder / "network.yaml").write_text(text, "utf-8")
@@ -115,6 +120,7 @@ def test_a_file_that_is_wrong_fails_with_dvtclis_own_words(fleet: Fleet) -> None
     assert f"network.yaml:1:{place}: " in played.said
 
 
+@by_lot
 def test_scan_gives_facts(fleet: Fleet) -> None:
     fleet.host("bench", None, bus={"sim": list(NODES)})
     scan = {"dvtcli.canopen.nodes_facts": {"bus": "{{ bus }}", "executable": "{{ dvtcli }}"}}
@@ -124,6 +130,7 @@ def test_scan_gives_facts(fleet: Fleet) -> None:
     assert "1 and 5 are there" in played.said
 
 
+@by_lot
 def test_the_role_of_a_bench(fleet: Fleet) -> None:
     home = fleet.folder / "home"
     (home / "venv" / "bin").mkdir(parents=True)
@@ -138,6 +145,7 @@ def test_the_role_of_a_bench(fleet: Fleet) -> None:
         assert not again.hosts("changed"), again.said
 
 
+@by_lot
 def test_the_role_of_a_gateway_writes_what_networkd_and_python_can_read(fleet: Fleet) -> None:
     (fleet.folder / "etc" / "systemd" / "network").mkdir(parents=True)
     etc = str(fleet.folder / "etc")
@@ -150,6 +158,7 @@ def test_the_role_of_a_gateway_writes_what_networkd_and_python_can_read(fleet: F
     assert not fleet.play([], roles=("dvtcli.canopen.gateway",)).hosts("changed")
 
 
+@by_lot
 @pytest.mark.parametrize("name", ["network", "nodes_facts"])
 def test_each_module_documents_every_argument(fleet: Fleet, name: str) -> None:
     ran = subprocess.run(

@@ -14,7 +14,10 @@ from tests.fleet.ansible import BINARIES
 from tests.process import PATIENCE_S, Ran, environment
 from tests.surroundings import ROOT
 
-pytestmark = pytest.mark.skipif(os.name != "posix", reason="the gate is a script for bash")
+pytestmark = [
+    pytest.mark.skipif(os.name != "posix", reason="the gate is a script for bash"),
+    pytest.mark.drawn(1, "ci example"),
+]
 
 
 @pytest.fixture

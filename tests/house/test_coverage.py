@@ -5,10 +5,13 @@ from __future__ import annotations
 import subprocess
 import sys
 
+import pytest
+
 from tests.house.coverage import report, rooms
 from tests.process import ROOT, environment
 
 
+@pytest.mark.drawn(0)
 def test_an_option_from_a_variable_counts_in_a_worker() -> None:
     one = str(ROOT / "tests" / "domain" / "test_cob_id.py")
     ran = subprocess.run(

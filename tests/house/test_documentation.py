@@ -24,6 +24,7 @@ with_sessions = pytest.mark.parametrize(
 )
 
 
+@pytest.mark.drawn(12)
 @with_sessions
 def test_sessions_print_what_they_show(page: str, tmp_path: Path, request: pytest.FixtureRequest) -> None:
     folder = workplace(tmp_path)

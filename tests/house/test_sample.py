@@ -24,10 +24,28 @@ def test_one_of_twelve(number: int) -> None:
 def test_what_the_lot_leaves_out_is_the_rest(items: list[pytest.Item], pytestconfig: pytest.Config) -> None:
     cases = {item for item in items if item.name.startswith("test_one_of_twelve")}
     by_lot, by_rest = (left_out(items, pytestconfig, wanted) for wanted in ("lot", "rest"))
+    by_lot, by_rest = by_lot & cases, by_rest & cases
     assert (len(by_lot), len(by_rest)) == (9, 3)
     assert by_lot | by_rest == cases
-    assert not by_lot & by_rest
     assert left_out(items, pytestconfig, "all") == set()
+
+
+@pytest.mark.drawn(1, "alike")
+@pytest.mark.parametrize("number", range(2))
+def test_one_of_those_alike(number: int) -> None:
+    assert number in range(2)
+
+
+@pytest.mark.drawn(1, "alike")
+def test_another_one_of_those_alike() -> None: ...
+
+
+def test_tests_of_one_name_are_one_lot(items: list[pytest.Item], pytestconfig: pytest.Config) -> None:
+    alike = {item for item in items if "those_alike" in item.name}
+    assert len(alike) == 3
+    by_lot, by_rest = (alike & left_out(items, pytestconfig, wanted) for wanted in ("lot", "rest"))
+    assert (len(by_lot), len(by_rest)) == (2, 1)
+    assert by_lot | by_rest == alike
 
 
 def test_the_order_of_the_cases_changes_nothing(items: list[pytest.Item], pytestconfig: pytest.Config) -> None:

@@ -12,6 +12,8 @@ import pytest
 from dvtcli.simulator.network.family_file import family_eds
 from tests.process import environment
 
+pytestmark = pytest.mark.drawn(8, "startup")
+
 HEAVY = ["can", "canopen", "prompt_toolkit", "ruamel", "dvtcli.cli.commands.map", "dvtcli.simulator", "asyncio"]
 #: what only lines about nodes need
 NODES = ["dvtcli.domain.pdo", "dvtcli.device.change.journal"]

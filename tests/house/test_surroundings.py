@@ -79,6 +79,7 @@ def test_no_wish_of_whoever_runs_the_tests_gets_in() -> None:
     assert not set(WISHES) & set(os.environ)
 
 
+@pytest.mark.drawn(0)
 def test_a_stray_file_beside_the_checkout_or_the_temporary_folders_changes_nothing(tmp_path: Path) -> None:
     """pytest itself, in a folder below a stray `dvtcli.toml`, with wishes in its environment."""
     (tmp_path / "dvtcli.toml").write_text(STRAY)

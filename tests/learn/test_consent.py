@@ -19,6 +19,8 @@ from tests.commands.bus import device
 from tests.learn.cells import some
 from tests.learn.virtual import VirtualWire, own
 
+pytestmark = pytest.mark.drawn(16, "consent")
+
 DOWNLOAD, NMT = range(0x20, 0x30), 0x000
 
 

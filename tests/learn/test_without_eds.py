@@ -17,6 +17,8 @@ from tests.learn.cells import some
 from tests.learn.questions import put, questions
 from tests.learn.virtual import VirtualWire, own
 
+pytestmark = pytest.mark.drawn(4, "without eds")
+
 FAMILIES = ("canopennode", "generic", "lely")
 WORDS = "pdo --all", "read 1000", "read 1018:2", "read 1800:01", "read 1400:02", "read 1A00:01"
 

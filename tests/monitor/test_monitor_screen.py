@@ -13,6 +13,8 @@ from tests.prompt.terminal import CTRL_C, DOWN, ENTER, ESCAPE, Terminal
 from tests.prompt.wire import Wire
 from tests.serve.served import bus_words, served
 
+pytestmark = pytest.mark.drawn(8, "monitor screen")
+
 __all__ = ["open_terminal"]
 PROMPT = "sim/1 OP> "
 SIZES = [(80, 24), (120, 40)]

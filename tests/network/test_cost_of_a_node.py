@@ -14,9 +14,13 @@ from pathlib import Path
 from types import CodeType, FrameType
 from typing import TypeVar
 
+import pytest
+
 from dvtcli.device.change import lock
 from dvtcli.device.change.journal import Journals
 from tests.network.test_many_nodes import many
+
+pytestmark = pytest.mark.drawn(1, "cost of a node")
 
 T = TypeVar("T")
 FEW, MANY = 2, 6

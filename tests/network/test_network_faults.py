@@ -13,6 +13,8 @@ from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged
 from tests.network.bench import CHAIN, FILE, Chain
 from tests.surroundings import HOMES
 
+pytestmark = pytest.mark.drawn(13, "network faults")
+
 OPERATIONAL = dict.fromkeys(CHAIN, NmtState.OPERATIONAL)
 
 

@@ -30,7 +30,7 @@ b:
     1: {cob_id: 0x6A1, enabled: true, mapping: [60FF:00]}
 """
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.long, pytest.mark.drawn(3, "killed networks")]
 
 
 def is_download(frame: can.Message) -> bool:
@@ -66,7 +66,6 @@ def journals(nodes: Killable) -> list[Path]:
     return sorted((state_folder(nodes.folder) / "journals").glob("*"))
 
 
-@pytest.mark.drawn(1)
 @pytest.mark.parametrize("kill_at", [1, 4, 8, 12])
 def test_every_node_is_recovered(nodes: Killable, kill_at: int) -> None:
     before = held(nodes)

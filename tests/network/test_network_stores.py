@@ -21,6 +21,8 @@ from dvtcli.operations.user.telling import Silent
 from tests.network.bench import Chain
 from tests.network.killed import Watched, afterwards
 
+pytestmark = pytest.mark.drawn(9, "network stores")
+
 Act = Callable[[Chain], None]
 
 

@@ -31,6 +31,8 @@ from tests.network.killed import Watched, afterwards
 from tests.sample import part
 from tests.surroundings import HOMES
 
+pytestmark = pytest.mark.drawn(24, "stamps")
+
 NODES = {1: "generic", 5: "generic"}
 FILE = """
 defaults: {{store: true, stamp: true}}

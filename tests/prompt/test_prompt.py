@@ -14,6 +14,8 @@ from tests.posix import STOPPING
 from tests.prompt.conftest import Open
 from tests.prompt.terminal import CTRL_C, CTRL_D, CTRL_R, DOWN, ENTER, ESCAPE, F1, TAB, UP, Terminal
 
+pytestmark = pytest.mark.drawn(10, "prompt")
+
 MAP = "map tpdo1 6C01:1 606C 6041 --cob-id 0x201 --sync 1"
 
 

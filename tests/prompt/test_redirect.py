@@ -10,6 +10,8 @@ from tests.posix import needs_shell
 from tests.prompt.conftest import Open
 from tests.prompt.terminal import CTRL_C, CTRL_D, Terminal
 
+pytestmark = pytest.mark.drawn(6, "redirect")
+
 
 def test_results_go_into_files(gen4: Terminal, tmp_path: Path) -> None:
     gen4.run("read 6041 > out.txt")

@@ -15,6 +15,8 @@ from tests.process import ROOT, documents, environment
 from tests.recovery.bench import MAP, STEPS, Bench
 from tests.recovery.test_signals import PRE_OPERATIONAL, STATE, held, start
 
+pytestmark = pytest.mark.drawn(5, "ends")
+
 pty = pytest.importorskip("pty", reason=NO_TERMINAL)
 resource = pytest.importorskip("resource", reason="limits of a process are set this way on POSIX only")
 
