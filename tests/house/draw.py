@@ -69,6 +69,12 @@ def parsed(text: str) -> ast.Module:
     return ast.parse(text)
 
 
+@cache
+def nodes(tree: ast.Module) -> tuple[ast.AST, ...]:
+    """All nodes of a tree that nobody changes: each tree is walked once, whoever looks at it."""
+    return tuple(ast.walk(tree))
+
+
 def room_of(file: str) -> str:
     """The room of a file: its first folder, or its own name where it stands beside the rooms."""
     return file.split("/", 1)[0].removesuffix(".py")
@@ -179,7 +185,7 @@ def _read(package: Path) -> dict[str, str]:
 
 
 def _texts(tree: ast.Module) -> Iterator[str]:
-    for node in ast.walk(tree):
+    for node in nodes(tree):
         if isinstance(node, ast.Constant) and isinstance(node.value, str):
             yield node.value
 
@@ -188,15 +194,15 @@ def _with_kind(tree: ast.Module) -> Iterator[tuple[ast.AST, str]]:
     """Every node that may name a module, with how it does."""
     typing_only = {
         id(child)
-        for node in ast.walk(tree)
+        for node in nodes(tree)
         if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)
         for statement in node.body
         for child in ast.walk(statement)
     }
     top = {id(statement) for statement in tree.body}
-    prose = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
-    prose |= {id(part) for node in ast.walk(tree) if isinstance(node, ast.JoinedStr) for part in node.values}
-    for node in ast.walk(tree):
+    prose = {id(node.value) for node in nodes(tree) if isinstance(node, ast.Expr)}
+    prose |= {id(part) for node in nodes(tree) if isinstance(node, ast.JoinedStr) for part in node.values}
+    for node in nodes(tree):
         if isinstance(node, ast.Import | ast.ImportFrom):
             yield node, "type" if id(node) in typing_only else "top" if id(node) in top else "lazy"
         elif isinstance(node, ast.Constant | ast.JoinedStr) and id(node) not in prose:

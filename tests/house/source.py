@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import cache, cached_property
 from pathlib import Path
 
-from tests.house.draw import parsed
+from tests.house.draw import nodes, parsed
 from tests.process import ROOT
 
 PACKAGE = ROOT / "dvtcli"
@@ -43,11 +43,11 @@ class Module:
         """Every imported module with its line, and whether it is for the type checker only."""
         typing_only = {
             child
-            for node in ast.walk(self.tree)
+            for node in nodes(self.tree)
             if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)
             for child in ast.walk(node)
         }
-        for node in ast.walk(self.tree):
+        for node in nodes(self.tree):
             if isinstance(node, ast.ImportFrom):
                 assert not node.level, f"{self.name}:{node.lineno}: a relative import"
                 names = [node.module or ""]

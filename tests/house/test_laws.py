@@ -7,6 +7,7 @@ from collections import Counter
 
 import pytest
 
+from tests.house.draw import nodes
 from tests.house.laws import LAWS
 from tests.house.laws.breaks import BREAKS, Break
 from tests.house.laws.failures import INNER
@@ -51,9 +52,7 @@ def test_a_broken_file_is_told_from_the_house_as_it_is() -> None:
 
 def test_no_permission_is_left_over() -> None:
     assert [file for file in MAY_SEND if not sends(file)] == []
-    classes = {
-        f"{file}:{node.name}" for file, tree in HOUSE for node in ast.walk(tree) if isinstance(node, ast.ClassDef)
-    }
+    classes = {f"{file}:{node.name}" for file, tree in HOUSE for node in nodes(tree) if isinstance(node, ast.ClassDef)}
     assert classes >= INNER
     for library, places in ONLY_IN.items():
         assert all(any(library in HOUSE.texts[file] for file in HOUSE.texts if file.startswith(at)) for at in places)
@@ -64,7 +63,7 @@ def sends(file: str) -> bool:
     return file == "domain/ports.py" or any(
         isinstance(node, ast.Attribute) and node.attr in {"download", "send", "send_nmt"}
         for _, tree in whole
-        for node in ast.walk(tree)
+        for node in nodes(tree)
     )
 
 

@@ -12,6 +12,7 @@ import pytest
 
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.profile import Severity
+from tests.house.draw import nodes
 from tests.house.reference.rules import declared
 from tests.house.source import modules
 
@@ -42,14 +43,14 @@ def _uses() -> Iterator[Use]:
     for module in modules():
         imported = {
             alias.asname or alias.name: alias.name
-            for node in ast.walk(module.tree)
+            for node in nodes(module.tree)
             if isinstance(node, ast.ImportFrom) and node.module in (FINDING, "dvtcli.domain.rules")
             for alias in node.names
             if alias.name in MAKERS
         }
         if module.name.endswith("rules/finding.py"):
             continue
-        for call in (node for node in ast.walk(module.tree) if isinstance(node, ast.Call)):
+        for call in (node for node in nodes(module.tree) if isinstance(node, ast.Call)):
             if isinstance(call.func, ast.Name) and call.func.id in imported:
                 first = call.args[0] if call.args else None
                 rule = first.value if isinstance(first, ast.Constant) else None

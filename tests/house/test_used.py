@@ -11,6 +11,7 @@ from collections.abc import Iterator
 import pytest
 
 from dvtcli import Bus, Node, results, testing
+from tests.house.draw import nodes
 from tests.house.laws.source_tree import SourceTree, dotted, imported
 from tests.process import ROOT
 
@@ -25,9 +26,9 @@ BRINGS = {"python-can": "can", "prompt-toolkit": "prompt_toolkit", "ruamel.yaml"
 
 def defined() -> Iterator[tuple[str, str]]:
     """Every function, method and class with its place, without what a library calls by its name."""
-    own = {node.name for _, tree in HOUSE for node in ast.walk(tree) if isinstance(node, ast.ClassDef)}
+    own = {node.name for _, tree in HOUSE for node in nodes(tree) if isinstance(node, ast.ClassDef)}
     foreign: set[str] = set()
-    classes = [node for _, tree in HOUSE for node in ast.walk(tree) if isinstance(node, ast.ClassDef)]
+    classes = [node for _, tree in HOUSE for node in nodes(tree) if isinstance(node, ast.ClassDef)]
     while True:
         found = {node.name for node in classes if any(_last(base) not in own - foreign for base in node.bases)}
         if found <= foreign:
@@ -35,7 +36,7 @@ def defined() -> Iterator[tuple[str, str]]:
         foreign |= found
     called_back = {id(one) for node in classes if node.name in foreign for one in node.body}
     for file, tree in HOUSE:
-        for node in ast.walk(tree):
+        for node in nodes(tree):
             if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("__"):
                 kept_by_decorator = any(isinstance(one, ast.Call) for one in node.decorator_list)
                 if id(node) not in called_back and (isinstance(node, ast.ClassDef) or not kept_by_decorator):
@@ -55,5 +56,5 @@ def test_everything_is_used_by_the_product_itself() -> None:
 def test_every_dependency_is_imported() -> None:
     needed = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["dependencies"]
     names = {re.split(r"[<>=~! ]", word)[0] for word in needed}
-    packages = {name.partition(".")[0] for _, tree in HOUSE for node in ast.walk(tree) for name in imported(node)}
+    packages = {name.partition(".")[0] for _, tree in HOUSE for node in nodes(tree) for name in imported(node)}
     assert {BRINGS.get(name, name) for name in names} <= packages

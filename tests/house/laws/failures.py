@@ -6,6 +6,7 @@ import ast
 from collections.abc import Iterator
 from typing import TypeGuard
 
+from tests.house.draw import nodes
 from tests.house.laws.source_tree import SourceTree, dotted
 
 #: the program's end, and the ends of processes that it starts
@@ -36,7 +37,7 @@ _ALL = {"Exception", "BaseException"}
 def ends_nowhere_else(tree: SourceTree) -> Iterator[str]:
     """Only the program itself exits."""
     for file, module in tree:
-        for node in ast.walk(module):
+        for node in nodes(module):
             if file not in _MAY_EXIT and _ends(node):
                 yield f"{file}:{node.lineno} {ast.unparse(node)}"
 
@@ -54,7 +55,7 @@ def _ends(node: ast.AST) -> TypeGuard[ast.stmt | ast.expr]:
 
 def errors_stand_in_one_tree(tree: SourceTree) -> Iterator[str]:
     """A class of failures stands in `errors`, or is one of the few that end where they begin."""
-    classes = [(file, node) for file, module in tree for node in ast.walk(module) if isinstance(node, ast.ClassDef)]
+    classes = [(file, node) for file, module in tree for node in nodes(module) if isinstance(node, ast.ClassDef)]
     failures = {"DvtcliError", "KeyboardInterrupt", "SystemExit", *_ALL}
     while True:
         found = {node.name for _, node in classes if _bases(node) & failures or _looks_like_one(node)}
@@ -79,7 +80,7 @@ def nothing_is_swallowed(tree: SourceTree) -> Iterator[str]:
     for file, module in tree:
         if file in _MAY_CATCH_ALL:
             continue
-        for node in ast.walk(module):
+        for node in nodes(module):
             if isinstance(node, ast.ExceptHandler) and _catches_all(node.type):
                 if not any(isinstance(inner, ast.Raise) for inner in ast.walk(node)):
                     yield f"{file}:{node.lineno} catches everything"
@@ -101,7 +102,7 @@ def _catches_all(kind: ast.expr | None) -> bool:
 def only_view_prints(tree: SourceTree) -> Iterator[str]:
     """Results and messages become text at one place."""
     for file, module in tree:
-        for node in ast.walk(module):
+        for node in nodes(module):
             if not isinstance(node, ast.Call) or file in _MAY_PRINT:
                 continue
             called = dotted(node.func)

@@ -6,6 +6,7 @@ import ast
 import sys
 from collections.abc import Iterator
 
+from tests.house.draw import nodes
 from tests.house.laws.source_tree import SourceTree, dotted, imported, parsed, typing_only
 
 #: libraries that only some places may touch
@@ -58,7 +59,7 @@ def libraries(tree: SourceTree) -> Iterator[str]:
     """Libraries stay in their rooms, imported or by name; the ground floors need the standard library only."""
     for file, module in tree:
         for_types = typing_only(module)
-        for node in ast.walk(module):
+        for node in nodes(module):
             names = {name.partition(".")[0] for name in imported(node)} if id(node) not in for_types else set()
             names |= {_by_name(node)} - {""}
             for name in names:

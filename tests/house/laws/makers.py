@@ -8,6 +8,7 @@ import tomllib
 from collections.abc import Iterator
 from functools import cache
 
+from tests.house.draw import nodes
 from tests.house.laws.source_tree import SourceTree
 from tests.house.source import PACKAGE
 
@@ -56,7 +57,7 @@ def behaviours_not_vendors(tree: SourceTree) -> Iterator[str]:
         for node, text in texts(module):
             if found := pattern.search(_CHANCE.sub("", text)):
                 yield f"{file}:{node.lineno} {found[0]}"
-        for node in ast.walk(module):
+        for node in nodes(module):
             if isinstance(node, ast.Constant) and type(node.value) is int and node.value in numbers():
                 written = ast.get_source_segment(tree.texts[file], node) or ""
                 if node.value > 0xFF or written.lower().startswith("0x"):
@@ -66,7 +67,7 @@ def behaviours_not_vendors(tree: SourceTree) -> Iterator[str]:
 def texts(tree: ast.Module) -> Iterator[tuple[ast.stmt | ast.expr, str]]:
     """Names and strings of a file, without docstrings, help texts and hints, which may give examples."""
     prose = set(_prose(tree))
-    for node in ast.walk(tree):
+    for node in nodes(tree):
         if isinstance(node, ast.Name):
             yield node, node.id
         elif isinstance(node, ast.Attribute):
@@ -78,7 +79,7 @@ def texts(tree: ast.Module) -> Iterator[tuple[ast.stmt | ast.expr, str]]:
 
 
 def _prose(tree: ast.Module) -> Iterator[int]:
-    for node in ast.walk(tree):
+    for node in nodes(tree):
         if isinstance(node, ast.Expr):
             yield id(node.value)
         elif isinstance(node, ast.Call):

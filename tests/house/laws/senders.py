@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 from collections.abc import Iterator
 
+from tests.house.draw import nodes
 from tests.house.laws.source_tree import SourceTree, dotted
 
 #: what puts something on a bus
@@ -53,7 +54,7 @@ def few_files_send(tree: SourceTree) -> Iterator[str]:
     for file, module in tree:
         if file.startswith(_ROOMS) or file in MAY_SEND:
             continue
-        for node in ast.walk(module):
+        for node in nodes(module):
             if isinstance(node, ast.Attribute) and node.attr in _SENDING and isinstance(node.ctx, ast.Load):
                 yield f"{file}:{node.lineno} {ast.unparse(node)}"
             elif isinstance(node, ast.Call) and dotted(node.func).endswith(_BY_NAME):

@@ -6,7 +6,7 @@ import ast
 from collections.abc import Iterator, Mapping
 from functools import cache, cached_property
 
-from tests.house.draw import House, parsed
+from tests.house.draw import House, nodes, parsed
 
 
 class SourceTree:
@@ -48,7 +48,7 @@ def typing_only(tree: ast.Module) -> set[int]:
     """The nodes that only a type checker looks at."""
     return {
         id(child)
-        for node in ast.walk(tree)
+        for node in nodes(tree)
         if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)
         for statement in node.body
         for child in ast.walk(statement)
