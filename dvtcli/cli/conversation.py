@@ -18,8 +18,8 @@ from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import START_ONLY, Options
 
 if TYPE_CHECKING:
-    from dvtcli.cli.script_changes import ScriptChanges
-    from dvtcli.cli.script_report import ScriptReport
+    from dvtcli.cli.scripts.script_changes import ScriptChanges
+    from dvtcli.cli.scripts.script_report import ScriptReport
     from dvtcli.cli.typed_tcl import TypedTcl
     from dvtcli.cli.view.output import Output
     from dvtcli.domain.object_dictionary import ObjectDictionary

@@ -32,7 +32,7 @@ class WaysIn:
         most_seconds: float | None = None,
     ) -> int:
         """Run the script *file*, stdin with `-`; the exit code. UsageError where it cannot be read."""
-        from dvtcli.cli.run_file import run_file
+        from dvtcli.cli.scripts.run_file import run_file
 
         return run_file(session, file, keep_going=keep_going, atomic=atomic, most_seconds=most_seconds)
 
@@ -50,7 +50,7 @@ class WaysIn:
 
     def rehearsed(self, session: Conversation, file: str, node_id: int | None = None) -> dict[int, Wish]:
         """What the script *file* wishes of each node; *node_id* is selected when it begins."""
-        from dvtcli.cli.rehearsal import rehearsed
+        from dvtcli.cli.scripts.rehearsal import rehearsed
 
         return rehearsed(session, file, node_id)
 

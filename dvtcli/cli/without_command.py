@@ -19,6 +19,6 @@ def without_command(session: Conversation) -> int:
 
     if is_a_program(session):
         return answer_lines(session)
-    from dvtcli.cli.script import MOST_BYTES, run_script
+    from dvtcli.cli.scripts.script import MOST_BYTES, run_script
 
     return run_script(session, sys.stdin.buffer.read(MOST_BYTES + 1), "<stdin>", keep_going=False)

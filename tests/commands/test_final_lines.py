@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from dvtcli.cli.atomic import does_other, final, is_changing
 from dvtcli.cli.effect import Final
 from dvtcli.cli.lexer import split
 from dvtcli.cli.run_line import parse
+from dvtcli.cli.scripts.atomic import does_other, final, is_changing
 from tests.commands.bench import Bench
 
 FINAL = {

@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
+from dvtcli.cli.view.answers.load_lines import load_lines
 from dvtcli.cli.view.lines import Line
-from dvtcli.cli.view.load_lines import load_lines
 from dvtcli.operations.network.network_load import LoadWishes, load_after, network_load
 from dvtcli.operations.opening.simulated_nodes import simulated_device, simulated_nodes
 from dvtcli.operations.plans.plan_network import plan_network

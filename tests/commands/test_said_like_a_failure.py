@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from dvtcli.cli.run_line import boundary
-from dvtcli.cli.script import run_script
+from dvtcli.cli.scripts.script import run_script
 from tests.commands.bench import Bench, Ran
 
 MAP = "map tpdo1 6064 606C"

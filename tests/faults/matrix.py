@@ -15,7 +15,7 @@ from pathlib import Path
 from dvtcli.cli.conversation import Conversation
 from dvtcli.cli.lexer import split
 from dvtcli.cli.run_line import boundary, run_words
-from dvtcli.cli.script import run_script
+from dvtcli.cli.scripts.script import run_script
 from dvtcli.cli.view.output import Output
 from dvtcli.cli.ways_in import install
 from dvtcli.device.change.plan_document import Identity

@@ -13,8 +13,8 @@ def show_plan(output: Output, plan: NetworkPlan) -> None:
     """Say what is about to be written and what speaks against it, as a part of the answer; with JSON that says it."""
     if output.json:
         return
+    from dvtcli.cli.view.answers.network_lines import plan_lines
     from dvtcli.cli.view.error_lines import finding_line
-    from dvtcli.cli.view.network_lines import plan_lines
     from dvtcli.domain.profile import Severity
     from dvtcli.operations.results.networks import network_findings
 

@@ -60,6 +60,6 @@ def command(ctx: click.Context, /, file: str, keep_going: bool, atomic: bool, mo
     run = partial(ways(ctx).file, session, file, keep_going=keep_going, atomic=atomic, most_seconds=most_seconds)
     if session.output.format not in CASE_FORMATS:
         return run()
-    from dvtcli.cli.reported_run import reported_run
+    from dvtcli.cli.scripts.reported_run import reported_run
 
     return reported_run(session, file, run)

@@ -149,7 +149,7 @@ class Output:
         from dvtcli.cli.view.error_lines import error_lines
 
         if self.format in CASE_FORMATS and not readable and error.exit_code != _USAGE:
-            module = import_module(f"dvtcli.cli.view.{self.format}_case_lines")
+            module = import_module(f"dvtcli.cli.view.reports.{self.format}_case_lines")
             self.machine_lines(getattr(module, _ERROR_LINES[self.format])(error))
         with self._answering():
             self.stdout.flush()

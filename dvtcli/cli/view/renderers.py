@@ -15,8 +15,13 @@ if TYPE_CHECKING:
 
 def text(result: Result, width: int, format_name: str = "text") -> Iterable[Line]:
     """The lines of *result* for a screen of *width* columns, or in a format that its class has besides text."""
-    module, _, function = result.formats.get(format_name, result.renderer).partition("_lines:")
-    lines: Iterable[Line] = getattr(import_module(f"dvtcli.cli.view.{module}_lines"), function)(result, width)
+    report = result.formats.get(format_name)
+    module, _, function = (report or result.renderer).partition("_lines:")
+    if report:
+        written = import_module(f"dvtcli.cli.view.reports.{module}_lines")
+    else:
+        written = import_module(f"dvtcli.cli.view.answers.{module}_lines")
+    lines: Iterable[Line] = getattr(written, function)(result, width)
     return lines
 
 

@@ -77,7 +77,7 @@ BREAKS = [
     Break("vendors", "device/store_parameters.py", _function("if node.identity()['vendor'] == 0x1E:", "    return 1")),
     Break("vendors", "operations/changes/change.py", "VENDOR = 0x4349"),
     Break("vendors", "domain/plan.py", "class TrinamicPlan: ..."),
-    Break("vendors", "cli/view/pdo_lines.py", _function("return session.curtis_order")),
+    Break("vendors", "cli/view/answers/pdo_lines.py", _function("return session.curtis_order")),
     Break("vendors", "domain/cob_id.py", 'MAKERS = {"Lely": 1}'),
     Break("vendors", "bus/opening.py", "PRODUCT = 0x07050000"),
     # 6: nothing before it is needed
@@ -92,7 +92,7 @@ BREAKS = [
     Break("exits", "cli/prompt/loop.py", "from sys import exit as leave"),
     Break("exits", "device/node.py", _function("raise SystemExit")),
     Break("exits", "files/dbc.py", _function("os._exit(0)")),
-    Break("exits", "cli/script.py", _function("quit()")),
+    Break("exits", "cli/scripts/script.py", _function("quit()")),
     Break("errors", "device/node.py", "class Odd(DvtcliError): ..."),
     Break("errors", "operations/helper.py", "class Odd(Exception): ..."),
     Break("errors", "cli/commands/map.py", "class MapError(click.ClickException): ..."),

@@ -38,10 +38,10 @@ def _missing(tree: SourceTree, node: ast.ClassDef) -> Iterator[str]:
     if said is None:
         yield "it says no renderer"
         return
-    view = tree.texts.get(f"cli/view/{said[1]}.py")
+    view = tree.texts.get(f"cli/view/answers/{said[1]}.py")
     functions = {} if view is None else {one.name: one for one in parsed(view).body if isinstance(one, ast.FunctionDef)}
     if said[2] not in functions:
-        yield f"there is no {said[1]}:{said[2]} in cli/view"
+        yield f"there is no {said[1]}:{said[2]} in cli/view/answers"
     elif len(functions[said[2]].args.args) != 2:
         yield f"{said[1]}:{said[2]} does not take (answer, width)"
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from dvtcli.cli.view.frame_picture import picture
+from dvtcli.cli.view.answers.frame_picture import picture
 from dvtcli.cli.view.lines import Cell, Line, Table
 from dvtcli.cli.view.shown_value import value_text
 from dvtcli.domain.frame import layout

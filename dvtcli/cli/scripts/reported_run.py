@@ -7,7 +7,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from dvtcli.cli.boundary import guarded
-from dvtcli.cli.script_report import LineRan, ScriptReport
+from dvtcli.cli.scripts.script_report import LineRan, ScriptReport
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
@@ -36,7 +36,7 @@ def reported_run(session: Conversation, file: str, run: Callable[[], int]) -> in
             whole.number = _line_of(file, whole.error) or 1
     finally:
         output.stdout, session.report = stdout, outer
-    make = getattr(import_module("dvtcli.cli.view.script_cases"), _REPORTS[name])
+    make = getattr(import_module("dvtcli.cli.view.reports.script_cases"), _REPORTS[name])
     output.machine_lines(make(_cases(report, whole)))
     return whole.code
 

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 
 import click
 
-from dvtcli.cli.atomic import final
 from dvtcli.cli.boundary import usage_error
 from dvtcli.cli.command import of_line
 from dvtcli.cli.effect import Effect
 from dvtcli.cli.global_options import PREFIX
 from dvtcli.cli.run_line import parse
-from dvtcli.cli.script import MOST_BYTES, MOST_NESTED, ScriptLine, script_lines, script_of
+from dvtcli.cli.scripts.atomic import final
+from dvtcli.cli.scripts.script import MOST_BYTES, MOST_NESTED, ScriptLine, script_lines, script_of
 from dvtcli.device.wish import Wish
 from dvtcli.errors import DRY_RUN, DvtcliError, UsageError
 

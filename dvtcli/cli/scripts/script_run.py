@@ -7,16 +7,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from dvtcli.cli.atomic import does_other, final
 from dvtcli.cli.boundary import LEAVE
 from dvtcli.cli.run_line import boundary
+from dvtcli.cli.scripts.atomic import does_other, final
 from dvtcli.errors import DvtcliError, LeftChanged, TakenBack
 
 if TYPE_CHECKING:
     import click
 
     from dvtcli.cli.conversation import Conversation
-    from dvtcli.cli.script_changes import ScriptChanges
+    from dvtcli.cli.scripts.script_changes import ScriptChanges
 
 _ALL_BACK = "rolled back: what the script changed is as it was, read back equal; nothing was stored"
 

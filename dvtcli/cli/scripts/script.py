@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING
 
 import click
 
-from dvtcli.cli.atomic import Reach, is_rehearsal
 from dvtcli.cli.boundary import LEAVE, SIGNALLED, usage_error
 from dvtcli.cli.lexer import split
 from dvtcli.cli.run_line import boundary, parse
-from dvtcli.cli.script_changes import ScriptChanges
-from dvtcli.cli.script_run import look_again, run_line
+from dvtcli.cli.scripts.atomic import Reach, is_rehearsal
+from dvtcli.cli.scripts.script_changes import ScriptChanges
+from dvtcli.cli.scripts.script_run import look_again, run_line
 from dvtcli.errors import Bug, DvtcliError, InputFileError, LeftChanged, UsageError
 
 if TYPE_CHECKING:
@@ -187,7 +187,7 @@ def _take(found: list[ScriptLine], line: ScriptLine, source: str) -> None:
 
 def _gateway_lines(text: str, source: str) -> list[ScriptLine]:
     """The commands that the lines of a gateway's client mean."""
-    from dvtcli.cli.gateway_script import GatewayScript
+    from dvtcli.cli.scripts.gateway_script import GatewayScript
 
     script, found = GatewayScript(), list[ScriptLine]()
     for number, line in enumerate(_LINE_END.split(text), 1):

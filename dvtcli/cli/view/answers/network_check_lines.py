@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from dvtcli.cli.view.check_lines import STYLES
+from dvtcli.cli.view.answers.check_lines import STYLES
 from dvtcli.cli.view.complaint_lines import source_lines
 from dvtcli.cli.view.lines import Cell, Line
 from dvtcli.domain.several import plural

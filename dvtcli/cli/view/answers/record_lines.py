@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from dvtcli.cli.view.answers.value_lines import value_line
 from dvtcli.cli.view.lines import Cell, Line
-from dvtcli.cli.view.value_lines import value_line
 from dvtcli.operations.results.records import EntryUnread, RecordRead
 
 

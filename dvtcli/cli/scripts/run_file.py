@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dvtcli.cli.script import MOST_BYTES, run_script
+from dvtcli.cli.scripts.script import MOST_BYTES, run_script
 from dvtcli.errors import UsageError
 
 if TYPE_CHECKING:

@@ -7,9 +7,9 @@ from itertools import groupby
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree as ET
 
-from dvtcli.cli.view.cases import Case, cases_of
-from dvtcli.cli.view.junit_lines import suites_text
 from dvtcli.cli.view.lines import Line
+from dvtcli.cli.view.reports.cases import Case, cases_of
+from dvtcli.cli.view.reports.junit_lines import suites_text
 from dvtcli.domain.safe_text import safe
 from dvtcli.errors import InputFileError, RuleError
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from dvtcli.cli.view.cases import cases_of
-from dvtcli.cli.view.github_lines import as_data, as_property
 from dvtcli.cli.view.lines import Line
+from dvtcli.cli.view.reports.cases import cases_of
+from dvtcli.cli.view.reports.github_lines import as_data, as_property
 from dvtcli.domain.several import plural
 from dvtcli.errors import InputFileError, RuleError
 

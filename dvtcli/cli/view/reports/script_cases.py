@@ -7,15 +7,15 @@ from itertools import groupby
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree as ET
 
-from dvtcli.cli.view.github_case_lines import workflow_command
-from dvtcli.cli.view.github_lines import as_data
-from dvtcli.cli.view.junit_lines import suites_text
 from dvtcli.cli.view.lines import Line
+from dvtcli.cli.view.reports.github_case_lines import workflow_command
+from dvtcli.cli.view.reports.github_lines import as_data
+from dvtcli.cli.view.reports.junit_lines import suites_text
 from dvtcli.domain.safe_text import safe
 from dvtcli.domain.several import plural
 
 if TYPE_CHECKING:
-    from dvtcli.cli.script_report import LineRan
+    from dvtcli.cli.scripts.script_report import LineRan
 
 
 def junit_script_lines(lines: Sequence[LineRan]) -> Iterator[Line]:

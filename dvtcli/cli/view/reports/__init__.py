@@ -1,0 +1,1 @@
+"""Reports for CI: SARIF, JUnit and annotations of GitHub, of checks, comparisons and scripts."""
