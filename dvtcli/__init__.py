@@ -16,6 +16,7 @@ from dvtcli.version import __version__
 if TYPE_CHECKING:
     from dvtcli import errors, results
     from dvtcli.operations.api.checked_eds import check_eds
+    from dvtcli.operations.api.device_library import add_eds, eds_library
     from dvtcli.operations.api.known_profiles import profile, profiles
     from dvtcli.operations.api.open_bus import connect, simulate
     from dvtcli.operations.api.python_bus import Bus
@@ -28,8 +29,10 @@ __all__ = [
     "Lss",
     "Node",
     "__version__",
+    "add_eds",
     "check_eds",
     "connect",
+    "eds_library",
     "errors",
     "profile",
     "profiles",
@@ -41,8 +44,10 @@ __all__ = [
 _FROM = {
     "Bus": "operations.api.python_bus",
     "Lss": "operations.api.python_lss",
+    "add_eds": "operations.api.device_library",
     "check_eds": "operations.api.checked_eds",
     "connect": "operations.api.open_bus",
+    "eds_library": "operations.api.device_library",
     "profile": "operations.api.known_profiles",
     "profiles": "operations.api.known_profiles",
     "report": "operations.api.reported",

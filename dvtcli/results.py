@@ -15,6 +15,7 @@ from dvtcli.operations.results.checked_files import FileFinding, FileReport, Fil
 from dvtcli.operations.results.comparisons import Compared
 from dvtcli.operations.results.device_profiles import ProfileListing, ProfileRow, ProfileShown
 from dvtcli.operations.results.learnt import Difference, LearnForecast, LearntDevice
+from dvtcli.operations.results.library_files import AddedFile, LibraryAdded, LibraryListing, LibraryRow
 from dvtcli.operations.results.loads import NetworkLoad
 from dvtcli.operations.results.logged_in import LoggedIn
 from dvtcli.operations.results.lss_nodes import LssBitRate, LssChanged, LssFound, LssGiven, LssNode
@@ -31,6 +32,7 @@ from dvtcli.operations.results.vpdos import PinRow, VpdoListing, VpdoRow
 from dvtcli.operations.results.whole_devices import ObjectDifference, WholeCompared
 
 __all__ = [
+    "AddedFile",
     "Changed",
     "CobId",
     "Commanded",
@@ -47,6 +49,9 @@ __all__ = [
     "Frame",
     "LearnForecast",
     "LearntDevice",
+    "LibraryAdded",
+    "LibraryListing",
+    "LibraryRow",
     "LoggedIn",
     "LssAddress",
     "LssBitRate",

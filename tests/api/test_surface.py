@@ -19,8 +19,8 @@ from tests.process import ROOT, environment
 
 PUBLIC = {
     "dvtcli": [
-        "Bus", "Lss", "Node", "__version__", "check_eds", "connect", "errors", "profile", "profiles", "report",
-        "results", "simulate",
+        "Bus", "Lss", "Node", "__version__", "add_eds", "check_eds", "connect", "eds_library", "errors", "profile",
+        "profiles", "report", "results", "simulate",
     ],
     "Bus": [
         "apply", "check", "check_sync", "close", "dry_run", "finish_stores", "import_network", "is_dry_run", "link",
@@ -34,8 +34,10 @@ PUBLIC = {
         "record", "recover", "require", "restore", "script", "set", "store", "tie", "undo", "verify", "vpdo", "write",
     ],
     "results": [
-        "Changed", "CobId", "Commanded", "Compared", "Difference", "EntryUnread", "FaultRow", "Faults", "FileFinding",
-        "FileReport", "FileReports", "FileRule", "Finding", "Frame", "LearnForecast", "LearntDevice", "LoggedIn",
+        "AddedFile", "Changed", "CobId", "Commanded", "Compared", "Difference", "EntryUnread", "FaultRow", "Faults",
+        "FileFinding",
+        "FileReport", "FileReports", "FileRule", "Finding", "Frame", "LearnForecast", "LearntDevice",
+        "LibraryAdded", "LibraryListing", "LibraryRow", "LoggedIn",
         "LssAddress", "LssBitRate", "LssChanged", "LssFound", "LssGiven", "LssNode", "MappedName", "Message",
         "NetworkApplied", "NetworkLoad",
         "NetworkPlanned", "NodeListing", "NodeRow", "ObjectDifference", "ObjectListing", "ObjectRow",

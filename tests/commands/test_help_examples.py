@@ -61,7 +61,8 @@ def folder(recordings: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPat
     for name in HOMES:
         monkeypatch.setenv(name, str(tmp_path / "home"))
     (tmp_path / "scripts").symlink_to(ROOT / "scripts")
-    shutil.copy(family_eds("gen4"), tmp_path / "drive.eds")
+    for name in ("drive.eds", "bare.eds"):
+        shutil.copy(family_eds("gen4"), tmp_path / name)
     (tmp_path / "press.dcf").write_text(dcf(family_eds("gen4").read_text("utf-8")), "utf-8")
     (tmp_path / "eds-files").mkdir()
     shutil.copy(family_eds("gen4"), tmp_path / "eds-files")

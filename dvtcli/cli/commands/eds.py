@@ -1,4 +1,4 @@
-"""Check, show or convert an EDS, DCF, XDD or XDC file, or add it to those that nodes are recognised by."""
+"""Check, show, convert EDS, DCF, XDD or XDC files; keep those that nodes are recognised by."""
 
 from __future__ import annotations
 
@@ -8,26 +8,51 @@ import click
 
 from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.effect import Effect
-from dvtcli.cli.params import FILE, TEXT
+from dvtcli.cli.params import FILE, TEXT, CanopenType
+from dvtcli.domain.datatypes import parse_number
 from dvtcli.errors import UsageError
 from dvtcli.operations.user.options import SPECIAL_FORMATS
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
-    from dvtcli.operations.results import Facts, FileReport, FileReports
+    from dvtcli.operations.results import Facts, FileReport, FileReports, LibraryAdded, LibraryListing
 
 TASK = ("Find nodes", 60)
+
+_IDENTITY = ("vendor", "product", "revision")
+_ACTIONS = ("check", "show", "add", "list", "remove", "prefer", "convert")
+
+
+class IdentityType(CanopenType):
+    """A device's identity, `vendor=0x1E,product=0x0705302D,revision=0x00030000`."""
+
+    name = "identity"
+
+    def parse(self, text: str, ctx: click.Context | None) -> dict[str, int]:  # noqa: ARG002 - a type of click
+        """The numbers by name; ValueError where one is none."""
+        found = {}
+        for pair in text.replace(",", " ").split():
+            name, equals, number = pair.partition("=")
+            if not equals or name not in _IDENTITY:
+                raise ValueError(f"{pair!r}: write vendor=…,product=… and, where it matters, revision=…")
+            found[name] = parse_number(number)
+            if not 0 <= found[name] <= 0xFFFF_FFFF:
+                raise ValueError(f"{pair}: it has 32 bits")
+        return found
 
 
 @click.command(
     "eds", cls=DvtCommand, short_help=__doc__, effect=Effect.READS, needs_settings=False, formats=SPECIAL_FORMATS
 )
-@click.argument("action", type=click.Choice(["check", "show", "add", "convert"]), metavar="check|show|add|convert")
-@click.argument("files", type=FILE, nargs=-1, required=True, metavar="FILE...")
+@click.argument("action", type=click.Choice(_ACTIONS), metavar="|".join(_ACTIONS))
+@click.argument("files", type=FILE, nargs=-1, metavar="[FILE...]")
 @click.option("--rule", "only", multiple=True, metavar="NAME", help="check: this rule only; repeatable.")
 @click.option("--without", multiple=True, metavar="NAME", help="check: all rules but this one; repeatable.")
 @click.option("--strict", is_flag=True, help="check: exit code 4 for a warning, too.")
 @click.option("--for", "node", type=TEXT, metavar="NODE", help="convert: the node of a network file, name or node-ID.")
+@click.option(
+    "--identity", type=IdentityType(), metavar="vendor=…,product=…", help="add: keep FILE for nodes of this identity."
+)
 @click.pass_obj
 def command(
     session: Conversation,
@@ -37,13 +62,15 @@ def command(
     without: tuple[str, ...],
     strict: bool,
     node: str | None,
-) -> Facts | FileReport | FileReports:
+    identity: dict[str, int] | None,
+) -> Facts | FileReport | FileReports | LibraryAdded | LibraryListing:
     """Read FILE and say what is in it; `check` names everything odd with its line, in several files, too.
 
     `check` ends with exit code 4 where a rule found an error. --format github, junit or sarif is for CI; -p judges the
-    PDOs as on a device of that family. `convert IN OUT` writes the format that the name OUT ends in, and names all that
-    it cannot hold. A concise DCF (0x1F22, .cdcf) is shown, and made of a network file for one of its nodes; a DBC file
-    is made of all of them.
+    PDOs as on a device of that family. `add` keeps files, those of a folder or a family's: from then on a node is
+    described by the one of its vendor, product and revision (0x1018); `list`, `remove` and `prefer` work on what is
+    kept. `convert IN OUT` writes the format that the name OUT ends in, and names all that it cannot hold. A concise DCF
+    (0x1F22, .cdcf) is shown, and made of a network file for one of its nodes; a DBC file is made of all of them.
 
     \b
     eds check drive.eds
@@ -52,28 +79,58 @@ def command(
     eds check *.eds
     eds show drive.eds
     eds add drive.eds       found from now on by the node's identity
+    eds add eds-files/      all of a folder, and of those in it
+    eds add gen4            the EDS of a simulated family
+    eds add bare.eds --identity vendor=0x1E,product=0x0705302D
+    eds list
+    eds prefer drive.eds    before others of its identity
+    eds remove drive.eds
     eds convert drive.eds drive.xdd
     eds convert press.dcf press.xdc
     eds convert press.yaml ram.cdcf --for ram
     eds convert press.yaml press.dbc
     eds show ram.cdcf
     """
-    from dvtcli.operations.known_devices import eds_files
-
     if node is not None and action != "convert":
         raise UsageError("--for belongs to eds convert", hint="eds convert net.yaml node5.cdcf --for 5")
+    if identity is not None and action != "add":
+        raise UsageError("--identity belongs to eds add", hint="eds add drive.eds --identity vendor=0x1E,product=5")
+    if not files and action != "list":
+        raise click.UsageError("Missing argument '[FILE...]'.")
     if action == "check":
-        return eds_files.check_eds(files, only, without, strict=strict, family=session.options.profile)
+        from dvtcli.operations.eds_files import check_eds
+
+        return check_eds(files, only, without, strict=strict, family=session.options.profile)
     if only or without or strict or session.output.format in SPECIAL_FORMATS:
         hint = f"--rule, --without, --strict and --format {' | '.join(SPECIAL_FORMATS)} belong to eds check"
         raise UsageError(f"eds {action} asks no rules", hint=hint)
     if action == "convert":
         return _convert(session, files, node)
+    return _show(session, _one(action, files)) if action == "show" else _library(session, action, files, identity)
+
+
+def _one(action: str, files: tuple[str, ...]) -> str:
     if len(files) > 1:
         raise UsageError(f"eds {action} takes one file", hint=f"{len(files)} were given; eds check takes several")
+    return files[0]
+
+
+def _library(
+    session: Conversation, action: str, files: tuple[str, ...], identity: dict[str, int] | None
+) -> LibraryAdded | LibraryListing:
+    from dvtcli.operations.eds_library.list_files import list_files, prefer_file, remove_files
+
     if action == "add":
-        return eds_files.add_eds(files[0])
-    return _show(session, files[0])
+        from dvtcli.operations.eds_library.add_files import add_files
+
+        return add_files(session, files, identity)
+    if action == "remove":
+        return remove_files(session, files)
+    if action == "prefer":
+        return prefer_file(session, _one(action, files))
+    if files:
+        raise UsageError("eds list takes no file", hint="eds show FILE tells what is in one")
+    return list_files(session)
 
 
 def _convert(session: Conversation, files: tuple[str, ...], node: str | None) -> Facts:

@@ -210,10 +210,10 @@ def _node(session: Session) -> Iterator[Check]:
 
 
 def _library() -> Check:
-    from dvtcli.files.eds.own_files import folder
+    from dvtcli.files.device_library.stored_files import folder, stored_files
 
-    count = sum(1 for _ in folder().glob("*_*"))
-    return Check("EDS files", "ok", f"{count} in {folder()}")
+    count = len(stored_files())
+    return Check("EDS files", "ok", f"{count} in {folder()}{': eds list shows them' if count else ''}")
 
 
 def _kept(session: Session) -> Iterator[Check]:

@@ -1,4 +1,4 @@
-"""EDS, DCF, XDD and XDC files: checked, shown, added to those that nodes are recognised by. Needs no bus."""
+"""EDS, DCF, XDD and XDC files: checked and shown. Needs no bus."""
 
 from __future__ import annotations
 
@@ -29,18 +29,6 @@ def _read(file: str) -> DeviceFile:
         raise UsageError(
             f"{file}: {failed.strerror}", place=file, hint="eds takes the path of an EDS, DCF, XDD or XDC"
         ) from failed
-
-
-def add_eds(file: str) -> Facts:
-    """Keep the file, by whose identity nodes are recognised from now on; UsageError where it cannot be read."""
-    eds = _read(file)
-    from dvtcli.files.eds.own_files import add
-
-    info = eds.dictionary.info
-    target = add(Path(file), info)
-    identity = f"vendor 0x{info.vendor_id:08X} product 0x{info.product_code:08X}"
-    said = f"kept as {target}: nodes with {identity} use it from now on"
-    return Facts("eds-added", (("file", file), ("kept", str(target))), (said,))
 
 
 def check_eds(

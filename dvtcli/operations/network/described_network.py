@@ -132,7 +132,8 @@ def _simulated(
 
 def simulated_word(file: str, node: NodeWish) -> str | None:
     """What `--sim` takes for *node* of the network *file*, without a node-ID; None where nothing describes it."""
-    from dvtcli.files.eds.own_files import find
+    from dvtcli.files.device_library.match import match
+    from dvtcli.files.device_library.stored_files import stored_files
     from dvtcli.files.profile.library import profile_for_identity
     from dvtcli.simulator.network.family_file import family_names
 
@@ -143,9 +144,9 @@ def simulated_word(file: str, node: NodeWish) -> str | None:
     vendor, product = node.identity.vendor, node.identity.product
     if vendor is None or product is None:
         return None
-    own = find(vendor, product, node.identity.revision)
+    own = match(stored_files(), vendor, product, node.identity.revision)
     if own is not None:
-        return str(own)
+        return str(own.file.path)
     profile = profile_for_identity(vendor, product)
     return profile.name if profile.matches(vendor, product) and profile.name in family_names() else None
 

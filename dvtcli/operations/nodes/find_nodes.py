@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from dvtcli.device.read_pdos import read_identity, read_optional
 from dvtcli.device.seen_state import HEARTBEAT_TIME
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
-from dvtcli.operations.nodes.identify import device_name, silent
+from dvtcli.operations.identify import SaidOfItself, device_name, silent
 from dvtcli.operations.results import NodeListing, NodeRow
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ def find_nodes(session: Session, answer_s: float = _ANSWER_S) -> NodeListing:
             bus.sleep(answer_s)
         late = [node_id for node_id, row in enumerate(found, 1) if row is None and node_id in answered]
         found += pool.map(lambda node_id: _ask(bus, node_id, None), late)
-    rows = [_with_own_state(session, row) for row in found if row is not None]
+    rows = [_with_file(session, _with_own_state(session, row)) for row in found if row is not None]
     rows.sort(key=lambda row: row.node)
     session.network.scanned = tuple(row.node for row in rows)
     return NodeListing(bus.name, tuple(rows), time.monotonic() - started)
@@ -63,6 +63,17 @@ def _with_own_state(session: Session, row: NodeRow) -> NodeRow:
     except (NoAnswer, SdoAborted, SdoProtocolError):
         return row
     return row if state is None else replace(row, state=state.label)
+
+
+def _with_file(session: Session, row: NodeRow) -> NodeRow:
+    """*row* with the file that will describe the node, by what it said; no file but a family's is opened for it."""
+    if row.note:
+        return row
+    chosen = session.network.files.choice(row.node, SaidOfItself(row))
+    if chosen is None:
+        return row
+    session.network.files.was_said(chosen.note)
+    return replace(row, source=chosen.path.name, eds_why=chosen.why, eds_note=chosen.note)
 
 
 @contextmanager

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from dvtcli.device.read_pdos import read_identity, read_optional
+from dvtcli.domain.abort import Abort
 from dvtcli.errors import DvtcliError, SdoAborted
 from dvtcli.operations.results import NodeListing, NodeRow
 
@@ -22,6 +24,26 @@ def device_name(sdo: SdoTransport) -> str:
         return ""
 
 
+class SaidOfItself:
+    """What the node of *row* said of its identity and name, read like its SDO channel; the rest it refuses."""
+
+    def __init__(self, row: NodeRow) -> None:
+        numbers = (row.vendor_id, row.product_code, row.revision, row.serial)
+        said = {
+            (0x1018, sub): number.to_bytes(4, "little") for sub, number in enumerate(numbers, 1) if number is not None
+        }
+        self._node, self._said = row.node, said | {(0x1008, 0): row.name.encode("latin-1", "replace")}
+
+    def upload(
+        self, index: int, sub_index: int, *, timeout_s: float | None = None, retries: int | None = None
+    ) -> bytes:
+        """What it said; SdoAborted where it said nothing."""
+        del timeout_s, retries
+        if (index, sub_index) not in self._said:
+            raise SdoAborted(index, sub_index, Abort.NO_OBJECT, node=self._node)
+        return self._said[index, sub_index]
+
+
 def identify(session: Session, node_id: int | None = None) -> NodeListing:
     """Ask a node what it is: *node_id*, which is selected then, or the selected one.
 
@@ -29,10 +51,18 @@ def identify(session: Session, node_id: int | None = None) -> NodeListing:
     """
     if node_id is not None and not session.in_script:
         session.network.accept(node_id)
-    row = _row(session.node(node_id))
+    row = _described(session, _row(session.node(node_id)))
     if node_id is not None:
         session.selected = node_id
     return NodeListing(session.bus.name, (row,), detail=True)
+
+
+def _described(session: Session, row: NodeRow) -> NodeRow:
+    """*row* with why its file describes the node."""
+    chosen = session.network.files.choice(row.node)
+    if chosen is None or chosen.path.name != row.source:
+        return row
+    return replace(row, eds_why=chosen.why, eds_note=chosen.note)
 
 
 def _row(node: Node) -> NodeRow:

@@ -12,7 +12,7 @@ from dvtcli.device.file_fits import unlike_file
 from dvtcli.device.read_pdos import read_identity
 from dvtcli.device.remembered import Memory
 from dvtcli.domain.object_dictionary import ObjectDictionary
-from dvtcli.domain.ports import CanopenBus
+from dvtcli.domain.ports import CanopenBus, SdoReader
 from dvtcli.domain.profile import DeviceProfile
 from dvtcli.files.profile.library import (
     has_profile,
@@ -23,8 +23,8 @@ from dvtcli.files.profile.library import (
     profile_names,
     profile_of,
 )
-from dvtcli.operations.opening.simulated_nodes import Simulated, read_dictionary, simulated_nodes
-from dvtcli.operations.user.options import Options
+from dvtcli.operations.options import Options
+from dvtcli.operations.simulated_nodes import SIMULATED, FileChoice, Simulated, read_dictionary, simulated_nodes
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +38,8 @@ class DeviceFiles:
     own_eds: dict[int, Path] = field(default_factory=dict)
     own_profile: dict[int, str] = field(default_factory=dict)
     _memories: dict[int, Memory] = field(default_factory=dict)
+    #: what was said of files, which is said once
+    _said: set[str] = field(default_factory=set)
 
     def memory(self, node_id: int) -> Memory:
         """The way by which a node is asked who it is; it remembers the answers."""
@@ -61,23 +63,39 @@ class DeviceFiles:
 
     def eds_path(self, node_id: int) -> Path | None:
         """The file that describes a node; None where none is known."""
+        chosen = self.choice(node_id)
+        return None if chosen is None else chosen.path
+
+    def choice(self, node_id: int, said: SdoReader | None = None) -> FileChoice | None:
+        """The file that describes a node, and why it does; None where none is known.
+
+        *said* answers what the node said of itself, where it need not be asked.
+        """
         if node_id in self.own_eds:
-            return self.own_eds[node_id]
+            return FileChoice(self.own_eds[node_id], "chosen for this node")
         if self.options.eds:
-            return Path(self.options.eds)
+            return FileChoice(Path(self.options.eds), "chosen with --eds")
         for one in self.simulated:
             if one.node_id == node_id:
-                return one.eds
-        return self._from_library(node_id)
+                return FileChoice(one.eds, SIMULATED)
+        from dvtcli.operations.eds_library.file_choice import found_file
 
-    def _from_library(self, node_id: int) -> Path | None:
-        """The file that `eds add` keeps for the node's identity."""
-        from dvtcli.files.eds.own_files import find, folder
+        return found_file(said or self.memory(node_id))
 
-        if not folder().is_dir():
-            return None
-        vendor, product, revision = (read_identity(self.memory(node_id), sub) for sub in (1, 2, 3))
-        return None if vendor is None or product is None else find(vendor, product, revision)
+    def remark(self, node_id: int) -> tuple[str, bool]:
+        """What is to be said of the node's file, once for all nodes that it is so of, and whether nobody may miss it.
+
+        Empty for nothing.
+        """
+        chosen = self.choice(node_id)
+        if chosen is None or not chosen.note or chosen.note in self._said:
+            return "", False
+        self._said.add(chosen.note)
+        return f"node {node_id}: {chosen.note}", chosen.doubtful
+
+    def was_said(self, note: str) -> None:
+        """*note* is shown, and need not be said again."""
+        self._said.add(note)
 
     def profile(self, node_id: int) -> DeviceProfile:
         """The profile of a node, the generic one where its family is not known."""

@@ -36,7 +36,7 @@ def network_on_bus(
         None if simulated or (bus.simulated and session.base.sim) else _keeping(session, bus, whole), only_one=only_one,
         on_look=lambda looking: session.tell.progress(*look_progress(looking)),
         on_step=lambda progress: session.tell.progress(*step_progress(progress)),
-        warn=session.tell.warning, comes_back=comes_back and not bus.simulated,
+        warn=session.tell.warning, note=session.tell.note, comes_back=comes_back and not bus.simulated,
     )  # fmt: skip
 
 

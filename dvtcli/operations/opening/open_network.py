@@ -50,6 +50,8 @@ class Network:
     on_look: Callable[[Looking], None] = lambda _looking: None
     #: shows what nobody may miss
     warn: Callable[[str], None] = lambda _text: None
+    #: shows what is good to know
+    note: Callable[[str], None] = lambda _text: None
     #: told of every step of a change that a node took
     on_step: Callable[[Progress], None] = lambda _progress: None
     #: whether a bus that is gone is waited for, so that each node has to say who it is before
@@ -84,6 +86,7 @@ class Network:
                 unlike_file=self.files.unlike(node_id, dictionary),
             )  # fmt: skip
             node.memory.learn(self.files.memory(node_id))
+            self._remark(node_id)
             if node.unlike_file:
                 self.warn(f"{node.unlike_file}: what it says may not be so; changes need --force")
             if self.comes_back:
@@ -91,6 +94,12 @@ class Network:
             node.pending.boot_ups = boot_ups  # from first contact on a restart is noticed
             self.nodes[node_id] = node
         return self.nodes[node_id]
+
+    def _remark(self, node_id: int) -> None:
+        """Say where the node's file may not be quite its own, once."""
+        text, doubtful = self.files.remark(node_id)
+        if text:
+            (self.warn if doubtful else self.note)(text)
 
     def describe(self, node_id: int) -> None:
         """Give a node that was met without an EDS the one that is known by now."""
@@ -101,6 +110,7 @@ class Network:
             if self.keeping is not None and node.keeper is not None:
                 node.keeper.is_fixed = self.keeping.is_fixed(dictionary)
             node.unlike_file = self.files.unlike(node_id, dictionary)
+            self._remark(node_id)
 
     def _identify(self, node: Node) -> None:
         """Know who *node* is; SafetyRefusal where it was somebody else."""

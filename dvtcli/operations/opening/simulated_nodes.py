@@ -25,6 +25,10 @@ if TYPE_CHECKING:
     from dvtcli.simulator.device.strict_device import StrictDevice
 
 
+#: why the file of a simulated node describes it
+SIMULATED = "simulated from it"
+
+
 @dataclass(frozen=True, slots=True)
 class Simulated:
     """One `--sim`: its node-ID (255: none yet), the family (None for a file), and the file of its dictionary.
@@ -42,6 +46,19 @@ class Simulated:
         """Which node it is, in words."""
         what = self.family or self.eds.name
         return f"{what} without a node-ID" if self.node_id == UNCONFIGURED else f"node {self.node_id} {what}"
+
+
+@dataclass(frozen=True, slots=True)
+class FileChoice:
+    """The file at *path*, *why* it is taken, and what to *note* of it; empty for nothing.
+
+    It is *doubtful* where the note says that it may describe another device.
+    """
+
+    path: Path
+    why: str
+    note: str = ""
+    doubtful: bool = False
 
 
 def simulated_device(one: Simulated) -> StrictDevice:
@@ -210,7 +227,8 @@ def read_dictionary(path: Path) -> ObjectDictionary:
         ) from failed
 
 
-@lru_cache(maxsize=16)
+#: a bus has 127 nodes: each file is read once, also where every node has its own
+@lru_cache(maxsize=128)
 def _dictionary(path: Path, _folder: Path | None, _changed_ns: int, _size: int) -> ObjectDictionary:
     """What the file at *path*, from *_folder* where it is relative, says since it was changed."""
     from dvtcli.files.device_file import read_device_file

@@ -38,7 +38,7 @@ def twin_of(network: Network) -> Network:
 
     return replace(
         network, bus=bus, files=replace(network.files, bus=bus, _memories={}), keeping=None, nodes={},
-        order=list(network.order), done_before=done_before, warn=lambda _text: None,
+        order=list(network.order), done_before=done_before, warn=lambda _text: None, note=lambda _text: None,
         met=lambda: list(network.nodes), comes_back=False, left={},
     )  # fmt: skip
 

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.results.frames import *  # noqa: F403
     from dvtcli.operations.results.habit_listing import *  # noqa: F403
     from dvtcli.operations.results.learnt import *  # noqa: F403
+    from dvtcli.operations.results.library_files import *  # noqa: F403
     from dvtcli.operations.results.loads import *  # noqa: F403
     from dvtcli.operations.results.logged_in import *  # noqa: F403
     from dvtcli.operations.results.lss_nodes import *  # noqa: F403

@@ -28,6 +28,9 @@ class NodeRow:
     profile: str = ""
     source: str = ""
     note: str = ""
+    #: why the file *source* describes it, and what to know of that
+    eds_why: str = ""
+    eds_note: str = ""
 
     def document(self) -> Document:
         """One node of `dvtcli.nodes/1`."""
@@ -42,6 +45,8 @@ class NodeRow:
             "name": self.name,
             "profile": self.profile,
             "eds": self.source,
+            "eds_why": self.eds_why,
+            "eds_note": self.eds_note,
             "note": self.note,
         }
 

@@ -32,6 +32,7 @@ def node_lines(result: NodeListing, width: int) -> Iterator[Line]:
         )  # fmt: skip
     if result.rows:
         yield from table.lines(width)
+    yield from _files_of_others(result)
     noted = [row for row in result.rows if row.note]
     yield from ([Cell(f"  {row.note}", "yellow")] for row in noted)
     if noted:
@@ -41,6 +42,16 @@ def node_lines(result: NodeListing, width: int) -> Iterator[Line]:
     yield what + (
         f" Select one: node {result.rows[0].node}" if result.rows else " Is the bit rate right? Is the bus powered?"
     )
+
+
+def _files_of_others(result: NodeListing) -> Iterator[Line]:
+    """What to know of the nodes' files, once for all nodes of which it is so."""
+    said: dict[str, list[str]] = {}
+    for row in result.rows:
+        if row.eds_note:
+            said.setdefault(row.eds_note, []).append(str(row.node))
+    for note, nodes in said.items():
+        yield [Cell(f"  node {', '.join(nodes)}: {note}", "yellow")]
 
 
 def _word(value: int | None) -> str:
@@ -56,11 +67,19 @@ def _node_detail(row: NodeRow) -> Iterator[Line]:
     facts = (
         ("device type", _word(row.device_type)), ("vendor", _word(row.vendor_id)),
         ("product", _word(row.product_code)), ("revision", _word(row.revision)), ("serial", _word(row.serial)),
-        ("profile", row.profile), ("EDS", row.source or "none: --eds FILE names its objects"), ("note", row.note),
+        ("profile", row.profile), ("EDS", row.source or "none: --eds FILE names its objects"),
+        ("EDS by", _found_by(row)), ("EDS note", row.eds_note), ("note", row.note),
     )  # fmt: skip
     for label, value in facts:
         if value:
             yield [Cell(f"  {label:<12}", "dim"), Cell(value)]
+
+
+def _found_by(row: NodeRow) -> str:
+    """Why the file describes it, where that is a question."""
+    from dvtcli.operations.simulated_nodes import SIMULATED
+
+    return "" if row.eds_why == SIMULATED else row.eds_why
 
 
 def commanded_lines(result: Commanded, _width: int) -> Iterator[Line]:

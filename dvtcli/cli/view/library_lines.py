@@ -1,0 +1,93 @@
+"""The text of the library of device files."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+
+from dvtcli.cli.view.lines import Cell, Line, Table
+from dvtcli.domain.several import plural
+from dvtcli.files.device_library.stored_files import identity_word
+from dvtcli.operations.results.library_files import ADDED, REFUSED, THERE, AddedFile, LibraryAdded, LibraryListing
+
+_STYLES = {ADDED: "green", THERE: "dim", REFUSED: "red"}
+
+
+def added_lines(result: LibraryAdded, width: int) -> Iterator[Line]:
+    """What became of each file, then why some were left out, and what there is to know of the others."""
+    table = Table(("", "VENDOR", "PRODUCT", "REVISION", "FILE"), shrink=4)
+    for row in result.rows:
+        table.add(
+            Cell(row.outcome, _STYLES.get(row.outcome, "")), _word(row.vendor_id), _word(row.product_code),
+            _revision(row.revision), row.file,
+        )  # fmt: skip
+    yield from table.lines(width)
+    for row in result.rows:
+        yield from _remarks(row)
+    hints = dict.fromkeys(row.hint for row in result.rows if row.hint)
+    yield from ([Cell(f"  {hint}", "dim")] for hint in hints)
+    counts = ", ".join(f"{number} {outcome}" for outcome, number in result.count().items() if number)
+    others = f"; {plural(result.others, 'other file')} left out: no EDS, DCF, XDD or XDC" if result.others else ""
+    dry = Cell(" (dry run: nothing was written)" if result.dry_run else "", "cyan")
+    yield [Cell(f"{counts}{others}"), dry]
+    yield [Cell(f"nodes of these identities use them from now on; kept in {_at_home(result.folder)}", "dim")]
+
+
+def _remarks(row: AddedFile) -> Iterator[Line]:
+    if row.note:
+        yield [Cell(f"  {row.file}: {row.note}", "yellow" if row.outcome == ADDED else "")]
+    if row.why:
+        at = "" if row.place in row.why else f" ({row.place})"
+        yield [Cell(f"  {row.why}{at}", "red")]
+
+
+def listing_lines(result: LibraryListing, width: int) -> Iterator[Line]:
+    """What was done, then a line for each file."""
+    dry = Cell(" (dry run: nothing was changed)" if result.dry_run else "", "cyan")
+    if result.removed:
+        yield [Cell(f"removed: {', '.join(result.removed)}"), dry]
+    if result.preferred:
+        yield [Cell(f"{result.preferred} is taken before others of its identity"), dry]
+    if result.removed or result.preferred:
+        yield f"{plural(len(result.rows), 'file')} in the library"
+        return
+    if not result.rows:
+        yield "the library is empty: eds add FILE, FOLDER or FAMILY"
+        yield [Cell(f"it is in {_at_home(result.folder)}", "dim")]
+        return
+    header = ("#", "VENDOR-PRODUCT-REVISION", "OBJECTS", "DEVICE", "FILE", "FROM")
+    table = Table(header, frozenset({0, 2}), shrink=3)
+    for row in result.rows:
+        identity = identity_word((row.vendor_id, row.product_code, row.revision))
+        objects = "-" if row.objects is None else str(row.objects)
+        device = row.product_name or row.vendor_name or "-"
+        table.add(str(row.number), identity, objects, device, row.name, _from(row.origin))
+    yield from table.lines(width)
+    for row in result.rows:
+        if row.problem:
+            yield [Cell(f"  {row.number}: {row.problem}", "red")]
+        elif row.by_hand:
+            yield [Cell(f"  {row.number}: {row.name} names another identity itself, or none: bound by hand", "dim")]
+    yield [Cell(f"{plural(len(result.rows), 'file')} in {_at_home(result.folder)}", "dim")]
+    if result.strangers:
+        yield [Cell(f"{plural(result.strangers, 'file')} there no `eds add` put there: not looked at", "yellow")]
+
+
+def _word(value: int | None) -> str:
+    return "-" if value is None else f"0x{value:08X}"
+
+
+def _revision(value: int | None) -> str:
+    return f"0x{value:08X}" if value else "-"
+
+
+def _at_home(folder: str) -> str:
+    """*folder*, short where it is the user's."""
+    home = os.path.expanduser("~")  # noqa: PTH111 - Path raises where there is no home
+    return f"~{folder.removeprefix(home)}" if folder.startswith(home + os.sep) else folder
+
+
+def _from(origin: str) -> str:
+    """The family, or the folder alone: all of it is in JSON."""
+    parts = origin.replace("\\", "/").split("/")
+    return f"{parts[-2]}/" if len(parts) > 1 else origin or "-"

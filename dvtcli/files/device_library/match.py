@@ -1,0 +1,109 @@
+"""Which file of the library is taken for an identity, and how well it fits. Opens files to tell rivals from copies.
+
+The policy: vendor and product are the same. Of revisions (CiA 301, 0x1018:03) the same one goes first; then one of the
+same major part (bits 16 to 31: the same CANopen behaviour), then a file that names none, then any other; of each the
+highest. Of one revision an EDS or XDD goes before the DCF or XDC of one node, then the one that was added last.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import IntEnum
+
+from dvtcli.files.device_library.stored_files import StoredFile
+
+_MAJOR_SHIFT = 16
+
+
+class Fit(IntEnum):
+    """How a file's revision is like the device's, best first."""
+
+    EXACT = 0
+    SAME_MAJOR = 1
+    UNSAID = 2
+    OTHER = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Match:
+    """The *file* that is taken for a device of *revision* (None: it tells none), and its *rivals*.
+
+    These fit as well and say something else.
+    """
+
+    file: StoredFile
+    fit: Fit
+    revision: int | None
+    rivals: tuple[StoredFile, ...] = ()
+
+    @property
+    def why(self) -> str:
+        """Why it is taken, in words."""
+        label, revision = self.file.label, f"0x{self.file.revision:08X}"
+        if self.fit is Fit.EXACT:
+            return f"vendor, product and revision {revision}"
+        if self.fit is Fit.UNSAID:
+            who = "the device" if self.revision is None else label
+            return f"vendor and product; {who} names no revision"
+        device = f"0x{self.revision or 0:08X}"
+        return f"vendor and product; revision {device} on the device, {revision} in {label}"
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether it may describe another device: by its revision, or since others fit as well."""
+        return self.fit is Fit.OTHER or bool(self.rivals)
+
+    @property
+    def note(self) -> str:
+        """What somebody should know who relies on the file; empty for nothing."""
+        notes = []
+        if self.fit in (Fit.SAME_MAJOR, Fit.OTHER):
+            device, described = f"0x{self.revision or 0:08X}", f"0x{self.file.revision:08X}"
+            notes.append(f"revision {device} on the device, {described} in {self.file.label}")
+        if self.rivals:
+            others = ", ".join(one.label for one in self.rivals)
+            notes.append(
+                f"{self.file.label} is taken, the one added last, and {others} would fit as well: "
+                "eds prefer FILE takes another, eds remove FILE leaves one"
+            )
+        return "; ".join(notes)
+
+
+def match(files: Iterable[StoredFile], vendor_id: int, product_code: int, revision: int | None) -> Match | None:
+    """The one of *files* for a device of that identity; None where there is none."""
+    fitting = [one for one in files if (one.vendor_id, one.product_code) == (vendor_id, product_code)]
+    if not fitting or not vendor_id:
+        return None
+    best = min(fitting, key=lambda one: _rank(one, revision))
+    equal = [one for one in fitting if _rank(one, revision) == _rank(best, revision)]
+    first, *others = sorted(equal, key=_newest, reverse=True)
+    rivals = tuple(one for one in others if _content(one) != _content(first)) if others else ()
+    return Match(first, _fit(first, revision), revision, rivals)
+
+
+def _fit(one: StoredFile, revision: int | None) -> Fit:
+    if revision is not None and one.revision == revision:
+        return Fit.EXACT
+    if not one.revision or revision is None:
+        return Fit.UNSAID
+    return Fit.SAME_MAJOR if one.revision >> _MAJOR_SHIFT == revision >> _MAJOR_SHIFT else Fit.OTHER
+
+
+def _rank(one: StoredFile, revision: int | None) -> tuple[int, int, bool]:
+    return (_fit(one, revision), -one.revision, one.is_of_one_node)
+
+
+def _newest(one: StoredFile) -> tuple[int, str]:
+    """When it was added, or preferred, last (ns); of equal ones the last by name."""
+    try:
+        return (one.path.stat().st_mtime_ns, one.path.name)
+    except OSError:
+        return (0, one.path.name)
+
+
+def _content(one: StoredFile) -> bytes | None:
+    try:
+        return one.path.read_bytes()
+    except OSError:
+        return None

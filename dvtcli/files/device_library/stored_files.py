@@ -1,0 +1,83 @@
+"""The files of the library, by the identity that stands in their names: `0000001E-0705302D-00010025_gen4.eds`.
+
+So nothing is opened to find one. Does not know which of several is taken, nor what is in them.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from dvtcli.files.device_file import VALUE_SUFFIXES
+from dvtcli.files.user_folders import user_folder
+
+_NAME = re.compile(r"([0-9A-F]{8})-([0-9A-F]{8})-([0-9A-F]{8})_(.+)", re.DOTALL)
+#: As many bytes as a file system takes in a name, and a little room for the identity in front.
+_LONGEST = 200
+
+
+@dataclass(frozen=True, slots=True)
+class StoredFile:
+    """A file of the library, with the *vendor_id*, *product_code* and *revision* that it is for; 0: no revision."""
+
+    path: Path
+    vendor_id: int
+    product_code: int
+    revision: int
+
+    @property
+    def label(self) -> str:
+        """What it was called when it was added."""
+        found = _NAME.fullmatch(self.path.name)
+        return found[4] if found else self.path.name
+
+    @property
+    def identity(self) -> tuple[int, int, int]:
+        """Vendor, product, revision."""
+        return (self.vendor_id, self.product_code, self.revision)
+
+    @property
+    def is_of_one_node(self) -> bool:
+        """Whether it has the values of one node (DCF, XDC), and does not only say what such devices are like."""
+        return self.path.name.lower().endswith(VALUE_SUFFIXES)
+
+
+def folder() -> Path:
+    """Where the library is, whether it exists or not."""
+    return user_folder("data") / "eds"
+
+
+def stored_files() -> tuple[StoredFile, ...]:
+    """Every file of the library, by identity and name; none is opened."""
+    try:
+        names = sorted(os.listdir(folder()))  # noqa: PTH208 - names alone, without a look at each
+    except OSError:
+        return ()
+    where = folder()
+    return tuple(stored_file(where / name) for name in names if _NAME.fullmatch(name))
+
+
+def stored_file(path: Path) -> StoredFile:
+    """The file at *path*, whose name is one of the library."""
+    found = _NAME.fullmatch(path.name)
+    assert found is not None  # noqa: S101 - who calls has looked
+    vendor_id, product_code, revision = (int(found[number], 16) for number in (1, 2, 3))
+    return StoredFile(path, vendor_id, product_code, revision)
+
+
+def stored_place(identity: tuple[int, int, int], name: str) -> Path:
+    """Where a file called *name* is kept for *identity*: vendor, product, revision (0: none)."""
+    stem, suffix = os.path.splitext(re.sub(r"[\x00-\x1f\x7f]", "_", name))  # noqa: PTH122 - a name, not a path
+    return folder() / f"{identity_word(identity)}_{_shortened(stem, _LONGEST - len(suffix.encode()))}{suffix}"
+
+
+def identity_word(identity: tuple[int, int, int]) -> str:
+    """*identity* as the names of the library begin."""
+    return "-".join(f"{number:08X}" for number in identity)
+
+
+def _shortened(stem: str, most: int) -> str:
+    """*stem*, in UTF-8 no longer than *most* bytes."""
+    return stem.encode("utf-8", "surrogateescape")[: max(1, most)].decode("utf-8", "ignore")

@@ -1,0 +1,1 @@
+"""The library of device files: filled, listed, and asked which file describes a node."""

@@ -1,0 +1,145 @@
+"""Files added to the library: each read whole first, kept under the identity that nodes are recognised by.
+
+What cannot be found by an identity, or is broken, is left out and said. Does not know which file a node gets.
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.object_dictionary import DeviceInfo
+from dvtcli.domain.several import plural
+from dvtcli.errors import InputFileError, UsageError
+from dvtcli.files.device_file import parse_device_file
+from dvtcli.files.device_library.file_notes import Described, about_place, note_about
+from dvtcli.files.device_library.stored_files import StoredFile, folder, stored_file, stored_files, stored_place
+from dvtcli.files.eds.bounds import MOST_BYTES
+from dvtcli.operations.eds_library.sought_files import Sought, sought_files
+from dvtcli.operations.results.library_files import ADDED, REFUSED, REPLACED, THERE, AddedFile, LibraryAdded
+from dvtcli.operations.save_script import write_bytes
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from dvtcli.domain.object_dictionary import ObjectDictionary
+    from dvtcli.operations.session import Session
+
+#: vendor, product, revision (0: none)
+Identity = tuple[int, int, int]
+
+
+def add_files(session: Session, words: tuple[str, ...], identity: Mapping[str, int] | None = None) -> LibraryAdded:
+    """Keep the files that *words* name (files, folders, families) for the nodes of their identity.
+
+    With *identity* (`vendor`, `product`, `revision`) one file is kept for that one, whatever it says itself. Where one
+    file is named and cannot be kept, InputFileError; of several that is its row. UsageError for a word that names
+    nothing, or where the library cannot be written.
+    """
+    sought, others = sought_files(words)
+    given = None if identity is None else _given(identity, sought)
+    if not sought:
+        raise UsageError(f"{' '.join(words)}: no EDS, DCF, XDD or XDC file in {plural(others, 'file')}")
+    rows = []
+    for number, one in enumerate(sought):
+        session.tell.progress("reading device files", number, len(sought))
+        try:
+            rows.append(_add(one, given, dry_run=session.dry_run))
+        except InputFileError as wrong:
+            if words == (one.shown.removeprefix("family "),):
+                raise
+            rows.append(_refused(one, wrong))
+    return LibraryAdded(tuple(rows), str(folder()), others, session.dry_run)
+
+
+def _given(identity: Mapping[str, int], sought: list[Sought]) -> Identity:
+    """The identity to keep the one file for; UsageError where there are several, or it is none."""
+    if len(sought) != 1:
+        raise UsageError(f"--identity is for one file, and these are {len(sought)}", hint="add each with its own")
+    if not identity.get("vendor") or "product" not in identity:
+        raise UsageError("--identity needs vendor and product", hint="--identity vendor=0x1E,product=0x0705302D")
+    return identity["vendor"], identity["product"], identity.get("revision", 0)
+
+
+def _refused(one: Sought, wrong: InputFileError) -> AddedFile:
+    why = f"{wrong.text}: {wrong.why}" if wrong.why else wrong.text
+    return AddedFile(one.shown, REFUSED, why=why, place=wrong.place or str(one.path), hint=wrong.hint or "")
+
+
+def _add(one: Sought, given: Identity | None, *, dry_run: bool) -> AddedFile:
+    data, dictionary = _read(one.path)
+    identity = given or _own_identity(one, dictionary.info)
+    there = [kept for kept in stored_files() if kept.identity == identity]
+    same = next((kept for kept in there if _holds(kept, data)), None)
+    if same is not None:
+        note = "" if same.label == one.path.name else f"it is there as {same.label}"
+        return AddedFile(one.shown, THERE, *identity, str(same.path), note)
+    target = stored_file(stored_place(identity, one.path.name))
+    outcome = REPLACED if target.path.exists() else ADDED
+    if not dry_run:
+        _keep(target, data, one.origin, dictionary)
+    beside = [kept for kept in there if kept.path != target.path and kept.is_of_one_node == target.is_of_one_node]
+    return AddedFile(one.shown, outcome, *identity, str(target.path), _beside(target, beside))
+
+
+def _beside(target: StoredFile, others: list[StoredFile]) -> str:
+    """What to say of *others* that are for the same identity and say something else."""
+    if not others:
+        return ""
+    labels = ", ".join(other.label for other in others)
+    return f"{labels} of the same vendor, product and revision says something else: {target.label} is taken from now on"
+
+
+def _read(path: Path) -> tuple[bytes, ObjectDictionary]:
+    """The bytes of the file and what they mean; InputFileError where they mean nothing."""
+    try:
+        with path.open("rb") as file:
+            data = file.read(MOST_BYTES + 1)
+    except OSError as failed:
+        raise InputFileError(f"{path}: {failed.strerror or failed}", place=str(path)) from failed
+    return data, parse_device_file(data, path.name).dictionary
+
+
+def _own_identity(one: Sought, info: DeviceInfo) -> Identity:
+    """The identity that the file names; InputFileError where no node can have it."""
+    if not info.vendor_id or info.product_code is None:
+        lacks = "vendor number" if not info.vendor_id else "product number"
+        has = " (0 is nobody's)" if info.vendor_id == 0 else ""
+        raise InputFileError(
+            f"{one.shown}: it names no {lacks}{has}, so no node is recognised by it",
+            place=str(one.path),
+            hint="`scan` shows who the node is: eds add FILE --identity vendor=…,product=…; or --eds FILE each time",
+        )
+    return info.vendor_id, info.product_code, info.revision_number or 0
+
+
+def _holds(kept: StoredFile, data: bytes) -> bool:
+    try:
+        return kept.path.stat().st_size == len(data) and kept.path.read_bytes() == data
+    except OSError:
+        return False
+
+
+def _keep(target: StoredFile, data: bytes, origin: str, dictionary: ObjectDictionary) -> None:
+    """Write the file, then the note about it; UsageError where the file cannot be written."""
+    where = target.path.parent
+    try:
+        where.mkdir(parents=True, exist_ok=True)
+    except OSError as failed:
+        raise UsageError(f"{where}: {failed.strerror or failed}", place=str(where)) from failed
+    write_bytes(target.path, data)
+    remember(target, origin, dictionary)
+
+
+def remember(one: StoredFile, origin: str, dictionary: ObjectDictionary) -> Described:
+    """Note what is in *one*, where a note can be written: without it the file is read when it is listed."""
+    info = dictionary.info
+    found = Described(
+        info.vendor_id, info.product_code, info.revision_number, info.vendor_name, info.product_name, len(dictionary)
+    )
+    place = about_place(one)
+    with suppress(OSError, UsageError):
+        place.parent.mkdir(exist_ok=True)
+        write_bytes(place, note_about(one, origin, found).encode())
+    return found

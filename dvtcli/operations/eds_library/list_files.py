@@ -1,0 +1,135 @@
+"""The files of the library listed, put first or removed. Opens a file only where no note says what is in it."""
+
+from __future__ import annotations
+
+import os
+import re
+from typing import TYPE_CHECKING
+
+from dvtcli.errors import DvtcliError, UsageError
+from dvtcli.files.device_library.file_notes import Described, about_place, remembered
+from dvtcli.files.device_library.stored_files import StoredFile, folder, identity_word, stored_files
+from dvtcli.operations.eds_library.add_files import remember
+from dvtcli.operations.results.library_files import LibraryListing, LibraryRow
+
+if TYPE_CHECKING:
+    from dvtcli.operations.session import Session
+
+_IDENTITY = re.compile(r"[0-9A-F]{8}-[0-9A-F]{8}(-[0-9A-F]{8})?", re.IGNORECASE)
+
+
+def list_files(session: Session) -> LibraryListing:
+    """Every file of the library, by vendor, product and revision; one that cannot be read says so in its row."""
+    return _listing(session)
+
+
+def remove_files(session: Session, words: tuple[str, ...]) -> LibraryListing:
+    """Remove the files that *words* name, by number, name or identity, and list what is left. Asks.
+
+    UsageError for a word that names none, or several by their name, and where a file cannot be removed.
+    """
+    chosen = _chosen(words)
+    labels = tuple(f"{identity_word(one.identity)} {one.label}" for one in chosen)
+    session.consent(f"remove from the library: {', '.join(labels)}?")
+    if not session.dry_run:
+        for one in chosen:
+            _remove(one)
+    return _listing(session, removed=labels)
+
+
+def prefer_file(session: Session, word: str) -> LibraryListing:
+    """Take the file that *word* names before others of its identity, as the one that was added last.
+
+    UsageError for a word that names none, or several, and where that cannot be noted.
+    """
+    chosen = _chosen((word,))
+    if len(chosen) != 1:
+        labels = ", ".join(one.path.name for one in chosen)
+        raise UsageError(f"{word} names {len(chosen)} files", hint=f"which one? {labels}")
+    if not session.dry_run:
+        _put_first(chosen[0])
+    return _listing(session, preferred=chosen[0].label)
+
+
+def _put_first(one: StoredFile) -> None:
+    known = remembered(one)
+    try:
+        newest = max(other.path.stat().st_mtime_ns for other in stored_files() if other.identity == one.identity)
+        os.utime(one.path)
+        if one.path.stat().st_mtime_ns <= newest:  # a file from the future, or a file system with a coarse clock
+            os.utime(one.path, ns=(newest + 2_000_000_000,) * 2)
+    except OSError as failed:
+        raise UsageError(f"{one.path}: {failed.strerror or failed}", place=str(one.path)) from failed
+    _describe(one, known.origin)
+
+
+def _chosen(words: tuple[str, ...]) -> list[StoredFile]:
+    files = stored_files()
+    found: dict[StoredFile, None] = {}
+    for word in words:
+        found.update(dict.fromkeys(_named(word, files)))
+    return list(found)
+
+
+def _named(word: str, files: tuple[StoredFile, ...]) -> list[StoredFile]:
+    """The files of the library that *word* names: the number in the list, the identity, or one by its name."""
+    if word.isdecimal() and 1 <= int(word) <= len(files):
+        return [files[int(word) - 1]]
+    if _IDENTITY.fullmatch(word):
+        found = [one for one in files if f"{identity_word(one.identity)}-".startswith(f"{word.upper()}-")]
+    else:
+        found = [one for one in files if word in (one.path.name, one.label)]
+        if len(found) > 1:
+            names = ", ".join(one.path.name for one in found)
+            raise UsageError(f"{word} names {len(found)} files of the library", hint=f"which one? {names}")
+    if not found:
+        hint = "eds list shows them: a number, a name, or vendor-product[-revision] in hex"
+        raise UsageError(f"no file of the library is {word}", hint=hint)
+    return found
+
+
+def _remove(one: StoredFile) -> None:
+    try:
+        one.path.unlink(missing_ok=True)
+        about_place(one).unlink(missing_ok=True)
+    except OSError as failed:
+        raise UsageError(f"{one.path}: {failed.strerror or failed}", place=str(one.path)) from failed
+
+
+def _listing(session: Session, removed: tuple[str, ...] = (), preferred: str = "") -> LibraryListing:
+    files = stored_files()
+    rows = []
+    for number, one in enumerate(files):
+        session.tell.progress("reading the library", number, len(files))
+        rows.append(_row(number + 1, one))
+    return LibraryListing(tuple(rows), str(folder()), removed, preferred, _strangers(len(files)), session.dry_run)
+
+
+def _strangers(known: int) -> int:
+    """How many files in the library's folder have names that no `eds add` made."""
+    try:
+        with os.scandir(folder()) as found:
+            return sum(one.is_file() and not one.name.startswith(".") for one in found) - known
+    except OSError:
+        return 0
+
+
+def _row(number: int, one: StoredFile) -> LibraryRow:
+    known = remembered(one)
+    try:
+        said = known.described or _describe(one, known.origin)
+    except DvtcliError as wrong:
+        text = f"{wrong.text}: {wrong.why}" if wrong.why else wrong.text
+        return LibraryRow(number, *one.identity, one.label, str(one.path), origin=known.origin, problem=text)
+    by_hand = (said.vendor_id, said.product_code, said.revision or 0) != one.identity
+    return LibraryRow(
+        number, *one.identity, one.label, str(one.path), said.vendor_name, said.product_name, said.objects,
+        known.origin, by_hand,
+    )  # fmt: skip
+
+
+def _describe(one: StoredFile, origin: str) -> Described:
+    """What is in the file, read now, and noted for the next time."""
+    from dvtcli.operations.simulated_nodes import read_dictionary
+
+    return remember(one, origin, read_dictionary(one.path))

@@ -1,0 +1,163 @@
+"""The library of device files as answers. Knows no terminal and no session."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import ClassVar
+
+from dvtcli.operations.results.documents import Answer, Document
+
+ADDED, THERE, REPLACED, REFUSED = "added", "already there", "replaced", "refused"
+
+
+@dataclass(frozen=True, slots=True)
+class AddedFile:
+    """What became of one *file*: its *outcome*, the identity it is found by, and where it is kept.
+
+    Of one that was refused *why*, *place* (`FILE:LINE`) and *hint* say what is wrong; *note* is what to know of the
+    others.
+    """
+
+    file: str
+    outcome: str
+    vendor_id: int | None = None
+    product_code: int | None = None
+    revision: int | None = None
+    kept: str = ""
+    note: str = ""
+    why: str = ""
+    place: str = ""
+    hint: str = ""
+
+    def document(self) -> Document:
+        """One file of `dvtcli.eds-added/1`."""
+        return {
+            "file": self.file,
+            "outcome": self.outcome,
+            "vendor_id": self.vendor_id,
+            "product_code": self.product_code,
+            "revision": self.revision,
+            "kept": self.kept or None,
+            "note": self.note,
+            "why": self.why,
+            "place": self.place,
+            "hint": self.hint,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class LibraryAdded(Answer):
+    """What became of the files that were to be added to the library in *folder*; *others* are no device files."""
+
+    renderer: ClassVar = "library_lines:added_lines"
+
+    rows: tuple[AddedFile, ...]
+    folder: str
+    others: int = 0
+    dry_run: bool = False
+
+    def __iter__(self) -> Iterator[AddedFile]:
+        return iter(self.rows)
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __bool__(self) -> bool:
+        """Whether none was refused."""
+        return not self.exit_code
+
+    @property
+    def exit_code(self) -> int:
+        """4 where a file was refused."""
+        return 4 if any(row.outcome == REFUSED for row in self.rows) else 0
+
+    def count(self) -> dict[str, int]:
+        """How many files of each outcome."""
+        return {
+            outcome: sum(row.outcome == outcome for row in self.rows) for outcome in (ADDED, REPLACED, THERE, REFUSED)
+        }
+
+    def document(self) -> Document:
+        """`dvtcli.eds-added/1`."""
+        return {
+            "schema": "dvtcli.eds-added/1",
+            "folder": self.folder,
+            "files": [row.document() for row in self.rows],
+            "count": {name.replace(" ", "_"): number for name, number in self.count().items()},
+            "no_device_files": self.others,
+            "dry_run": self.dry_run,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class LibraryRow:
+    """A file of the library, by its *number* in the list: what it is found by, what it is, and where it came from.
+
+    *revision* 0 is none. *by_hand*: it does not name that identity itself. *problem*: why it cannot be read.
+    """
+
+    number: int
+    vendor_id: int
+    product_code: int
+    revision: int
+    name: str
+    path: str
+    vendor_name: str = ""
+    product_name: str = ""
+    objects: int | None = None
+    origin: str = ""
+    by_hand: bool = False
+    problem: str = ""
+
+    def document(self) -> Document:
+        """One file of `dvtcli.eds-library/1`."""
+        return {
+            "number": self.number,
+            "vendor_id": self.vendor_id,
+            "product_code": self.product_code,
+            "revision": self.revision or None,
+            "vendor": self.vendor_name,
+            "product": self.product_name,
+            "objects": self.objects,
+            "name": self.name,
+            "file": self.path,
+            "from": self.origin,
+            "by_hand": self.by_hand,
+            "problem": self.problem,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class LibraryListing(Answer):
+    """The files of the library in *folder*, after those in *removed* went and *preferred* was put first."""
+
+    renderer: ClassVar = "library_lines:listing_lines"
+    at_leisure: ClassVar = True
+
+    rows: tuple[LibraryRow, ...]
+    folder: str
+    removed: tuple[str, ...] = ()
+    preferred: str = ""
+    #: files in the folder whose names no `eds add` made
+    strangers: int = 0
+    dry_run: bool = False
+    exit_code: int = 0
+
+    def __iter__(self) -> Iterator[LibraryRow]:
+        return iter(self.rows)
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def document(self) -> Document:
+        """`dvtcli.eds-library/1`."""
+        return {
+            "schema": "dvtcli.eds-library/1",
+            "folder": self.folder,
+            "files": [row.document() for row in self.rows],
+            "removed": list(self.removed),
+            "preferred": self.preferred or None,
+            "strangers": self.strangers,
+            "dry_run": self.dry_run,
+        }

@@ -1,0 +1,364 @@
+"""The library of device files: filled from files, folders and families, listed, and the file a node gets, with why."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dvtcli.domain.ports import CanopenBus
+from dvtcli.errors import InputFileError
+from dvtcli.files.device_file import read_device_file
+from dvtcli.files.device_library.match import match
+from dvtcli.files.device_library.stored_files import StoredFile, folder, stored_place
+from dvtcli.simulator.device.family import Family
+from dvtcli.simulator.device.strict_device import StrictDevice
+from tests.commands.bench import Bench
+from tests.opened_files import opened_files
+from tests.real_files import real_files
+from tests.small_eds import plain
+from tests.virtual_time import VirtualTimeBus
+
+VENDOR, PRODUCT = 0x1234, 0x55
+
+
+@pytest.fixture(autouse=True)
+def _ground(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def text(revision: int | None = 0x10001, product: int = PRODUCT, vendor: int = VENDOR, name: str = "pump") -> str:
+    """The EDS of a device of that identity; no *revision*: the file names none."""
+    eds = plain()
+    eds.info = {"VendorNumber": vendor, "ProductNumber": product, "ProductName": name}
+    if revision is not None:
+        eds.info["RevisionNumber"] = revision
+    parts = enumerate((vendor, product, revision or 0, 7), 1)
+    eds.record(0x1018, "Identity", {n: {**eds.objects[0x1018][1][n], "DefaultValue": held} for n, held in parts})
+    return eds.text()
+
+
+def write(name: str, content: str) -> None:
+    path = Path(name)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(content, "utf-8")
+
+
+def pump(node_id: int, revision: int = 0x10001, product: int = PRODUCT) -> StrictDevice:
+    """A device of that identity, as it is met on a bus."""
+    write("made.eds", text(revision, product))
+    return StrictDevice(read_device_file(Path("made.eds")).dictionary, Family(), node_id)
+
+
+def live(*devices: StrictDevice) -> CanopenBus:
+    return VirtualTimeBus(devices, simulated=False)
+
+
+@pytest.fixture
+def offline() -> Iterator[Bench]:
+    with Bench(()) as bench:
+        yield bench
+
+
+def outcomes(document: dict[str, object]) -> dict[str, str]:
+    return {Path(row["file"]).name: row["outcome"] for row in document["files"]}  # type: ignore[attr-defined]
+
+
+def test_a_folder_is_added_with_all_in_it_and_what_is_wrong_is_named(offline: Bench) -> None:
+    write("old/a.eds", text())
+    write("old/deep/b.EDS", text(product=2))
+    write("old/deep/same.eds", text())
+    write("old/broken.eds", "no file of a device\n")
+    write("old/nobody.eds", text(vendor=0))
+    write("old/read.me", "x")
+    write("old/.git/c.eds", text(product=3))
+    ran = offline.run("eds add old --json")
+    assert ran.code == 4
+    assert outcomes(ran.document) == {
+        "a.eds": "added", "b.EDS": "added", "same.eds": "already there", "broken.eds": "refused",
+        "nobody.eds": "refused",
+    }  # fmt: skip
+    assert ran.document["count"] == {"added": 2, "replaced": 0, "already_there": 1, "refused": 2}
+    assert ran.document["no_device_files"] == 1
+    wrong = {Path(row["file"]).name: row for row in ran.document["files"]}
+    assert wrong["broken.eds"]["place"].endswith("broken.eds:1")
+    assert "--identity vendor=" in wrong["nobody.eds"]["hint"]
+    shown = offline.run("eds add old").stdout
+    assert "2 already there, " not in shown
+    assert "3 already there, 2 refused; 1 other file left out" in shown
+    assert shown.count("--identity") == 1
+    write("old/a.eds", text(name="changed"))
+    assert outcomes(offline.run("eds add old/a.eds old/deep --json").document)["a.eds"] == "replaced"
+
+
+def test_a_file_of_that_name_and_identity_is_replaced(offline: Bench) -> None:
+    write("a.eds", text())
+    assert offline.run("eds add a.eds").code == 0
+    write("a.eds", text(name="changed"))
+    assert outcomes(offline.run("eds add a.eds --dry-run --json").document) == {"a.eds": "replaced"}
+    assert offline.run("eds list --json").document["files"][0]["product"] == "pump"
+    assert outcomes(offline.run("eds add a.eds --json").document) == {"a.eds": "replaced"}
+    assert [row["product"] for row in offline.run("eds list --json").document["files"]] == ["changed"]
+
+
+def test_a_dry_run_writes_nothing(offline: Bench) -> None:
+    write("a.eds", text())
+    ran = offline.run("eds add a.eds --dry-run")
+    assert (ran.code, "nothing was written" in ran.stdout) == (0, True)
+    assert not folder().exists()
+    assert offline.run("eds add a.eds").code == 0
+    for line in ("eds remove a.eds --dry-run", "eds prefer a.eds --dry-run"):
+        assert "nothing was changed" in offline.run(line).stdout
+    assert len(offline.run("eds list --json").document["files"]) == 1
+
+
+@pytest.mark.parametrize(
+    ("line", "code", "said"),
+    [
+        ("eds add nothing", 2, "no such file or folder, and no family"),
+        ("eds add nobody.eds", 4, "names no vendor number (0 is nobody's)"),
+        ("eds add lely", 4, "names no vendor number"),
+        ("eds add empty", 2, "no EDS, DCF, XDD or XDC file"),
+        ("eds add nobody.eds gen4 --identity vendor=1,product=2", 2, "is for one file, and these are 2"),
+        ("eds add nobody.eds --identity vendor=1", 2, "needs vendor and product"),
+        ("eds add nobody.eds --identity maker=1", 2, "write vendor=…"),
+        ("eds list --identity vendor=1,product=2", 2, "belongs to eds add"),
+        ("eds list a.eds", 2, "takes no file"),
+        ("eds remove nothing.eds", 2, "no file of the library"),
+        ("eds prefer 1 2", 2, "takes one file"),
+        ("eds check", 2, "Missing argument"),
+    ],
+)
+def test_what_cannot_be_is_refused(line: str, code: int, said: str, offline: Bench) -> None:
+    write("nobody.eds", text(vendor=0))
+    Path("empty").mkdir()
+    ran = offline.run(line)
+    assert (ran.code, said in ran.stderr) == (code, True), ran.stderr
+
+
+def test_a_file_that_names_nobody_is_bound_by_hand() -> None:
+    write("nobody.eds", text(vendor=0, name="bare"))
+    with Bench((), {"node": 5}, bus=live(pump(5))) as bench:
+        assert bench.run("node --json").document["nodes"][0]["eds"] == ""
+        assert bench.run(f"eds add nobody.eds --identity vendor=0x{VENDOR:X},product=0x{PRODUCT:X}").code == 0
+        assert bench.run("eds list --json").document["files"][0]["by_hand"] is True
+        assert "bound by hand" in bench.run("eds list").stdout
+    with Bench((), {"node": 5}, bus=live(pump(5))) as bench:
+        row = bench.run("node --json").document["nodes"][0]
+        assert row["eds"].endswith("_nobody.eds")
+        assert row["eds_why"] == "library: vendor and product; nobody.eds names no revision"
+
+
+def test_another_revision_is_taken_and_said_once() -> None:
+    write("old.eds", text(0x10001))
+    with Bench((), bus=live(pump(3, 0x10003), pump(4, 0x10003), pump(5, 0x20000), pump(6, 0x10001))) as bench:
+        assert bench.run("eds add old.eds").code == 0
+        first = bench.run("read 3:1000")
+        assert "note: node 3: revision 0x00010003 on the device, 0x00010001 in old.eds" in first.stderr
+        for again in ("read 3:1000", "read 4:1000", "read 6:1000"):
+            assert "revision" not in bench.run(again).stderr
+        scanned = bench.run("scan")
+        assert "node 3, 4: revision 0x00010003 on the device, 0x00010001 in old.eds" in scanned.stdout
+        assert "node 5: revision 0x00020000 on the device, 0x00010001 in old.eds" in scanned.stdout
+        assert bench.run("read 5:1000").stderr == ""
+        rows = {row["node"]: row for row in bench.run("scan --json").document["nodes"]}
+        assert rows[6]["eds_why"] == "library: vendor, product and revision 0x00010001"
+        assert (rows[6]["eds_note"], rows[5]["eds_note"] != "") == ("", True)
+        assert "EDS note" in bench.run("node 3").stdout
+
+
+def test_another_major_revision_is_warned_of_before_a_change() -> None:
+    write("old.eds", text(0x10001))
+    with Bench((), {"node": 5}, bus=live(pump(5, 0x20000))) as bench:
+        assert bench.run("eds add old.eds").code == 0
+        assert "warning: node 5: revision 0x00020000" in bench.run("map tpdo2 6000:01 --dry-run").stderr
+        assert bench.run("map tpdo2 6000:01 --dry-run").stderr == ""
+
+
+def test_rivals_are_named_and_one_is_chosen() -> None:
+    write("a.eds", text())
+    write("b.eds", text(name="other"))
+    write("b-copy.eds", text(name="other"))
+    write("c.dcf", text(name="of one node") + "[DeviceComissioning]\nNodeID=5\n")
+    with Bench((), {"node": 5}, bus=live(pump(5))) as bench:
+        assert bench.run("eds add a.eds").code == 0
+        added = bench.run("eds add b.eds c.dcf b-copy.eds")
+        assert "a.eds of the same vendor, product and revision says something else: b.eds is taken" in added.stdout
+        assert "it is there as b.eds" in added.stdout
+        assert (
+            "b.eds is taken, the one added last, and a.eds would fit as well: eds prefer FILE"
+            in bench.run("node").stderr
+        )
+        assert bench.run("node --json").document["nodes"][0]["eds"].endswith("_b.eds")
+        assert bench.run("eds prefer a.eds").code == 0
+        listed = bench.run("eds list --json").document["files"]
+        assert [row["name"] for row in listed] == ["a.eds", "b.eds", "c.dcf"]
+    with Bench((), {"node": 5, "yes": True}, bus=live(pump(5))) as bench:
+        assert bench.run("node --json").document["nodes"][0]["eds"].endswith("_a.eds")
+        assert bench.run("eds remove 1").code == 0
+        assert bench.run(f"eds remove {VENDOR:08x}-{PRODUCT:08x}").code == 0
+        assert bench.run("eds list --json").document["files"] == []
+        assert list(folder().rglob("*.*")) == []
+
+
+def test_nobody_removes_by_mistake(offline: Bench) -> None:
+    write("a.eds", text())
+    offline.run("eds add a.eds")
+    write("a.eds", text(0x20000))
+    offline.run("eds add a.eds")
+    assert "which one?" in offline.run("eds remove a.eds").stderr
+    ran = offline.run("eds remove 2")
+    assert (ran.code, "nobody can answer: remove from the library" in ran.stderr) == (6, True)
+    assert len(offline.run("eds list --json").document["files"]) == 2
+
+
+def test_the_list_opens_no_file_that_it_knows(offline: Bench) -> None:
+    for number in range(1, 61):
+        write(f"all/{number}.eds", text(product=number))
+    assert offline.run("eds add all").code == 0
+    with opened_files(folder()) as opened:
+        assert len(offline.run("eds list --json").document["files"]) == 60
+    assert not [name for name in opened if name.endswith(".eds")]
+    Path(stored_place((VENDOR, 7, 0x10001), "7.eds")).write_text(text(product=7, name="changed"), "utf-8")
+    with opened_files(folder()) as opened:
+        offline.run("eds list")
+    assert {name for name in opened if name.endswith(".eds")} == {stored_place((VENDOR, 7, 0x10001), "7.eds").name}
+    with (
+        opened_files(folder()) as opened,
+        Bench((), bus=live(*(pump(node, product=7) for node in range(1, 11)))) as bench,
+    ):
+        bench.run("scan")
+        assert all(bench.run(f"read {node}:1000").code == 0 for node in range(1, 11))
+    assert len([name for name in opened if name.endswith(".eds")]) <= 2  # what it is, then what is in it
+
+
+@pytest.mark.parametrize(
+    "note",
+    [
+        b"", b"\xff\xfe", b"[]", b"{}", b"[" * 10_000, b'{"from": 5}', b'{"from": "x", "dvtcli": "0", "file": 3}',
+        b"x" * 50_000,
+        b'{"from": "\\u001b[31mred", "dvtcli": "9.9", "file": [1, 2], "says": {}}',
+    ],
+    ids=range(9),
+)  # fmt: skip
+def test_a_note_that_is_wrong_counts_as_none(note: bytes, offline: Bench) -> None:
+    write("a.eds", text())
+    offline.run("eds add a.eds")
+    about = next((folder() / "about").iterdir())
+    about.write_bytes(note)
+    shown = offline.run("eds list")
+    assert (shown.code, "\x1b[31m" in shown.stdout) == (0, False)
+    about.write_bytes(note)
+    assert offline.run("eds list --json").document["files"][0]["product"] == "pump"
+    assert json.loads(about.read_text("utf-8"))["says"]["product_name"] == "pump"
+
+
+@pytest.mark.parametrize("key", ["vendor_id", "product_name", "objects"])
+def test_a_note_with_a_value_of_another_kind_counts_as_none(key: str, offline: Bench) -> None:
+    write("a.eds", text())
+    offline.run("eds add a.eds")
+    about = next((folder() / "about").iterdir())
+    said = json.loads(about.read_text("utf-8"))
+    said["says"][key] = [1]
+    about.write_text(json.dumps(said), "utf-8")
+    assert offline.run("eds list --json").document["files"][0]["product"] == "pump"
+
+
+@pytest.mark.skipif(sys.platform == "win32" or getattr(os, "geteuid", lambda: 1)() == 0, reason="nobody is kept out")
+def test_a_library_that_cannot_be_written_is_read_all_the_same(offline: Bench) -> None:
+    write("a.eds", text())
+    offline.run("eds add a.eds")
+    for path in (folder() / "about").iterdir():
+        path.unlink()
+    (folder() / "about").rmdir()
+    folder().chmod(0o500)
+    try:
+        assert offline.run("eds list --json").document["files"][0]["product"] == "pump"
+        write("b.eds", text(product=9))
+        assert offline.run("eds add b.eds").code == 2
+    finally:
+        folder().chmod(0o700)
+
+
+def test_what_is_broken_in_the_library_is_said_in_the_list(offline: Bench) -> None:
+    write("a.eds", text())
+    offline.run("eds add a.eds")
+    stored_place((VENDOR, PRODUCT, 0x10001), "a.eds").write_text("gone", "utf-8")
+    (folder() / "by-hand.eds").write_text(text(), "utf-8")
+    ran = offline.run("eds list")
+    assert ran.code == 0
+    assert "a.eds is not an EDS or DCF file" in ran.stdout
+    assert "1 file there no `eds add` put there" in ran.stdout
+
+
+def test_names_from_files_cannot_bend_the_screen(offline: Bench) -> None:
+    write("odd\x1b[2Jname.eds", text(name="red\x1b[31m"))
+    assert offline.run("eds add .").code == 0
+    assert "\x1b" not in offline.run("eds list").stdout
+    assert "\x1b" not in offline.run("eds add .").stdout
+
+
+def test_doctor_says_where_they_are(offline: Bench) -> None:
+    write("a.eds", text())
+    offline.run("eds add a.eds")
+    checks = offline.run("doctor --json").document["checks"]
+    assert [one["text"] for one in checks if one["check"] == "EDS files"] == [f"1 in {folder()}: eds list shows them"]
+
+
+@given(
+    st.lists(st.sampled_from([0, 0x10000, 0x10001, 0x10005, 0x20000]), max_size=6), st.integers(0, 0x20001) | st.none()
+)
+def test_the_file_that_is_taken_fits_best(revisions: list[int], revision: int | None) -> None:
+    files = [StoredFile(Path(f"{n}.eds"), VENDOR, PRODUCT, one) for n, one in enumerate(revisions)]
+    found = match([*files, StoredFile(Path("x.eds"), VENDOR, PRODUCT + 1, 0)], VENDOR, PRODUCT, revision)
+    if not revisions:
+        assert found is None
+        return
+    assert found is not None
+    taken = found.file.revision
+    if revision in revisions:
+        assert taken == revision
+    elif revision is not None and any(one and one >> 16 == revision >> 16 for one in revisions):
+        assert taken == max(one for one in revisions if one and one >> 16 == revision >> 16)
+    elif revision is not None and 0 in revisions:
+        assert taken == 0
+    else:
+        assert taken == max(revisions)
+    differs = bool(taken) and revision is not None and taken != revision
+    assert ("on the device" in found.note) == differs
+
+
+def test_every_real_file_is_found_by_its_own_identity_or_named(pytestconfig: pytest.Config, offline: Bench) -> None:
+    paths = real_files(pytestconfig, (".eds", ".dcf", ".xdd", ".xdc"))
+    if not paths:
+        pytest.skip("--eds-corpus names no folder")
+    ran = offline.run(f'eds add "{paths[0].parent}" --json')
+    rows = {row["file"]: row for row in ran.document["files"]}
+    assert set(rows) == {str(path) for path in paths}
+    listed = {row["file"] for row in offline.run("eds list --json").document["files"]}
+    for path in paths:
+        row = rows[str(path)]
+        if row["outcome"] == "refused":
+            with pytest.raises(InputFileError):
+                _own_find(path)
+            assert row["hint"]
+        else:
+            found = _own_find(path)
+            assert found.path.read_bytes() == path.read_bytes()
+            assert {row["kept"], str(found.path)} <= listed
+
+
+def _own_find(path: Path) -> StoredFile:
+    from dvtcli.files.device_library.stored_files import stored_files
+
+    info = read_device_file(path).dictionary.info
+    found = match(stored_files(), info.vendor_id or 0, info.product_code or 0, info.revision_number)
+    if found is None or info.product_code is None:
+        raise InputFileError(f"{path} is not found by its identity")
+    return found.file
