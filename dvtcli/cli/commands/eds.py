@@ -98,7 +98,7 @@ def command(
     if not files and action != "list":
         raise click.UsageError("Missing argument '[FILE...]'.")
     if action == "check":
-        from dvtcli.operations.eds_files import check_eds
+        from dvtcli.operations.known_devices.eds_files import check_eds
 
         return check_eds(files, only, without, strict=strict, family=session.options.profile)
     if only or without or strict or session.output.format in SPECIAL_FORMATS:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from dvtcli.errors import UsageError
 from dvtcli.operations.api.checks import flags, path, whole
 from dvtcli.operations.api.hints import python_words
-from dvtcli.operations.options import Options
+from dvtcli.operations.user.options import Options
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import LibraryAdded, LibraryListing
@@ -19,7 +19,7 @@ _U32 = 0xFFFF_FFFF
 def eds_library() -> LibraryListing:
     """The device files by which nodes are recognised, as `dvtcli eds add` keeps them; a list of rows."""
     from dvtcli.operations.eds_library.list_files import list_files
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
 
     with python_words(), Session() as session:
         return list_files(session)
@@ -40,7 +40,7 @@ def add_eds(
     cannot be written.
     """
     from dvtcli.operations.eds_library.add_files import add_files
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
 
     flags(dry_run=dry_run)
     chosen = tuple(str(path("files", file)) for file in files)

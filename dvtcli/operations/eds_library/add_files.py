@@ -18,13 +18,13 @@ from dvtcli.files.device_library.stored_files import StoredFile, folder, stored_
 from dvtcli.files.eds.bounds import MOST_BYTES
 from dvtcli.operations.eds_library.sought_files import Sought, sought_files
 from dvtcli.operations.results.library_files import ADDED, REFUSED, REPLACED, THERE, AddedFile, LibraryAdded
-from dvtcli.operations.save_script import write_bytes
+from dvtcli.operations.session.save_script import write_bytes
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from dvtcli.domain.object_dictionary import ObjectDictionary
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
 
 #: vendor, product, revision (0: none)
 Identity = tuple[int, int, int]

@@ -13,7 +13,7 @@ from dvtcli.operations.eds_library.add_files import remember
 from dvtcli.operations.results.library_files import LibraryListing, LibraryRow
 
 if TYPE_CHECKING:
-    from dvtcli.operations.session import Session
+    from dvtcli.operations.session.session import Session
 
 _IDENTITY = re.compile(r"[0-9A-F]{8}-[0-9A-F]{8}(-[0-9A-F]{8})?", re.IGNORECASE)
 
@@ -130,6 +130,6 @@ def _row(number: int, one: StoredFile) -> LibraryRow:
 
 def _describe(one: StoredFile, origin: str) -> Described:
     """What is in the file, read now, and noted for the next time."""
-    from dvtcli.operations.simulated_nodes import read_dictionary
+    from dvtcli.operations.opening.simulated_nodes import read_dictionary
 
     return remember(one, origin, read_dictionary(one.path))

@@ -9,7 +9,7 @@ from pathlib import Path
 from dvtcli.errors import UsageError
 from dvtcli.files.device_file import DEVICE_SUFFIXES
 from dvtcli.files.device_library.stored_files import folder
-from dvtcli.operations.options import is_file
+from dvtcli.operations.user.options import is_file
 
 #: More than any collection of device files has, and looked through in a second.
 _MOST_FILES = 20_000

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from dvtcli.device.read_pdos import read_identity, read_optional
 from dvtcli.device.seen_state import HEARTBEAT_TIME
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
-from dvtcli.operations.identify import SaidOfItself, device_name, silent
+from dvtcli.operations.nodes.identify import SaidOfItself, device_name, silent
 from dvtcli.operations.results import NodeListing, NodeRow
 
 if TYPE_CHECKING:

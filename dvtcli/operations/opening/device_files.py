@@ -23,8 +23,8 @@ from dvtcli.files.profile.library import (
     profile_names,
     profile_of,
 )
-from dvtcli.operations.options import Options
-from dvtcli.operations.simulated_nodes import SIMULATED, FileChoice, Simulated, read_dictionary, simulated_nodes
+from dvtcli.operations.opening.simulated_nodes import SIMULATED, FileChoice, Simulated, read_dictionary, simulated_nodes
+from dvtcli.operations.user.options import Options
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +78,7 @@ class DeviceFiles:
         for one in self.simulated:
             if one.node_id == node_id:
                 return FileChoice(one.eds, SIMULATED)
-        from dvtcli.operations.eds_library.file_choice import found_file
+        from dvtcli.operations.opening.file_choice import found_file
 
         return found_file(said or self.memory(node_id))
 

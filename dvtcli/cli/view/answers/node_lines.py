@@ -77,7 +77,7 @@ def _node_detail(row: NodeRow) -> Iterator[Line]:
 
 def _found_by(row: NodeRow) -> str:
     """Why the file describes it, where that is a question."""
-    from dvtcli.operations.simulated_nodes import SIMULATED
+    from dvtcli.operations.opening.simulated_nodes import SIMULATED
 
     return "" if row.eds_why == SIMULATED else row.eds_why
 

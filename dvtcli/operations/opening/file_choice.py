@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from dvtcli.device.read_pdos import read_identity
-from dvtcli.operations.simulated_nodes import FileChoice
+from dvtcli.operations.opening.simulated_nodes import FileChoice
 
 if TYPE_CHECKING:
     from dvtcli.domain.ports import SdoReader
