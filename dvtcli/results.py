@@ -25,6 +25,7 @@ from dvtcli.operations.results.nodes import Commanded, NodeListing, NodeRow, Syn
 from dvtcli.operations.results.pdos import MappedName, PdoListing, PdoRow
 from dvtcli.operations.results.programs import ProgramLoaded
 from dvtcli.operations.results.records import EntryUnread, RecordRead
+from dvtcli.operations.results.sent import FramesSent, Replayed
 from dvtcli.operations.results.stores import Stored
 from dvtcli.operations.results.sync_producers import SyncCheck, SyncSource
 from dvtcli.operations.results.values import ObjectListing, ObjectRow, ValueRead
@@ -47,6 +48,7 @@ __all__ = [
     "FileRule",
     "Finding",
     "Frame",
+    "FramesSent",
     "LearnForecast",
     "LearntDevice",
     "LibraryAdded",
@@ -84,6 +86,7 @@ __all__ = [
     "Progress",
     "Proof",
     "RecordRead",
+    "Replayed",
     "Step",
     "Stored",
     "SyncCheck",

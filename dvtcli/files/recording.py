@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 import struct
 import zlib
 from collections.abc import Iterator
+from dataclasses import dataclass
 from io import TextIOWrapper
 from pathlib import Path
 from types import TracebackType
@@ -38,6 +40,9 @@ _BROKEN = (
 )  # fmt: skip
 #: the times that frames may have, in seconds since 1970: those of the years 1653 to 5138
 _FIRST_S, _LAST_S = -1e10, 1e11
+_MOST_BYTES = 8
+#: candump's CAN-IDs with the error flag (linux/can.h)
+_ERROR_FRAME = re.compile(r" [2367][0-9A-F]{7}#", re.I)
 #: what the writers leave out, by suffix
 _NO_REMOTE = (".trc",)
 
@@ -196,8 +201,30 @@ class _CountedLines(TextIOWrapper):
         return text
 
 
+class _CandumpLines(_CountedLines):
+    """candump's lines: python-can knows one kind of error frame, and takes the others for data; they become that."""
+
+    def __next__(self) -> str:  # type: ignore[override]
+        return _ERROR_FRAME.sub(r" 20000080#", super().__next__())
+
+
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """One frame of a recording, with the name of the *channel* it came from; an *error* frame, or one of CAN *fd*."""
+
+    frame: Frame
+    channel: str = ""
+    error: bool = False
+    fd: bool = False
+
+
 def read_recording(path: Path) -> Iterator[Frame]:
-    """The frames of *path* in its order; error frames are left out.
+    """The frames of *path* in its order; error frames are left out. Errors as `read_recorded`."""
+    return (one.frame for one in read_recorded(path) if not one.error)
+
+
+def read_recorded(path: Path) -> Iterator[Recorded]:
+    """All that is in *path*, in its order.
 
     UsageError where the file is missing or its format unknown; InputFileError, with the line where it is known, where
     it is damaged or holds no frame.
@@ -211,7 +238,9 @@ def read_recording(path: Path) -> Iterator[Frame]:
                 if not message.is_error_frame:
                     _refuse_no_date(message.timestamp)
                     count += 1
-                    yield frame_of(message)
+                channel = "" if message.channel is None else str(message.channel)
+                fd = message.is_fd or len(message.data) > _MOST_BYTES
+                yield Recorded(frame_of(message), channel, message.is_error_frame, fd)
         except (*_BROKEN, can.CanError) as wrong:
             raise _damaged(path, source, count, wrong) from wrong
     if not count:
@@ -240,7 +269,8 @@ def _opened(path: Path) -> BinaryIO:
 def _source(suffix: str, raw: Any, path: Path) -> Any:
     """What the format's reader takes: lines that are counted, the open file, or its path."""
     if suffix in _TEXT:
-        return _CountedLines(raw, encoding="utf-8", errors="replace")
+        kind = _CandumpLines if suffix == ".log" else _CountedLines
+        return kind(raw, encoding="utf-8", errors="replace")
     return raw if suffix == ".blf" else str(path)
 
 

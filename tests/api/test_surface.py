@@ -24,7 +24,8 @@ PUBLIC = {
     ],
     "Bus": [
         "apply", "check", "check_sync", "close", "dry_run", "finish_stores", "import_network", "is_dry_run", "link",
-        "load", "lss", "name", "node", "plan", "recover", "report", "scan", "script", "sync",
+        "load", "lss", "name", "node", "plan", "recover", "replay", "report", "scan", "script", "send",
+        "sync",
         "unlink",
     ],
     "Lss": ["assign", "bit_rate", "identify", "node_id", "scan", "select", "store"],
@@ -36,14 +37,14 @@ PUBLIC = {
     "results": [
         "AddedFile", "Changed", "CobId", "Commanded", "Compared", "Difference", "EntryUnread", "FaultRow", "Faults",
         "FileFinding",
-        "FileReport", "FileReports", "FileRule", "Finding", "Frame", "LearnForecast", "LearntDevice",
+        "FileReport", "FileReports", "FileRule", "Finding", "Frame", "FramesSent", "LearnForecast", "LearntDevice",
         "LibraryAdded", "LibraryListing", "LibraryRow", "LoggedIn",
         "LssAddress", "LssBitRate", "LssChanged", "LssFound", "LssGiven", "LssNode", "MappedName", "Message",
         "NetworkApplied", "NetworkLoad",
         "NetworkPlanned", "NodeListing", "NodeRow", "ObjectDifference", "ObjectListing", "ObjectRow",
         "Pdo", "PdoCommunicationParameter",
         "PdoConfig", "PdoListing", "PdoMappingEntry", "PdoRow", "PinRow", "Plan", "ProfileListing", "ProfileRow",
-        "ProfileShown", "ProgramLoaded", "Progress", "Proof", "RecordRead", "Step", "Stored", "SyncCheck",
+        "ProfileShown", "ProgramLoaded", "Progress", "Proof", "RecordRead", "Replayed", "Step", "Stored", "SyncCheck",
         "SyncSource", "Synced", "ValueRead", "VpdoListing", "VpdoRow", "WholeCompared",
     ],
     "testing": [

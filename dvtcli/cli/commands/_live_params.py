@@ -74,3 +74,46 @@ class LogFilterType(CanopenType):
         if not (0 <= can_id <= 0x1FFF_FFFF and 0 <= mask <= 0x1FFF_FFFF):
             raise ValueError(f"{text}: a CAN-ID has at most 29 bits")
         return can_id, mask
+
+
+class SinceType(CanopenType):
+    """A time in seconds from a recording's first frame on, 0 and more."""
+
+    name = "s"
+
+    def parse(self, text: str, ctx: click.Context | None) -> float:
+        """The time; ValueError where it is none."""
+        return _number(text, "a time in seconds", 1e9)
+
+
+class RateType(CanopenType):
+    """How many times as fast, 0…1000."""
+
+    name = "rate"
+
+    def parse(self, text: str, ctx: click.Context | None) -> float:
+        """The rate; ValueError where it is none."""
+        return _number(text, "how many times as fast", 1000.0)
+
+
+def _number(text: str, what: str, most: float) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        raise ValueError(f"{text!r} is not {what}") from None
+    if not 0 <= value <= most:
+        raise ValueError(f"{text} is not {what}, 0…{most:g}")
+    return value
+
+
+class FrameFilterType(CanopenType):
+    """Which frames are meant, as `domain.frame_filter` takes it."""
+
+    name = "frames"
+
+    def parse(self, text: str, ctx: click.Context | None) -> str:
+        """The text itself; ValueError where it means nothing."""
+        from dvtcli.domain.frame_filter import frame_filter
+
+        frame_filter(text)
+        return text

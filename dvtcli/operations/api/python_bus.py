@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from dvtcli.errors import UsageError
 from dvtcli.operations.api.calls import Calls
 from dvtcli.operations.api.checks import flags, number, path, seconds, whole, word
-from dvtcli.operations.api.network_calls import NetworkCalls
+from dvtcli.operations.api.frame_calls import FrameCalls
 from dvtcli.operations.api.python_node import Node
 from dvtcli.operations.opening.simulated_nodes import read_dictionary
 from dvtcli.operations.session.session import Session
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     )
 
 
-class Bus(NetworkCalls):
+class Bus(FrameCalls):
     """An open CAN bus; a context manager that leaves it.
 
     Made by `connect` and `simulate`. One call at a time is at work on a bus: calls of several threads wait for their

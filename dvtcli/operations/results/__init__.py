@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.results.pdos import *  # noqa: F403
     from dvtcli.operations.results.programs import *  # noqa: F403
     from dvtcli.operations.results.records import *  # noqa: F403
+    from dvtcli.operations.results.sent import *  # noqa: F403
     from dvtcli.operations.results.stores import *  # noqa: F403
     from dvtcli.operations.results.sync_producers import *  # noqa: F403
     from dvtcli.operations.results.values import *  # noqa: F403

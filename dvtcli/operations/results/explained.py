@@ -11,6 +11,9 @@ from dvtcli.domain.wall_clock import utc
 from dvtcli.operations.results.documents import Answer, Document, hex_bytes
 from dvtcli.watch.explain.parts import FramePart
 
+#: what is in a frame for the protocol's sake
+_ASIDE = frozenset({"index", "reserved", "n: bytes without data", "e: transfer type", "s: size", "without data", "c"})
+
 
 def part_document(part: FramePart) -> Document:
     """One element of `parts` in `dvtcli.explain/1`."""
@@ -39,6 +42,18 @@ class FrameExplained(Answer):
     node: int | None
     parts: tuple[FramePart, ...]
     exit_code: int = 0
+
+    @property
+    def what(self) -> str:
+        """What it is, and of which node."""
+        kind = "remote request of " if self.frame.remote else ""
+        return f"{kind}{self.label}{f', node {self.node}' if self.node else ''}"
+
+    @property
+    def short(self) -> str:
+        """What it says in one line: its service's word, its object, its value; not the protocol's own bits."""
+        said = ((f"{part.object} {part.text}".strip(), part) for part in self.parts)
+        return ", ".join(words for words, part in said if words and not part.in_id and part.name not in _ASIDE)
 
     def document(self) -> Document:
         """`dvtcli.explain/1`."""

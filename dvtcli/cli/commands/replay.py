@@ -1,0 +1,67 @@
+"""Send a recording again, in its own time, faster or slower, as a whole or in part."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.commands._decoding_options import decoding_options
+from dvtcli.cli.commands._live_params import FrameFilterType, RateType, SinceType
+from dvtcli.cli.effect import Effect
+from dvtcli.cli.params import FILE, TEXT, NumberType
+
+if TYPE_CHECKING:
+    from dvtcli.operations.results import Replayed
+    from dvtcli.operations.session.session import Session
+
+TASK = ("Frames", 40)
+
+
+@click.command("replay", cls=DvtCommand, short_help=__doc__, effect=Effect.COMMANDS)
+@click.argument("file", type=FILE)
+@click.option(
+    "--rate", type=RateType(), default=1.0, metavar="N", help="N times as fast; 0: as the load limit lets [1]."
+)
+@click.option("--from", "from_s", type=SinceType(), metavar="S", help="From S seconds behind its first frame on.")
+@click.option("--to", "to_s", type=SinceType(), metavar="S", help="Up to S seconds behind its first frame.")
+@click.option(
+    "--filter", "only", type=FrameFilterType(), multiple=True, metavar="FRAMES",
+    help="Only these, repeatable: 181, 180-1FF, 180:780, node=5, 5:tpdo1, sdo.",
+)  # fmt: skip
+@click.option("--without", type=FrameFilterType(), multiple=True, metavar="FRAMES", help="Not these, as --filter.")
+@click.option(
+    "--from-channel", "channel", type=TEXT, metavar="NAME", help="Only what was recorded on that channel, or all."
+)
+@click.option("--loop", "loops", type=NumberType(1, 1_000_000, "a count"), default=1, metavar="N", help="N times [1].")
+@decoding_options
+@click.pass_obj
+def command(
+    session: Session,
+    /,
+    file: str,
+    rate: float,
+    from_s: float | None,
+    to_s: float | None,
+    dbc: str | None,
+    nodes: tuple[int, ...] | None,
+    **part: Any,
+) -> Replayed:
+    """Send the frames of FILE (.asc .blf .log .trc .mf4) as long after one another as they were recorded.
+
+    It asks once, with a list, before what nodes act on, as send does; --without nmt --without sdo leaves the worst out.
+    --dry-run shows it as a table and sends nothing. CAN FD and error frames are left out. While a node is OPERATIONAL,
+    with --rate 0 always, the bus is kept at --bus-share (50 %) where its bit rate is known.
+
+    \b
+    replay run.log --dry-run
+    replay run.log --yes
+    replay run.asc --filter 281 --rate 10 --yes
+    replay run.blf --from 1 --to 2 --without sdo --loop 2 --rate 0 --yes
+    """
+    from dvtcli.operations.frames.replay_recording import Choice, replay_recording
+
+    choice = Choice(rate, from_s or 0.0, float("inf") if to_s is None else to_s, **part)
+    return replay_recording(session, Path(file), choice, nodes or (), dbc)

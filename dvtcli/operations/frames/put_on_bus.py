@@ -1,0 +1,125 @@
+"""Frames put on the bus, each when it is due: counted, timed, and held back where the bus would be too busy.
+
+Asks nobody: whoever calls this has asked. Does not know why a frame is sent, nor when it should be.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from dvtcli.bus.bus_share import KeptShare
+from dvtcli.bus.watched_bus import DEFAULT_SHARE_PERCENT, NMT_CAN_ID
+from dvtcli.domain.nmt import NmtCommand, NmtState
+from dvtcli.errors import DvtcliError
+from dvtcli.operations.results.sent import Outcome
+from dvtcli.watch.lateness import Lateness
+
+if TYPE_CHECKING:
+    from dvtcli.domain.ports import Frame
+    from dvtcli.operations.session.session import Session
+
+#: how long is waited in one go (s): how long a Ctrl-C is not seen
+_TICK_S = 0.05
+#: how long the controller may take to complain of the last frame (s)
+_SETTLE_S = 0.05
+#: how often it is looked whether a machine may be running (s)
+_LOOK_S = 0.1
+_ALL = 100
+
+
+def put_on_bus(
+    session: Session, due: Iterable[tuple[float | None, Frame]], wanted: int, *, always_share: bool = False
+) -> Outcome:
+    """Send each of *due* as soon as its time (s, from now; None: at once) has come; *wanted* is how many there are.
+
+    It ends with the last one, when the session is cancelled, or when the bus, or what *due* comes from, fails. While a
+    node is, or may be, OPERATIONAL, with *always_share* at any time, the load stays within --bus-share (50 %) as far as
+    the bit rate is known.
+    """
+    putting = _Putting(session, always_share=always_share)
+    told_s = began_s = putting.bus.now_s()
+    errors = putting.bus.error_frame_count()
+    with session.cancellation.guard():
+        try:
+            for due_s, frame in due:
+                if not putting.put(frame, None if due_s is None else began_s + due_s):
+                    break
+                if putting.last_s - told_s >= 1:
+                    told_s = putting.last_s
+                    session.tell.progress(f"{putting.sent} of {wanted} frames sent", putting.sent, wanted)
+            ended_s = putting.last_s
+            putting.bus.sleep(_SETTLE_S)
+        except DvtcliError as failed:
+            putting.failure, ended_s = failed, putting.last_s
+        finally:
+            putting.close()
+    for node in session.met_nodes():  # whatever was read of it may be old, its state, too
+        (node.commanded if putting.commanded else node.read_anew)()
+    cancelled = session.cancellation.requested and putting.sent < wanted
+    return Outcome(
+        wanted, putting.sent, max(0.0, ended_s - putting.first_s), putting.late.most_s, putting.late.nearly_all_s(),
+        error_frames=putting.bus.error_frame_count() - errors, failure=putting.failure,
+        interrupted=session.cancellation.exit_code if cancelled else 0,
+    )  # fmt: skip
+
+
+class _Putting:
+    """The way of frames to the bus, and what became of them."""
+
+    def __init__(self, session: Session, *, always_share: bool) -> None:
+        self.bus = session.open_network().bus
+        self.sent, self.late = 0, Lateness()
+        self.first_s = self.last_s = self.bus.now_s()
+        self.failure: DvtcliError | None = None
+        #: whether an NMT command was among them
+        self.commanded = False
+        self._met = set(session.seen_nodes())
+        self._cancellation = session.cancellation
+        self._always = always_share
+        self._percent = session.options.bus_share or DEFAULT_SHARE_PERCENT
+        self._share = None if self.bus.bitrate is None else KeptShare(self.bus, self.bus.bitrate)
+        self._looked_s, self._runs = float("-inf"), False
+
+    def put(self, frame: Frame, due_s: float | None) -> bool:
+        """Send *frame* at *due_s* or as soon as it may be; False where that was not to be any more."""
+        while due_s is not None and (left_s := due_s - self.bus.now_s()) > 0:
+            if self._cancellation.requested:
+                return False
+            self.bus.sleep(min(left_s, _TICK_S))
+        self._keep_share()
+        if self._cancellation.requested:
+            return False
+        now_s = self.bus.now_s()
+        self._send(frame)
+        self.sent += 1
+        self.first_s, self.last_s = now_s if self.sent == 1 else self.first_s, now_s
+        if due_s is not None:
+            self.late.add(now_s - due_s)
+        return True
+
+    def _send(self, frame: Frame) -> None:
+        """A well-formed NMT command goes the way of one, so that what was heard of the nodes' states is forgotten."""
+        if (
+            frame.can_id == NMT_CAN_ID and not frame.extended and not frame.remote and len(frame.data) == 2
+            and frame.data[0] in set(NmtCommand) and frame.data[1] <= 127
+        ):  # fmt: skip
+            self.commanded = True
+            self.bus.send_nmt(NmtCommand(frame.data[0]), frame.data[1])
+        else:
+            self.bus.send(frame)
+
+    def _keep_share(self) -> None:
+        if self._share is None or self._percent >= _ALL:
+            return
+        now_s = self.bus.now_s()
+        if now_s - self._looked_s >= _LOOK_S:
+            self._looked_s = now_s
+            heard = self.bus.heard_nodes()  # one of which nobody knows the state may run
+            self._runs = self._always or NmtState.OPERATIONAL in heard.values() or not self._met <= heard.keys()
+        self._share.wait(self._percent if self._runs else 0)
+
+    def close(self) -> None:
+        """Measure the load no longer."""
+        if self._share is not None:
+            self._share.wait(0)

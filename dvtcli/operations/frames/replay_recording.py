@@ -1,0 +1,251 @@
+"""A recording sent again, in its own time or another: chosen, shown as a table, asked about once, and sent."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.frame_filter import FrameFilter, frame_filter
+from dvtcli.domain.several import plural, several
+from dvtcli.errors import SafetyRefusal, UsageError
+from dvtcli.files.recording import check_readable, read_recorded
+from dvtcli.operations.frames.known_parties import KnownParties
+from dvtcli.operations.frames.layouts import open_wire
+from dvtcli.operations.results.sent import FramesToReplay, Outcome, Replayed
+from dvtcli.watch.frame_effect import effects
+
+if TYPE_CHECKING:
+    from dvtcli.domain.ports import CanopenBus, Frame
+    from dvtcli.files.recording import Recorded
+    from dvtcli.operations.session.session import Session
+    from dvtcli.watch.decoder import Decoder
+
+#: rows of the table that are shown before it is asked
+_MOST_ROWS = 40
+#: between two passes of a recording that is one frame (s)
+_ALONE_S = 0.1
+ALL = "all"
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """Which part of a recording is meant, and how it is sent.
+
+    *rate* is how many times as fast as it was recorded, 0 for as fast as the load limit lets; *from_s* and *to_s* are
+    seconds from its first frame on; *only* and *without* are as `frame_filter` takes them; *channel* is a name that the
+    recording has, `all` for every one; *loops* is how often it is sent.
+    """
+
+    rate: float = 1.0
+    from_s: float = 0.0
+    to_s: float = float("inf")
+    only: Sequence[str] = ()
+    without: Sequence[str] = ()
+    channel: str | None = None
+    loops: int = 1
+
+
+def replay_recording(
+    session: Session, path: Path, choice: Choice, nodes: Sequence[int] = (), file: str | None = None
+) -> Replayed:
+    """Send what *choice* means of the recording at *path*, each frame as long after the first as it was recorded.
+
+    A frame that is late makes no other one late. CAN FD and error frames are left out and counted. Consent is asked
+    once, as by `send_frames`, with a table of what would be sent. UsageError for a suffix that is no format, or where
+    nothing of it is meant; InputFileError where the file is none of that format; SafetyRefusal without consent, or
+    where the file changes meanwhile. A dry run sends none.
+    """
+    filters = [frame_filter(text) for text in choice.only], [frame_filter(text) for text in choice.without]
+    check_readable(path)
+    bus = open_wire(session)
+    _require_limit(bus, choice)
+    known = KnownParties(session, nodes, file)
+    part = _Part(path, choice, filters, known.decoder, remote=bus.carries_remote_frames)
+    found = part.summed_up()
+    rows = _rows(found, known)
+    if not session.options.yes and not all(row.effects for row in rows):
+        known.look_around()
+        rows = _rows(found, known)
+    wanted = found.count * choice.loops
+    left_out = tuple((reason, count) for reason, count in found.left_out.items() if count)
+    if session.dry_run:
+        return Replayed(str(path), rows, Outcome(wanted), left_out, dry_run=True)
+    _ask(session, path, choice, found, rows)
+    from dvtcli.operations.frames.put_on_bus import put_on_bus
+
+    outcome = put_on_bus(session, part.due(found), wanted, always_share=not choice.rate)
+    return Replayed(str(path), rows, outcome, left_out)
+
+
+def _require_limit(bus: CanopenBus, choice: Choice) -> None:
+    if not choice.rate and bus.bitrate is None and not bus.simulated:
+        raise UsageError(
+            f"--rate 0 fills the bus up to a share of it, and the bit rate of {bus.name} is not known",
+            hint="-b says it; or give another --rate",
+        )
+
+
+#: frames that are told as one: CAN-ID, extended, remote, and the bytes that say what nodes make of it
+_Kind = tuple[int, bool, bool, bytes]
+
+
+@dataclass(slots=True)
+class _Found:
+    """What one pass found: how many frames of each kind, when the first and the last one were, what was left out."""
+
+    kinds: Counter[_Kind] = field(default_factory=Counter)
+    left_out: Counter[str] = field(default_factory=Counter)
+    channels: set[str] = field(default_factory=set)
+    first_s: float = 0.0
+    last_s: float = 0.0
+
+    @property
+    def count(self) -> int:
+        return self.kinds.total()
+
+    def pass_s(self, rate: float) -> float:
+        """How long one pass takes: the first frame of the next one comes a mean distance behind the last."""
+        if not rate:
+            return 0.0
+        span_s = self.last_s - self.first_s
+        return (span_s + (span_s / (self.count - 1) if self.count > 1 else _ALONE_S)) / rate
+
+
+class _Part:
+    """The frames of a recording that are meant."""
+
+    def __init__(
+        self, path: Path, choice: Choice, filters: tuple[list[FrameFilter], list[FrameFilter]], decoder: Decoder,
+        *, remote: bool,
+    ) -> None:  # fmt: skip
+        self._path, self._choice, self._decoder, self._remote = path, choice, decoder, remote
+        self._only, self._without = filters
+        self._state = _state(path)
+
+    def summed_up(self) -> _Found:
+        """What is meant of it; UsageError where that is nothing, or of several channels of which none was said."""
+        found = _Found()
+        late_s = float("-inf")
+        for frame, channel in self._frames(found.left_out):
+            if not found.kinds:
+                found.first_s = frame.timestamp_s
+            late_s = found.last_s = max(late_s, frame.timestamp_s)
+            found.kinds[_kind(frame)] += 1
+            found.channels.add(channel)
+        if not found.count:
+            said = ", ".join(f"{count} {reason}" for reason, count in found.left_out.items() if count)
+            raise UsageError(
+                f"nothing of {self._path.name} is to be sent: {said}", hint="decode FILE shows what it holds"
+            )
+        if self._choice.channel is None and len(found.channels) > 1:
+            named = several(sorted(found.channels))
+            raise UsageError(
+                f"{self._path.name} has frames of several channels: {named}",
+                hint=f"--from-channel {min(found.channels)} chooses one, --from-channel all sends them all",
+            )
+        return found
+
+    def due(self, found: _Found) -> Iterator[tuple[float | None, Frame]]:
+        """Each frame with when it is due (s from the first one on; None: at once); SafetyRefusal for a changed file."""
+        rate, pass_s = self._choice.rate, found.pass_s(self._choice.rate)
+        for number in range(self._choice.loops):
+            if _state(self._path) != self._state:
+                raise _changed(self._path)
+            due_s = 0.0
+            left = Counter(found.kinds)
+            for frame, _ in self._frames(Counter()):
+                kind = _kind(frame)
+                left[kind] -= 1
+                if left[kind] < 0:
+                    raise _changed(self._path)
+                if not rate:
+                    yield None, frame
+                    continue
+                due_s = max(due_s, (frame.timestamp_s - found.first_s) / rate)
+                yield number * pass_s + due_s, frame
+
+    def _frames(self, left_out: Counter[str]) -> Iterator[tuple[Frame, str]]:
+        """What is meant, each with its channel; the others are counted in *left_out*."""
+        began_s: float | None = None
+        for one in read_recorded(self._path):
+            reason = self._cannot(one)
+            if not one.error and began_s is None:
+                began_s = one.frame.timestamp_s
+            if not reason and began_s is not None:
+                reason = self._unmeant(one, one.frame.timestamp_s - began_s)
+            if reason:
+                left_out[reason] += 1
+            else:
+                yield one.frame, one.channel
+
+    def _cannot(self, one: Recorded) -> str:
+        if one.error:
+            return "error frames"
+        if one.fd:
+            return "CAN FD frames"
+        return "remote frames, which the bus does not carry" if one.frame.remote and not self._remote else ""
+
+    def _unmeant(self, one: Recorded, at_s: float) -> str:
+        choice = self._choice
+        if choice.channel not in (None, ALL, one.channel):
+            return "of other channels"
+        if not choice.from_s <= at_s <= choice.to_s:
+            return "before --from or behind --to"
+        if not self._only and not self._without:
+            return ""
+        service = self._decoder.layout(one.frame).service
+        meant = not self._only or any(matches(one.frame, *service) for matches in self._only)
+        if not meant or any(matches(one.frame, *service) for matches in self._without):
+            return "not meant by --filter and --without"
+        return ""
+
+
+def _state(path: Path) -> tuple[int, int, int]:
+    """What tells that a file was not written since."""
+    found = path.stat()
+    return found.st_ino, found.st_size, found.st_mtime_ns
+
+
+def _changed(path: Path) -> SafetyRefusal:
+    return SafetyRefusal(f"{path} is another file than the one that was shown", hint="replay it when nobody writes it")
+
+
+def _kind(frame: Frame) -> _Kind:
+    """Frames of one kind do the same: an NMT command is told by both its bytes, an SDO request by its first."""
+    function = None if frame.extended else frame.can_id & ~0x7F
+    told = 2 if frame.can_id == 0 else 1 if function == 0x600 else 0
+    return frame.can_id, frame.extended, frame.remote, frame.data[:told]
+
+
+def _rows(found: _Found, known: KnownParties) -> tuple[FramesToReplay, ...]:
+    """A row for what does the same, by CAN-ID."""
+    from dvtcli.domain.ports import Frame
+
+    counted: Counter[tuple[int, bool, bool, str]] = Counter()
+    for (can_id, extended, remote, data), count in found.kinds.items():
+        said = effects(Frame(can_id, data, extended=extended, remote=remote), known.parties)
+        counted[can_id, extended, remote, said] += count
+    rows = []
+    for (can_id, extended, remote, said), count in sorted(counted.items()):
+        service = known.decoder.layout(Frame(can_id, b"", extended=extended)).service
+        rows.append(FramesToReplay(can_id, extended, remote, service.label, service.node, count, said))
+    return tuple(rows)
+
+
+def _ask(session: Session, path: Path, choice: Choice, found: _Found, rows: Sequence[FramesToReplay]) -> None:
+    """Show what would be sent, and ask where nodes act on some of it."""
+    for row in rows[:_MOST_ROWS]:
+        session.tell.note(row.text)
+    if len(rows) > _MOST_ROWS:
+        session.tell.note(f"and {plural(len(rows) - _MOST_ROWS, 'more row')}: --dry-run shows all")
+    asked = [row for row in rows if row.effects]
+    if asked:
+        said = several(f"0x{row.can_id:03X} {row.effects}" for row in asked)
+        often = f" {choice.loops} times" if choice.loops > 1 else ""
+        session.consent(
+            f"nodes act on {sum(row.count for row in asked)} of {found.count} frames of {path.name} ({said}); "
+            f"send them{often}?"
+        )

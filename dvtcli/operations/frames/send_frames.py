@@ -1,0 +1,102 @@
+"""Single frames sent, once or again and again: shown first, and asked about where nodes act on them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.several import plural
+from dvtcli.domain.typed_frame import frame_text
+from dvtcli.errors import UsageError
+from dvtcli.operations.frames.explain_frame import described_nodes, explained, parsed_frame
+from dvtcli.operations.frames.known_parties import KnownParties
+from dvtcli.operations.frames.layouts import open_wire
+from dvtcli.operations.results.sent import FramesSent, FrameToSend, Outcome
+from dvtcli.watch.frame_effect import effects
+
+if TYPE_CHECKING:
+    from dvtcli.domain.ports import CanopenBus, Frame
+    from dvtcli.operations.session.session import Session
+
+#: the time between two rounds where only their number, or the time for all of them, was said (s)
+EVERY_S = 0.1
+#: rounds of what is sent until it is broken off
+_FOREVER = 10**12
+
+
+def send_frames(
+    session: Session,
+    texts: Sequence[str],
+    every_s: float | None = None,
+    for_s: float | None = None,
+    count: int | None = None,
+    nodes: Sequence[int] = (),
+    file: str | None = None,
+) -> FramesSent:
+    """Send the frames in *texts*, once, or as often as *every_s*, *for_s* (s) and *count* say, and say what was sent.
+
+    Each is explained first; consent is asked once where nodes act on one of them: NMT, SYNC, TIME, SDO, LSS, EMCY and
+    heartbeats of nodes, and what a PDO of *nodes*, of the nodes that are known or heard, or of the network *file*
+    carries. UsageError where a text is no frame, or the bus does not carry it; SafetyRefusal without consent. A dry run
+    sends none.
+    """
+    frames = [parsed_frame(text) for text in texts]
+    rounds = _rounds(every_s, for_s, count)
+    _require_carried(open_wire(session), frames)
+    shown = _looked_at(session, frames, nodes, file)
+    wanted = rounds * len(frames)
+    for one in shown:
+        session.tell.note(f"{one.text}")
+    _ask(session, shown, rounds)
+    if session.dry_run:
+        return FramesSent(shown, Outcome(wanted), dry_run=True)
+    from dvtcli.operations.frames.put_on_bus import put_on_bus
+
+    return FramesSent(shown, put_on_bus(session, _due(frames, rounds, every_s or EVERY_S), wanted))
+
+
+def _rounds(every_s: float | None, for_s: float | None, count: int | None) -> int:
+    if for_s is not None and count is not None:
+        raise UsageError("a time and a count at once", hint="give --for or --count")
+    if count is not None:
+        return count
+    if for_s is not None:
+        return max(1, int(for_s / (every_s or EVERY_S) + 1e-9))
+    return 1 if every_s is None else _FOREVER
+
+
+def _require_carried(bus: CanopenBus, frames: Sequence[Frame]) -> None:
+    if any(frame.remote for frame in frames) and not bus.carries_remote_frames:
+        raise UsageError(
+            f"{bus.name} carries no remote frames: it would make data frames of them",
+            hint="an interface of this machine carries them",
+        )
+
+
+def _looked_at(
+    session: Session, frames: Sequence[Frame], nodes: Sequence[int], file: str | None
+) -> tuple[FrameToSend, ...]:
+    """Each frame with what it is and does; that nobody acts on one is said after listening for unknown nodes only."""
+    known = KnownParties(session, nodes, file)
+    if not session.options.yes and not all(effects(frame, known.parties) for frame in frames):
+        known.look_around()
+    described = described_nodes(session, file)
+    shown = []
+    for frame in frames:
+        one = explained(frame, known.decoder, described)
+        shown.append(FrameToSend(one, effects(frame, known.parties)))
+    return tuple(shown)
+
+
+def _ask(session: Session, shown: Sequence[FrameToSend], rounds: int) -> None:
+    said = [f"{frame_text(one.explained.frame)}: {one.effects}" for one in shown if one.effects]
+    if said:
+        often = "" if rounds == 1 else " until Ctrl-C" if rounds == _FOREVER else f" {rounds} times"
+        frames = "it" if len(shown) == 1 else plural(len(shown), "frame")
+        session.consent(f"{'; '.join(dict.fromkeys(said))}; send {frames}{often}?")
+
+
+def _due(frames: Sequence[Frame], rounds: int, every_s: float) -> Iterator[tuple[float, Frame]]:
+    for number in range(rounds):
+        for frame in frames:
+            yield number * every_s, frame

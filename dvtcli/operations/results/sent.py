@@ -1,0 +1,207 @@
+"""Frames that were sent, and recordings that were played, as answers. Knows no terminal and no session."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from dvtcli.domain.typed_frame import frame_text
+from dvtcli.errors import DvtcliError
+from dvtcli.operations.results.documents import Answer, Document
+from dvtcli.operations.results.explained import FrameExplained
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What became of *wanted* frames: *handed* to the interface within *seconds*, how late, and what went wrong.
+
+    *late_s* is the most, 99 % were at most *nearly_s* late; None where none had a time. *interrupted* is the exit code
+    of what was broken off.
+    """
+
+    wanted: int
+    handed: int = 0
+    seconds: float = 0.0
+    late_s: float | None = None
+    nearly_s: float | None = None
+    error_frames: int = 0
+    failure: DvtcliError | None = None
+    interrupted: int = 0
+
+    @property
+    def sent(self) -> int | None:
+        """How many are on the wire; None where error frames came meanwhile, so that nobody knows."""
+        return None if self.error_frames else self.handed
+
+    @property
+    def error(self) -> DvtcliError | None:
+        """What is to be said where not all of them are known to be sent."""
+        error: DvtcliError
+        if self.failure is not None:
+            failed = self.failure
+            error = type(failed)(failed.text, why=failed.why, hint=failed.hint, state="unknown")
+        elif self.error_frames:
+            error = DvtcliError(
+                f"{self.error_frames} error frames came meanwhile: which frames are on the wire is not known",
+                hint="is a node connected and powered, with this bit rate? -v shows what the controller says",
+                state="unknown",
+            )
+        else:
+            return None
+        error.state_text = f"{self.handed} of {self.wanted} frames were handed to the interface"
+        return error
+
+    @property
+    def exit_code(self) -> int:
+        """That of what failed (the bus: 5), 130 after Ctrl-C, 1 where nobody knows what was sent."""
+        if self.failure is not None:
+            return self.failure.exit_code
+        return self.interrupted or (1 if self.error_frames else 0)
+
+    def fields(self) -> Document:
+        """What documents of sent frames share."""
+        return {
+            "wanted": self.wanted,
+            "handed_over": self.handed,
+            "sent": self.sent,
+            "seconds": round(self.seconds, 6),
+            "late_max_ms": None if self.late_s is None else round(self.late_s * 1000, 3),
+            "late_p99_ms": None if self.nearly_s is None else round(self.nearly_s * 1000, 3),
+            "error_frames": self.error_frames,
+            "failure": None if self.failure is None else self.failure.text,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class FrameToSend:
+    """One frame, with what it may do to nodes (*effects*, empty where nobody is known to act on it)."""
+
+    explained: FrameExplained
+    effects: str
+
+    @property
+    def text(self) -> str:
+        """The frame, what it is, and what it says, in one line."""
+        one = self.explained
+        return f"{frame_text(one.frame)}  {one.what}{f': {one.short}' if one.short else ''}"
+
+    def document(self) -> Document:
+        """One element of `frames` in `dvtcli.send/1`."""
+        one = self.explained
+        return {
+            "frame": frame_text(one.frame),
+            "kind": one.kind,
+            "label": one.label,
+            "node": one.node,
+            "text": one.short,
+            "effects": self.effects,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class FramesSent(Answer):
+    """What became of the *frames*; true where all of them were sent."""
+
+    renderer: ClassVar = "sent_lines:sent_lines"
+
+    frames: tuple[FrameToSend, ...]
+    outcome: Outcome
+    dry_run: bool = False
+
+    def __bool__(self) -> bool:
+        return self.outcome.sent == self.outcome.wanted
+
+    @property
+    def exit_code(self) -> int:
+        """As `Outcome.exit_code`."""
+        return self.outcome.exit_code
+
+    @property
+    def failure(self) -> DvtcliError | None:
+        """What is to be said where not all were sent."""
+        return self.outcome.error
+
+    def document(self) -> Document:
+        """`dvtcli.send/1`."""
+        return {
+            "schema": "dvtcli.send/1",
+            "dry_run": self.dry_run,
+            **self.outcome.fields(),
+            "frames": [one.document() for one in self.frames],
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class FramesToReplay:
+    """All frames of a recording with one CAN-ID that do the same: what they are, how many, and what nodes make of them.
+
+    *effects* is empty where nobody is known to act on them.
+    """
+
+    can_id: int
+    extended: bool
+    remote: bool
+    label: str
+    node: int | None
+    count: int
+    effects: str
+
+    @property
+    def text(self) -> str:
+        """The row as one line."""
+        kind = "remote request of " if self.remote else ""
+        of = f", node {self.node}" if self.node else ""
+        asked = f": {self.effects}" if self.effects else ""
+        return f"0x{self.can_id:0{8 if self.extended else 3}X}  {self.count}x {kind}{self.label}{of}{asked}"
+
+    def document(self) -> Document:
+        """One element of `frames` in `dvtcli.replay/1`."""
+        return {
+            "cob_id": self.can_id,
+            "extended": self.extended,
+            "remote": self.remote,
+            "label": self.label,
+            "node": self.node,
+            "count": self.count,
+            "effects": self.effects,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Replayed(Answer):
+    """What became of the recording *file*, which *frames* it came to, and what was *left_out* of it, by reason.
+
+    True where all frames were sent.
+    """
+
+    renderer: ClassVar = "sent_lines:replayed_lines"
+
+    file: str
+    frames: tuple[FramesToReplay, ...]
+    outcome: Outcome
+    left_out: tuple[tuple[str, int], ...] = ()
+    dry_run: bool = False
+
+    def __bool__(self) -> bool:
+        return self.outcome.sent == self.outcome.wanted
+
+    @property
+    def exit_code(self) -> int:
+        """As `Outcome.exit_code`."""
+        return self.outcome.exit_code
+
+    @property
+    def failure(self) -> DvtcliError | None:
+        """What is to be said where not all were sent."""
+        return self.outcome.error
+
+    def document(self) -> Document:
+        """`dvtcli.replay/1`."""
+        return {
+            "schema": "dvtcli.replay/1",
+            "file": self.file,
+            "dry_run": self.dry_run,
+            **self.outcome.fields(),
+            "frames": [one.document() for one in self.frames],
+            "left_out": [{"reason": reason, "frames": count} for reason, count in self.left_out],
+        }

@@ -1,0 +1,105 @@
+"""What a frame does to those who hear it, and so why somebody is asked before it is sent.
+
+Knows services by their CAN-IDs, and the PDOs of nodes that were looked at. Sends nothing, and asks nobody.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+
+from dvtcli.domain.nmt import NmtCommand
+from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.ports import Frame
+from dvtcli.domain.several import several
+from dvtcli.watch.decoder import Address
+from dvtcli.watch.service import Service, service_of
+
+_DEFAULTS = "by the pre-defined connection set"
+_SDO_REQUESTS, _DOWNLOADS = 0x600, (1, 6)
+_WORDS = {
+    "sync": "SYNC: nodes act on the RPDOs that they got last, and send their TPDOs",
+    "time": "TIME: nodes set their clocks by it",
+    "emcy": "EMCY{of}: whoever watches takes it for a fault of the node",
+    "heartbeat": "heartbeat{of}: whoever watches takes the node for alive, in the state that it names",
+    "lss": "LSS: it changes node-IDs and bit rates",
+    "sdo": "SDO answer{of}: whoever asks the node takes it for the node's own",
+}
+_NMT = {
+    NmtCommand.START: "to OPERATIONAL, and a machine may move",
+    NmtCommand.STOP: "to STOPPED, and a machine may stop",
+    NmtCommand.ENTER_PRE_OPERATIONAL: "to PRE-OPERATIONAL: PDOs end, and a machine may stop",
+    NmtCommand.RESET_NODE: "through a restart: what is not stored is lost, and a motor may be let go",
+    NmtCommand.RESET_COMMUNICATION: "through a restart of its communication: what is not stored of that is lost",
+}
+
+
+@dataclass(slots=True)
+class Parties:
+    """Who sends and who takes which frame: of *nodes* it is known, of all others only what the standard presumes.
+
+    *consumers* and *producers* are PDOs in words, `RPDO1 of node 5`; *syncs* what nodes take for SYNC.
+    """
+
+    nodes: set[int] = field(default_factory=set)
+    consumers: dict[Address, list[str]] = field(default_factory=dict)
+    producers: dict[Address, list[str]] = field(default_factory=dict)
+    syncs: set[Address] = field(default_factory=set)
+
+    def add(self, node_id: int, configs: Mapping[Pdo, PdoConfig]) -> None:
+        """Know the enabled PDOs of a node."""
+        self.nodes.add(node_id)
+        for pdo, config in configs.items():
+            cob_id = config.communication.cob_id
+            if cob_id.valid:
+                users = self.producers if pdo.is_tpdo else self.consumers
+                users.setdefault((cob_id.can_id, cob_id.extended), []).append(f"{pdo.label} of node {node_id}")
+
+
+def effects(frame: Frame, parties: Parties) -> str:
+    """What *frame* may do to the nodes of a bus, in words; empty where nobody is known to act on it.
+
+    A PDO of a node that was not looked at is presumed to be where the pre-defined connection set has it.
+    """
+    address = frame.can_id, frame.extended
+    service = service_of(frame.can_id, extended=frame.extended)
+    if service.kind == "other" and address in parties.syncs:
+        service = Service("sync", "SYNC")
+    said = [] if service.kind in ("pdo", "other") else [_of_service(frame, service)]
+    if not frame.remote:  # a remote frame carries nothing that could be taken, and the TPDO's own node answers it
+        said += _of_pdos(address, service, parties)
+    return "; ".join(said)
+
+
+def _of_pdos(address: Address, service: Service, parties: Parties) -> Iterator[str]:
+    consumers, producers = parties.consumers.get(address, []), parties.producers.get(address, [])
+    if service.kind == "pdo" and service.node not in parties.nodes:
+        presumed = f"{service.label.rstrip('?')} of node {service.node} {_DEFAULTS}"
+        if presumed.startswith("TPDO"):
+            producers = [*producers, presumed]
+        else:
+            consumers = [*consumers, presumed]
+    if consumers:
+        yield f"taken by {several(consumers)}"
+    if producers:
+        yield f"sent by {several(producers)}: others may take this for it"
+
+
+def _of_service(frame: Frame, service: Service) -> str:
+    if service.kind == "nmt":
+        return _command(frame.data)
+    if service.kind == "sdo" and frame.can_id & ~0x7F == _SDO_REQUESTS:
+        writes = bool(frame.data) and frame.data[0] >> 5 in _DOWNLOADS
+        return f"SDO request to node {service.node}: it {'writes' if writes else 'reads, or goes on with a transfer'}"
+    if service.kind == "heartbeat" and frame.remote:
+        return f"node guarding of node {service.node}: its life guarding may begin with it"
+    return _WORDS[service.kind].format(of="" if service.node is None else f" of node {service.node}")
+
+
+def _command(data: bytes) -> str:
+    """An NMT command in words, whether it is well-formed or not."""
+    command = NmtCommand(data[0]) if data and data[0] in set(NmtCommand) else None
+    if command is None or len(data) < 2:
+        return "NMT: no command of the standard, and what nodes make of it is not known"
+    who = f"node {data[1]}" if data[1] else "all nodes"
+    return f"NMT {command.word}: {who} {'goes' if data[1] else 'go'} {_NMT[command]}"

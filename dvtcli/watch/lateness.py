@@ -1,0 +1,37 @@
+"""How late frames were sent: the most, and what nearly all kept to. Knows no bus and no clock."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+from math import ceil, log2
+
+#: steps of the histogram for each doubling: what is said is at most 9 % too much
+_STEPS = 8
+_FLOOR_S = 1e-6
+
+
+@dataclass(slots=True)
+class Lateness:
+    """How much later than due each of many things was; remembers how often which lateness was, not each."""
+
+    #: the most, None of none
+    most_s: float | None = None
+    _often: Counter[int] = field(default_factory=Counter)
+
+    def add(self, late_s: float) -> None:
+        """One was *late_s* seconds late; early ones count as in time."""
+        late_s = max(late_s, 0.0)
+        self.most_s = max(self.most_s or 0.0, late_s)
+        self._often[ceil(_STEPS * log2(max(late_s, _FLOOR_S) / _FLOOR_S))] += 1
+
+    def nearly_all_s(self, share: float = 0.99) -> float | None:
+        """What *share* (0..1) of them kept to, in seconds; None of none."""
+        if self.most_s is None:
+            return None
+        left = share * self._often.total()
+        for step, often in sorted(self._often.items()):
+            left -= often
+            if left <= 0:
+                return min(_FLOOR_S * 2 ** (step / _STEPS), self.most_s)
+        return self.most_s
