@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 _MOST_ROWS = 40
 #: between two passes of a recording that is one frame (s)
 _ALONE_S = 0.1
+#: what times since 1970 are not told apart by (s)
+_CLOSE_S = 1e-6
 ALL = "all"
 
 
@@ -58,7 +60,7 @@ def replay_recording(
     nothing of it is meant; InputFileError where the file is none of that format; SafetyRefusal without consent, or
     where the file changes meanwhile. A dry run sends none.
     """
-    filters = [frame_filter(text) for text in choice.only], [frame_filter(text) for text in choice.without]
+    filters = _filters(choice.only), _filters(choice.without)
     check_readable(path)
     bus = open_wire(session)
     _require_limit(bus, choice)
@@ -78,6 +80,13 @@ def replay_recording(
 
     outcome = put_on_bus(session, part.due(found), wanted, always_share=not choice.rate)
     return Replayed(str(path), rows, outcome, left_out)
+
+
+def _filters(texts: Sequence[str]) -> list[FrameFilter]:
+    try:
+        return [frame_filter(text) for text in texts]
+    except ValueError as wrong:
+        raise UsageError(str(wrong)) from wrong
 
 
 def _require_limit(bus: CanopenBus, choice: Choice) -> None:
@@ -192,7 +201,7 @@ class _Part:
         choice = self._choice
         if choice.channel not in (None, ALL, one.channel):
             return "of other channels"
-        if not choice.from_s <= at_s <= choice.to_s:
+        if not choice.from_s - _CLOSE_S <= at_s <= choice.to_s + _CLOSE_S:
             return "before --from or behind --to"
         if not self._only and not self._without:
             return ""
