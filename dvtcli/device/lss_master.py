@@ -24,6 +24,8 @@ SCAN_S = 0.05
 _SETTLE = 0.1
 #: the same where who else answers is to be counted
 _ALL = 0.25
+#: the share of all these times that is waited for nodes of this process, which answer while they are asked
+_SIMULATED = 0.02
 _TRIES = 3
 _SCANS = 4
 #: how often a node that was found may be found again before it is said that it answers in any state
@@ -38,7 +40,8 @@ class LssMaster:
 
     def __init__(self, bus: CanopenBus, scan_s: float = SCAN_S) -> None:
         self._bus = bus
-        self._scan_s = scan_s
+        share = _SIMULATED if bus.simulated else 1.0
+        self._scan_s, self._answer_s, self._store_s = share * scan_s, share * ANSWER_S, share * STORE_S
         self._heard: deque[bytes] = deque(maxlen=4096)
         self._keeps = False
         #: who answered the last fast scan again though it was found: others may be behind it
@@ -91,12 +94,14 @@ class LssMaster:
         *first, last = (_number(part) for part in address.parts)
         for place, number in enumerate(first):
             self._send(lss.SELECT + place, number)
-        return len(self._ask(lss.SELECT + len(first), last, lss.SELECTED, ANSWER_S, settle=_ALL))
+        return len(self._ask(lss.SELECT + len(first), last, lss.SELECTED, self._answer_s, settle=_ALL))
 
     def unconfigured(self) -> int:
         """How many nodes without a node-ID answer."""
         for _ in range(_TRIES):
-            answers = self._ask(lss.IDENTIFY_UNCONFIGURED, b"", lss.IDENTIFIED_UNCONFIGURED, ANSWER_S, settle=_ALL)
+            answers = self._ask(
+                lss.IDENTIFY_UNCONFIGURED, b"", lss.IDENTIFIED_UNCONFIGURED, self._answer_s, settle=_ALL
+            )
             if answers:
                 return len(answers)
         return 0
@@ -110,7 +115,7 @@ class LssMaster:
         for _ in range(_TRIES):
             for place, number in enumerate(first):
                 self._send(lss.IDENTIFY + place, number)
-            if self._ask(lss.IDENTIFY + len(first), last, lss.IDENTIFIED, ANSWER_S):
+            if self._ask(lss.IDENTIFY + len(first), last, lss.IDENTIFIED, self._answer_s):
                 return True
         return False
 
@@ -135,7 +140,7 @@ class LssMaster:
 
     def _told(self, service: int) -> list[bytes]:
         for _ in range(_TRIES):
-            answers = self._ask(service, b"", service, ANSWER_S, settle=_ALL)
+            answers = self._ask(service, b"", service, self._answer_s, settle=_ALL)
             if answers:
                 return answers
         return []
@@ -165,7 +170,7 @@ class LssMaster:
 
     def _configure(self, service: int, data: bytes, what: str, reasons: dict[int, str]) -> None:
         for _ in range(_TRIES):
-            answers = self._ask(service, data, service, ANSWER_S, settle=_ALL)
+            answers = self._ask(service, data, service, self._answer_s, settle=_ALL)
             if answers:
                 _require_success(answers, what, reasons)
                 return
@@ -173,7 +178,8 @@ class LssMaster:
 
     def store(self) -> None:
         """Let who is being configured keep its node-ID without power; DeviceRefused with its reason, NoAnswer."""
-        answers = self._ask(lss.STORE_CONFIGURATION, b"", lss.STORE_CONFIGURATION, STORE_S)
+        settle = _ALL * self._answer_s / self._store_s  # a store takes long, and who else answers it does not
+        answers = self._ask(lss.STORE_CONFIGURATION, b"", lss.STORE_CONFIGURATION, self._store_s, settle=settle)
         if not answers:
             hint = "whether it is stored shows after the next power-on; lss store again does no harm"
             raise NoAnswer(f"no answer to LSS store configuration within {STORE_S:g} s", hint=hint, state="unknown")
@@ -189,7 +195,7 @@ class LssMaster:
         """
         wait_s, again = self._scan_s, 0
         for _ in range(_SCANS):
-            if not self._anybody(max(wait_s, ANSWER_S / 2)):
+            if not self._anybody(max(wait_s, self._answer_s / 2)):
                 return None
             address = self._scan_once(wait_s, on_bit)
             if address is not None and address not in found:

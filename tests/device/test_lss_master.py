@@ -141,3 +141,19 @@ def test_several_that_are_configured_are_refused() -> None:
     bus.send(Frame(REQUEST_ID, bytes([0x04, 1]).ljust(8, b"\0")))
     with LssMaster(bus) as master, pytest.raises(DeviceRefused, match="several nodes"):
         master.inquire()
+
+
+def test_a_store_that_was_answered_is_not_waited_for() -> None:
+    bus = VirtualTimeBus([unconfigured(7, node_id=5)], simulated=False)
+    with LssMaster(bus) as master:
+        assert master.select(address_of(bus.nodes[0].device)) == 1
+        began_s = bus.now_s()
+        master.store()
+        assert bus.now_s() - began_s < 0.1
+
+
+def test_nodes_of_this_process_are_not_waited_for_as_on_a_line() -> None:
+    bus = VirtualTimeBus([unconfigured(serial) for serial in (1, 2, 3)])
+    with session_on(bus) as session, LssMaster(bus) as master:
+        assert len(scanned(session, master)) == 3
+    assert bus.now_s() < 1
