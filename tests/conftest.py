@@ -13,6 +13,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from tests import process, sample
+from tests.compiled import compile_share
 from tests.surroundings import Places, clean_environment, own_ground, own_place, set_environment
 
 #: a machine under load is slow, and no less right for it
@@ -60,9 +61,11 @@ def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
     return 3 * cores + 2
 
 
-def pytest_collection() -> None:
+def pytest_collection(session: pytest.Session) -> None:
     """What is collected stays to the end: looking for garbage meanwhile is half of the work, and finds none."""
     gc.disable()
+    if session.config.args_source is pytest.Config.ArgsSource.TESTPATHS:  # all tests are to be collected
+        compile_share()
 
 
 def pytest_collection_finish() -> None:

@@ -73,6 +73,7 @@ def test_a_folder_that_cannot_hold_a_journal_is_no_bug(tmp_path: Path) -> None:
         bench.wire.close()
 
 
+@pytest.mark.long
 def test_a_recover_that_fails_keeps_the_journal_and_its_progress(tmp_path: Path) -> None:
     from tests.recovery.bench import MAP, Bench
 

@@ -130,6 +130,7 @@ def test_scan_gives_facts(fleet: Fleet) -> None:
     assert "1 and 5 are there" in played.said
 
 
+@pytest.mark.long
 @by_lot
 def test_the_role_of_a_bench(fleet: Fleet) -> None:
     home = fleet.folder / "home"
@@ -145,6 +146,7 @@ def test_the_role_of_a_bench(fleet: Fleet) -> None:
         assert not again.hosts("changed"), again.said
 
 
+@pytest.mark.long
 @by_lot
 def test_the_role_of_a_gateway_writes_what_networkd_and_python_can_read(fleet: Fleet) -> None:
     (fleet.folder / "etc" / "systemd" / "network").mkdir(parents=True)

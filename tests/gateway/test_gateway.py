@@ -189,6 +189,7 @@ def test_whatever_is_said_the_next_line_is_answered(said: list[bytes]) -> None:
         assert client.answer("[4294967295] 4 r 0x1017 0 u16") == "500"
 
 
+@pytest.mark.long
 @given(st.sampled_from(FAMILIES), wishes())
 def test_lines_through_the_gateway_make_the_device_that_apply_makes(family: str, wish: str) -> None:
     path = network_file(Path(), wish)

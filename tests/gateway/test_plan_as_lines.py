@@ -78,6 +78,7 @@ def test_lines_of_a_device_file_keep_what_apply_refuses(tmp_path: Path) -> None:
         assert bench.run(f"plan {held} -o {tmp_path / 'z.309'} --yes").code == 0
 
 
+@pytest.mark.long
 @given(st.sampled_from(FAMILIES), wishes())
 def test_lines_that_are_run_make_the_device_that_apply_makes(family: str, wish: str) -> None:
     path = network_file(Path(), wish)
