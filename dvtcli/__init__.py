@@ -16,6 +16,7 @@ from dvtcli.version import __version__
 if TYPE_CHECKING:
     from dvtcli import errors, results
     from dvtcli.operations.api.checked_eds import check_eds
+    from dvtcli.operations.api.converted import convert
     from dvtcli.operations.api.device_library import add_eds, eds_library
     from dvtcli.operations.api.known_profiles import profile, profiles
     from dvtcli.operations.api.open_bus import connect, simulate
@@ -32,6 +33,7 @@ __all__ = [
     "add_eds",
     "check_eds",
     "connect",
+    "convert",
     "eds_library",
     "errors",
     "profile",
@@ -47,6 +49,7 @@ _FROM = {
     "add_eds": "operations.api.device_library",
     "check_eds": "operations.api.checked_eds",
     "connect": "operations.api.open_bus",
+    "convert": "operations.api.converted",
     "eds_library": "operations.api.device_library",
     "profile": "operations.api.known_profiles",
     "profiles": "operations.api.known_profiles",

@@ -48,6 +48,8 @@ class DbcSignal:
     values: Mapping[int, str] = field(default_factory=dict)
     receivers: tuple[str, ...] = ()
     comment: str = ""
+    #: where *name* is cut: as it would be
+    long_name: str = ""
 
     @property
     def end(self) -> int:
@@ -80,13 +82,14 @@ class Names:
     def __init__(self, longest: int = LONGEST_NAME) -> None:
         self._longest = longest
         self._taken: set[str] = set(_KEYWORDS)
+        self._whole: dict[str, str] = {}
 
     def new(self, text: str, otherwise: str) -> str:
         """A name like *text*, *otherwise* where nothing of that can be in a name; `_2` and so on where it is taken.
 
         Of a text that is too long and has parts (`Analogue inputs 16-bit.Input 1`) the last one counts.
         """
-        word = _legal(text) or otherwise
+        whole = word = _legal(text) or otherwise
         if len(word) > self._longest:
             word = _legal(text.rpartition(".")[2]) or word
         name, number = word[: self._longest].rstrip("_") or "_", 1
@@ -95,7 +98,20 @@ class Names:
             tail = f"_{number}"
             name = word[: self._longest - len(tail)].rstrip("_") + tail
         self._taken.add(name.casefold())
+        if len(whole) > self._longest:
+            self._keep_whole(name, whole)
         return name
+
+    def _keep_whole(self, name: str, whole: str) -> None:
+        taken, found, number = {one.casefold() for one in self._whole.values()}, whole, 1
+        while found.casefold() in taken:
+            number += 1
+            found = f"{whole}_{number}"
+        self._whole[name] = found
+
+    def whole(self, name: str) -> str:
+        """What *name*, one that `new` gave, would be if it could be longer; empty where it is that."""
+        return self._whole.get(name, "")
 
 
 def _legal(text: str) -> str:
@@ -140,11 +156,16 @@ def _comments(nodes: Mapping[str, str], messages: Iterable[DbcMessage]) -> Itera
 def _attributes(messages: Iterable[DbcMessage]) -> Iterator[str]:
     yield 'BA_DEF_ "BusType" STRING ;'
     yield 'BA_DEF_ BO_ "GenMsgCycleTime" INT 0 4294967;'
+    yield 'BA_DEF_ SG_ "SystemSignalLongSymbol" STRING ;'
     yield 'BA_DEF_DEF_ "BusType" "CAN";'
     yield 'BA_DEF_DEF_ "GenMsgCycleTime" 0;'
+    yield 'BA_DEF_DEF_ "SystemSignalLongSymbol" "";'
     for message in messages:
         if message.cycle_ms:
             yield f'BA_ "GenMsgCycleTime" BO_ {message.number} {message.cycle_ms};'
+        for one in message.signals:
+            if one.long_name:
+                yield f'BA_ "SystemSignalLongSymbol" SG_ {message.number} {one.name} "{one.long_name}";'
 
 
 def _words(messages: Iterable[DbcMessage]) -> Iterator[str]:

@@ -73,3 +73,29 @@ def test_a_folder_of_files_is_imported_without_asking_a_node(tmp_path: Path) -> 
     with dvtcli.simulate("generic@9") as bus:
         bus.import_network(press, folder)
     assert [node.node_id for node in read_network_file(press).nodes] == [1, 2]
+
+
+def test_all_nodes_go_to_one_file_and_files_to_other_formats(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    with dvtcli.simulate("gen4@1", "tmcm@5") as bus:
+        assert bus.export("now.dbc", services=["emcy"], everything=True) == ()
+        assert "_EMCY:" in Path("now.dbc").read_text("cp1252")
+        assert bus.export("nodelist.cpj") == ()
+        for wrong in ("x.yaml", "x"):
+            with pytest.raises(UsageError, match="what format"):
+                bus.export(wrong)
+        with pytest.raises(UsageError, match="of all nodes"):
+            bus.node(1).export("x.dbc")
+        with pytest.raises(UsageError, match="no such service"):
+            bus.export("x.dbc", services=["pdo"])
+        with pytest.raises(SafetyRefusal):
+            bus.export("now.dbc")
+        assert bus.export("now.dbc", yes=True) == ()
+        assert bus.import_network("line.yaml", "nodelist.cpj") == ()
+    assert dvtcli.convert("node5.dcf", "node5.xdc") == ("2 lines of comment, the first in line 1",)
+    assert any("of one node" in one for one in dvtcli.convert("node5.dcf", "node5.xdd"))
+    assert dvtcli.convert("line.yaml", "node5.cdcf", node=5) == ()
+    assert dvtcli.convert("line.yaml", "line.dbc", split_bits=True) == ()
+    assert "Statusword_fault" in Path("line.dbc").read_text("cp1252")
+    with pytest.raises(UsageError, match="are for a DBC file"):
+        dvtcli.convert("node5.dcf", "node5.eds", split_bits=True)

@@ -19,13 +19,13 @@ from tests.process import ROOT, environment
 
 PUBLIC = {
     "dvtcli": [
-        "Bus", "Lss", "Node", "__version__", "add_eds", "check_eds", "connect", "eds_library", "errors", "profile",
-        "profiles", "report", "results", "simulate",
+        "Bus", "Lss", "Node", "__version__", "add_eds", "check_eds", "connect", "convert", "eds_library", "errors",
+        "profile", "profiles", "report", "results", "simulate",
     ],
     "Bus": [
-        "apply", "check", "check_sync", "close", "dry_run", "finish_stores", "import_network", "is_dry_run", "link",
-        "load", "lss", "name", "node", "plan", "recover", "replay", "report", "scan", "script", "send",
-        "sync",
+        "apply", "check", "check_sync", "close", "dry_run", "export", "finish_stores", "import_network",
+        "is_dry_run", "link", "load", "lss", "name", "node", "plan", "recover", "replay", "report", "scan", "script",
+        "send", "sync",
         "unlink",
     ],
     "Lss": ["assign", "bit_rate", "identify", "node_id", "scan", "select", "store"],

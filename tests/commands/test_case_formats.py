@@ -51,6 +51,20 @@ def test_junit_gets_a_case_for_each_pdo_and_object(bench: Bench, file: Path) -> 
     assert counted(bench.run("verify --format junit").stdout)[1:] == (0, 0)
 
 
+def test_a_whole_device_has_a_case_for_each_setting_that_differs(bench: Bench) -> None:
+    assert bench.run("backup monday.dcf").code == 0
+    assert counted(bench.run("compare monday.dcf --format junit").stdout) == (1, 0, 0)
+    for line in ("set tpdo1 --timer 20", "write 1017 650", "backup friday.dcf"):
+        assert bench.run(line).code == 0
+    ran = bench.run("compare monday.dcf --format github")
+    assert (ran.code, ran.stdout.count("::error ")) == (3, 2)
+    said = "::error file=monday.dcf,title=node 1::0x1017:00 Producer heartbeat time of node 1: 500 -> 650"
+    assert said in ran.stdout.splitlines()
+    ran = bench.run("compare monday.dcf friday.dcf --format junit")
+    assert (ran.code, counted(ran.stdout)) == (3, (3, 2, 0))
+    assert 'name="friday.dcf"' in ran.stdout
+
+
 def test_a_failure_leaves_no_report_empty(bench: Bench, file: Path) -> None:
     file.write_text(FILE.replace("event_timer", "event_tmer").replace("700", "-1"))
     lines = bench.run(f"plan {file} --format github").stdout.splitlines()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
@@ -21,6 +22,7 @@ from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
 from dvtcli.domain.physical import Physical
 from dvtcli.domain.ports import Frame
 from dvtcli.files.dbc_text import LONGEST_NAME, DbcMessage, DbcSignal, Names, dbc_bytes, decimal
+from dvtcli.operations.exchange.dbc_wishes import DbcWishes
 from dvtcli.operations.exchange.network_messages import NetworkMessages, network_messages
 from dvtcli.operations.exchange.service_messages import SERVICES
 from dvtcli.watch.decoder import Decoder, pdo_layouts
@@ -131,6 +133,63 @@ def test_limits_are_scaled_and_never_an_offset() -> None:
     assert "BO_ 389 Drive_n5_TPDO1: 2 Drive_n5\r\n" in text
 
 
+BITS = {0: "ready", 3: "fault", 5: "ready", 9: ODD}
+
+
+@given(st.integers(0, 20), st.sampled_from(["u16", "i16", "u32"]), st.binary(min_size=8, max_size=8))
+def test_the_bits_of_a_word_are_its_value(before: int, short: str, data: bytes) -> None:
+    kind = BY_SHORT_NAME[short]
+    entry = OdEntry(0x2000, 0, "Status", kind)
+    rules = {ObjectRange(0x2000, 0x2000): Meaning(Physical(bits=BITS))}
+    gap = (PdoMappingEntry(5, 0, before),) if before else ()
+    sent = config((*gap, PdoMappingEntry(0x2000, 0, kind.bits or 0)))
+    node = NodeState(5, "io", {TPDO1: sent}, {}, described(entry))
+    found = network_messages(NetworkState((node,)), {5: Meanings([rules])}, DbcWishes(split_bits=True))
+    (message,) = cantools.database.load_string(bytes_of(found).decode("cp1252"), "dbc").messages
+    decoded = message.decode(data[: message.length])
+    assert {"Status_ready", "Status_fault", "Status_ready_2", "Status_bit_1"} <= decoded.keys()
+    raw = sum(decoded[one.name] << one.start - before for one in message.signals)
+    ours = Decoder(pdo_layouts(5, node.pdos, node.dictionary, Meanings([rules]))).values(Frame(0x185, data))
+    assert raw == next(iter(ours.values())) % (1 << (kind.bits or 0))
+
+
+def test_a_name_that_is_cut_stands_there_whole_beside_it() -> None:
+    kind = BY_SHORT_NAME["u8"]
+    names = ["Temperature of the power stage, left", "Temperature of the power stage, right", "Speed"]
+    entries = [OdEntry(0x2000 + n, 0, name, kind) for n, name in enumerate([*names, names[0]])]
+    sent = config(tuple(PdoMappingEntry(one.index, 0, 8) for one in entries))
+    found = network_messages(
+        NetworkState((NodeState(5, "io", {TPDO1: sent}, {}, described(*entries)),)), {5: Meanings()}
+    )
+    assert [len(one.name) for one in found.messages[0].signals] == [32, 32, 5, 32]
+    (message,) = cantools.database.load_string(bytes_of(found).decode("cp1252"), "dbc").messages
+    assert [one.name for one in message.signals] == [
+        "Temperature_of_the_power_stage_left", "Temperature_of_the_power_stage_right", "Speed",
+        "Temperature_of_the_power_stage_left_2",
+    ]  # fmt: skip
+
+
+def test_pdos_that_are_off_are_in_it_where_that_is_wanted() -> None:
+    kind = BY_SHORT_NAME["u16"]
+    entries = [OdEntry(0x2000 + n, 0, f"S{n}", kind) for n in range(2)]
+    one, other = (config((PdoMappingEntry(entry.index, 0, 16),)) for entry in entries)
+    off = PdoConfig(replace(other.communication, cob_id=CobId(0x185, valid=False)), other.mapping)
+    nowhere = PdoConfig(replace(other.communication, cob_id=CobId(0, valid=False)), other.mapping)
+    empty = PdoConfig(nowhere.communication, ())
+    alone = PdoConfig(replace(other.communication, cob_id=CobId(0x285, valid=False)), other.mapping)
+    pdos = dict(zip(map(Pdo.parse, ("tpdo1", "tpdo2", "tpdo3", "tpdo4", "rpdo1")), (off, one, nowhere, alone, empty),
+                    strict=True))  # fmt: skip
+    state = NetworkState((NodeState(5, "io", pdos, {}, described(*entries)),))
+    assert [one.name for one in network_messages(state, {5: Meanings()}).messages] == ["io_TPDO2"]
+    found = network_messages(state, {5: Meanings()}, DbcWishes(everything=True))
+    assert [(one.name, one.comment) for one in found.messages] == [
+        ("io_TPDO2", "TPDO2 of node 5, TPDO1 of node 5 (off)"), ("io_TPDO4", "TPDO4 of node 5 (off)"),
+    ]  # fmt: skip
+    assert found.left_out == [
+        "TPDO3 of node 5: it is off, and has no CAN-ID", "TPDO1 of node 5: TPDO2 of node 5 has its CAN-ID 0x185, too",
+    ]  # fmt: skip
+
+
 def test_who_hears_a_frame_receives_what_it_maps() -> None:
     kind = BY_SHORT_NAME["u16"]
     entries = [OdEntry(0x2000 + n, 0, f"S{n}", kind) for n in range(2)]
@@ -171,7 +230,7 @@ def test_other_services_have_the_ids_and_times_of_the_nodes() -> None:
         (0x1016, 1): 0x2_0300,
     }
     state = NetworkState((NodeState(1, "a", {}, numbers), NodeState(2, "b", {TPDO1: config((), 0x701)}, {})))
-    found = network_messages(state, dict.fromkeys((1, 2), Meanings()), SERVICES)
+    found = network_messages(state, dict.fromkeys((1, 2), Meanings()), DbcWishes(SERVICES))
     read = cantools.database.load_string(bytes_of(found).decode("cp1252"), "dbc")
     assert found.left_out == ["a_Heartbeat: a PDO has its CAN-ID 0x701"]
     assert {one.frame_id for one in read.messages} == {0, 0x81, 0x91, 0x701, 0x702, 0x601, 0x602, 0x581, 0x582}

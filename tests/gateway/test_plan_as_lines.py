@@ -94,6 +94,57 @@ def test_lines_that_are_run_make_the_device_that_apply_makes(family: str, wish: 
         assert everything(bench) == held
 
 
+@given(st.sampled_from(FAMILIES), wishes())
+def test_what_a_session_saves_as_lines_makes_the_device_that_it_made(family: str, wish: str) -> None:
+    path = network_file(Path(), wish)
+    with Bench((f"{family}@4",), {"yes": True}) as done:
+        changed = done.run(f"apply {path}").code == 0
+        done.run("write 1017 650")
+        done.run("write 1017 651")
+        saved = done.run("save lines.309")
+        assert saved.code == 0, saved.stderr
+        held = everything(done)
+    with Bench((f"{family}@4",), {"yes": True}) as bench:
+        ran = bench.run("run lines.309")
+        assert (ran.code, everything(bench)) == (0, held), (changed, ran.stderr, Path("lines.309").read_text())
+
+
+@pytest.mark.parametrize(
+    ("before", "line", "why"),
+    [
+        ("", "save x.309", "changed nothing"),
+        ("set tpdo1 --timer 20\nset tpdo1 --timer 0", "save x.309", "as it was before"),
+        ("set tpdo1 --timer 20\nrestore", "save x.309", "cannot say `restore`"),
+        ("set tpdo1 --timer 20", "save x.309 --all", "without --history and --all"),
+    ],
+)
+def test_what_lines_cannot_say_is_not_saved(before: str, line: str, why: str) -> None:
+    with Bench(("generic@4",), {"yes": True}) as bench:
+        for one in filter(None, before.split("\n")):
+            assert bench.run(one).code == 0
+        ran = bench.run(line)
+        assert (ran.code, why in ran.stderr, Path("x.309").exists()) == (2, True, False), ran
+
+
+def test_a_store_is_saved_with_the_lines() -> None:
+    with Bench(("generic@4",), {"yes": True}) as bench:
+        for one in ("set tpdo1 --timer 20", "store", "save x.309"):
+            assert bench.run(one).code == 0
+    assert 'w 0x1010 1 vs "save"' in Path("x.309").read_text()
+
+
+def test_a_saved_plan_is_shown_and_written_as_lines(file: Path) -> None:
+    with Bench(("generic@4",), {"yes": True}) as bench:
+        assert bench.run(f"plan {file} -o plan.json").code == 0
+        assert bench.run(f"plan {file} -o a.309").code == 0
+        shown = bench.run("plan plan.json -o b.309 --json")
+        assert (shown.code, shown.document["writes"]) == (0, bench.run(f"plan {file} --json").document["writes"])
+        assert bench.run("set tpdo1 --timer 33").code == 0
+        assert bench.run("plan plan.json").code == 6
+    said = [Path(name).read_text().partition("\n")[2] for name in ("a.309", "b.309")]
+    assert said[0] == said[1]
+
+
 def test_what_a_file_of_lines_may_hold(tmp_path: Path) -> None:
     path = tmp_path / "x.309"
     path.write_text(

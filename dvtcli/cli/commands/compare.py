@@ -9,6 +9,7 @@ import click
 from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import FILE
+from dvtcli.operations.user.options import CASE_FORMATS
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import WholeCompared
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 TASK = ("Whole devices", 20)
 
 
-@click.command("compare", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
+@click.command("compare", cls=DvtCommand, short_help=__doc__, effect=Effect.READS, formats=CASE_FORMATS)
 @click.argument("file", type=FILE)
 @click.argument("other", type=FILE, required=False)
 @click.option("--all", "everything", is_flag=True, help="Show what else differs, too: what is no setting.")
@@ -27,12 +28,14 @@ def command(session: Session, /, file: str, other: str | None, everything: bool)
 
     A file is a DCF, EDS, XDD or XDC, or a backup's .jsonl. Values are compared by what they mean. Settings are what a
     file may write; what the device says of itself, what commands or measures, and what changes by itself, is told and
-    does not count. Of an object without a ParameterValue a DCF means the DefaultValue.
+    does not count. Of an object without a ParameterValue a DCF means the DefaultValue. --format github or junit is
+    for CI.
 
     \b
     compare press.dcf
     compare press.dcf --all
     compare monday.dcf friday.dcf
+    compare press.dcf --format junit   a test case for each setting that differs, for CI
     """
     from dvtcli.operations.whole_device.compare_device import compare_device
 

@@ -7,13 +7,15 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.commands._convert_options import convert_options
 from dvtcli.cli.effect import Effect
-from dvtcli.cli.params import FILE, TEXT, CanopenType
+from dvtcli.cli.params import FILE, CanopenType
 from dvtcli.domain.datatypes import parse_number
 from dvtcli.errors import UsageError
 from dvtcli.operations.user.options import SPECIAL_FORMATS
 
 if TYPE_CHECKING:
+    from dvtcli.cli.commands._convert_options import Conversion
     from dvtcli.cli.conversation import Conversation
     from dvtcli.operations.results import Facts, FileReport, FileReports, LibraryAdded, LibraryListing
 
@@ -49,20 +51,21 @@ class IdentityType(CanopenType):
 @click.option("--rule", "only", multiple=True, metavar="NAME", help="check: this rule only; repeatable.")
 @click.option("--without", multiple=True, metavar="NAME", help="check: all rules but this one; repeatable.")
 @click.option("--strict", is_flag=True, help="check: exit code 4 for a warning, too.")
-@click.option("--for", "node", type=TEXT, metavar="NODE", help="convert: the node of a network file, name or node-ID.")
 @click.option(
     "--identity", type=IdentityType(), metavar="vendor=…,product=…", help="add: keep FILE for nodes of this identity."
 )
 @click.pass_obj
+@convert_options
 def command(
     session: Conversation,
+    /,
     action: str,
     files: tuple[str, ...],
     only: tuple[str, ...],
     without: tuple[str, ...],
     strict: bool,
-    node: str | None,
     identity: dict[str, int] | None,
+    conversion: Conversion,
 ) -> Facts | FileReport | FileReports | LibraryAdded | LibraryListing:
     """Read FILE and say what is in it; `check` names everything odd with its line, in several files, too.
 
@@ -89,10 +92,11 @@ def command(
     eds convert press.dcf press.xdc
     eds convert press.yaml ram.cdcf --for ram
     eds convert press.yaml press.dbc
+    eds convert press.yaml press.dbc --with sync,emcy
     eds show ram.cdcf
     """
-    if node is not None and action != "convert":
-        raise UsageError("--for belongs to eds convert", hint="eds convert net.yaml node5.cdcf --for 5")
+    if action != "convert":
+        conversion.refuse()
     if identity is not None and action != "add":
         raise UsageError("--identity belongs to eds add", hint="eds add drive.eds --identity vendor=0x1E,product=5")
     if not files and action != "list":
@@ -105,7 +109,7 @@ def command(
         hint = f"--rule, --without, --strict and --format {' | '.join(SPECIAL_FORMATS)} belong to eds check"
         raise UsageError(f"eds {action} asks no rules", hint=hint)
     if action == "convert":
-        return _convert(session, files, node)
+        return _convert(session, files, conversion)
     return _show(session, _one(action, files)) if action == "show" else _library(session, action, files, identity)
 
 
@@ -133,12 +137,12 @@ def _library(
     return list_files(session)
 
 
-def _convert(session: Conversation, files: tuple[str, ...], node: str | None) -> Facts:
+def _convert(session: Conversation, files: tuple[str, ...], conversion: Conversion) -> Facts:
     from dvtcli.operations.exchange.convert_file import convert_file
 
     if len(files) != 2:
         raise UsageError("eds convert takes two files", hint="eds convert drive.eds drive.xdd")
-    return convert_file(session, *files, node)
+    return convert_file(session, *files, conversion.node, conversion.wishes)
 
 
 def _show(session: Conversation, file: str) -> Facts:

@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.commands._dbc_options import dbc_options
 from dvtcli.cli.effect import Effect
-from dvtcli.cli.params import FILE, TEXT
+from dvtcli.cli.params import FILE
 
 if TYPE_CHECKING:
+    from dvtcli.operations.exchange.dbc_wishes import DbcWishes
     from dvtcli.operations.results import Facts
     from dvtcli.operations.session.session import Session
 
@@ -20,9 +22,9 @@ TASK = ("Scripts and files", 50)
 @click.command("export", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
 @click.argument("file", type=FILE)
 @click.option("--twice", is_flag=True, help="DCF, XDC: read each object twice, and leave out what changed meanwhile.")
-@click.option("--with", "services", type=TEXT, metavar="LIST", help="DBC: also nmt,sync,emcy,heartbeat,sdo.")
 @click.pass_obj
-def command(session: Session, /, file: str, twice: bool, services: str | None) -> Facts:
+@dbc_options
+def command(session: Session, /, file: str, twice: bool, wishes: DbcWishes) -> Facts:
     """Write the selected node, as it is now, to FILE: its PDOs (.yaml), or all of its configuration (.dcf
     or .xdc).
 
@@ -42,7 +44,8 @@ def command(session: Session, /, file: str, twice: bool, services: str | None) -
     export nodelist.cpj
     export press.dbc
     export press.dbc --with emcy,heartbeat
+    export press.dbc --split-bits    a signal for each bit of the statusword
     """
     from dvtcli.operations.exchange.export_file import export_file
 
-    return export_file(session, file, twice=twice, services=services)
+    return export_file(session, file, twice=twice, wishes=wishes)

@@ -43,12 +43,13 @@ def command(
     """Read the nodes of the network FILE and show what differs, and what apply would write.
 
     Everything that is wrong, on any node, is said at once. --format github or junit is for CI. FILE may be a DCF, an
-    XDC or a backup (.jsonl) of the selected node, too.
+    XDC or a backup (.jsonl) of the selected node, too, or a saved plan: is it still what apply would carry out?
 
     \b
     plan press.yaml
     plan press.yaml -o plan.json
     plan press.yaml -o press.309     as lines that any CiA 309-3 gateway carries out
+    plan plan.json -o press.309      the same of a saved plan
     plan press.dcf
     plan press.yaml --exit-code      3 where anything is to be done
     plan press.yaml --format junit   a test case for each PDO, for CI

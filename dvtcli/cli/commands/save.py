@@ -30,6 +30,7 @@ def command(session: Session, /, file: str, history: bool, everything: bool) -> 
     \b
     save tpdo1.dvt
     save tpdo1.tcl             the same for Tcl
+    save tpdo1.309             the same as lines that any CiA 309-3 gateway carries out
     save steps.dvt --history   each step that was taken
     save node.dvt --all        whatever the node's PDOs hold
     """
@@ -37,6 +38,12 @@ def command(session: Session, /, file: str, history: bool, everything: bool) -> 
 
     if history and everything:
         raise UsageError("--history and --all exclude each other")
+    if file.lower().endswith(".309"):
+        from dvtcli.operations.gateway.session_as_lines import save_lines
+
+        if history or everything:
+            raise UsageError("gateway lines say what this session's changes come to, without --history and --all")
+        return save_lines(session, file)
     what = EVERYTHING if everything else STEPS if history else ENDS
     return save_script(session, file, what, _as_tcl if file.lower().endswith(".tcl") else None)
 

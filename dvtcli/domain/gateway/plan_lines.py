@@ -15,6 +15,7 @@ from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
 from dvtcli.domain.network.phases import phases
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.plan import Change, Step
+from dvtcli.domain.several import plural
 
 _STORE, _SAVE = 0x1010, b"save"
 #: how a comment begins that `run` of dvtcli carries out
@@ -38,7 +39,10 @@ class Around:
 def plan_lines(plan: NetworkPlan, around: dict[int, Around]) -> list[str]:
     """The lines, each of which has a comment above it; only comments where nothing is to be done."""
     nodes = [one for one in plan.nodes if len(one.plan) or one.stores]
-    lines = [f"# CiA 309-3 gateway lines: {plan.writes} SDO downloads for {_plain(plan.file)}", *map(_who, plan.nodes)]
+    lines = [
+        f"# CiA 309-3 gateway lines: {plural(plan.writes, 'SDO download')} for {_plain(plan.file)}",
+        *map(_who, plan.nodes),
+    ]
     lines.append("# Nothing is read back and nothing taken back: stop at the first answer that is an ERROR.")
     lines += required_lines(nodes)
     commands = list(_commands(nodes, around)) or ["nothing is to be done: every node holds what the file says"]
@@ -102,7 +106,8 @@ def _shown(data: bytes) -> str:
 
 def _who(node: NodePlan) -> str:
     known = [f"{name} 0x{value:08X}" for name, value in node.identity.items() if value is not None]
-    return f"# node {node.node_id} {_plain(node.name)}: {', '.join(known) or 'it does not say who it is'}"
+    who = " ".join(filter(None, ("node", str(node.node_id), _plain(node.name))))
+    return f"# {who}: {', '.join(known) or 'it does not say who it is'}"
 
 
 def _plain(text: str) -> str:

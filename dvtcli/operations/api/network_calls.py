@@ -64,6 +64,32 @@ class NetworkCalls:
         done = self._calls.run(lambda: import_network(self._session, chosen, files), yes=yes)
         return tuple(dict(done.rows)["notes"])
 
+    def export(
+        self,
+        file: str | Path,
+        *,
+        services: Sequence[str] = (),
+        split_bits: bool = False,
+        everything: bool = False,
+        twice: bool = False,
+        yes: bool = False,
+    ) -> tuple[str, ...]:
+        """Write all nodes that answer, as they are now: a DBC file (.dbc), or a nodelist (.cpj) with a DCF of each.
+
+        *services*, *split_bits* and *everything* are for a DBC file, as of `dvtcli.convert`; *twice* for a nodelist,
+        as of a node's `export`. The answer is what the files do not say. Writing over a file needs *yes*. NoAnswer
+        where no node answers; UsageError for another suffix, or where a file cannot be written.
+        """
+        from dvtcli.operations.api.converted import dbc_wishes
+        from dvtcli.operations.exchange.export_file import export_all
+
+        chosen = str(path("file", file))
+        flags(twice=twice)
+        wishes = dbc_wishes(services, split_bits=split_bits, everything=everything)
+        done = self._calls.run(lambda: export_all(self._session, chosen, twice=twice, wishes=wishes), yes=yes)
+        said = dict(done.rows)
+        return tuple(said.get("left_out", said.get("notes", ())))
+
     def load(
         self,
         file: str | Path | None = None,

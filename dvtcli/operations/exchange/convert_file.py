@@ -29,6 +29,7 @@ from dvtcli.operations.session.save_script import ask_before_overwriting, place_
 
 if TYPE_CHECKING:
     from dvtcli.domain.object_dictionary import ObjectDictionary
+    from dvtcli.operations.exchange.dbc_wishes import DbcWishes
     from dvtcli.operations.session.session import Session
 
 #: What the parts of a dictionary are called in a message.
@@ -38,28 +39,36 @@ _WORDS = {
     "object_flags": "ObjFlags", "object": "object", "node_id": "node-ID", "bit_rate_kbit": "bit rate of the bus",
 }  # fmt: skip
 CONCISE_SUFFIX = ".cdcf"
+DBC_OPTIONS = "--with, --split-bits and --all"
 #: What belongs to one node, and not to every device of its kind.
 _OF_ONE_NODE = {"value", "denotation", "node_id", *(field.name for field in fields(Commissioning))}
 #: Said with what they belong to.
 _BESIDE = ("value_relative", "default_relative", "low_relative", "high_relative")
 
 
-def convert_file(session: Session, file: str, target: str, node: str | None = None) -> Facts:
+def convert_file(
+    session: Session, file: str, target: str, node: str | int | None = None, wishes: DbcWishes | None = None
+) -> Facts:
     """Write what *file* says of a device to *target*, in the format that its name ends in, and say what it cannot hold.
 
     An EDS or XDD holds no values of one node. A .cdcf is made of *node* of a network file, a .dbc of all
-    its nodes. Asks before it overwrites.
+    its nodes, by *wishes*. Asks before it overwrites.
     UsageError where *target* has another suffix, or a file cannot be read or written; InputFileError where *file* is
     none.
     """
+    if wishes and not target.lower().endswith(DBC_SUFFIX):
+        raise UsageError(f"{target}: {DBC_OPTIONS} are for a DBC file", hint="eds convert net.yaml net.dbc --with emcy")
     if target.lower().endswith(CONCISE_SUFFIX):
         from dvtcli.operations.network.concise_network import convert_network
 
         return convert_network(session, file, target, node)
     if target.lower().endswith(DBC_SUFFIX):
+        from dvtcli.operations.exchange.dbc_wishes import DbcWishes
         from dvtcli.operations.exchange.export_dbc import convert_to_dbc
 
-        return convert_to_dbc(session, file, target, node)
+        if node is not None:
+            raise UsageError("--for is for a concise DCF", hint="a DBC file has all nodes of a network file")
+        return convert_to_dbc(session, file, target, wishes or DbcWishes())
     if node is not None:
         raise UsageError("--for chooses a node of a network file", hint="eds convert net.yaml node5.cdcf --for 5")
     path = place_of(target, "eds convert FILE {}/NAME.xdd")

@@ -6,24 +6,24 @@ from typing import TYPE_CHECKING
 
 from dvtcli.domain.network.network_state import NetworkState
 from dvtcli.domain.several import plural
-from dvtcli.errors import NoAnswer, UsageError
+from dvtcli.errors import NoAnswer
 from dvtcli.files.dbc_text import dbc_bytes
-from dvtcli.operations.exchange.network_messages import NetworkMessages, network_messages
+from dvtcli.operations.exchange.network_messages import PLAIN, NetworkMessages, network_messages
 from dvtcli.operations.meanings.physical_meanings import meanings_of
 from dvtcli.operations.results import Facts
 from dvtcli.operations.session.save_script import ask_before_overwriting, place_of, write_bytes
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping
+    from collections.abc import Mapping
 
     from dvtcli.domain.meanings import Rules
+    from dvtcli.operations.exchange.dbc_wishes import DbcWishes
     from dvtcli.operations.session.session import Session
 
 
-def export_dbc(session: Session, file: str, services: Collection[str] = ()) -> Facts:
+def export_dbc(session: Session, file: str, wishes: DbcWishes = PLAIN) -> Facts:
     """Write the enabled PDOs of the nodes that answer (or of those of `-n`), as they are now, to the DBC *file*.
 
-    *services* (see `SERVICES`) adds the frames of those.
     Asks before it overwrites. NoAnswer where no node answers; UsageError where the file cannot be written.
     """
     from dvtcli.operations.network.network_states import network_state
@@ -34,10 +34,10 @@ def export_dbc(session: Session, file: str, services: Collection[str] = ()) -> F
     if not ids:
         raise NoAnswer("no node answers", hint="look at bit rate and supply: `doctor`, `scan`")
     state = network_state([session.node(node_id) for node_id in ids])
-    return _write(session, file, None, state, {}, services)
+    return _write(session, file, None, state, {}, wishes)
 
 
-def convert_to_dbc(session: Session, source: str, file: str, node: str | None = None) -> Facts:
+def convert_to_dbc(session: Session, source: str, file: str, wishes: DbcWishes = PLAIN) -> Facts:
     """Write what the nodes of the network file *source* send and hear once it is applied to the DBC *file*.
 
     Asks before it overwrites. Raises as reading a network file does; UsageError where the DBC file cannot be written.
@@ -46,11 +46,9 @@ def convert_to_dbc(session: Session, source: str, file: str, node: str | None = 
     from dvtcli.operations.network.described_network import described_network
     from dvtcli.operations.wanted.network_wish import read_wish
 
-    if node is not None:
-        raise UsageError("--for is for a concise DCF", hint="a DBC file has all nodes of a network file")
     place_of(file, "eds convert net.yaml {}/NAME.dbc")
     said = {node.node_id: rules_of(node.physical) for node in read_wish(source).nodes}
-    return _write(session, file, source, described_network(source, session.tell), said)
+    return _write(session, file, source, described_network(source, session.tell), said, wishes)
 
 
 def _write(
@@ -59,9 +57,9 @@ def _write(
     source: str | None,
     state: NetworkState,
     said: Mapping[int, Rules],
-    services: Collection[str] = (),
+    wishes: DbcWishes,
 ) -> Facts:
-    found = messages_of(state, said, services)
+    found = messages_of(state, said, wishes)
     path = place_of(file)
     ask_before_overwriting(session, path)
     write_bytes(path, dbc_bytes(found.nodes, found.messages))
@@ -76,9 +74,9 @@ def _write(
     return Facts("dbc", rows, (f"{file}: {counts}", *(f"note: left out: {one}" for one in found.left_out)))
 
 
-def messages_of(state: NetworkState, said: Mapping[int, Rules], services: Collection[str]) -> NetworkMessages:
+def messages_of(state: NetworkState, said: Mapping[int, Rules], wishes: DbcWishes = PLAIN) -> NetworkMessages:
     """The messages of *state*; *said*, by node-ID, goes before what profiles and files say of values."""
     meanings = {
         one.node_id: meanings_of(one.profile, one.dictionary, [said.get(one.node_id, {})]) for one in state.nodes
     }
-    return network_messages(state, meanings, services)
+    return network_messages(state, meanings, wishes)

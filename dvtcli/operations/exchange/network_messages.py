@@ -9,15 +9,18 @@ from typing import TYPE_CHECKING
 from dvtcli.domain.frame import Field, byte_length, layout
 from dvtcli.domain.network.network_state import Identifier, NetworkState, NodeState, identifier_of
 from dvtcli.files.dbc_text import LONGEST_NAME, NOBODY, DbcMessage, DbcSignal, Names
-from dvtcli.operations.exchange.pdo_signals import pdo_signal
+from dvtcli.operations.exchange.dbc_wishes import DbcWishes
+from dvtcli.operations.exchange.pdo_signals import pdo_signals
 from dvtcli.operations.exchange.service_messages import service_messages
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping
+    from collections.abc import Iterator, Mapping
 
     from dvtcli.domain.meanings import Meanings
     from dvtcli.domain.pdo import Pdo, PdoConfig
 
+#: how a DBC file is without any wishes
+PLAIN = DbcWishes()
 #: what a CAN frame carries at most (bits)
 _MOST_BITS = 64
 #: so that `_TPDO512` fits behind a node's name
@@ -27,6 +30,16 @@ _CYCLIC, _BY_EVENT = range(1, 241), (254, 255)
 
 #: an enabled PDO with whose it is
 _Held = tuple[NodeState, "Pdo", "PdoConfig"]
+
+
+@dataclass(frozen=True, slots=True)
+class _Drawn:
+    """What signals are made of: what the values of nodes mean, and what nodes are called, both by node-ID."""
+
+    state: NetworkState
+    meanings: Mapping[int, Meanings]
+    names: Mapping[int, str]
+    split_bits: bool
 
 
 @dataclass(slots=True)
@@ -40,23 +53,24 @@ class NetworkMessages:
 
 
 def network_messages(
-    state: NetworkState, meanings: Mapping[int, Meanings], services: Collection[str] = ()
+    state: NetworkState, meanings: Mapping[int, Meanings], wishes: DbcWishes = PLAIN
 ) -> NetworkMessages:
     """The enabled PDOs of *state*, one message a CAN-ID; *meanings*, by node-ID, says what their objects' values mean.
 
     A TPDO says what is in its message, and each RPDO with its CAN-ID makes its node a receiver of the signals it maps.
-    Of *services* (see `SERVICES`) there is a message where no PDO has its CAN-ID.
+    Of *wishes* the services have a message where no PDO has their CAN-ID.
     """
     names = _node_names(state)
     nodes = {names[one.node_id]: f"node {one.node_id} {one.title or one.name}".rstrip() for one in state.nodes}
     found = NetworkMessages(names, nodes)
-    held = [*state.enabled(is_tpdo=True), *state.enabled(is_tpdo=False)]
+    held = [one for one in _held(state, everything=wishes.everything) if one[2].enabled or _could_be_on(one, found)]
     for identifier, group in groupby(sorted(held, key=_place), _identifier):
         whole = [one for one in group if _fits(one, found)]
         if whole:
-            found.messages.append(_message(identifier, whole, state, meanings, found))
+            drawn = _Drawn(state, meanings, found.names, wishes.split_bits)
+            found.messages.append(_message(identifier, whole, drawn, found))
     taken = {one.number for one in found.messages}
-    for message in service_messages(state, names, services):
+    for message in service_messages(state, names, wishes.services):
         if message.number not in taken:
             found.messages.append(message)
         else:
@@ -83,9 +97,23 @@ def _identifier(held: _Held) -> Identifier:
     return identifier_of(held[2])
 
 
-def _place(held: _Held) -> tuple[bool, int, bool, int, int]:
-    (can_id, extended), (node, pdo, _) = _identifier(held), held
-    return extended, can_id, not pdo.is_tpdo, node.node_id, pdo.number
+def _held(state: NetworkState, *, everything: bool) -> Iterator[_Held]:
+    for node in state.nodes:
+        yield from ((node, pdo, config) for pdo, config in node.pdos.items() if config.enabled or everything)
+
+
+def _could_be_on(held: _Held, found: NetworkMessages) -> bool:
+    """Whether a PDO that is off maps anything and has a CAN-ID."""
+    node, pdo, config = held
+    why = "it is off, and has no CAN-ID" if not config.communication.cob_id.can_id else ""
+    if why and config.mapping:
+        found.left_out.append(f"{pdo.label} of node {node.node_id}: {why}")
+    return bool(config.mapping) and not why
+
+
+def _place(held: _Held) -> tuple[bool, int, bool, bool, int, int]:
+    (can_id, extended), (node, pdo, config) = _identifier(held), held
+    return extended, can_id, not config.enabled, not pdo.is_tpdo, node.node_id, pdo.number
 
 
 def _fits(held: _Held, found: NetworkMessages) -> bool:
@@ -100,10 +128,7 @@ def _fits(held: _Held, found: NetworkMessages) -> bool:
     return not why
 
 
-def _message(
-    identifier: Identifier, group: list[_Held], state: NetworkState, meanings: Mapping[int, Meanings],
-    found: NetworkMessages,
-) -> DbcMessage:  # fmt: skip
+def _message(identifier: Identifier, group: list[_Held], drawn: _Drawn, found: NetworkMessages) -> DbcMessage:
     """The message of *group*, the PDOs with one CAN-ID: what the first one says, and what the others hear of it."""
     (first, pdo, _), *others = group
     heard = [one for one in group if not one[1].is_tpdo]
@@ -112,24 +137,26 @@ def _message(
             also = f"{pdo.label} of node {first.node_id} has its CAN-ID 0x{identifier[0]:03X}, too"
             found.left_out.append(f"{other.label} of node {node.node_id}: {also}")
     says = [group[0]] if pdo.is_tpdo else heard
-    signals = _signals(says, heard, meanings, found.names)
+    signals = _signals(says, heard, drawn)
     length = max(byte_length(sum(entry.bits for entry in one.mapping)) for _, _, one in says)
+    cycle_ms = _cycle_ms(group[0], drawn.state)
     return DbcMessage(
         *identifier, f"{found.names[first.node_id]}_{pdo.label}", length,
-        found.names[first.node_id] if pdo.is_tpdo else NOBODY, signals, _comment(group), _cycle_ms(group[0], state),
+        found.names[first.node_id] if pdo.is_tpdo else NOBODY, signals, _comment(group), cycle_ms,
     )  # fmt: skip
 
 
-def _signals(
-    says: list[_Held], heard: list[_Held], meanings: Mapping[int, Meanings], nodes: Mapping[int, str]
-) -> tuple[DbcSignal, ...]:
-    """One signal for each object that *says* map where no earlier one lies, received by those *heard* that map it."""
+def _signals(says: list[_Held], heard: list[_Held], drawn: _Drawn) -> tuple[DbcSignal, ...]:
+    """One signal for each object that *says* map where no earlier one lies, received by those *heard* that map it.
+
+    Where bits are wanted, one for each bit instead.
+    """
     names, signals = Names(), list[DbcSignal]()
     for node, _, config in says:
         for one in _objects(config):
             if not any(_overlap(one, other) for other in signals):
-                signals.append(pdo_signal(one, node, meanings[node.node_id], names))
-    receivers = {place: tuple(_receivers(one, heard, nodes)) for place, one in enumerate(signals)}
+                signals += pdo_signals(one, node, drawn.meanings[node.node_id], names, split_bits=drawn.split_bits)
+    receivers = {place: tuple(_receivers(one, heard, drawn.names)) for place, one in enumerate(signals)}
     named = [replace(one, receivers=receivers[place]) for place, one in enumerate(signals)]
     return tuple(sorted(named, key=lambda one: one.start))
 
@@ -150,7 +177,7 @@ def _receivers(signal: DbcSignal, heard: list[_Held], nodes: Mapping[int, str]) 
 
 def _comment(group: list[_Held]) -> str:
     """Who sends and hears it."""
-    return ", ".join(f"{pdo.label} of node {node.node_id}" for node, pdo, _ in group)
+    return ", ".join(f"{pdo.label} of node {node.node_id}{'' if one.enabled else ' (off)'}" for node, pdo, one in group)
 
 
 def _cycle_ms(held: _Held, state: NetworkState) -> int:

@@ -19,10 +19,32 @@ if TYPE_CHECKING:
     from dvtcli.domain.physical import Physical
     from dvtcli.files.dbc_text import Names
 
+_WHOLE = (Kind.BOOLEAN, Kind.INTEGER, Kind.UNSIGNED)
 _NUMBERS = (Kind.BOOLEAN, Kind.INTEGER, Kind.UNSIGNED, Kind.REAL)
 
 
-def pdo_signal(field: Field, node: NodeState, meanings: Meanings, names: Names) -> DbcSignal:
+def pdo_signals(
+    field: Field, node: NodeState, meanings: Meanings, names: Names, *, split_bits: bool = False
+) -> list[DbcSignal]:
+    """The object at *field* of a PDO of *node* as one signal; with *split_bits* as one a bit, where bits have names."""
+    index, sub_index = field.entry.index, field.entry.sub_index
+    meaning = meanings.of(index, sub_index)
+    entry = node.dictionary.entry(index, sub_index) if node.dictionary else None
+    kind = entry.data_type if entry else None
+    if not (split_bits and meaning.bits and (kind is None or kind.kind in _WHOLE)):
+        return [_pdo_signal(field, node, meanings, names)]
+    name = (node.dictionary.display_name(index, sub_index) if node.dictionary else "") or f"Object_{index:04X}"
+    words = [meaning.bits.get(bit, f"bit {bit}") for bit in range(field.bits)]
+    what = f"0x{index:04X}:{sub_index:02X} {name}"
+    return [_bit(field.start_bit + bit, names.new(f"{name}.{word}", f"bit_{bit}"), f"{what}, bit {bit} {word}", names)
+            for bit, word in enumerate(words)]  # fmt: skip
+
+
+def _bit(start: int, name: str, comment: str, names: Names) -> DbcSignal:
+    return DbcSignal(name, start, 1, comment=comment, long_name=names.whole(name))
+
+
+def _pdo_signal(field: Field, node: NodeState, meanings: Meanings, names: Names) -> DbcSignal:
     """The object at *field* of a PDO of *node*, with its unit, scale, limits and words; without a type: unsigned.
 
     Of a REAL only a part is raw bits; so are texts and times.
@@ -39,9 +61,11 @@ def pdo_signal(field: Field, node: NodeState, meanings: Meanings, names: Names) 
     words = (
         {} if is_real else {value: word for value, word in meaning.values.items() if _holds(value, field.bits, signed)}
     )
+    short = names.new(name, f"Object_{index:04X}_{sub_index:02X}")
     return DbcSignal(
-        names.new(name, f"Object_{index:04X}_{sub_index:02X}"), field.start_bit, field.bits, signed, is_real,
+        short, field.start_bit, field.bits, signed, is_real,
         meaning.factor, meaning.offset, meaning.unit, low, high, words, (), _comment(field, kind, name, meaning),
+        names.whole(short),
     )  # fmt: skip
 
 

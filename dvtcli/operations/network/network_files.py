@@ -42,11 +42,13 @@ def planned(
 ) -> NetworkPlanned:
     """What has to be written for *file*, a network file or one about a device, to be so; *saved* where that is named.
 
+    Of a saved plan it is what that says, where the nodes are still as it was made from.
+
     With *tells* its exit code is 3 where something differs; with *trust_stamp* nodes are not read whose stamp (0x1020)
     says that they are so; *include* as of `DeviceOptions`; with *manager* as of `plan_manager`. Raises as these and
     `plan_network`.
     """
-    plan = _new_plan(session, file, trust_stamp=trust_stamp, include=include, manager=manager)
+    plan = _plan_of(session, file, trust_stamp=trust_stamp, include=include, manager=manager)
     keepers = {one.node_id: session.node(one.node_id).keeper for one in plan.nodes}
     interrupted = (node_id for node_id, keeper in keepers.items() if keeper is not None and keeper.open_journal())
     need = None if manager is not None else load_after(session, plan)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from dvtcli.domain.datatypes import DataType
-from dvtcli.operations.results.documents import Answer, Document, hex_bytes, json_value
+from dvtcli.operations.results.documents import CASES, Answer, Document, hex_bytes, json_value
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +55,7 @@ class WholeCompared(Answer):
     """
 
     renderer: ClassVar = "whole_device_lines:whole_compared_lines"
+    formats: ClassVar = CASES
     at_leisure: ClassVar = True
 
     node: int | None

@@ -93,8 +93,8 @@ def _steps(session: Session) -> list[Section]:
     return sections
 
 
-def _ends(session: Session) -> list[Section]:
-    """What it came to, one section a node."""
+def ended_lines(session: Session) -> list[Section]:
+    """What this session's changes come to, one section a node; UsageError where that is nothing."""
     steps = _steps(session)
     node_ids = dict.fromkeys(node_id for node_id, _ in steps if node_id)
     found = {node_id: _end(session, node_id, [line for one, line in session.record.lines if one == node_id])
@@ -205,4 +205,4 @@ def _mode(path: Path) -> int:
         return 0o644
 
 
-_SECTIONS: dict[Saved, Callable[[Session], list[Section]]] = {ENDS: _ends, STEPS: _steps, EVERYTHING: _everything}
+_SECTIONS: dict[Saved, Callable[[Session], list[Section]]] = {ENDS: ended_lines, STEPS: _steps, EVERYTHING: _everything}

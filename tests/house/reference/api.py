@@ -15,7 +15,9 @@ from tests.house.reference.markdown import cell, code, fenced, table
 
 def calls() -> Iterator[str]:
     """Functions and classes with their methods, in the order of the package's own list."""
-    for name in ("connect", "simulate", "profiles", "profile", "check_eds", "eds_library", "add_eds", "report"):
+    for name in (
+        "connect", "simulate", "profiles", "profile", "check_eds", "eds_library", "add_eds", "convert", "report"
+    ):  # fmt: skip
         yield from _function(name, getattr(dvtcli, name), "dvtcli.")
     for name in ("Bus", "Node", "Lss"):
         kind = getattr(dvtcli, name)

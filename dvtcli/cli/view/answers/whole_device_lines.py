@@ -44,12 +44,12 @@ def _rows(result: WholeCompared, found: Iterable[ObjectDifference], width: int) 
     sides = (re.split(r"[/\\]", side)[-1] for side in (result.first, result.second))  # a whole path takes a screen
     table = Table(("OBJECT", "NAME", *sides), shrink=1)
     for one in found:
-        after = _shown(one, one.after) if one.after is not None else one.why or "-"
-        table.add(one.object, Cell(one.name, "bold"), _shown(one, one.before), Cell(after, "red"))
+        after = value_text(one, one.after) if one.after is not None else one.why or "-"
+        table.add(one.object, Cell(one.name, "bold"), value_text(one, one.before), Cell(after, "red"))
     return table.lines(width)
 
 
-def _shown(one: ObjectDifference, data: bytes | None) -> str:
+def value_text(one: ObjectDifference, data: bytes | None) -> str:
     """A value for a person; of a long one the beginning, and how long it is."""
     if data is None:
         return "-"

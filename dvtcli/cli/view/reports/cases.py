@@ -6,41 +6,51 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from dvtcli.cli.view.answers.whole_device_lines import value_text
 from dvtcli.domain.parameter_text import parameter_text
 from dvtcli.domain.plan import PdoChange
-from dvtcli.domain.several import several
+from dvtcli.domain.several import plural, several
 from dvtcli.operations.results.comparisons import Compared
 from dvtcli.operations.results.networks import NetworkPlanned, differing
+from dvtcli.operations.results.whole_devices import WholeCompared
 
 if TYPE_CHECKING:
     from dvtcli.domain.network.network_plan import NodePlan
     from dvtcli.domain.plan import Change
     from dvtcli.operations.results import ComparedNodes
+    from dvtcli.operations.results.whole_devices import ObjectDifference
 
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One PDO or object of a *node*: *says* what is not as it should be, nothing where all is.
+    """One PDO or object of a *node*, or of a file: *says* what is not as it should be, nothing where all is.
 
     *level* is `error`, `warning` or `notice`, or `skipped` where nobody looked; *file* with *line* (0: nowhere) says
     what should be.
     """
 
-    node: int
+    node: int | str
     name: str
     says: tuple[str, ...] = ()
     level: str = "error"
     file: str = ""
     line: int = 0
 
+    @property
+    def where(self) -> str:
+        """Whose it is, for a person."""
+        return self.node if isinstance(self.node, str) else f"node {self.node}"
 
-def cases_of(result: NetworkPlanned | Compared | ComparedNodes) -> Iterator[Case]:
+
+def cases_of(result: NetworkPlanned | Compared | ComparedNodes | WholeCompared) -> Iterator[Case]:
     """Every case of *result*, node by node."""
     if isinstance(result, NetworkPlanned):
         for node in result.plan.nodes:
             yield from _planned(result, node)
     elif isinstance(result, Compared):
         yield from _compared(result)
+    elif isinstance(result, WholeCompared):
+        yield from _whole(result)
     else:
         for one in result.nodes:
             yield from _compared(one)
@@ -92,3 +102,25 @@ def _compared(one: Compared) -> Iterator[Case]:
         yield Case(one.node, label, tuple(texts), file=one.against)
     for label, frame, _ in one.frames:
         yield Case(one.node, f"frame of {label}", () if frame else ("none came",), file=one.against)
+
+
+def _whole(result: WholeCompared) -> Iterator[Case]:
+    """Each setting that differs, the equal ones together; what is no setting is a notice where it is asked for."""
+    where = result.second if result.node is None else result.node
+    equal = result.objects - len(result.differences)
+    yield Case(where, plural(equal, "equal setting"), file=result.first)
+    if result.unlike:
+        yield Case(where, "another device", (result.unlike,), "warning", result.first)
+    for one in result.differences:
+        yield Case(where, _named(one), (_sides(one),), file=result.first)
+    for one in (*result.about, *result.apart) if result.shows_all else ():
+        yield Case(where, _named(one), (_sides(one),), "notice", result.first)
+
+
+def _named(one: ObjectDifference) -> str:
+    return f"0x{one.object} {one.name}".rstrip()
+
+
+def _sides(one: ObjectDifference) -> str:
+    after = one.why or "-" if one.after is None else value_text(one, one.after)
+    return f"{value_text(one, one.before)} -> {after}"

@@ -13,19 +13,19 @@ from dvtcli.errors import InputFileError, RuleError
 
 if TYPE_CHECKING:
     from dvtcli.errors import DvtcliError
-    from dvtcli.operations.results import Compared, ComparedNodes, NetworkPlanned
+    from dvtcli.operations.results import Compared, ComparedNodes, NetworkPlanned, WholeCompared
 
 _LEVELS = {"error": "error", "warning": "warning", "notice": "notice", "skipped": "notice"}
 
 
-def github_case_lines(result: NetworkPlanned | Compared | ComparedNodes, _width: int) -> Iterator[Line]:
+def github_case_lines(result: NetworkPlanned | Compared | ComparedNodes | WholeCompared, _width: int) -> Iterator[Line]:
     """A command for each PDO or object that differs, errors first, and their sum: GitHub shows ten of a kind."""
     cases = list(cases_of(result))
     for level, command in _LEVELS.items():
         for case in cases:
             if case.says and case.level == level:
-                text = f"{case.name} of node {case.node}: {'; '.join(case.says)}"
-                yield workflow_command(command, case.file, case.line, f"node {case.node}", text)
+                text = f"{case.name} of {case.where}: {'; '.join(case.says)}"
+                yield workflow_command(command, case.file, case.line, case.where, text)
     differing = sum(bool(case.says) for case in cases)
     yield f"{plural(len(cases), 'case')}, {plural(differing, 'notice')} or worse"
 

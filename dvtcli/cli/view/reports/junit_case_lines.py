@@ -15,23 +15,25 @@ from dvtcli.errors import InputFileError, RuleError
 
 if TYPE_CHECKING:
     from dvtcli.errors import DvtcliError
-    from dvtcli.operations.results import Compared, ComparedNodes, NetworkPlanned
+    from dvtcli.operations.results import Compared, ComparedNodes, NetworkPlanned, WholeCompared
 
 
-def junit_case_lines(result: NetworkPlanned | Compared | ComparedNodes, _width: int) -> Iterator[Line]:
+def junit_case_lines(result: NetworkPlanned | Compared | ComparedNodes | WholeCompared, _width: int) -> Iterator[Line]:
     """A PDO or object that differs is a failure; what rules note of a node stands in a case's output."""
-    suites = (_suite(node, list(cases)) for node, cases in groupby(cases_of(result), key=lambda case: case.node))
+    suites = (_suite(where, list(cases)) for where, cases in groupby(cases_of(result), key=lambda case: case.where))
     yield from suites_text(suites)
 
 
-def _suite(node: int, cases: list[Case]) -> ET.Element:
+def _suite(where: str, cases: list[Case]) -> ET.Element:
     failed = [case for case in cases if _fails(case)]
     counts = {"tests": str(len(cases)), "failures": str(len(failed)), "errors": "0"}
     if skipped := sum(case.level == "skipped" for case in cases):
         counts["skipped"] = str(skipped)
-    suite = ET.Element("testsuite", {"name": f"node {node}", **counts})
+    suite = ET.Element("testsuite", {"name": safe(where), **counts})
     for case in cases:
-        element = ET.SubElement(suite, "testcase", {"classname": safe(f"{case.file}.node{node}"), "name": case.name})
+        element = ET.SubElement(
+            suite, "testcase", {"classname": safe(f"{case.file}.{where.replace(' ', '')}"), "name": safe(case.name)}
+        )
         text = "\n".join(map(safe, case.says))
         if _fails(case):
             ET.SubElement(element, "failure", {"type": "differs", "message": safe(case.says[0])}).text = text

@@ -1,0 +1,30 @@
+"""The options of commands that write a DBC file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import wraps
+from typing import Any
+
+import click
+
+from dvtcli.cli.params import TEXT
+
+
+def dbc_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """`--with`, `--split-bits` and `--all`, as one *wishes*; UsageError for a service that there is not."""
+
+    @wraps(command)
+    def with_wishes(*values: Any, services: str | None, split_bits: bool, everything: bool, **others: Any) -> Any:
+        from dvtcli.operations.exchange.dbc_wishes import DbcWishes
+        from dvtcli.operations.exchange.service_messages import services_of
+
+        return command(*values, wishes=DbcWishes(services_of(services), split_bits, everything), **others)
+
+    for option in (
+        click.option("--all", "everything", is_flag=True, help="DBC: also PDOs that are off."),
+        click.option("--split-bits", is_flag=True, help="DBC: one signal for each bit, where bits have names."),
+        click.option("--with", "services", type=TEXT, metavar="LIST", help="DBC: also nmt,sync,emcy,heartbeat,sdo."),
+    ):
+        with_wishes = option(with_wishes)
+    return with_wishes

@@ -1,0 +1,51 @@
+"""Files of one format as files of another, for a program. Opens no bus and prints nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dvtcli.operations.api.checks import flags, path, words
+from dvtcli.operations.api.hints import python_words
+from dvtcli.operations.user.options import Options
+
+if TYPE_CHECKING:
+    from dvtcli.operations.exchange.dbc_wishes import DbcWishes
+
+
+def convert(
+    file: str | Path,
+    target: str | Path,
+    *,
+    node: str | int | None = None,
+    services: Sequence[str] = (),
+    split_bits: bool = False,
+    everything: bool = False,
+    yes: bool = False,
+) -> tuple[str, ...]:
+    """Write what *file* says to *target*, in the format that its name ends in: EDS to XDD, DCF to XDC, and back.
+
+    Of a network file a concise DCF (.cdcf) is made for *node*, its name or node-ID (None: the only one), and a DBC file
+    (.dbc) for all nodes: with the frames of *services* (`nmt`, `sync`, `emcy`, `heartbeat`, `sdo`), with *split_bits*
+    as one signal for each bit that may have a name, with *everything* also of PDOs that are off. The answer is what
+    *target* does not say. Writing over a file needs *yes*. UsageError for another suffix, or where a file cannot be
+    read or written; InputFileError where *file* is none.
+    """
+    from dvtcli.operations.exchange.convert_file import convert_file
+    from dvtcli.operations.session.session import Session
+
+    source, chosen = str(path("file", file)), str(path("target", target))
+    wishes = dbc_wishes(services, split_bits=split_bits, everything=everything)
+    with python_words(), Session(Options(yes=yes)) as session:
+        done = dict(convert_file(session, source, chosen, node, wishes).rows)
+    return tuple(done.get("left_out") or done.get("losses") or ())
+
+
+def dbc_wishes(services: Sequence[str], *, split_bits: bool, everything: bool) -> DbcWishes:
+    """How a program wants a DBC file, checked; UsageError for a wrong argument."""
+    from dvtcli.operations.exchange.dbc_wishes import DbcWishes
+    from dvtcli.operations.exchange.service_messages import services_of
+
+    flags(split_bits=split_bits, everything=everything)
+    return DbcWishes(services_of(",".join(words("services", services))), split_bits, everything)

@@ -1,0 +1,21 @@
+"""How a DBC file is wanted, apart from whose it is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class DbcWishes:
+    """*services* (see `SERVICES`) adds their frames; *split_bits* makes a signal of each bit where bits have names.
+
+    With *everything* PDOs that are off are in it, too, as if they were on.
+    """
+
+    services: tuple[str, ...] = ()
+    split_bits: bool = False
+    everything: bool = False
+
+    def __bool__(self) -> bool:
+        """Whether anything is wanted otherwise than by default."""
+        return self != DbcWishes()

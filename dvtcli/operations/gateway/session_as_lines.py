@@ -1,0 +1,77 @@
+"""What a session's changes come to as gateway lines (CiA 309-3), for `save x.309`. Writes nothing to a node."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
+from dvtcli.domain.plan import PdoChange, Plan, ValueChange, alters, plan_pdo
+from dvtcli.domain.several import plural, several
+from dvtcli.errors import UsageError
+from dvtcli.operations.gateway.plan_as_lines import plan_as_lines
+from dvtcli.operations.results import Facts
+from dvtcli.operations.session.save_script import ask_before_overwriting, ended_lines, place_of, write_whole
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+    from dvtcli.domain.plan import Change
+    from dvtcli.operations.session.session import Session
+
+SUFFIX = ".309"
+#: Lines of a script that no gateway's client sends: who may write is the device's own affair, `load` takes a reset.
+_UNSAID = ("login", "fpo", "restore")
+
+
+def save_lines(session: Session, file: str) -> Facts:
+    """Write the end of this session's changes into *file*, as lines that a CANopen gateway carries out.
+
+    Asks before it overwrites. UsageError where nothing was changed, where gateway lines cannot say it, or where the
+    file cannot be written.
+    """
+    path = place_of(file, f"save {{}}/NAME{SUFFIX}")
+    sections = ended_lines(session)
+    nodes = tuple(_planned(session.node(node_id), session.record.of(node_id), lines) for node_id, lines in sections)
+    plan = NetworkPlan("what this session changed", tuple(sorted(nodes, key=lambda one: one.node_id)))
+    ask_before_overwriting(session, path)
+    write_whole(path, plan_as_lines(session, plan))
+    shown = several(f"node {one.node_id}" for one in plan.nodes)
+    said = f"{file}: {plural(plan.writes, 'SDO download')} for {shown}. Run it: dvtcli run {shlex.quote(file)}"
+    return Facts("save", (("file", file), ("commands", plan.writes)), (said,))
+
+
+def _planned(node: Node, done: list[str], lines: list[str]) -> NodePlan:
+    """From what *node* held before *done* to what it holds now; *lines* are what a script would say of it."""
+    flat = [line for entry in done for line in entry.splitlines()]
+    if unsaid := [line.split()[0] for line in flat if line.startswith(_UNSAID)]:
+        raise UsageError(
+            f"gateway lines cannot say `{unsaid[0]}`", node=node.node_id, hint="save NAME.dvt writes a script"
+        )
+    stores = [line.split()[1:] for line in lines if line.split()[0] == "store"]
+    store = "" if not stores else next((word for word in stores[-1] if not word.startswith("-")), "all")
+    return NodePlan("", Plan(node.node_id, tuple(_ends(node))), node.identity(), node.title, store=store)
+
+
+def _ends(node: Node) -> Iterator[Change]:
+    """One change for each PDO and object that was changed, in the order in which they were last."""
+    first: dict[object, Change] = {}
+    last: dict[object, Change] = {}
+    for change in (change for plan in node.history for change in plan.changes):
+        key = change.pdo if isinstance(change, PdoChange) else change.step.object
+        first.setdefault(key, change)
+        last.pop(key, None)
+        last[key] = change
+    for place, change in last.items():
+        ended = _end(node, first[place], change)
+        if alters(ended):
+            yield ended
+
+
+def _end(node: Node, first: Change, last: Change) -> Change:
+    if isinstance(first, PdoChange):
+        return plan_pdo(first.pdo, first.before, node.wanted.get(first.pdo) or node.pdo(first.pdo))
+    if isinstance(last, ValueChange):
+        return ValueChange(replace(last.step, before=first.step.before))
+    return last
