@@ -53,4 +53,4 @@ def test_a_saved_plan_keeps_why(tmp_path: Path) -> None:
     path.write_text("one: {node_id: 1, heartbeat_producer: 700}\n")
     with Bench(("generic@1",), {"yes": True}) as bench:
         assert bench.run(f"plan {path} -o {saved}").code == 0
-        assert "0x1017:00  500 -> 700  heartbeat_producer" in bench.run(f"apply {saved}").stdout
+        assert "0x1017:00  500 ms -> 700 ms  heartbeat_producer" in bench.run(f"apply {saved}").stdout
