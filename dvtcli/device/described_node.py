@@ -5,6 +5,7 @@ Reads no device and no file: the dictionary is given.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 
 from dvtcli.domain.abort import Abort
@@ -16,15 +17,14 @@ from dvtcli.errors import SdoAborted
 _OFF = bytes([0, 0, 0, 0x80])
 
 
-@dataclass(frozen=True, slots=True)
-class FileValues:
-    """What *dictionary* says that node *node_id* holds: ParameterValue, else DefaultValue, else zeros.
+class ToldValues(ABC):
+    """What a file says of one node, behind the same seam as the node."""
 
-    A PDO of which it tells no COB-ID is off.
-    """
+    __slots__ = ()
 
-    dictionary: ObjectDictionary
-    node_id: int
+    @abstractmethod
+    def told(self, index: int, sub_index: int) -> bytes:
+        """What the file says; SdoAborted where it says nothing of it."""
 
     def upload(
         self,
@@ -34,9 +34,24 @@ class FileValues:
         timeout_s: float | None = None,  # noqa: ARG002 - a file answers at once
         retries: int | None = None,  # noqa: ARG002
     ) -> bytes:
+        """What the file says; SdoAborted as of `told`."""
+        return self.told(index, sub_index)
+
+
+@dataclass(frozen=True, slots=True)
+class FileValues(ToldValues):
+    """What *dictionary* says that node *node_id* holds: ParameterValue, else DefaultValue, else zeros.
+
+    A PDO of which it tells no COB-ID is off.
+    """
+
+    dictionary: ObjectDictionary
+    node_id: int
+
+    def told(self, index: int, sub_index: int) -> bytes:
         """What the file says; SdoAborted where it has no such object, or tells nothing of it."""
         entry = self.dictionary.entry(index, sub_index)
-        value = None if entry is None else self._told(entry)
+        value = None if entry is None else self._of_entry(entry)
         if value is None:
             code = Abort.NO_SUB_INDEX if index in self.dictionary else Abort.NO_OBJECT
             raise SdoAborted(index, sub_index, code, node=self.node_id)
@@ -46,7 +61,7 @@ class FileValues:
         """A file's values are never written here."""
         raise SdoAborted(index, sub_index, Abort.READ_ONLY, node=self.node_id)
 
-    def _told(self, entry: OdEntry) -> bytes | None:
+    def _of_entry(self, entry: OdEntry) -> bytes | None:
         value = entry.initial(self.node_id)
         told = value if value is not None else bytes((entry.data_type and entry.data_type.size) or 1)
         return _OFF if _is_no_cob_id(entry, told) else told
@@ -56,7 +71,7 @@ class FileValues:
 class Defaults(FileValues):
     """What *dictionary* says that node *node_id* holds when nothing was ever set: DefaultValue, with the node-ID."""
 
-    def _told(self, entry: OdEntry) -> bytes | None:
+    def _of_entry(self, entry: OdEntry) -> bytes | None:
         told = replace(entry, value=None).initial(self.node_id)
         return None if told is not None and _is_no_cob_id(entry, told) else told
 

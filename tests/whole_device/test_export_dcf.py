@@ -10,8 +10,8 @@ import canopen
 import pytest
 
 from dvtcli.domain.configuration import configuration_of
-from dvtcli.files.dcf.value_text import same_value
 from dvtcli.files.eds.reader import read_eds
+from dvtcli.files.eds.written_values import same_value
 from dvtcli.files.profile.toml import builtin_path
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import Options

@@ -16,12 +16,13 @@ from dvtcli.files.dcf.device_keys import write_device_keys
 from dvtcli.files.dcf.edited_text import EditedText
 from dvtcli.files.dcf.missing_sections import write_missing
 from dvtcli.files.dcf.value_table import ValueTable
-from dvtcli.files.dcf.value_text import is_text, same_value, value_text
+from dvtcli.files.dcf.value_text import value_text
 from dvtcli.files.eds.findings import Findings
 from dvtcli.files.eds.ini import Values, section_values
 from dvtcli.files.eds.keys import number_key
 from dvtcli.files.eds.layout import Parts
 from dvtcli.files.eds.reader import EdsFile, parse_eds
+from dvtcli.files.eds.written_values import is_text, same_value
 
 Place = tuple[int, int]
 _VALUE, _DEFAULT = "parametervalue", "defaultvalue"

@@ -5,6 +5,7 @@ Knows values and limits. Does not know which key takes the text.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 from dvtcli.domain.datatypes import DataType, Kind
@@ -12,15 +13,42 @@ from dvtcli.files.eds.numbers import EncodedValue, encode_value
 
 _NODE_ID = "$NODEID"
 _TEXT_KINDS = (Kind.VISIBLE_STRING, Kind.UNICODE_STRING)
+_NUMBER_KINDS = (Kind.BOOLEAN, Kind.INTEGER, Kind.UNSIGNED)
+
+
+def is_text(data_type: DataType | None) -> bool:
+    """Whether a value of this type is text, so that `;` begins no comment in it."""
+    return data_type is not None and data_type.kind in _TEXT_KINDS
+
+
+def same_value(data_type: DataType | None, one: bytes | None, other: bytes | None) -> bool:
+    """Whether both mean the same: a text with and without zeros behind it, any byte but 0 of a BOOLEAN."""
+    if one == other or one is None or other is None or data_type is None:
+        return one == other
+    if data_type.kind not in (*_TEXT_KINDS, Kind.BOOLEAN) or (data_type.size or len(one)) != len(one):
+        return False
+    return len(other) == (data_type.size or len(other)) and data_type.decode(one) == data_type.decode(other)
 
 
 def written_value(data_type: DataType | None, data: bytes, *, relative: bool) -> str | None:
     """*data* as text, with the node-ID added where it is *relative*; None where no text of one line means it."""
+    return text_of(data_type, data, hexadecimal=True, exact=True, relative=relative)
+
+
+def text_of(
+    data_type: DataType | None, data: bytes, *, hexadecimal: bool, exact: bool, relative: bool = False
+) -> str | None:
+    """The first text of one line that means *data*, None where there is none.
+
+    Numbers are *hexadecimal* where they can be. *exact*: every byte reads back, characters are printable, a negative
+    number has its sign, a REAL all its digits; else it only means the same, and a REAL is as short as it can be.
+    With the node-ID added where the value is *relative*.
+    """
     if data_type is None:
         return None
-    for text in _candidates(data_type, data):
+    for text in _candidates(data_type, data, hexadecimal=hexadecimal, exact=exact):
         said = f"{_NODE_ID}+{text}" if relative else text
-        if _means(data_type, said, EncodedValue(data, relative)):
+        if _means(data_type, said, EncodedValue(data, relative), exact=exact):
             return said
     return None
 
@@ -35,30 +63,38 @@ def _number(number: int) -> str:
     return f"0x{number:X}" if number >= 0 else str(number)
 
 
-def _candidates(data_type: DataType, data: bytes) -> Iterator[str]:
-    """Texts that may mean *data*, the one that people read best first."""
-    digits = f"0x{int.from_bytes(data, 'little'):0{2 * len(data)}X}"
+def _candidates(data_type: DataType, data: bytes, *, hexadecimal: bool, exact: bool) -> Iterator[str]:
+    """Texts that may mean *data*, the one that is liked best first."""
+    if data_type.kind is Kind.OCTETS:
+        yield data.hex().upper() or "0x"
+        return
     try:
-        if data_type.kind in _TEXT_KINDS:
-            yield str(data_type.decode(data))
-        elif data_type.kind is Kind.OCTETS:
-            yield data.hex().upper() or "0x"
-        elif data_type.kind is Kind.REAL:
-            yield repr(data_type.decode(data))
-        elif data_type.kind is Kind.INTEGER:
-            number = int.from_bytes(data, "little", signed=True)
-            yield digits if number >= 0 else str(number)
+        value = data_type.decode(data)
     except ValueError:
-        return  # of another length than its type
-    if data_type.kind not in _TEXT_KINDS:
-        yield digits
+        value = None  # of another length than its type
+    if data_type.kind in _TEXT_KINDS:
+        yield from () if value is None else [str(value)]
+        return
+    if isinstance(value, float):
+        yield from [repr(value)] if exact else _reals(value)
+    decimal = [str(int(value))] if isinstance(value, int) and data_type.kind in _NUMBER_KINDS else []
+    if not hexadecimal or (exact and isinstance(value, int) and value < 0):
+        yield from decimal
+    yield f"0x{int.from_bytes(data, 'little'):0{2 * len(data)}X}"
+    yield from decimal
 
 
-def _means(data_type: DataType, text: str, wanted: EncodedValue) -> bool:
-    if text != text.strip() or not text or not text.isprintable():
+def _reals(value: float) -> Iterator[str]:
+    if math.isfinite(value):
+        yield from (f"{value:.7g}", f"{value:.9g}", repr(value))
+
+
+def _means(data_type: DataType, text: str, wanted: EncodedValue, *, exact: bool) -> bool:
+    if not text or text != text.strip() or not all(char.isprintable() if exact else char >= " " for char in text):
         return False
     try:
         found = encode_value(data_type, text)
     except ValueError:
         return False
-    return (found.data, found.relative) == (wanted.data, wanted.relative)
+    is_same = found.data == wanted.data if exact else same_value(data_type, found.data, wanted.data)
+    return is_same and found.relative == wanted.relative

@@ -12,7 +12,7 @@ from dvtcli.device.same_device import unlike_before
 from dvtcli.domain.configuration import Configuration, NotWritten, configuration_of
 from dvtcli.domain.object_dictionary import Access, OdEntry
 from dvtcli.domain.standard_objects import is_pdo_mapping, standard_entry
-from dvtcli.files.dcf.value_text import same_value
+from dvtcli.files.eds.written_values import same_value
 from dvtcli.files.whole_device_file import KeptObject
 from dvtcli.operations.results.whole_devices import ObjectDifference, WholeCompared
 from dvtcli.operations.whole_device.export_dcf import why_unread

@@ -14,9 +14,9 @@ from dvtcli.domain.abort import abort_text
 from dvtcli.domain.configuration import Configuration
 from dvtcli.domain.several import plural, several
 from dvtcli.errors import UsageError
-from dvtcli.files.dcf.value_text import same_value
 from dvtcli.files.dcf.write_dcf import Commissioned, DcfText, refuse_unlike_values, write_dcf
 from dvtcli.files.device_file import VALUE_SUFFIXES, XDD_SUFFIXES, device_file_bytes, is_xml, parse_device_file
+from dvtcli.files.eds.written_values import same_value
 from dvtcli.operations.results import Facts
 from dvtcli.operations.session.save_script import ask_before_overwriting, place_of, write_bytes
 from dvtcli.operations.whole_device.look_through import WholeDevice, described, look_through

@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from dvtcli.device.described_node import ToldValues
 from dvtcli.device.read_pdos import read_pdo
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.cob_id import CobId
@@ -89,21 +90,14 @@ def _why_not(known: Configuration, dictionary: ObjectDictionary | None, place: O
 
 
 @dataclass(frozen=True, slots=True)
-class _Values:
+class _Values(ToldValues):
     """What *held* says of a node with *node_id*, behind the same seam as a node."""
 
     held: HeldDevice
     dictionary: ObjectDictionary | None
     node_id: int
 
-    def upload(
-        self,
-        index: int,
-        sub_index: int,
-        *,
-        timeout_s: float | None = None,  # noqa: ARG002 - a file answers at once
-        retries: int | None = None,  # noqa: ARG002
-    ) -> bytes:
+    def told(self, index: int, sub_index: int) -> bytes:
         """What the file says; SdoAborted where it says nothing of it."""
         data = self.held.on_node((index, sub_index), entry_of(self.dictionary, (index, sub_index)), self.node_id)
         if data is None:

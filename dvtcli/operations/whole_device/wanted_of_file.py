@@ -15,7 +15,7 @@ from dvtcli.domain.configuration import Configuration, NotWritten
 from dvtcli.domain.network.network_plan import LeftOut
 from dvtcli.domain.pdo import Direction, Pdo
 from dvtcli.errors import SdoAborted
-from dvtcli.files.dcf.value_text import same_value
+from dvtcli.files.eds.written_values import same_value
 from dvtcli.operations.wanted.wanted_words import NodeWants
 from dvtcli.operations.whole_device.compare_device import entry_of, is_setting
 from dvtcli.operations.whole_device.look_through import configuration, described
