@@ -16,6 +16,7 @@ from dvtcli.domain.configuration import configuration_of
 from dvtcli.domain.datatypes import Kind
 from dvtcli.domain.object_dictionary import OdEntry
 from dvtcli.domain.pdo import Pdo
+from dvtcli.files.profile.toml import builtin_path
 from tests.commands.bench import Bench
 from tests.small_eds import U16, plain, var
 from tests.whole_device.test_export_dcf import FAMILIES, odd
@@ -179,6 +180,20 @@ def test_a_command_by_its_name_is_written_only_where_it_is_named_itself(tmp_path
         assert "2001:00 (holds 0, the file says 7) is the maker's own, and a command by its name" in cloned.stdout
         assert "1 setting of node 5 differs" in cloned.stdout.splitlines()[-1]
         assert (bench.run(f"diff {file}").code, bench.run(f"compare {file}").code) == (3, 3)
+
+
+def test_what_keeps_a_setting_is_said_alike_and_is_so(tmp_path: Path) -> None:
+    eds, file = tmp_path / "own.eds", tmp_path / "node.jsonl"
+    eds.write_bytes(builtin_path("gen4").with_name("gen4.eds").read_bytes())
+    with Bench((f"{eds}@5",)) as bench:
+        assert bench.run(f"backup {file}").code == 0
+        assert "The device keeps it by itself" in bench.run("write 1017 701").stdout
+        assert bench.run("nmt reset-node --yes").code == 0
+        assert bench.run("read 1017 --json").document["value"] == 701
+        applied = bench.run(f"apply {file} --yes")
+        assert "Kept by node 5 without a store, `undo --all` reverts it." in applied.stdout, applied.stderr
+        assert "In RAM only" in bench.run("set tpdo1 --timer 70").stdout
+        assert "In RAM only on node 5: `store` keeps it" in bench.run(f"apply {file} --yes").stdout
 
 
 def _settable(bench: Bench) -> list[OdEntry]:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from dvtcli.device.observe import Found
     from dvtcli.domain.meanings import Understood
     from dvtcli.domain.pdo import Pdo
-    from dvtcli.domain.plan import Change
+    from dvtcli.domain.plan import Change, Plan
     from dvtcli.domain.request import PdoWant
     from dvtcli.domain.rules import Finding
     from dvtcli.operations.session.session import Session
@@ -62,9 +62,7 @@ def changed(
     saved = any(node.saves((step.index, step.sub_index)) for step in applied.plan.steps)
     if (saved or any(map(alters, applied.plan.changes))) and not session.dry_run:
         session.record.add(node.node_id, change_lines(applied.plan) if lines is None else lines)
-    volatile = any(node.profile.store.needed_for(step.index) for step in applied.plan.steps)
-    policy = node.profile.store
-    keep = f"to keep it, {policy.instead}" if policy.instead else "`store` keeps it"
+    keep = keep_words(node, applied.plan)
     return Changed(
         node.node_id,
         applied.plan,
@@ -72,7 +70,7 @@ def changed(
         session.dry_run,
         seconds,
         undone,
-        volatile,
+        bool(keep),
         keep,
         names(node, applied.plan.changes),
         saved=saved and not session.dry_run,
@@ -80,6 +78,14 @@ def changed(
         not_put_back=applied.not_put_back,
         understood=understood(node, applied.plan.changes),
     )
+
+
+def keep_words(node: Node, plan: Plan) -> str:
+    """What keeps what *plan* wrote to *node*: a store, or its maker's way; empty where the node does so by itself."""
+    policy = node.profile.store
+    if not any(policy.needed_for(step.index) for step in plan.steps):
+        return ""
+    return f"to keep it, {policy.instead}" if policy.instead else "`store` keeps it"
 
 
 def understood(node: Node, changes: Iterable[Change]) -> dict[str, Understood]:

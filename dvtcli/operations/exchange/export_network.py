@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
+from dvtcli.domain.mapping import MAX_PDO_BITS
 from dvtcli.domain.network.wanted_state import FileWord, NetworkWish, NodeWish, PdoWish, WantedIdentity
 from dvtcli.domain.object_dictionary import normalised
 from dvtcli.domain.object_syntax import MappedObject, resolve_entry
@@ -121,8 +122,9 @@ def exported(holder: Holder, held: Mapping[Pdo, PdoConfig], values: SdoReader) -
 
 
 def is_whole(config: PdoConfig) -> bool:
-    """Whether a network file can say all of it: it is no MPDO, and nothing of it is unknown."""
-    return config.mpdo is None and not config.inconsistency
+    """Whether a network file can say all of it: it is no MPDO, nothing of it is unknown, and each entry has bits."""
+    has_bits = all(1 <= entry.bits <= MAX_PDO_BITS for entry in config.mapping)
+    return config.mpdo is None and not config.inconsistency and has_bits
 
 
 def _name(holder: Holder) -> str:

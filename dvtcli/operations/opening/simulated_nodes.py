@@ -80,7 +80,8 @@ def _family_of_file(dictionary: ObjectDictionary) -> Family:
     """A plain CiA 301 device; the object in which the device's own family tells its NMT state is alive in it, too.
 
     The family's profile asks that object, and a value that a DCF has for it would be the state for ever. Which accesses
-    may be mapped is the family's, too, where the profile allows more than the standard.
+    may be mapped is the family's, too, where the profile allows more than the standard; so is what it keeps without a
+    store, since that is what is said of it once it is written.
     """
     profile = profile_of(dictionary)
     known = learnt_family(profile, None) or family_named(profile.name)
@@ -91,6 +92,8 @@ def _family_of_file(dictionary: ObjectDictionary) -> Family:
         master_object=known.master_object,
         tpdo_access=known.tpdo_access,
         rpdo_access=known.rpdo_access,
+        needs_store=known.needs_store,
+        save_command=known.save_command,
     )
 
 

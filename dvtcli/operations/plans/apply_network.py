@@ -16,6 +16,7 @@ from dvtcli.domain.profile import PreOperational
 from dvtcli.domain.script_line import change_lines
 from dvtcli.domain.several import plural
 from dvtcli.errors import SafetyRefusal
+from dvtcli.operations.changes.change import keep_words
 from dvtcli.operations.changes.change_together import carry_out_together, complete
 from dvtcli.operations.changes.last_look import Verified
 from dvtcli.operations.consent.other_master import refuse_other_master
@@ -76,7 +77,8 @@ def apply_network(
                     session.record.add(node_id, change_lines(done))
             stored = store_network(session, course, planned, _verified(session, course, planned, found), prove)
             complete(course)
-    return NetworkApplied(plan, session.dry_run, time.monotonic() - started, stored)
+    kept = {one.node_id: keep_words(nodes[one.node_id], one.plan) for one in planned if len(one.plan)}
+    return NetworkApplied(plan, session.dry_run, time.monotonic() - started, stored, kept)
 
 
 def _verified(session: Session, course: Course, planned: list[NodePlan], found: Mapping[int, Found]) -> Verified:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from dvtcli.domain.network.network_plan import LeftOut, NetworkPlan, NodePlan
@@ -155,6 +155,7 @@ def _object_document(change: ValueChange) -> Document:
 class NetworkApplied(Answer):
     """A plan that every node took and read back equal; *stored* are those that stored it then.
 
+    *keep* says of each node that was written what keeps it there, empty where it does so by itself.
     A setting that differs and that the plan does not write is so still: `plan.remains` counts them.
     """
 
@@ -164,6 +165,7 @@ class NetworkApplied(Answer):
     dry_run: bool
     seconds: float
     stored: tuple[Stored, ...] = ()
+    keep: Mapping[int, str] = field(default_factory=dict)
 
     def __bool__(self) -> bool:
         """Whether it is as it should be, and proved if that was asked for."""

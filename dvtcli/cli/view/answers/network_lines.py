@@ -130,12 +130,20 @@ def applied_lines(result: NetworkApplied, _width: int) -> Iterator[Line]:
     if plan.changed:
         yield f"{nodes} set: {writes}, read back equal, {result.seconds:.2f} s."
     yield from _stored(result)
-    kept = {one.node for one in result.stored}
-    volatile = [str(one.node_id) for one in plan.nodes if len(one.plan) and one.node_id not in kept]
-    if volatile:
-        text = f"In RAM only on node {', '.join(volatile)}: `store` keeps it, `undo --all` reverts it."
-        yield [Cell(text, "dim")]
+    yield from _kept(result)
     yield from _remaining(plan)
+
+
+def _kept(result: NetworkApplied) -> Iterator[Line]:
+    """What keeps that on the nodes that did not store, as `write` says it."""
+    stored, told = {one.node for one in result.stored}, dict[str, list[str]]()
+    for node_id, words in result.keep.items():
+        if node_id not in stored:
+            told.setdefault(words, []).append(str(node_id))
+    for words, nodes in told.items():
+        where = ", ".join(nodes)
+        text = f"In RAM only on node {where}: {words}" if words else f"Kept by node {where} without a store"
+        yield [Cell(f"{text}, `undo --all` reverts it.", "dim")]
 
 
 def _stored(result: NetworkApplied) -> Iterator[Line]:
