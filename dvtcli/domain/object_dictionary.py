@@ -136,6 +136,10 @@ class Commissioning:
     lss_serial_number: int | None = None
 
 
+#: identity object (CiA 301, 7.5.2.19), and a number that nobody set
+_IDENTITY, _ERASED = 0x1018, 0xFFFF_FFFF
+
+
 @dataclass(frozen=True, slots=True)
 class DeviceInfo:
     """What a file says about the device as a whole; None or empty where it is silent."""
@@ -158,6 +162,12 @@ class DeviceInfo:
     group_messaging: bool | None = None
     lss_supported: bool | None = None
     commissioning: Commissioning = Commissioning()
+
+    @property
+    def identity(self) -> dict[str, int | None]:
+        """Vendor-ID, product code and revision number; None for what is not said: 0, or all bits, as erased memory."""
+        told = {"vendor": self.vendor_id, "product": self.product_code, "revision": self.revision_number}
+        return {name: None if number in (0, _ERASED) else number for name, number in told.items()}
 
 
 class ObjectDictionary(Mapping[int, OdObject]):
@@ -211,6 +221,20 @@ class ObjectDictionary(Mapping[int, OdObject]):
             left = {sub: entry for sub, entry in held.entries.items() if (index, sub) not in absent}
             objects[index] = replace(held, entries=left)
         return ObjectDictionary(objects, self.info, self.source)
+
+    def identified(self) -> ObjectDictionary:
+        """The same where 0x1018 says whose the device is: what it leaves open, or 0, is as of the device as a whole."""
+        if _IDENTITY not in self:
+            return self
+        held = self[_IDENTITY]
+        entries = dict(held.entries)
+        for sub_index, number in enumerate(self.info.identity.values(), 1):
+            entry = entries.get(sub_index)
+            if entry is not None and number and not any(entry.initial(0) or b""):
+                entries[sub_index] = replace(entry, default=number.to_bytes(4, "little"), value=None)
+        if entries == dict(held.entries):
+            return self
+        return ObjectDictionary({**self._objects, _IDENTITY: replace(held, entries=entries)}, self.info, self.source)
 
     @property
     def tells_mappability(self) -> bool:

@@ -69,8 +69,8 @@ class _Described:
 
     def identity(self) -> dict[str, int | None]:
         """What the file says of 0x1018, or of the device as a whole."""
-        info = self.dictionary.info
-        told = {"vendor": info.vendor_id, "product": info.product_code}
+        info = self.dictionary.info.identity
+        told = {name: info[name] for name in ("vendor", "product")}
         return {name: told[name] or read_identity(self.values, sub) for sub, name in enumerate(told, 1)}
 
 

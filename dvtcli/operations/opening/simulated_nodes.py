@@ -65,7 +65,7 @@ def simulated_device(one: Simulated) -> StrictDevice:
     """The device that *one* names, INITIALISING."""
     from dvtcli.simulator.device.strict_device import StrictDevice
 
-    return StrictDevice(read_dictionary(one.eds), _family(one), one.node_id)
+    return StrictDevice(read_dictionary(one.eds).identified(), _family(one), one.node_id)
 
 
 def _family(one: Simulated) -> Family:

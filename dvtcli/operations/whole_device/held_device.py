@@ -84,12 +84,7 @@ def _described(file: str, node_id: int | None) -> HeldDevice:
             objects[entry.index, entry.sub_index] = KeptObject(data, type_name=kind)
             if entry.value is None:
                 assumed.add((entry.index, entry.sub_index))
-    identity = {
-        "vendor": info.vendor_id,
-        "product": info.product_code,
-        "revision": info.revision_number,
-        "serial": None,
-    }
+    identity = {**info.identity, "serial": None}
     return HeldDevice(file, own_id, identity, objects, dictionary, frozenset(assumed))
 
 
