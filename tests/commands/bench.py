@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
@@ -18,6 +19,8 @@ from dvtcli.cli.ways_in import install
 from dvtcli.domain.ports import CanopenBus
 from dvtcli.files.profile.toml import builtin_path
 from dvtcli.files.user_folders import user_folder
+from dvtcli.simulator.device.simulated_faults import Fault
+from dvtcli.simulator.device.strict_device import StrictDevice
 from tests.virtual_time import VirtualTimeBus
 
 install()
@@ -33,6 +36,11 @@ def impatient() -> str:
     assert (named, waits) == (1, 1)
     (folder / "impatient.toml").write_text(text, "utf-8")
     return "impatient"
+
+
+def beside(devices: Sequence[StrictDevice], *faults: str) -> VirtualTimeBus:
+    """*devices* as on a bus of others, that outlive a session, with *faults* in words of `--fault`; in virtual time."""
+    return VirtualTimeBus(devices, faults=[Fault.parse(word) for word in faults], simulated=False)
 
 
 @dataclass

@@ -136,6 +136,7 @@ def eds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     return str(family_eds("generic"))
 
 
+@pytest.mark.drawn(2)
 @pytest.mark.parametrize("line", ["nmt reset-node", "nmt reset-comm", "nmt reset-node all", "store --prove"])
 def test_an_enabled_drive_is_not_reset_unasked(line: str, eds: str) -> None:
     node = device("generic")
@@ -152,6 +153,7 @@ def test_an_enabled_drive_is_not_reset_unasked(line: str, eds: str) -> None:
         assert bench.run(f"{line} --yes").code == 0
 
 
+@pytest.mark.drawn(1)
 @pytest.mark.parametrize("line", ["nmt reset-node all", "nmt reset-comm all"])
 @pytest.mark.parametrize("selected", [None, 1])
 def test_all_are_listened_for_before_they_are_reset(line: str, selected: int | None, eds: str) -> None:
@@ -214,6 +216,7 @@ class Hanging(StrictDevice):
         return super().upload(index, sub_index)
 
 
+@pytest.mark.drawn(2)
 @pytest.mark.parametrize("line", ["nmt reset-node", "nmt reset-node all", "store --prove"])
 @pytest.mark.parametrize(("code", "asked"), [(0x08000022, True), (0x06020000, False)])
 def test_where_it_is_not_told_whether_a_drive_moves_it_is_asked(line: str, code: int, asked: bool, eds: str) -> None:

@@ -18,7 +18,7 @@ from dvtcli.domain.proof import POWER
 from dvtcli.errors import NoAnswer
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds
-from tests.commands.bench import Bench, Ran, impatient
+from tests.commands.bench import Bench, Ran, beside, impatient
 from tests.commands.bus import Wire, device
 
 MAP = "map tpdo1 6064 606C"
@@ -207,12 +207,12 @@ def test_the_canary_is_journalled_and_put_back(tmp_path: Path) -> None:
         assert bench.run("undo").code == 2, "it is no change of the user's"
 
 
-@pytest.mark.long
 def test_a_canary_that_cannot_be_put_back_is_said_and_recover_finishes_it(tmp_path: Path) -> None:
     node = device("generic")
     # downloads: 1 the save, 2 the canary, 3 what puts it back; its repetitions go on for PATIENCE_S
     faults = ("keeps-ram", *(f"refuse@{number}=0x08000020" for number in range(3, 60)))
-    with Wire(node, faults=faults) as wire, on_bus(wire, tmp_path) as bench:
+    options = {"yes": True, "timeout": 0.2, "journal": str(tmp_path), "eds": generic(), "node": 1}
+    with Bench((), options, beside([node], *faults)) as bench:
         before = timers(bench)
         ran = bench.run("store --prove")
         assert ran.code == 7

@@ -61,6 +61,7 @@ def ended(made: Bench, line: str) -> Ran:
     return ran
 
 
+@pytest.mark.drawn(2)
 @pytest.mark.parametrize("family", ["generic", "gen4"])
 @pytest.mark.parametrize("line", ["undo", "undo --backup"])
 def test_a_node_that_restarts_while_an_undo_looks_at_it_is_operational_at_its_end(line: str, family: str) -> None:

@@ -9,6 +9,7 @@ from tests.commands.bench import Bench
 from tests.commands.bus import Wire, device
 
 
+@pytest.mark.drawn(2)
 @pytest.mark.parametrize(
     ("command", "state"),
     [

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from dvtcli.simulator.device.strict_device import StrictDevice
-from tests.commands.bench import Bench, impatient
-from tests.commands.bus import Wire, device
+from tests.commands.bench import Bench, beside, impatient
+from tests.commands.bus import device
 
 MAP = "map tpdo1 6041 606C"
 
@@ -51,16 +51,14 @@ def test_a_node_that_restarts_instead_of_storing_is_not_told_to_store_what_is_lo
     assert "it restarted instead: what was not stored is lost; set it again, then store" in ran.stderr
 
 
-@pytest.mark.long
 def test_a_node_that_stays_silent_in_the_roll_back_is_to_be_brought_back_first(tmp_path: Path) -> None:
     with sim("silent@3") as bench:
         ran = bench.run(MAP)
     assert ran.code == 7
     assert "hint    bring the node back first (power, wiring, `scan`)" in ran.stderr
-    with Wire(device("generic"), faults=("silent@3",)) as wire:
-        options = {**wire.options, "yes": True, "timeout": 0.2, "journal": str(tmp_path)}
-        with Bench((), options) as bench:
-            ran = bench.run("map tpdo1 6064")
+    options = {"yes": True, "timeout": 0.2, "journal": str(tmp_path), "node": 1}
+    with Bench((), options, beside([device("generic")], "silent@3")) as bench:
+        ran = bench.run("map tpdo1 6064")
     assert ran.code == 7
     assert "bring the node back first (power, wiring, `scan`); then `recover` finishes it, from " in ran.stderr
 
@@ -86,7 +84,6 @@ def running_master() -> StrictDevice:
     return master
 
 
-@pytest.mark.long
 @pytest.mark.parametrize(
     ("line", "number", "said"),
     [
@@ -97,11 +94,10 @@ def running_master() -> StrictDevice:
 def test_a_node_that_vanishes_once_it_has_acknowledged_is_said_to_have_done_so(
     line: str, number: int, said: str, tmp_path: Path
 ) -> None:
-    with Wire(running_master(), faults=(f"silent@{number}",)) as wire:
-        options = {**wire.options, "yes": True, "timeout": 0.2, "journal": str(tmp_path)}
-        with Bench((), options) as bench:
-            assert bench.script("write 2800 0").code == 0
-            ran = bench.script(line)
+    options = {"yes": True, "timeout": 0.2, "journal": str(tmp_path), "node": 1}
+    with Bench((), options, beside([running_master()], f"silent@{number}")) as bench:
+        assert bench.script("write 2800 0").code == 0
+        ran = bench.script(line)
     assert ran.code == 5
     assert f"state   unknown: {said} before that; it was not seen to be OPERATIONAL again" in ran.stderr
     assert "node 1 was OPERATIONAL, and does not answer now" in ran.stderr

@@ -43,6 +43,7 @@ def nodes(tmp_path: Path) -> Iterator[Served]:
         yield made
 
 
+@pytest.mark.drawn(1)
 @pytest.mark.parametrize("said", COMMANDS)
 def test_beside_another_master_nothing_is_written(nodes: Served, said: str) -> None:
     can_id, data = COMMANDS[said]
