@@ -1,4 +1,4 @@
-"""Recordings of frames, in the formats that python-can writes and reads without loss. Knows no bus and no PDO."""
+"""Recordings of frames, in the formats that are written and read without loss. Knows no bus and no PDO."""
 
 from __future__ import annotations
 
@@ -25,11 +25,16 @@ FORMATS = {
     ".blf": "Vector binary",
     ".log": "candump",
     ".mf4": "ASAM MDF, needs asammdf",
+    ".pcapng": "Wireshark",
     ".trc": "PEAK",
 }
+#: Formats that are only read, by suffix.
+ONLY_READ = {".pcap": "tcpdump"}
 APPENDABLE = (".blf", ".log")
 ROTATING = (".asc", ".blf", ".log")
 _TEXT = (".asc", ".log", ".trc")
+_CAPTURES = (".pcap", ".pcapng")
+_FLUSHED = (*_TEXT, ".pcapng")
 _REFUSED = {
     ".db": "the writer of .db files loses frames that are written shortly before its end",
     ".csv": "the frames' data would be base64, and the channel is lost; for values give --decode",
@@ -52,10 +57,13 @@ def checked_suffix(path: Path, *, reading: bool = False) -> str:
     suffix = path.suffix.lower()
     if suffix in _REFUSED and not reading:
         raise UsageError(f"{path.name}: {_REFUSED[suffix]}", hint=f"take one of {' '.join(FORMATS)}")
-    if suffix not in FORMATS:
+    if suffix in ONLY_READ and not reading:
+        raise UsageError(f"{path.name}: {suffix} files are only read", hint=f"take one of {' '.join(FORMATS)}")
+    known = FORMATS | ONLY_READ if reading else FORMATS
+    if suffix not in known:
         raise UsageError(
             f"{path.name}: no format is known by {suffix or 'a name without a suffix'}",
-            hint=", ".join(f"{known} ({what})" for known, what in FORMATS.items()),
+            hint=", ".join(f"{one} ({what})" for one, what in known.items()),
         )
     if suffix == ".mf4":
         _need_asammdf()
@@ -83,11 +91,8 @@ class Recorder:
         self.frames = 0
         #: frames that the format cannot hold
         self.left_out = 0
-        extra: dict[str, Any] = {"append": True} if append else {}
         try:
-            self._writer: Any = (
-                can.SizedRotatingLogger(path, most_bytes, **extra) if most_bytes else can.Logger(path, **extra)
-            )
+            self._writer: Any = _writer(path, self._suffix, append=append, most_bytes=most_bytes)
         except OSError as failed:
             raise UsageError(f"{path}: {failed.strerror or failed}", place=str(path)) from failed
         except _BROKEN as wrong:
@@ -130,7 +135,7 @@ class Recorder:
     def flush(self) -> None:
         """Hand what was written to the system, so that a kill loses nothing of it (.blf and .mf4 keep a block back)."""
         writer: Any = self._writer.writer if isinstance(self._writer, can.SizedRotatingLogger) else self._writer
-        if self._suffix in _TEXT:
+        if self._suffix in _FLUSHED:
             try:
                 writer.file.flush()
             except OSError as failed:
@@ -166,6 +171,15 @@ class Recorder:
         except DvtcliError:
             if error is None:  # else what ended the recording is the news
                 raise
+
+
+def _writer(path: Path, suffix: str, *, append: bool, most_bytes: int) -> Any:
+    if suffix == ".pcapng":
+        from dvtcli.files.pcap import PcapngWriter
+
+        return PcapngWriter(path)
+    extra: dict[str, Any] = {"append": True} if append else {}
+    return can.SizedRotatingLogger(path, most_bytes, **extra) if most_bytes else can.Logger(path, **extra)
 
 
 def _refuse(condition: bool, path: Path, what: str, formats: tuple[str, ...]) -> None:
@@ -271,12 +285,16 @@ def _source(suffix: str, raw: Any, path: Path) -> Any:
     if suffix in _TEXT:
         kind = _CandumpLines if suffix == ".log" else _CountedLines
         return kind(raw, encoding="utf-8", errors="replace")
-    return raw if suffix == ".blf" else str(path)
+    return raw if suffix in (".blf", *_CAPTURES) else str(path)
 
 
 def _reader(suffix: str, source: Any) -> Iterator[can.Message]:
     if suffix == ".asc":
         return iter(can.ASCReader(source, relative_timestamp=False))
+    if suffix in _CAPTURES:
+        from dvtcli.files.pcap import read_capture
+
+        return read_capture(source)
     readers: dict[str, Any] = {".log": can.CanutilsLogReader, ".trc": can.TRCReader, ".blf": can.BLFReader}
     return iter(readers[suffix](source) if suffix in readers else can.LogReader(source))
 

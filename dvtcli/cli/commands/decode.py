@@ -36,10 +36,10 @@ def command(
     as_csv: bool,
     output: str | None,
 ) -> Facts | None:
-    """Decode FILE (.asc .blf .log .trc .mf4): by --dbc, by the mapping in --eds, or by what the nodes hold now.
+    """Decode FILE (.asc .blf .log .trc .mf4 .pcapng .pcap): by --dbc, --eds, or what the nodes hold now.
 
-    Without any of these, frames are named by the pre-defined connection set and stay bytes. --json gives one
-    dvtcli.frame/1 document a frame.
+    With --eds by the mapping in that file. Without any of these, frames are named by the pre-defined connection set and
+    stay bytes. --json gives one dvtcli.frame/1 document a frame.
 
     \b
     decode run.log

@@ -1,4 +1,4 @@
-"""Record what is on the bus: as .asc .blf .log .trc .mf4, or decoded as .csv .parquet .jsonl."""
+"""Record what is on the bus: as .asc .blf .log .trc .mf4 .pcapng, or decoded as .csv .parquet .jsonl."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def command(
     decode: bool,
     **sources: Any,
 ) -> Facts:
-    """Record every frame into FILE until Ctrl-C; its suffix says the format: .asc .blf .log .trc .mf4.
+    """Record every frame into FILE until Ctrl-C; its suffix says the format: .asc .blf .log .trc .mf4 .pcapng.
 
     Sends nothing; with --decode SDO uploads, once, at the start.
 

@@ -49,7 +49,7 @@ def command(
     nodes: tuple[int, ...] | None,
     **part: Any,
 ) -> Replayed:
-    """Send the frames of FILE (.asc .blf .log .trc .mf4) as long after one another as they were recorded.
+    """Send the frames of FILE (.asc .blf .log .trc .mf4 .pcapng .pcap) as long after one another as they were recorded.
 
     It asks once, with a list, before what nodes act on, as send does; --without nmt --without sdo leaves the worst out.
     --dry-run shows it as a table and sends nothing. CAN FD and error frames are left out. While a node is OPERATIONAL,

@@ -1,0 +1,262 @@
+"""Captures of CAN frames as Wireshark and tcpdump write them: pcapng and pcap read, pcapng written.
+
+Blocks by draft-ietf-opsawg-pcapng, packets by LINKTYPE_CAN_SOCKETCAN (227), and Linux "cooked" captures (113, 276) of
+CAN interfaces. Whatever a file says of its sizes is checked before it is read. Knows no bus and no service.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import BinaryIO, NamedTuple
+
+import can
+
+_CAN, _COOKED, _COOKED_2 = 227, 113, 276
+#: behind the header of a cooked capture: where its protocol stands, and how long it is
+_COOKED_HEADS = {_COOKED: (14, 16), _COOKED_2: (0, 20)}
+_CAN_PROTOCOLS = (0x000C, 0x000D)
+_EXTENDED, _REMOTE, _ERROR, _ID = 1 << 31, 1 << 30, 1 << 29, 0x1FFF_FFFF
+_FD, _XL, _MOST_BYTES = 0x04, 0x80, 8
+#: no block, and no packet, is longer
+_MOST = 16 << 20
+_SECTION, _INTERFACE, _PACKET, _SIMPLE, _ENHANCED = 0x0A0D0D0A, 1, 2, 3, 6
+_ORDER_MARK = 0x1A2B3C4D
+_NAME, _RESOLUTION, _OFFSET = 2, 9, 14
+#: the highest power of 2 or 10 that ticks a second are, which fits the 64 bits of a time
+_FINEST = {2: 63, 10: 19}
+#: of pcap: ticks a second, by its first number
+_TICKS = {0xA1B2C3D4: 10**6, 0xA1B23C4D: 10**9}
+
+
+class _Interface(NamedTuple):
+    """One interface of a capture: *ticks* a second, times counted from *begin_s*."""
+
+    link: int
+    name: str = ""
+    ticks: int = 10**6
+    begin_s: int = 0
+    most: int = 0
+
+
+class _Packet(NamedTuple):
+    """What one interface heard; *length* is how long it was on the wire."""
+
+    interface: _Interface
+    time_s: float
+    data: bytes
+    length: int
+
+
+def read_capture(file: BinaryIO) -> Iterator[can.Message]:
+    """The CAN frames of *file*, a pcapng or a pcap, in its order; ValueError where it is neither, or is damaged.
+
+    What is no CAN frame is left out; ValueError where there is nothing else.
+    """
+    others: Counter[int] = Counter()
+    found = False
+    for packet in _packets(file):
+        message = _message(packet)
+        if message is None:
+            others[packet.interface.link] += 1
+        else:
+            found = True
+            yield message
+    if others and not found:
+        links = ", ".join(map(str, sorted(others)))
+        raise ValueError(f"{others.total()} packets, none of them of CAN (link type {links})")
+
+
+def _packets(file: BinaryIO) -> Iterator[_Packet]:
+    head = _read(file, 4)
+    if head == struct.pack("<I", _SECTION):
+        return _Blocks(file).packets()
+    for order in "<>":
+        ticks = _TICKS.get(struct.unpack(f"{order}I", head)[0])
+        if ticks is not None:
+            return _of_pcap(file, order, ticks)
+    raise ValueError("its first bytes are those of no capture")
+
+
+def _of_pcap(file: BinaryIO, order: str, ticks: int) -> Iterator[_Packet]:
+    _, _, _, _, _, link = struct.unpack(f"{order}HHiIII", _read(file, 20))
+    interface = _Interface(link & 0x0FFF_FFFF, ticks=ticks)
+    while head := file.read(16):
+        seconds, parts, kept, length = struct.unpack(f"{order}IIII", _whole(head, 16))
+        yield _Packet(interface, seconds + parts / ticks, _read(file, _bounded(kept)), length)
+
+
+@dataclass(slots=True)
+class _Blocks:
+    """The blocks of a pcapng *file*, whose first number was read; each section has its own *order* and interfaces."""
+
+    file: BinaryIO
+    order: str = "<"
+    interfaces: list[_Interface] = field(default_factory=list)
+    #: the time of the last packet: a simple one has none
+    time_s: float = 0.0
+
+    def packets(self) -> Iterator[_Packet]:
+        """Every packet of every section."""
+        self._begin_section()
+        while head := self.file.read(4):
+            kind = int.from_bytes(_whole(head, 4), "little" if self.order == "<" else "big")
+            if kind == _SECTION:
+                self._begin_section()
+                continue
+            packet = self._understood(kind, self._body(*self._numbers("I", _read(self.file, 4))))
+            if packet is not None:
+                self.time_s = packet.time_s
+                yield packet
+
+    def _numbers(self, form: str, data: bytes) -> tuple[int, ...]:
+        """The numbers at the beginning of *data*; struct.error where it is too short."""
+        return struct.unpack_from(self.order + form, data)
+
+    def _begin_section(self) -> None:
+        """A section's head says in which order the bytes of its numbers are, its length among them."""
+        length, mark = _read(self.file, 4), _read(self.file, 4)
+        for self.order in "<>":
+            if self._numbers("I", mark)[0] == _ORDER_MARK:
+                break
+        else:
+            raise ValueError("a section begins without its byte order")
+        self._body(self._numbers("I", length)[0], had=12)
+        self.interfaces.clear()
+
+    def _body(self, length: int, had: int = 8) -> bytes:
+        """The rest of a block that is *length* bytes long, of which *had* were read; its end repeats the length."""
+        if length % 4 or length < had + 4:
+            raise ValueError(f"a block says that it is {length} bytes long")
+        body = _read(self.file, _bounded(length) - had)
+        if self._numbers("I", body[-4:])[0] != length:
+            raise ValueError(f"the end of a block of {length} bytes says another length")
+        return body[:-4]
+
+    def _understood(self, kind: int, body: bytes) -> _Packet | None:
+        if kind == _INTERFACE:
+            self.interfaces.append(self._interface(body))
+        elif kind == _ENHANCED:
+            number, high, low, kept, length = self._numbers("IIIII", body)
+            return self._packet(number, (high, low), body[20:], kept, length)
+        elif kind == _PACKET:
+            number, _, high, low, kept, length = self._numbers("HHIIII", body)
+            return self._packet(number, (high, low), body[20:], kept, length)
+        elif kind == _SIMPLE:
+            (length,) = self._numbers("I", body)
+            interface = self._of(0)
+            kept = min(length, interface.most or length)
+            return _Packet(interface, self.time_s, _cut(body[4:], kept), length)
+        return None
+
+    def _of(self, number: int) -> _Interface:
+        if number >= len(self.interfaces):
+            raise ValueError(f"a packet of interface {number}, of which nothing was said")
+        return self.interfaces[number]
+
+    def _packet(self, number: int, at: tuple[int, int], data: bytes, kept: int, length: int) -> _Packet:
+        interface = self._of(number)
+        whole_s, ticks = divmod(at[0] << 32 | at[1], interface.ticks)
+        return _Packet(interface, whole_s + interface.begin_s + ticks / interface.ticks, _cut(data, kept), length)
+
+    def _interface(self, body: bytes) -> _Interface:
+        link, _, most = self._numbers("HHI", body)
+        options = dict(self._options(body[8:]))
+        resolution = options.get(_RESOLUTION, b"\6")[0]
+        base, power = 2 if resolution & 0x80 else 10, resolution & 0x7F
+        if power > _FINEST[base]:
+            raise ValueError(f"an interface whose clock ticks {base}^{power} times a second")
+        offset = options.get(_OFFSET, bytes(8))
+        name = options.get(_NAME, b"").decode("utf-8", "replace") or str(len(self.interfaces))
+        (begin_s,) = self._numbers("q", offset)
+        return _Interface(link, name, base**power, begin_s, most)
+
+    def _options(self, data: bytes) -> Iterator[tuple[int, bytes]]:
+        at = 0
+        while at + 4 <= len(data):
+            code, length = self._numbers("HH", data[at : at + 4])
+            if not code:
+                return
+            yield code, _cut(data[at + 4 :], length)
+            at += 4 + length + -length % 4
+
+
+def _message(packet: _Packet) -> can.Message | None:
+    """The frame in *packet*; None where it holds none of CAN. ValueError where it is cut off."""
+    data, link = packet.data, packet.interface.link
+    if link in _COOKED_HEADS:
+        at, length = _COOKED_HEADS[link]
+        if int.from_bytes(_cut(data, length)[at : at + 2], "big") not in _CAN_PROTOCOLS:
+            return None
+        data = data[length:]
+    elif link != _CAN:
+        return None
+    word, length, flags = struct.unpack_from(">IBB", data)
+    if length & _XL and flags != _FD:  # CAN XL has its own head; it is told as what CANopen has not
+        return can.Message(packet.time_s, is_fd=True, check=False, channel=packet.interface.name)
+    is_error = bool(word & _ERROR)
+    is_remote = bool(word & _REMOTE) and not is_error
+    return can.Message(
+        timestamp=packet.time_s,
+        arbitration_id=word & _ID,
+        is_extended_id=bool(word & _EXTENDED),
+        is_remote_frame=is_remote,
+        is_error_frame=is_error,
+        is_fd=bool(flags & _FD) or length > _MOST_BYTES,
+        data=None if is_remote else _cut(data[8:], length),
+        dlc=length,
+        channel=packet.interface.name,
+    )
+
+
+def _bounded(length: int) -> int:
+    if length > _MOST:
+        raise ValueError(f"a part of {length} bytes; none is longer than {_MOST}")
+    return length
+
+
+def _read(file: BinaryIO, length: int) -> bytes:
+    return _whole(file.read(length), length)
+
+
+def _whole(data: bytes, length: int) -> bytes:
+    if len(data) < length:
+        raise ValueError("it ends in the middle")
+    return data
+
+
+def _cut(data: bytes, length: int) -> bytes:
+    """The first *length* bytes of *data*."""
+    return _whole(data[:length], length)
+
+
+class PcapngWriter:
+    """Writes CAN messages to *path* as a pcapng with one interface, to the nanosecond; OSError where it cannot."""
+
+    def __init__(self, path: Path) -> None:
+        self.file = path.open("wb")
+        self._block(_SECTION, struct.pack("<IHHq", _ORDER_MARK, 1, 0, -1))
+        options = struct.pack("<HH4sHHB3xI", _NAME, 4, b"can0", _RESOLUTION, 1, 9, 0)
+        self._block(_INTERFACE, struct.pack("<HHI", _CAN, 0, 0) + options)
+
+    def on_message_received(self, message: can.Message) -> None:
+        """Write one message."""
+        word = message.arbitration_id | (_EXTENDED if message.is_extended_id else 0)
+        word |= _REMOTE if message.is_remote_frame else 0
+        data = b"" if message.is_remote_frame else bytes(message.data)
+        packet = struct.pack(">IBBBB", word, message.dlc, 0, 0, 0) + data
+        whole_s, part_s = divmod(message.timestamp, 1)
+        time_ns = int(whole_s) * 10**9 + round(part_s * 10**9)
+        head = struct.pack("<IIIII", 0, time_ns >> 32, time_ns & 0xFFFF_FFFF, len(packet), len(packet))
+        self._block(_ENHANCED, head + packet + bytes(-len(packet) % 4))
+
+    def _block(self, kind: int, body: bytes) -> None:
+        length = struct.pack("<I", 12 + len(body))
+        self.file.write(struct.pack("<I", kind) + length + body + length)
+
+    def stop(self) -> None:
+        """Close the file."""
+        self.file.close()
