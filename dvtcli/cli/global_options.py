@@ -55,7 +55,7 @@ _TABLE: list[tuple[tuple[str, ...], dict[str, Any]]] = [
         },
     ),
     (("--dry-run",), {"is_flag": True, "help": "Work on an exact twin of the node; write nothing to the bus."}),
-    (("--eds",), {"metavar": "FILE", "help": "EDS, DCF, XDD or XDC of the node."}),
+    (("--eds",), {"metavar": "FILE", "help": "EDS, DCF, XDD or XDC of the node; or a family of sim."}),
     (("-p", "--profile"), {"metavar": "NAME", "help": "Device family; else found from the node's identity."}),
     (("--json", "format"), {"flag_value": "json", "is_flag": True, "help": "Results as JSON (same as --format json)."}),
     (("--format", "format"), {"type": click.Choice(CHOICES["format"]), "help": "How results are printed."}),

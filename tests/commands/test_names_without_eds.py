@@ -54,3 +54,20 @@ def test_a_saved_plan_keeps_why(tmp_path: Path) -> None:
     with Bench(("generic@1",), {"yes": True}) as bench:
         assert bench.run(f"plan {path} -o {saved}").code == 0
         assert "0x1017:00  500 ms -> 700 ms  heartbeat_producer" in bench.run(f"apply {saved}").stdout
+
+
+def test_the_eds_of_a_served_family_goes_by_its_name(tmp_path: Path) -> None:
+    with Wire(device("generic")) as wire:
+        with Bench((), {**wire.options, "eds": "generic", "node": 1, "yes": True}) as bench:
+            assert bench.run("map tpdo2 velocity_actual_value").code == 0
+            imported = bench.run(f"import {tmp_path / 'net.yaml'} --json")
+        assert imported.code == 0, imported.stderr
+        with Bench((), {**wire.options, "yes": True}) as bench:
+            assert bench.run(f"diff {tmp_path / 'net.yaml'}").code == 0, "the file names where the EDS is"
+
+
+def test_what_is_neither_a_file_nor_a_family_is_said(tmp_path: Path) -> None:
+    with Wire(device("generic")) as wire, Bench((), {**wire.options, "eds": "gen5", "node": 1}) as bench:
+        refused = bench.run("pdo")
+    assert refused.code == 2
+    assert "a family of `sim`" in refused.stderr

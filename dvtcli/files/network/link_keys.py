@@ -44,6 +44,9 @@ def _endpoint(tree: Tree, direction: Direction, node_ids: Mapping[str, int], log
         log.complain(tree.mark, f"NODE:{direction}N belongs here, not {leaves.shown(tree)}")
         return None
     name, _, word = tree.text.rpartition(":")
+    if not name:
+        log.complain(tree.mark, f"NODE:{direction}N belongs here, not {leaves.shown(tree)}")
+        return None
     try:
         pdo = Pdo.parse(word)
     except ValueError as wrong:

@@ -24,7 +24,7 @@ from dvtcli.files.profile.library import profile_of
 from dvtcli.operations.exchange.export_network import Exported, exported, network_place
 from dvtcli.operations.exchange.listed_files import listed_files, nodelist_in
 from dvtcli.operations.nodes.find_nodes import find_nodes
-from dvtcli.operations.opening.simulated_nodes import read_dictionary
+from dvtcli.operations.opening.simulated_nodes import file_or_family, read_dictionary
 from dvtcli.operations.results import Facts
 from dvtcli.operations.session.save_script import ask_before_overwriting, write_whole
 
@@ -175,7 +175,7 @@ def _ids(session: Session, notes: list[str]) -> Iterator[int]:
 def _as_chosen(session: Session, found: Exported, path: Path) -> Exported:
     """*found*, with the EDS and the profile that somebody chose, so that names are looked up as they were."""
     eds = session.options.eds
-    dcf = None if eds is None else _beside(Path(eds), path)
+    dcf = None if eds is None else _beside(file_or_family(eds), path)
     return replace(found, wish=replace(found.wish, dcf=dcf, profile=session.options.profile))
 
 

@@ -28,7 +28,7 @@ def serve(session: Session, wanted: Wanted, begun: Callable[[Facts], None], read
         with session.serving(wanted) as served:
             if ready is not None:
                 _say_ready(ready, served, wanted.address)
-            begun(_facts(served, wanted.address[0] if wanted.address else LOOPBACK))
+            begun(_facts(served, wanted.address[0] if wanted.address else LOOPBACK, session.options.bitrate))
             served.server.run()
     finally:
         if ready is not None:
@@ -44,7 +44,7 @@ def _say_ready(ready: Path, served: Serving, where: tuple[str, int] | None) -> N
         raise UsageError(f"--ready-file {ready}: {failed.strerror}") from failed
 
 
-def _facts(served: Serving, host: str) -> Facts:
+def _facts(served: Serving, host: str, bit_rate: int | None) -> Facts:
     names = [one.label for one in served.nodes]
     more = f", and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
     who = ", ".join(names[:_NAMED]) + more
@@ -52,6 +52,7 @@ def _facts(served: Serving, host: str) -> Facts:
     if served.port is not None:
         places.append(f"listening on {f'[{host}]' if ':' in host else host}:{served.port}")
         attach = f"dvtcli -i socketcand -c can0 --bus-kwargs host={host} --bus-kwargs port={served.port}"
+        attach += "" if bit_rate is None else f" -b {bit_rate}"
     if served.joined is not None:
         places.append(f"on {served.joined}")
     rows = (
@@ -62,4 +63,13 @@ def _facts(served: Serving, host: str) -> Facts:
     )
     here = f"{' and '.join(places)}: {who}"
     # in a line of its own and a terminal's width it can be copied
-    return Facts("sim", rows, (f"{here}; attach with", attach) if attach else (here,))
+    lines = (f"{here}; attach with", attach, *_names(served)) if attach else (here,)
+    return Facts("sim", rows, lines)
+
+
+def _names(served: Serving) -> tuple[str, ...]:
+    """What gives the objects of the served families their names; nothing where none is of a family."""
+    family = next((one.family for one in served.nodes if one.family), None)
+    if family is None:
+        return ()
+    return (f"Names of objects: --eds {family}, or `dcf: {family}` in a network file.",)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 from dvtcli.domain.nmt import UNCONFIGURED
@@ -11,6 +10,7 @@ from dvtcli.domain.ports import CanopenBus
 from dvtcli.errors import UsageError
 from dvtcli.operations.opening.simulated_nodes import (
     Simulated,
+    file_or_family,
     read_dictionary,
     simulated_device,
     simulated_faults,
@@ -54,7 +54,7 @@ def bus_of(
     BusUnavailable, UsageError or InputFileError.
     """
     if options.eds:
-        read_dictionary(Path(options.eds))  # a wrong file is said before a bus is touched
+        read_dictionary(file_or_family(options.eds))  # a wrong file is said before a bus is touched
     simulated = simulated_nodes(options.sim, unconfigured=True)
     if simulated and (options.interface or options.channel):
         raise UsageError(

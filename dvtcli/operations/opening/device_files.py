@@ -23,7 +23,14 @@ from dvtcli.files.profile.library import (
     profile_names,
     profile_of,
 )
-from dvtcli.operations.opening.simulated_nodes import SIMULATED, FileChoice, Simulated, read_dictionary, simulated_nodes
+from dvtcli.operations.opening.simulated_nodes import (
+    SIMULATED,
+    FileChoice,
+    Simulated,
+    file_or_family,
+    read_dictionary,
+    simulated_nodes,
+)
 from dvtcli.operations.user.options import Options
 
 
@@ -74,7 +81,7 @@ class DeviceFiles:
         if node_id in self.own_eds:
             return FileChoice(self.own_eds[node_id], "chosen for this node")
         if self.options.eds:
-            return FileChoice(Path(self.options.eds), "chosen with --eds")
+            return FileChoice(file_or_family(self.options.eds), "chosen with --eds")
         for one in self.simulated:
             if one.node_id == node_id:
                 return FileChoice(one.eds, SIMULATED)
@@ -124,7 +131,7 @@ class DeviceFiles:
 
 def offline_dictionaries(options: Options) -> list[tuple[ObjectDictionary, DeviceProfile]]:
     """Dictionaries, with their profiles, that are known before any bus is opened."""
-    paths = [Path(options.eds)] if options.eds else []
+    paths = [file_or_family(options.eds)] if options.eds else []
     found = []
     paths += [] if paths else [one.eds for one in simulated_nodes(options.sim, unconfigured=True)]
     for dictionary in map(read_dictionary, paths):

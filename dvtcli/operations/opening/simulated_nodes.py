@@ -219,6 +219,15 @@ def learnt_family(profile: DeviceProfile, folder: Path | None) -> Family | None:
     return read_family(profile.name, read_text(path), str(path))
 
 
+def file_or_family(text: str | Path) -> Path:
+    """The device file at *text*, else the EDS of the simulated family of that name, as served nodes have it."""
+    if is_file(str(text)):
+        return Path(text)
+    from dvtcli.simulator.network.family_file import family_eds, family_names
+
+    return family_eds(str(text)) if str(text) in family_names() else Path(text)
+
+
 def read_dictionary(path: Path) -> ObjectDictionary:
     """The object dictionary of an EDS, DCF, XDD or XDC as it is now; UsageError where there is no such file."""
     try:
@@ -226,7 +235,8 @@ def read_dictionary(path: Path) -> ObjectDictionary:
         return _dictionary(path, None if path.is_absolute() else Path.cwd(), known.st_mtime_ns, known.st_size)
     except OSError as failed:
         raise UsageError(
-            f"{path}: {failed.strerror or failed}", hint="--eds takes the path of an EDS, DCF, XDD or XDC"
+            f"{path}: {failed.strerror or failed}",
+            hint="--eds takes the path of an EDS, DCF, XDD or XDC, or a family of `sim`",
         ) from failed
 
 

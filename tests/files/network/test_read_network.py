@@ -155,6 +155,7 @@ def test_what_is_wrong_in_a_node_is_said(text: str, says: str) -> None:
         ("a: " + "{a: " * 3000, 1, "nested too deep"),
         ("a: {node_id: 1}\nlinks: [{from: a:rpdo1, to: a:rpdo1}]\n", 2, "a link goes from a TPDO to RPDOs"),
         ("a: {node_id: 1}\nlinks: [{from: b:tpdo1, to: a:rpdo1}]\n", 2, "no node 'b' is in this file"),
+        ("a: {node_id: 1}\nlinks: [{from: a tpdo1, to: a:rpdo1}]\n", 2, 'NODE:tpdoN belongs here, not "a tpdo1"'),
         ("a: {node_id: 1}\nlinks: [{from: a:tpdo1}]\n", 2, "a link has no to"),
         ("a: {node_id: 1}\nlinks: [{from: a:tpdo1, to: []}]\n", 2, "a link needs an RPDO"),
         ("a: {node_id: 1}\nlinks: [{from: a:tpdo0, to: a:rpdo1}]\n", 2, "PDO numbers are 1..512"),
