@@ -26,10 +26,19 @@ class Course:
     made: list[Plan] = field(default_factory=list)
     in_hand: Plan | None = None
 
-    def begin(self, whole: Whole, plan: Plan, nmt_state: int | None, asked: tuple[str, ...] = ()) -> str:
-        """*plan* is about to be carried out, or to be held while `learn` asks; the id under which it is remembered."""
+    def begin(
+        self, whole: Whole, plan: Plan, nmt_state: int | None, asked: tuple[str, ...] = (), *, goes_on: bool = False
+    ) -> str:
+        """*plan* is about to be carried out, or to be held while `learn` asks; the id under which it is remembered.
+
+        Where it *goes_on* with the one before, as its next part, that is remembered with it.
+        """
         if self.part.whole != whole.id or not self.made:
             self.made, self.nmt_state, self.part = [], nmt_state, Part(whole.id, whole.name)
+        if goes_on and self.part.entries:
+            self.part = replace(self.part, asked=asked)
+            self.in_hand = plan
+            return self.part.entries[-1]
         entry = os.urandom(16).hex()
         self.part = replace(self.part, entries=(*self.part.entries, entry), asked=asked)
         self.in_hand = plan
@@ -48,6 +57,20 @@ class Course:
         return plans[0] if len(plans) == 1 else combined(plans[0].node_id, plans)
 
 
+def covers(kept: Plan, plan: Plan) -> bool:
+    """Whether who puts *kept* back puts all of *plan* back: it has the same objects, as they were before."""
+    held = {_key(change): _before(change) for change in kept.changes}
+    return all(held.get(_key(change)) == _before(change) for change in plan.changes)
+
+
+def _before(change: Change) -> object:
+    return (change.before, change.back) if isinstance(change, PdoChange) else change.step.before
+
+
+def _key(change: Change) -> object:
+    return change.pdo if isinstance(change, PdoChange) else change.label
+
+
 def combined(node_id: int, plans: Iterable[Plan]) -> Plan:
     """One plan from before the first of *plans* to after the last one, to be put back from its end to its beginning.
 
@@ -57,9 +80,8 @@ def combined(node_id: int, plans: Iterable[Plan]) -> Plan:
     first: dict[object, Change] = {}
     last: dict[object, Change] = {}
     for change in (change for plan in plans for change in plan.changes):
-        key = change.pdo if isinstance(change, PdoChange) else change.label
-        first.setdefault(key, change)
-        last[key] = change
+        first.setdefault(_key(change), change)
+        last[_key(change)] = change
     pdos = {change.pdo: change for change in first.values() if isinstance(change, PdoChange)}
     joined = [_joined(change, last[key]) for key, change in first.items() if _counts(change, pdos)]
     fillers = [change for change in joined if _is_in(change, pdos)]

@@ -10,12 +10,12 @@ from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from dvtcli.device.change.course import Course
+from dvtcli.device.change.course import Course, combined, covers
 from dvtcli.device.change.journal import Journal, Journals
 from dvtcli.device.change.lock import NodeLock
 from dvtcli.device.change.plan_document import Identity
 from dvtcli.device.change.private_file import remove
-from dvtcli.device.change.whole import Storing, Whole
+from dvtcli.device.change.whole import Part, Storing, Whole
 from dvtcli.domain.plan import Plan
 from dvtcli.errors import JournalKept, SafetyRefusal
 
@@ -37,6 +37,11 @@ class OwnJournal:
     entry: str = ""
     #: what has to be put back
     _course: Course = field(default_factory=Course)
+    #: what the parts that follow come to, and whether one of them was begun
+    _announced: Plan | None = None
+    _goes_on: bool = False
+    #: what the journal says by now
+    _on_disk: tuple[Plan, Part] | None = None
 
     @property
     def path(self) -> Path:
@@ -59,6 +64,13 @@ class OwnJournal:
         """Whether it tells of stores that end the whole."""
         return bool(self._course.part.stores)
 
+    def announce(self, plan: Plan | None) -> None:
+        """The changes that follow are parts of *plan*: its journal is written before the first one, for all of them.
+
+        None: they stand by themselves again.
+        """
+        self._announced, self._goes_on = plan, False
+
     def begin(self, plan: Plan, identity: Identity, nmt_state: int | None, asked: tuple[str, ...] = ()) -> None:
         """Before the first write of *plan*, of the device of this *identity*: put the journal on disk.
 
@@ -68,18 +80,34 @@ class OwnJournal:
         with self._files("kept"):
             if self.whole.id is not None:
                 self.journals.open_whole(self.whole.id)
-            self.entry = self._course.begin(self.whole, plan, nmt_state, asked)
+            self.entry = self._course.begin(self.whole, plan, nmt_state, asked, goes_on=self._goes_on)
+            self._goes_on = self._announced is not None
             try:
-                self.lock.note(self._write())
+                self.lock.note(self.path if self._is_kept() else self._write())
             except OSError:  # nothing of this is written to the device: there is nothing to recover
                 self._course.in_hand = None
                 if not self._course.made:
+                    self._on_disk = None
                     remove(self.path)
                 raise
 
+    def _is_kept(self) -> bool:
+        """Whether the journal says all that has to be put back."""
+        return (
+            self._on_disk is not None
+            and self._on_disk[1] == self._course.part
+            and covers(self._on_disk[0], self._course.plan)
+        )
+
     def _write(self) -> Path:
-        course = self._course
-        return self.journals.write(course.plan, self.identity, course.nmt_state, course.part)
+        course, plan = self._course, self._course.plan
+        if self._announced is not None:
+            ahead = combined(plan.node_id, [*course.made, self._announced])
+            plan = ahead if covers(ahead, plan) else plan
+        self._on_disk = None
+        path = self.journals.write(plan, self.identity, course.nmt_state, course.part)
+        self._on_disk = (plan, course.part)
+        return path
 
     def note(self, plan: Plan) -> None:
         """Put *plan* on disk in place of the one in hand: more than that has to be put back."""
@@ -101,7 +129,8 @@ class OwnJournal:
     def adopt(self, journal: Journal) -> None:
         """*journal*, of a whole that another process left verified on every node, is ours to complete now."""
         self.identity = journal.identity
-        self._course = Course(journal.nmt_state, journal.part, [journal.plan])
+        self._course, self._on_disk = Course(journal.nmt_state, journal.part, [journal.plan]), None
+        self._announced, self._goes_on = None, False
 
     def final(self, line: str, stores: tuple[Storing, ...] = ()) -> None:
         """Before *line* of the whole, which no undo reverts, and *stores* those of it; empty: not done after all."""
@@ -137,7 +166,8 @@ class OwnJournal:
 
     def is_over(self) -> None:
         """Nothing of what this process changed has to be put back any more; whatever is on disk stays there."""
-        self._course = Course()
+        self._course, self._on_disk = Course(), None
+        self._announced, self._goes_on = None, False
 
     def forget(self) -> None:
         """Remove the journal: nothing has to be put back any more.

@@ -49,7 +49,9 @@ def carry_out_together(
     run = _Run(session, course, found, findings, sum(map(len, course.plans.values())))
     boot_ups = {node_id: found[node_id].boot_ups for node_id in plans}
     try:
-        faults = run.phases(plans) or last_look(session, nodes, course.verified(), boot_ups)
+        with _announced(course):
+            faults = run.phases(plans)
+        faults = faults or last_look(session, nodes, course.verified(), boot_ups)
     except BaseException as fault:  # a bug of ours must not leave a network half configured either
         with course:
             course.take_back([fault])
@@ -59,6 +61,19 @@ def carry_out_together(
             course.take_back(faults)
         raise faults[0]
     return course
+
+
+@contextmanager
+def _announced(course: Course) -> Iterator[None]:
+    """One journal a node for all its parts: each of five would wait for the disk, and all other nodes with it."""
+    own = {node_id: keeper.own_journal for node_id in course.plans if (keeper := course.nodes[node_id].keeper)}
+    for node_id, journal in own.items():
+        journal.announce(course.plans[node_id])
+    try:
+        yield
+    finally:
+        for journal in own.values():
+            journal.announce(None)
 
 
 #: the phases in words
