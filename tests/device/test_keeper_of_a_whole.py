@@ -273,3 +273,35 @@ def test_a_journal_of_ours_stays_where_another_one_was_recovered(keep: Keep) -> 
     own.write_text("{", "utf-8")
     second.forget(old)
     assert own.exists(), "whatever it is, it was not recovered"
+
+
+def test_the_parts_of_a_change_have_one_journal_that_is_there_before_the_first(keep: Keep) -> None:
+    one = keep()
+    own = one.own_journal
+    own.announce(Plan(one.node_id, plan(one.node_id, 0x2000).changes + plan(one.node_id, 0x2001).changes))
+
+    def part(index: int) -> int:
+        """Carry one part out; which file tells of it."""
+        one.begin(plan(one.node_id, index), IDENTITY, 5, dict)
+        assert index in indices(one)
+        own.carried_out()
+        own.end()
+        return one.journals.path(one.node_id).stat().st_ino
+
+    first = part(0x2000)
+    assert indices(one) == [0x2000, 0x2001]
+    assert part(0x2001) == first
+    assert journal(one).part.entries == (own.entry,), "one undo takes all parts back"
+    assert part(0x2002) != first, "what was not announced is put on disk before it is written"
+    own.announce(None)
+    make(one, 0x2003)
+    assert indices(one) == [0x2000, 0x2001, 0x2002, 0x2003]
+    assert len(set(journal(one).part.entries)) == 2, "it is a change of its own"
+
+
+def test_what_was_announced_and_not_begun_is_in_no_journal(keep: Keep) -> None:
+    one = keep()
+    one.own_journal.announce(plan(one.node_id, 0x2000))
+    one.own_journal.announce(None)
+    make(one, 0x2001)
+    assert indices(one) == [0x2001]

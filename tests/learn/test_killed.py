@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from dvtcli.domain.stamp import Stamp
 from dvtcli.simulator.device.refusal import Refusal
 from tests.learn.cells import some
 from tests.learn.test_learnt_families import OF_THE_DEVICE
@@ -16,6 +17,14 @@ from tests.recovery.bench import Bench
 @pytest.fixture
 def bench(tmp_path: Path) -> Iterator[Bench]:
     made = Bench(tmp_path)
+    yield made
+    made.wire.close()
+
+
+@pytest.fixture
+def stamped(tmp_path: Path) -> Iterator[Bench]:
+    """Of a family that has 0x1020."""
+    made = Bench(tmp_path, "generic")
     yield made
     made.wire.close()
 
@@ -56,6 +65,24 @@ def test_recover_puts_back_what_a_killed_learn_changed(bench: Bench, step: int) 
         assert named.endswith("are as wanted already; nothing was written.")
     assert dump(bench) == before
     assert not bench.journals()
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("stamp", [Stamp.of("a file"), Stamp(15_000, 1)], ids=["ours", "another's"])
+def test_recover_puts_a_stamp_back_that_is_not_ours(stamped: Bench, stamp: Stamp) -> None:
+    """Ours says what a file wanted, which nobody has looked at again: the next `apply` sets it."""
+    with stamped.wire.at_work:
+        for sub_index in (1, 2):
+            stamped.wire.device.set_value(0x1020, sub_index, stamp.data(sub_index))
+    before = dump(stamped)
+    stamped.killed(40, "learn", "--yes")
+    assert [dump(stamped)[0x1020, sub_index] for sub_index in (1, 2)] == [bytes(4)] * 2, "a write clears it"
+    code, _, stderr = stamped.run("recover", "--yes")
+    assert code == 0, stderr
+    ours = Stamp.of("a file") == stamp
+    after = {**before, **{(0x1020, sub_index): bytes(4) for sub_index in (1, 2)}} if ours else before
+    assert dump(stamped) == after
+    assert not stamped.journals()
 
 
 def test_a_ctrl_c_puts_everything_back(bench: Bench) -> None:
