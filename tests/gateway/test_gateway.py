@@ -68,8 +68,14 @@ def test_who_is_not_there_is_not_told_and_not_ok() -> None:
     with served("generic@4") as (_, running), Client(running) as client:
         assert client.ask("77 r 0x1017 0 u16").startswith("ERROR:103 #node 77 did not answer for 0x1017:00")
         assert client.ask("77 w 0x1017 0 u16 5").startswith("ERROR:103 #node 77 did not answer for 0x1017:00")
-        for command in ("start", "stop", "preop", "reset comm"):
-            assert client.ask(f"7 {command}").startswith("ERROR:103 #"), command
+
+
+@pytest.mark.long
+@pytest.mark.drawn(1)
+@pytest.mark.parametrize("command", ["start", "stop", "preop", "reset comm"])
+def test_a_command_to_nobody_is_not_ok(command: str) -> None:
+    with served("generic@4") as (_, running), Client(running) as client:
+        assert client.ask(f"7 {command}").startswith("ERROR:103 #")
         assert client.ask("4 stop") == "OK"
         assert client.ask("4 stop") == "OK"
         assert client.ask("0 preop") == "OK"
