@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 
 from dvtcli.domain.object_dictionary import ObjectDictionary
@@ -17,3 +18,17 @@ def dictionary(family: str) -> ObjectDictionary:
 
 def device(node_id: int, family: str = "generic") -> StrictDevice:
     return StrictDevice(dictionary(family), load_family(family), node_id)
+
+
+def unknown(node_id: int, family: str = "generic") -> StrictDevice:
+    """A device like the family's with a serial number of its own, as a real one has: no EDS is known of it."""
+    return StrictDevice(unknown_dictionary(family), load_family(family), node_id)
+
+
+@lru_cache
+def unknown_dictionary(family: str = "generic") -> ObjectDictionary:
+    described = dictionary(family)
+    identity = described[0x1018]
+    entries = {**identity.entries, 4: replace(identity.entries[4], default=b"\x77\x00\x00\x00")}
+    objects = {index: described[index] for index in described} | {0x1018: replace(identity, entries=entries)}
+    return ObjectDictionary(objects, described.info, described.source)

@@ -10,8 +10,9 @@ from typing import Any
 import can
 import pytest
 
+from tests.bus.devices import unknown
 from tests.commands.bench import Bench
-from tests.commands.bus import Wire, device
+from tests.commands.bus import Wire
 from tests.process import ROOT, documents, environment, run
 from tests.surroundings import homes, kept_in
 
@@ -161,7 +162,7 @@ def test_an_interrupted_change_is_told(tmp_path: Path) -> None:
 
 
 def test_what_is_heard_on_a_bus() -> None:
-    with Wire(device("gen4")) as wire, Bench((), wire.options) as bench:
+    with Wire(unknown(1, "gen4")) as wire, Bench((), wire.options) as bench:
         assert bench.run("nmt preop").code == 0
         found = checks(bench.run("doctor --json").document)
         assert found["bus"]["verdict"] == "ok"

@@ -19,7 +19,10 @@ from dvtcli.files.device_library.match import match
 from dvtcli.files.device_library.stored_files import StoredFile, folder, stored_place
 from dvtcli.simulator.device.family import Family
 from dvtcli.simulator.device.strict_device import StrictDevice
+from dvtcli.simulator.network.family_file import family_eds
+from tests.bus.devices import unknown
 from tests.commands.bench import Bench
+from tests.commands.bus import device
 from tests.opened_files import opened_files
 from tests.real_files import real_files
 from tests.small_eds import plain
@@ -216,6 +219,24 @@ def test_nobody_removes_by_mistake(offline: Bench) -> None:
     ran = offline.run("eds remove 2")
     assert (ran.code, "nobody can answer: remove from the library" in ran.stderr) == (6, True)
     assert len(offline.run("eds list --json").document["files"]) == 2
+
+
+def test_a_served_family_is_recognised_and_a_device_of_that_make_is_not() -> None:
+    with Bench((), bus=live(device("gen4", 5), unknown(6, "gen4"), device("generic", 7), device("lely", 8))) as bench:
+        row = bench.run("node 5 --json").document["nodes"][0]
+        assert (row["eds"], row["eds_why"].split(":")[0]) == ("gen4.eds", "family gen4")
+        scanned = {one["node"]: one["eds"] for one in bench.run("scan --json").document["nodes"]}
+        assert scanned == {5: "gen4.eds", 6: "", 7: "generic.eds", 8: ""}
+        assert bench.run("read 5:statusword").code == 0
+        assert bench.run("node 6 --json").document["nodes"][0]["eds"] == ""
+        assert bench.run("node 7 --json").document["nodes"][0]["eds"] == "generic.eds"
+
+
+def test_the_library_goes_before_a_family() -> None:
+    with Bench((), {"node": 5}, bus=live(device("gen4", 5))) as bench:
+        write("mine.eds", family_eds("gen4").read_text("utf-8") + "; mine\n")
+        assert bench.run("eds add mine.eds").code == 0
+        assert bench.run("node --json").document["nodes"][0]["eds"].endswith("_mine.eds")
 
 
 def test_the_list_opens_no_file_that_it_knows(offline: Bench) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.bus.devices import device
+from tests.bus.devices import device, unknown
 from tests.commands.bench import Bench
 from tests.virtual_time import VirtualTimeBus
 
@@ -27,8 +27,8 @@ def test_a_node_in_front_of_a_line_is_told_how(line: str) -> None:
 
 def test_text_for_what_is_taken_for_a_number() -> None:
     """Without an EDS the type is guessed by the length; that is said with what writes text."""
-    with Bench((), {"node": 1, "profile": "generic"}, VirtualTimeBus([device(1)])) as bench:
-        ran = bench.run("write 6411:1 abc")
+    with Bench((), {"node": 1, "profile": "generic"}, VirtualTimeBus([unknown(1)])) as bench:
+        ran = bench.run("write 6200:1 abc")
         assert (ran.code, "--as vs writes text" in ran.stderr) == (2, True)
         assert "--as vs" not in bench.run("write 6200:1 abc --as u8").stderr
     with Bench(("gen4@1",)) as bench:

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from dvtcli.files.network.read_network import read_network_file
+from tests.bus.devices import unknown
 from tests.commands.bench import Bench
-from tests.commands.bus import device
 from tests.house.source import PACKAGE
 from tests.virtual_time import VirtualTimeBus
 
@@ -112,7 +112,7 @@ def test_the_profile_that_was_chosen_is_in_the_file(tmp_path: Path) -> None:
 
 
 def test_nodes_without_an_eds_are_one_note(tmp_path: Path) -> None:
-    bus = VirtualTimeBus([device("generic", 1), device("generic", 5)], simulated=False)
+    bus = VirtualTimeBus([unknown(1), unknown(5)], simulated=False)
     with Bench((), {"node": (1, 5), "journal": str(tmp_path)}, bus) as bench:
         notes = bench.run(f"import {tmp_path / 'net.yaml'} --json").document["notes"]
     assert [note.partition(":")[0] for note in notes] == ["node 1, 5"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from tests.bus.devices import unknown
 from tests.commands.bench import Bench
 from tests.commands.bus import Wire, device
 
@@ -13,7 +14,7 @@ FILE = "nodes:\n  one:\n    node_id: 1\n{more}    tpdo: {{1: {{mapping: [velocit
 def test_plan_names_what_gives_one_and_that_helps(tmp_path: Path) -> None:
     path = tmp_path / "net.yaml"
     path.write_text(FILE.format(more=""))
-    with Wire(device("generic")) as wire:
+    with Wire(unknown(1)) as wire:
         with Bench((), {**wire.options, "yes": True}) as bench:
             refused = bench.run(f"plan {path} --json")
         assert refused.code == 4

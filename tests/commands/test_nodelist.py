@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from dvtcli.errors import InputFileError
 from dvtcli.files.network.read_network import read_network_file
 from dvtcli.files.nodelist import ListedNode, Nodelist, nodelist_text, read_nodelist
+from tests.bus.devices import unknown
 from tests.commands.bench import Bench
-from tests.commands.bus import device
 from tests.virtual_time import VirtualTimeBus
 
 
@@ -39,7 +39,7 @@ def test_a_network_comes_back_from_its_nodelist() -> None:
 
 
 def test_nodes_without_an_eds_are_listed_without_a_dcf(tmp_path: Path) -> None:
-    bus = VirtualTimeBus([device("generic", 1), device("generic", 5)], simulated=False)
+    bus = VirtualTimeBus([unknown(1), unknown(5)], simulated=False)
     with Bench((), {"node": (1, 5), "journal": str(tmp_path)}, bus) as bench:
         ran = bench.run("export a.cpj --json")
         assert (ran.code, [one["dcf"] for one in ran.document["nodes"]]) == (0, [None, None])

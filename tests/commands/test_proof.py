@@ -18,6 +18,7 @@ from dvtcli.domain.proof import POWER
 from dvtcli.errors import NoAnswer
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds
+from tests.bus.devices import unknown
 from tests.commands.bench import Bench, Ran, beside, impatient
 from tests.commands.bus import Wire, device
 
@@ -451,7 +452,7 @@ def test_a_change_that_could_not_be_put_back_holds_a_restore_back_in_its_own_wor
 
 
 def test_without_an_eds_only_a_difference_is_proof() -> None:
-    node = device("generic")
+    node = unknown(1)
     with Wire(node) as wire, Bench((), {**wire.options, "yes": True}) as bench:
         assert bench.session.node().dictionary is None
         assert bench.run(MAP).code == 0
@@ -467,7 +468,7 @@ def test_without_an_eds_only_a_difference_is_proof() -> None:
 
 def test_without_an_eds_a_change_in_ram_is_no_difference() -> None:
     """What the reset takes anyway proves nothing about "load"."""
-    ignoring = Wire(device("generic"), faults=("restores-nothing",))
+    ignoring = Wire(unknown(1), faults=("restores-nothing",))
     with ignoring as wire, Bench((), {**wire.options, "yes": True}) as bench:
         assert bench.run(MAP).code == 0
         ran = bench.run("restore --prove --json")

@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 
 from dvtcli.domain.pdo import Pdo
-from dvtcli.files.eds.reader import read_eds
 from dvtcli.files.user_folders import user_folder
 from dvtcli.simulator.device.refusal import Refusal
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family
+from tests.bus.devices import unknown_dictionary
 from tests.commands.bench import Bench
 from tests.commands.bus import Wire
 from tests.small_eds import U32, communication, plain, var
@@ -23,7 +23,7 @@ class BusyDevice(StrictDevice):
     """Does not tell *untold* (how many objects TPDO1 maps) while it is busy, as it is after some of its *boots*."""
 
     def __init__(self, *boots: int, untold: tuple[int, int] = COUNT) -> None:
-        super().__init__(read_eds(family_eds("generic")).dictionary, load_family("generic"), 1)
+        super().__init__(unknown_dictionary(), load_family("generic"), 1)
         self.boots, self.booted, self.is_busy, self.untold = boots, 0, False, untold
 
     def upload(self, index: int, sub_index: int) -> bytes:

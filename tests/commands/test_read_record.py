@@ -12,7 +12,7 @@ from dvtcli import errors
 from dvtcli.domain.abort import Abort
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import load_family
-from tests.bus.devices import device, dictionary
+from tests.bus.devices import device, dictionary, unknown
 from tests.commands.bench import Bench
 from tests.virtual_time import VirtualTimeBus
 
@@ -26,7 +26,7 @@ def gen4() -> Iterator[Bench]:
 @pytest.fixture
 def nameless() -> Iterator[Bench]:
     """A node without an EDS."""
-    with Bench((), {"node": 1, "profile": "generic"}, VirtualTimeBus([device(1)])) as made:
+    with Bench((), {"node": 1, "profile": "generic"}, VirtualTimeBus([unknown(1)])) as made:
         yield made
 
 

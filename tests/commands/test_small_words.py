@@ -11,8 +11,9 @@ from dvtcli.cli.view.glyphs import ascii_only
 from dvtcli.files.eds.reader import parse_eds
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family
+from tests.bus.devices import unknown
 from tests.commands.bench import Bench
-from tests.commands.bus import Wire, device
+from tests.commands.bus import Wire
 from tests.process import documents, environment, run
 
 
@@ -124,7 +125,7 @@ def test_a_simulated_drive_that_was_enabled_here_is_not_reset_unasked(line: str)
 
 
 def test_without_an_eds_what_the_first_reset_took_is_said_too() -> None:
-    with Wire(device("generic")) as wire, Bench((), {**wire.options, "yes": True}) as bench:
+    with Wire(unknown(1)) as wire, Bench((), {**wire.options, "yes": True}) as bench:
         assert bench.session.node().dictionary is None
         bench.run("map tpdo1 6064")
         bench.run("store")

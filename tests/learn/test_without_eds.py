@@ -10,9 +10,10 @@ import pytest
 from dvtcli.files.eds.reader import read_eds
 from dvtcli.simulator.device.family import Family
 from dvtcli.simulator.device.strict_device import StrictDevice
-from dvtcli.simulator.network.family_file import family_eds, load_family, load_family_folder
+from dvtcli.simulator.network.family_file import load_family, load_family_folder
+from tests.bus.devices import unknown, unknown_dictionary
 from tests.commands.bench import Bench
-from tests.commands.bus import Wire, device
+from tests.commands.bus import Wire
 from tests.learn.cells import some
 from tests.learn.questions import put, questions
 from tests.learn.virtual import VirtualWire, own
@@ -36,7 +37,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 
 @pytest.mark.counted
 def test_what_is_learnt_without_a_file_answers_the_same(name: str) -> None:
-    wire = VirtualWire(device(name))
+    wire = VirtualWire(unknown(1, name))
     with wire.bench({"profile": "generic"}) as bench:
         before = shown(bench)
         ran = bench.run("learn --isolated --yes --save pump")
@@ -52,7 +53,7 @@ def test_what_is_learnt_without_a_file_answers_the_same(name: str) -> None:
     assert len(asked) >= 60
     learnt, differing = load_family_folder(Path("pump")), []
     for question in asked:
-        said, now = put(device_of(family_eds(name), load_family(name)), question), put(device_of(eds, learnt), question)
+        said, now = put(booted(unknown(1, name)), question), put(device_of(eds, learnt), question)
         if said != now:
             differing.append(f"{question.name}: {said} became {now}")
     assert not differing
@@ -65,13 +66,16 @@ def by_access(name: str) -> bool:
 
 def device_of(eds: Path, family: Family) -> StrictDevice:
     """A device that has just booted."""
-    made = StrictDevice(read_eds(eds).dictionary, family, 1)
+    return booted(StrictDevice(read_eds(eds).dictionary, family, 1))
+
+
+def booted(made: StrictDevice) -> StrictDevice:
     made.boot_up()
     return made
 
 
 def test_its_cob_ids_follow_the_node_id() -> None:
-    node = StrictDevice(read_eds(family_eds("generic")).dictionary, replace(load_family("generic")), 5)
+    node = unknown(5)
     wire = VirtualWire(node)
     with wire.bench({"node": 5}) as bench:
         assert bench.run("learn --yes --save pump").code == 0
@@ -85,7 +89,7 @@ def test_its_cob_ids_follow_the_node_id() -> None:
 @pytest.mark.parametrize(("rate", "kbit"), [(None, ()), (250_000, (250,))])
 def test_the_bit_rate_that_is_known_is_in_it(rate: int | None, kbit: tuple[int, ...]) -> None:
     options = {} if rate is None else {"bitrate": rate}
-    with Wire(device("canopennode")) as wire, Bench((), wire.options | options) as bench:
+    with Wire(unknown(1, "canopennode")) as wire, Bench((), wire.options | options) as bench:
         ran = bench.run("learn --yes --save pump")
     assert ran.code == 0, ran
     assert read_eds(Path("pump/pump.eds")).dictionary.info.bit_rates_kbit == kbit
@@ -99,7 +103,7 @@ def test_an_object_of_the_other_direction_is_asked_for(both: bool) -> None:
     if both:
         every = family.tpdo_access | family.rpdo_access
         family = replace(family, tpdo_access=every, rpdo_access=every)
-    node = StrictDevice(read_eds(family_eds("generic")).dictionary, family, 1)
+    node = StrictDevice(unknown_dictionary(), family, 1)
     wire = VirtualWire(node)
     with wire.bench({"profile": "generic"}) as bench:
         for line in ("map tpdo1 6041", "map rpdo1 6040"):

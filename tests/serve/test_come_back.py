@@ -49,12 +49,12 @@ def test_a_monitor_goes_on_with_the_mapping_that_the_node_has_then(tmp_path: Pat
         monitor = listening(server, "monitor", "--nodes", "5")
         wait_for(lambda: '"tpdo2"' in said(monitor), "a PDO")
         before = [one for one in documents(monitor.so_far()[0].rpartition("\n")[0]) if one.get("pdo") == "tpdo2"]
-        assert list(before[0]["signals"]) == ["6041:00"]
+        assert list(before[0]["signals"]) == ["Statusword"]
     wait_for(lambda: events(monitor) == ["gone"], "the end of the bus to be told")
     with served(tmp_path, "gen4@5", port=server.port) as again:
         wait_for(lambda: events(monitor) == ["gone", "back"], "the bus to be told to be back")
         assert again.dvtcli("-n", "5", "nmt", "start").returncode == 0
-        wait_for(lambda: '"606C:00"' in said(monitor), "the mapping of now")
+        wait_for(lambda: '"Velocity actual value"' in said(monitor), "the mapping of now")
         code, out, errors = ended(monitor)
     assert code == 130
     assert GONE in errors
@@ -62,8 +62,8 @@ def test_a_monitor_goes_on_with_the_mapping_that_the_node_has_then(tmp_path: Pat
     found = documents(out)
     place = [one["schema"] for one in found].index("dvtcli.bus/1")
     signals = [list(one.get("signals", {})) if one.get("pdo") == "tpdo2" else [] for one in found]
-    assert not any("606C:00" in one for one in signals[:place])
-    assert ["6041:00"] not in signals[place:]
+    assert not any("Velocity actual value" in one for one in signals[:place])
+    assert ["Statusword"] not in signals[place:]
     assert found[place]["bus"] == f"socketcand:127.0.0.1:{server.port}"
     assert found[place]["why"].startswith("the server has closed the connection")
 

@@ -111,7 +111,7 @@ def test_a_node_id_is_set_stored_and_kept(tmp_path: Path) -> None:
         wait_for(lambda: len(booted) == 2, "the boot-up of node 9 after a reset")
     assert [path.name for path in (tmp_path / "kept").iterdir()] == ["gen4@1.json"]
     with served(tmp_path, *words) as server:
-        assert server.dvtcli("-n", "9", "read", "1018:1").stdout.startswith("0x1018:01 = 30")
+        assert server.dvtcli("-n", "9", "read", "1018:1").stdout.startswith("0x1018:01  Identity object.Vendor-ID = 30")
         server.end()
         assert ": node 9 gen4, node 5 tmcm; attach" in server.said
 

@@ -25,14 +25,14 @@ def device_name(sdo: SdoTransport) -> str:
 
 
 class SaidOfItself:
-    """What the node of *row* said of its identity and name, read like its SDO channel; the rest it refuses."""
+    """What the node of *row* said of its device type and identity, read like its SDO channel; the rest it refuses."""
 
     def __init__(self, row: NodeRow) -> None:
-        numbers = (row.vendor_id, row.product_code, row.revision, row.serial)
-        said = {
-            (0x1018, sub): number.to_bytes(4, "little") for sub, number in enumerate(numbers, 1) if number is not None
-        }
-        self._node, self._said = row.node, said | {(0x1008, 0): row.name.encode("latin-1", "replace")}
+        numbers = {(0x1000, 0): row.device_type}
+        numbers |= {(0x1018, 1): row.vendor_id, (0x1018, 2): row.product_code}
+        numbers |= {(0x1018, 3): row.revision, (0x1018, 4): row.serial}
+        self._node = row.node
+        self._said = {at: number.to_bytes(4, "little") for at, number in numbers.items() if number is not None}
 
     def upload(
         self, index: int, sub_index: int, *, timeout_s: float | None = None, retries: int | None = None

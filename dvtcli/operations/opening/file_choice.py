@@ -1,4 +1,4 @@
-"""Which file describes a node that nobody chose one for, and why: one of the library.
+"""Which file describes a node that nobody chose one for, and why: one of the library, else its simulated family's.
 
 Asks the node who it is. Does not know files that somebody chose.
 """
@@ -8,11 +8,15 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from dvtcli.device.read_pdos import read_identity
+from dvtcli.errors import SdoAborted
 from dvtcli.operations.opening.simulated_nodes import FileChoice
 
 if TYPE_CHECKING:
     from dvtcli.domain.ports import SdoReader
     from dvtcli.files.device_library.match import Match
+
+#: Device type, revision and serial number: few bytes each, so that no other SDO client comes between.
+_TOLD = ((0x1000, 0), (0x1018, 3), (0x1018, 4))
 
 
 def found_file(node: SdoReader) -> FileChoice | None:
@@ -20,8 +24,6 @@ def found_file(node: SdoReader) -> FileChoice | None:
     from dvtcli.files.device_library.stored_files import stored_files
 
     files = stored_files()
-    if not files:
-        return None
     vendor, product = (read_identity(node, sub) for sub in (1, 2))
     if vendor is None or product is None:
         return None
@@ -31,9 +33,40 @@ def found_file(node: SdoReader) -> FileChoice | None:
         found = match(files, vendor, product, read_identity(node, 3))
         if found is not None:
             return as_choice(found)
-    return None
+    return _of_family(node, vendor, product)
 
 
 def as_choice(found: Match) -> FileChoice:
     """*found* with its reason in words."""
     return FileChoice(found.file.path, f"library: {found.why}", found.note, found.doubtful)
+
+
+def _of_family(node: SdoReader, vendor: int, product: int) -> FileChoice | None:
+    """The EDS of a simulated family, where the *node* is one: its device type and all of its identity are.
+
+    A device of that make has another serial number, and its own EDS.
+    """
+    from dvtcli.files.profile.library import profile_for_identity
+    from dvtcli.simulator.network.family_file import family_eds, family_names
+
+    name = profile_for_identity(vendor, product).name
+    if name not in family_names() or not product:
+        return None
+    from dvtcli.operations.opening.simulated_nodes import read_dictionary
+
+    path = family_eds(name)
+    family = read_dictionary(path)
+    if (family.info.vendor_id, family.info.product_code) != (vendor, product):
+        return None
+    for index, sub in _TOLD:
+        entry = family.entry(index, sub)
+        if entry is None or _held(node, index, sub) != entry.initial(0):
+            return None
+    return FileChoice(path, f"family {name}: identity, serial number and device type are the simulated one's")
+
+
+def _held(node: SdoReader, index: int, sub_index: int) -> bytes | None:
+    try:
+        return node.upload(index, sub_index)
+    except SdoAborted:
+        return None
