@@ -28,9 +28,9 @@ def test_a_node_in_front_of_a_line_is_told_how(line: str) -> None:
 def test_text_for_what_is_taken_for_a_number() -> None:
     """Without an EDS the type is guessed by the length; that is said with what writes text."""
     with Bench((), {"node": 1, "profile": "generic"}, VirtualTimeBus([unknown(1)])) as bench:
-        ran = bench.run("write 6200:1 abc")
+        ran = bench.run("write 6081 abc")
         assert (ran.code, "--as vs writes text" in ran.stderr) == (2, True)
-        assert "--as vs" not in bench.run("write 6200:1 abc --as u8").stderr
+        assert "--as vs" not in bench.run("write 6081 abc --as u8").stderr
     with Bench(("gen4@1",)) as bench:
         assert "--as vs" not in bench.run("write 1017 abc").stderr, "its EDS says that it is a number"
 
