@@ -43,6 +43,29 @@ def test_what_cannot_be_checked_is_an_error_or_among_several_a_finding(tmp_path:
         dvtcli.check_eds()
 
 
+def test_the_library_is_filled_and_listed(tmp_path: Path) -> None:
+    drive = tmp_path / "drive.eds"
+    drive.write_bytes(family_eds("gen4").read_bytes())
+    (tmp_path / "broken.eds").write_bytes(b"nothing")
+    added = dvtcli.add_eds(tmp_path, "tmcm", dry_run=True)
+    assert (bool(added), added.dry_run, len(dvtcli.eds_library())) == (False, True, 0)
+    added = dvtcli.add_eds(tmp_path, "tmcm")
+    assert [row.outcome for row in added] == ["refused", "added", "added"]
+    assert dvtcli.add_eds(drive, vendor=0x360, product=1)
+    listed = dvtcli.eds_library()
+    assert [(row.vendor_id, row.by_hand, row.name) for row in listed] == [
+        (0x1E, False, "drive.eds"), (0x286, False, "tmcm.eds"), (0x360, True, "drive.eds"),
+    ]  # fmt: skip
+    assert all(Path(row.path).is_file() for row in listed)
+    with pytest.raises(InputFileError):
+        dvtcli.add_eds(tmp_path / "broken.eds")
+    for wrong in ({"vendor": -1, "product": 1}, {"vendor": 1}, {"dry_run": 1}, {"product": "5"}):
+        with pytest.raises(UsageError):
+            dvtcli.add_eds(drive, **wrong)  # type: ignore[arg-type]
+    with pytest.raises(UsageError, match="which files"):
+        dvtcli.add_eds()
+
+
 def test_a_node_and_a_network_are_written_to_files_and_over_them_with_consent_only(tmp_path: Path) -> None:
     file, dcf, press = tmp_path / "drive.yaml", tmp_path / "drive.dcf", tmp_path / "press.yaml"
     with dvtcli.simulate("gen4@1", "tmcm@5") as bus:

@@ -239,6 +239,23 @@ def test_the_library_goes_before_a_family() -> None:
         assert bench.run("node --json").document["nodes"][0]["eds"].endswith("_mine.eds")
 
 
+def test_a_network_file_finds_its_nodes_files_by_their_identity(offline: Bench) -> None:
+    identity = f"identity: {{vendor: 0x{VENDOR:X}, product: 0x{PRODUCT:X}, revision: 0x10003}}"
+    write("net.yaml", f"pump: {{node_id: 5, {identity}, tpdo: {{1: {{mapping: [Input 2]}}}}}}\n")
+    before = offline.run("check net.yaml --json").document["files"][0]
+    assert "nothing here says which object 'Input 2'" in before["notes"][0]["text"]
+    write("old.eds", text())
+    offline.run("eds add old.eds")
+    after = offline.run("check net.yaml --json").document["files"][0]
+    said = [note["text"] for note in after["notes"]]
+    assert said == ["node 5: revision 0x00010003 in `identity:`, 0x00010001 in old.eds"]
+    write("new.eds", text(0x10003))
+    offline.run("eds add new.eds")
+    assert offline.run("check net.yaml --json").document["files"][0]["notes"] == []
+    assert offline.run("report net.html net.yaml").code == 0
+    assert "Input 2" in Path("net.html").read_text("utf-8")
+
+
 def test_the_list_opens_no_file_that_it_knows(offline: Bench) -> None:
     for number in range(1, 61):
         write(f"all/{number}.eds", text(product=number))

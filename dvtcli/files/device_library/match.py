@@ -57,10 +57,14 @@ class Match:
     @property
     def note(self) -> str:
         """What somebody should know who relies on the file; empty for nothing."""
+        return self.remark("on the device")
+
+    def remark(self, told: str) -> str:
+        """The same, where the device's revision stands where *told* says."""
         notes = []
         if self.fit in (Fit.SAME_MAJOR, Fit.OTHER):
             device, described = f"0x{self.revision or 0:08X}", f"0x{self.file.revision:08X}"
-            notes.append(f"revision {device} on the device, {described} in {self.file.label}")
+            notes.append(f"revision {device} {told}, {described} in {self.file.label}")
         if self.rivals:
             others = ", ".join(one.label for one in self.rivals)
             notes.append(

@@ -85,7 +85,10 @@ def _report(file: str, wishes: CheckWishes, rules: tuple[LintRule, ...]) -> Netw
     wish = read_wish(file)
     findings = tuple(_judged(file, wish, wishes, rules))
     nodes = tuple((node.name, node.node_id, len(node.pdos)) for node in wish.nodes)
-    notes = tuple((one.mark.line, one.mark.column, one.times, one.text) for one in (*wish.notes, *_unknown(file, wish)))
+    notes = tuple(
+        (one.mark.line, one.mark.column, one.times, one.text)
+        for one in (*wish.notes, *_unknown(file, wish), *_described(file, wish))
+    )
     return NetworkReport(file, asked_rules(rules), findings, nodes, len(wish.links), notes, strict=wishes.strict)
 
 
@@ -105,6 +108,17 @@ def _unknown(file: str, wish: NetworkWish) -> Iterator[FileNote]:
                 "its `profile:`, or `eds add` of a file with its identity"
             )
             yield FileNote(text, names[0].mark, len(names))
+
+
+def _described(file: str, wish: NetworkWish) -> Iterator[FileNote]:
+    """A note for each node that a file of the library describes which may not be quite its own."""
+    from dvtcli.domain.network.wanted_state import FileNote
+    from dvtcli.operations.network.described_network import library_match
+
+    for node in wish.nodes:
+        found = library_match(file, node)
+        if found is not None and (remark := found.remark("in `identity:`")):
+            yield FileNote(f"node {node.node_id}: {remark}", node.mark)
 
 
 def _report_anyway(file: str, wishes: CheckWishes, rules: tuple[LintRule, ...]) -> NetworkReport:

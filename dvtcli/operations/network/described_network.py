@@ -34,6 +34,7 @@ from dvtcli.operations.user.options import Options
 from dvtcli.operations.wanted.network_wish import eds_of, read_wish
 
 if TYPE_CHECKING:
+    from dvtcli.files.device_library.match import Match
     from dvtcli.operations.user.telling import Teller
 
 
@@ -132,23 +133,39 @@ def _simulated(
 
 def simulated_word(file: str, node: NodeWish) -> str | None:
     """What `--sim` takes for *node* of the network *file*, without a node-ID; None where nothing describes it."""
-    from dvtcli.files.device_library.match import match
-    from dvtcli.files.device_library.stored_files import stored_files
     from dvtcli.files.profile.library import profile_for_identity
     from dvtcli.simulator.network.family_file import family_names
 
-    if node.dcf is not None and (path := eds_of(file, node)) is not None:
-        return node.dcf.text if node.dcf.text in family_names() else str(path)
-    if node.profile in family_names():
-        return node.profile
+    if (chosen := _chosen_word(file, node)) is not None:
+        return chosen
     vendor, product = node.identity.vendor, node.identity.product
     if vendor is None or product is None:
         return None
-    own = match(stored_files(), vendor, product, node.identity.revision)
+    own = library_match(file, node)
     if own is not None:
         return str(own.file.path)
     profile = profile_for_identity(vendor, product)
     return profile.name if profile.matches(vendor, product) and profile.name in family_names() else None
+
+
+def _chosen_word(file: str, node: NodeWish) -> str | None:
+    """The same where the *file* says it of the node itself: its `dcf`, its `profile`."""
+    from dvtcli.simulator.network.family_file import family_names
+
+    if node.dcf is not None and (path := eds_of(file, node)) is not None:
+        return node.dcf.text if node.dcf.text in family_names() else str(path)
+    return node.profile if node.profile in family_names() else None
+
+
+def library_match(file: str, node: NodeWish) -> Match | None:
+    """The file of the library that describes *node* by its identity; None where the *file* says another, or none is."""
+    from dvtcli.files.device_library.match import match
+    from dvtcli.files.device_library.stored_files import stored_files
+
+    vendor, product = node.identity.vendor, node.identity.product
+    if vendor is None or product is None or _chosen_word(file, node) is not None:
+        return None
+    return match(stored_files(), vendor, product, node.identity.revision)
 
 
 def told_state(wish: NodeWish) -> NodeState:
