@@ -6,12 +6,14 @@ import json
 import os
 import sys
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import dvtcli
 from dvtcli.domain.ports import CanopenBus
 from dvtcli.errors import InputFileError
 from dvtcli.files.device_file import read_device_file
@@ -254,6 +256,19 @@ def test_a_network_file_finds_its_nodes_files_by_their_identity(offline: Bench) 
     assert offline.run("check net.yaml --json").document["files"][0]["notes"] == []
     assert offline.run("report net.html net.yaml").code == 0
     assert "Input 2" in Path("net.html").read_text("utf-8")
+
+
+def test_several_that_add_at_once_disturb_nobody() -> None:
+    for number in range(1, 9):
+        write(f"all/{number}.eds", text(product=number))
+    with ThreadPoolExecutor(4) as pool:
+        added = list(pool.map(lambda _: dvtcli.add_eds("all"), range(4)))
+    assert all(added)
+    listed = dvtcli.eds_library()
+    assert [row.product_code for row in listed] == list(range(1, 9))
+    assert all(Path(row.path).read_text("utf-8") == text(product=row.product_code) for row in listed)
+    assert listed.strangers == 0
+    assert {path.suffix for path in folder().rglob("*") if path.is_file()} == {".eds", ".json"}
 
 
 def test_the_list_opens_no_file_that_it_knows(offline: Bench) -> None:
