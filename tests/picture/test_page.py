@@ -34,7 +34,7 @@ from dvtcli.errors import SafetyRefusal, UsageError
 from dvtcli.files.picture.frame_cards import frame_cards
 from dvtcli.files.picture.graphviz import graphviz
 from dvtcli.files.picture.page import page
-from dvtcli.files.picture.svg import alone
+from dvtcli.files.picture.svg import alone, clipped_name
 from dvtcli.files.picture.wiring import wiring
 from tests.commands.bench import Bench
 from tests.process import ROOT
@@ -148,6 +148,28 @@ def test_nothing_is_written_where_it_cannot_be_drawn(tmp_path: Path, name: str) 
     assert not (tmp_path / name).exists()
     with pytest.raises(UsageError):
         dvtcli.report(tmp_path / "x.pdf", LINE)
+
+
+def test_what_the_file_says_of_values_is_in_the_page(tmp_path: Path) -> None:
+    file = tmp_path / "net.yaml"
+    said = "    physical: {606C: {unit: mm/s, factor: 0.25}}\n"
+    file.write_text(
+        "nodes:\n  a:\n    node_id: 1\n    profile: generic\n" + said + "    tpdo: {1: {mapping: [606C:00/32]}}\n"
+    )
+    for sim in ((), ("generic@1",)):
+        with Bench(sim, {"yes": True}) as bench:
+            ran = bench.run(f"apply {file}") if sim else None
+            assert ran is None or ran.code == 0
+            assert bench.run(f"report {tmp_path / 'net.html'} {file}").code == 0
+        assert "0.25 mm/s" in (tmp_path / "net.html").read_text("utf-8")
+
+
+@given(st.text("abc_1", max_size=90), st.integers(40, 400))
+def test_a_long_name_is_cut_in_its_middle(name: str, room: int) -> None:
+    shown = clipped_name(name, room, 14)
+    assert len(shown) <= max(1, room / 9)
+    head, cut, tail = shown.partition("…")
+    assert (name == shown) if not cut else (name.startswith(head) and name.endswith(tail) and len(name) > len(shown))
 
 
 def test_the_wiring_alone(tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ from dvtcli.files.network.yaml_tree import Branch, Leaf, Row, Tree
 
 if TYPE_CHECKING:
     from dvtcli.domain.meanings import Rules
+    from dvtcli.domain.network.wanted_state import NodeWish
 
 
 def read_physical(branch: Branch, log: FileLog) -> Iterator[tuple[str, str]]:
@@ -30,6 +31,11 @@ def read_physical(branch: Branch, log: FileLog) -> Iterator[tuple[str, str]]:
 def rules_of(physical: Iterable[tuple[str, str]]) -> Rules:
     """What a node's wish says of its objects, as a profile has it."""
     return _rules({name: json.loads(text) for name, text in physical}, "")
+
+
+def rules_by_node(nodes: Iterable[NodeWish]) -> dict[int, Rules]:
+    """The same of each of *nodes*, by node-ID."""
+    return {one.node_id: rules_of(one.physical) for one in nodes}
 
 
 def _rules(said: dict[str, object], file: str) -> Rules:

@@ -88,7 +88,8 @@ def _tiles(picture: NetworkPicture) -> Iterator[Tile]:
     yield Tile("all" if load.fits else "not all", "frames are in time", in_time, "frames")
     said = [plural(count[severity], severity) for severity in ("error", "warning", "note") if count[severity]]
     bad = "bad" if count["error"] else "warn" if count["warning"] else "good"
-    yield Tile(", ".join(said) or "none", "findings", bad, "findings")
+    label = f"findings: {', '.join(said)}" if said else "findings"
+    yield Tile(str(len(picture.findings)) if said else "none", label, bad, "findings")
     if picture.compared:
         differing = "not known" if picture.differences is None else str(len(picture.differences))
         style_of = "good" if picture.differences == () else "bad" if picture.differences is None else "warn"

@@ -22,6 +22,8 @@ from dvtcli.files.picture.picture_words import (
 _SEVERITIES = ("error", "warning", "note")
 #: a bar that is shorter says nothing
 _LEAST_BAR = 0.02
+#: so many characters of a node's name need no second line
+_SHORT_NAME = 20
 #: behind every number
 _LAST = float("inf")
 
@@ -95,8 +97,8 @@ def nodes_table(picture: NetworkPicture) -> PageTable:
         sends, hears = (len(node.enabled(is_tpdo=is_tpdo)) for is_tpdo in (True, False))
         device = node.title if node.is_told else "only what the file says is known"
         rows.append((
-            Cell(str(node.node_id), node.node_id), Cell(node.name or "-"), Cell(device or "-"),
-            Cell(str(sends), sends), Cell(str(hears), hears),
+            Cell(str(node.node_id), node.node_id), Cell(node.name or "-", style=_name_style(node.name)),
+            Cell(device or "-"), Cell(str(sends), sends), Cell(str(hears), hears),
             *(Cell(facts.get(key, "-")) for key in ("heartbeat", "watches", "SYNC", "EMCY")),
         ))  # fmt: skip
     return _table("nodes", "Nodes", columns, rows, "Node-ID", "TPDOs", "RPDOs")
@@ -151,7 +153,13 @@ def _table(
 
 
 def _node(picture: NetworkPicture, node_id: int | None) -> Cell:
-    return Cell(node_text(picture, node_id), _LAST if node_id is None else node_id)
+    text = node_text(picture, node_id)
+    return Cell(text, _LAST if node_id is None else node_id, _name_style(text))
+
+
+def _name_style(text: str) -> str:
+    """A short name stays in one line, a long one is broken where there is no other room."""
+    return "node short" if len(text) <= _SHORT_NAME else "node"
 
 
 def _cob_id(identifier: tuple[int, bool]) -> Cell:

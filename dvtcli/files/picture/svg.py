@@ -10,6 +10,8 @@ from dvtcli.domain.safe_text import safe
 Element = ElementTree.Element
 #: how wide a character of the drawings is at most, on average, in units of its size
 _WIDTH = 0.56
+#: the same of bold ones
+_BOLD = 0.68
 
 
 def drawing(width: int, height: int, name: str, title: str) -> Element:
@@ -35,6 +37,17 @@ def clipped(text: str, room: float, size: float = 13) -> str:
     most = max(1, int(room / (_WIDTH * size)))
     shown = safe(text)
     return shown if len(shown) <= most else f"{shown[: most - 1].rstrip()}…"
+
+
+def clipped_name(text: str, room: float, size: float) -> str:
+    """*text* in bold, cut in its middle: names of one kind often differ at their ends alone."""
+    most = max(1, int(room / (_BOLD * size)))
+    shown = safe(text)
+    if len(shown) <= most:
+        return shown
+    head = most // 2
+    tail = most - 1 - head
+    return f"{shown[:head].rstrip()}…{shown[len(shown) - tail :].lstrip()}"
 
 
 def markup(root: Element) -> str:

@@ -12,7 +12,7 @@ from dvtcli.domain.network.picture import NetworkPicture, PictureLink, PictureNo
 from dvtcli.domain.network.wanted_state import Endpoint
 from dvtcli.domain.several import plural
 from dvtcli.files.picture.picture_words import byte_count, cob_id, end_text, title_of
-from dvtcli.files.picture.svg import Element, add, clipped, drawing
+from dvtcli.files.picture.svg import Element, add, clipped, clipped_name, drawing
 
 _HEAD, _ROW, _FOOT, _GAP, _TOP, _MARGIN = 36, 26, 8, 16, 40, 4
 _COLOURS = 6
@@ -89,7 +89,7 @@ def _boxes(
         add(group, "rect", x=column.x, y=y, width=column.width, height=height, rx=8, class_="box")
         add(group, "text", str(node.node_id), x=column.x + 14, y=y + 23, class_="number")
         room = column.width - 58
-        add(group, "text", clipped(_name(node), room, 14), x=column.x + 48, y=y + 23, class_="name")
+        add(group, "text", clipped_name(_name(node), room, 14), x=column.x + 48, y=y + 23, class_="name")
         pdos = node.enabled(is_tpdo=column.is_tpdo)
         if not pdos:
             add(group, "text", "no PDO is on", x=column.x + 14, y=y + _HEAD + 16, class_="dim")

@@ -42,12 +42,12 @@ def convert_to_dbc(session: Session, source: str, file: str, wishes: DbcWishes =
 
     Asks before it overwrites. Raises as reading a network file does; UsageError where the DBC file cannot be written.
     """
-    from dvtcli.files.network.physical_keys import rules_of
+    from dvtcli.files.network.physical_keys import rules_by_node
     from dvtcli.operations.network.described_network import described_network
     from dvtcli.operations.wanted.network_wish import read_wish
 
     place_of(file, "eds convert net.yaml {}/NAME.dbc")
-    said = {node.node_id: rules_of(node.physical) for node in read_wish(source).nodes}
+    said = rules_by_node(read_wish(source).nodes)
     return _write(session, file, source, described_network(source, session.tell), said, wishes)
 
 

@@ -73,11 +73,11 @@ def described_nodes(session: Session, file: str | None = None) -> Callable[[int]
 
 
 def _network_nodes(file: str) -> dict[int, Described]:
-    from dvtcli.files.network.physical_keys import rules_of
+    from dvtcli.files.network.physical_keys import rules_by_node
     from dvtcli.operations.network.described_network import described_network
     from dvtcli.operations.wanted.network_wish import read_wish
 
-    own = {node.node_id: rules_of(node.physical) for node in read_wish(file).nodes}
+    own = rules_by_node(read_wish(file).nodes)
     return {
         node.node_id: Described(
             node.dictionary, meanings_of(node.profile, node.dictionary, [own.get(node.node_id, {})])

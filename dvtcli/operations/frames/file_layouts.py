@@ -22,13 +22,13 @@ def file_layouts(file: str) -> dict[Address, Layout]:
 
 def _network_layouts(file: str) -> dict[Address, Layout]:
     """What the nodes of the network *file* send and hear once it is applied, with what it says of their values."""
-    from dvtcli.files.network.physical_keys import rules_of
+    from dvtcli.files.network.physical_keys import rules_by_node
     from dvtcli.operations.meanings.physical_meanings import meanings_of
     from dvtcli.operations.network.described_network import described_network
     from dvtcli.operations.wanted.network_wish import read_wish
     from dvtcli.watch.decoder import pdo_layouts
 
-    said = {node.node_id: rules_of(node.physical) for node in read_wish(file).nodes}
+    said = rules_by_node(read_wish(file).nodes)
     layouts: dict[Address, Layout] = {}
     for node in described_network(file).nodes:
         meanings = meanings_of(node.profile, node.dictionary, [said.get(node.node_id, {})])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.frame import layout
@@ -15,7 +15,7 @@ from dvtcli.operations.meanings.physical_meanings import meanings_of
 
 if TYPE_CHECKING:
     from dvtcli.domain.frame import Field
-    from dvtcli.domain.meanings import Meanings
+    from dvtcli.domain.meanings import Meanings, Rules
     from dvtcli.domain.network.network_state import NetworkState, NodeState
     from dvtcli.domain.pdo import Pdo, PdoConfig
 
@@ -34,14 +34,14 @@ def _is_known(*configs: PdoConfig) -> bool:
     return all(one.has_mapping and one.mpdo is None for one in configs)
 
 
-def drawn_nodes(state: NetworkState) -> Iterator[PictureNode]:
-    """Every node with all of its PDOs, also those that are off."""
+def drawn_nodes(state: NetworkState, said: Mapping[int, Rules]) -> Iterator[PictureNode]:
+    """Every node with all of its PDOs, also those that are off; *said*, by node-ID, goes before profiles and files."""
     partners: dict[Endpoint, list[Endpoint]] = {}
     for link in drawn_links(state, 0):
         partners.setdefault(link.producer, []).append(link.consumer)
         partners.setdefault(link.consumer, []).append(link.producer)
     for node in state.nodes:
-        meanings = meanings_of(node.profile, node.dictionary)
+        meanings = meanings_of(node.profile, node.dictionary, [said.get(node.node_id, {})])
         pdos = (_pdo(node, pdo, config, meanings, partners) for pdo, config in sorted(node.pdos.items()))
         is_told = node.node_id not in state.untold
         yield PictureNode(node.node_id, node.name, node.title, tuple(_facts(node)), tuple(pdos), is_told)

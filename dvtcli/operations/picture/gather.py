@@ -5,7 +5,7 @@ Judges nothing and computes nothing itself: rules, load and differences are thos
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,6 +16,7 @@ from dvtcli.domain.network.frame_streams import streams_of
 from dvtcli.domain.network.heard_traffic import HeardTraffic
 from dvtcli.domain.network.picture import NetworkPicture, PictureFinding
 from dvtcli.errors import NoAnswer, RuleError, SafetyRefusal, UsageError
+from dvtcli.files.network.physical_keys import rules_by_node
 from dvtcli.operations.network.check_live import LISTEN_S
 from dvtcli.operations.network.check_networks import CheckWishes, check_networks, chosen_rules, findings_of
 from dvtcli.operations.network.live_network import has_bus, listen, live_state, refuse_without_bus
@@ -24,9 +25,11 @@ from dvtcli.operations.picture.differing_rows import differences
 from dvtcli.operations.picture.drawn_frames import drawn_frames, drawn_load
 from dvtcli.operations.picture.drawn_nodes import drawn_links, drawn_nodes
 from dvtcli.operations.results.loads import Measured, NetworkLoad
+from dvtcli.operations.wanted.network_wish import read_wish
 from dvtcli.watch.frame_count import FrameCount
 
 if TYPE_CHECKING:
+    from dvtcli.domain.meanings import Rules
     from dvtcli.domain.network.network_state import NetworkState
     from dvtcli.domain.network.picture import PictureDifference
     from dvtcli.domain.ports import Frame
@@ -62,7 +65,8 @@ def _of_file(session: Session, file: str, wishes: PictureWishes) -> NetworkPictu
     told = wishes.bit_rate or session.options.bitrate
     state = _described(session, file)
     found = check_networks([file], CheckWishes(bit_rate=told)).reports[0].findings
-    return _picture(state, wishes.title or Path(file).stem, Path(file).name, told, found)
+    said = rules_by_node(read_wish(file).nodes)
+    return _picture(state, wishes.title or Path(file).stem, Path(file).name, told, found, said=said)
 
 
 def _described(session: Session, file: str) -> NetworkState:
@@ -76,9 +80,8 @@ def _described(session: Session, file: str) -> NetworkState:
 
 
 def _of_bus(session: Session, file: str | None, wishes: PictureWishes) -> NetworkPicture:
-    from dvtcli.operations.wanted.network_wish import read_wish
-
-    names = {} if file is None else {node.node_id: node.name for node in read_wish(file).nodes}
+    wished = () if file is None else read_wish(file).nodes
+    names = {node.node_id: node.name for node in wished}
     measured, traffic = _heard(session, wishes)
     state = live_state(session, traffic, names)
     if not state.nodes:
@@ -92,7 +95,7 @@ def _of_bus(session: Session, file: str | None, wishes: PictureWishes) -> Networ
     found = list(findings_of(network, chosen_rules(CheckWishes())))
     compared, notes = ((), ()) if file is None else _compared(session, file)
     title = wishes.title or (session.wire.name if file is None else Path(file).stem)
-    picture = _picture(state, title, session.wire.name, told, found, measured)
+    picture = _picture(state, title, session.wire.name, told, found, measured, said=rules_by_node(wished))
     name = "" if file is None else Path(file).name
     return replace(picture, compared=name, differences=compared, notes=notes)
 
@@ -125,14 +128,14 @@ def _compared(session: Session, file: str) -> tuple[tuple[PictureDifference, ...
 
 def _picture(
     state: NetworkState, title: str, source: str, told: int | None, found: Sequence[NetworkFinding],
-    measured: Measured | None = None,
+    measured: Measured | None = None, *, said: Mapping[int, Rules],
 ) -> NetworkPicture:  # fmt: skip
     streams, bit_rate = streams_of(state), told or USUAL_BIT_RATE
     load = NetworkLoad(
         bus_need(streams, bit_rate), fitting_bit_rates(streams), is_assumed=told is None, measured=measured
     )
     return NetworkPicture(
-        title, source, tuple(drawn_nodes(state)), tuple(drawn_links(state, bit_rate)),
+        title, source, tuple(drawn_nodes(state, said)), tuple(drawn_links(state, bit_rate)),
         tuple(drawn_frames(state, load)), drawn_load(load), tuple(map(_finding, found)),
     )  # fmt: skip
 
