@@ -127,6 +127,8 @@ class Node(Applier):
             del self.order[max(number for number, node_id in enumerate(self.order) if node_id == self.node_id)]
         if self.keeper is not None:
             self.keeper.past.forget_own(count, applied.plan)
+        if len(self.history) < self.pending.stored_at:
+            self.pending.partly_stored = True  # what is stored has been put back: no number of changes stands for it
         if self.pending.is_as_stored(len(self.history)) and not (applied.findings or applied.not_put_back):
             self.pending.unstored.clear()  # the device holds what was stored, or found, again
 

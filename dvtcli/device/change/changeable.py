@@ -37,6 +37,8 @@ class Changeable(KnownPdos):
     on_step: Callable[[Progress], None] = lambda _progress: None
     #: the identity (0x1018) of what is about to store
     storing: Identity = field(default_factory=dict)
+    #: whether it can be told to store, None: not looked at yet
+    takes_store: bool | None = None
     _habits: Habits | None = None
 
     @property

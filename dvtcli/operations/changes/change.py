@@ -7,6 +7,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from dvtcli.device.storing import takes_store
+from dvtcli.device.unstored import may_be_unstored
 from dvtcli.domain.plan import PdoChange, ValueChange, alters
 from dvtcli.domain.rules.producer import producer_findings, sent_by
 from dvtcli.domain.script_line import change_lines
@@ -76,8 +78,13 @@ def changed(
         saved=saved and not session.dry_run,
         named=len(session.known_ids()) > 1,
         not_put_back=applied.not_put_back,
+        as_before=undone and not applied.not_put_back and not may_be_unstored(node, _labels(applied)),
         understood=understood(node, applied.plan.changes),
     )
+
+
+def _labels(applied: Applied) -> list[str]:
+    return [change.label for change in applied.plan.changes if alters(change)]
 
 
 def keep_words(node: Node, plan: Plan) -> str:
@@ -85,7 +92,9 @@ def keep_words(node: Node, plan: Plan) -> str:
     policy = node.profile.store
     if not any(policy.needed_for(step.index) for step in plan.steps):
         return ""
-    return f"to keep it, {policy.instead}" if policy.instead else "`store` keeps it"
+    if policy.instead:
+        return f"to keep it, {policy.instead}"
+    return "`store` keeps it" if takes_store(node) else "the device has no 0x1010 that would store it"
 
 
 def understood(node: Node, changes: Iterable[Change]) -> dict[str, Understood]:

@@ -39,6 +39,8 @@ class Changed(Answer):
     named: bool = False
     #: what each PDO is now that was to be put back as it was, and that the device did not take
     not_put_back: tuple[Finding, ...] = ()
+    #: whether it was put back, and no store of dvtcli took what was put back
+    as_before: bool = False
     #: what the values of single objects mean, by object
     understood: Mapping[str, Understood] = field(default_factory=dict)
 

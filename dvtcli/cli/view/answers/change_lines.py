@@ -53,6 +53,8 @@ def change_lines(result: Changed, width: int) -> Iterator[Line]:
     if result.not_put_back:
         verb, equal = "NOT put back as it was", "which alone were read back equal"
     keeps = f"In RAM only: {result.keep}" if result.volatile else "The device keeps it by itself"
+    if result.as_before and result.volatile:
+        keeps = "As it was before: dvtcli stored nothing of it in between"
     next_step = "" if result.undone or result.unknown_before else ", `undo` reverts it"
     if not result.altered:
         keeps, next_step = "It held that before: nothing has changed", ""
