@@ -160,6 +160,14 @@ class LssMaster:
         timing = bytes([0, lss.BIT_TIMINGS[bit_rate]])
         self._configure(lss.CONFIGURE_BIT_TIMING, timing, f"bit rate {bit_rate}", lss.BIT_TIMING_REFUSED)
 
+    def configure_own_bit_rate(self) -> None:
+        """Give who is being configured the bit rate that the bus runs at; nothing where that is not known.
+
+        DeviceRefused, NoAnswer, as of one that takes no bit rate at all.
+        """
+        if self._bus.runs_at in lss.BIT_TIMINGS:
+            self.configure_bit_rate(self._bus.runs_at)
+
     def activate_bit_rate(self, delay_ms: int) -> None:
         """Let every node that got a bit rate switch to it within *delay_ms*, and be silent for as long again.
 

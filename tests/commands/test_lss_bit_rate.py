@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -11,14 +12,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dvtcli.bus.bit_rate_setter import BitRateSetter
+from dvtcli.device.lss_master import LssMaster
 from dvtcli.domain.lss_services import BIT_TIMINGS, REQUEST_ID
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import Frame
-from dvtcli.errors import SafetyRefusal
+from dvtcli.errors import DeviceRefused, SafetyRefusal
 from dvtcli.simulator.device.simulated_faults import Fault
 from dvtcli.simulator.device.strict_device import StrictDevice
 from tests.commands.bench import Bench, Ran
-from tests.lss_nodes import unconfigured
+from tests.lss_nodes import address_of, unconfigured
 from tests.virtual_time import ANSWER_S, VirtualTimeBus
 
 pytestmark = pytest.mark.drawn(20, "lss bit rate")
@@ -49,6 +51,21 @@ def rates(nodes: list[StrictDevice]) -> list[tuple[int | None, int | None]]:
 def ran(bus: VirtualTimeBus, line: str, **options: Any) -> Ran:
     with bench(bus, **options) as desk:
         return desk.run(line)
+
+
+@pytest.mark.parametrize("known", [[], [OLD], [OLD, NEW]])
+def test_store_keeps_no_bit_rate_that_was_told_and_never_activated(known: list[int]) -> None:
+    """As a dvtcli leaves it that was killed before it activated one; who takes no bit rate was told none."""
+    nodes = three()
+    with bench(bus := bus_of(nodes)) as desk:
+        nodes[0].lss.known_rates = known
+        with LssMaster(bus) as master:
+            master.select(address_of(nodes[0]))
+            with suppress(DeviceRefused):
+                master.configure_bit_rate(NEW)
+        said = desk.run("lss store 3")
+        assert said.code == 0, said.stderr
+    assert rates(nodes)[0] == (OLD, OLD)
 
 
 @pytest.mark.parametrize("bit_rate", [rate for rate in BIT_TIMINGS if rate != OLD])

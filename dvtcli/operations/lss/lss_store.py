@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from dvtcli.device.lss_master import LssMaster
-from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, SafetyRefusal
+from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, NoAnswer, SafetyRefusal
 from dvtcli.operations.consent.other_master import refuse_other_master
 from dvtcli.operations.consent.reset_consent import consent_to_reset
 from dvtcli.operations.lss.lss_find import lss_bus, selected
@@ -54,6 +54,8 @@ def store(master: LssMaster, given: LssGiven) -> LssGiven:
         )  # fmt: skip
     with suppress(DeviceRefused):  # who cannot be told its own node-ID was told no other one either
         master.configure_node_id(now)  # else it keeps one that it was told and that waits for a reset
+    with suppress(DeviceRefused, NoAnswer):
+        master.configure_own_bit_rate()  # else it keeps one that it was told and that nobody activated
     master.store()
     return replace(given, stored=True)
 
