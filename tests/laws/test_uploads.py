@@ -80,11 +80,16 @@ def test_nothing_is_read_twice_before_it_is_written_or_when_it_is_read_back(benc
         assert device.run("undo")[0] == 0
 
 
+def unlisted(bench: Counted) -> list[str]:
+    """What is read once it is done: whether `store` would keep it, where no EDS says that."""
+    return [] if "--eds" in bench.words else ["1010:01"]
+
+
 def test_an_event_timer_reads_its_own_pdo_and_who_the_device_is(bench: Counted) -> None:
     before, after = backed_up(bench).reads(CHANGES["event timer"])
     own = ["1800:01", "1800:02", "1800:03", "1800:05", "1800:06", "1A00:00", "1A00:01"]
     assert sorted(before) == ["1018:01", "1018:02", "1018:03", "1018:04", "1020:01", *own], "who it is, and its stamp"
-    assert sorted(after) == own
+    assert sorted(after) == [*unlisted(bench), *own]
     assert len(before + after) <= 20
 
 
@@ -103,7 +108,7 @@ def test_the_first_change_of_a_device_reads_each_of_its_pdos_once_for_the_backup
     mappings = {f"{base + number:04X}:00" for base in (0x1600, 0x1A00) for number in range(4)}
     assert mappings <= set(before)
     assert not twice(before)
-    assert len(after) == 7 + 7
+    assert len(after) == 7 + 7 + len(unlisted(bench))
     assert len(list((bench.folder / "backups").iterdir())) == 1
 
 

@@ -50,8 +50,6 @@ def _is_understood(kind: DataType, meaning: Physical, text: str) -> bool:
 def _bit_words(meaning: Physical, kind: DataType) -> str:
     """Which words stand for which bits, of an object whose number is made of bits."""
     digits = (kind.bits or 8) // 4
-    if not meaning.states:
-        return ", ".join(f"{name} is bit {bit}" for bit, name in sorted(meaning.bits.items()))
     return ", ".join(f"{one.text} is 0x{one.bits:0{digits}X}" for one in meaning.states)
 
 
@@ -70,7 +68,7 @@ def how_to_write(meaning: Physical, kind: DataType, text: str = "") -> str | Non
         return f"with a decimal point: {text.strip().replace(',', '.')}"
     if meaning.values:
         return f"{', '.join(meaning.values.values())}; or the number"
-    if meaning.states or meaning.bits:
+    if meaning.states:
         return f"the number: {_bit_words(meaning, kind)}"
     if not meaning.unit or kind.kind not in _NUMBERS:
         return None
