@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
@@ -12,7 +12,6 @@ from dvtcli.domain.plan import PdoChange, alters
 from dvtcli.errors import InputFileError, SdoAborted, UsageError
 
 if TYPE_CHECKING:
-    from dvtcli.device.change.applier import Applier
     from dvtcli.device.change.plan_document import Identity
     from dvtcli.device.known_pdos import KnownPdos
     from dvtcli.device.past import Past
@@ -27,32 +26,17 @@ def held_unstored(node: KnownPdos, past: Past, identity: Identity) -> Mapping[st
     """
     return {
         label: change.steps[0].index
-        for label, change in _unstored(node, past, identity).items()
+        for label, change in last_unstored(node, past, identity).items()
         if _is_held(node, change)
     }
 
 
 def is_remembered(node: KnownPdos, past: Past) -> bool:
     """Whether *past* has a change of *node* that no store is known to have taken; nothing of it is read for that."""
-    return bool(_unstored(node, past, node.identity()))
+    return bool(last_unstored(node, past, node.identity()))
 
 
-def may_be_unstored(node: Applier, labels: Iterable[str]) -> set[str]:
-    """Those of *labels* that *node* may hold otherwise than it has stored, as far as changes of dvtcli go.
-
-    All of them where what is stored is no state of this session, as after a part was stored.
-    """
-    pending, wanted = node.pending, set(labels)
-    if pending.partly_stored or len(node.history) < pending.stored_at:
-        return wanted
-    since = node.history[max(pending.stored_at, pending.lost_until) :]
-    unstored = {change.label for plan in since for change in plan.changes if alters(change)}
-    if node.keeper is not None:
-        unstored |= _unstored(node, node.keeper.past, node.identity()).keys()
-    return wanted & unstored
-
-
-def _unstored(node: KnownPdos, past: Past, identity: Identity) -> dict[str, Change]:
+def last_unstored(node: KnownPdos, past: Past, identity: Identity) -> dict[str, Change]:
     """The last remembered change of each PDO and object, where it was not stored; oldest first."""
     try:
         entries = past.all_of(node.node_id, identity)

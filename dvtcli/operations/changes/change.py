@@ -7,8 +7,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from dvtcli.device.may_be_unstored import may_be_unstored
 from dvtcli.device.storing import takes_store
-from dvtcli.device.unstored import may_be_unstored
 from dvtcli.domain.plan import PdoChange, ValueChange, alters
 from dvtcli.domain.rules.producer import producer_findings, sent_by
 from dvtcli.domain.script_line import change_lines
