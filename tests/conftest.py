@@ -87,8 +87,9 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 def _order(items: list[pytest.Item]) -> None:
     """Order *items* in the parts that xdist makes of all, one a worker: it takes from others' tails when it is done.
 
-    What takes long begins early: `long` tests go to the heads of the parts. What has something large to read once in a
-    process, `together`, goes behind them to one part. Nothing else changes in the order that pytest-randomly made.
+    What takes long begins early: `long` tests, most of which wait, go to the heads of every other part, so that the
+    processors have something to do meanwhile. What has something large to read once in a process, `together`, goes
+    behind them to one part. Nothing else changes in the order that pytest-randomly made.
     """
     early = [item for item in items if item.get_closest_marker("long")]
     rest = [item for item in items if not item.get_closest_marker("long")]
@@ -96,7 +97,7 @@ def _order(items: list[pytest.Item]) -> None:
     workers = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
     ordered: list[pytest.Item] = []
     for number in range(workers):
-        first = early[number::workers]
+        first = [] if number % 2 else early[number // 2 :: (workers + 1) // 2]
         others = max(0, (len(items) - len(ordered)) // (workers - number) - len(first))
         ordered += [*first, *rest[:others]]
         del rest[:others]
