@@ -42,7 +42,7 @@ def test_what_nodes_act_on_needs_yes(bus: dvtcli.Bus, recording: Path) -> None:
     with pytest.raises(errors.SafetyRefusal, match="SYNC"):
         bus.send("080#")
     assert bus.send("080#", yes=True)
-    with pytest.raises(errors.SafetyRefusal, match="SDO request to node 1"):
+    with pytest.raises(errors.SafetyRefusal, match="0x601 SDO request node 1"):
         bus.replay(recording)
     with bus.dry_run():
         assert not bus.send("000#8101")
@@ -52,7 +52,7 @@ def test_a_recording_is_played(bus: dvtcli.Bus, recording: Path) -> None:
     played = bus.replay(recording, rate=4, without=["sdo"], loops=2)
     assert isinstance(played, Replayed)
     assert played
-    assert (played.outcome.sent, dict(played.left_out)) == (4, {"not meant by --filter and --without": 1})
+    assert (played.outcome.sent, dict(played.left_out)) == (4, {"frames not meant by --filter and --without": 1})
     assert bus.replay(recording, yes=True, within_s=(0.01, 1.0)).outcome.sent == 2
 
 

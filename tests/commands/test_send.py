@@ -140,6 +140,21 @@ def test_it_is_said_what_each_one_is() -> None:
         assert "1017:00 Producer heartbeat time, 7 ms" in said
 
 
+def test_a_passcode_is_neither_shown_nor_kept() -> None:
+    """A login that is sent as a frame is as secret as one that is written."""
+    with Bench(("gen4-locked",)) as bench:
+        line = "send 601#2B00500244440000 --yes"
+        assert bench.session.is_secret(line)
+        assert not bench.session.is_secret("send 601#2B17100007000000")
+        sent = bench.session.open_network().bus
+        heard: list[Frame] = []
+        sent.tap(lambda frame, ours: heard.append(frame) if ours else None)
+        for ran in (bench.run(line), bench.run(f"{line} --json")):
+            assert ran.code == 0
+            assert "4444" not in ran.stdout + ran.stderr
+        assert [frame.data[4:6] for frame in heard if frame.data[0] == 0x2B] == [b"DD", b"DD"]
+
+
 @pytest.mark.parametrize("line", ["185##1027", "185#102", "7A0#00 --count 2 --for 1s", "7A0#00 --every 0", "20000000#"])
 def test_what_is_no_frame_is_exit_2(line: str) -> None:
     with Bench() as bench:

@@ -145,7 +145,7 @@ class _Part:
             found.kinds[_kind(frame)] += 1
             found.channels.add(channel)
         if not found.count:
-            said = ", ".join(f"{count} {reason}" for reason, count in found.left_out.items() if count)
+            said = ", ".join(f"{reason} ({count})" for reason, count in found.left_out.items() if count)
             raise UsageError(
                 f"nothing of {self._path.name} is to be sent: {said}", hint="decode FILE shows what it holds"
             )
@@ -200,15 +200,15 @@ class _Part:
     def _unmeant(self, one: Recorded, at_s: float) -> str:
         choice = self._choice
         if choice.channel not in (None, ALL, one.channel):
-            return "of other channels"
+            return "frames of other channels"
         if not choice.from_s - _CLOSE_S <= at_s <= choice.to_s + _CLOSE_S:
-            return "before --from or behind --to"
+            return "frames before --from or behind --to"
         if not self._only and not self._without:
             return ""
         service = self._decoder.layout(one.frame).service
         meant = not self._only or any(matches(one.frame, *service) for matches in self._only)
         if not meant or any(matches(one.frame, *service) for matches in self._without):
-            return "not meant by --filter and --without"
+            return "frames not meant by --filter and --without"
         return ""
 
 
@@ -252,7 +252,7 @@ def _ask(session: Session, path: Path, choice: Choice, found: _Found, rows: Sequ
         session.tell.note(f"and {plural(len(rows) - _MOST_ROWS, 'more row')}: --dry-run shows all")
     asked = [row for row in rows if row.effects]
     if asked:
-        said = several(f"0x{row.can_id:03X} {row.effects}" for row in asked)
+        said = several(row.what for row in asked)
         often = f" {choice.loops} times" if choice.loops > 1 else ""
         session.consent(
             f"nodes act on {sum(row.count for row in asked)} of {found.count} frames of {path.name} ({said}); "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.several import plural
@@ -83,8 +84,10 @@ def _looked_at(
     described = described_nodes(session, file)
     shown = []
     for frame in frames:
-        one = explained(frame, known.decoder, described)
-        shown.append(FrameToSend(one, effects(frame, known.parties)))
+        is_secret = session.secrets.in_frame(frame)
+        told = replace(frame, data=frame.data[:4] + bytes(4)) if is_secret else frame
+        one = explained(told, known.decoder, described)
+        shown.append(FrameToSend(one, effects(frame, known.parties), is_secret))
     return tuple(shown)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+from dvtcli.domain.several import plural
 from dvtcli.domain.typed_frame import frame_text
 from dvtcli.errors import DvtcliError
 from dvtcli.operations.results.documents import Answer, Document
@@ -74,16 +75,21 @@ class Outcome:
 
 @dataclass(frozen=True, slots=True)
 class FrameToSend:
-    """One frame, with what it may do to nodes (*effects*, empty where nobody is known to act on it)."""
+    """One frame, with what it may do to nodes (*effects*, empty where nobody is known to act on it).
+
+    Of a *secret* one the value, a passcode, is left out.
+    """
 
     explained: FrameExplained
     effects: str
+    secret: bool = False
 
     @property
     def text(self) -> str:
         """The frame, what it is, and what it says, in one line."""
         one = self.explained
-        return f"{frame_text(one.frame)}  {one.what}{f': {one.short}' if one.short else ''}"
+        said = "its value is not shown" if self.secret else one.short
+        return f"{frame_text(one.frame)}  {one.what}{f': {said}' if said else ''}"
 
     def document(self) -> Document:
         """One element of `frames` in `dvtcli.send/1`."""
@@ -93,7 +99,7 @@ class FrameToSend:
             "kind": one.kind,
             "label": one.label,
             "node": one.node,
-            "text": one.short,
+            "text": "" if self.secret else one.short,
             "effects": self.effects,
         }
 
@@ -147,12 +153,15 @@ class FramesToReplay:
     effects: str
 
     @property
+    def what(self) -> str:
+        """The CAN-ID, and what its frames are."""
+        kind = "remote request of " if self.remote else ""
+        return f"0x{self.can_id:0{8 if self.extended else 3}X} {kind}{self.label}{f' node {self.node}' if self.node else ''}"
+
+    @property
     def text(self) -> str:
         """The row as one line."""
-        kind = "remote request of " if self.remote else ""
-        of = f", node {self.node}" if self.node else ""
-        asked = f": {self.effects}" if self.effects else ""
-        return f"0x{self.can_id:0{8 if self.extended else 3}X}  {self.count}x {kind}{self.label}{of}{asked}"
+        return f"{self.what}, {plural(self.count, 'frame')}{f': {self.effects}' if self.effects else ''}"
 
     def document(self) -> Document:
         """One element of `frames` in `dvtcli.replay/1`."""

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 
 from dvtcli.domain.object_dictionary import ObjectDictionary, normalised
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.sdo_frame import sdo_value_of
+from dvtcli.domain.typed_frame import typed_frame
 from dvtcli.files.profile.library import passcode_objects
 
 
@@ -30,11 +32,20 @@ class Secrets:
     def in_line(self, line: str, dictionaries: Iterable[ObjectDictionary] = ()) -> bool:
         """Whether a typed *line* names an object that takes a passcode, and so may hold one.
 
-        By number in any notation, or by one of the names that *dictionaries* have for it.
+        By number in any notation, by one of the names that *dictionaries* have for it, or as a frame that carries it.
         """
+        if "#" in line and any(map(self.in_frame, _frames(line))):
+            return True
         words = line.lower().replace("0x", "").replace(":", " ").replace("-", " ")
         words = re.sub(r"\b([0-9a-f]{1,4})h\b", r"\1", words)
         if any(re.search(rf"\b(?:{index:04x}|{index})\s+0*{sub:x}\b", words) for index, sub in self.objects):
             return True
         found = (one.entry(*place) for one in dictionaries for place in self.objects)
         return any(normalised(entry.name) in normalised(line) for entry in found if entry is not None)
+
+
+def _frames(line: str) -> Iterator[Frame]:
+    """The words of *line* that are frames, as `send` takes them."""
+    for word in line.split():
+        with suppress(ValueError):
+            yield typed_frame(word.strip("'\""))

@@ -34,7 +34,7 @@ def replayed_lines(result: Replayed, width: int) -> Iterator[Line]:
     else:
         yield outcome_text(result.outcome)
     if result.left_out:
-        yield f"left out: {', '.join(f'{count} {reason}' for reason, count in result.left_out)}"
+        yield f"left out: {', '.join(f'{reason} ({count})' for reason, count in result.left_out)}"
 
 
 def outcome_text(outcome: Outcome) -> str:
