@@ -156,7 +156,8 @@ class FramesToReplay:
     def what(self) -> str:
         """The CAN-ID, and what its frames are."""
         kind = "remote request of " if self.remote else ""
-        return f"0x{self.can_id:0{8 if self.extended else 3}X} {kind}{self.label}{f' node {self.node}' if self.node else ''}"
+        of = f" node {self.node}" if self.node else ""
+        return f"0x{self.can_id:0{8 if self.extended else 3}X} {kind}{self.label}{of}"
 
     @property
     def text(self) -> str:
