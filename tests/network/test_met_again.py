@@ -15,6 +15,7 @@ from dvtcli.operations.network.network_files import applied
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import Options
 from dvtcli.operations.whole_device.compare_pdos import verify
+from dvtcli.simulator.network.family_file import family_eds
 from tests.network.bench import device
 from tests.virtual_time import VirtualTimeBus
 
@@ -97,3 +98,25 @@ def test_verify_does_not_leave_out_a_device_that_is_another_one_now(tmp_path: Pa
         session.take_bus(VirtualTimeBus([device(5, "tmcm")], simulated=False))
         with pytest.raises(SafetyRefusal, match="another device"):
             verify(session, lambda _file, _node_id=None: {})
+
+
+def test_the_file_that_comes_late_says_what_stores_and_which_cob_ids_are_fixed(tmp_path: Path) -> None:
+    """A node that was met without an EDS: the family said that it cannot store, its own file says that it can."""
+    own = family_eds("generic").read_text("latin-1")
+    head, entry, rest = own.partition("[1801sub1]")
+    (tmp_path / "own.eds").write_text(head + entry + rest.replace("AccessType=rw", "AccessType=ro", 1), "latin-1")
+    file = tmp_path / "network.yaml"
+    file.write_text("a: {node_id: 5, dcf: own.eds, tpdo: {1: {transmission: 1}}}\n")
+    bus = VirtualTimeBus([device(5, "generic")], simulated=False)
+    options = Options(yes=True, journal=str(tmp_path / "state"), profile="roboteq")
+    with Session(options, open_bus=lambda _options: bus) as session:
+        node = session.node(5)
+        assert node.dictionary is None
+        assert not node.profile.store.sub_indices
+        applied(session, str(file))
+        assert node.dictionary is not None
+        assert node.profile.store.sub_indices[:1] == (1,)
+    (backup,) = (tmp_path / "state" / "backups").glob("*.dvt")
+    (disables,) = (line for line in backup.read_text().splitlines() if line.startswith("disable "))
+    assert "tpdo1" in disables
+    assert "tpdo2" not in disables, "its COB-ID cannot be written"
