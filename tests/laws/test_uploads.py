@@ -40,6 +40,8 @@ class Counted(Bench):
         self.wire = Wire(family=family)
         at = self.words.index("--eds")
         self.words[at : at + 2] = ["--eds", str(self.wire.eds)] if eds else []
+        if not eds:  # a device of its own, no simulated one that its family's file describes
+            self.wire.device.set_value(0x1018, 4, b"\x77\x00\x00\x00")
         self.words[self.words.index("--bus-kwargs") + 3] = f"port={self.wire.port}"
 
     def reads(self, line: str) -> tuple[list[str], list[str]]:

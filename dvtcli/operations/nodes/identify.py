@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from dvtcli.device.read_pdos import read_identity, read_optional
+from dvtcli.device.read_pdos import IDENTITY, read_identity, read_optional
 from dvtcli.domain.abort import Abort
 from dvtcli.errors import DvtcliError, SdoAborted
 from dvtcli.operations.results import NodeListing, NodeRow
@@ -25,14 +25,12 @@ def device_name(sdo: SdoTransport) -> str:
 
 
 class SaidOfItself:
-    """What the node of *row* said of its device type and identity, read like its SDO channel; the rest it refuses."""
+    """What the node of *row* said of its identity (0x1018), read like its SDO channel; the rest it refuses."""
 
     def __init__(self, row: NodeRow) -> None:
-        numbers = {(0x1000, 0): row.device_type}
-        numbers |= {(0x1018, 1): row.vendor_id, (0x1018, 2): row.product_code}
-        numbers |= {(0x1018, 3): row.revision, (0x1018, 4): row.serial}
+        parts = enumerate((row.vendor_id, row.product_code, row.revision, row.serial), 1)
         self._node = row.node
-        self._said = {at: number.to_bytes(4, "little") for at, number in numbers.items() if number is not None}
+        self._said = {(IDENTITY, sub): part.to_bytes(4, "little") for sub, part in parts if part is not None}
 
     def upload(
         self, index: int, sub_index: int, *, timeout_s: float | None = None, retries: int | None = None

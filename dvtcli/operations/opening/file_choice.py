@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from dvtcli.device.read_pdos import read_identity
+from dvtcli.device.read_pdos import IDENTITY, read_identity
 from dvtcli.errors import SdoAborted
 from dvtcli.operations.opening.simulated_nodes import FileChoice
 
@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from dvtcli.domain.ports import SdoReader
     from dvtcli.files.device_library.match import Match
 
-#: Device type, revision and serial number: few bytes each, so that no other SDO client comes between.
-_TOLD = ((0x1000, 0), (0x1018, 3), (0x1018, 4))
+#: revision and serial number, as sub-indices of 0x1018
+_TOLD = (3, 4)
 
 
 def found_file(node: SdoReader) -> FileChoice | None:
@@ -42,7 +42,7 @@ def as_choice(found: Match) -> FileChoice:
 
 
 def _of_family(node: SdoReader, vendor: int, product: int) -> FileChoice | None:
-    """The EDS of a simulated family, where the *node* is one: its device type and all of its identity are.
+    """The EDS of a simulated family, where the *node* is one: all four numbers of its identity are.
 
     A device of that make has another serial number, and its own EDS.
     """
@@ -58,15 +58,15 @@ def _of_family(node: SdoReader, vendor: int, product: int) -> FileChoice | None:
     family = read_dictionary(path)
     if (family.info.vendor_id, family.info.product_code) != (vendor, product):
         return None
-    for index, sub in _TOLD:
-        entry = family.entry(index, sub)
-        if entry is None or _held(node, index, sub) != entry.initial(0):
+    for sub in _TOLD:
+        entry = family.entry(IDENTITY, sub)
+        if entry is None or _held(node, sub) != entry.initial(0):
             return None
-    return FileChoice(path, f"family {name}: identity, serial number and device type are the simulated one's")
+    return FileChoice(path, f"family {name}: its identity and serial number are the simulated one's")
 
 
-def _held(node: SdoReader, index: int, sub_index: int) -> bytes | None:
+def _held(node: SdoReader, sub_index: int) -> bytes | None:
     try:
-        return node.upload(index, sub_index)
+        return node.upload(IDENTITY, sub_index)
     except SdoAborted:
         return None
