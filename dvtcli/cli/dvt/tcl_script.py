@@ -13,7 +13,8 @@ from dvtcli.cli.dvt.tcl_process import TclProcess
 from dvtcli.cli.dvt.tcl_run import LIMITS, START_S, TclRun
 from dvtcli.cli.dvt.tcl_safe import Exit
 from dvtcli.cli.dvt.tcl_wire import Call, End, Frame, Go, Limits
-from dvtcli.cli.scripts.script import enclosed, refuse_own_run, script_text
+from dvtcli.cli.scripts.script import enclosed, refuse_own_run
+from dvtcli.cli.scripts.script_lines import script_text
 from dvtcli.errors import UsageError
 
 if TYPE_CHECKING:

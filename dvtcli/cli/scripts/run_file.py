@@ -6,7 +6,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dvtcli.cli.scripts.script import MOST_BYTES, run_script
+from dvtcli.cli.scripts.script import run_script
+from dvtcli.cli.scripts.script_lines import MOST_BYTES
 from dvtcli.errors import UsageError
 
 if TYPE_CHECKING:

@@ -7,23 +7,18 @@ from __future__ import annotations
 
 import platform
 import re
-import tempfile
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from dvtcli.errors import DvtcliError, SafetyRefusal, UsageError
+from dvtcli.errors import DvtcliError
+from dvtcli.operations.doctor.check_bus import bus_checks
+from dvtcli.operations.doctor.check_kept import habits_check, library_check, profiles_check, state_checks
+from dvtcli.operations.doctor.failed_check import failed
 from dvtcli.operations.results.diagnosis import Check
 from dvtcli.operations.user.options import Options
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
-    from dvtcli.domain.ports import Frame
     from dvtcli.operations.session.session import Session
-
-#: How long the bus is listened to, in seconds.
-LISTEN_S = 1.0
-_WORST = "is the bit rate right, the other end powered, and is there a terminator (120 ohm) at each end of the line?"
 
 
 def checks(session: Session) -> Iterator[Check]:
@@ -32,17 +27,11 @@ def checks(session: Session) -> Iterator[Check]:
     yield _packages()
     yield _settings(session)
     yield from _interfaces(session)
-    yield from _bus(session)
-    yield _library()
-    yield from _kept(session)
-    yield _habits()
-    yield _profiles()
-
-
-def failed(name: str, error: DvtcliError) -> Check:
-    """The check *name* that ended in *error*."""
-    why = f": {error.why}" if error.why else ""
-    return Check(name, "FAIL", f"{error.text}{why}", error.hint, error.exit_code)
+    yield from bus_checks(session)
+    yield library_check()
+    yield from state_checks(session)
+    yield habits_check()
+    yield profiles_check()
 
 
 def _python() -> Check:
@@ -130,142 +119,3 @@ def _transports() -> Iterator[Check]:
 
     for one in brought():
         yield Check("transport", "warn" if one.problem else "ok", f"{one.name}  {one.about}", one.problem)
-
-
-def _bus(session: Session) -> Iterator[Check]:
-    """Whether the bus opens, what is heard on it, and whether the selected node answers."""
-    from dvtcli.bus.opening import is_configured
-
-    try:
-        session.require_settings()
-    except DvtcliError:
-        yield Check("bus", "warn", "not opened: who chooses it is not certain", "see `settings` above")
-        return
-    options = session.options
-    if not (options.sim or options.interface or options.channel or is_configured()):
-        others = "dvtcli at a terminal offers what is there; or -i and -c, or --sim"
-        described = session.settings.described_buses()
-        yield Check("bus", "warn", "none is chosen", f"{described}; {others}" if described else others)
-        return
-    try:
-        network = session.network
-        yield Check("bus", "ok", f"{network.bus.name} opened, chosen by {session.chosen_by()}")
-        yield from _heard(session)
-        yield from _node(session)
-    except DvtcliError as error:
-        yield failed("bus", error)
-
-
-def _heard(session: Session) -> Iterator[Check]:
-    """The traffic of a second."""
-    bus, frames = session.wire, 0
-
-    def count(_frame: Frame, sent: bool) -> None:
-        nonlocal frames
-        frames += not sent
-
-    stop, before = bus.tap(count), bus.error_frame_count()
-    try:
-        bus.sleep(LISTEN_S)
-    finally:
-        stop()
-    if not bus.carries_frames:
-        yield Check("traffic", "ok", "no CAN frames are carried: objects are read and written")
-        return
-    errors, nodes = bus.error_frame_count() - before, sorted(bus.heard_nodes())
-    if errors:
-        told = "; ".join(bus.disturbances()) or _WORST
-        yield Check("traffic", "FAIL", f"{errors} error frames and {frames} frames in {LISTEN_S:g} s", told, 5)
-    elif frames or bus.simulated:
-        yield Check("traffic", "ok", f"{frames / LISTEN_S:.0f} frames/s, no error frames")
-    else:
-        yield Check(
-            "traffic", "warn", f"nothing was heard in {LISTEN_S:g} s", f"nodes may be quiet: scan asks them. {_WORST}"
-        )
-    yield Check("heartbeats", "ok", f"heard of node {', '.join(map(str, nodes))}" if nodes else "none was heard")
-
-
-def _node(session: Session) -> Iterator[Check]:
-    """Whether the selected node answers, and by which files it is known."""
-    try:
-        node_id = session.node_id()
-    except UsageError:
-        yield Check("node", "ok", "none is selected (-n ID)")
-        return
-    try:
-        node = session.node(node_id)
-        node.sdo.upload(0x1000, 0)
-    except DvtcliError as silent:
-        yield failed("node", silent)
-        return
-    if node.dictionary is None:
-        hint = "objects have no names: --eds FILE, or eds add FILE once and for all"
-        yield Check("node", "warn", f'node {node_id} "{node.title}" answers; no EDS is known for it', hint)
-        return
-    if node.unlike_file:
-        hint = "changes need --force: give the --eds FILE of this device, or none"
-        yield Check("node", "warn", f"node {node_id} answers; {node.unlike_file}", hint)
-        return
-    yield Check("node", "ok", f'node {node_id} "{node.title}" answers; {node.dictionary.source}')
-
-
-def _library() -> Check:
-    from dvtcli.files.device_library.stored_files import folder, stored_files
-
-    count = len(stored_files())
-    return Check("EDS files", "ok", f"{count} in {folder()}{': eds list shows them' if count else ''}")
-
-
-def _kept(session: Session) -> Iterator[Check]:
-    """Whether backups and journals can be written, and whether a journal waits."""
-    from dvtcli.device.trust import private_folder
-
-    folder = session.state_folder
-    try:
-        private_folder(folder)
-        with tempfile.NamedTemporaryFile(dir=folder):
-            yield Check("state", "ok", f"{folder} can be written")
-    except OSError as failure:
-        hint = "without it nothing is changed on a real bus: --journal DIR names another folder"
-        yield Check("state", "FAIL", f"{folder}: {failure.strerror}", hint)
-        return
-    except SafetyRefusal as refused:
-        yield failed("state", refused)
-        return
-    yield _journals(folder)
-
-
-def _journals(folder: Path) -> Check:
-    from dvtcli.device.change.journal import Journals
-
-    journals = Journals(folder / "journals", "")
-    waiting = sorted(path.name for path in journals.folder.glob("*.json") if journals.counts(path))
-    if waiting:
-        return Check("journals", "warn", f"a change was interrupted: {', '.join(waiting)}", "recover finishes it")
-    return Check("journals", "ok", "no change was interrupted")
-
-
-def _habits() -> Check:
-    """Of how many devices something is remembered that changes how they are written to."""
-    from dvtcli.operations.known_devices.device_habits import list_habits
-
-    rows = list_habits().rows
-    broken = [row.name for row in rows if row.problem]
-    if broken:
-        text = f"what is remembered of {', '.join(broken)} cannot be read"
-        return Check("habits", "warn", text, "profiles forget removes it; it is found out anew")
-    if not rows:
-        return Check("habits", "ok", "nothing is remembered of any device")
-    return Check("habits", "ok", f"{len(rows)} devices want a PDO off first, or may: profiles habits shows them")
-
-
-def _profiles() -> Check:
-    from dvtcli.files.profile.library import load_profile, profile_names
-
-    names = profile_names()
-    for name in names:
-        try:
-            load_profile(name)
-        except DvtcliError as wrong:
-            return failed("profiles", wrong)
-    return Check("profiles", "ok", f"{len(names)} are valid: {', '.join(names)}")
