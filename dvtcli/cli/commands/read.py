@@ -69,25 +69,30 @@ def command(
         return watch_objects(
             session, objects_meant(session, objects), every_s, for_s, show, data_type=data_type, file=output
         )
-    if len(objects) > 1 and output is not None:
-        raise click.UsageError("-o takes the bytes of one object; with --every the values of several as .csv")
+    if output is not None:
+        return _to_file(session, objects, data_type, output)
     if len(objects) > 1:
         from dvtcli.cli.each_node import objects_meant
         from dvtcli.operations.objects.watch_objects import read_objects
 
         return read_objects(session, objects_meant(session, objects), data_type)
-    (only,) = objects
-    if output is not None and only.node_id is None:
-        _require_one_node(session)
-    if output is not None:
-        from dvtcli.operations.objects.object_files import read_to_file
-
-        if data_type is not None:
-            raise click.UsageError("--as is of no use with -o: the bytes are written as they are")
-        return read_to_file(session, only.text, output, only.node_id)
     from dvtcli.operations.objects.read_object import read_object
 
-    return read_object(session, only.text, data_type, only.node_id)
+    return read_object(session, objects[0].text, data_type, objects[0].node_id)
+
+
+def _to_file(session: Conversation, objects: tuple[ObjectWord, ...], data_type: DataType | None, output: str) -> Facts:
+    """The bytes of the one object into the file *output*."""
+    from dvtcli.operations.objects.object_files import read_to_file
+
+    if len(objects) > 1:
+        raise click.UsageError("-o takes the bytes of one object; with --every the values of several as .csv")
+    (only,) = objects
+    if only.node_id is None:
+        _require_one_node(session)
+    if data_type is not None:
+        raise click.UsageError("--as is of no use with -o: the bytes are written as they are")
+    return read_to_file(session, only.text, output, only.node_id)
 
 
 def _require_one_node(session: Conversation) -> None:
