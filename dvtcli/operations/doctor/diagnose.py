@@ -11,9 +11,9 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from dvtcli.errors import DvtcliError
-from dvtcli.operations.doctor.check_bus import bus_checks
-from dvtcli.operations.doctor.check_kept import habits_check, library_check, profiles_check, state_checks
+from dvtcli.operations.doctor.bus_checks import bus_checks
 from dvtcli.operations.doctor.failed_check import failed
+from dvtcli.operations.doctor.kept_checks import habits_check, library_check, profiles_check, state_checks
 from dvtcli.operations.results.diagnosis import Check
 from dvtcli.operations.user.options import Options
 
