@@ -12,7 +12,18 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from dvtcli.device.cancellation import INTERRUPTED
-from dvtcli.errors import Bug, DvtcliError, ResultsLost, State, UsageError
+from dvtcli.errors import (
+    Bug,
+    DeviceRefused,
+    DvtcliError,
+    LeftChanged,
+    NoAnswer,
+    ResultsLost,
+    SdoAborted,
+    SdoProtocolError,
+    State,
+    UsageError,
+)
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
@@ -23,6 +34,8 @@ LEAVE = -1
 COMPLETING = "_DVTCLI_COMPLETE"
 #: What a signal ends with: SIGHUP, SIGINT, SIGTERM.
 SIGNALLED = frozenset({129, 130, 143})
+#: What frames tell more of: `trace last` shows them at the prompt, where a line may follow.
+_OF_FRAMES = (SdoAborted, DeviceRefused, NoAnswer, SdoProtocolError, LeftChanged)
 #: What only writing ends with: a full disk, a file that may not grow, a terminal that went away.
 _NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO})
 
@@ -66,6 +79,7 @@ def _ended(session: Conversation, raised: BaseException) -> int:
 
 def _shown(session: Conversation, error: DvtcliError) -> int:
     error.stays = session.staying()
+    error.is_traced = session.at_prompt and session.is_open and isinstance(error, _OF_FRAMES)
     place = None if error.at_start else session.place
     try:
         session.output.error(error, place)

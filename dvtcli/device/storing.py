@@ -9,9 +9,8 @@ from dvtcli.device.access_level import level_finding
 from dvtcli.device.applied import refuse
 from dvtcli.device.change.pending import CHANGE
 from dvtcli.device.change.safekeeping import who_else
-from dvtcli.device.store_parameters import STORE, chosen
 from dvtcli.device.unstored import held_unstored
-from dvtcli.errors import DeviceRefused, DvtcliError, SafetyRefusal
+from dvtcli.errors import SafetyRefusal
 
 if TYPE_CHECKING:
     from dvtcli.device.change.changeable import Changeable
@@ -46,22 +45,6 @@ def may_store(node: Changeable, *, force: bool = False, confirm: bool = True) ->
     if confirm and node.keeper is not None:
         node.storing = node.identity()  # once it has stored nothing more is asked for that
         node.pending.of_others(held_unstored(node, node.keeper.past, node.storing))
-
-
-def takes_store(node: Changeable) -> bool:
-    """Whether *node* can be told to store, True where nobody knows; 0x1010 is read once where no file lists it."""
-    policy, dictionary = node.profile.store, node.dictionary
-    if dictionary is not None and any(dictionary.entry(STORE, one) for one in policy.sub_indices):
-        return True
-    if node.takes_store is None:
-        try:
-            chosen(node.access, policy, STORE, None, dictionary)
-            node.takes_store = True
-        except DeviceRefused:
-            node.takes_store = False
-        except DvtcliError:
-            return True
-    return node.takes_store
 
 
 def is_stored(node: Changeable, labels: Iterable[str]) -> None:

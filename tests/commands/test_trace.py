@@ -72,3 +72,16 @@ def test_a_bugs_file_has_the_last_exchange() -> None:
         assert ran.code == 70
         path = ran.stderr.partition("report it with ")[2].split()[0]
         assert "-> 601#4017100000000000" in Path(path).read_text("utf-8")
+
+
+def test_an_error_at_the_prompt_names_it() -> None:
+    with Bench(("gen4",), {"fault": ("refuse@3=0x06040041",)}) as bench:
+        assert "trace last" not in bench.run("map tpdo1 606C 6041").stderr, "of a line of its own nothing follows"
+    with Bench(("gen4",), {"fault": ("refuse@3=0x06040041",)}) as bench:
+        bench.session.at_prompt = True
+        assert "trace last" not in bench.run("map tpdo1 606C:x").stderr, "nothing was sent"
+        ran = bench.run("map tpdo1 606C 6041")
+        assert (ran.code, ran.stderr.splitlines()[-1]) == (1, "  frames  trace last")
+        assert "object cannot be mapped" in bench.run("trace last --count 200").stdout
+        assert "trace last" in bench.run("read 5FFF").stderr
+        assert "trace last" not in bench.run("read 5FFF --json").stdout

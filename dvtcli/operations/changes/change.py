@@ -7,8 +7,6 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from dvtcli.device.may_be_unstored import may_be_unstored
-from dvtcli.device.storing import takes_store
 from dvtcli.domain.plan import PdoChange, ValueChange, alters
 from dvtcli.domain.rules.producer import producer_findings, sent_by
 from dvtcli.domain.script_line import change_lines
@@ -24,6 +22,10 @@ if TYPE_CHECKING:
     from dvtcli.domain.request import PdoWant
     from dvtcli.domain.rules import Finding
     from dvtcli.operations.session.session import Session
+
+
+#: "store parameters" (CiA 301, 7.5.2.13)
+_STORE = 0x1010
 
 
 def configure_pdo(session: Session, node_id: int | None, pdo: Pdo, want: PdoWant) -> Changed:
@@ -78,13 +80,16 @@ def changed(
         saved=saved and not session.dry_run,
         named=len(session.known_ids()) > 1,
         not_put_back=applied.not_put_back,
-        as_before=undone and not applied.not_put_back and not may_be_unstored(node, _labels(applied)),
+        as_before=undone and not applied.not_put_back and _is_as_stored(node, applied),
         understood=understood(node, applied.plan.changes),
     )
 
 
-def _labels(applied: Applied) -> list[str]:
-    return [change.label for change in applied.plan.changes if alters(change)]
+def _is_as_stored(node: Node, applied: Applied) -> bool:
+    """Whether no store of dvtcli took anything else of what *applied* put back."""
+    from dvtcli.device.may_be_unstored import may_be_unstored
+
+    return not may_be_unstored(node, [change.label for change in applied.plan.changes if alters(change)])
 
 
 def keep_words(node: Node, plan: Plan) -> str:
@@ -94,7 +99,13 @@ def keep_words(node: Node, plan: Plan) -> str:
         return ""
     if policy.instead:
         return f"to keep it, {policy.instead}"
-    return "`store` keeps it" if takes_store(node) else "the device has no 0x1010 that would store it"
+    if node.dictionary is None or not any(node.dictionary.entry(_STORE, one) for one in policy.sub_indices):
+        from dvtcli.device.takes_store import takes_store
+
+        stores = takes_store(node)
+    else:
+        stores = True
+    return "`store` keeps it" if stores else "the device has no 0x1010 that would store it"
 
 
 def understood(node: Node, changes: Iterable[Change]) -> dict[str, Understood]:
