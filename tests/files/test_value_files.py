@@ -60,7 +60,8 @@ def test_what_is_written_is_read(tmp_path: Path, form: str, mapping: list[int], 
     assert (rows.frames, rows.other) == (len(frames), 1)
     again = SignalRows(layouts_of(5, mapping))
     found = read_values(path)
-    assert [one.signal.unit for one in found.columns] == [one.signal.unit for one in again.columns]
+    assert [one.header for one in found.columns] == [one.header for one in again.columns]
+    assert [one.signal.object for one in found.columns] == [one.signal.object for one in again.columns]
     read = list(found.rows)
     assert [cells for _, cells in read] == [again.row(frame) for frame in frames]
     assert [time_s for time_s, _ in read] == pytest.approx([frame.timestamp_s for frame in frames], abs=2e-6)

@@ -49,8 +49,10 @@ def read_jsonl(path: Path) -> ValuesRead:
     for document in _documents(path):
         for name, shown in _numbers(document):
             if name not in columns:
-                signal = Signal(name[1], name[1], "", Physical(str(shown.get("unit", ""))))
-                columns[name] = Column(" ".join(filter(None, name)), signal)
+                place = _object(document, name[1])
+                signal = Signal(name[1], name[1], place, Physical(str(shown.get("unit", ""))))
+                said = "" if name[1].startswith(place) else place
+                columns[name] = Column(" ".join(filter(None, (name[0], said, name[1]))), signal)
     numbers = {name: number for number, name in enumerate(columns)}
     return ValuesRead(list(columns.values()), _rows(path, numbers))
 
@@ -74,6 +76,12 @@ def _numbers(document: dict[str, Any]) -> Iterator[tuple[_Name, dict[str, Any]]]
             yield (title, key), shown
         elif isinstance(raw, int | float):
             yield (title, key), {"value": float(raw)}
+
+
+def _object(document: dict[str, Any], key: str) -> str:
+    """Which object a signal is; empty where the document, one of an older version, does not say."""
+    objects = document.get("objects")
+    return str(objects.get(key, "")) if isinstance(objects, dict) else ""
 
 
 def _documents(path: Path) -> Iterator[dict[str, Any]]:

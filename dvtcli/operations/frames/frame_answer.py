@@ -13,4 +13,6 @@ def frame_seen(frame: Frame, decoder: Decoder) -> FrameSeen:
     service = layout.service
     pdo = service.label.lower() if service.kind == "pdo" and not service.label.endswith("?") else None
     meanings = {one.key: one.meaning for one in layout.signals if one.meaning.says}
-    return FrameSeen(frame, service.kind, service.label, service.node, pdo, decoder.values(frame), meanings)
+    objects = {one.key: one.object for one in layout.signals if one.object}
+    values = decoder.values(frame)
+    return FrameSeen(frame, service.kind, service.label, service.node, pdo, values, meanings, objects=objects)

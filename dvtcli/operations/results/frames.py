@@ -17,7 +17,8 @@ from dvtcli.operations.results.documents import Answer, Document, hex_bytes, jso
 class FrameSeen(Answer):
     """One frame with what it is (*kind*, *label*), its *node* and *pdo* where known, and its *signals* by name.
 
-    *signals* are raw; *meanings* says what those mean of which anybody says.
+    *signals* are raw; *meanings* says what those mean of which anybody says, *objects* which object (`606C:00`) those
+    are of which that is known.
     """
 
     renderer: ClassVar = "frame_lines:frame_lines"
@@ -30,6 +31,7 @@ class FrameSeen(Answer):
     signals: Mapping[str, Value] = field(default_factory=dict)
     meanings: Mapping[str, Physical] = field(default_factory=dict)
     exit_code: int = 0
+    objects: Mapping[str, str] = field(default_factory=dict)
 
     def document(self) -> Document:
         """`dvtcli.frame/1`."""
@@ -49,11 +51,15 @@ class FrameSeen(Answer):
                 for name, meaning in self.meanings.items()
                 if name in self.signals
             },
+            "objects": {name: place for name, place in self.objects.items() if name in self.signals},
         }
 
     def matches(self, text: str) -> bool:
-        """Whether *text* (in lower case) is in the name of the frame or of one of its signals."""
-        return self._is_called(text) or any(text in name.lower() for name in self.signals)
+        """Whether *text* (in lower case) is in the name of the frame or of one of its signals, its object included."""
+        return self._is_called(text) or any(self._has(name, text) for name in self.signals)
+
+    def _has(self, name: str, text: str) -> bool:
+        return text in f"{self.objects.get(name, '')} {name}".lower()
 
     def _is_called(self, text: str) -> bool:
         who = f"0x{self.frame.can_id:03x} {self.label} node {self.node} {self.kind}".lower()
@@ -63,7 +69,7 @@ class FrameSeen(Answer):
         """The same with those signals alone that have *text* (in lower case) in their names, or their frame's."""
         if self._is_called(text):
             return self
-        return replace(self, signals={name: value for name, value in self.signals.items() if text in name.lower()})
+        return replace(self, signals={name: value for name, value in self.signals.items() if self._has(name, text)})
 
 
 @dataclass(frozen=True, slots=True)

@@ -133,7 +133,7 @@ def paths(document: Document, before: str = "") -> Iterator[tuple[str, Any]]:
     for key, value in document.items():
         yield before + key, value
         inner = value[0] if isinstance(value, list) and value else value
-        by_signal = key == "signals" or (key == "physical" and "signals" in document)
+        by_signal = key == "signals" or (key in ("physical", "objects") and "signals" in document)
         if isinstance(inner, dict) and (not by_signal or isinstance(value, list)):
             yield from paths(inner, f"{before}{key}[]." if isinstance(value, list) else f"{before}{key}.")
 
