@@ -38,14 +38,14 @@ def test_a_network_comes_back_from_its_nodelist() -> None:
     assert [node.dcf.text for node in listed.nodes if node.dcf] == ["line/node1.dcf", "line/node5.dcf"]
 
 
-def test_nodes_without_an_eds_are_listed_without_a_dcf(tmp_path: Path) -> None:
+def test_a_nodelist_without_any_dcf_is_refused(tmp_path: Path) -> None:
     bus = VirtualTimeBus([unknown(1), unknown(5)], simulated=False)
     with Bench((), {"node": (1, 5), "journal": str(tmp_path)}, bus) as bench:
-        ran = bench.run("export a.cpj --json")
-        assert (ran.code, [one["dcf"] for one in ran.document["nodes"]]) == (0, [None, None])
-        assert [note.partition(":")[0] for note in ran.document["notes"]] == ["node 1", "node 5"]
+        ran = bench.run("export a.cpj")
+        assert (ran.code, "no node that answers has an EDS here (1, 5)" in ran.stderr) == (2, True)
+        assert not Path("a.cpj").exists()
+        Path("a.cpj").write_text("")
         assert bench.run("export a.cpj").code == 6  # nobody says that it may be overwritten
-    assert b"Node5Present=0x01\r\n" in Path("a.cpj").read_bytes()
 
 
 def test_a_name_that_no_file_can_have_is_one_that_is_not_there() -> None:

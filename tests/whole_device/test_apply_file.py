@@ -18,7 +18,7 @@ from dvtcli.domain.object_dictionary import OdEntry
 from dvtcli.domain.pdo import Pdo
 from dvtcli.files.profile.toml import builtin_path
 from tests.commands.bench import Bench
-from tests.small_eds import U16, plain, var
+from tests.small_eds import U16, communication, plain, var
 from tests.whole_device.test_export_dcf import FAMILIES, odd
 
 pytestmark = pytest.mark.drawn(12, "apply file")
@@ -194,6 +194,25 @@ def test_what_keeps_a_setting_is_said_alike_and_is_so(tmp_path: Path) -> None:
         assert "Kept by node 5 without a store, `undo --all` reverts it." in applied.stdout, applied.stderr
         assert "In RAM only" in bench.run("set tpdo1 --timer 70").stdout
         assert "In RAM only on node 5: `store` keeps it" in bench.run(f"apply {file} --yes").stdout
+
+
+def test_an_empty_enabled_pdo_of_a_file_hinders_nothing_else(tmp_path: Path) -> None:
+    eds, file = plain(), tmp_path / "node.dcf"
+    eds.record(0x1801, "Communication 2", communication("$NODEID+0x280"))
+    (tmp_path / "plain.eds").write_text(eds.text(), encoding="utf-8")
+    with Bench((f"{tmp_path / 'plain.eds'}@5",)) as bench:
+        assert bench.run("write 1017 700").code == 0
+        assert bench.run(f"export {file}").code == 0
+        assert bench.run(f"diff {file}").code == 0
+    with Bench((f"{tmp_path / 'plain.eds'}@7",)) as bench:
+        bench.session.node().sdo.download(0x1801, 1, (0x80000287).to_bytes(4, "little"))
+        differs = bench.run(f"diff {file}")
+        assert (differs.code, "0x1017:00" in differs.stdout) == (3, True), differs.stderr
+        assert "differs, not written: TPDO2 is enabled and maps nothing in the file" in differs.stdout
+        applied = bench.run(f"apply {file} --yes")
+        assert (applied.code, "1 setting of node 7 differs" in applied.stdout.splitlines()[-1]) == (0, True)
+        assert bench.session.node().sdo.upload(0x1017, 0) == (700).to_bytes(2, "little")
+        assert bench.run(f"verify {file}").code == 3
 
 
 def _settable(bench: Bench) -> list[OdEntry]:

@@ -17,8 +17,10 @@ from dvtcli.files.eds.reader import read_eds
 from dvtcli.files.whole_device_file import read_whole_device
 from dvtcli.operations.whole_device.backup_device import backup_device
 from tests.commands.bench import Bench
+from tests.commands.bus import device
 from tests.real_files import real_files
 from tests.small_eds import U16, U32, plain, var
+from tests.virtual_time import VirtualTimeBus
 from tests.whole_device.test_export_dcf import FAMILIES, odd
 
 FORMS = ["dcf", "jsonl", "xdc"]
@@ -262,3 +264,19 @@ def test_programs_do_the_same(tmp_path: Path) -> None:
         compared = node.compare(tmp_path / "a.dcf")
     assert not compared
     assert [one.object for one in compared.differences] == ["1017:00"]
+
+
+def test_a_default_that_was_not_read_is_named(tmp_path: Path) -> None:
+    eds = odd(tmp_path)
+    with Bench((str(eds),)) as bench:
+        compared = bench.run(f"compare {eds}")
+        assert (compared.code, "2002:00" in compared.stdout, "not compared" in compared.stdout) == (0, True, True)
+        assert "2002:00" in bench.run(f"compare {eds} --json").document["unread"]
+
+
+def test_a_backup_without_an_eds_says_what_it_is_not_for(tmp_path: Path) -> None:
+    bus = VirtualTimeBus([device("generic", 5)], simulated=False)
+    with Bench((), {"node": (5,), "journal": str(tmp_path)}, bus) as bench:
+        kept = backup_device(bench.session, str(tmp_path / "node.jsonl"), areas=(range(0x1000, 0x1020),))
+        assert "no EDS describes node 5: `apply` and `clone` of this file need one" in kept.text[-1]
+        assert bench.run(f"compare {tmp_path / 'node.jsonl'}").code == 0

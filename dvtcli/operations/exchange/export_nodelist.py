@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from dvtcli.domain.several import plural
-from dvtcli.errors import NoAnswer
+from dvtcli.domain.several import plural, several
+from dvtcli.errors import NoAnswer, UsageError
 from dvtcli.files.eds.writer import eds_bytes
 from dvtcli.files.nodelist import ListedNode, Nodelist, nodelist_text
 from dvtcli.operations.nodes.find_nodes import find_nodes
@@ -32,6 +32,14 @@ def export_nodelist(session: Session, file: str, *, twice: bool = False) -> Fact
     if not ids:
         raise NoAnswer("no node answers", hint="look at bit rate and supply: `doctor`, `scan`")
     nodes = [_listed(session, path, node_id, notes, twice=twice) for node_id in sorted(ids)]
+    untold = [str(one.node_id) for one in nodes if not one.dcf]
+    if len(untold) == len(nodes):
+        raise UsageError(
+            f"no node that answers has an EDS here ({several(untold)}): a nodelist without a DCF says nothing of them",
+            hint="`eds add FILE` keeps one for every node of its kind, then export again",
+        )
+    if untold:
+        notes.insert(0, f"node {', '.join(untold)}: no EDS is known, so no DCF; `eds add FILE`, then export again")
     write_bytes(path, eds_bytes(nodelist_text(Nodelist(path.parent.resolve().name, tuple(nodes)))))
     rows = (
         ("file", file), ("nodes", [{"node": one.node_id, "name": one.name, "dcf": one.dcf or None} for one in nodes]),
@@ -46,7 +54,6 @@ def _listed(session: Session, path: Path, node_id: int, notes: list[str], *, twi
     """The node, with its DCF written."""
     node = session.node(node_id)
     if node.dictionary is None:
-        notes.append(f"node {node_id}: no EDS is known, so it has no DCF; `eds add FILE`, then export again")
         return ListedNode(node_id, node.title)
     name = f"node{node_id}.dcf"
     done = dict(export_dcf(session, str(path.with_name(name)), node_id, twice=twice).rows)

@@ -68,6 +68,8 @@ class WholeCompared(Answer):
     unsaid: int = 0
     #: in which numbers of the identity (0x1018) they are two devices; empty where they are not, or nobody knows
     unlike: str = ""
+    #: settings that a file has a default of only, and that the other side could not be asked for
+    unread: tuple[str, ...] = ()
     #: whether each object that is no setting is shown, too
     shows_all: bool = False
 
@@ -93,5 +95,6 @@ class WholeCompared(Answer):
             "about": [one.document() for one in self.about],
             "apart": [one.document() for one in self.apart],
             "unsaid": self.unsaid,
+            "unread": list(self.unread),
             "unlike": self.unlike,
         }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -76,7 +77,11 @@ def _as_lines(node: Node, path: Path, file: str, found: Mapping[ObjectAddress, R
     text = whole_device_text(KeptDevice(node.node_id, node.identity(), utc(time.time()), kept, eds))
     write_bytes(path, text.encode())
     out = {f"{place[0]:04X}:{place[1]:02X}": one.why for place, one in sorted(kept.items()) if one.data is None}
-    return _answer(file, node, len(kept) - len(out), out)
+    answer = _answer(file, node, len(kept) - len(out), out)
+    if node.dictionary is not None:
+        return answer
+    text = f"note: no EDS describes node {node.node_id}: `apply` and `clone` of this file need one, `compare` does not"
+    return replace(answer, text=(*answer.text, text))
 
 
 def _kept(one: ReadObject) -> KeptObject:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import TYPE_CHECKING
 
@@ -11,6 +11,7 @@ from dvtcli.device.read_whole import Unread
 from dvtcli.device.same_device import unlike_before
 from dvtcli.domain.configuration import Configuration, NotWritten, configuration_of
 from dvtcli.domain.object_dictionary import Access, OdEntry
+from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.standard_objects import is_pdo_mapping, standard_entry
 from dvtcli.files.eds.written_values import same_value
 from dvtcli.files.whole_device_file import KeptObject
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
     from dvtcli.domain.profile import DeviceProfile, ObjectAddress
     from dvtcli.operations.session.session import Session
 
+#: bit 31 of a COB-ID: the PDO does not exist
+_OFF = 0x8000_0000
 _COMMUNICATION, _STATES = range(0x1000, 0x2000), (0x1001, 0x1002)
 
 
@@ -63,10 +66,28 @@ def compare_device(
     if other is None:
         node = session.node(node_id)
         first = held_by(file, node.node_id)
-        return _compared(first, _live(session, node, first), node.node_id, shows_all=shows_all)
+        return _compared(first, _knowing(_live(session, node, first), first), node.node_id, shows_all=shows_all)
     first = held_by(file)
     second = held_by(other, first.node_id)
-    return _compared(held_by(file, second.node_id), _kept(second, first), None, shows_all=shows_all)
+    return _compared(held_by(file, second.node_id), _knowing(_kept(second, first), first), None, shows_all=shows_all)
+
+
+def _knowing(second: _Second, first: HeldDevice) -> _Second:
+    """*second*, which knows what enabled RPDOs of either side take: that is no setting."""
+    taken = frozenset([*_taken(first.objects), *_taken(second.objects)])
+    return replace(second, known=replace(second.known, taken=taken))
+
+
+def _taken(objects: Mapping[ObjectAddress, KeptObject]) -> Iterator[ObjectAddress]:
+    """What the enabled RPDOs among *objects* take."""
+    words = {place: int.from_bytes(one.data, "little") for place, one in objects.items() if one.data is not None}
+    for (index, sub_index), word in words.items():
+        pdo = Pdo.at(index)
+        if pdo is None or pdo.is_tpdo or index != pdo.mapping_index:
+            continue
+        is_enabled = not words.get((pdo.communication_index, 1), _OFF) & _OFF
+        if is_enabled and 0 < sub_index <= words.get((index, 0), 0):
+            yield word >> 16, word >> 8 & 0xFF
 
 
 def _live(session: Session, node: Node, first: HeldDevice) -> _Second:
@@ -133,13 +154,15 @@ def kind_of(known: Configuration, entry: OdEntry) -> Kind:
 
 def _compared(first: HeldDevice, second: _Second, node: int | None, *, shows_all: bool) -> WholeCompared:
     found: dict[Kind, list[ObjectDifference]] = {kind: [] for kind in Kind}
-    count = 0
+    count, unread = 0, list[str]()
     for place in sorted(first.objects.keys() & second.objects.keys()):
         entry, held = entry_of(second.dictionary, place), second.objects[place]
         wanted = first.on_node(place, entry, second.node_id)
         kind = Kind.APART if place in second.changing else kind_of(second.known, entry)
         is_assumed = place in first.assumed or place in second.assumed
         if wanted is None or (held.data is None and (is_assumed or node is None)):
+            if kind is Kind.SETTING and (wanted is not None or held.data is not None):
+                unread.append(_label(place))
             continue  # a side says nothing of it
         if (is_assumed and kind is not Kind.SETTING) or _is_beyond_count(place, first, second):
             continue  # what a device comes up with is a setting's only; an entry beyond the count maps nothing
@@ -149,7 +172,8 @@ def _compared(first: HeldDevice, second: _Second, node: int | None, *, shows_all
             found[kind].append(ObjectDifference(_label(place), name, entry.data_type, wanted, held.data, held.why))
     return WholeCompared(
         node, first.name, second.name, count, tuple(found[Kind.SETTING]), tuple(found[Kind.ABOUT]),
-        tuple(found[Kind.APART]), _unsaid(first, second, node), _unlike(first, second), shows_all,
+        tuple(found[Kind.APART]), _unsaid(first, second, node), _unlike(first, second),
+        unread=tuple(unread), shows_all=shows_all,
     )  # fmt: skip
 
 

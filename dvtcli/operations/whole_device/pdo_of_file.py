@@ -36,6 +36,17 @@ def pdo_of_file(
 
     What may not be written stays, and is told to *left_out* with why.
     """
+    wanted = _wanted(node, held, known, pdo, now, left_out)
+    if wanted is not None and wanted != now and wanted.enabled and wanted.has_mapping and not wanted.count:
+        _leave_out(left_out, pdo.label, "is enabled and maps nothing in the file, as no plan makes it")
+        return None
+    return wanted
+
+
+def _wanted(
+    node: Node, held: HeldDevice, known: Configuration, pdo: Pdo, now: PdoConfig, left_out: dict[str, LeftOut]
+) -> PdoConfig | None:
+    """The same, whether it may be enabled or not."""
     said = _said(node, held, pdo)
     if said is None or said.mpdo is not None or said.held_count is not None:
         if said != now:

@@ -98,12 +98,16 @@ def _pdos(node: Node, held: HeldDevice, known: Configuration, found: WantedOfFil
 
 
 def _taken(node: Node, wanted: dict[Pdo, PdoConfig]) -> frozenset[ObjectAddress]:
-    """What the node's RPDOs take, now or then: process data."""
+    """What the node's enabled RPDOs take, now or then: process data."""
     rpdos = [pdo for pdo in node.present() if pdo.direction is Direction.RPDO]
     now = node.observed(lambda: [node.known_pdo(pdo) for pdo in rpdos])
     then = (config for pdo, config in wanted.items() if not pdo.is_tpdo)
     return frozenset(
-        (entry.index, entry.sub_index) for config in (*now, *then) for entry in config.mapping if not entry.is_dummy
+        (entry.index, entry.sub_index)
+        for config in (*now, *then)
+        if config.enabled
+        for entry in config.mapping
+        if not entry.is_dummy
     )
 
 

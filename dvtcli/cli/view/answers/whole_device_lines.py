@@ -35,6 +35,9 @@ def whole_compared_lines(result: WholeCompared, width: int) -> Iterator[Line]:
         elif found:
             verb = "is no setting" if len(found) == 1 else "are no settings"
             yield f"{label:<11} {several(one.object for one in found)} {verb}: not counted; --all shows them"
+    if result.unread:
+        verb = "was" if len(result.unread) == 1 else "were"
+        yield f"not read    {several(result.unread)} {verb} not read by one side: not compared"
     if result.unsaid:
         silent = "one of them" if result.node is None else result.first
         yield f"            {silent} says nothing of {plural(result.unsaid, 'more setting')}: not compared"
