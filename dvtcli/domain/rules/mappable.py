@@ -8,6 +8,7 @@ from itertools import count
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.mapping import DUMMY_BITS, MAX_ENTRIES, MAX_PDO_BITS, PdoMappingEntry
 from dvtcli.domain.object_dictionary import ObjectDictionary
+from dvtcli.domain.pdo import PdoConfig
 from dvtcli.domain.plan import disables, mapping_differs
 from dvtcli.domain.profile import DeviceProfile, Severity
 from dvtcli.domain.rules.entry_length import length_findings
@@ -38,6 +39,11 @@ RULES = (
 )  # fmt: skip
 
 
+def enables_nothing(now: PdoConfig, want: PdoConfig) -> bool:
+    """Whether a PDO that is *now* becomes, as *want*, an enabled one that maps nothing; one that is so may stay so."""
+    return want.enabled and not want.count and (not now.enabled or disables(now, want) or bool(now.count))
+
+
 def mapping_findings(proposal: Proposal) -> Iterator[Finding]:
     """Judge the wanted mapping where it changes, and an empty one where the PDO becomes valid."""
     want = proposal.want
@@ -48,8 +54,7 @@ def mapping_findings(proposal: Proposal) -> Iterator[Finding]:
             f"{proposal.pdo.label} is a multiplexed PDO (count 0x{proposal.now.mpdo:02X}); dvtcli shows MPDOs "
             "and never writes them",
         )
-    enables = not proposal.now.enabled or disables(proposal.now, want)
-    if want.enabled and not want.count and (enables or proposal.now.count):
+    if enables_nothing(proposal.now, want):
         yield error(
             "empty-mapping",
             proposal.communication_place(1),

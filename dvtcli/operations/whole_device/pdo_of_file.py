@@ -14,6 +14,7 @@ from dvtcli.domain.abort import Abort
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.network.network_plan import LeftOut
 from dvtcli.domain.pdo import PdoConfig
+from dvtcli.domain.rules.mappable import enables_nothing
 from dvtcli.errors import SdoAborted
 from dvtcli.operations.whole_device.compare_device import entry_of
 
@@ -37,7 +38,7 @@ def pdo_of_file(
     What may not be written stays, and is told to *left_out* with why.
     """
     wanted = _wanted(node, held, known, pdo, now, left_out)
-    if wanted is not None and wanted != now and wanted.enabled and wanted.has_mapping and not wanted.count:
+    if wanted is not None and enables_nothing(now, wanted):
         _leave_out(left_out, pdo.label, "is enabled and maps nothing in the file, as no plan makes it")
         return None
     return wanted
