@@ -16,8 +16,8 @@ from dvtcli.files.device_file import read_device_file
 from dvtcli.files.eds.reader import read_eds
 from dvtcli.files.whole_device_file import read_whole_device
 from dvtcli.operations.whole_device.backup_device import backup_device
+from tests.bus.devices import unknown
 from tests.commands.bench import Bench
-from tests.commands.bus import device
 from tests.real_files import real_files
 from tests.small_eds import U16, U32, plain, var
 from tests.virtual_time import VirtualTimeBus
@@ -275,7 +275,7 @@ def test_a_default_that_was_not_read_is_named(tmp_path: Path) -> None:
 
 
 def test_a_backup_without_an_eds_says_what_it_is_not_for(tmp_path: Path) -> None:
-    bus = VirtualTimeBus([device("generic", 5)], simulated=False)
+    bus = VirtualTimeBus([unknown(5)], simulated=False)
     with Bench((), {"node": (5,), "journal": str(tmp_path)}, bus) as bench:
         kept = backup_device(bench.session, str(tmp_path / "node.jsonl"), areas=(range(0x1000, 0x1020),))
         assert "no EDS describes node 5: `apply` and `clone` of this file need one" in kept.text[-1]
