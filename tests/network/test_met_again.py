@@ -107,7 +107,9 @@ def test_the_file_that_comes_late_says_what_stores_and_which_cob_ids_are_fixed(t
     (tmp_path / "own.eds").write_text(head + entry + rest.replace("AccessType=rw", "AccessType=ro", 1), "latin-1")
     file = tmp_path / "network.yaml"
     file.write_text("a: {node_id: 5, dcf: own.eds, tpdo: {1: {transmission: 1}}}\n")
-    bus = VirtualTimeBus([device(5, "generic")], simulated=False)
+    unknown = device(5, "generic")
+    unknown.set_value(0x1018, 4, (77).to_bytes(4, "little"))  # not what a served family says, whose EDS is known
+    bus = VirtualTimeBus([unknown], simulated=False)
     options = Options(yes=True, journal=str(tmp_path / "state"), profile="roboteq")
     with Session(options, open_bus=lambda _options: bus) as session:
         node = session.node(5)
