@@ -38,7 +38,7 @@ def test_there_and_back(bench: Bench, tmp_path: Path) -> None:
     source.write_bytes(DATA)
     ran = bench.run(f"write 2002 @{source}")
     assert (ran.code, held(bench)) == (0, DATA)
-    assert "5000 characters" in ran.stdout
+    assert "5,000 bytes" in ran.stdout
     assert max(map(len, ran.stdout.splitlines())) <= 100
     ran = bench.run(f"read 2002 -o {target}")
     assert (ran.code, target.read_bytes()) == (0, DATA)

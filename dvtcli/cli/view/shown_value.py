@@ -38,8 +38,13 @@ def step_text(step: Step, data: bytes | None, known: Understood | None) -> str:
     if known is None or value is None or isinstance(value, bytes):
         return step.text(data)
     if isinstance(value, str):
-        return repr(value) if len(value) <= _WIDEST else f"{value[:_WIDEST]!r}… {len(value)} characters"
+        return cut_text(value) if value.isprintable() else step.text(data)
     return value_text(value, known.meaning, 8 * len(data or b""))
+
+
+def cut_text(text: str) -> str:
+    """A text in quotes; of a long one the beginning, and how long it is."""
+    return repr(text) if len(text) <= _WIDEST else f"{text[:_WIDEST]!r}… {len(text):,} characters"
 
 
 def cut_bytes(data: bytes) -> str:

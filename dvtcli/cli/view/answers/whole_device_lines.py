@@ -7,13 +7,14 @@ from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
 from dvtcli.cli.view.lines import Cell, Line, Table
+from dvtcli.cli.view.shown_value import cut_text
 from dvtcli.domain.several import plural, several
 
 if TYPE_CHECKING:
     from dvtcli.operations.results.whole_devices import ObjectDifference, WholeCompared
 
-#: how many bytes of a long value are shown, and how wide a text may be
-_MOST_SHOWN, _WIDEST = 8, 24
+#: how many bytes of a long value are shown
+_MOST_SHOWN = 8
 #: unsigned objects that are written in hexadecimal: COB-IDs and mapping entries, identities, device types
 _IN_HEX = range(0x1000, 0x2000)
 
@@ -60,7 +61,7 @@ def value_text(one: ObjectDifference, data: bytes | None) -> str:
     if isinstance(value, int) and not isinstance(value, bool) and value >= 0 and _is_word(one, data):
         return f"0x{value:0{2 * len(data)}X}"
     if isinstance(value, str):
-        return repr(value) if len(value) <= _WIDEST else f"{value[:_WIDEST]!r}… {len(value)} characters"
+        return cut_text(value)
     if value is not None and not isinstance(value, bytes):
         return str(value)
     shown = data[:_MOST_SHOWN].hex(" ").upper()
