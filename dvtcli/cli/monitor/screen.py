@@ -10,12 +10,11 @@ from dataclasses import dataclass
 from datetime import datetime
 
 from dvtcli.cli.monitor.graph import graph
+from dvtcli.cli.monitor.room import cut, filled, least_and_most
 from dvtcli.cli.view.columns import clipped, columns
 from dvtcli.cli.view.lines import Cell
 from dvtcli.cli.view.shown_value import value_text
 from dvtcli.domain.nmt import NmtState
-from dvtcli.domain.physical import Physical
-from dvtcli.domain.safe_text import safe
 from dvtcli.watch.decoder import Signal
 from dvtcli.watch.recent_load import HIGH_LOAD
 from dvtcli.watch.seen import Event, FrameStore, Row
@@ -82,7 +81,7 @@ def picture(store: FrameStore, view: View, moment: Moment, width: int, height: i
     body = _graph(store, view, moment, width, room) if view.mode == GRAPH else _table(store, view, moment, width, room)
     body += [[] for _ in range(room - len(body))]
     lines = [*above, *body[:room], *events, _keys(view)]
-    return [cut(line, width) for line in lines]
+    return [cut(line, width, plain=view.plain) for line in lines]
 
 
 def chosen_signals(store: FrameStore, view: View) -> list[tuple[Row, Signal, Course]]:
@@ -178,7 +177,7 @@ def _table(store: FrameStore, view: View, moment: Moment, width: int, room: int)
         signals = _shown(row, wanted)
         if not signals and wanted not in _title(row).lower():
             continue
-        lines.append(_row_line(row, store, moment))
+        lines.append(_row_line(row, store, moment, width))
         for signal, course in signals:
             chosen = number == view.chosen
             at_chosen = len(lines) if chosen else at_chosen
@@ -197,21 +196,23 @@ def scrolled(top: int, chosen: int, count: int, room: int) -> int:
     return max(top, chosen - room + 1)
 
 
-def _row_line(row: Row, store: FrameStore, moment: Moment) -> list[Cell]:
+def _row_line(row: Row, store: FrameStore, moment: Moment, width: int) -> list[Cell]:
+    """A frame's line; the node's name where there is room behind the bytes."""
     rate, jitter = row.rhythm.rate_hz(moment.now_s), row.rhythm.jitter_s()
     title = _title(row)
     text = "" if rate is None else f"{rate:.1f} Hz" if rate < 1000 else f"{rate:.0f} Hz"
     spread = "" if jitter is None or not rate else f"±{1000 * jitter:.{1 if jitter < 0.1 else 0}f} ms"
     name = store.decoder.names.get(row.service.node or 0, "")
-    return [
+    cells = [
         Cell(title, "bold"),
         Cell(text.rjust(max(len(text) + 1, 32 - len(title))), "yellow" if rate == 0 else ""),
         Cell(f" {spread:>8}", "dim"),
         Cell(f" {_count(row.count):>6}"),
         Cell(f" {age(moment.now_s - row.last_s):>6}  ", "dim"),
         *_bytes(row, moment),
-        Cell(f"{'' if row.remote else '   ' * (8 - len(row.data))} {name}", "dim"),
     ]
+    named = Cell(f"{'' if row.remote else '   ' * (8 - len(row.data))} {name}", "dim")
+    return [*cells, named] if sum(columns(cell.text) for cell in (*cells, named)) <= width else cells
 
 
 def clock(seconds: float) -> str:
@@ -247,36 +248,42 @@ def _bytes(row: Row, moment: Moment) -> Iterator[Cell]:
 def _signal_line(signal: Signal, course: Course, view: View, moment: Moment, width: int, *, chosen: bool) -> list[Cell]:
     value_width = VALUE if width < WIDE else LONG_VALUE
     name_width = max(10, min(40, width - 43 - value_width))
-    name = safe(signal.name)
-    name = name if len(name) <= name_width else name[: name_width - 1] + "…"
     fresh = moment.now_s - course.changed_s < FRESH_S
-    value, about = value_and_more(signal, course)
-    levels = _PLAIN_LEVELS if view.plain else _LEVELS
-    if len(value) > value_width:
-        value = signal.meaning.quantity(course.last) if isinstance(course.last, int | float) else value
     long = max(SPARK, min(LONG_SPARK, width - 77 - value_width))
-    drawn = spark([point.last for point in list(course.points)[-long:]], levels)
-    return [
-        Cell("  > " if chosen else "    ", "cyan"),
-        Cell(f"{signal.object:<7}  {name:<{name_width}} "),
-        Cell(f"{value:>{value_width}}  ", "yellow" if fresh else ""),
-        Cell(f"{drawn:<{long}}  ", "green"),
-        Cell(about, "dim"),
-    ]
+    drawn = spark([point.last for point in list(course.points)[-long:]], levels(view))
+    return with_more(
+        [
+            Cell("  > " if chosen else "    ", "cyan"),
+            Cell(f"{signal.object:<7}  {filled(signal.name, name_width, plain=view.plain)} "),
+            Cell(f"{value_of(signal, course, value_width):>{value_width}}  ", "yellow" if fresh else ""),
+            Cell(f"{drawn:<{long}}  ", "green"),
+        ],
+        signal, course, width,
+    )  # fmt: skip
 
 
-def value_and_more(signal: Signal, course: Course) -> tuple[str, str]:
-    """A signal's value, and its lowest and highest one; of a statusword and the like raw, and what it says."""
+def value_of(signal: Signal, course: Course, width: int) -> str:
+    """A signal's value, without its raw one where that is too much for *width* columns; of a statusword raw."""
     meaning, last = signal.meaning, course.last
-    if isinstance(last, int) and not meaning.has_number and meaning.words(last):
-        return meaning.raw_text(last, signal.bits), meaning.words(last)
-    return value_text(last, meaning, signal.bits), _spread(meaning, course)
+    if isinstance(last, int) and _words(signal, course):
+        return meaning.raw_text(last, signal.bits)
+    text = value_text(last, meaning, signal.bits)
+    return meaning.quantity(last) if len(text) > width and isinstance(last, int | float) else text
 
 
-def _spread(meaning: Physical, course: Course) -> str:
-    if course.low is None or course.high is None:
-        return ""
-    return f"{meaning.number_text(course.low)} .. {meaning.number_text(course.high)}"
+def with_more(line: list[Cell], signal: Signal, course: Course, width: int) -> list[Cell]:
+    """*line* with the least and the most behind it, in *width* columns; of a statusword and the like what it says."""
+    more = _words(signal, course)
+    if not more and course.low is not None and course.high is not None:
+        room = width - sum(columns(cell.text) for cell in line)
+        more = least_and_most(signal.meaning, course.low, course.high, room)
+    return [*line, Cell(more, "dim")]
+
+
+def _words(signal: Signal, course: Course) -> str:
+    """What a statusword and the like says; empty for a number."""
+    meaning, last = signal.meaning, course.last
+    return meaning.words(last) if isinstance(last, int) and not meaning.has_number else ""
 
 
 def _graph(store: FrameStore, view: View, moment: Moment, width: int, room: int) -> Lines:
@@ -285,24 +292,11 @@ def _graph(store: FrameStore, view: View, moment: Moment, width: int, room: int)
         return [[Cell("  no signal to draw: nothing decoded yet, or nothing fits the filter", "dim")]]
     row, signal, course = signals[min(view.chosen, len(signals) - 1)]
     title = f"{_title(row)}  {signal.object}  {signal.name}".rstrip()
-    now = f"  {value_text(course.last, signal.meaning, signal.bits)}"
+    now = Cell(f"  {value_of(signal, course, width)}   ", "yellow")
     if course.low is None:
-        return [[Cell(title, "bold"), Cell(now)], [Cell("  no number came yet", "dim")]]
+        return [[Cell(title, "bold"), now], [Cell("  no number came yet", "dim")]]
     span_s = (moment.now_s - GRAPH_S, moment.now_s)
     ends = f"-{GRAPH_S:g} s", "now"
     points = physical_points(course.points, signal.meaning)
     drawn = graph(points, width, max(4, room - 1), span_s, ends=ends, plain=view.plain)
-    spread = f"   {_spread(signal.meaning, course)}"
-    return [[Cell(title, "bold"), Cell(now, "yellow"), Cell(spread, "dim")], *([Cell(line)] for line in drawn)]
-
-
-def cut(line: list[Cell], width: int) -> list[Cell]:
-    """*line* made safe and no wider than *width* columns."""
-    cells: list[Cell] = []
-    left = width
-    for cell in line:
-        text = safe(cell.text)[:left]
-        left -= len(text)
-        if text:
-            cells.append(Cell(text, cell.style))
-    return cells
+    return [with_more([Cell(title, "bold"), now], signal, course, width), *([Cell(line)] for line in drawn)]

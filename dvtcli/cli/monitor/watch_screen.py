@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from dvtcli.cli.monitor.graph import graph
+from dvtcli.cli.monitor.room import cut, filled
 from dvtcli.cli.monitor.screen import (
     FRESH_S,
     GRAPH,
@@ -17,14 +18,13 @@ from dvtcli.cli.monitor.screen import (
     Moment,
     View,
     age,
-    cut,
     head_line,
     levels,
     scrolled,
-    value_and_more,
+    value_of,
+    with_more,
 )
 from dvtcli.cli.view.lines import Cell
-from dvtcli.domain.safe_text import safe
 from dvtcli.watch.decoder import Signal
 from dvtcli.watch.seen import FrameStore, Row
 from dvtcli.watch.statistics import Course, physical_points, spark
@@ -77,7 +77,7 @@ def watch_picture(board: Board, view: View, moment: Moment, width: int, height: 
     body = draw(board, view, moment, width, room)
     body += [[] for _ in range(room - len(body))]
     lines = [head_line("WATCH", moment, _state(board, view, moment), width), _heads(width), *body[:room], _keys(view)]
-    return [cut(line, width) for line in lines]
+    return [cut(line, width, plain=view.plain) for line in lines]
 
 
 def shown_values(board: Board) -> list[_Shown]:
@@ -156,27 +156,23 @@ def _pdo_line(board: Board, pdo: WatchedPdo, moment: Moment) -> list[Cell]:
 
 def _line(one: _Shown, view: View, moment: Moment, width: int, *, chosen: bool) -> list[Cell]:
     name_width, long = _widths(width)
-    name = safe(one.signal.name)
-    name = name if len(name) <= name_width else name[: name_width - 1] + "…"
+    name = filled(one.signal.name, name_width, plain=view.plain)
     old = "" if one.read_s is None else age(moment.now_s - one.read_s)
     cells = [
         Cell("> " if chosen else "  ", "cyan"),
-        Cell(f"{f'{one.node}:{one.signal.object}':<11} {name:<{name_width}} "),
+        Cell(f"{f'{one.node}:{one.signal.object}':<11} {name} "),
     ]
     if one.problem:
         return [*cells, Cell(one.problem, "red")]
-    value, about = value_and_more(one.signal, one.course)
-    if len(value) > _VALUE and isinstance(one.course.last, int | float):
-        value = one.signal.meaning.quantity(one.course.last)
+    value = value_of(one.signal, one.course, _VALUE)
     fresh = one.course.changed_s == one.read_s or moment.now_s - one.course.changed_s < FRESH_S
     drawn = spark([point.last for point in list(one.course.points)[-long:]], levels(view))
-    return [
-        *cells,
+    cells += [
         Cell(f"{value:>{_VALUE}}{'*' if fresh else ' '}", "yellow" if fresh else ""),
         Cell(f" {old:>7}  ", "dim"),
         Cell(f"{drawn:<{long}}  ", "green"),
-        Cell(about, "dim"),
     ]
+    return with_more(cells, one.signal, one.course, width)
 
 
 def _graph(board: Board, view: View, moment: Moment, width: int, room: int) -> Lines:
@@ -184,7 +180,6 @@ def _graph(board: Board, view: View, moment: Moment, width: int, room: int) -> L
     if not shown:
         return [[Cell("  nothing to draw: no value came yet", "dim")]]
     one = shown[max(0, min(view.chosen, len(shown) - 1))]
-    value, about = value_and_more(one.signal, one.course)
     title = f"node {one.node}  {one.signal.object}  {one.signal.name}".rstrip()
     if one.course.low is None:
         return [[Cell(title, "bold"), Cell(f"  {one.problem or 'no number came yet'}", "dim")]]
@@ -192,7 +187,5 @@ def _graph(board: Board, view: View, moment: Moment, width: int, room: int) -> L
     ends = f"-{GRAPH_S:g} s", "now"
     points = physical_points(one.course.points, one.signal.meaning)
     drawn = graph(points, width, max(4, room - 1), span_s, ends=ends, plain=view.plain)
-    return [
-        [Cell(title, "bold"), Cell(f"  {value}", "yellow"), Cell(f"   {about}", "dim")],
-        *([Cell(line)] for line in drawn),
-    ]
+    head = [Cell(title, "bold"), Cell(f"  {value_of(one.signal, one.course, width)}   ", "yellow")]
+    return [with_more(head, one.signal, one.course, width), *([Cell(line)] for line in drawn)]

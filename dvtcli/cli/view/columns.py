@@ -17,11 +17,12 @@ def columns(text: str) -> int:
     return sum(max(0, wcwidth(sign)) for sign in text)
 
 
-def clipped(text: str, width: int) -> str:
-    """*text* in at most *width* columns, with `…` where something is left out."""
+def clipped(text: str, width: int, mark: str = "…") -> str:
+    """*text* in at most *width* columns, with *mark* where something is left out."""
     if columns(text) <= width:
         return text
-    kept = text[: max(0, width - 1)]
-    while kept and columns(kept) > width - 1:
+    room = max(0, width - len(mark))
+    kept = text[:room]
+    while columns(kept) > room:
         kept = kept[:-1]
-    return kept + "…"
+    return kept + mark[: max(1, width)]

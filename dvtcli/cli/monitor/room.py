@@ -1,0 +1,63 @@
+"""What fits into a screen's width, so that no number on it is a piece of another one.
+
+Pure. Does not know what the lines are about.
+"""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+from dvtcli.cli.view.columns import clipped, columns
+from dvtcli.cli.view.glyphs import ascii_only
+from dvtcli.cli.view.lines import Cell
+from dvtcli.domain.physical import Physical
+from dvtcli.domain.safe_text import safe
+
+#: significant digits that are tried, the most first, where all of a number's are too many
+_DIGITS = (6, 5, 4, 3, 2)
+
+
+def cut(line: list[Cell], width: int, *, plain: bool) -> list[Cell]:
+    """*line* made safe and no wider than *width* columns, `…` at its end where something is left out.
+
+    *plain*: in ASCII, which may take more columns than what it stands for.
+    """
+    shown = [Cell(_shown(cell.text, plain=plain), cell.style) for cell in line]
+    left = _clipped("".join(cell.text for cell in shown).rstrip(), width, plain=plain)
+    cells: list[Cell] = []
+    for cell in shown:
+        part, left = left[: len(cell.text)], left[len(cell.text) :]
+        if part:
+            cells.append(Cell(part, cell.style))
+    return cells
+
+
+def filled(text: str, width: int, *, plain: bool) -> str:
+    """*text* made safe, cut or filled up to *width* columns; *plain*: in ASCII."""
+    kept = _clipped(_shown(text, plain=plain), width, plain=plain)
+    return kept + " " * (width - columns(kept))
+
+
+def least_and_most(meaning: Physical, low: float, high: float, width: int) -> str:
+    """The least and the most of raw values in *width* columns: rounded behind a `~`, or `…`, where they do not fit."""
+    whole = f"{meaning.number_text(low)} .. {meaning.number_text(high)}"
+    if len(whole) <= width:
+        return whole
+    for digits in _DIGITS:
+        least, most = (_rounded(meaning.to_physical(raw), digits) for raw in (low, high))
+        if len(least) + len(most) + 5 <= width:
+            return f"~{least} .. {most}"
+    return "…"
+
+
+def _rounded(number: float | Fraction, digits: int) -> str:
+    mantissa, _, exponent = f"{float(number):.{digits}g}".partition("e")
+    return f"{mantissa}e{int(exponent)}" if exponent else mantissa
+
+
+def _shown(text: str, *, plain: bool) -> str:
+    return ascii_only(safe(text)) if plain else safe(text)
+
+
+def _clipped(text: str, width: int, *, plain: bool) -> str:
+    return clipped(text, width, "..." if plain else "…")

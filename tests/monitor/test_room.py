@@ -1,0 +1,80 @@
+"""What does not fit into a screen's width is never cut into another number."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dvtcli.cli.monitor.room import cut, filled, least_and_most
+from dvtcli.cli.monitor.screen import Moment, View, picture
+from dvtcli.cli.monitor.watch_screen import Board, watch_picture
+from dvtcli.cli.view.lines import Cell
+from dvtcli.domain.physical import Physical
+from dvtcli.domain.ports import Frame
+from dvtcli.watch.decoder import Signal
+from dvtcli.watch.seen import FrameStore
+from dvtcli.watch.watched_object import WatchedObject
+from tests.monitor.test_model import BEGIN_S, decoder
+
+MOMENT = Moment("sim", 72.0, 0, BEGIN_S + 1.0)
+NUMBERS = st.integers(-(2**63), 2**63) | st.floats(-1e30, 1e30) | st.integers(-20000, 20000)
+
+
+def rows(values: list[int | float], width: int, *, plain: bool) -> list[str]:
+    """The lines of `watch` and of `monitor`, both of *values*, *width* columns wide."""
+    watched = WatchedObject(1, Signal("606C:00", "Velocity actual value", "606C:00"))
+    store = FrameStore(decoder())
+    for number, value in enumerate(values):
+        watched.take(watched.signal, value, BEGIN_S + number)
+        bits = int(value) & 0xFFFF_FFFF
+        data = (bits >> 16 & 0xFFFF).to_bytes(2, "little") + bits.to_bytes(4, "little") + b"\x37\x12"
+        store.take(Frame(0x201, data, timestamp_s=BEGIN_S + number))
+    view = View(plain=plain)
+    pictures = watch_picture(Board([watched], [(1, "TPDO1")], store, 0.1), view, MOMENT, width, 12)
+    pictures += picture(store, view, MOMENT, width, 12)
+    return ["".join(cell.text for cell in line) for line in pictures]
+
+
+@given(st.lists(NUMBERS, min_size=1, max_size=3), st.integers(20, 130), st.booleans())
+def test_every_number_of_a_narrow_screen_is_whole_or_marked(values: list[int | float], width: int, plain: bool) -> None:
+    """Each is one of the same screen with room for all, unless `…` ends it, or a `~` stands before it."""
+    mark = "..." if plain else "…"
+    wide = rows(values, width=400, plain=plain)
+    for number, line in enumerate(rows(values, width, plain=plain)):
+        assert len(line) <= width
+        before, _, _rounded = line.partition("~")
+        numbers = [word for word in before.split() if word.lstrip("-")[:1].isdigit() and not word.endswith(mark)]
+        assert set(numbers) <= set(wide[number].split()), line
+
+
+@given(NUMBERS, NUMBERS, st.integers(1, 60), st.sampled_from([Physical(), Physical(unit="A", factor=Fraction(1, 16))]))
+def test_least_and_most_are_right_to_their_digits(one: float, other: float, width: int, meaning: Physical) -> None:
+    low, high = sorted((one, other))
+    said = least_and_most(meaning, low, high, width)
+    assert len(said) <= max(1, width)
+    if said == "…":
+        assert width < 24, "two digits of two numbers, their signs and exponents"
+        return
+    least, most = (float(text) for text in said.lstrip("~").split(" .. "))
+    near = 0.05 if said.startswith("~") else 1e-8
+    assert least == pytest.approx(float(meaning.to_physical(low)), rel=near, abs=0.05)
+    assert most == pytest.approx(float(meaning.to_physical(high)), rel=near, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("width", "said"),
+    [(24, "4294965796 .. 4294965796"), (23, "~4.29497e9 .. 4.29497e9"), (17, "~4.29e9 .. 4.29e9"), (14, "…")],
+)
+def test_less_room_is_fewer_digits(width: int, said: str) -> None:
+    assert least_and_most(Physical(), 4294965796, 4294965796, width) == said
+
+
+def test_what_is_cut_ends_with_a_mark_in_ascii_too() -> None:
+    line = [Cell("  25", "bold"), Cell("00 ± 1 rpm  ", "dim"), Cell("   ")]
+    assert cut(line, 14, plain=False) == [Cell("  25", "bold"), Cell("00 ± 1 rpm", "dim")]
+    assert cut(line, 5, plain=False) == [Cell("  25", "bold"), Cell("…", "dim")]
+    assert cut(line, 5, plain=True) == [Cell("  ..", "bold"), Cell(".", "dim")]
+    assert (filled("Speed", 7, plain=True), filled("Velocity", 7, plain=True)) == ("Speed  ", "Velo...")
