@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import tempfile
 from dataclasses import replace
 from pathlib import Path
@@ -237,6 +238,24 @@ def test_a_file_that_changes_meanwhile_is_not_sent_further(tmp_path: Path) -> No
         ran = bench.run(f"replay {path} --loop 3")
         assert (ran.code, len(sent), "another file" in ran.stderr) == (6, 3, True)
         assert "3 of 9 frames" in ran.stderr
+
+
+def test_a_file_that_is_cut_short_meanwhile_is_no_success(tmp_path: Path) -> None:
+    """Also where it ends with a whole line, so that what is left can be read."""
+    path = recorded(tmp_path / "run.log", [Frame(0x7A0, bytes(8), timestamp_s=BEGIN_S + n) for n in range(900)])
+    line = path.read_bytes().index(b"\n") + 1
+    with on_an_empty_bus() as bench:
+        cut = False
+
+        def shorten(_frame: Frame, _ours: bool) -> None:
+            nonlocal cut
+            if not cut:
+                os.truncate(path, path.stat().st_size // line // 2 * line)
+                cut = True
+
+        bench.session.open_network().bus.tap(shorten)
+        ran = bench.run(f"replay {path}")
+        assert (ran.code, "another file" in ran.stderr, "of 900 frames" in ran.stderr) == (6, True, True)
 
 
 def test_without_a_bit_rate_nothing_is_sent_as_fast_as_possible(tmp_path: Path) -> None:

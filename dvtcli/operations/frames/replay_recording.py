@@ -175,6 +175,8 @@ class _Part:
                     continue
                 due_s = max(due_s, (frame.timestamp_s - found.first_s) / rate)
                 yield number * pass_s + due_s, frame
+            if any(left.values()):
+                raise _changed(self._path)
 
     def _frames(self, left_out: Counter[str]) -> Iterator[tuple[Frame, str]]:
         """What is meant, each with its channel; the others are counted in *left_out*."""
