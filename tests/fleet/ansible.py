@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tests.process import PATIENCE_S, environment
-from tests.serve.served import Served
+from tests.serve.served import ANSWER_S, Served
 from tests.surroundings import ROOT
 
 #: what the last lines of a playbook's run say of a host
@@ -78,8 +78,9 @@ class Fleet:
         return Played(ran.returncode, ran.stdout + ran.stderr)
 
     def settings(self) -> dict[str, str]:
-        """Where Ansible finds the collection, and where it puts its own files."""
+        """Where Ansible finds the collection, where it puts its own files, and patience with the nodes."""
         return {
+            "DVTCLI_TIMEOUT": ANSWER_S,
             "ANSIBLE_COLLECTIONS_PATH": str(self.folder / "collections"),
             "ANSIBLE_HOME": str(self.folder / "ansible"),
             "ANSIBLE_LOCAL_TEMP": str(self.folder / "controller"),

@@ -44,6 +44,7 @@ def test_it_says_so_waits_and_goes_on_and_nothing_that_was_read_counts(tmp_path:
         terminal.run("set tpdo2 --timer 80")
         terminal.wait("TPDO2 set")
     terminal.until(lambda: times(terminal, "is gone (") == 3, "the bus to be gone again")  # an error said it, too
+    terminal.wait_prompt(prompt(server, "PRE-OP*> "))
     terminal.type(CTRL_D)
     terminal.wait("not stored: leave? [y/N]")
     terminal.run("y")
@@ -64,5 +65,6 @@ def test_another_device_is_not_taken_for_the_one_before(tmp_path: Path, open_ter
         terminal.wait("warning: node 5 is another device than before the bus was gone: vendor 0x")
         terminal.run("pdo tpdo1")
         terminal.wait("TPDO1 of node 5")
+        terminal.wait_prompt(prompt(server, "PRE-OP> "))
         terminal.type(CTRL_D)
         assert terminal.ended() == 0

@@ -83,6 +83,7 @@ def test_it_is_offered_taken_with_a_bit_rate_and_kept(
     assert adapter.bit_rate_kbit == 250
     terminal.run("read 1018:1")
     terminal.wait("0x0000001E")
+    terminal.wait_prompt("/dev/ttyACM0/1 PRE-OP> ")  # before it is there a terminal takes Ctrl-D for an end of input
     terminal.type(CTRL_D)
     assert terminal.ended() == 0
     kept = tomllib.loads((tmp_path / "dvtcli.toml").read_text("utf-8"))

@@ -10,6 +10,7 @@ import pytest
 from tests.prompt.conftest import Open
 from tests.prompt.terminal import CTRL_C, CTRL_D, Terminal
 from tests.prompt.wire import Wire
+from tests.serve.served import bus_words
 
 PRE_OPERATIONAL, OPERATIONAL = b"\x7f", b"\x05"
 
@@ -28,8 +29,7 @@ def terminal(wire: Wire, open_terminal: Open) -> Terminal:
 
 
 def opened(wire: Wire, open_terminal: Open, *options: str, state: str = "PRE-OP") -> Terminal:
-    bus = ["-i", "socketcand", "-c", "can0", "--bus-kwargs", "host=127.0.0.1", "--bus-kwargs", f"port={wire.port}"]
-    terminal = open_terminal(*bus, "-n", "5", "--eds", str(wire.eds), *options, columns=120, rows=40)
+    terminal = open_terminal(*bus_words(wire.port), "-n", "5", "--eds", str(wire.eds), *options, columns=120, rows=40)
     terminal.wait_prompt(prompt(wire, f"{state}> "))
     return terminal
 
@@ -99,6 +99,7 @@ def test_a_flood_of_messages_is_cut_and_counted(wire: Wire, terminal: Terminal) 
         wire.say(0x085, bytes([0x00, 0x10, number & 0xFF]))
     terminal.wait("more messages of nodes are not shown")
     terminal.wait("EMCY 300: 0x1000 generic error")
+    terminal.wait_prompt(prompt(wire, "PRE-OP> "))
     assert 10 <= sum("node 5  EMCY" in line for line in terminal.lines) <= 30
     terminal.type(CTRL_D)
     assert terminal.ended() == 0

@@ -11,6 +11,7 @@ from dvtcli.simulator.device.strict_device import StrictDevice
 from tests import process
 from tests.forked import Forked
 from tests.prompt.wire import Wire
+from tests.serve.served import bus_words
 
 MAP = ("map", "tpdo1", "6C01:1", "606C", "6041", "--cob-id", "0x201", "--sync", "1")
 #: disable, type, count, three entries, count, COB-ID
@@ -44,11 +45,8 @@ class Bench:
     def __init__(self, folder: Path, family: str = "gen4") -> None:
         self.wire = Wire(family=family)
         self.folder = folder
-        self.words = [
-            "-i", "socketcand", "-c", "can0",
-            "--bus-kwargs", "host=127.0.0.1", "--bus-kwargs", f"port={self.wire.port}",
-            "-n", "5", "--eds", str(self.wire.eds), "--journal", str(folder),
-        ]  # fmt: skip
+        node = ["-n", "5", "--eds", str(self.wire.eds), "--journal", str(folder)]
+        self.words = [*bus_words(self.wire.port), *node]
 
     def start(self, *words: str) -> Forked:
         return process.start([*self.words, *words])
