@@ -43,8 +43,8 @@ class Wire:
 
     @property
     def options(self) -> dict[str, object]:
-        """What dvtcli needs to meet the nodes."""
-        return {"interface": "virtual", "channel": self.channel, "node": 1}
+        """What dvtcli needs to meet the nodes, with patience: they answer in a thread beside it."""
+        return {"interface": "virtual", "channel": self.channel, "node": 1, "timeout": 5.0}
 
     @property
     def lock(self) -> threading.Lock:
