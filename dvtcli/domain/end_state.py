@@ -43,6 +43,13 @@ def end_state(lines: Iterable[str], before: Mapping[Pdo, PdoConfig], after: Mapp
     return [*head, *opening, *body, *stored] if head or body or stored else []
 
 
+def left_out_stores(lines: Iterable[str], ended: Iterable[str]) -> list[str]:
+    """The stores among *lines*, since the last `restore`, that what they come to, *ended*, has not."""
+    _, rest = _since_restore([line for entry in lines for line in entry.splitlines()])
+    kept = set(ended)
+    return [line for line in dict.fromkeys(rest) if line.split()[0] == "store" and line not in kept]
+
+
 def touched(lines: Iterable[str]) -> set[Pdo]:
     """The PDOs that *lines* are about."""
     keys = (key for entry in lines for line in entry.splitlines() for key in _keys(line))

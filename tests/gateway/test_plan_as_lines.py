@@ -133,6 +133,35 @@ def test_a_store_is_saved_with_the_lines() -> None:
     assert 'w 0x1010 1 vs "save"' in Path("x.309").read_text()
 
 
+def test_a_store_alone_is_saved_as_a_line() -> None:
+    with Bench(("generic@4",), {"yes": True}) as bench:
+        for one in ("store", "save x.309"):
+            assert bench.run(one).code == 0
+    assert 'w 0x1010 1 vs "save"' in Path("x.309").read_text()
+
+
+def test_each_store_is_saved_with_the_lines() -> None:
+    with Bench(("generic@4",), {"yes": True}) as bench:
+        for one in ("set tpdo1 --timer 20", "store communication", "store application", "save x.309", "save x.dvt"):
+            assert bench.run(one).code == 0
+    sent = [one.command for one in map(parse_request, Path("x.309").read_text().splitlines()) if one]
+    stores = [one.sub_index for one in sent if isinstance(one, Write) and one.index == 0x1010]
+    assert stores == [2, 3]
+    assert Path("x.dvt").read_text().endswith("store 2\nstore 3\n")
+
+
+@pytest.mark.parametrize("file", ["x.309", "x.dvt", "x.tcl"])
+def test_a_store_that_is_not_saved_is_named(file: str) -> None:
+    """What was changed behind it was not stored, so it cannot stand behind all changes."""
+    with Bench(("generic@4",), {"yes": True}) as bench:
+        for one in ("write 1017 700", "store communication", "write 1017 900", "store application"):
+            assert bench.run(one).code == 0
+        ran = bench.run(f"save {file}")
+        assert (ran.code, "`store 2` of node 4 is left out" in ran.stderr) == (0, True), ran.stderr
+        assert bench.run("store communication").code == 0
+        assert "left out" not in bench.run(f"save {file}").stderr
+
+
 def test_a_saved_plan_is_shown_and_written_as_lines(file: Path) -> None:
     with Bench(("generic@4",), {"yes": True}) as bench:
         assert bench.run(f"plan {file} -o plan.json").code == 0

@@ -27,13 +27,13 @@ _PHASES = ("producers off", "consumers off", "writing", "consumers on", "produce
 class Around:
     """What a node needs besides its writes.
 
-    *preop*: its PDOs are set in PRE-OPERATIONAL only; *start*: it was OPERATIONAL; *store*: the sub-index of 0x1010 for
-    what is to be stored, None for nothing.
+    *preop*: its PDOs are set in PRE-OPERATIONAL only; *start*: it was OPERATIONAL; *stores*: the sub-indices of 0x1010
+    for what is to be stored.
     """
 
     preop: bool = False
     start: bool = False
-    store: int | None = None
+    stores: tuple[int, ...] = ()
 
 
 def plan_lines(plan: NetworkPlan, around: dict[int, Around]) -> list[str]:
@@ -76,8 +76,7 @@ def _commands(nodes: list[NodePlan], around: dict[int, Around]) -> Iterator[str 
             for change in part.changes:
                 yield from _writes(part.node_id, change, title)
     for node_id in (one.node_id for one in nodes if one.stores):
-        store = around[node_id].store
-        if store is not None:
+        for store in around[node_id].stores:
             yield f"node {node_id}: store"
             yield node_id, Write(_STORE, store, "vs", _SAVE)
     for node_id in (one.node_id for one in nodes if len(one.plan) and around[one.node_id].start):

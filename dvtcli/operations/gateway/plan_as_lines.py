@@ -12,12 +12,14 @@ from dvtcli.operations.consent.power_stage import refuse_powered
 from dvtcli.operations.stores.possible_stores import store_group
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
     from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
     from dvtcli.operations.session.session import Session
 
 
-def plan_as_lines(session: Session, plan: NetworkPlan) -> str:
-    """The text of a file with the lines that carry *plan* out.
+def plan_as_lines(session: Session, plan: NetworkPlan, stores: Mapping[int, Sequence[str]] | None = None) -> str:
+    """The text of a file with the lines that carry *plan* out; *stores*, by node-ID, where a node has several.
 
     Asks what `apply` would ask of another device than the file is about; SafetyRefusal where a power stage is on.
     """
@@ -26,16 +28,16 @@ def plan_as_lines(session: Session, plan: NetworkPlan) -> str:
     for one in planned:
         if one.doubt:
             session.consent(f"{one.doubt}; write the lines for it?")
-    around = {one.node_id: _around(session, one) for one in plan.nodes}
+    several = stores or {}
+    around = {one.node_id: _around(session, one, several.get(one.node_id, (one.store,))) for one in plan.nodes}
     return "\n".join([*plan_lines(plan, around), ""])
 
 
-def _around(session: Session, planned: NodePlan) -> Around:
+def _around(session: Session, planned: NodePlan, stores: Sequence[str]) -> Around:
     node = session.node(planned.node_id)
     if not (len(planned.plan) or planned.stores):
         return Around()
     required = node.profile.pre_operational_gate is PreOperational.REQUIRED
-    store: int | None = None
-    if planned.stores:
-        store, _ = chosen(node.access, node.profile.store, STORE, store_group(planned.store), node.dictionary)
-    return Around(required, required and node.access.state() is NmtState.OPERATIONAL, store)
+    groups = [store_group(word) for word in stores] if planned.stores else []
+    chose = (chosen(node.access, node.profile.store, STORE, group, node.dictionary)[0] for group in groups)
+    return Around(required, required and node.access.state() is NmtState.OPERATIONAL, tuple(dict.fromkeys(chose)))

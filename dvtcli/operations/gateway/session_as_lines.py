@@ -33,25 +33,34 @@ def save_lines(session: Session, file: str) -> Facts:
     """
     path = place_of(file, f"save {{}}/NAME{SUFFIX}")
     sections = ended_lines(session)
-    nodes = tuple(_planned(session.node(node_id), session.record.of(node_id), lines) for node_id, lines in sections)
+    stores = {node_id: _stores(lines) for node_id, lines in sections}
+    nodes = tuple(
+        _planned(session.node(node_id), session.record.of(node_id), stores[node_id]) for node_id, _ in sections
+    )
     plan = NetworkPlan("what this session changed", tuple(sorted(nodes, key=lambda one: one.node_id)))
     ask_before_overwriting(session, path)
-    write_whole(path, plan_as_lines(session, plan))
+    write_whole(path, plan_as_lines(session, plan, stores))
     shown = several(f"node {one.node_id}" for one in plan.nodes)
     said = f"{file}: {plural(plan.writes, 'SDO download')} for {shown}. Run it: dvtcli run {shlex.quote(file)}"
     return Facts("save", (("file", file), ("commands", plan.writes)), (said,))
 
 
-def _planned(node: Node, done: list[str], lines: list[str]) -> NodePlan:
-    """From what *node* held before *done* to what it holds now; *lines* are what a script would say of it."""
+def _stores(lines: list[str]) -> list[str]:
+    """What the stores among *lines* are of, as `NodePlan` says it."""
+    stores = [line.split()[1:] for line in lines if line.split()[0] == "store"]
+    return [next((word for word in words if not word.startswith("-")), "all") for words in stores]
+
+
+def _planned(node: Node, done: list[str], stores: list[str]) -> NodePlan:
+    """From what *node* held before *done* to what it holds now, with the last of its *stores*."""
     flat = [line for entry in done for line in entry.splitlines()]
     if unsaid := [line.split()[0] for line in flat if line.startswith(_UNSAID)]:
         raise UsageError(
             f"gateway lines cannot say `{unsaid[0]}`", node=node.node_id, hint="save NAME.dvt writes a script"
         )
-    stores = [line.split()[1:] for line in lines if line.split()[0] == "store"]
-    store = "" if not stores else next((word for word in stores[-1] if not word.startswith("-")), "all")
-    return NodePlan("", Plan(node.node_id, tuple(_ends(node))), node.identity(), node.title, store=store)
+    plan = Plan(node.node_id, tuple(_ends(node)))
+    unstored = ("what the session stored",) if stores else ()  # a store is carried out also where nothing is written
+    return NodePlan("", plan, node.identity(), node.title, store=stores[-1] if stores else "", unstored=unstored)
 
 
 def _ends(node: Node) -> Iterator[Change]:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.change.private_file import put_in_place
 from dvtcli.device.read_pdos import read_identity
-from dvtcli.domain.end_state import end_state, touched
+from dvtcli.domain.end_state import end_state, left_out_stores, touched
 from dvtcli.domain.plan import PdoChange
 from dvtcli.domain.script_line import backup_lines
 from dvtcli.domain.several import several
@@ -94,7 +94,10 @@ def _steps(session: Session) -> list[Section]:
 
 
 def ended_lines(session: Session) -> list[Section]:
-    """What this session's changes come to, one section a node; UsageError where that is nothing."""
+    """What this session's changes come to, one section a node; stores that are not among it are named.
+
+    UsageError where it comes to nothing.
+    """
     steps = _steps(session)
     node_ids = dict.fromkeys(node_id for node_id, _ in steps if node_id)
     found = {node_id: _end(session, node_id, [line for one, line in session.record.lines if one == node_id])
@@ -104,6 +107,12 @@ def ended_lines(session: Session) -> list[Section]:
         raise UsageError(
             "nothing to save: what this session changed is as it was before", hint="save --history writes each step"
         )
+    for node_id, lines in found.items():
+        for store in left_out_stores([line for one, line in session.record.lines if one == node_id], lines):
+            session.tell.note(
+                f"`{store}` of node {node_id} is left out: it stored what was before the last change; "
+                "save --history writes each step"
+            )
     return sections
 
 
