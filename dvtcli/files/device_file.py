@@ -8,6 +8,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dvtcli.errors import InputFileError
+
 if TYPE_CHECKING:
     from datetime import datetime
 
@@ -48,6 +50,25 @@ def parse_device_file(data: bytes, source: str) -> EdsFile | XddFile:
     from dvtcli.files.eds.reader import parse_eds
 
     return parse_eds(data, source)
+
+
+def must_describe(dictionary: ObjectDictionary) -> None:
+    """InputFileError where the file of *dictionary* describes no object: nothing could be read by it."""
+    if not len(dictionary):
+        source = dictionary.source
+        hint = "is it cut short? `eds check FILE` says more; where it is in the library, `eds remove` takes it out"
+        raise InputFileError(f"{source} describes no object", place=source, hint=hint)
+
+
+def must_be_whole(read: EdsFile | XddFile) -> None:
+    """InputFileError where *read* describes no object, or ends before the last one that its lists name."""
+    from dvtcli.files.eds.reader import EdsFile
+
+    must_describe(read.dictionary)
+    if isinstance(read, EdsFile) and (lacks := read.lacks_to_its_end):
+        source = read.dictionary.source
+        hint = "get the whole file; `eds check` names each of them, `--eds FILE` takes it as it is"
+        raise InputFileError(f"{source} is cut short: {lacks}", place=source, hint=hint)
 
 
 def device_file_bytes(dictionary: ObjectDictionary, name: str, description: str, made: datetime) -> bytes:

@@ -10,7 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 import dvtcli
@@ -100,6 +100,28 @@ def test_a_folder_is_added_with_all_in_it_and_what_is_wrong_is_named(offline: Be
     assert shown.count("--identity") == 1
     write("old/a.eds", text(name="changed"))
     assert outcomes(offline.run("eds add old/a.eds old/deep --json").document)["a.eds"] == "replaced"
+
+
+@given(length=st.integers(0, text().index("[6200]")))
+@example(text().index("[1000]"))
+def test_a_file_that_is_cut_short_is_not_taken(length: int) -> None:
+    write("cut.eds", text()[:length])
+    with Bench(()) as bench:
+        assert bench.run("eds add cut.eds").code == 4
+    assert not folder().exists()
+
+
+def test_a_file_without_objects_describes_no_node() -> None:
+    write("bare.eds", text()[: text().index("[MandatoryObjects]")])
+    place = stored_place((VENDOR, PRODUCT, 0x10001), "bare.eds")
+    write(str(place), Path("bare.eds").read_text("utf-8"))  # as a release before took it
+    with Bench((), {"node": 5}, bus=live(pump(5))) as bench:
+        for line in ("backup a.jsonl", "backup a.dcf", "read 1000"):
+            ran = bench.run(line)
+            assert (ran.code, "bare.eds describes no object" in ran.stderr) == (4, True), line
+        assert not Path("a.jsonl").exists()
+        assert "describes no object" in bench.run("eds list").stdout
+        assert bench.run("eds check bare.eds").code == 4
 
 
 def test_a_file_of_that_name_and_identity_is_replaced(offline: Bench) -> None:

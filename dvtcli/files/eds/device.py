@@ -6,6 +6,7 @@ Knows CiA 306, 4.5, 4.6.1 and 5. Does not know objects beyond the identity that 
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 
 from dvtcli.domain.object_dictionary import Commissioning, DeviceInfo, OdObject
 from dvtcli.files.eds.findings import Findings
@@ -120,18 +121,19 @@ def _dummies(layout: Layout, findings: Findings) -> frozenset[int] | None:
     return frozenset(allowed)
 
 
-def check_lists(layout: Layout, findings: Findings) -> None:
-    """Compare the lists of objects with the objects that the file has."""
-    listed: set[int] = set()
+def check_lists(layout: Layout, findings: Findings) -> tuple[int, ...]:
+    """Compare the lists of objects with the objects that the file has; what they name, in their order."""
+    listed: dict[int, None] = {}
     for name in OBJECT_LISTS:
         listed |= _check_list(layout, name, listed, findings)
     if listed:
-        for index in sorted(layout.objects.keys() - listed):
+        for index in sorted(layout.objects.keys() - listed.keys()):
             line = layout.object_sections(index).line
             findings.add(NOT_LISTED, line, f"no list of objects names {index:04X}; read all the same")
+    return tuple(listed)
 
 
-def _check_list(layout: Layout, name: str, listed: set[int], findings: Findings) -> set[int]:
+def _check_list(layout: Layout, name: str, listed: Mapping[int, None], findings: Findings) -> dict[int, None]:
     parts = layout.device.get(name, [])
     values = section_values(parts, findings)
     # "Supported Objects" with a blank is seen in real files; it must not be taken for an entry of the list.
@@ -142,7 +144,7 @@ def _check_list(layout: Layout, name: str, listed: set[int], findings: Findings)
         if count is not None and count != len(rows):
             text = f"{values[key].key}={count}, but [{parts[0].name}] lists {len(rows)}"
             findings.add(LIST_COUNT, values[key].line, text)
-    found = set()
+    found: dict[int, None] = {}
     for row in rows:
         try:
             index = read_number(without_comment(row.value))
@@ -153,5 +155,5 @@ def _check_list(layout: Layout, name: str, listed: set[int], findings: Findings)
             findings.add(LISTED_TWICE, row.line, f"{index:04X} is listed twice")
         elif index not in layout.objects:
             findings.add(NO_SECTION, row.line, f"{index:04X} is listed but has no section: it is left out")
-        found.add(index)
+        found[index] = None
     return found

@@ -71,6 +71,18 @@ class EdsFile:
             build_object(self.layout, index, findings)
         return findings.in_order()
 
+    @property
+    def lacks_to_its_end(self) -> str:
+        """Where the file ends too early, what it lacks: the last objects that its lists name; empty where it does not.
+
+        The last by the lists, or by the index: sections stand in either order.
+        """
+        listed = check_lists(self.layout, Findings())
+        lacking = set(listed) - self.layout.objects.keys()
+        if not listed or lacking.isdisjoint({listed[-1], max(listed)}):
+            return ""
+        return f"{len(lacking)} of {len(listed)} objects that its lists name have no section, to the last one"
+
     def values(self, section: str) -> Mapping[str, IniValue]:
         """The keys (in lower case) of every part of *section*, known or not, with value and line; empty if absent."""
         wanted = section.strip().lower()

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from dvtcli.domain.object_dictionary import DeviceInfo
 from dvtcli.domain.several import plural
 from dvtcli.errors import InputFileError, UsageError
-from dvtcli.files.device_file import parse_device_file
+from dvtcli.files.device_file import must_be_whole, parse_device_file
 from dvtcli.files.device_library.file_notes import Described, about_place, note_about
 from dvtcli.files.device_library.stored_files import StoredFile, folder, stored_file, stored_files, stored_place
 from dvtcli.files.eds.bounds import MOST_BYTES
@@ -98,7 +98,9 @@ def _read(path: Path) -> tuple[bytes, ObjectDictionary]:
             data = file.read(MOST_BYTES + 1)
     except OSError as failed:
         raise InputFileError(f"{path}: {failed.strerror or failed}", place=str(path)) from failed
-    return data, parse_device_file(data, path.name).dictionary
+    found = parse_device_file(data, path.name)
+    must_be_whole(found)
+    return data, found.dictionary
 
 
 def _own_identity(one: Sought, info: DeviceInfo) -> Identity:

@@ -244,6 +244,8 @@ def read_dictionary(path: Path) -> ObjectDictionary:
 @lru_cache(maxsize=128)
 def _dictionary(path: Path, _folder: Path | None, _changed_ns: int, _size: int) -> ObjectDictionary:
     """What the file at *path*, from *_folder* where it is relative, says since it was changed."""
-    from dvtcli.files.device_file import read_device_file
+    from dvtcli.files.device_file import must_describe, read_device_file
 
-    return read_device_file(path).dictionary
+    dictionary = read_device_file(path).dictionary
+    must_describe(dictionary)
+    return dictionary
