@@ -28,6 +28,12 @@ PATIENCE_S = 60.0
 NEEDS: dict[str, dict[str, Any]] = tomllib.loads(Path(__file__).with_name("help_examples.toml").read_text("utf-8"))
 EXAMPLES = [line for name in command_names() for line in examples(name)]
 
+#: candump of somebody who reads TPDO1 of node 5: its COB-ID, how many objects it maps, and which one
+SETUP = "".join(
+    f"({number}.000000) can0 {frame}\n"
+    for number, frame in enumerate(("585#4300180185010000", "585#4F001A0001000000", "585#43001A0110004160"))
+)
+
 
 def kind(key: str) -> list[str]:
     """The examples that have *key*."""
@@ -75,6 +81,7 @@ def folder(recordings: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPat
     (tmp_path / "setup.dvt").write_text("map tpdo1 6041\nverify\n", encoding="utf-8")
     (tmp_path / "press.dvt").write_text("map tpdo2 606C --sync 1\n", encoding="utf-8")
     (tmp_path / "manager.eds").write_text(manager_eds(), encoding="utf-8")
+    (tmp_path / "setup.log").write_text(SETUP, encoding="ascii")
     for recording in recordings:
         shutil.copy(recording, tmp_path)
     return tmp_path

@@ -73,7 +73,8 @@ def command(
     PDOs as on a device of that family. `add` keeps files, those of a folder or a family's: from then on a node is
     described by the one of its vendor, product and revision (0x1018); `list`, `remove` and `prefer` work on what is
     kept. `convert IN OUT` writes the format that the name OUT ends in, and names all that it cannot hold. A concise DCF
-    (0x1F22, .cdcf) is shown, and made of a network file for one of its nodes; a DBC file is made of all of them.
+    (0x1F22, .cdcf) is shown, and made of a network file for one of its nodes; a DBC file is made of all of them, or of
+    the nodes whose COB-IDs and mappings a recording has in its SDO transfers (names: --eds, or their identity in it).
 
     \b
     eds check drive.eds
@@ -93,6 +94,7 @@ def command(
     eds convert press.yaml ram.cdcf --for ram
     eds convert press.yaml press.dbc
     eds convert press.yaml press.dbc --with sync,emcy
+    eds convert setup.log press.dbc    what a recording says of its PDOs
     eds show ram.cdcf
     """
     if action != "convert":

@@ -24,6 +24,7 @@ from dvtcli.files.device_file import (
     parse_device_file,
     read_device_file,
 )
+from dvtcli.operations.exchange.export_network import SUFFIXES as NETWORK_SUFFIXES
 from dvtcli.operations.results import Facts
 from dvtcli.operations.session.save_script import ask_before_overwriting, place_of, write_bytes
 
@@ -52,7 +53,7 @@ def convert_file(
     """Write what *file* says of a device to *target*, in the format that its name ends in, and say what it cannot hold.
 
     An EDS or XDD holds no values of one node. A .cdcf is made of *node* of a network file, a .dbc of all
-    its nodes, by *wishes*. Asks before it overwrites.
+    its nodes, or of those in a recording, by *wishes*. Asks before it overwrites.
     UsageError where *target* has another suffix, or a file cannot be read or written; InputFileError where *file* is
     none.
     """
@@ -64,11 +65,12 @@ def convert_file(
         return convert_network(session, file, target, node)
     if target.lower().endswith(DBC_SUFFIX):
         from dvtcli.operations.exchange.dbc_wishes import DbcWishes
-        from dvtcli.operations.exchange.export_dbc import convert_to_dbc
+        from dvtcli.operations.exchange.export_dbc import convert_to_dbc, recording_to_dbc
 
         if node is not None:
             raise UsageError("--for is for a concise DCF", hint="a DBC file has all nodes of a network file")
-        return convert_to_dbc(session, file, target, wishes or DbcWishes())
+        to_dbc = recording_to_dbc if _is_recording(file) else convert_to_dbc
+        return to_dbc(session, file, target, wishes or DbcWishes())
     if node is not None:
         raise UsageError("--for chooses a node of a network file", hint="eds convert net.yaml node5.cdcf --for 5")
     path = place_of(target, "eds convert FILE {}/NAME.xdd")
@@ -86,6 +88,16 @@ def convert_file(
     ask_before_overwriting(session, path)
     write_bytes(path, data)
     return _answer(file, target, len(again), losses)
+
+
+def _is_recording(file: str) -> bool:
+    """Whether *file* has the suffix of a recording of frames."""
+    suffix = Path(file).suffix.lower()
+    if suffix in NETWORK_SUFFIXES:
+        return False
+    from dvtcli.files.recording import FORMATS, ONLY_READ
+
+    return suffix in FORMATS or suffix in ONLY_READ
 
 
 def lost(before: ObjectDictionary, after: ObjectDictionary, suffix: str) -> list[str]:

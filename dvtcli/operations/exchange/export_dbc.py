@@ -1,7 +1,8 @@
-"""A whole network as a DBC file: from the nodes on the bus, or from a network file. Writes nothing to a node."""
+"""A whole network as a DBC file: of the nodes on the bus, a network file, or a recording. Writes to no node."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.network.network_state import NetworkState
@@ -14,7 +15,7 @@ from dvtcli.operations.results import Facts
 from dvtcli.operations.session.save_script import ask_before_overwriting, place_of, write_bytes
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from dvtcli.domain.meanings import Rules
     from dvtcli.operations.exchange.dbc_wishes import DbcWishes
@@ -51,6 +52,18 @@ def convert_to_dbc(session: Session, source: str, file: str, wishes: DbcWishes =
     return _write(session, file, source, described_network(source, session.tell), said, wishes)
 
 
+def recording_to_dbc(session: Session, source: str, file: str, wishes: DbcWishes = PLAIN) -> Facts:
+    """Write the PDOs that the SDO transfers in the recording *source* say to the DBC *file*.
+
+    Asks before it overwrites. Raises as `recorded_network`; UsageError where the DBC file cannot be written.
+    """
+    from dvtcli.operations.exchange.recorded_network import recorded_network
+
+    place_of(file, "eds convert run.log {}/NAME.dbc")
+    state, missing = recorded_network(session, Path(source))
+    return _write(session, file, source, state, {}, wishes, missing)
+
+
 def _write(
     session: Session,
     file: str,
@@ -58,20 +71,22 @@ def _write(
     state: NetworkState,
     said: Mapping[int, Rules],
     wishes: DbcWishes,
+    missing: Sequence[str] = (),
 ) -> Facts:
     found = messages_of(state, said, wishes)
+    left_out = [*missing, *found.left_out]
     path = place_of(file)
     ask_before_overwriting(session, path)
     write_bytes(path, dbc_bytes(found.nodes, found.messages))
     signals = sum(len(one.signals) for one in found.messages)
     rows = (
         ("file", file), ("from", source), ("nodes", [one.node_id for one in state.nodes]),
-        ("messages", len(found.messages)), ("signals", signals), ("left_out", found.left_out),
+        ("messages", len(found.messages)), ("signals", signals), ("left_out", left_out),
     )  # fmt: skip
     counts = (
         f"{plural(len(state.nodes), 'node')}, {plural(len(found.messages), 'message')}, {plural(signals, 'signal')}"
     )
-    return Facts("dbc", rows, (f"{file}: {counts}", *(f"note: left out: {one}" for one in found.left_out)))
+    return Facts("dbc", rows, (f"{file}: {counts}", *(f"note: left out: {one}" for one in left_out)))
 
 
 def messages_of(state: NetworkState, said: Mapping[int, Rules], wishes: DbcWishes = PLAIN) -> NetworkMessages:

@@ -71,6 +71,11 @@ def node_state(node: Node, *, for_rules: bool = False) -> NodeState:
     return NodeState(node.node_id, "", pdos, numbers, node.dictionary, node.profile, node.title, downloads=downloads)
 
 
+def timing_numbers(sdo: SdoReader) -> dict[Place, int]:
+    """What a load is computed from besides PDOs, as far as *sdo* tells it."""
+    return dict(_numbers(sdo, TIMING, {CONSUMER_HEARTBEAT: 4}))
+
+
 def _downloads(sdo: SdoReader) -> Iterator[tuple[int, bytes]]:
     """What a manager downloads to each node at its boot-up (0x1F22), where it tells."""
     for node_id in range(1, min(_number(sdo, CONCISE_DCF, 0, 1) or 0, 127) + 1):

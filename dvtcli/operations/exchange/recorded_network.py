@@ -1,0 +1,147 @@
+"""What the nodes of a recording hold, as far as their SDO transfers in it say. Opens no bus."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from dvtcli.device.read_pdos import WHATEVER, read_identity, read_pdo
+from dvtcli.domain.network.network_state import Identifier, NetworkState, NodeState, identifier_of
+from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.several import several
+from dvtcli.errors import SdoAborted, SdoProtocolError, UsageError
+from dvtcli.watch.heard_objects import HeardObjects
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from dvtcli.domain.mapping import PdoMappingEntry
+    from dvtcli.domain.object_dictionary import ObjectDictionary
+    from dvtcli.domain.pdo import PdoConfig
+    from dvtcli.domain.profile import DeviceProfile
+    from dvtcli.operations.session.session import Session
+    from dvtcli.watch.heard_objects import HeardValues
+
+_HINT = "record while `pdo` reads the nodes, or while a master sets them up; a network file makes one without frames"
+#: which frame a PDO is, and what lies in it
+_Drawn = tuple[Identifier, "tuple[PdoMappingEntry, ...]"]
+
+
+def recorded_network(session: Session, path: Path) -> tuple[NetworkState, list[str]]:
+    """The nodes of which the recording at *path* says a PDO, or those of `-n` among them; and in words what is missing.
+
+    What a node was heard to hold last counts; a boot-up takes back what was not stored. UsageError where no PDO is
+    said, or SDO transfers come from several channels; else as `read_recorded`.
+    """
+    followed = _Followed()
+    _follow(path, followed)
+    wanted = session.base.nodes
+    nodes, missing = [], [f"node {one}: no mapping was heard" for one in wanted if one not in followed.heard.node_ids]
+    for node_id in followed.heard.node_ids:
+        if not wanted or node_id in wanted:
+            pdos = _whole_pdos(node_id, followed, missing)
+            nodes += [_node_state(session, followed.heard.values(node_id), pdos)] if pdos else []
+    if not nodes:
+        why = "; ".join(missing) or "no SDO transfer in it carries a COB-ID and a mapping"
+        raise UsageError(f"{path} does not say what its PDOs carry: {why}", hint=_HINT, place=str(path))
+    for node_id, pdo in sorted(one for one in followed.changed if one[0] in {node.node_id for node in nodes}):
+        session.tell.warning(f"{pdo.label} of node {node_id} was set otherwise before: its last setting counts")
+    return NetworkState(tuple(nodes)), missing
+
+
+@dataclass(slots=True)
+class _Followed:
+    """What was *heard*; the last frame of each PDO that was whole and on, and those that had another one before."""
+
+    heard: HeardObjects = field(default_factory=HeardObjects)
+    drawn: dict[tuple[int, Pdo], _Drawn] = field(default_factory=dict)
+    changed: set[tuple[int, Pdo]] = field(default_factory=set)
+
+
+def _follow(path: Path, followed: _Followed) -> None:
+    from dvtcli.files.recording import read_recorded
+
+    channels: set[str] = set()
+    for one in read_recorded(path):
+        said = None if one.error or one.fd else followed.heard.take(one.frame)
+        if said is None:
+            continue
+        channels.add(one.channel)
+        node_id, (index, _) = said
+        pdo = Pdo.at(index)
+        config = None if pdo is None else _heard_pdo(followed.heard.values(node_id), pdo)
+        if pdo is not None and config is not None and config.enabled and not config.unread:
+            drawn = identifier_of(config), config.mapping
+            if followed.drawn.setdefault((node_id, pdo), drawn) != drawn:
+                followed.changed.add((node_id, pdo))
+                followed.drawn[node_id, pdo] = drawn
+    if len(channels) > 1:
+        named = several(sorted(channels))
+        hint = "record each bus into a file of its own"
+        raise UsageError(f"{path} has SDO transfers of several channels ({named}): two buses?", hint=hint)
+
+
+def _heard_pdo(values: HeardValues, pdo: Pdo) -> PdoConfig | None:
+    """*pdo* as far as it was heard; None where nothing of it was, or bytes that are none of it."""
+    try:
+        return read_pdo(values, pdo, WHATEVER)
+    except (SdoAborted, SdoProtocolError):
+        return None
+
+
+def _whole_pdos(node_id: int, followed: _Followed, missing: list[str]) -> dict[Pdo, PdoConfig]:
+    """The PDOs of which all that a frame needs was heard; of others that may be on, what is *missing*."""
+    values = followed.heard.values(node_id)
+    known = {pdo for index, _ in values.values if (pdo := Pdo.at(index)) is not None}
+    whole: dict[Pdo, PdoConfig] = {}
+    for pdo in sorted(known | {one for node, one in followed.drawn if node == node_id}):
+        config = _heard_pdo(values, pdo)
+        after = " after the node's last boot-up" if (node_id, pdo) in followed.drawn else ""
+        if config is None:
+            missing.append(f"{pdo.label} of node {node_id}: nothing was heard of it{after}")
+        elif not config.unread:
+            whole[pdo] = config
+        elif config.enabled or not config.has_cob_id:
+            index, sub_index = config.unread[0]
+            missing.append(f"{pdo.label} of node {node_id}: {index:04X}:{sub_index:02X} was not heard{after}")
+    return whole
+
+
+def _node_state(session: Session, values: HeardValues, pdos: dict[Pdo, PdoConfig]) -> NodeState:
+    from dvtcli.operations.network.network_states import timing_numbers
+
+    dictionary = _dictionary(session, values)
+    if dictionary is None:
+        session.tell.note(
+            f"node {values.node_id} has no EDS: its values have no names, and no sign; --eds FILE has them"
+        )
+    title = "" if dictionary is None else dictionary.info.product_name
+    profile = _profile(session, values, dictionary)
+    return NodeState(values.node_id, "", pdos, timing_numbers(values), dictionary, profile, title or profile.title)
+
+
+def _dictionary(session: Session, values: HeardValues) -> ObjectDictionary | None:
+    """The file of --eds where it may be of that node, else that of the identity (0x1018) that was heard."""
+    from dvtcli.device.file_fits import unlike_file
+    from dvtcli.operations.opening.file_choice import found_file
+    from dvtcli.operations.opening.simulated_nodes import file_or_family, read_dictionary
+
+    if session.base.eds:
+        chosen = read_dictionary(file_or_family(session.base.eds))
+        unlike = unlike_file(values.node_id, chosen, (read_identity(values, 1), read_identity(values, 2)))
+        if not unlike:
+            return chosen
+        session.tell.note(unlike)
+    found = found_file(values)
+    if found is not None and found.note:
+        session.tell.note(f"node {values.node_id}: {found.note}")
+    return None if found is None else read_dictionary(found.path)
+
+
+def _profile(session: Session, values: HeardValues, dictionary: ObjectDictionary | None) -> DeviceProfile:
+    from dvtcli.files.profile.library import load_profile, profile_for_identity, profile_of
+
+    if session.base.profile:
+        return load_profile(session.base.profile)
+    vendor, product = read_identity(values, 1), read_identity(values, 2)
+    return profile_for_identity(vendor, product or 0) if vendor else profile_of(dictionary)
