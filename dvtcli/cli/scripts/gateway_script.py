@@ -17,6 +17,8 @@ from dvtcli.errors import UsageError
 if TYPE_CHECKING:
     from dvtcli.domain.gateway.requests import Command, Request
 
+#: how a comment begins that is carried out
+_MARK = "#!"
 _NUMBERED = ("bool", "u", "i", "r")
 #: the only net that there is
 _NET = 1
@@ -34,8 +36,15 @@ class GatewayScript:
 
         A comment that begins with `#! require` is one: what a plan was made for holds wherever its lines are run.
         """
-        if line.startswith(REQUIRED):
-            return line.removeprefix("#!").split()
+        bare = line.strip()
+        if bare.startswith(REQUIRED):
+            return bare.removeprefix(_MARK).split()
+        if bare.startswith(_MARK) and not bare.startswith(f"{_MARK}/"):  # `#!/…` names an interpreter
+            raise UsageError(
+                f"{place}: what begins with `{_MARK}` is a check, and this is none that is known",
+                place=place,
+                hint=f"write `{REQUIRED}4:identity …` or `{REQUIRED}4:power-off`; a comment begins with `# `",
+            )
         try:
             request = parse_request(line)
         except GatewayRequestError as wrong:
