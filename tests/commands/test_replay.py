@@ -108,6 +108,17 @@ def test_a_part_of_it_is_replayed(first: int, last: int) -> None:
         assert code == (0 if meant else 2)
 
 
+def test_frames_that_are_older_than_the_first_one_are_sent_too(tmp_path: Path) -> None:
+    """As in candump's logs of several interfaces put together; `--from` says that they are not meant."""
+    path = tmp_path / "run.log"
+    path.write_text("(5.0) can0 7A0#\n(1.1) can0 7A1#\n(1.2) can0 7A2#\n", "utf-8")
+    with on_an_empty_bus() as bench:
+        code, sent = replayed(bench, f"replay {path}")
+        assert (code, [one.can_id for _, one in sent]) == (0, [0x7A0, 0x7A1, 0x7A2])
+        assert len(replayed(bench, f"replay {path} --to 1")[1]) == 3
+        assert len(replayed(bench, f"replay {path} --from 0")[1]) == 1
+
+
 def test_a_recorded_apply_asks(tmp_path: Path) -> None:
     """Its SDO writes, NMT commands and whatever else nodes act on; without an answer nothing is sent."""
     with Bench() as bench:

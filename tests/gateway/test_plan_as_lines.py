@@ -189,7 +189,7 @@ def test_what_a_file_of_lines_may_hold(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("slip", ["#!require", "#! requires", "#! Require", "  #! requier", "#!\trequire", "#!"])
 def test_a_check_with_a_slip_of_the_pen_is_no_comment(slip: str) -> None:
-    Path("x.309").write_text(f"#!/usr/bin/env some-client\n# plain\n{slip} 4:identity vendor=0x99\n4 w 0x1017 0 u16 5\n")
+    Path("x.309").write_text(f"#!/usr/bin/env client\n#\n{slip} 4:identity vendor=0x99\n4 w 0x1017 0 u16 5\n")
     with Bench(("generic@4",), {"yes": True}) as bench:
         ran = bench.run("run x.309")
         assert (ran.code, "x.309:3: " in ran.stderr, bench.session.record.lines) == (2, True, [])

@@ -63,5 +63,6 @@ def command(
     """
     from dvtcli.operations.frames.replay_recording import Choice, replay_recording
 
-    choice = Choice(rate, from_s or 0.0, float("inf") if to_s is None else to_s, **part)
+    within_s = float("-inf") if from_s is None else from_s, float("inf") if to_s is None else to_s
+    choice = Choice(rate, *within_s, **part)
     return replay_recording(session, Path(file), choice, nodes or (), dbc)

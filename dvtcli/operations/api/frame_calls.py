@@ -57,7 +57,7 @@ class FrameCalls(NetworkCalls):
         recording: str | Path,
         *,
         rate: float = 1.0,
-        within_s: tuple[float, float] = (0.0, math.inf),
+        within_s: tuple[float, float] = (-math.inf, math.inf),
         only: Sequence[str] = (),
         without: Sequence[str] = (),
         channel: str | None = None,
@@ -76,7 +76,8 @@ class FrameCalls(NetworkCalls):
         number("rate", rate, "how many times as fast, 0…1000", high=1000)
         if not isinstance(within_s, tuple) or len(within_s) != 2:
             raise wrong("within_s", within_s, "two numbers of seconds: (0, 10)")
-        begin_s, end_s = (one if one == math.inf else number("within_s", one, "numbers of seconds") for one in within_s)
+        ends = (-math.inf, math.inf)
+        begin_s, end_s = (one if one in ends else number("within_s", one, "numbers of seconds") for one in within_s)
         whole("loops", loops, "a count", 1_000_000, low=1)
         if channel is not None:
             word("channel", channel, "the name of a channel in the recording, or 'all'")

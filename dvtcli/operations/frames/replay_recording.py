@@ -42,7 +42,7 @@ class Choice:
     """
 
     rate: float = 1.0
-    from_s: float = 0.0
+    from_s: float = float("-inf")
     to_s: float = float("inf")
     only: Sequence[str] = ()
     without: Sequence[str] = ()
