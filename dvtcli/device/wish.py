@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.compare import differences
 from dvtcli.domain.pdo import MAPPING, PARAMETERS, Pdo, PdoConfig
+from dvtcli.domain.plan import few_bytes
 
 if TYPE_CHECKING:
     from dvtcli.device.known_pdos import KnownPdos
@@ -93,7 +94,7 @@ def unlike_values(node: KnownPdos, values: Mapping[Place, bytes]) -> Iterator[Di
 
 
 def value_text(data: bytes) -> str:
-    """An object's value in words: a number where it has a number's length, else its bytes."""
+    """An object's value in words: a number where it has a number's length, else its bytes, of many the first."""
     if len(data) in (1, 2, 4, 8):
         return f"0x{int.from_bytes(data, 'little'):0{2 * len(data)}X}"
-    return data.hex(" ").upper() or "empty"
+    return few_bytes(data) or "empty"

@@ -46,10 +46,10 @@ class Step:
         value = int.from_bytes(data, "little")
         if self.names_object:
             return f"0x{value:04X}"
-        return f"0x{value:08X}" if len(data) == 4 else str(value) if len(data) <= 2 else _some(data)
+        return f"0x{value:08X}" if len(data) == 4 else str(value) if len(data) <= 2 else few_bytes(data)
 
 
-def _some(data: bytes) -> str:
+def few_bytes(data: bytes) -> str:
     """The first of many bytes, and how many there are: a line beside others has room for few."""
     most = 16
     return data.hex(" ").upper() if len(data) <= most else f"{data[:4].hex(' ').upper()} … {len(data):,} bytes"

@@ -77,6 +77,16 @@ def test_a_pipe_gets_a_line_each_tenth_of_what_takes_long() -> None:
     assert stderr.getvalue().splitlines() == [f"part {done}" for done in range(4, 41, 4)]
 
 
+def test_without_a_terminal_no_line_is_said_twice_in_a_row() -> None:
+    """As by a scan that begins anew with each node it found."""
+    stderr = io.StringIO()
+    output = said_at_once(stderr)
+    for found in (0, 1, 0):
+        for done in range(11):
+            output.progress(f"{found} nodes found", done, 10)
+    assert stderr.getvalue().splitlines() == ["0 nodes found", "1 nodes found", "0 nodes found"]
+
+
 def test_what_is_done_at_once_is_no_progress() -> None:
     stderr = io.StringIO()
     output = Output(io.StringIO(), stderr)

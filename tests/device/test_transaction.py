@@ -323,7 +323,13 @@ def test_after_a_restart_nobody_knows_whether_others_were_altered(sdo: DirectSdo
 
 @pytest.mark.parametrize(
     ("data", "text"),
-    [("01", "0x01"), ("0102", "0x0201"), ("01020304", "0x04030201"), ("0102030405", "01 02 03 04 05")],
+    [
+        ("01", "0x01"),
+        ("0102", "0x0201"),
+        ("01020304", "0x04030201"),
+        ("0102030405", "01 02 03 04 05"),
+        ("0a" * 17, "0A 0A 0A 0A … 17 bytes"),
+    ],
 )
 def test_a_step_is_a_number_as_long_as_it_fits_one(data: str, text: str) -> None:
     assert step_text(Step(0x2000, 1, None, bytes.fromhex(data), "why")) == f"0x2000:01 <- {text}    why"

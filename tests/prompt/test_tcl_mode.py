@@ -42,6 +42,9 @@ def test_every_line_is_tcls_until_exit_or_ctrl_d(gen4: Terminal) -> None:
     gen4.run("tcl twice 4")
     gen4.wait_prompt("sim/1 PRE-OP*> ")
     assert "8" in gen4.lines
+    gen4.run("read 9999")
+    gen4.wait_prompt("sim/1 PRE-OP*> ")
+    assert any(row.startswith("error: ") for row in gen4.lines), "and not `tcl: error: `: this line is not Tcl's"
 
 
 def test_ctrl_c_stops_a_line_that_runs_without_end(gen4: Terminal) -> None:

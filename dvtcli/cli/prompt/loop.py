@@ -128,6 +128,7 @@ class Prompt:
 
         session = self._session
         self._has_run = True
+        session.place = None  # a line of Tcl before this one had one
 
         def run() -> int:
             if session.tcl is not None and session.tcl.on:

@@ -1,4 +1,4 @@
-"""How far long work has come, on stderr: one line that is written over at a terminal, else a line each 10 %.
+"""How far long work has come, on stderr: a line that is written over at a terminal, else a new one each 10 %.
 
 Nothing of work that is done at once. Does not know what is done.
 """
@@ -22,6 +22,7 @@ class ProgressLine:
         self._terminal_s, self._pipe_s = terminal_s, pipe_s
         self._since_s: float | None = None
         self._tenth = 0
+        self._said = ""
         self._is_shown = False
 
     def show(self, text: str, done: int, total: int) -> None:
@@ -36,8 +37,9 @@ class ProgressLine:
                 columns = os.get_terminal_size(self._stream.fileno()).columns or 80
                 self._stream.write(f"{_ERASE}{text[: columns - 1]}")
                 self._is_shown = True
-            elif total and 10 * done // total != self._tenth:
+            elif total and 10 * done // total != self._tenth and text != self._said:
                 self._stream.write(f"{text}\n")
+                self._said = text
             self._tenth = 10 * done // total if total else self._tenth
             self._stream.flush()
         except OSError:
@@ -61,4 +63,4 @@ class ProgressLine:
     def end(self) -> None:
         """The work is done."""
         self.erase()
-        self._since_s, self._tenth = None, 0
+        self._since_s, self._tenth, self._said = None, 0, ""

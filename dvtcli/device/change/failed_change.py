@@ -5,7 +5,7 @@ Knows plans and errors. Neither reads nor writes devices, and does not know what
 
 from __future__ import annotations
 
-from dvtcli.domain.plan import Plan, Step
+from dvtcli.domain.plan import Plan, Step, few_bytes
 from dvtcli.domain.several import several
 from dvtcli.errors import BusUnavailable, DeviceRefused, DvtcliError, LeftChanged, NoAnswer, SdoAborted
 
@@ -21,7 +21,7 @@ def step_text(step: Step) -> str:
     value = (
         f"0x{int.from_bytes(step.after, 'little'):0{2 * len(step.after)}X}"
         if len(step.after) <= 4
-        else step.after.hex(" ")
+        else few_bytes(step.after)
     )
     return f"0x{step.object} <- {value}    {step.reason}"
 

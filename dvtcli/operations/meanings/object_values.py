@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.domain.datatypes import BY_SHORT_NAME, DataType, Kind
 from dvtcli.domain.meanings import NOTHING, Understood
+from dvtcli.domain.plan import few_bytes
 from dvtcli.errors import SdoProtocolError
 from dvtcli.operations.meanings.physical_meanings import meanings_of
 from dvtcli.operations.results.values import ValueRead
@@ -43,14 +44,14 @@ def understood(node: Node, sizes: Mapping[str, int]) -> dict[str, Understood]:
 
 
 def value_words(node: Node, index: int, sub_index: int, data: bytes) -> str:
-    """*data* of an object as a person reads it: `48.0 V (768)`, a word, a number; its bytes where it is none."""
+    """*data* of an object as a person reads it: `48.0 V (768)`, a word, a number; else the first of its bytes."""
     kind = type_of(node, index, sub_index, len(data))
     try:
         value = kind.decode(data)
     except ValueError:
-        return data.hex(" ")
+        return few_bytes(data)
     if isinstance(value, bytes):
-        return data.hex(" ")
+        return few_bytes(data)
     return meanings_of(node.profile, node.dictionary).of(index, sub_index).text(value, 8 * len(data)) or str(value)
 
 
