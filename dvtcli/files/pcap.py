@@ -20,7 +20,7 @@ _CAN, _COOKED, _COOKED_2 = 227, 113, 276
 _COOKED_HEADS = {_COOKED: (14, 16), _COOKED_2: (0, 20)}
 _CAN_PROTOCOLS = (0x000C, 0x000D)
 _EXTENDED, _REMOTE, _ERROR, _ID = 1 << 31, 1 << 30, 1 << 29, 0x1FFF_FFFF
-_FD, _XL, _MOST_BYTES = 0x04, 0x80, 8
+_FD, _MOST_BYTES, _MOST_FD_BYTES = 0x04, 8, 64
 #: no block, and no packet, is longer
 _MOST = 16 << 20
 _SECTION, _INTERFACE, _PACKET, _SIMPLE, _ENHANCED = 0x0A0D0D0A, 1, 2, 3, 6
@@ -54,7 +54,7 @@ class _Packet(NamedTuple):
 def read_capture(file: BinaryIO) -> Iterator[can.Message]:
     """The CAN frames of *file*, a pcapng or a pcap, in its order; ValueError where it is neither, or is damaged.
 
-    What is no CAN frame is left out; ValueError where there is nothing else.
+    What is no frame of CAN or CAN FD is left out; ValueError where there is nothing else.
     """
     others: Counter[int] = Counter()
     found = False
@@ -67,7 +67,7 @@ def read_capture(file: BinaryIO) -> Iterator[can.Message]:
             yield message
     if others and not found:
         links = ", ".join(map(str, sorted(others)))
-        raise ValueError(f"{others.total()} packets, none of them of CAN (link type {links})")
+        raise ValueError(f"{others.total()} packets, none of them a frame of CAN or CAN FD (link type {links})")
 
 
 def _packets(file: BinaryIO) -> Iterator[_Packet]:
@@ -185,7 +185,7 @@ class _Blocks:
 
 
 def _message(packet: _Packet) -> can.Message | None:
-    """The frame in *packet*; None where it holds none of CAN. ValueError where it is cut off."""
+    """The frame in *packet*; None where it holds none of CAN or CAN FD. ValueError where it is cut off."""
     data, link = packet.data, packet.interface.link
     if link in _COOKED_HEADS:
         at, length = _COOKED_HEADS[link]
@@ -195,8 +195,8 @@ def _message(packet: _Packet) -> can.Message | None:
     elif link != _CAN:
         return None
     word, length, flags = struct.unpack_from(">IBB", data)
-    if length & _XL and flags != _FD:  # CAN XL has its own head; it is told as what CANopen has not
-        return can.Message(packet.time_s, is_fd=True, check=False, channel=packet.interface.name)
+    if length > _MOST_FD_BYTES:  # CAN XL has another head, in which this byte is 0x80 at least
+        return None
     is_error = bool(word & _ERROR)
     is_remote = bool(word & _REMOTE) and not is_error
     return can.Message(

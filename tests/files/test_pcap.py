@@ -70,6 +70,23 @@ def test_errors_can_fd_and_other_protocols_are_told_apart(path: Path) -> None:
     ]  # fmt: skip
 
 
+@pytest.mark.parametrize(("word", "length"), [(0x40000181, 200), (0x181, 255), (0x181, 0x80), (0x181, 65)])
+def test_what_is_no_frame_of_can_or_can_fd_is_left_out(path: Path, word: int, length: int) -> None:
+    """CAN XL among it, which has the head of another frame: none is told that never was."""
+    odd = struct.pack(">IBBH", word, length, 0, 0) + bytes(length)
+    path.write_bytes(section(Style()) + packet(Style(), odd, BEGIN_S) + packet(Style(), socketcan(SAMPLE[1]), BEGIN_S))
+    assert [told(one.frame) for one in read_recorded(path)] == [told(SAMPLE[1])]
+    path.write_bytes(section(Style()) + packet(Style(), odd, BEGIN_S))
+    assert as_far_as_it_goes(path)[0] == []
+    assert "none of them a frame of CAN or CAN FD" in read_error(path)
+
+
+def read_error(path: Path) -> str:
+    with pytest.raises(InputFileError) as wrong:
+        list(read_recording(path))
+    return f"{wrong.value.text} {wrong.value.why}"
+
+
 def as_far_as_it_goes(path: Path) -> tuple[list[Frame], str]:
     """What is read of *path*, and the error that ends it, if any."""
     found = []
@@ -120,15 +137,13 @@ def test_a_hostile_capture_ends_with_an_error(path: Path, style: Style, at: int,
         (section(Style()) + struct.pack("<III", 6, 7, 0), "7 bytes long"),
         (section(Style()) + block("<", 6, struct.pack("<IIIII", 9, 0, 0, 0, 0)), "interface 9"),
         (section(Style(resolution=100)), "10^100"),
-        (pcapng(SAMPLE, Style(link=ETHERNET)), "none of them of CAN (link type 1)"),
+        (pcapng(SAMPLE, Style(link=ETHERNET)), "none of them a frame of CAN or CAN FD (link type 1)"),
         (b"\x0a\x0d\x0d\x0a" + bytes(40), "byte order"),
     ],
 )
 def test_it_is_said_what_is_wrong(path: Path, data: bytes, why: str) -> None:
     path.write_bytes(data)
-    with pytest.raises(InputFileError) as wrong:
-        list(read_recording(path))
-    assert why in f"{wrong.value.text} {wrong.value.why}"
+    assert why in read_error(path)
 
 
 def test_what_is_written_has_the_blocks_of_the_format(path: Path) -> None:
