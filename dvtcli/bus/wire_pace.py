@@ -64,7 +64,7 @@ class WirePace:
         if function == ANSWER_ID and owes and not sent:
             self._owed.remove(node_id)
             return _MOST_BITS
-        if function != REQUEST_ID or not sent or frame.data[0] == _ABORT:
+        if function != REQUEST_ID or not sent or not frame.data or frame.data[0] == _ABORT:
             return 0
         self._owed.add(node_id)
         counted = _MOST_BITS if owes else 0  # what was asked before is not answered any more

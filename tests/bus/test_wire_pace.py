@@ -123,3 +123,11 @@ def test_a_bus_that_others_fill_lets_requests_through_nevertheless() -> None:
     for _ in range(5000):
         wire.passes(Frame(0x181, bytes(8)), False)
     assert wire.pace.slot_s() <= LONGEST_WAIT_S
+
+
+@pytest.mark.parametrize("frame", [Frame(0x605, b""), Frame(0x605, b"", remote=True)])
+def test_a_frame_without_data_is_no_request(frame: Frame) -> None:
+    """Others may send any frame meanwhile; no answer is owed to it."""
+    pace = WirePace(125_000, lambda: 0.0)
+    pace.count(frame, True)
+    assert pace.slot_s() == 0.0
