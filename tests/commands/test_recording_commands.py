@@ -16,7 +16,8 @@ import pytest
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import UsageError
 from dvtcli.files.extras import extra
-from dvtcli.files.recording import APPENDABLE, FORMATS, ROTATING, Recorder
+from dvtcli.files.recorder import Recorder
+from dvtcli.files.recording_formats import APPENDABLE, FORMATS, ROTATING
 from dvtcli.simulator.network.family_file import family_eds
 from tests.files.recordings import BEGIN_S
 from tests.process import documents, dvtcli

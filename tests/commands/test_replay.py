@@ -15,7 +15,8 @@ from dvtcli.domain.bus_load import frame_bits
 from dvtcli.domain.frame_filter import frame_filter
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import BusUnavailable
-from dvtcli.files.recording import Recorder, read_recording
+from dvtcli.files.recorder import Recorder
+from dvtcli.files.recording import read_recording
 from dvtcli.simulator.network.family_file import family_eds
 from dvtcli.watch.service import service_of
 from tests.commands.bench import Bench

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from dvtcli.device.change.finish_interrupted import accepted_states, refuse_other_device
+from dvtcli.device.change.accepted_state import accepted_states, refuse_other_device
 from dvtcli.device.change.journal import Journal
 from dvtcli.device.change.pending import CHANGE, VERIFY
 from dvtcli.device.change.plan_document import Identity

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import InputFileError
-from dvtcli.files.recording import Recorder, read_recorded, read_recording
+from dvtcli.files.recorder import Recorder
+from dvtcli.files.recording import read_recorded, read_recording
 from tests.files.captures import CAN, COOKED, COOKED_2, ETHERNET, Style, block, packet, pcap, pcapng, section, socketcan
 from tests.files.recordings import BEGIN_S, frames
 

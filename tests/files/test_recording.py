@@ -11,7 +11,9 @@ from hypothesis import given, settings
 
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import DvtcliError, InputFileError, UsageError
-from dvtcli.files.recording import APPENDABLE, FORMATS, ROTATING, Recorder, read_recording
+from dvtcli.files.recorder import Recorder
+from dvtcli.files.recording import read_recording
+from dvtcli.files.recording_formats import APPENDABLE, FORMATS, ROTATING
 from tests.files.recordings import BEGIN_S, frames
 
 #: formats that can be written here: .mf4 where asammdf is installed

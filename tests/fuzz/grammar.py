@@ -12,7 +12,7 @@ from random import Random
 from typing import Any
 
 from dvtcli.device.change.journal import SCHEMA
-from dvtcli.simulator.device.simulated_faults import FaultKind
+from dvtcli.simulator.device.fault_kinds import FaultKind
 from tests.files.test_eds_any import KEYS, SAMPLE, SECTIONS
 
 Maker = Callable[[Random], bytes]

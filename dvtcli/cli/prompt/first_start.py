@@ -35,7 +35,7 @@ def first_start(session: Conversation) -> None:
     if options.sim or options.interface or options.channel or not sys.stderr.isatty() or session.output.json:
         return
     from dvtcli.bus.discover import find_interfaces
-    from dvtcli.bus.opening import is_configured
+    from dvtcli.bus.python_can_settings import is_configured
 
     if is_configured():
         return

@@ -1,4 +1,4 @@
-"""Finishing an interrupted change: back to what its journal says was held before, or taking what is held as it is.
+"""Finishing an interrupted change: back to what its journal says was held before.
 
 Changes of several nodes go back together, in phases (`recover_together`). Does not find journals, and does not know who
 else may have written to the device meanwhile.
@@ -10,17 +10,16 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from dvtcli.device.change.accepted_state import refuse_other_device
 from dvtcli.device.change.pending import CHANGE
 from dvtcli.device.change.put_back import restore_patiently
 from dvtcli.device.change.taken_back import put_back_findings
 from dvtcli.device.change.way_back import plan_back
-from dvtcli.device.compare import differences
 from dvtcli.device.observe import MOST_LOOKS, BusWitness
 from dvtcli.device.stamped import NO_STAMP, held_stamp, is_stamp, stamp_back
 from dvtcli.domain.network.phases import phases
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.plan import STAMP, PdoChange, Plan, Step, ValueChange, plan_pdo
-from dvtcli.domain.script_line import value_line, whole_line
 from dvtcli.domain.several import several
 from dvtcli.domain.stamp import DATE, TIME
 from dvtcli.errors import (
@@ -29,7 +28,6 @@ from dvtcli.errors import (
     DvtcliError,
     LeftChanged,
     NoAnswer,
-    SafetyRefusal,
     SdoAborted,
     SdoProtocolError,
 )
@@ -39,62 +37,12 @@ if TYPE_CHECKING:
 
     from dvtcli.device.change.changeable import Changeable
     from dvtcli.device.change.journal import Journal
-    from dvtcli.device.change.plan_document import Identity
     from dvtcli.device.known_pdos import KnownPdos
     from dvtcli.domain.plan import Change
     from dvtcli.domain.rules import Finding
 
 #: What a node that cannot be reached comes to, and not one that refuses.
 _SILENT = (NoAnswer, SdoProtocolError, BusUnavailable, KeyboardInterrupt)
-
-
-def refuse_other_device(node: KnownPdos, journal: Journal) -> None:
-    """Raise SafetyRefusal where *journal* was made on another device than *node*."""
-    if journal.plan.node_id != node.node_id or journal.identity != node.identity():
-        raise SafetyRefusal(
-            f"the journal was made on another device than node {node.node_id}",
-            node=node.node_id,
-            place=str(journal.path),
-            why=f"it names {_text(journal.identity)}; this one is {_text(node.identity())}",
-            hint="attach that device; where it is gone for good, recover --discard sets the journal aside",
-        )
-
-
-@dataclass(frozen=True, slots=True)
-class AcceptedState:
-    """What a device holds of an interrupted change, and what it held before, both as script lines; what differs."""
-
-    label: str
-    held: str
-    before: str
-    differences: tuple[str, ...]
-
-    def document(self) -> dict[str, object]:
-        """As JSON."""
-        what = {"object": self.label} if ":" in self.label else {"pdo": self.label.lower()}
-        return {**what, "held": self.held, "before": self.before, "differs_from_before": list(self.differences)}
-
-
-def accepted_states(node: KnownPdos, journal: Journal) -> list[AcceptedState]:
-    """What *node* holds now of everything that the interrupted change was about."""
-    states = []
-    for change in journal.plan.changes:
-        if isinstance(change, PdoChange):
-            held = node.pdo(change.pdo)
-            now, before = whole_line(change.pdo, held), whole_line(change.pdo, change.before)
-            unlike_before = tuple(differences(change.pdo, change.before, held))
-            states.append(AcceptedState(change.label, now, before, unlike_before))
-        else:
-            states.append(_accepted_value(node, change.step))
-    return states
-
-
-def _accepted_value(node: KnownPdos, step: Step) -> AcceptedState:
-    if step.before is None:
-        return AcceptedState(step.object, f"# {step.object} is write-only", f"# {step.object} was not known", ())
-    held = node.upload(step.index, step.sub_index)
-    found = () if held == step.before else (f"is {held.hex(' ')}, was {step.before.hex(' ')}",)
-    return AcceptedState(step.object, value_line(step, held), value_line(step, step.before), found)
 
 
 @dataclass(slots=True)
@@ -279,7 +227,3 @@ def _next_step(node: KnownPdos, fault: BaseException, journal: Journal) -> str:
             f"recover --accept takes what the device holds as the new state; {again}"
         )
     return again
-
-
-def _text(identity: Identity) -> str:
-    return " ".join(f"{name} 0x{value:X}" for name, value in identity.items() if value is not None) or "no identity"

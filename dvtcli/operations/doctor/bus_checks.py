@@ -20,7 +20,7 @@ _WORST = "is the bit rate right, the other end powered, and is there a terminato
 
 def bus_checks(session: Session) -> Iterator[Check]:
     """Whether the bus opens, what is heard on it, and whether the selected node answers."""
-    from dvtcli.bus.opening import is_configured
+    from dvtcli.bus.python_can_settings import is_configured
 
     try:
         session.require_settings()

@@ -84,7 +84,7 @@ def _shown(value: object) -> str:
 
 def _library_settings(options: dict[str, object]) -> Iterator[tuple[str, object, str]]:
     """What python-can's own files and environment add to *options*, as far as it counts."""
-    from dvtcli.bus.opening import library_settings
+    from dvtcli.bus.python_can_settings import library_settings
 
     if options["sim"] or options["interface"]:
         return

@@ -43,7 +43,8 @@ def record_frames(
     is there; a new file begins after *most_bytes*, 0 for never. UsageError for a suffix that is no format,
     BusUnavailable where the bus is gone and the session does not wait for it.
     """
-    from dvtcli.files.recording import Recorder, checked_suffix, size_of
+    from dvtcli.files.recorder import Recorder, size_of
+    from dvtcli.files.recording_formats import checked_suffix
 
     _check_target(session, path, append=append)
     checked_suffix(path)

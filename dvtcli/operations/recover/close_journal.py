@@ -49,7 +49,7 @@ def _one_path(session: Session, file: str | None, word: str) -> Path | None:
 
 def accepted(session: Session, file: str | None) -> Facts:
     """Close the journal with what the device holds now, which is shown beside what it held; writes nothing to it."""
-    from dvtcli.device.change.finish_interrupted import accepted_states, refuse_other_device
+    from dvtcli.device.change.accepted_state import accepted_states, refuse_other_device
     from dvtcli.device.change.pending import CHANGE
 
     path = _one_path(session, file, "accept")

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from dvtcli.device.change.finish_interrupted import refuse_other_device
+from dvtcli.device.change.accepted_state import refuse_other_device
 from dvtcli.domain.nmt import NmtState
 from dvtcli.errors import DeviceRefused, LeftChanged, SafetyRefusal, UsageError
 from dvtcli.operations.changes.last_look import Verified

@@ -126,7 +126,7 @@ class Settings:
         found = chooser(self.sources)
         if found is not None:
             return found
-        from dvtcli.bus.opening import library_settings
+        from dvtcli.bus.python_can_settings import library_settings
 
         return library_settings().get("interface", ("", NOBODY))[1]
 

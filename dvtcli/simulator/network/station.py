@@ -38,9 +38,9 @@ class SimulatedNode:
         self._faulty: FaultyServer | None = None
         self._sources: list[Source] = []
         if faults:
+            from dvtcli.simulator.device.fault_kinds import FaultKind
             from dvtcli.simulator.device.faulty import FaultyServer
             from dvtcli.simulator.device.raised_errors import RaisedErrors
-            from dvtcli.simulator.device.simulated_faults import FaultKind
 
             self._faulty = FaultyServer(self.server, faults)
             if errors := [fault for fault in faults if fault.kind is FaultKind.EMCY]:

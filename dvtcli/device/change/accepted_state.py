@@ -1,0 +1,69 @@
+"""What a device holds of an interrupted change, whose journal is of this device and no other. Writes nothing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from dvtcli.device.compare import differences
+from dvtcli.domain.plan import PdoChange, Step
+from dvtcli.domain.script_line import value_line, whole_line
+from dvtcli.errors import SafetyRefusal
+
+if TYPE_CHECKING:
+    from dvtcli.device.change.journal import Journal
+    from dvtcli.device.change.plan_document import Identity
+    from dvtcli.device.known_pdos import KnownPdos
+
+
+def refuse_other_device(node: KnownPdos, journal: Journal) -> None:
+    """Raise SafetyRefusal where *journal* was made on another device than *node*."""
+    if journal.plan.node_id != node.node_id or journal.identity != node.identity():
+        raise SafetyRefusal(
+            f"the journal was made on another device than node {node.node_id}",
+            node=node.node_id,
+            place=str(journal.path),
+            why=f"it names {_text(journal.identity)}; this one is {_text(node.identity())}",
+            hint="attach that device; where it is gone for good, recover --discard sets the journal aside",
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class AcceptedState:
+    """What a device holds of an interrupted change, and what it held before, both as script lines; what differs."""
+
+    label: str
+    held: str
+    before: str
+    differences: tuple[str, ...]
+
+    def document(self) -> dict[str, object]:
+        """As JSON."""
+        what = {"object": self.label} if ":" in self.label else {"pdo": self.label.lower()}
+        return {**what, "held": self.held, "before": self.before, "differs_from_before": list(self.differences)}
+
+
+def accepted_states(node: KnownPdos, journal: Journal) -> list[AcceptedState]:
+    """What *node* holds now of everything that the interrupted change was about."""
+    states = []
+    for change in journal.plan.changes:
+        if isinstance(change, PdoChange):
+            held = node.pdo(change.pdo)
+            now, before = whole_line(change.pdo, held), whole_line(change.pdo, change.before)
+            unlike_before = tuple(differences(change.pdo, change.before, held))
+            states.append(AcceptedState(change.label, now, before, unlike_before))
+        else:
+            states.append(_accepted_value(node, change.step))
+    return states
+
+
+def _accepted_value(node: KnownPdos, step: Step) -> AcceptedState:
+    if step.before is None:
+        return AcceptedState(step.object, f"# {step.object} is write-only", f"# {step.object} was not known", ())
+    held = node.upload(step.index, step.sub_index)
+    found = () if held == step.before else (f"is {held.hex(' ')}, was {step.before.hex(' ')}",)
+    return AcceptedState(step.object, value_line(step, held), value_line(step, step.before), found)
+
+
+def _text(identity: Identity) -> str:
+    return " ".join(f"{name} 0x{value:X}" for name, value in identity.items() if value is not None) or "no identity"
