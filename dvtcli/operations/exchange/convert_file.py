@@ -95,7 +95,7 @@ def _is_recording(file: str) -> bool:
     suffix = Path(file).suffix.lower()
     if suffix in NETWORK_SUFFIXES:
         return False
-    from dvtcli.files.recording import FORMATS, ONLY_READ
+    from dvtcli.files.recording_formats import FORMATS, ONLY_READ
 
     return suffix in FORMATS or suffix in ONLY_READ
 
