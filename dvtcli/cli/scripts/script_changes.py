@@ -13,7 +13,7 @@ from dvtcli.domain.several import several
 from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged
 
 if TYPE_CHECKING:
-    from dvtcli.cli.scripts.script_way_back import TakenBack
+    from dvtcli.cli.scripts.script_way_back import NodeTakenBack
     from dvtcli.device.change.own_journal import OwnJournal
     from dvtcli.device.node import Node
     from dvtcli.domain.plan import Plan
@@ -183,12 +183,12 @@ class ScriptChanges:
             if id(node) not in self._operational and (said := node.gate.abandon()):
                 self._session.tell.warning(said)
 
-    def _take_back(self, node: Node, cause: str) -> TakenBack:
+    def _take_back(self, node: Node, cause: str) -> NodeTakenBack:
         """Undo what was done to *node*, or find out why that is not possible; its journal stays."""
-        from dvtcli.cli.scripts.script_way_back import TakenBack, left_of, undo_patiently
+        from dvtcli.cli.scripts.script_way_back import NodeTakenBack, left_of, undo_patiently
 
         made = self._made(node)
-        tried = TakenBack(node, made)
+        tried = NodeTakenBack(node, made)
         try:
             tried.boot_ups = node.bus.boot_ups(node.node_id)
             while self._made(node):

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(slots=True)
-class TakenBack:
+class NodeTakenBack:
     """What *made* of a script was undone on *node*, which had sent *boot_ups* before; or why not (*failure*)."""
 
     node: Node
