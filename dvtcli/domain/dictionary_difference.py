@@ -7,9 +7,12 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from dvtcli.domain.object_dictionary import Commissioning, DeviceInfo, ObjectDictionary, OdEntry, OdObject
+from dvtcli.domain.unit import parse_offset
 
 #: Where something stands in a file is no part of what it says.
 _NOT_SAID = ("line", "entries", "index", "sub_index")
+#: What a scale is made of, with what an entry without it means.
+_SCALE = {"factor": "1", "offset": "0"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,8 +58,18 @@ def _in_object(held: OdObject, left: OdObject) -> Iterator[Difference]:
 def _unlike(name: str, one: Any, other: Any) -> Iterator[Difference]:
     for field in fields(one):
         before, after = getattr(one, field.name), getattr(other, field.name)
-        if field.name not in _NOT_SAID and before != after:
+        if field.name not in _NOT_SAID and before != after and not _same_number(field.name, before, after):
             yield Difference(name, field.name, before, after)
+
+
+def _same_number(name: str, before: Any, after: Any) -> bool:
+    """Whether the parts of a scale say the same: `1/256` and `0.00390625`."""
+    if name not in _SCALE:
+        return False
+    try:
+        return parse_offset(before or _SCALE[name]) == parse_offset(after or _SCALE[name])
+    except ValueError:
+        return False
 
 
 def without_values(dictionary: ObjectDictionary) -> ObjectDictionary:

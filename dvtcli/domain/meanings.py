@@ -6,13 +6,15 @@ Pure. Does not know who wrote the rules.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from fractions import Fraction
 from typing import NamedTuple
 
 from dvtcli.domain.datatypes import DataType, Value
 from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry, normalised
 from dvtcli.domain.physical import Physical
-from dvtcli.domain.unit import parse_factor, parse_scale
+from dvtcli.domain.unit import parse_factor, parse_offset, parse_scale
 
 #: what is known of an object that nobody describes
 NOTHING = Physical()
@@ -161,14 +163,19 @@ class Meanings:
         told = NOTHING if entry is None else _of_file(entry)
         for standard in self._standards:
             if (found := standard.rule(index, sub_index, self._dictionary)) is not None:
-                return replace(found, unit=told.unit, factor=told.factor) if told.has_number else found
+                if told.has_number:
+                    return replace(found, unit=told.unit, factor=told.factor, offset=told.offset)
+                return found
         return told
 
 
 def _of_file(entry: OdEntry) -> Physical:
-    """What `Unit` and `Factor` of an EDS say, which are no standard's keys; a limit is never an offset."""
+    """What a file says: `Unit` and `Factor` of an EDS, which are no standard's keys, or an XDD's unit and scale.
+
+    A limit is never an offset.
+    """
     factor, unit = parse_scale(entry.unit)
-    try:
-        return Physical(unit, factor * parse_factor(entry.factor))
-    except ValueError:  # there is none, or it is none
-        return Physical(unit, factor)
+    with suppress(ValueError):  # there is none, or it is none
+        factor *= parse_factor(entry.factor)
+    offset = parse_offset(entry.offset) if entry.offset else Fraction(0)
+    return Physical(unit, factor, offset * factor)

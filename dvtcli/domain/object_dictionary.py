@@ -53,9 +53,10 @@ class OdEntry:
     *data_type* and *pdo_mapping* are None where the file does not say. *pdo_mapping* is the
     file's PDOMapping; the direction follows from *access*. *default* and *value* (a DCF's ParameterValue) are the
     bytes for node-ID 0; where *…_relative* is set the node-ID is added. *low* and *high* are the file's
-    limits in the object's own type, for node-ID 0 (`limits` adds it), *unit* and *factor* its words for them. *line* is
-    the first line about it in the file, 1 and up. *denotation* is what somebody called it in this device.
-    *unknown_type* is the code of a data type that CiA 301 does not have.
+    limits in the object's own type, for node-ID 0 (`limits` adds it), *unit* and *factor* its words for them, *offset*
+    what is added to a raw value before the factor. *line* is the first line about it in the file, 1 and up.
+    *denotation* is what somebody called it in this device. *unknown_type* is the code of a data type that CiA 301 does
+    not have.
     """
 
     index: int
@@ -78,6 +79,7 @@ class OdEntry:
     denotation: str = ""
     unknown_type: int | None = None
     factor: str = ""
+    offset: str = ""
 
     @property
     def object(self) -> str:

@@ -78,6 +78,13 @@ def parse_factor(text: str) -> Fraction:
     return factor
 
 
+def parse_offset(text: str) -> Fraction:
+    """An offset as files write it, as `parse_factor` reads a factor, or 0; ValueError for anything else."""
+    if not _FACTOR.fullmatch(text.strip()):
+        raise ValueError(f"{text[:40]!r} is no offset: write -40 or 0.5")
+    return Fraction(text.strip())
+
+
 def parse_scale(text: str) -> tuple[Fraction, str]:
     """The value of one count, and its unit: `1/256 V`, `0.1 %`, `100 us`; what has no such number is a unit alone."""
     text = " ".join(text.split())

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 #: Keys that the dictionary holds, or that are written anew, in any section of an object.
 _OBJECT_KEYS = {
     "parametername", "objecttype", "datatype", "lowlimit", "highlimit", "accesstype", "defaultvalue", "parametervalue",
-    "pdomapping", "objflags", "unit", "denotation", "subnumber", "compactsubobj",
+    "pdomapping", "objflags", "unit", "factor", "denotation", "subnumber", "compactsubobj",
 }  # fmt: skip
 _DEVICE_KEYS = {
     "vendorname", "vendornumber", "productname", "productnumber", "revisionnumber", "ordercode", "simplebootupmaster",

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
+from fractions import Fraction
 from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dvtcli.domain.object_dictionary import Access, ObjectType
+from dvtcli.domain.datatypes import DATA_TYPES
+from dvtcli.domain.dictionary_difference import differences
+from dvtcli.domain.meanings import Meanings
+from dvtcli.domain.object_dictionary import Access, ObjectDictionary, ObjectType, OdEntry, OdObject
+from dvtcli.domain.physical import Physical
 from dvtcli.errors import InputFileError
-from dvtcli.files.device_file import parse_device_file
+from dvtcli.files.device_file import device_file_bytes, parse_device_file
 from dvtcli.files.xdd.xdd_reader import XddFile, parse_xdd
 from dvtcli.files.xdd.xdd_rules import XDD_RULES
 from tests.commands.bench import Bench
@@ -249,3 +255,60 @@ def test_real_files(pytestconfig: pytest.Config) -> None:
         assert isinstance(file, XddFile)
         assert file.sections == file.understood
         assert [entry for entry in file.dictionary.entries() if entry.data_type is None] == []
+
+
+def scaled(unit: str = "", more: str = "") -> Physical:
+    """What an object means whose parameter has *more* attributes and *unit*."""
+    parameter = f'<parameter uniqueID="U1" access="read"{more}><label lang="en">x</label><INT/>{unit}</parameter>'
+    file = read(xdd(OBJECTS + variable(0x2000, "x", "0003", uniqueIDRef="U1"), parameter))
+    return Meanings((), dictionary=file.dictionary).of(0x2000, 0)
+
+
+def unit(multiplier: str, label: str = "V") -> str:
+    return f'<unit multiplier="{multiplier}"><label lang="en">{label}</label></unit>'
+
+
+def test_multiplier_and_offset_are_the_scale() -> None:
+    """The engineering value is (value + offset) x multiplier (CiA 311, parameter element)."""
+    assert scaled(unit("1")) == Physical("V")
+    assert scaled(unit("0.1")) == scaled(unit("1"), ' multiplier="1e-1"') == Physical("V", Fraction(1, 10))
+    assert scaled(unit("1", "1/256 V")) == Physical("V", Fraction(1, 256))
+    kelvin = scaled(unit("1", "degC"), ' multiplier="0.5" offset="-40"')
+    assert kelvin == Physical("\u00b0C", Fraction(1, 2), Fraction(-20))
+    assert kelvin.to_physical(100) == 30
+    assert scaled(unit("0.5"), ' offset="3"') == Physical("V", Fraction(1, 2), Fraction(3, 2))
+    assert scaled("", ' multiplier="0.01"') == Physical("", Fraction(1, 100))
+
+
+@pytest.mark.parametrize(
+    ("unit", "more"),
+    [
+        (unit("0.1"), ' multiplier="0.1"'),
+        (unit("0.1", "0.1 V"), ""),
+        (unit("1", "0.1 V"), ' offset="5"'),
+        (unit("0,1"), ""),
+        (unit("0"), ""),
+        (unit("1"), ' offset="five"'),
+    ],
+)
+def test_a_scale_that_may_be_meant_twice_or_is_no_number_stands_behind_the_unit(unit: str, more: str) -> None:
+    found = scaled(unit, more)
+    assert found.offset == 0
+    assert "V (" in found.unit
+    assert "multiplier" in found.unit or "offset" in found.unit
+
+
+@given(st.sampled_from(["", "1/256", "0.1", "-2", "3/8"]), st.sampled_from(["", "-40", "0.5"]), st.booleans())
+def test_a_scale_is_the_same_in_the_file_that_is_written(factor: str, offset: str, has_unit: bool) -> None:
+    entry = OdEntry(0x2000, 0, "x", DATA_TYPES[3], unit="V" if has_unit else "", factor=factor, offset=offset)
+    before = ObjectDictionary({0x2000: OdObject(0x2000, "x", ObjectType.VAR, {0: entry})})
+    lost = {name: of_entry(before, name) for name in ("x.xdd", "x.eds")}
+    assert lost == {"x.xdd": [], "x.eds": ["offset"] if offset else []}
+
+
+def of_entry(before: ObjectDictionary, name: str) -> list[str]:
+    """What the one object is otherwise once *before* was written to a file called *name*."""
+    data = device_file_bytes(before, name, "test", datetime(2026, 1, 1, tzinfo=UTC))
+    return [
+        one.what for one in differences(before, parse_device_file(data, name).dictionary) if one.place[:4] == "2000"
+    ]

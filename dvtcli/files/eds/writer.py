@@ -147,7 +147,7 @@ def _entry(entry: OdEntry, object_type: int) -> dict[str, str]:
         "ParameterValue": _value(entry, entry.value, relative=entry.value_relative),
         "PDOMapping": _flag(entry.pdo_mapping),
         "ObjFlags": f"0x{entry.object_flags:X}" if entry.object_flags else "",
-        "Unit": entry.unit, "Denotation": entry.denotation,
+        "Unit": entry.unit, "Factor": entry.factor, "Denotation": entry.denotation,
     }  # fmt: skip
     return {key: value for key, value in keys.items() if value}
 

@@ -7,7 +7,7 @@ meaning are, so that both files mean the same. Does not know other objects.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from dvtcli.domain.object_dictionary import ObjectType, OdEntry, OdObject
 from dvtcli.files.eds.entry import Place, read_entry
@@ -64,9 +64,14 @@ class _Described:
             self._take(found, key, name, value)
         self._take(found, "denotation", "denotation", self._own("denotation") or self._parameter_text("denotation"))
         self._take(found, "unit", "unit", self._parameter_text("unit"))
+        self._take(found, "factor", "multiplier", self._parameter_text("factor"))
         self._take_flags(found)
         self._take_access(found, findings)
         return found
+
+    def entry(self, values: Values, place: Place, findings: Findings) -> OdEntry:
+        """The entry that *values* say, with the offset, of which an EDS has no key."""
+        return replace(read_entry(values, place, findings), offset=self._parameter_text("offset") or "")
 
     def _take(self, found: Values, key: str, name: str, value: str | None) -> None:
         """Keep *value* as *key*, which the file calls *name*; nothing where it is empty, which says nothing."""
@@ -123,7 +128,7 @@ def build_object(index: int, element: XmlElement, parameters: Mapping[str, Param
     entries = _sub_entries(index, subs, parameters, findings)
     if not entries and object_type in _OF_ONE_ENTRY:
         place = Place(index, 0, element.line, of_many=False, domain=object_type == ObjectType.DOMAIN)
-        entries[0] = read_entry(values, place, findings)
+        entries[0] = described.entry(values, place, findings)
     _check_count(index, element, len(entries), object_type, findings)
     flags = 0 if object_type in _OF_ONE_ENTRY else number_key(values, "objflags", 0, 0xFFFF_FFFF, findings) or 0
     name = values["parametername"].value if "parametername" in values else f"{index:04X}"
@@ -149,8 +154,8 @@ def _sub_entries(
             findings.add(OBJECT_TWICE, sub.line, f"{index:04X}:{sub_index:02X} is described twice; the first counts")
             continue
         place = Place(index, sub_index, sub.line, of_many=True)
-        values = _described(sub, parameters, findings).values(findings)
-        entries[sub_index] = read_entry(values, place, findings)
+        described = _described(sub, parameters, findings)
+        entries[sub_index] = described.entry(described.values(findings), place, findings)
     return entries
 
 

@@ -6,7 +6,9 @@ Knows CiA 311's parameter and its data types. Does not know objects.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from fractions import Fraction
 
+from dvtcli.domain.unit import parse_offset, parse_scale
 from dvtcli.files.eds.findings import Findings
 from dvtcli.files.xdd.xdd_rules import PARAMETER_TWICE
 from dvtcli.files.xdd.xml_tree import XmlElement
@@ -21,6 +23,8 @@ _ACCESS = {
     "const": "const", "read": "ro", "write": "wo", "readWrite": "rw", "readWriteInput": "rwr",
     "readWriteOutput": "rww",
 }  # fmt: skip
+#: A number is not longer than this.
+_LONGEST = 40
 #: What CiA 311 gives a parameter that has no access.
 _DEFAULT_ACCESS = "ro"
 
@@ -56,9 +60,49 @@ class Parameter:
 
     @property
     def unit(self) -> str:
-        """The label of its unit."""
+        """The label of its unit; behind it what the file says of a scale where nobody can know which one counts."""
+        label = self._unit_label
+        return label if self._is_clear else f"{label} ({', '.join(self._scale_words)})".strip()
+
+    @property
+    def factor(self) -> str:
+        """What its value and offset are multiplied by; empty for 1, and where it is not clear."""
+        return next(iter(self._multipliers), "") if self._is_clear else ""
+
+    @property
+    def offset(self) -> str:
+        """What is added to its value before it is multiplied; empty for 0, and where the scale is not clear."""
+        return self._given_offset if self._is_clear else ""
+
+    @property
+    def _unit_label(self) -> str:
         found = self._child("unit")
         return "" if found is None else _label(found)
+
+    @property
+    def _multipliers(self) -> list[str]:
+        """That of the parameter and that of its unit, without those that are 1."""
+        unit = self._child("unit")
+        given = (self._attribute("multiplier"), None if unit is None else unit.attributes.get("multiplier"))
+        return [text for one in given if one is not None and _number(text := one.strip()[:_LONGEST]) != 1]
+
+    @property
+    def _given_offset(self) -> str:
+        text = (self._attribute("offset") or "").strip()[:_LONGEST]
+        return "" if not text or _number(text) == 0 else text
+
+    @property
+    def _scale_words(self) -> list[str]:
+        offset = [f"offset {self._given_offset}"] if self._given_offset else []
+        return [*(f"multiplier {one}" for one in self._multipliers), *offset]
+
+    @property
+    def _is_clear(self) -> bool:
+        """Whether one scale is said at most once, and by numbers: a label such as `1/256 V` is one, too."""
+        numbers = [*map(_number, self._multipliers), *([_number(self._given_offset)] if self._given_offset else [])]
+        if None in numbers or 0 in numbers or len(self._multipliers) > 1:
+            return False
+        return not numbers or parse_scale(self._unit_label)[0] == 1
 
     def value(self, name: str) -> str | None:
         """The value of *name* (`defaultValue`, `actualValue`), None where it has none."""
@@ -93,6 +137,14 @@ def read_parameters(root: XmlElement, findings: Findings) -> dict[str, Parameter
             continue
         found[name] = Parameter(one, templates.get(one.attributes.get("templateIDRef", "")))
     return found
+
+
+def _number(text: str) -> Fraction | None:
+    """The number that *text* is, None where it is none."""
+    try:
+        return parse_offset(text)
+    except ValueError:
+        return None
 
 
 def _label(element: XmlElement) -> str:

@@ -7,10 +7,13 @@ cannot say: a unit, or an access type of EDS files without a mapping.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from datetime import datetime
 from xml.etree import ElementTree
 
 from dvtcli.domain.object_dictionary import Access, ObjectDictionary, ObjectType, OdEntry, OdObject
+from dvtcli.domain.unit import parse_offset
+from dvtcli.files.dbc_text import decimal
 from dvtcli.files.eds.written_values import written_limit, written_value
 from dvtcli.files.xdd.recognise import NAMESPACES
 from dvtcli.files.xdd.xdd_parameters import TYPES
@@ -191,7 +194,7 @@ def _said(entry: OdEntry, parameters: Element) -> dict[str, str]:
         "objFlags": _flags(entry.object_flags) if entry.object_flags else None,
     }
     found = {name: _allowed(value) for name, value in said.items() if value is not None}
-    if entry.unit or (entry.access in _DIRECTED and not mapped):
+    if entry.unit or _scale(entry) or (entry.access in _DIRECTED and not mapped):
         found["uniqueIDRef"] = _parameter(entry, parameters)
     return found
 
@@ -209,13 +212,22 @@ def _parameter(entry: OdEntry, parameters: Element) -> str:
     """Make the parameter that *entry* refers to, and give its name."""
     name = f"UID_{entry.index:04X}_{entry.sub_index:02X}"
     access = _DIRECTED[entry.access][0] if entry.access in _DIRECTED else _PARAMETER_ACCESS[entry.access]
-    one = _add(parameters, "co:parameter", {"uniqueID": name, "access": access})
+    one = _add(parameters, "co:parameter", {"uniqueID": name, "access": access, **_scale(entry)})
     _add(one, "label", {"lang": "en"}, entry.name)
     if entry.data_type is not None and entry.data_type.code in _TYPE_NAMES:
         _add(one, _TYPE_NAMES[entry.data_type.code])
     if entry.unit:
         _add(_add(one, "co:unit", {"multiplier": "1"}), "label", {"lang": "en"}, entry.unit)
     return name
+
+
+def _scale(entry: OdEntry) -> dict[str, str]:
+    """Offset and multiplier in decimal; one that is no number is not written."""
+    found = {}
+    for name, text in (("offset", entry.offset), ("multiplier", entry.factor)):
+        with suppress(ValueError):
+            found[name] = decimal(parse_offset(text))
+    return found
 
 
 def _add(parent: Element, name: str, attributes: Mapping[str, str] | None = None, text: str = "") -> Element:
