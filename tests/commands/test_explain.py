@@ -89,3 +89,14 @@ def test_an_sdo_is_named_by_eds_and_by_a_network_file(tmp_path: Path) -> None:
 def test_what_is_no_frame_is_exit_2() -> None:
     ran = Bench(()).run("explain 185##1027")
     assert (ran.code, "CAN FD" in ran.stderr, "185#1027" in ran.stderr) == (2, True, True)
+
+
+@pytest.mark.parametrize("line", ["explain 189#3700", "decode {log}", "plot {log} statusword"])
+def test_eds_takes_a_family_and_says_what_is_no_file(line: str, tmp_path: Path) -> None:
+    """A word that is no file is no bug of ours, also where no bus is opened."""
+    log = tmp_path / "run.log"
+    log.write_text("(1.0) can0 189#3700\n", "ascii")
+    missing = Bench((), {"eds": "nothere.eds"}).run(line.format(log=log))
+    assert (missing.code, "nothere.eds: No such file" in missing.stderr) == (2, True)
+    family = Bench((), {"eds": "generic"}).run(line.format(log=log))
+    assert (family.code, "a bug" in family.stderr) == (2 if line.startswith("plot") else 0, False)

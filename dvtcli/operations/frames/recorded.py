@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from dvtcli.operations.session.session import Session
     from dvtcli.watch.decoder import Decoder
 
@@ -16,6 +17,7 @@ def decoder_for(session: Session, nodes: tuple[int, ...] | None, dbc: str | None
     Nodes are asked only where they are named (-n, --nodes, --sim) or a bus is open already; else frames stay bytes.
     """
     from dvtcli.operations.frames.layouts import live_decoder
+    from dvtcli.operations.opening.simulated_nodes import file_or_family
     from dvtcli.watch.decoder import Decoder
 
     base = session.base
@@ -24,7 +26,7 @@ def decoder_for(session: Session, nodes: tuple[int, ...] | None, dbc: str | None
 
         return Decoder(file_layouts(dbc))
     if base.eds is not None:
-        return _file_decoder(Path(base.eds), nodes or base.nodes, base.profile)
+        return _file_decoder(file_or_family(base.eds), nodes or base.nodes, base.profile)
     if base.sim or base.nodes or nodes or session.is_open:
         return live_decoder(session, nodes or ())
     return Decoder()
@@ -37,12 +39,12 @@ def _file_decoder(path: Path, nodes: tuple[int, ...], family: str | None) -> Dec
     """
     from dvtcli.device.described_node import FileValues
     from dvtcli.device.read_pdos import present_pdos, read_pdo
-    from dvtcli.files.device_file import read_device_file
     from dvtcli.files.profile.library import load_profile, profile_of
     from dvtcli.operations.meanings.physical_meanings import meanings_of
+    from dvtcli.operations.opening.simulated_nodes import read_dictionary
     from dvtcli.watch.decoder import Decoder, pdo_layouts
 
-    dictionary = read_device_file(path).dictionary
+    dictionary = read_dictionary(path)
     profile = load_profile(family) if family else profile_of(dictionary)
     meanings = meanings_of(profile, dictionary)
     decoder = Decoder()
