@@ -280,3 +280,24 @@ def test_a_backup_without_an_eds_says_what_it_is_not_for(tmp_path: Path) -> None
         kept = backup_device(bench.session, str(tmp_path / "node.jsonl"), areas=(range(0x1000, 0x1020),))
         assert "no EDS describes node 5: `apply` and `clone` of this file need one" in kept.text[-1]
         assert bench.run(f"compare {tmp_path / 'node.jsonl'}").code == 0
+
+
+def test_a_backup_of_nothing_and_a_comparison_of_nothing_are_no_success(tmp_path: Path) -> None:
+    empty, other = tmp_path / "empty.jsonl", tmp_path / "other.jsonl"
+    with Bench(("generic@5",)) as bench:
+        assert bench.run(f"backup {tmp_path / 'a.jsonl'}").code == 0
+        head = '{"schema": "dvtcli.whole-device/1", "node": 5, "identity": {"vendor": 1}, "made": "", "objects": %d}\n'
+        empty.write_text(head % 0, "utf-8")
+        other.write_text(head % 1 + '{"object": "2FF0:00", "type": "u8", "raw": "00"}\n', "utf-8")
+        for words in (f"{empty}", f"{empty} {empty}", f"{tmp_path / 'a.jsonl'} {other}"):
+            ran = bench.run(f"compare {words}")
+            assert (ran.code, "nothing compared" in ran.stderr, ran.stdout) == (2, True, ""), words
+    eds = plain()
+    eds.objects = {0x5EF0: ("Ramp", {None: var("Ramp", U16, 100)})}
+    (tmp_path / "alien.eds").write_text(eds.text(), "utf-8")
+    bus = VirtualTimeBus([unknown(5)], simulated=False)
+    with Bench((), {"node": (5,), "eds": str(tmp_path / "alien.eds"), "force": True}, bus) as bench:
+        for name in ("b.jsonl", "b.dcf", "b.xdc"):
+            ran = bench.run(f"backup {tmp_path / name}")
+            assert (ran.code, "no object of node 5 could be read" in ran.stderr) == (2, True), ran.stderr
+            assert not (tmp_path / name).exists()

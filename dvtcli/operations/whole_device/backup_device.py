@@ -41,8 +41,8 @@ def backup_device(
 
     A `.dcf` or `.xdc` is the node's EDS with those values. A `.jsonl` has the aborts, too, and needs no EDS: without
     one each index of *areas* is asked for. With *twice* every object is read a second time, and what changed by then is
-    left out. Asks before it overwrites. UsageError for another suffix, for a DCF without an EDS, or where FILE cannot
-    be written.
+    left out. Asks before it overwrites. UsageError for another suffix, for a DCF without an EDS, where nothing could be
+    read, or where FILE cannot be written.
     """
     suffix = Path(file).suffix.lower()
     if suffix not in (*SUFFIXES, SUFFIX):
@@ -67,6 +67,7 @@ def backup_device(
 def _as_dcf(session: Session, node: Node, path: Path, file: str, *, twice: bool) -> Facts:
     whole = look_through(session, node, twice=twice)
     text, _ = dcf_of(session, whole, path.name)
+    _must_have_read(node, len(text.said), left_out(whole, text))
     write_bytes(path, text.data)
     return _answer(file, node, len(text.said), left_out(whole, text))
 
@@ -74,14 +75,25 @@ def _as_dcf(session: Session, node: Node, path: Path, file: str, *, twice: bool)
 def _as_lines(node: Node, path: Path, file: str, found: Mapping[ObjectAddress, ReadObject]) -> Facts:
     eds = "" if node.dictionary is None else node.dictionary.source
     kept = {place: _kept(one) for place, one in found.items()}
+    out = {f"{place[0]:04X}:{place[1]:02X}": one.why for place, one in sorted(kept.items()) if one.data is None}
+    _must_have_read(node, len(kept) - len(out), out)
     text = whole_device_text(KeptDevice(node.node_id, node.identity(), utc(time.time()), kept, eds))
     write_bytes(path, text.encode())
-    out = {f"{place[0]:04X}:{place[1]:02X}": one.why for place, one in sorted(kept.items()) if one.data is None}
     answer = _answer(file, node, len(kept) - len(out), out)
     if node.dictionary is not None:
         return answer
     text = f"note: no EDS describes node {node.node_id}: `apply` and `clone` of this file need one, `compare` does not"
     return replace(answer, text=(*answer.text, text))
+
+
+def _must_have_read(node: Node, count: int, out: Mapping[str, str]) -> None:
+    """UsageError where nothing was read that could be kept: a file without an object is no backup."""
+    if not count:
+        raise UsageError(
+            f"no object of node {node.node_id} could be read: nothing is kept, and no file was written",
+            node=node.node_id, why=several(f"{place} ({why})" for place, why in out.items()),
+            hint="is its EDS that of another device? `node` names it",
+        )  # fmt: skip
 
 
 def _kept(one: ReadObject) -> KeptObject:

@@ -13,6 +13,7 @@ from dvtcli.domain.configuration import Configuration, NotWritten, configuration
 from dvtcli.domain.object_dictionary import Access, OdEntry
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.standard_objects import is_pdo_mapping, standard_entry
+from dvtcli.errors import UsageError
 from dvtcli.files.eds.written_values import same_value
 from dvtcli.files.whole_device_file import KeptObject
 from dvtcli.operations.results.whole_devices import ObjectDifference, WholeCompared
@@ -61,7 +62,7 @@ def compare_device(
 
     A file is a DCF, an EDS, an XDD, an XDC or a backup's `.jsonl`. Of the node what the file says something of is read;
     an object that differs is read again, and if it has changed by then it is told apart. UsageError where a file cannot
-    be read, InputFileError where it is none.
+    be read, or no setting could be compared; InputFileError where it is none.
     """
     if other is None:
         node = session.node(node_id)
@@ -170,11 +171,24 @@ def _compared(first: HeldDevice, second: _Second, node: int | None, *, shows_all
         if not same_value(entry.data_type, wanted, held.data):
             name = _name(place, second.dictionary, first.dictionary)
             found[kind].append(ObjectDifference(_label(place), name, entry.data_type, wanted, held.data, held.why))
+    if not count:
+        raise _nothing_compared(first, second)
     return WholeCompared(
         node, first.name, second.name, count, tuple(found[Kind.SETTING]), tuple(found[Kind.ABOUT]),
         tuple(found[Kind.APART]), _unsaid(first, second, node), _unlike(first, second),
         unread=tuple(unread), shows_all=shows_all,
     )  # fmt: skip
+
+
+def _nothing_compared(first: HeldDevice, second: _Second) -> UsageError:
+    """The error of a comparison that no setting was part of: it shows nothing, so it is not called equal."""
+    unlike = _unlike(first, second)
+    return UsageError(
+        f"nothing compared: {first.name} and {second.name} have no setting in common that both say something of",
+        place=first.name,
+        why=f"another device: {unlike}" if unlike else "",
+        hint="is it the whole file, and of that device? `backup FILE` makes one now",
+    )
 
 
 def _is_beyond_count(place: ObjectAddress, first: HeldDevice, second: _Second) -> bool:
