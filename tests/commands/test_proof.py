@@ -556,3 +556,14 @@ def test_a_store_that_may_be_skipped_keeps_another_dvtcli_away_all_the_same() ->
         with Bench((), {**wire.options, "yes": True}) as other:
             other.session.node().claim()
             assert bench.run("store --if-changed").code == 6
+
+
+@pytest.mark.parametrize(("faults", "code"), [((), 0), (("stores-nothing",), 1)])
+def test_what_was_applied_before_is_proved_too(faults: tuple[str, ...], code: int, tmp_path: Path) -> None:
+    file = tmp_path / "net.yaml"
+    file.write_text("drive: {node_id: 5, store: true, tpdo: {1: {event_timer: 80}}}\n", "utf-8")
+    with Bench(("generic@5",), {"fault": faults, "yes": True}) as bench:
+        assert bench.run(f"apply {file}").code == 0
+        proved = bench.run(f"apply {file} --prove")
+        assert (proved.code, "nothing was written" in proved.stdout) == (code, False), proved.stdout
+        assert bench.run(f"diff {file}").code == (3 if code else 0)

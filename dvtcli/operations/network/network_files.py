@@ -90,6 +90,8 @@ def applied(
     if trust_stamp and prove is not None:
         raise UsageError("--trust-stamp and --prove exclude each other: what is not read is not proved either")
     plan = _plan_of(session, file, trust_stamp=trust_stamp, include=include, manager=manager)
+    if prove is not None:
+        plan = replace(plan, nodes=tuple(replace(one, is_to_be_proved=True) for one in plan.nodes))
     on_plan(plan)
     return apply_network(session, plan, prove=prove)
 
