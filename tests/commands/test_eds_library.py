@@ -208,6 +208,20 @@ def test_another_major_revision_is_warned_of_before_a_change() -> None:
         assert bench.run("map tpdo2 6000:01 --dry-run").stderr == ""
 
 
+@pytest.mark.parametrize("line", ["backup n.dcf", "backup n.xdc", "export n.dcf"])
+def test_a_file_of_a_device_says_its_own_revision_not_that_of_its_eds(line: str) -> None:
+    write("old.eds", text(0x10001))
+    with Bench((), {"node": 5}, bus=live(pump(5, 0x20000))) as bench:
+        assert bench.run("eds add old.eds").code == 0
+        assert bench.run(line).code == 0
+        file = line.split()[1]
+        assert read_device_file(Path(file)).dictionary.info.revision_number == 0x20000
+        compared = bench.run(f"compare {file} --json")
+        assert (compared.code, compared.document["unlike"]) == (0, "")
+        found = bench.run(f"eds check {file} --json").document["findings"]
+        assert "device-identity" not in {one["rule"] for one in found}
+
+
 def test_rivals_are_named_and_one_is_chosen() -> None:
     write("a.eds", text())
     write("b.eds", text(name="other"))

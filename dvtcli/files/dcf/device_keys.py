@@ -1,4 +1,4 @@
-"""[FileInfo] and [DeviceComissioning] of a DCF (CiA 306, 4.5 and 5.2; the standard spells it so).
+"""[FileInfo], [DeviceComissioning] and the revision of a DCF (CiA 306, 4.5 and 5.2; the standard spells it so).
 
 CreationDate and whatever else the EDS says of itself stays. Does not know objects.
 """
@@ -14,7 +14,7 @@ from dvtcli.files.eds.findings import Findings
 from dvtcli.files.eds.ini import section_values
 from dvtcli.files.eds.reader import EdsFile
 
-_FILE_INFO, _COMMISSIONING = "FileInfo", "DeviceComissioning"
+_FILE_INFO, _DEVICE_INFO, _COMMISSIONING = "FileInfo", "DeviceInfo", "DeviceComissioning"
 
 
 class Device(Protocol):
@@ -45,10 +45,17 @@ class Device(Protocol):
         """Its serial number (0x1018:4)."""
         ...
 
+    @property
+    def revision(self) -> int | None:
+        """Its revision number (0x1018:3)."""
+        ...
+
 
 def write_device_keys(eds: EdsFile, text: EditedText, source: str, device: Device) -> None:
     """Say in *text* who wrote it and when, of which *source* it is made, and which node it is about."""
     _set_keys(eds, text, _FILE_INFO, _file_info(eds, source, device), before_first=True)
+    if device.revision not in (None, eds.dictionary.info.revision_number):  # it is of the device, not of its EDS
+        _set_keys(eds, text, _DEVICE_INFO, {"RevisionNumber": f"0x{device.revision:08X}"})
     said = {"NodeID": device.node_id, "Baudrate": device.bit_rate_kbit, "LSS_SerialNumber": device.serial}
     keys = {key: str(value) for key, value in said.items() if value is not None}
     _set_keys(eds, text, _COMMISSIONING, keys, gone=[key.lower() for key, value in said.items() if value is None])

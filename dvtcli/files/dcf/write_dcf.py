@@ -32,8 +32,8 @@ _VALUE, _DEFAULT = "parametervalue", "defaultvalue"
 class Commissioned:
     """The device that a DCF is about: what its [DeviceComissioning] and [FileInfo] say.
 
-    *file_name* is the DCF's, *made* when its values were read; *bit_rate_kbit* and *serial* (0x1018:4) are None where
-    nobody knows them.
+    *file_name* is the DCF's, *made* when its values were read; *bit_rate_kbit*, *serial* (0x1018:4) and *revision*
+    (0x1018:3) are None where nobody knows them.
     """
 
     file_name: str
@@ -41,6 +41,7 @@ class Commissioned:
     made: datetime
     bit_rate_kbit: int | None = None
     serial: int | None = None
+    revision: int | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.session.session import Session
 
 SUFFIXES = VALUE_SUFFIXES
+_REVISION = (0x1018, 3)
 
 
 def export_dcf(session: Session, file: str, node_id: int | None = None, *, twice: bool = False) -> Facts:
@@ -58,12 +59,22 @@ def dcf_of(session: Session, whole: WholeDevice, file_name: str) -> tuple[DcfTex
     path = session.network.files.eds_path(node.node_id)
     if path is None:
         raise UsageError(f"node {node.node_id} has no EDS here", node=node.node_id, hint="--eds FILE gives one")
-    rate = node.bus.runs_at
+    rate, identity = node.bus.runs_at, node.identity()
     device = Commissioned(
-        file_name, node.node_id, datetime.now().astimezone(), rate // 1000 if rate else None, node.identity()["serial"]
-    )
-    text = write_dcf(_eds_of(path, device.made), path.name, values_of(whole.objects), device)
+        file_name, node.node_id, datetime.now().astimezone(), rate // 1000 if rate else None,
+        identity["serial"], identity["revision"],
+    )  # fmt: skip
+    text = write_dcf(_eds_of(path, device.made), path.name, _own_revision(whole) | values_of(whole.objects), device)
+    text = replace(text, said=tuple(place for place in text.said if place in whole.objects))
     return (_as_xdc(text, whole, device) if file_name.lower().endswith(XDD_SUFFIXES) else text), path
+
+
+def _own_revision(whole: WholeDevice) -> dict[ObjectAddress, bytes]:
+    """0x1018:03 of a device of another revision than its EDS: it is no setting, and says whose file this is."""
+    revision = whole.node.identity()["revision"]
+    if revision in (None, whole.dictionary.info.revision_number) or whole.dictionary.entry(*_REVISION) is None:
+        return {}
+    return {_REVISION: revision.to_bytes(4, "little")}
 
 
 def _eds_of(path: Path, made: datetime) -> bytes:
