@@ -10,7 +10,8 @@ from dataclasses import dataclass, replace
 from itertools import islice
 from typing import TYPE_CHECKING
 
-from dvtcli.device.change.carry_out import carry_out, left_open
+from dvtcli.device.change.after_change import left_open
+from dvtcli.device.change.carry_out import carry_out
 from dvtcli.device.change.put_back import restore_patiently
 from dvtcli.device.proposal import proposal
 from dvtcli.domain.pdo import Pdo, PdoConfig

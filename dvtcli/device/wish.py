@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.compare import differences
 from dvtcli.domain.pdo import MAPPING, PARAMETERS, Pdo, PdoConfig
-from dvtcli.domain.plan import few_bytes
+from dvtcli.domain.several import few_bytes
 
 if TYPE_CHECKING:
     from dvtcli.device.known_pdos import KnownPdos

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
+from dvtcli.domain.several import few_bytes
 
 #: Verify configuration (CiA 301): date and time that stand for what a device holds (`stamp`).
 STAMP = 0x1020
@@ -47,12 +48,6 @@ class Step:
         if self.names_object:
             return f"0x{value:04X}"
         return f"0x{value:08X}" if len(data) == 4 else str(value) if len(data) <= 2 else few_bytes(data)
-
-
-def few_bytes(data: bytes) -> str:
-    """The first of many bytes, and how many there are: a line beside others has room for few."""
-    most = 16
-    return data.hex(" ").upper() if len(data) <= most else f"{data[:4].hex(' ').upper()} … {len(data):,} bytes"
 
 
 @dataclass(frozen=True, slots=True)

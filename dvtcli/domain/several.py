@@ -1,4 +1,4 @@
-"""Lists of names that fit a line, and numbers with their noun."""
+"""Lists of names, and bytes, that fit a line; numbers with their noun."""
 
 from __future__ import annotations
 
@@ -14,3 +14,9 @@ def several(names: Iterable[str]) -> str:
     """Names for one line: all of a few, else the first ones and how many more there are."""
     found = list(names)
     return ", ".join(found) if len(found) <= 4 else f"{', '.join(found[:3])} and {len(found) - 3} more"
+
+
+def few_bytes(data: bytes) -> str:
+    """The first of many bytes, and how many there are: a line beside others has room for few."""
+    most = 16
+    return data.hex(" ").upper() if len(data) <= most else f"{data[:4].hex(' ').upper()} … {len(data):,} bytes"

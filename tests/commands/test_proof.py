@@ -12,7 +12,8 @@ import pytest
 
 from dvtcli.device.canary import Canary
 from dvtcli.device.change.pending import CHANGE
-from dvtcli.device.change.proven import Restart, prove_restore
+from dvtcli.device.change.proven_restore import prove_restore
+from dvtcli.device.change.proving import Restart
 from dvtcli.device.store_parameters import RESTORE, Signed, await_power_cycle
 from dvtcli.domain.proof import POWER
 from dvtcli.errors import NoAnswer

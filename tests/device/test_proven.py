@@ -7,7 +7,9 @@ from dataclasses import replace
 
 import pytest
 
-from dvtcli.device.change.proven import Restart, prepare_proof, prove_restore, prove_store, restart_and_read
+from dvtcli.device.change.proven import prepare_proof, prove_store
+from dvtcli.device.change.proven_restore import prove_restore, restart_and_read
+from dvtcli.device.change.proving import Restart
 from dvtcli.device.held import Held
 from dvtcli.device.node import Node
 from dvtcli.device.store_parameters import RESTORE, STORE, Signed

@@ -5,8 +5,8 @@ Knows plans and errors. Neither reads nor writes devices, and does not know what
 
 from __future__ import annotations
 
-from dvtcli.domain.plan import Plan, Step, few_bytes
-from dvtcli.domain.several import several
+from dvtcli.domain.plan import Plan, Step
+from dvtcli.domain.several import few_bytes, several
 from dvtcli.errors import BusUnavailable, DeviceRefused, DvtcliError, LeftChanged, NoAnswer, SdoAborted
 
 #: What to do about a node that restarts.

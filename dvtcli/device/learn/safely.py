@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from dvtcli.device.change.carry_out import left_open
+from dvtcli.device.change.after_change import left_open
 from dvtcli.device.change.put_back import restore_patiently
 from dvtcli.device.learn.asking import Asking
 from dvtcli.device.learn.saving import Saved, ask_to_save

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from dvtcli.domain.bus_load import least_frame_bits, most_frame_bits
-from dvtcli.domain.network.frame_streams import Stream, Streams
 from dvtcli.domain.network.response_time import response_times, utilisation
+from dvtcli.domain.network.stream import Stream, Streams
 
 #: The longest frame of SDO, which has no time of its own and goes last.
 SDO_BITS = most_frame_bits(8)

@@ -5,9 +5,7 @@ Knows configurations. Computes no time on the wire, reads no node. What cannot b
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field, replace
-from fractions import Fraction
+from collections.abc import Iterator
 
 from dvtcli.domain.frame import byte_length
 from dvtcli.domain.network.network_state import (
@@ -24,67 +22,27 @@ from dvtcli.domain.network.network_state import (
     identifier_of,
 )
 from dvtcli.domain.network.response_time import TimedFrame
+from dvtcli.domain.network.stream import (
+    EMCY_US,
+    EVENT_DRIVEN,
+    NO_LIMIT,
+    NO_SYNC,
+    ON_RTR,
+    SYNCHRONOUS,
+    TIME_US,
+    Stream,
+    Streams,
+    Time,
+    WhatIf,
+    in_ms,
+)
+from dvtcli.domain.network.stream_assumptions import assumptions, without_producer
 from dvtcli.domain.network.wanted_state import Endpoint
-from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.domain.several import plural, several
+from dvtcli.domain.pdo import PdoConfig
 
-Time = Fraction | int
 _MS, _100_US = 1000, 100
 _LONGEST_BYTES = 8
 _HEARTBEAT = 0x700
-SYNCHRONOUS = range(241)
-ON_RTR = (252, 253)
-EVENT_DRIVEN = (254, 255)
-#: What is taken for what nobody says: an EMCY of a node, and a time stamp, each so often (µs).
-EMCY_US, TIME_US = 1_000_000, 1_000_000
-NO_LIMIT, NO_SYNC = "any event", "unknown SYNC"
-
-
-@dataclass(frozen=True, slots=True)
-class Stream:
-    """A frame that comes again and again: *kind* is `tpdo`, `rpdo`, `sync`, `heartbeat`, `guarding`, `emcy` or `time`.
-
-    *label* says what it is, *node* whose. *why* says where its period comes from, or why it has none. *deadline_us*
-    counts from when it should be sent; *window_us* from SYNC, where the device has one (0x1007). *assumed*: somebody
-    took the period for granted.
-    """
-
-    kind: str
-    label: str
-    frame: TimedFrame
-    why: str
-    node: int | None = None
-    pdo: Pdo | None = None
-    deadline_us: Time | None = None
-    window_us: int | None = None
-    assumed: bool = False
-
-    @property
-    def is_synchronous(self) -> bool:
-        """Whether SYNC makes it be sent."""
-        return self.kind in ("tpdo", "rpdo") and self.why.startswith("SYNC")
-
-    def late(self, jitter_us: Time) -> Stream:
-        """The same, handed over up to *jitter_us* later than its period says."""
-        deadline = self.deadline_us if self.window_us is None else self.window_us + jitter_us
-        return replace(self, frame=replace(self.frame, jitter_us=jitter_us), deadline_us=deadline)
-
-
-@dataclass(frozen=True, slots=True)
-class WhatIf:
-    """What is to count instead of what the network holds: *sync_us* and *emcy_us* (µs), inhibit times in 100 µs."""
-
-    sync_us: int | None = None
-    emcy_us: int | None = None
-    inhibit: dict[Endpoint, int] = field(default_factory=dict)
-
-
-@dataclass(frozen=True, slots=True)
-class Streams:
-    """Every stream, and what was *assumed* to find them, a sentence each."""
-
-    streams: tuple[Stream, ...]
-    assumed: tuple[str, ...]
 
 
 def streams_of(state: NetworkState, what_if: WhatIf | None = None) -> Streams:
@@ -97,7 +55,7 @@ def streams_of(state: NetworkState, what_if: WhatIf | None = None) -> Streams:
         found += _error_control(state, node)
         found += _emcy(node, what_if)
     found += _master(state, sync_us)
-    return Streams(tuple(found), tuple(_assumptions(state, found, what_if, sync_us)))
+    return Streams(tuple(found), tuple(assumptions(state, found, what_if, sync_us)))
 
 
 def _frame(identifier: Identifier, data_bytes: int, period_us: Time | None, *, remote: bool = False) -> TimedFrame:
@@ -118,7 +76,7 @@ def _syncs(state: NetworkState, what_if: WhatIf) -> Iterator[Stream]:
 
 
 def _sync(identifier: Identifier, data_bytes: int, period_us: int, node: int | None) -> Stream:
-    why = f"every {_ms(period_us)}"
+    why = f"every {in_ms(period_us)}"
     return Stream("sync", "SYNC", _frame(identifier, data_bytes, period_us), why, node, deadline_us=period_us)
 
 
@@ -157,9 +115,9 @@ def _period(kind: int | None, inhibit_us: int, timer_us: int, sync_us: int | Non
         words = f"SYNC, every {times}" if times > 1 else "SYNC"
         return (None, NO_SYNC) if sync_us is None else (times * sync_us, words)
     if inhibit_us:
-        return inhibit_us, f"inhibit {_ms(inhibit_us)}"
+        return inhibit_us, f"inhibit {in_ms(inhibit_us)}"
     if timer_us:
-        return timer_us, f"timer {_ms(timer_us)}"
+        return timer_us, f"timer {in_ms(timer_us)}"
     return None, NO_LIMIT if kind in EVENT_DRIVEN else f"type {'unknown' if kind is None else kind}"
 
 
@@ -177,7 +135,7 @@ def _error_control(state: NetworkState, node: NodeState) -> Iterator[Stream]:
         yield _heartbeat(state, node.node_id, node.heartbeat_ms)
     elif node.is_guarded:
         period_us = (node.number(GUARD_TIME) or 0) * _MS
-        why = f"guard time {_ms(period_us)}"
+        why = f"guard time {in_ms(period_us)}"
         for label, remote in (("guarding, asked", True), ("guarding", False)):
             frame = _frame(identifier, int(not remote), period_us, remote=remote)
             yield Stream("guarding", label, frame, why, node.node_id, deadline_us=period_us)
@@ -198,7 +156,7 @@ def _emcy(node: NodeState, what_if: WhatIf) -> Iterator[Stream]:
         return
     inhibit_us = (node.number(EMCY_INHIBIT) or 0) * _100_US
     period_us = inhibit_us or what_if.emcy_us or EMCY_US
-    why = f"0x1015, {_ms(inhibit_us)}" if inhibit_us else "assumed"
+    why = f"0x1015, {in_ms(inhibit_us)}" if inhibit_us else "assumed"
     frame = _frame(identifier, _LONGEST_BYTES, period_us)
     yield Stream("emcy", "EMCY", frame, why, node.node_id, deadline_us=period_us, assumed=not inhibit_us)
 
@@ -208,64 +166,8 @@ def _master(state: NetworkState, sync_us: int | None) -> Iterator[Stream]:
     master = state.master
     if master is not None and master.node_id and master.node_id <= 127 and master.heartbeat_producer_ms:
         yield _heartbeat(state, master.node_id, master.heartbeat_producer_ms)
-    for node, pdo, config in _without_producer(state):
+    for node, pdo, config in without_producer(state):
         kind = config.communication.transmission_type
         if sync_us is not None and kind is not None and kind in SYNCHRONOUS:
             frame = _frame(identifier_of(config), data_bytes(config), sync_us)
             yield Stream("rpdo", pdo.label, frame, "SYNC", node.node_id, pdo, sync_us, assumed=True)
-
-
-def _without_producer(state: NetworkState) -> Iterator[tuple[NodeState, Pdo, PdoConfig]]:
-    seen: set[Identifier] = set()
-    for node, pdo, config in state.enabled(is_tpdo=False):
-        if not state.producers(identifier_of(config)) and identifier_of(config) not in seen:
-            seen.add(identifier_of(config))
-            yield node, pdo, config
-
-
-def _assumptions(state: NetworkState, streams: Iterable[Stream], what_if: WhatIf, sync_us: int | None) -> Iterator[str]:
-    """What was taken for granted, and what is not counted."""
-    streams = list(streams)
-    if emcys := sum(one.kind == "emcy" and one.assumed for one in streams):
-        whose = "node sends" if emcys == 1 else "nodes send"
-        every = _ms(what_if.emcy_us or EMCY_US)
-        yield f"{emcys} {whose} an EMCY each {every} at most (0x1015 is 0; --emcy MS says another time)"
-    if any(one.kind == "time" for one in streams):
-        yield f"TIME is sent each {_ms(TIME_US)}"
-    timers = [one for one in streams if one.kind == "tpdo" and one.why.startswith("timer")]
-    if timers:
-        verb = "is" if len(timers) == 1 else "are"
-        what = f"{plural(len(timers), 'TPDO')} without inhibit time {verb}"
-        yield f"{what} sent by the event timer only: {_names(timers)}"
-    by_master = [one for one in streams if one.kind == "rpdo"]
-    if by_master:
-        yield f"a master sends on each SYNC what no node here does: {_names(by_master)}"
-    others = [one for one in _without_producer(state) if not _counted(one[2], sync_us)]
-    if others:
-        listed = several(f"{node.node_id}:{pdo}" for node, pdo, _ in others)
-        yield f"no node here sends what {listed} {'hears' if len(others) == 1 else 'hear'}: not counted"
-    asked = [f"{node.node_id}:{pdo}" for node, pdo, one in state.enabled(is_tpdo=True) if _is_asked(one)]
-    if asked:
-        yield f"sent on request (RTR) only, and not counted: {several(asked)}"
-    if state.untold:
-        ids = several(str(node_id) for node_id in state.untold)
-        yield f"of node {ids} only what the file says is known, 8 bytes a PDO where it says no length"
-    yield "SDO takes what is left: one of its frames may be under way when another one becomes ready"
-
-
-def _counted(config: PdoConfig, sync_us: int | None) -> bool:
-    kind = config.communication.transmission_type
-    return sync_us is not None and kind is not None and kind in SYNCHRONOUS
-
-
-def _is_asked(config: PdoConfig) -> bool:
-    return config.communication.transmission_type in ON_RTR
-
-
-def _names(streams: Iterable[Stream]) -> str:
-    return several(f"{one.node}:{one.pdo}" for one in streams)
-
-
-def _ms(time_us: Time) -> str:
-    """A time as people say it: `2.5 ms`."""
-    return f"{float(Fraction(time_us) / 1000):g} ms"

@@ -6,26 +6,22 @@ No consumer hears a layout that is not its own on the way back either. Does not 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field, replace
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.course import combined
-from dvtcli.device.change.put_back import PATIENCE_S, RETRY_S, first_difference
-from dvtcli.device.change.way_back import TakeBack
 from dvtcli.device.observe import MOST_LOOKS
-from dvtcli.domain.plan import Change, PdoChange, Plan
+from dvtcli.domain.plan import Change, Plan
 from dvtcli.domain.several import several
-from dvtcli.errors import DeviceRefused, DvtcliError, Interrupted, LeftChanged, NoAnswer, SdoAborted, SdoProtocolError
+from dvtcli.errors import DeviceRefused, DvtcliError, Interrupted, LeftChanged
+from dvtcli.operations.changes.node_before import NodeBefore, difference_from_before, is_otherwise, put_back
 
 if TYPE_CHECKING:
     from dvtcli.device.change.own_journal import OwnJournal
     from dvtcli.device.node import Node
-    from dvtcli.domain.pdo import Pdo, PdoConfig
     from dvtcli.operations.session.session import Session
 
-#: What a node answers that is restarting, or does not.
-_PASSING = (NoAnswer, SdoProtocolError, SdoAborted, DeviceRefused)
 _Put = Callable[["Node"], None]
 _ALL_BACK = "rolled back: every node is as it was, read back equal; nothing was stored"
 _OWN_BACK = "rolled back: what was changed is as it was on every node, read back equal; nothing was stored"
@@ -47,7 +43,7 @@ class Course:
     plans: dict[int, Plan] = field(default_factory=dict)
     #: whether it is a whole by itself, and no line of a script that is one
     _alone: bool = field(init=False)
-    _before: dict[int, _Before] = field(init=False)
+    _before: dict[int, NodeBefore] = field(init=False)
     #: nodes a part of which failed before anything of it was written
     _unwritten: list[int] = field(default_factory=list)
 
@@ -55,7 +51,7 @@ class Course:
         self._alone = self.session.whole.id is None
         if self._alone:
             self.session.whole.begin(self.name)
-        self._before = {node_id: _Before.of(node, self.boot_ups[node_id]) for node_id, node in self.nodes.items()}
+        self._before = {node_id: NodeBefore.of(node, self.boot_ups[node_id]) for node_id, node in self.nodes.items()}
 
     def journals(self) -> list[OwnJournal]:
         """Those of the nodes, where they are this plan's alone."""
@@ -101,7 +97,7 @@ class Course:
         with self.session.cancellation.way_back(), self.session.agreed():
             for part in reversed(self.done):
                 if part.node_id not in failures:
-                    self._try(part.node_id, failures, fault, lambda node, part=part: _put_back(node, part))  # type: ignore[misc]
+                    self._try(part.node_id, failures, fault, lambda node, part=part: put_back(node, part))  # type: ignore[misc]
             self._settle_all(failures, fault)
         for journal in self.journals():
             journal.abandon_whole()
@@ -182,12 +178,12 @@ class Course:
         That is looked at of all that was planned: a restart takes what was not begun, too, back to what is stored.
         """
         plan = self.plans[node.node_id]
-        if _difference(node, plan):
+        if difference_from_before(node, plan):
             rewritten.append(node.node_id)
-            _put_back(node, plan)
-            if difference := _difference(node, plan):
+            put_back(node, plan)
+            if difference := difference_from_before(node, plan):
                 raise DeviceRefused("it does not read back as it was", why=difference)
-        untaken = [change.label for change in plan.changes if _is_otherwise(node, change)]
+        untaken = [change.label for change in plan.changes if is_otherwise(node, change)]
         if untaken:
             raise DeviceRefused(f"the device does not take back what {several(untaken)} held")
 
@@ -212,69 +208,3 @@ class Course:
         if path is not None:
             left.place, left.hint = str(path), f"recover finishes it, from {path}"
         return left
-
-
-@dataclass(frozen=True, slots=True)
-class _Before:
-    """What the session knew of a node before: what it had set, and what was not stored."""
-
-    wanted: dict[Pdo, PdoConfig]
-    values: dict[tuple[int, int], bytes]
-    unstored: dict[str, int]
-    boot_ups: int
-
-    @classmethod
-    def of(cls, node: Node, boot_ups: int) -> _Before:
-        return cls(dict(node.wanted), dict(node.wanted_values), dict(node.pending.unstored), boot_ups)
-
-    def restarted(self, node: Node) -> bool:
-        """Whether a boot-up of *node* was heard since then."""
-        return node.bus.boot_ups(node.node_id) != self.boot_ups
-
-    def restore(self, node: Node) -> None:
-        """Know that again, once *node* is as it was; what a restart took of it is said all the same."""
-        node.wanted.clear()
-        node.wanted.update(self.wanted)
-        node.wanted_values.clear()
-        node.wanted_values.update(self.values)
-        if not self.restarted(node):
-            node.pending.unstored.clear()
-            node.pending.unstored.update(self.unstored)
-
-
-def _put_back(node: Node, plan: Plan) -> None:
-    """Put back what *plan* replaced, whatever is there now; a node that is silent or refuses may be restarting."""
-    deadline_s = node.bus.now_s() + PATIENCE_S
-    while True:
-        try:
-            node.put_back(TakeBack([plan], force=True, own=True, rolls_back=True))
-        except _PASSING:
-            if node.bus.now_s() >= deadline_s:
-                raise
-            node.bus.sleep(RETRY_S)
-            with suppress(*_PASSING):
-                node.gate.renew()  # where that fails too, the next try finds out
-        else:
-            return
-
-
-def _difference(node: Node, plan: Plan) -> str | None:
-    """The first thing of *plan* that *node* holds neither as before nor as what it takes instead."""
-
-    def look() -> str | None:
-        for change in plan.changes:
-            found = first_difference(node.sdo, change, wanted_before=True)
-            if found and not _is_otherwise(node, change):
-                return f"{change.label}: {found}"
-        return None
-
-    return node.observed(look)
-
-
-def _is_otherwise(node: Node, change: Change) -> bool:
-    """Whether *node* holds what it takes instead of what it held."""
-    if not isinstance(change, PdoChange) or change.back is None:
-        return False
-    if first_difference(node.sdo, change, wanted_before=True) is None:
-        return False
-    return first_difference(node.sdo, replace(change, after=change.back)) is None

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.domain.datatypes import BY_SHORT_NAME, DataType, Kind
 from dvtcli.domain.meanings import NOTHING, Understood
-from dvtcli.domain.plan import few_bytes
+from dvtcli.domain.several import few_bytes
 from dvtcli.errors import SdoProtocolError
 from dvtcli.operations.meanings.physical_meanings import meanings_of
 from dvtcli.operations.results.values import ValueRead

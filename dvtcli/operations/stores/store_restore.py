@@ -6,7 +6,9 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.pending import COMMUNICATION, EVERYTHING, GROUPS
-from dvtcli.device.change.proven import Restart, prepare_proof, prove_restore, prove_store, restart_and_read
+from dvtcli.device.change.proven import prepare_proof, prove_store
+from dvtcli.device.change.proven_restore import prove_restore, restart_and_read
+from dvtcli.device.change.proving import Restart
 from dvtcli.device.held import Held
 from dvtcli.device.stamped import NO_STAMP, held_stamp, stamp_changes
 from dvtcli.device.store_parameters import RESTORE, STORE, await_power_cycle, chosen, reset_and_wait, return_to, sign

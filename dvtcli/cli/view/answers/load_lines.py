@@ -7,12 +7,12 @@ from fractions import Fraction
 from typing import TYPE_CHECKING
 
 from dvtcli.cli.view.lines import Cell, Line, Table
-from dvtcli.domain.network.frame_streams import NO_LIMIT, NO_SYNC
+from dvtcli.domain.network.stream import NO_LIMIT, NO_SYNC
 from dvtcli.domain.several import plural, several
 
 if TYPE_CHECKING:
     from dvtcli.domain.network.bus_need import StreamNeed
-    from dvtcli.domain.network.frame_streams import Stream
+    from dvtcli.domain.network.stream import Stream
     from dvtcli.operations.results.loads import FrameLoad, Measured, NetworkLoad
 
 #: how wide a bar is, and how wide where what was heard stands before it

@@ -8,9 +8,10 @@ from functools import cached_property
 
 from dvtcli.domain.network.bus_need import BusNeed, bus_need
 from dvtcli.domain.network.check.judged_pdos import judged_pdos
-from dvtcli.domain.network.frame_streams import SYNCHRONOUS, streams_of
+from dvtcli.domain.network.frame_streams import streams_of
 from dvtcli.domain.network.heard_traffic import HeardTraffic
 from dvtcli.domain.network.network_state import Identifier, NetworkState, NodeState, identifier_of
+from dvtcli.domain.network.stream import SYNCHRONOUS
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.rules import Finding
 

@@ -1,0 +1,141 @@
+"""After a change, or one that failed: the NMT state of the node, its journal, and what an error says besides.
+
+Writes no configuration.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from dvtcli.device.change.failed_change import BRING_BACK, BUS_BACK, left_changed
+from dvtcli.device.change.pending import CHANGE
+from dvtcli.domain.abort import Abort
+from dvtcli.domain.nmt import NmtState
+from dvtcli.domain.plan import Plan
+from dvtcli.domain.several import several
+from dvtcli.errors import DvtcliError, JournalKept, LeftChanged
+
+if TYPE_CHECKING:
+    from dvtcli.device.change.changeable import Changeable
+    from dvtcli.device.observe import Found
+    from dvtcli.domain.rules import Finding
+
+#: How long a heartbeat is waited for that tells whether a node restarted without a boot-up message, in seconds.
+HEARTBEAT_S = 1.2
+
+
+def restarted_since(node: Changeable, found: Found) -> bool:
+    """Whether *node* may have restarted since it was *found*: its boot-up was heard, or an upload was repeated."""
+    return node.bus.upsets(node.node_id) != found.upsets
+
+
+def left_open(node: Changeable, left: LeftChanged) -> None:
+    """A roll-back failed: nothing may be stored, and *left* says how to finish."""
+    node.pending.suspicions[CHANGE] = left.text
+    node.is_unknown_now()
+    if node.keeper is not None:
+        left.place = str(node.keeper.own_journal.path)
+        found = next((first for first in (BRING_BACK, BUS_BACK) if (left.hint or "").startswith(first)), None)
+        first = f"{found}; then `recover`" if found else "recover"
+        left.hint = f"{first} finishes it, from {left.place}"
+
+
+def end_change(node: Changeable, plan: Plan, back: Callable[[], None], *, keep_journal: bool) -> None:
+    """The change is complete: bring the node *back* to its NMT state, and forget the journal."""
+    try:
+        back()
+    except KeyboardInterrupt as torn:
+        left = left_changed(plan, torn, torn)
+        left.text, left.why = f"stopped before {labels_of(plan)} of node {plan.node_id} was complete", None
+        left_open(node, left)
+        raise left from torn
+    except DvtcliError as failed:  # it may have restarted since it was read back
+        failed.state = "unknown"
+        failed.state_text = f"unknown: {labels_of(plan)} was set and read back equal before that; look at the node"
+        if not keep_journal:
+            _close(node, failed)
+        raise
+    if not keep_journal:
+        _close(node)
+
+
+def labels_of(plan: Plan) -> str:
+    """What *plan* changes, in a few words."""
+    return several(change.label for change in plan.changes)
+
+
+def _close(node: Changeable, error: BaseException | None = None) -> None:
+    """Forget the journal; where that fails, *error* is told of it, or JournalKept is raised where there is none."""
+    if node.keeper is None:
+        return
+    try:
+        node.keeper.own_journal.end()
+    except JournalKept as kept:
+        if error is None:
+            raise
+        if isinstance(error, DvtcliError):
+            error.details.append(("journal", f"{kept.text}: {kept.why}; {kept.hint}"))
+
+
+def settle_after(node: Changeable, error: BaseException, found: Found) -> None:
+    """The device is as it was: forget the journal; what cannot be put right of its NMT state is added to *error*."""
+    try:
+        return_to_state(node, found)
+        unseen = found.state is None and _rebooted(node, found)
+    except DvtcliError as failed:
+        _add(error, f"{failed.text}: {failed.why or failed.hint}")
+    except KeyboardInterrupt:
+        _add(error, f"stopped once more: look at the NMT state of node {node.node_id}")
+    else:
+        if unseen:
+            _add(error, f"node {node.node_id} restarted; its NMT state before is not known: look at it")
+    _close(node, error)
+
+
+def _add(error: BaseException, text: str) -> None:
+    if isinstance(error, DvtcliError):
+        error.details.append(("nmt", text))
+
+
+def explain_refusal(node: Changeable, error: DvtcliError, findings: tuple[Finding, ...]) -> None:
+    """Let *error* say why the device refused and what to do: what *findings* foresaw, what its maker or state tells."""
+    if error.abort is not None:  # what the rules said explains a refusal, not a silence
+        foreseen = (finding.text for finding in findings if finding.place == f"0x{error.place}")
+        error.why = error.why or next(foreseen, None)
+    error.hint = error.hint or _hint(node, error) or _hint_of_state(node, error)
+    if error.abort in node.profile.store.never_after:
+        node.pending.suspicions[CHANGE] = f"the device answered 0x{error.abort:08X} to a change"
+
+
+def _hint(node: Changeable, error: DvtcliError) -> str | None:
+    """What the family's maker says of this refusal at this step."""
+    if error.abort is None or error.place is None or ":" not in error.place:
+        return None
+    index, sub_index = (int(number, 16) for number in error.place.split(":"))
+    return node.profile.hint(index, sub_index, error.abort)
+
+
+def _hint_of_state(node: Changeable, error: DvtcliError) -> str | None:
+    """What to try where the device refuses for a reason of its own, or its state, and runs."""
+    if error.abort not in (Abort.GENERAL, Abort.DEVICE_STATE):
+        return None
+    running = node.bus.nmt_state(node.node_id) is NmtState.OPERATIONAL
+    return f"it is OPERATIONAL: `nmt preop {node.node_id}`, then again" if running else None
+
+
+def _rebooted(node: Changeable, found: Found) -> bool:
+    return node.bus.boot_ups(node.node_id) != found.boot_ups
+
+
+def return_to_state(node: Changeable, found: Found) -> None:
+    """Undo what a reboot did to the NMT state, which inside an open gate is left to the gate's end.
+
+    A node that restarts without a boot-up message leaves an upload without an answer, and tells another NMT state.
+    """
+    if found.state is not NmtState.OPERATIONAL or node.gate.entered:
+        return
+    rebooted = _rebooted(node, found)
+    unsure = not rebooted and restarted_since(node, found)
+    if rebooted or (unsure and node.access.state(HEARTBEAT_S) is NmtState.PRE_OPERATIONAL):
+        node.access.insist(NmtState.OPERATIONAL)

@@ -1,0 +1,70 @@
+"""A frame that comes again and again, all those of a network, and what is to count instead. Computes nothing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+
+from dvtcli.domain.network.response_time import TimedFrame
+from dvtcli.domain.network.wanted_state import Endpoint
+from dvtcli.domain.pdo import Pdo
+
+Time = Fraction | int
+SYNCHRONOUS = range(241)
+ON_RTR = (252, 253)
+EVENT_DRIVEN = (254, 255)
+#: What is taken for what nobody says: an EMCY of a node, and a time stamp, each so often (µs).
+EMCY_US, TIME_US = 1_000_000, 1_000_000
+NO_LIMIT, NO_SYNC = "any event", "unknown SYNC"
+
+
+@dataclass(frozen=True, slots=True)
+class Stream:
+    """A frame that comes again and again: *kind* is `tpdo`, `rpdo`, `sync`, `heartbeat`, `guarding`, `emcy` or `time`.
+
+    *label* says what it is, *node* whose. *why* says where its period comes from, or why it has none. *deadline_us*
+    counts from when it should be sent; *window_us* from SYNC, where the device has one (0x1007). *assumed*: somebody
+    took the period for granted.
+    """
+
+    kind: str
+    label: str
+    frame: TimedFrame
+    why: str
+    node: int | None = None
+    pdo: Pdo | None = None
+    deadline_us: Time | None = None
+    window_us: int | None = None
+    assumed: bool = False
+
+    @property
+    def is_synchronous(self) -> bool:
+        """Whether SYNC makes it be sent."""
+        return self.kind in ("tpdo", "rpdo") and self.why.startswith("SYNC")
+
+    def late(self, jitter_us: Time) -> Stream:
+        """The same, handed over up to *jitter_us* later than its period says."""
+        deadline = self.deadline_us if self.window_us is None else self.window_us + jitter_us
+        return replace(self, frame=replace(self.frame, jitter_us=jitter_us), deadline_us=deadline)
+
+
+@dataclass(frozen=True, slots=True)
+class WhatIf:
+    """What is to count instead of what the network holds: *sync_us* and *emcy_us* (µs), inhibit times in 100 µs."""
+
+    sync_us: int | None = None
+    emcy_us: int | None = None
+    inhibit: dict[Endpoint, int] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Streams:
+    """Every stream, and what was *assumed* to find them, a sentence each."""
+
+    streams: tuple[Stream, ...]
+    assumed: tuple[str, ...]
+
+
+def in_ms(time_us: Time) -> str:
+    """A time as people say it: `2.5 ms`."""
+    return f"{float(Fraction(time_us) / 1000):g} ms"
