@@ -16,7 +16,7 @@ from dvtcli.watch.decoder import Address
 from dvtcli.watch.service import Service, service_of
 
 _DEFAULTS = "by the pre-defined connection set"
-_SDO_REQUESTS, _DOWNLOADS = 0x600, (1, 6)
+_SDO_REQUEST, _DOWNLOADS = "SDO request", (1, 6)
 _WORDS = {
     "sync": "SYNC: nodes act on the RPDOs that they got last, and send their TPDOs",
     "time": "TIME: nodes set their clocks by it",
@@ -38,13 +38,14 @@ _NMT = {
 class Parties:
     """Who sends and who takes which frame: of *nodes* it is known, of all others only what the standard presumes.
 
-    *consumers* and *producers* are PDOs in words, `RPDO1 of node 5`; *syncs* what nodes take for SYNC.
+    *consumers* and *producers* are PDOs in words, `RPDO1 of node 5`; *services* are where nodes say that they have
+    SYNC, EMCY and SDO servers.
     """
 
     nodes: set[int] = field(default_factory=set)
     consumers: dict[Address, list[str]] = field(default_factory=dict)
     producers: dict[Address, list[str]] = field(default_factory=dict)
-    syncs: set[Address] = field(default_factory=set)
+    services: dict[Address, dict[Service, None]] = field(default_factory=dict)
 
     def add(self, node_id: int, configs: Mapping[Pdo, PdoConfig]) -> None:
         """Know the enabled PDOs of a node."""
@@ -63,9 +64,8 @@ def effects(frame: Frame, parties: Parties) -> str:
     """
     address = frame.can_id, frame.extended
     service = service_of(frame.can_id, extended=frame.extended)
-    if service.kind == "other" and address in parties.syncs:
-        service = Service("sync", "SYNC")
-    said = [] if service.kind in ("pdo", "other") else [_of_service(frame, service)]
+    services = {**({} if service.kind in ("pdo", "other") else {service: None}), **parties.services.get(address, {})}
+    said = [_of_service(frame, one) for one in services]
     if not frame.remote:  # a remote frame carries nothing that could be taken, and the TPDO's own node answers it
         said += _of_pdos(address, service, parties)
     return "; ".join(said)
@@ -88,7 +88,7 @@ def _of_pdos(address: Address, service: Service, parties: Parties) -> Iterator[s
 def _of_service(frame: Frame, service: Service) -> str:
     if service.kind == "nmt":
         return _command(frame.data)
-    if service.kind == "sdo" and frame.can_id & ~0x7F == _SDO_REQUESTS:
+    if service.label == _SDO_REQUEST:
         writes = bool(frame.data) and frame.data[0] >> 5 in _DOWNLOADS
         return f"SDO request to node {service.node}: it {'writes' if writes else 'reads, or goes on with a transfer'}"
     if service.kind == "heartbeat" and frame.remote:

@@ -14,6 +14,7 @@ from dvtcli.simulator.network.family_file import family_eds
 from dvtcli.watch.frame_effect import Parties, effects
 from dvtcli.watch.lateness import Lateness
 from tests.commands.bench import Bench
+from tests.small_eds import U32, Eds, var
 from tests.virtual_time import VirtualTimeBus
 
 FRAMES = st.builds(Frame, st.integers(0, 0x7FF), st.binary(max_size=8), remote=st.booleans())
@@ -80,6 +81,44 @@ def test_what_nobody_acts_on_is_just_sent(frame: str) -> None:
         ran = bench.run(f"send {frame} --json")
         assert (ran.code, ran.document["sent"]) == (0, 1), ran.stderr
         assert [one.can_id for _, one in sent] == [int(frame.partition("#")[0], 16)]
+
+
+@pytest.fixture
+def moved(tmp_path: Path) -> str:
+    """A device whose EMCY and SDO servers are not where the pre-defined connection set has them."""
+    eds = Eds()
+    eds.variable(0x1014, var("COB-ID EMCY", U32, 0x7B1))
+    eds.record(0x1200, "SDO server 1", {1: var("Request", U32, 0x601, "ro"), 2: var("Answer", U32, 0x581, "ro")})
+    eds.record(0x1201, "SDO server 2", {1: var("Request", U32, 0x6B2), 2: var("Answer", U32, 0x3B3)})
+    eds.record(0x1203, "SDO server 4", {1: var("Request", U32, 0x800007B4), 2: var("Answer", U32, 0x2000B5B5)})
+    path = tmp_path / "moved.eds"
+    path.write_text(eds.text(), "utf-8")
+    return f"{path}@1"
+
+
+@pytest.mark.parametrize(
+    ("frame", "why"),
+    [
+        ("7B1#0010010000000000", "EMCY of node 1"),
+        ("6B2#4018100000000000", "SDO request to node 1: it reads"),
+        ("6B2#2B17100007000000", "SDO request to node 1: it writes"),
+        ("3B3#4018100000000000", "SDO answer of node 1: whoever"),
+        ("0000B5B5#4018100000000000", "SDO answer of node 1: whoever"),
+    ],
+)
+def test_services_that_a_node_has_elsewhere_need_consent(frame: str, why: str, moved: str, tmp_path: Path) -> None:
+    with Bench((moved,)) as bench:
+        path = tmp_path / "run.log"
+        path.write_text(f"(1.0) can0 {frame}\n", "utf-8")
+        for line in (f"send {frame}", f"replay {path}"):
+            sent = sent_by(bench)
+            ran = bench.run(line)
+            assert (ran.code, why in ran.stderr, sent) == (6, True, []), ran.stderr
+
+
+def test_a_service_that_is_off_is_none(moved: str) -> None:
+    with Bench((moved,)) as bench:
+        assert bench.run("send 7B4#00").code == 0
 
 
 def test_a_dry_run_sends_nothing() -> None:

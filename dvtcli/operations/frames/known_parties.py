@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 from dvtcli.errors import BusUnavailable, NoAnswer, SdoAborted, SdoProtocolError
 from dvtcli.operations.frames.layouts import HEARD_S
+from dvtcli.operations.frames.node_services import node_services
 from dvtcli.operations.meanings.physical_meanings import meanings_of
-from dvtcli.operations.sync.sync_frame import sync_frame
 from dvtcli.watch.decoder import Decoder, pdo_layouts
 from dvtcli.watch.frame_effect import Parties
 
@@ -48,14 +48,15 @@ class KnownParties:
             try:
                 node = self._session.node(node_id)
                 configs = node.pdos()
-                sync = sync_frame(node.sdo)
+                services = list(node_services(node))
             except BusUnavailable:
                 raise
             except (NoAnswer, SdoAborted, SdoProtocolError) as silent:
                 self._session.tell.note(f"node {node_id}: its PDOs cannot be read ({silent.text})")
                 continue
             self.parties.add(node_id, configs)
-            self.parties.syncs.add((sync.can_id, sync.extended))
+            for address, service in services:
+                self.parties.services.setdefault(address, {})[service] = None
             meanings = meanings_of(node.profile, node.dictionary)
             self.decoder.add(pdo_layouts(node_id, configs, node.dictionary, meanings))
 

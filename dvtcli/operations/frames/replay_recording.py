@@ -225,10 +225,11 @@ def _changed(path: Path) -> SafetyRefusal:
 
 
 def _kind(frame: Frame) -> _Kind:
-    """Frames of one kind do the same: an NMT command is told by both its bytes, an SDO request by its first."""
-    function = None if frame.extended else frame.can_id & ~0x7F
-    told = 2 if frame.can_id == 0 else 1 if function == 0x600 else 0
-    return frame.can_id, frame.extended, frame.remote, frame.data[:told]
+    """Frames of one kind do the same: an NMT command is told by both its bytes, an SDO request by its first.
+
+    SDO servers may be at any CAN-ID.
+    """
+    return frame.can_id, frame.extended, frame.remote, frame.data[: 2 if frame.can_id == 0 else 1]
 
 
 def _rows(found: _Found, known: KnownParties) -> tuple[FramesToReplay, ...]:
