@@ -253,3 +253,12 @@ def test_the_bits_of_a_frame_are_all_drawn_once(picture: NetworkPicture) -> None
         assert [sum(cell.bits for cell in cells) for _, cells in card.bytes] == [8] * ((pdo.config.bits + 7) // 8)
         for number, entry in enumerate(pdo.config.mapping, 1):
             assert sum(cell.bits for _, cells in card.bytes for cell in cells if cell.number == number) == entry.bits
+
+
+def test_nodes_of_a_graph_stand_in_their_order_from_the_top() -> None:
+    """Graphviz stacks what is not linked from below, so these are written the other way round, and first."""
+    nodes = tuple(PictureNode(number, f"n{number}") for number in (1, 2, 5, 9))
+    link = PictureLink(Endpoint(1, Pdo.parse("tpdo1")), Endpoint(5, Pdo.parse("rpdo1")), (0x181, False))
+    load = PictureLoad(500_000, Fraction(0), Fraction(0), fits=True)
+    text = graphviz(NetworkPicture("x", "x.yaml", nodes, (link,), (), load)).decode()
+    assert re.findall(r"^  n(\d+) \[", text, re.MULTILINE) == ["9", "2", "1", "5"]

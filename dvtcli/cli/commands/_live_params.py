@@ -8,39 +8,26 @@ import click
 
 from dvtcli.cli.params import NODE_ID, CanopenType
 
-
-class SecondsType(CanopenType):
-    """A time in seconds, more than 0 and at most *most*."""
-
-    name = "s"
-
-    def __init__(self, most: float = 1e6) -> None:
-        self.most = most
-
-    def parse(self, text: str, ctx: click.Context | None) -> float:
-        """The time; ValueError where it is no number or out of range."""
-        try:
-            value = float(text)
-        except ValueError:
-            raise ValueError(f"{text!r} is not a time in seconds") from None
-        if not 0 < value <= self.most:
-            raise ValueError(f"{text} s is not within 0…{self.most:g} s")
-        return value
+_TIME = re.compile(r"(\d{1,9}(?:\.\d{0,9})?(?:e[+-]?\d{1,2})?|\.\d{1,9})(ms|s|min)?", re.ASCII)
 
 
 class DurationType(CanopenType):
-    """A time in seconds, written `100ms`, `5s`, `2min`, or as a number of seconds; from 1 ms on."""
+    """A time in seconds, written `100ms`, `5s`, `2min`, or as a number of seconds; within *least_s*…*most_s*."""
 
     name = "time"
 
+    def __init__(self, least_s: float = 0.001, most_s: float = 1e6) -> None:
+        self.least_s, self.most_s = least_s, most_s
+
     def parse(self, text: str, ctx: click.Context | None) -> float:
-        """The time; ValueError where it is none."""
-        found = re.fullmatch(r"(\d{1,9}(?:\.\d{1,9})?)(ms|s|min)?", text.lower(), re.ASCII)
+        """The time; ValueError where it is none, or out of range."""
+        found = _TIME.fullmatch(text.lower())
         if not found:
             raise ValueError(f"{text!r} is not a time: write 100ms, 5s or 2min")
         value = float(found[1]) * {"ms": 0.001, "s": 1.0, "min": 60.0}[found[2] or "s"]
-        if not 0.001 <= value <= 1e6:
-            raise ValueError(f"{text} is not within 1 ms…1000000 s")
+        if not self.least_s <= value <= self.most_s:
+            least = f"{self.least_s * 1000:g} ms" if self.least_s else "0"
+            raise ValueError(f"{text} is not within {least}…{self.most_s:.12g} s")
         return value
 
 

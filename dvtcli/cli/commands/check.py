@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand
-from dvtcli.cli.commands._load_params import BitRateType, PeriodType
+from dvtcli.cli.commands._live_params import DurationType
+from dvtcli.cli.commands._load_params import BitRateType
 from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import FILE
 from dvtcli.operations.user.options import SPECIAL_FORMATS
@@ -29,7 +30,7 @@ TASK = ("Scripts and files", 40)
 @click.option("--at", "bit_rate", type=BitRateType(), metavar="BIT/S", help="The bus's bit rate [its own, or 500000].")
 @click.option("--live", is_flag=True, help="The nodes on the bus, too, and FILE against them.")
 @click.option(
-    "--for", "for_s", type=PeriodType("s", 0, 3600), metavar="S", help="Listen to the bus so long [2]; 0: not."
+    "--for", "for_s", type=DurationType(0, 3600), metavar="TIME", help="Listen to the bus so long [2]; 0: not."
 )
 @click.pass_obj
 def command(

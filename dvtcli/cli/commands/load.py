@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.commands._live_params import DurationType
 from dvtcli.cli.commands._load_params import BitRateType, InhibitType, PeriodType
 from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import FILE
@@ -21,7 +22,7 @@ TASK = ("Networks", 60)
 
 @click.command("load", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
 @click.argument("file", type=FILE, required=False)
-@click.option("--for", "for_s", type=PeriodType("s", 0, 3600), metavar="S", help="Listen so long [3]; 0: not at all.")
+@click.option("--for", "for_s", type=DurationType(0, 3600), metavar="TIME", help="Listen so long [3]; 0: not at all.")
 @click.option("--at", "bit_rate", type=BitRateType(), metavar="BIT/S", help="As if the bus ran at this bit rate.")
 @click.option("--sync", "sync_ms", type=PeriodType("ms", 0.1, 100_000), metavar="MS", help="As if SYNC came so often.")
 @click.option(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from dvtcli.cli.command import DvtCommand
-from dvtcli.cli.commands._live_params import LogFilterType, NodesType, SecondsType
+from dvtcli.cli.commands._live_params import DurationType, LogFilterType, NodesType
 from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import FILE, NumberType
 
@@ -30,7 +30,7 @@ TASK = ("See", 70)
     "--filter", "filters", type=LogFilterType(), multiple=True, metavar="ID:MASK",
     help="Hex, repeatable; with --decode also TEXT: only signals with it in their names.",
 )  # fmt: skip
-@click.option("--duration", type=SecondsType(), metavar="S", help="End after S seconds.")
+@click.option("--duration", type=DurationType(), metavar="TIME", help="End after TIME (300ms, 5s, 2min).")
 @click.option("--decode", is_flag=True, help="Values, one column a signal: .csv .parquet .jsonl.")
 @click.option("--nodes", type=NodesType(), metavar="ID,…", help="For --decode: nodes whose mapping is read.")
 @click.option("-d", "--dbc", type=FILE, metavar="FILE", help="For --decode: a DBC or network file.")

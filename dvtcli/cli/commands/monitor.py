@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand
-from dvtcli.cli.commands._live_params import NodesType, SecondsType
+from dvtcli.cli.commands._live_params import DurationType, NodesType
 from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import FILE, TEXT
 
@@ -28,7 +28,7 @@ TASK = ("See", 40)
     "-d", "--decode", type=FILE, metavar="FILE", help="Decode by a DBC or network file (after --nodes, if given)."
 )
 @click.option("--filter", "wanted", type=TEXT, metavar="TEXT", help="Only frames and signals with TEXT in their names.")
-@click.option("--duration", type=SecondsType(), metavar="S", help="End after S seconds.")
+@click.option("--duration", type=DurationType(), metavar="TIME", help="End after TIME (300ms, 5s, 2min).")
 @click.option("--changes", is_flag=True, help="Only frames that say something new.")
 @click.pass_obj
 def command(

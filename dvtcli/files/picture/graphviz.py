@@ -23,13 +23,20 @@ def _lines(picture: NetworkPicture) -> Iterator[str]:
     yield "  rankdir=LR;"
     yield '  node [shape=record, fontname="Helvetica", fontsize=11];'
     yield '  edge [fontname="Helvetica", fontsize=9];'
-    for node in picture.nodes:
+    for node in _from_below(picture):
         yield f'  n{node.node_id} [label="{_record(node)}"];'
     for link in picture.links:
         unlike = "" if link.fits else ', style=dashed, color="#b3261e"'
         label = cob_id(link.identifier)
         yield f'  {_port(link.producer)}:e -> {_port(link.consumer)}:w [label="{label}"{unlike}];'
     yield "}"
+
+
+def _from_below(picture: NetworkPicture) -> list[PictureNode]:
+    """The nodes so that the first one stands on top: Graphviz stacks what is not linked from below."""
+    linked = {end.node_id for link in picture.links for end in (link.producer, link.consumer)}
+    alone = [node for node in picture.nodes if node.node_id not in linked]
+    return [*reversed(alone), *(node for node in picture.nodes if node.node_id in linked)]
 
 
 def _record(node: PictureNode) -> str:
