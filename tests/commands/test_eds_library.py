@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import sys
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -275,6 +276,18 @@ def test_the_library_goes_before_a_family() -> None:
         write("mine.eds", family_eds("gen4").read_text("utf-8") + "; mine\n")
         assert bench.run("eds add mine.eds").code == 0
         assert bench.run("node --json").document["nodes"][0]["eds"].endswith("_mine.eds")
+
+
+@pytest.mark.parametrize("revision", ["0x00010001", "0x00030016"])
+def test_a_family_s_own_file_goes_before_another_revision_of_the_library(revision: str) -> None:
+    family = family_eds("tmcm").read_text("utf-8")
+    other = re.sub(r"(?im)^RevisionNumber=.*$", f"RevisionNumber={revision}", family)
+    assert other != family
+    with Bench((), {"node": 5}, bus=live(device("tmcm", 5))) as bench:
+        write("other.eds", other)
+        assert bench.run("eds add other.eds").code == 0
+        row = bench.run("node --json").document["nodes"][0]
+        assert (row["eds"], row["eds_why"].split(":")[0]) == ("tmcm.eds", "family tmcm")
 
 
 def test_a_network_file_finds_its_nodes_files_by_their_identity(offline: Bench) -> None:

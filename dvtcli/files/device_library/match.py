@@ -38,6 +38,11 @@ class Match:
     rivals: tuple[StoredFile, ...] = ()
 
     @property
+    def of_other_revision(self) -> bool:
+        """Whether device and file name revisions, and not the same one."""
+        return self.fit in (Fit.SAME_MAJOR, Fit.OTHER)
+
+    @property
     def why(self) -> str:
         """Why it is taken, in words."""
         label, revision = self.file.label, f"0x{self.file.revision:08X}"
@@ -62,7 +67,7 @@ class Match:
     def remark(self, told: str) -> str:
         """The same, where the device's revision stands where *told* says."""
         notes = []
-        if self.fit in (Fit.SAME_MAJOR, Fit.OTHER):
+        if self.of_other_revision:
             device, described = f"0x{self.revision or 0:08X}", f"0x{self.file.revision:08X}"
             notes.append(f"revision {device} {told}, {described} in {self.file.label}")
         if self.rivals:

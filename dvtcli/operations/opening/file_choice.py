@@ -1,4 +1,6 @@
-"""Which file describes a node that nobody chose one for, and why: one of the library, else its simulated family's.
+"""Which file describes a node that nobody chose one for, and why: one of the library, or its simulated family's.
+
+The library goes first, but a family whose four numbers are the node's before a file of another revision.
 
 Asks the node who it is. Does not know files that somebody chose.
 """
@@ -32,7 +34,8 @@ def found_file(node: SdoReader) -> FileChoice | None:
 
         found = match(files, vendor, product, read_identity(node, 3))
         if found is not None:
-            return as_choice(found)
+            family = _of_family(node, vendor, product) if found.of_other_revision else None
+            return family or as_choice(found)
     return _of_family(node, vendor, product)
 
 
