@@ -8,8 +8,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dvtcli.cli.view.answers.sent_lines import outcome_text
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import BusUnavailable
+from dvtcli.operations.frames.send_frames import send_frames
+from dvtcli.operations.session.session import Session
+from dvtcli.operations.user.options import Options
+from dvtcli.operations.user.telling import Silent
 from dvtcli.simulator.network.family_file import family_eds
 from dvtcli.watch.frame_effect import Parties, effects
 from dvtcli.watch.lateness import Lateness
@@ -142,6 +147,34 @@ def test_it_is_sent_each_so_often() -> None:
         assert bench.run("send 7A0#01 --count 3 --json").document["sent"] == 3
 
 
+def test_a_can_id_without_a_sign_of_data_is_no_empty_frame() -> None:
+    with Bench() as bench:
+        sent = sent_by(bench)
+        ran = bench.run("send 7A0")
+        assert (ran.code, sent) == (2, [])
+        assert "7A0#" in ran.stderr
+        assert bench.run("send 7A0#").code == 0
+        assert [frame for _, frame in sent] == [Frame(0x7A0, b"")]
+
+
+def test_what_has_no_end_is_not_counted_to_it() -> None:
+    told: list[tuple[str, int, int]] = []
+
+    class Broken(Silent):
+        """Breaks off when it is told how far it is."""
+
+        def progress(self, text: str, done: int, total: int) -> None:
+            if "sent" in text:
+                told.append((text, done, total))
+                session.cancellation.asked(130, insists=False)
+
+    with Session(Options(sim=("generic",)), Broken()) as session:
+        result = send_frames(session, ["7A0#11", "7A1#22"], 0.1)
+    ((text, done, total),) = told
+    assert (text, total) == (f"{done} frames sent", 0)
+    assert outcome_text(result.outcome).startswith(f"{result.outcome.handed} frames sent")
+
+
 def test_nmt_by_hand_is_nmt() -> None:
     """What was heard of the node's state is forgotten with the command, and the node obeys."""
     with Bench() as bench:
@@ -194,7 +227,9 @@ def test_a_passcode_is_neither_shown_nor_kept() -> None:
         assert [frame.data[4:6] for frame in heard if frame.data[0] == 0x2B] == [b"DD", b"DD"]
 
 
-@pytest.mark.parametrize("line", ["185##1027", "185#102", "7A0#00 --count 2 --for 1s", "7A0#00 --every 0", "20000000#"])
+@pytest.mark.parametrize(
+    "line", ["7A0", "0x7A0 ", "185##1027", "185#102", "7A0#00 --count 2 --for 1s", "7A0#00 --every 0", "20000000#"]
+)
 def test_what_is_no_frame_is_exit_2(line: str) -> None:
     with Bench() as bench:
         sent = sent_by(bench)

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING
 from dvtcli.bus.bus_share import KeptShare
 from dvtcli.bus.watched_bus import DEFAULT_SHARE_PERCENT, NMT_CAN_ID
 from dvtcli.domain.nmt import NmtCommand, NmtState
+from dvtcli.domain.several import plural
 from dvtcli.errors import DvtcliError
-from dvtcli.operations.results.sent import Outcome
+from dvtcli.operations.results.sent import NO_END, Outcome
 from dvtcli.watch.lateness import Lateness
 
 if TYPE_CHECKING:
@@ -47,7 +48,7 @@ def put_on_bus(
                     break
                 if putting.last_s - told_s >= 1:
                     told_s = putting.last_s
-                    session.tell.progress(f"{putting.sent} of {wanted} frames sent", putting.sent, wanted)
+                    session.tell.progress(*_progress(putting.sent, wanted))
             ended_s = putting.last_s
             putting.bus.sleep(_SETTLE_S)
         except DvtcliError as failed:
@@ -62,6 +63,13 @@ def put_on_bus(
         error_frames=putting.bus.error_frame_count() - errors, failure=putting.failure,
         interrupted=session.cancellation.exit_code if cancelled else 0,
     )  # fmt: skip
+
+
+def _progress(sent: int, wanted: int) -> tuple[str, int, int]:
+    """How far it is, as `Telling.progress` takes it; without an end nobody knows of how many."""
+    if wanted >= NO_END:
+        return f"{plural(sent, 'frame')} sent", sent, 0
+    return f"{sent} of {wanted} frames sent", sent, wanted
 
 
 class _Putting:

@@ -41,7 +41,7 @@ def send_frames(
     carries. UsageError where a text is no frame, or the bus does not carry it; SafetyRefusal without consent. A dry run
     sends none.
     """
-    frames = [parsed_frame(text) for text in texts]
+    frames = [_frame(text) for text in texts]
     rounds = _rounds(every_s, for_s, count)
     _require_carried(open_wire(session), frames)
     shown = _looked_at(session, frames, nodes, file)
@@ -54,6 +54,14 @@ def send_frames(
     from dvtcli.operations.frames.put_on_bus import put_on_bus
 
     return FramesSent(shown, put_on_bus(session, _due(frames, rounds, every_s or EVERY_S), wanted))
+
+
+def _frame(text: str) -> Frame:
+    """The frame to send; an empty one has a `#`, since a number alone may be one whose data was forgotten."""
+    frame = parsed_frame(text)
+    if "#" not in text and len(text.split()) == 1:
+        raise UsageError(f"{text.strip()} says no data", hint=f"an empty frame is {frame_text(frame)}")
+    return frame
 
 
 def _rounds(every_s: float | None, for_s: float | None, count: int | None) -> int:

@@ -11,6 +11,9 @@ from dvtcli.errors import DvtcliError
 from dvtcli.operations.results.documents import Answer, Document
 from dvtcli.operations.results.explained import FrameExplained
 
+#: as many wanted frames, or more, are sent until somebody breaks it off: nobody is told their number
+NO_END = 10**9
+
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
@@ -28,6 +31,13 @@ class Outcome:
     error_frames: int = 0
     failure: DvtcliError | None = None
     interrupted: int = 0
+
+    @property
+    def counted(self) -> str:
+        """How many of how many were handed over; only how many where there is no end."""
+        if self.handed == self.wanted or self.wanted >= NO_END:
+            return plural(self.handed, "frame")
+        return f"{self.handed} of {plural(self.wanted, 'frame')}"
 
     @property
     def sent(self) -> int | None:
@@ -49,7 +59,8 @@ class Outcome:
             )
         else:
             return None
-        error.state_text = f"{self.handed} of {self.wanted} frames were handed to the interface"
+        were = "was" if self.counted == "1 frame" else "were"
+        error.state_text = f"{self.counted} {were} handed to the interface"
         return error
 
     @property

@@ -39,9 +39,7 @@ def replayed_lines(result: Replayed, width: int) -> Iterator[Line]:
 
 def outcome_text(outcome: Outcome) -> str:
     """How many frames were sent of how many, in what time, and how late they were."""
-    said = plural(outcome.handed, "frame")
-    if outcome.handed != outcome.wanted and outcome.wanted < 10**9:
-        said = f"{outcome.handed} of {plural(outcome.wanted, 'frame')}"
+    said = outcome.counted
     said += " handed to the interface" if outcome.sent is None else " sent"
     if outcome.handed > 1:
         said += f" in {outcome.seconds:.2f} s"
