@@ -66,8 +66,6 @@ class NodePlan:
     needs_power_off: bool = False
     #: what is to be asked first, beside whether to write at all
     doubt: str = ""
-    #: whether its store is to be proved: it stores then, also where nothing else is to be done
-    is_to_be_proved: bool = False
 
     @property
     def node_id(self) -> int:
@@ -77,7 +75,7 @@ class NodePlan:
     @property
     def stores(self) -> bool:
         """Whether it stores once all nodes are verified: where it should, and there is something to store."""
-        return bool(self.store) and bool(len(self.plan) or self.unstored or self.is_to_be_proved)
+        return bool(self.store) and bool(len(self.plan) or self.unstored)
 
     @property
     def remaining(self) -> tuple[LeftOut, ...]:

@@ -90,10 +90,13 @@ def applied(
     if trust_stamp and prove is not None:
         raise UsageError("--trust-stamp and --prove exclude each other: what is not read is not proved either")
     plan = _plan_of(session, file, trust_stamp=trust_stamp, include=include, manager=manager)
-    if prove is not None:
-        plan = replace(plan, nodes=tuple(replace(one, is_to_be_proved=True) for one in plan.nodes))
     on_plan(plan)
-    return apply_network(session, plan, prove=prove)
+    applied_now = apply_network(session, plan, prove=prove)
+    unproved = [str(one.node_id) for one in plan.nodes if one.store and not one.stores]
+    if prove is not None and unproved:
+        words = "stored nothing now, so nothing is proved of what it keeps: `store --prove` does"
+        session.tell.note(f"node {', '.join(unproved)} {words}")
+    return applied_now
 
 
 def may_store(file: str) -> bool:

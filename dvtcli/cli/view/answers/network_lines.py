@@ -151,7 +151,7 @@ def _stored(result: NetworkApplied) -> Iterator[Line]:
     told: dict[str, list[str]] = {}
     for one in result.stored:
         if one.proof is None:
-            text = "Stored, as acknowledged by node {}. To check: apply --prove"
+            text = "Stored, as acknowledged by node {}. To check: store --prove, node by node"
         elif one.proof.holds:
             text = "Stored on node {}, and proved by a restart."
         else:
