@@ -178,12 +178,6 @@ def _prompt_session(session: Conversation, status: Status, show_help: Callable[[
     def columns() -> int:
         return get_app().output.get_size().columns
 
-    def toolbar() -> StyleAndTextTuples:
-        buffer, low = get_app().current_buffer, get_app().output.get_size().rows <= ROWS_OF_TEXT + 1
-        rest = "" if low else getattr(buffer.validation_error, "rest", "")
-        wrong: StyleAndTextTuples = [("class:validation-toolbar", f"{rest}\n")] if rest else []
-        return wrong + status.toolbar(columns(), "" if low or types_tcl() else buffer.document.text_before_cursor)
-
     def types_tcl() -> bool:
         return session.tcl is not None and session.tcl.on
 
@@ -198,7 +192,7 @@ def _prompt_session(session: Conversation, status: Status, show_help: Callable[[
         complete_in_thread=True,
         complete_style=CompleteStyle.COLUMN,
         lexer=LineLexer(session.aliases, types_tcl),
-        bottom_toolbar=toolbar,
+        bottom_toolbar=lambda: _toolbar(status, types_tcl=types_tcl()),
         validator=LineValidator(session, columns),
         validate_while_typing=False,
         input_processors=[AfterInput(_said_at_line)],
@@ -210,6 +204,17 @@ def _prompt_session(session: Conversation, status: Status, show_help: Callable[[
         include_default_pygments_style=False,
         color_depth=_color_depth(session.base.color),
     )
+
+
+def _toolbar(status: Status, *, types_tcl: bool) -> StyleAndTextTuples:
+    """The last line, and above it what is wrong with the line that is typed, where there is room for that."""
+    from prompt_toolkit.application import get_app
+
+    buffer, size = get_app().current_buffer, get_app().output.get_size()
+    low = size.rows <= ROWS_OF_TEXT + 1
+    rest = "" if low else getattr(buffer.validation_error, "rest", "")
+    wrong: StyleAndTextTuples = [("class:validation-toolbar", f"{rest}\n")] if rest else []
+    return wrong + status.toolbar(size.columns, "" if low or types_tcl else buffer.document.text_before_cursor)
 
 
 def _said_at_line() -> StyleAndTextTuples:

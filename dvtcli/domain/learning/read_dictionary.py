@@ -30,9 +30,7 @@ _NAMES = {
 }  # fmt: skip
 _LISTS = (0x1010, 0x1011, 0x1018)
 #: Those of them that are read; sub-indices of arrays and records up to 4.
-TO_READ = tuple(
-    (index, sub) for index in _NAMES for sub in (range(1, 5) if index in (0x1010, 0x1011, 0x1018) else (0,))
-)
+TO_READ = tuple((index, sub) for index in _NAMES for sub in (range(1, 5) if index in _LISTS else (0,)))
 
 
 @dataclass(frozen=True, slots=True)

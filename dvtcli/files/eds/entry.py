@@ -41,7 +41,6 @@ from dvtcli.files.eds.read_rules import (
 
 _ACCESS = {access.value: access for access in Access}
 _ALMOST_ACCESS = {"r": Access.RO, "w": Access.WO, "wr": Access.RW}
-_NOTHING = EncodedValue(b"")
 _DOMAIN = DATA_TYPES[0x0F]
 
 

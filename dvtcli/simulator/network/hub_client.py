@@ -13,7 +13,17 @@ from dataclasses import dataclass, field
 from time import monotonic
 
 from dvtcli.domain.ports import Frame
-from dvtcli.simulator.network.socketcand import HI, OK, SYNTAX, UNKNOWN, Requests, RubbishError, opened_bus, sent_frame
+from dvtcli.simulator.network.socketcand import (
+    ECHO,
+    HI,
+    OK,
+    SYNTAX,
+    UNKNOWN,
+    Requests,
+    RubbishError,
+    opened_bus,
+    sent_frame,
+)
 
 #: python-can wants the answer to `rawmode` alone in one read: frames wait so long, or until the client speaks (s)
 HOLD_S = 0.1
@@ -163,7 +173,7 @@ class Client:
             self.reply(OK)
             self.held_until_s = monotonic() + HOLD_S
         elif self.opened and request == b"echo":
-            self.reply(b"< echo >")
+            self.reply(ECHO)
         else:
             self._complain(request, UNKNOWN, "no such request here")
         return None

@@ -48,6 +48,11 @@ def change_lines(result: Changed, width: int) -> Iterator[Line]:
             ),
         ]
         return
+    yield from _outcome_lines(result, labels, writes)
+
+
+def _outcome_lines(result: Changed, labels: str, writes: str) -> Iterator[Line]:
+    """What became of *labels* with so many *writes*, who keeps it, and what reverts it."""
     verb = "put back" if result.undone else "set"
     equal = "read back equal"
     if result.not_put_back:
