@@ -31,7 +31,8 @@ def found_lines(result: LssFound, width: int) -> Iterator[Line]:
         return
     yield f"{_summary(result)} ({took})"
     if result.action == "scan" and result.nodes:
-        yield [Cell(f"  give it a node-ID: lss node-id 5 {result.nodes[0].address}", "dim")]
+        yield [Cell("  give it a node-ID:", "dim")]
+        yield [Cell(f"  lss node-id 5 {result.nodes[0].address}", "dim")]  # on one row of 80 columns, to be copied
 
 
 def _nodes(result: LssFound, width: int) -> Iterator[Line]:
