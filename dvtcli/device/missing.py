@@ -11,9 +11,16 @@ from dvtcli.errors import SdoAborted, UsageError
 
 
 def no_pdo(node_id: int, pdo: Pdo, present: Iterable[Pdo], aborted: SdoAborted) -> Exception:
-    """The error for *pdo*, which node *node_id* does not answer for; *aborted* itself where it is one of *present*."""
+    """The error for *pdo*, which node *node_id* does not answer for; *aborted* itself where it is one of *present*.
+
+    These may be what its file lists: where the node says that there is no such object, that is said.
+    """
     same = [other for other in present if other.direction is pdo.direction]
     if pdo in same:
+        if aborted.code in (Abort.NO_OBJECT, Abort.NO_SUB_INDEX):
+            aborted.text = f"node {node_id} has no {pdo.label}, though its EDS or DCF lists it: {aborted.text}"
+            aborted.node = node_id
+            aborted.hint = f"a file of another revision? `node {node_id}` says which; leave {pdo.label} out, or --eds"
         return aborted
     have = f"it has {same[0]}…{same[-1]}" if same else f"it has no {pdo.direction.upper()}s"
     error = UsageError(f"node {node_id} has no {pdo.label}: {have}", node=node_id, place=aborted.place)

@@ -13,6 +13,7 @@ from dvtcli.files.network.read_network import read_network_file
 from dvtcli.files.nodelist import ListedNode, Nodelist, nodelist_text, read_nodelist
 from tests.bus.devices import unknown
 from tests.commands.bench import Bench
+from tests.small_eds import plain
 from tests.virtual_time import VirtualTimeBus
 
 
@@ -36,6 +37,35 @@ def test_a_network_comes_back_from_its_nodelist() -> None:
     live, listed = read_network_file(Path("live.yaml")), read_network_file(Path("listed.yaml"))
     assert [node.pdos for node in listed.nodes] == [node.pdos for node in live.nodes]
     assert [node.dcf.text for node in listed.nodes if node.dcf] == ["line/node1.dcf", "line/node5.dcf"]
+
+
+def device_of(tpdos: int) -> bytes:
+    """The EDS of a device with so many TPDOs."""
+    eds = plain()
+    for number in range(3, tpdos + 1):
+        for base in (0x1800, 0x1A00):
+            eds.objects[base + number - 1] = eds.objects[base]
+    return eds.text().encode()
+
+
+def test_what_the_device_has_not_does_not_come_back() -> None:
+    """The EDS is of another revision, with TPDOs that the device lacks."""
+    Path("made.eds").write_bytes(device_of(2))
+    Path("wide.eds").write_bytes(device_of(4))
+    with Bench(("made.eds@5",), {"eds": "wide.eds", "node": 5}) as bench:
+        assert bench.run("export nl.cpj").code == 0
+        ran = bench.run("import again.yaml nl.cpj")
+        assert (ran.code, "node 5: TPDO3, TPDO4 left out" in ran.stdout) == (0, True), ran
+        (node,) = read_network_file(Path("again.yaml")).nodes
+        assert [str(one.pdo) for one in node.pdos if one.pdo.is_tpdo] == ["tpdo1", "tpdo2"]
+        assert bench.run("diff again.yaml").code == 0
+        Path("own.yaml").write_text(
+            "nodes:\n  five:\n    node_id: 5\n    dcf: wide.eds\n    tpdo:\n      3: {event_timer: 100}\n"
+        )
+        ran = bench.run("diff own.yaml")
+        assert ran.code != 0
+        assert "node 5 has no TPDO3" in ran.stderr
+        assert "another revision" in ran.stderr
 
 
 def test_a_nodelist_without_any_dcf_is_refused(tmp_path: Path) -> None:

@@ -7,14 +7,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from datetime import datetime
+from pathlib import Path
 from typing import Protocol
 
+from dvtcli.errors import InputFileError
 from dvtcli.files.dcf.edited_text import EditedText
 from dvtcli.files.eds.findings import Findings
-from dvtcli.files.eds.ini import section_values
+from dvtcli.files.eds.ini import section_values, split_sections
 from dvtcli.files.eds.reader import EdsFile
 
 _FILE_INFO, _DEVICE_INFO, _COMMISSIONING = "FileInfo", "DeviceInfo", "DeviceComissioning"
+_MAKER = "dvtcli"
 
 
 class Device(Protocol):
@@ -61,10 +64,20 @@ def write_device_keys(eds: EdsFile, text: EditedText, source: str, device: Devic
     _set_keys(eds, text, _COMMISSIONING, keys, gone=[key.lower() for key, value in said.items() if value is None])
 
 
+def is_read_out(path: Path) -> bool:
+    """Whether the file at *path* is a DCF as it is made here of a device: each value in it was read."""
+    try:
+        sections = split_sections(path.read_bytes()).sections
+    except (OSError, InputFileError):
+        return False
+    values = section_values([one for one in sections if one.name.lower() == _FILE_INFO.lower()], Findings())
+    return "lasteds" in values and "modifiedby" in values and values["modifiedby"].value == _MAKER
+
+
 def _file_info(eds: EdsFile, source: str, device: Device) -> dict[str, str]:
     """What becomes of [FileInfo]; a DCF keeps the name of the EDS that it was made of."""
     made = {"ModificationTime": device.made.strftime("%I:%M%p"), "ModificationDate": device.made.strftime("%m-%d-%Y"),
-            "ModifiedBy": "dvtcli"}  # fmt: skip
+            "ModifiedBy": _MAKER}  # fmt: skip
     of_dcf = "devicecomissioning" in eds.layout.device and eds.values(_FILE_INFO).get("lasteds") is not None
     return {"FileName": device.file_name, **made, **({} if of_dcf else {"LastEDS": source})}
 

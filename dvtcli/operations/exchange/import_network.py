@@ -16,8 +16,10 @@ from dvtcli.device.read_pdos import WHATEVER, present_pdos, read_identity, read_
 from dvtcli.domain.network.found_links import found_links
 from dvtcli.domain.network.heartbeats import watched_ms
 from dvtcli.domain.network.wanted_state import FileWord, NetworkWish
-from dvtcli.domain.several import plural
+from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.several import plural, several
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError, UsageError
+from dvtcli.files.dcf.device_keys import is_read_out
 from dvtcli.files.device_file import DEVICE_SUFFIXES
 from dvtcli.files.network.write_network import write_network
 from dvtcli.files.profile.library import profile_of
@@ -31,7 +33,7 @@ from dvtcli.operations.session.save_script import ask_before_overwriting, write_
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.domain.object_dictionary import ObjectDictionary
-    from dvtcli.domain.pdo import Pdo, PdoConfig
+    from dvtcli.domain.pdo import PdoConfig
     from dvtcli.domain.ports import SdoReader
     from dvtcli.domain.profile import DeviceProfile
     from dvtcli.operations.session.session import Session
@@ -91,7 +93,7 @@ def import_network(session: Session, file: str, folder: str | None = None) -> Fa
             raise NoAnswer("no node answers", hint="look at bit rate and supply: `doctor`, `scan`")
     else:
         title = f"What the files of {folder} say"
-        found = [_of_file(one, path) for one in _described(Path(folder), notes)]
+        found = [_of_file(one, path, notes) for one in _described(Path(folder), notes)]
     notes += (f"node {one.exported.wish.node_id}: {note}" for one in found if (note := one.exported.left_out_note))
     return _written(path, file, title, found, notes)
 
@@ -187,15 +189,32 @@ def _beside(eds: Path, path: Path) -> FileWord:
         return FileWord(eds.absolute().as_posix())
 
 
-def _of_file(one: _Described, path: Path) -> _Found:
+def _of_file(one: _Described, path: Path, notes: list[str]) -> _Found:
     held: dict[Pdo, PdoConfig] = {}
+    lacked = _lacked(one)
+    if lacked:
+        labels = several(pdo.label for pdo in lacked)
+        notes.append(f"node {one.node_id}: {labels} left out: no value was read of it when {one.path.name} was made")
     for pdo in present_pdos(one.values, one.dictionary):
+        if pdo in lacked:
+            continue
         try:
             held[pdo] = read_pdo(one.values, pdo, WHATEVER)
         except SdoAborted:
             continue  # it has neither COB-ID nor mapping: no such PDO
     found = exported(one, held, one.values)
     return _Found(replace(found, wish=replace(found.wish, dcf=_beside(one.path, path))), held, one.values)
+
+
+def _lacked(one: _Described) -> list[Pdo]:
+    """PDOs that the EDS lists and of which the device told nothing when a DCF was made of it: it may lack them.
+
+    Of files that others made a value that is not there is the default (CiA 306).
+    """
+    if not is_read_out(one.path):
+        return []
+    said = {Pdo.at(entry.index) for entry in one.dictionary.entries() if entry.value is not None}
+    return [pdo for pdo in present_pdos(one.values, one.dictionary) if pdo not in said]
 
 
 def _described(folder: Path, notes: list[str]) -> list[_Described]:
