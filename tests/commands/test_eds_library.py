@@ -271,6 +271,14 @@ def test_a_served_family_is_recognised_and_a_device_of_that_make_is_not() -> Non
         assert bench.run("node 7 --json").document["nodes"][0]["eds"] == "generic.eds"
 
 
+def test_a_family_is_shown_and_checked_by_its_name(offline: Bench) -> None:
+    shown = offline.run("eds show gen4 --json")
+    assert (shown.code, shown.document["file"]) == (0, str(family_eds("gen4")))
+    checked = offline.run("eds check gen4 --json")
+    assert (checked.code, checked.document["file"]) == (0, str(family_eds("gen4")))
+    assert offline.run("eds show gen5").code == 2
+
+
 def test_the_library_goes_before_a_family() -> None:
     with Bench((), {"node": 5}, bus=live(device("gen4", 5))) as bench:
         write("mine.eds", family_eds("gen4").read_text("utf-8") + "; mine\n")

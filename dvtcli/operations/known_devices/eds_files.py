@@ -27,8 +27,9 @@ def _read(file: str) -> DeviceFile:
         return read_device_file(Path(file))
     except OSError as failed:
         raise UsageError(
-            f"{file}: {failed.strerror}", place=file, hint="eds takes the path of an EDS, DCF, XDD or XDC"
-        ) from failed
+            f"{file}: {failed.strerror}", place=file,
+            hint="eds takes the path of an EDS, DCF, XDD or XDC, or a family of `sim`",
+        ) from failed  # fmt: skip
 
 
 def check_eds(
@@ -56,14 +57,25 @@ def check_eds(
 
 
 def _matched(words: Sequence[str]) -> list[str]:
-    """The files that *words* name, each once."""
+    """The files that *words* name, each once; for a simulated family its EDS."""
     from glob import glob, has_magic
 
     names: dict[str, None] = {}
     for word in words:
         found = sorted(glob(word)) if has_magic(word) and not Path(word).exists() else [word]  # noqa: PTH207 - absolute, too
-        names.update(dict.fromkeys(found or [word]))  # what matches nothing is said when it is read
+        names.update(dict.fromkeys(map(_place, found or [word])))  # what matches nothing is said when it is read
     return list(names)
+
+
+def _place(word: str) -> str:
+    """*word* where it is a file, else the path of the EDS of the simulated family that it names, if it does."""
+    from os.path import exists
+
+    if exists(word):  # noqa: PTH110 - Path.exists raises OSError for a name that is too long
+        return word
+    from dvtcli.operations.opening.simulated_nodes import file_or_family
+
+    return str(file_or_family(word))
 
 
 def _one_of_many(file: str, rules: tuple[LintRule, ...], strict: bool, profile: DeviceProfile) -> FileReport:
@@ -114,8 +126,9 @@ def chosen_rules(only: Collection[str] = (), without: Collection[str] = ()) -> t
 
 
 def show_eds(file: str) -> Facts:
-    """Whose file it is, and how much is in it; UsageError where it cannot be read."""
-    return facts(file, _read(file))
+    """Whose file it is, and how much is in it, or a simulated family's; UsageError where it cannot be read."""
+    path = _place(file)
+    return facts(path, _read(path))
 
 
 def facts(file: str, eds: DeviceFile) -> Facts:
