@@ -139,7 +139,7 @@ class Commissioning:
 
 
 #: identity object (CiA 301, 7.5.2.19), and a number that nobody set
-_IDENTITY, _ERASED = 0x1018, 0xFFFF_FFFF
+_IDENTITY, ERASED = 0x1018, 0xFFFF_FFFF
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,7 +169,7 @@ class DeviceInfo:
     def identity(self) -> dict[str, int | None]:
         """Vendor-ID, product code and revision number; None for what is not said: 0, or all bits, as erased memory."""
         told = {"vendor": self.vendor_id, "product": self.product_code, "revision": self.revision_number}
-        return {name: None if number in (0, _ERASED) else number for name, number in told.items()}
+        return {name: None if number in (0, ERASED) else number for name, number in told.items()}
 
 
 class ObjectDictionary(Mapping[int, OdObject]):

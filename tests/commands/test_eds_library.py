@@ -139,6 +139,7 @@ def test_a_dry_run_writes_nothing(offline: Bench) -> None:
     write("a.eds", text())
     ran = offline.run("eds add a.eds --dry-run")
     assert (ran.code, "nothing was written" in ran.stdout) == (0, True)
+    assert "from now on" not in ran.stdout
     assert not folder().exists()
     assert offline.run("eds add a.eds").code == 0
     for line in ("eds remove a.eds --dry-run", "eds prefer a.eds --dry-run"):
@@ -234,7 +235,7 @@ def test_rivals_are_named_and_one_is_chosen() -> None:
         assert "a.eds of the same vendor, product and revision says something else: b.eds is taken" in added.stdout
         assert "it is there as b.eds" in added.stdout
         assert (
-            "b.eds is taken, the one added last, and a.eds would fit as well: eds prefer FILE"
+            "b.eds is taken, the one added or preferred last, and a.eds would fit as well: eds prefer FILE"
             in bench.run("node").stderr
         )
         assert bench.run("node --json").document["nodes"][0]["eds"].endswith("_b.eds")
@@ -472,3 +473,60 @@ def _own_find(path: Path) -> StoredFile:
     if found is None or info.product_code is None:
         raise InputFileError(f"{path} is not found by its identity")
     return found.file
+
+
+def test_what_is_added_is_taken_whatever_the_clock_says() -> None:
+    write("a.eds", text())
+    write("b.eds", text(name="other"))
+    with Bench((), {"node": 5}, bus=live(pump(5))) as bench:
+        assert bench.run("eds add a.eds").code == 0
+        os.utime(stored_place((VENDOR, PRODUCT, 0x10001), "a.eds"), (4_000_000_000,) * 2)
+        assert "b.eds is taken from now on" in bench.run("eds add b.eds").stdout
+        assert bench.run("node --json").document["nodes"][0]["eds"].endswith("_b.eds")
+
+
+def test_files_of_one_name_from_two_folders_are_both_kept_and_said(offline: Bench) -> None:
+    for version in ("v1", "v2"):
+        write(f"all/{version}/drive.eds", text(name=version))
+    first = offline.run("eds add all --json").document
+    assert first["count"]["added"] == 2
+    assert "says something else: drive-2.eds is taken from now on" in first["files"][1]["note"]
+    assert offline.run("eds add all --json").document["count"]["already_there"] == 2
+    write("all/v2/drive.eds", text(name="newer"))
+    assert offline.run("eds add all --json").document["count"]["replaced"] == 1
+    listed = offline.run("eds list --json").document["files"]
+    assert {(row["name"], row["product"]) for row in listed} == {("drive.eds", "v1"), ("drive-2.eds", "newer")}
+
+
+def test_all_bits_are_nobodys_number(offline: Bench) -> None:
+    write("a.eds", text(product=0xFFFFFFFF))
+    ran = offline.run("eds add a.eds")
+    assert (ran.code, "no product number (0xFFFFFFFF is nobody's)" in ran.stderr) == (4, True), ran.stderr
+    write("b.eds", text(revision=0xFFFFFFFF))
+    assert offline.run("eds add b.eds --json").document["files"][0]["revision"] in (0, None)
+    assert offline.run("eds list --json").document["files"][0]["by_hand"] is False
+
+
+def test_who_prefers_the_only_file_of_its_identity_is_told_so(offline: Bench) -> None:
+    write("a.eds", text())
+    offline.run("eds add a.eds")
+    assert "no other file is of its identity" in offline.run("eds prefer a.eds").stdout
+    write("b.eds", text(name="other"))
+    offline.run("eds add b.eds")
+    assert "no other file" not in offline.run("eds prefer a.eds").stdout
+
+
+@pytest.mark.parametrize("form", ["dcf", "xdc", "jsonl"])
+def test_a_backup_is_of_the_device_and_not_of_its_files_revision(form: str) -> None:
+    write("old.eds", text(0x10001))
+    with Bench((), {"node": 5}, bus=live(pump(5, 0x10003))) as bench:
+        assert bench.run("eds add old.eds").code == 0
+        assert bench.run(f"backup kept.{form}").code == 0
+        assert bench.run(f"compare kept.{form} --json").document["unlike"] == ""
+
+
+def test_a_frame_is_explained_by_a_familys_eds_and_a_wrong_name_is_said() -> None:
+    for eds, code, said in (("generic", 0, "TPDO1"), ("nothere.eds", 2, "nothere.eds: ")):
+        with Bench((), {"eds": eds}) as bench:
+            ran = bench.run("explain 181#0000")
+            assert (ran.code, said in ran.stdout + ran.stderr) == (code, True), ran

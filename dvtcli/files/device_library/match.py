@@ -73,7 +73,7 @@ class Match:
         if self.rivals:
             others = ", ".join(one.label for one in self.rivals)
             notes.append(
-                f"{self.file.label} is taken, the one added last, and {others} would fit as well: "
+                f"{self.file.label} is taken, the one added or preferred last, and {others} would fit as well: "
                 "eds prefer FILE takes another, eds remove FILE leaves one"
             )
         return "; ".join(notes)

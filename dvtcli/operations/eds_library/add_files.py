@@ -5,15 +5,16 @@ What cannot be found by an identity, or is broken, is left out and said. Does no
 
 from __future__ import annotations
 
+import os
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dvtcli.domain.object_dictionary import DeviceInfo
+from dvtcli.domain.object_dictionary import ERASED, DeviceInfo
 from dvtcli.domain.several import plural
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.device_file import must_be_whole, parse_device_file
-from dvtcli.files.device_library.file_notes import Described, about_place, note_about
+from dvtcli.files.device_library.file_notes import Described, about_place, note_about, remembered
 from dvtcli.files.device_library.stored_files import StoredFile, folder, stored_file, stored_files, stored_place
 from dvtcli.files.eds.bounds import MOST_BYTES
 from dvtcli.operations.eds_library.sought_files import Sought, sought_files
@@ -75,12 +76,24 @@ def _add(one: Sought, given: Identity | None, *, dry_run: bool) -> AddedFile:
     if same is not None:
         note = "" if same.label == one.path.name else f"it is there as {same.label}"
         return AddedFile(one.shown, THERE, *identity, str(same.path), note)
-    target = stored_file(stored_place(identity, one.path.name))
+    target = _target(one, identity, there, data)
     outcome = REPLACED if target.path.exists() else ADDED
     if not dry_run:
         _keep(target, data, one.origin, dictionary)
     beside = [kept for kept in there if kept.path != target.path and kept.is_of_one_node == target.is_of_one_node]
     return AddedFile(one.shown, outcome, *identity, str(target.path), _beside(target, beside))
+
+
+def _target(one: Sought, identity: Identity, there: list[StoredFile], data: bytes) -> StoredFile:
+    """Where *one* is kept: in place of what came from there before, else beside all others, also of its name."""
+    for kept in there:
+        if remembered(kept).origin == one.origin:
+            return kept
+    target, number = stored_file(stored_place(identity, one.path.name)), 1
+    while target.path.exists() and not _holds(target, data):  # else somebody added the same this moment
+        number += 1
+        target = stored_file(stored_place(identity, f"{one.path.stem}-{number}{one.path.suffix}"))
+    return target
 
 
 def _beside(target: StoredFile, others: list[StoredFile]) -> str:
@@ -105,15 +118,18 @@ def _read(path: Path) -> tuple[bytes, ObjectDictionary]:
 
 def _own_identity(one: Sought, info: DeviceInfo) -> Identity:
     """The identity that the file names; InputFileError where no node can have it."""
-    if not info.vendor_id or info.product_code is None:
-        lacks = "vendor number" if not info.vendor_id else "product number"
-        has = " (0 is nobody's)" if info.vendor_id == 0 else ""
+    vendor, product, revision = (
+        None if number == ERASED else number for number in (info.vendor_id, info.product_code, info.revision_number)
+    )
+    if not vendor or product is None:
+        lacks, number = ("product number", info.product_code) if vendor else ("vendor number", info.vendor_id)
+        has = "" if number is None else f" ({'0' if not number else f'0x{number:08X}'} is nobody's)"
         raise InputFileError(
             f"{one.shown}: it names no {lacks}{has}, so no node is recognised by it",
             place=str(one.path),
             hint="`scan` shows who the node is: eds add FILE --identity vendor=…,product=…; or --eds FILE each time",
         )
-    return info.vendor_id, info.product_code, info.revision_number or 0
+    return vendor, product, revision or 0
 
 
 def _holds(kept: StoredFile, data: bytes) -> bool:
@@ -131,7 +147,20 @@ def _keep(target: StoredFile, data: bytes, origin: str, dictionary: ObjectDictio
     except OSError as failed:
         raise UsageError(f"{where}: {failed.strerror or failed}", place=str(where)) from failed
     write_bytes(target.path, data)
+    put_first(target)
     remember(target, origin, dictionary)
+
+
+def put_first(one: StoredFile) -> None:
+    """Make *one* the newest of its identity, which goes first; UsageError where that cannot be written."""
+    try:
+        others = [other for other in stored_files() if other.identity == one.identity and other.path != one.path]
+        newest = max((other.path.stat().st_mtime_ns for other in others), default=0)
+        os.utime(one.path)
+        if one.path.stat().st_mtime_ns <= newest:  # a file from the future, or a file system with a coarse clock
+            os.utime(one.path, ns=(newest + 2_000_000_000,) * 2)
+    except OSError as failed:
+        raise UsageError(f"{one.path}: {failed.strerror or failed}", place=str(one.path)) from failed
 
 
 def remember(one: StoredFile, origin: str, dictionary: ObjectDictionary) -> Described:

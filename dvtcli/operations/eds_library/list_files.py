@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import os
 import re
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.object_dictionary import ERASED
 from dvtcli.errors import DvtcliError, UsageError
 from dvtcli.files.device_library.file_notes import Described, about_place, remembered
 from dvtcli.files.device_library.stored_files import StoredFile, folder, identity_word, stored_files
-from dvtcli.operations.eds_library.add_files import remember
+from dvtcli.operations.eds_library.add_files import put_first, remember
 from dvtcli.operations.results.library_files import LibraryListing, LibraryRow
 
 if TYPE_CHECKING:
@@ -48,18 +50,13 @@ def prefer_file(session: Session, word: str) -> LibraryListing:
         raise UsageError(f"{word} names {len(chosen)} files", hint=f"which one? {labels}")
     if not session.dry_run:
         _put_first(chosen[0])
-    return _listing(session, preferred=chosen[0].label)
+    alone = sum(other.identity == chosen[0].identity for other in stored_files()) == 1
+    return replace(_listing(session, preferred=chosen[0].label), is_alone=alone)
 
 
 def _put_first(one: StoredFile) -> None:
     known = remembered(one)
-    try:
-        newest = max(other.path.stat().st_mtime_ns for other in stored_files() if other.identity == one.identity)
-        os.utime(one.path)
-        if one.path.stat().st_mtime_ns <= newest:  # a file from the future, or a file system with a coarse clock
-            os.utime(one.path, ns=(newest + 2_000_000_000,) * 2)
-    except OSError as failed:
-        raise UsageError(f"{one.path}: {failed.strerror or failed}", place=str(one.path)) from failed
+    put_first(one)
     _describe(one, known.origin)
 
 
@@ -121,7 +118,8 @@ def _row(number: int, one: StoredFile) -> LibraryRow:
     except DvtcliError as wrong:
         text = f"{wrong.text}: {wrong.why}" if wrong.why else wrong.text
         return LibraryRow(number, *one.identity, one.label, str(one.path), origin=known.origin, problem=text)
-    by_hand = (said.vendor_id, said.product_code, said.revision or 0) != one.identity
+    revision = 0 if said.revision in (None, ERASED) else said.revision
+    by_hand = (said.vendor_id, said.product_code, revision) != one.identity
     return LibraryRow(
         number, *one.identity, one.label, str(one.path), said.vendor_name, said.product_name, said.objects,
         known.origin, by_hand,

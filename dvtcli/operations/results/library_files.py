@@ -143,6 +143,8 @@ class LibraryListing(Answer):
     strangers: int = 0
     dry_run: bool = False
     exit_code: int = 0
+    #: whether *preferred* is the only file of its vendor, product and revision
+    is_alone: bool = False
 
     def __iter__(self) -> Iterator[LibraryRow]:
         return iter(self.rows)

@@ -30,7 +30,8 @@ def added_lines(result: LibraryAdded, width: int) -> Iterator[Line]:
     others = f"; {plural(result.others, 'other file')} left out: no EDS, DCF, XDD or XDC" if result.others else ""
     dry = Cell(" (dry run: nothing was written)" if result.dry_run else "", "cyan")
     yield [Cell(f"{counts}{others}"), dry]
-    yield [Cell(f"nodes of these identities use them from now on; kept in {_at_home(result.folder)}", "dim")]
+    if not result.dry_run and not all(row.outcome == REFUSED for row in result.rows):
+        yield [Cell(f"nodes of these identities use them from now on; kept in {_at_home(result.folder)}", "dim")]
 
 
 def _remarks(row: AddedFile) -> Iterator[Line]:
@@ -43,13 +44,8 @@ def _remarks(row: AddedFile) -> Iterator[Line]:
 
 def listing_lines(result: LibraryListing, width: int) -> Iterator[Line]:
     """What was done, then a line for each file."""
-    dry = Cell(" (dry run: nothing was changed)" if result.dry_run else "", "cyan")
-    if result.removed:
-        yield [Cell(f"removed: {', '.join(result.removed)}"), dry]
-    if result.preferred:
-        yield [Cell(f"{result.preferred} is taken before others of its identity"), dry]
     if result.removed or result.preferred:
-        yield f"{plural(len(result.rows), 'file')} in the library"
+        yield from _changed(result)
         return
     if not result.rows:
         yield "the library is empty: eds add FILE, FOLDER or FAMILY"
@@ -71,6 +67,19 @@ def listing_lines(result: LibraryListing, width: int) -> Iterator[Line]:
     yield [Cell(f"{plural(len(result.rows), 'file')} in {_at_home(result.folder)}", "dim")]
     if result.strangers:
         yield [Cell(f"{plural(result.strangers, 'file')} there no `eds add` put there: not looked at", "yellow")]
+
+
+def _changed(result: LibraryListing) -> Iterator[Line]:
+    """What was removed or put first."""
+    dry = Cell(" (dry run: nothing was changed)" if result.dry_run else "", "cyan")
+    if result.removed:
+        yield [Cell(f"removed: {', '.join(result.removed)}"), dry]
+    if result.preferred:
+        yield [Cell(f"{result.preferred} is taken before others of its identity"), dry]
+    if result.is_alone:
+        text = "no other file is of its identity: of several revisions the device's own goes first, then the nearest"
+        yield [Cell(f"  {text}", "yellow")]
+    yield f"{plural(len(result.rows), 'file')} in the library"
 
 
 def _word(value: int | None) -> str:
