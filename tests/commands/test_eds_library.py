@@ -530,3 +530,11 @@ def test_a_frame_is_explained_by_a_familys_eds_and_a_wrong_name_is_said() -> Non
         with Bench((), {"eds": eds}) as bench:
             ran = bench.run("explain 181#0000")
             assert (ran.code, said in ran.stdout + ran.stderr) == (code, True), ran
+
+
+def test_what_is_no_file_is_none_of_the_library(offline: Bench) -> None:
+    write("a.eds", text())
+    offline.run("eds add a.eds")
+    stored_place((1, 2, 3), "folder.eds").mkdir()
+    listed = offline.run("eds list --json").document
+    assert ([row["name"] for row in listed["files"]], listed["strangers"]) == (["a.eds"], 0)

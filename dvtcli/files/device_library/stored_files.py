@@ -52,11 +52,12 @@ def folder() -> Path:
 def stored_files() -> tuple[StoredFile, ...]:
     """Every file of the library, by identity and name; none is opened."""
     try:
-        names = sorted(os.listdir(folder()))  # noqa: PTH208 - names alone, without a look at each
+        with os.scandir(folder()) as found:  # a pipe or a folder of such a name is no file of the library
+            names = sorted(one.name for one in found if _NAME.fullmatch(one.name) and one.is_file())
     except OSError:
         return ()
     where = folder()
-    return tuple(stored_file(where / name) for name in names if _NAME.fullmatch(name))
+    return tuple(stored_file(where / name) for name in names)
 
 
 def stored_file(path: Path) -> StoredFile:
