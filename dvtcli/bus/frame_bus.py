@@ -16,8 +16,10 @@ from dvtcli.bus.sdo.channel import SdoChannel
 from dvtcli.bus.sdo.channels import SdoChannels
 from dvtcli.bus.sdo.sdo_link import ANSWER_ID, DEFAULT_RETRIES, DEFAULT_TIMEOUT_S, REQUEST_ID, DroppedAnswers
 from dvtcli.bus.watched_bus import NMT_CAN_ID
+from dvtcli.domain.cob_id import fits
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.ports import Frame
+from dvtcli.errors import UsageError
 
 _SDO_IDS = (ANSWER_ID, REQUEST_ID)
 #: LSS slaves' answers (CiA 305), here to spare every command the import of all of LSS
@@ -61,7 +63,12 @@ class FrameBus(ReadBus[M]):
         return True
 
     def send(self, frame: Frame) -> None:
-        """Send one frame (SYNC, a PDO); frames that answer it are kept for a `receive` within the next second."""
+        """Send one frame (SYNC, a PDO); frames that answer it are kept for a `receive` within the next second.
+
+        UsageError for a CAN-ID that does not fit: drivers cut it to its bits, and 0x800 would be an NMT command.
+        """
+        if not fits(frame.can_id, extended=frame.extended):
+            raise UsageError(f"CAN-ID 0x{frame.can_id:X} has more than {29 if frame.extended else 11} bits: not sent")
         self.drain()
         self._traffic.keep_answers()
         self._send(frame.can_id, frame.data, extended=frame.extended, remote=frame.remote)

@@ -70,3 +70,8 @@ class CobId:
 
     def __str__(self) -> str:
         return f"0x{self.can_id:X}" if self.extended else f"0x{self.can_id:03X}"
+
+
+def fits(can_id: int, *, extended: bool) -> bool:
+    """Whether a CAN-ID has no more bits than a frame has for it: 11, or 29 in an *extended* one (ISO 11898-1)."""
+    return 0 <= can_id <= (CAN_ID_MASK if extended else HIGHEST_BASE_CAN_ID)

@@ -12,6 +12,7 @@ from typing import Any, BinaryIO
 import can
 
 from dvtcli.bus.can_message import frame_of
+from dvtcli.domain.cob_id import fits
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.recording_formats import BROKEN, CAPTURES, TEXT, checked_suffix
@@ -75,6 +76,7 @@ def read_recorded(path: Path) -> Iterator[Recorded]:
             for message in _reader(suffix, source):
                 if not message.is_error_frame:
                     _refuse_no_date(message.timestamp)
+                    _refuse_no_id(message)
                     count += 1
                 channel = "" if message.channel is None else str(message.channel)
                 fd = message.is_fd or len(message.data) > _MOST_BYTES
@@ -89,6 +91,13 @@ def _refuse_no_date(time_s: float) -> None:
     """ValueError for a time that no calendar has: neither from a recording's own start nor since 1970."""
     if not _FIRST_S <= time_s <= _LAST_S:
         raise ValueError(f"{time_s:g} s is no time of a frame")
+
+
+def _refuse_no_id(message: can.Message) -> None:
+    """ValueError for a CAN-ID that no frame can have: an interface that is given it cuts it to another one."""
+    if not fits(message.arbitration_id, extended=message.is_extended_id):
+        bits = 29 if message.is_extended_id else 11
+        raise ValueError(f"CAN-ID 0x{message.arbitration_id:X} has more than {bits} bits")
 
 
 def check_readable(path: Path) -> None:

@@ -399,3 +399,13 @@ def test_a_silent_node_does_not_hold_up_the_others(serve: Serve) -> None:
     bus.close()
     thread.join(PATIENCE_S)
     assert isinstance(errors.get(timeout=PATIENCE_S), BusUnavailable)
+
+
+@pytest.mark.parametrize(("can_id", "extended"), [(0x800, False), (1 << 29, True), (-1, False)])
+def test_no_can_id_is_sent_that_a_driver_would_cut(serve: Serve, can_id: int, extended: bool) -> None:
+    bus, _ = serve()
+    sent: list[Frame] = []
+    bus.tap(lambda frame, ours: sent.append(frame) if ours else None)
+    with pytest.raises(UsageError, match="bits: not sent"):
+        bus.send(Frame(can_id, b"\1\0", extended=extended))
+    assert not sent

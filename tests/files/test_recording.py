@@ -6,6 +6,7 @@ import tempfile
 from importlib.util import find_spec
 from pathlib import Path
 
+import can
 import pytest
 from hypothesis import given, settings
 
@@ -115,6 +116,15 @@ def test_a_time_that_no_calendar_has_is_damage(tmp_path: Path, time_s: str) -> N
     with pytest.raises(InputFileError, match="damaged after 1 frames") as wrong:
         list(read_recording(path))
     assert wrong.value.place == f"{path}:2"
+
+
+@pytest.mark.parametrize("suffix", [".asc", ".blf", ".log", ".trc"])
+def test_a_can_id_of_more_bits_than_a_frame_has_is_damage(tmp_path: Path, suffix: str) -> None:
+    with can.Logger(str(tmp_path / f"nmt{suffix}")) as writer:
+        writer(can.Message(timestamp=BEGIN_S, arbitration_id=0x800, is_extended_id=False, data=[1, 0]))
+    with pytest.raises(InputFileError, match="damaged after 0 frames") as refused:
+        list(read_recording(tmp_path / f"nmt{suffix}"))
+    assert refused.value.why == "CAN-ID 0x800 has more than 11 bits"
 
 
 def test_a_missing_file_is_a_usage_error(tmp_path: Path) -> None:
