@@ -28,5 +28,18 @@ def is_command(index: int, entry: OdEntry | None) -> bool:
     return first in _OF_DRIVES or (first in _OF_OUTPUTS and _is_taken_by_rpdos(entry))
 
 
+def is_controlword(index: int) -> bool:
+    """Whether the object at *index* is the controlword of an axis (CiA 402-2, 8.4.1)."""
+    return 0x6000 <= index <= _LAST and (index - 0x6000) % _AXIS == 0x40
+
+
+def commanded_by_other(heard: int, hears: OdEntry | None, sent: int, sends: OdEntry | None) -> bool:
+    """Whether the object *heard*, a command, a target or an output by a standard, hears *sent*, which is none.
+
+    *hears* and *sends* are what files say of them. An object of the same index is meant; a maker's own is not judged.
+    """
+    return heard >= 0x6000 and heard != sent and is_command(heard, hears) and not is_command(sent, sends)
+
+
 def _is_taken_by_rpdos(entry: OdEntry | None) -> bool:
     return entry is not None and bool(entry.pdo_mapping) and entry.access.writable

@@ -290,3 +290,18 @@ def test_a_guarded_node_gets_no_heartbeat(tmp_path: Path) -> None:
         assert bench.run("write 100D 0").code == 0
         assert bench.run("link 1:tpdo1 6:rpdo1 --heartbeat 100").code == 0
         assert value(bench, "1:1017") == 100
+
+
+def test_what_moves_a_drive_is_named_in_the_plan_and_in_the_question() -> None:
+    """A statusword enables no drive unseen; a link on nodes that are OPERATIONAL is asked about with these words."""
+    with Bench(("gen4@1", "generic@6")) as bench:
+        for line in ("map 1:tpdo1 6041 606C", "map 6:rpdo1 6040 60FF --off", "nmt start 6"):
+            assert bench.run(line).code == 0, line
+        said = "of 1:tpdo1 goes to 6040:00"
+        planned = bench.run("link 1:tpdo1 6:rpdo1 --dry-run")
+        assert (planned.code, said in planned.stderr) == (0, True)
+        refused = bench.run("link 1:tpdo1 6:rpdo1")
+        assert (refused.code, said in refused.stderr) == (6, True)
+        found = bench.run("link 1:tpdo1 6:rpdo1 --yes --json").document["nodes"][1]["findings"]
+        rules = {one["rule"]: one["severity"] for one in found}
+        assert (rules["link-command"], rules["link-target"]) == ("warning", "note")

@@ -35,9 +35,9 @@ def _object(index: int, name: str, kind: Any, access: Access, mappable: bool = T
 DICTIONARY = ObjectDictionary(
     {
         0x6041: _object(0x6041, "Statusword", U16, Access.RO),
-        0x6040: _object(0x6040, "Controlword", U16, Access.RWW),
+        0x6040: _object(0x6040, "Controlword", U16, Access.RW),
         0x6077: _object(0x6077, "Torque", I16, Access.RO),
-        0x6071: _object(0x6071, "Target torque", I16, Access.RWW),
+        0x6071: _object(0x6071, "Target torque", I16, Access.RW),
         0x6042: _object(0x6042, "Word target", U16, Access.RWW),
         0x6061: _object(0x6061, "Mode", U8, Access.RO),
         0x6060: _object(0x6060, "Wanted mode", U8, Access.RWW),
@@ -81,7 +81,7 @@ SOUND = NetworkState(
         _node(
             1,
             {
-                T1: pdo(0x181, entry(0x6041), entry(0x6077), kind=1),
+                T1: pdo(0x181, entry(0x6040), entry(0x6071), kind=1),
                 R1: pdo(0x185, entry(0x6040), entry(0x6060, 8)),
             },
             x1016_01=5 << 16 | 1500,
@@ -89,7 +89,7 @@ SOUND = NetworkState(
         _node(
             5,
             {
-                T1: pdo(0x185, entry(0x6041), entry(0x6061, 8), inhibit=100, timer=50),
+                T1: pdo(0x185, entry(0x6040), entry(0x6061, 8), inhibit=100, timer=50),
                 R1: pdo(0x181, entry(0x6040), entry(0x6071), kind=1),
             },
             x1016_01=1 << 16 | 1500,
@@ -282,6 +282,8 @@ PLANTED = (
     Planted("layout", has(5, R1, pdo(0x181, entry(0x6060, 8), _CONTROL, entry(5, 8), kind=1))),
     Planted("part-of-object", has(5, R1, pdo(0x181, entry(0x6060, 8), entry(5, 8), entry(0x6071), kind=1))),
     Planted("data-type", has(5, R1, pdo(0x181, _CONTROL, entry(0x6042), kind=1))),
+    Planted("hears-no-command", has(1, T1, pdo(0x181, _STATUS, entry(0x6071), kind=1))),
+    Planted("hears-no-target", has(1, T1, pdo(0x181, _CONTROL, entry(0x6077), kind=1))),
     Planted("sends-nothing", has(5, T2, pdo(0x333, inhibit=1000))),
     Planted("takes-nothing", has(5, R1, pdo(0x181, kind=1))),
     Planted("takes-nothing", has(5, R1, pdo(0x181, entry(6), entry(6), kind=1))),
@@ -356,9 +358,9 @@ PLANTED = (
     Planted("direction", has(5, R2, pdo(0x333, _STATUS))),
     Planted("mappable", has(5, T2, pdo(0x333, entry(0x6502, 32), inhibit=1000))),
     Planted("read-write-object", also(
-        has(5, T2, pdo(0x333, _CONTROL, inhibit=1000)),
+        has(5, T2, pdo(0x333, entry(0x6042), inhibit=1000)),
         node(5, profile=replace(GENERIC, rww_in_tpdo=Severity.WARNING)))),
-    Planted("object-for-rpdos", has(5, T2, pdo(0x333, _CONTROL, inhibit=1000))),
+    Planted("object-for-rpdos", has(5, T2, pdo(0x333, entry(0x6042), inhibit=1000))),
     Planted("granularity", also(_sends(0x333), node(5, profile=replace(GENERIC, granularity=32)))),
     Planted("extended-id", also(_sends(0x333, extended=True), node(5, profile=replace(GENERIC, extended_ids=False)))),
     Planted("rtr-bit", also(_sends(0x333), node(5, profile=replace(GENERIC, rtr_bit=_NO_RTR)))),

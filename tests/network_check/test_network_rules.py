@@ -28,7 +28,7 @@ def test_of_a_sound_network_nothing_is_said() -> None:
 
 def test_a_concise_dcf_that_makes_what_a_node_is_to_hold_is_right() -> None:
     """The last value of an object counts: a PDO is disabled, set up, and enabled again."""
-    steps = ((0x1800, 1, 4, 0x8000_0185), (0x1A00, 0, 1, 0), (0x1A00, 1, 4, 0x6041_0010), (0x1A00, 2, 4, 0x6061_0008),
+    steps = ((0x1800, 1, 4, 0x8000_0185), (0x1A00, 0, 1, 0), (0x1A00, 1, 4, 0x6040_0010), (0x1A00, 2, 4, 0x6061_0008),
              (0x1A00, 0, 1, 2), (0x1800, 1, 4, 0x185), (0x1017, 0, 2, 500), (0x2000, 0, 1, 9))  # fmt: skip
     state = node(10, downloads={5: concise(*steps)})(SOUND)
     assert [text for _, _, text in network_findings(CheckedNetwork(state, BIT_RATE), ALL)] == []

@@ -8,16 +8,17 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
+from dvtcli.domain.command_object import commanded_by_other, is_controlword
 from dvtcli.domain.datatypes import DataType
 from dvtcli.domain.mapping import DUMMY_BITS, MAX_PDO_BITS, PdoMappingEntry, split_dummy, total_bits
 from dvtcli.domain.network.wanted_state import Endpoint
-from dvtcli.domain.object_dictionary import ObjectDictionary
+from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
 from dvtcli.domain.pdo import PdoConfig
 from dvtcli.domain.profile import DeviceProfile, Severity
-from dvtcli.domain.rules.finding import Finding, Proposal, error, warning
+from dvtcli.domain.rules.finding import Finding, Proposal, error, note, warning
 from dvtcli.domain.rules.mappable import known_dummies
 from dvtcli.domain.rules.mapped_object import object_findings
-from dvtcli.domain.rules.rule import ERROR, WARNING, Rule
+from dvtcli.domain.rules.rule import ERROR, NOTE, WARNING, Rule
 from dvtcli.domain.several import several
 
 _LAYOUT = "CiA 301, 7.5.2.36 and 7.5.2.38: both sides of a PDO have one layout"
@@ -30,8 +31,12 @@ RULES = (
     Rule("link-skip", ERROR, "the consumer of a link has no dummies for what it does not hear", _LAYOUT),
     Rule("link-type", WARNING, "an object hears one of another data type", "both devices' files"),
     Rule("link-part", WARNING, "an object hears some bits of a longer one", "ours"),
+    Rule("link-command", WARNING, "a controlword hears what is no command", "CiA 402-2, 8.4: it moves the machine"),
+    Rule("link-target", NOTE, "a target or an output hears what is none", "CiA 401-1, CiA 402-2: it moves the machine"),
     Rule("link-object", WARNING, "a PDO of a link maps what its device's file says it cannot", "both devices' files"),
 )  # fmt: skip
+#: Rules of what is asked about before it is carried out, where something is asked.
+MOVES = frozenset({"link-command", "link-target"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,8 +58,12 @@ class LinkSide:
 
     def type(self, entry: PdoMappingEntry) -> DataType | None:
         """Its data type, None where no file tells it."""
-        described = self.dictionary.entry(entry.index, entry.sub_index) if self.dictionary else None
+        described = self.described(entry)
         return None if described is None else described.data_type
+
+    def described(self, entry: PdoMappingEntry) -> OdEntry | None:
+        """What the device's file says of it, None where there is none."""
+        return self.dictionary.entry(entry.index, entry.sub_index) if self.dictionary else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -228,11 +237,12 @@ def _filled(
 
 
 def _remarks(producer: LinkSide, consumer: LinkSide, mapping: Sequence[PdoMappingEntry]) -> Iterator[Finding]:
-    """Objects that hear one of another type, or a part of one."""
+    """Objects that hear one of another type, or a part of one, and those that move a machine by what is no command."""
     for start, heard in _starts(mapping):
         sent = None if heard.is_dummy else _over(producer.config.mapping, start, heard.bits)
         if sent is None:
             continue
+        yield from _command_remarks(producer, sent, consumer, heard)
         if sent.bits != heard.bits:
             text = f"hears {heard.bits} of the {sent.bits} bits of {producer.name(sent)}"
             yield warning("link-part", str(consumer), f"{consumer.name(heard)} of {consumer} {text}")
@@ -240,3 +250,20 @@ def _remarks(producer: LinkSide, consumer: LinkSide, mapping: Sequence[PdoMappin
             types = [one.short if one else "?" for one in (consumer.type(heard), producer.type(sent))]
             text = f"{consumer.name(heard)} of {consumer} is {types[0]} and hears {producer.name(sent)}, {types[1]}"
             yield warning("link-type", str(consumer), text)
+
+
+def _command_remarks(
+    producer: LinkSide, sent: PdoMappingEntry, consumer: LinkSide, heard: PdoMappingEntry
+) -> Iterator[Finding]:
+    """What goes to a command, a target or an output and is none itself."""
+    if commanded_by_other(heard.index, consumer.described(heard), sent.index, producer.described(sent)):
+        text = f"{producer.name(sent)} of {producer} goes to {consumer.name(heard)} of {consumer}"
+        if is_controlword(heard.index):
+            yield warning(
+                "link-command",
+                str(consumer),
+                text,
+                hint="a controlword moves the drive",
+            )
+        else:
+            yield note("link-target", str(consumer), text)

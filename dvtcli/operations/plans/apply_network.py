@@ -10,6 +10,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.put_back import first_difference
+from dvtcli.domain.network.links import MOVES
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.plan import Change
 from dvtcli.domain.profile import PreOperational
@@ -94,6 +95,8 @@ def _question(nodes: Mapping[int, Node], planned: list[NodePlan], name: str) -> 
     stores = [str(one.node_id) for one in planned if one.stores]
     store = f", and store on node {', '.join(stores)}" if stores else ""
     doubts = "".join(f"{one.doubt}; " for one in planned if one.doubt)
+    moved = [said.text for one in planned for said in one.findings if said.rule in MOVES]
+    doubts += "".join(f"{text}; " for text in moved)
     text = f"{doubts}{name} {writes} to node {', '.join(str(one.node_id) for one in planned)}{store}?"
     running = [str(one.node_id) for one in planned if _leaves_operational(nodes[one.node_id])]
     if running:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from dvtcli.domain.command_object import commanded_by_other, is_controlword
 from dvtcli.domain.lint.lint_rule import ERROR, NOTE, WARNING, check
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.network.check.checked_network import CheckedNetwork, Heard, NetFound, at
@@ -117,16 +118,25 @@ def part_of_object(network: CheckedNetwork) -> NetFound:
 def data_type(network: CheckedNetwork) -> NetFound:
     """-1 becomes 65535, a REAL nonsense."""
     for one, heard, sent in _pairs(network):
-        producer = LinkSide(
-            Endpoint(one.producer.node_id, one.tpdo), one.sends, one.producer.profile, one.producer.dictionary
-        )
-        consumer = LinkSide(
-            Endpoint(one.consumer.node_id, one.rpdo), one.takes, one.consumer.profile, one.consumer.dictionary
-        )
+        producer, consumer = _sides(one)
         types = consumer.type(heard), producer.type(sent)
         if heard.bits == sent.bits and types[0] is not None and types[1] is not None and types[0] != types[1]:
             names = f"{consumer.name(heard)} is {types[0].short}"
             yield one.spot, f"{names} and hears {producer.name(sent)}, {types[1].short}, of {one.sender}"
+
+
+@check("hears-no-command", WARNING, "a controlword hears what is no command", "CiA 402-2, 8.4: it moves the machine")
+def hears_no_command(network: CheckedNetwork) -> NetFound:
+    """The statusword of one drive enables another one."""
+    yield from _commanded(network, controlwords=True)
+
+
+@check(
+    "hears-no-target", NOTE, "a target or an output hears what is none", "CiA 401-1, CiA 402-2: it moves the machine"
+)
+def hears_no_target(network: CheckedNetwork) -> NetFound:
+    """Meant for a drive that follows another one, or a lamp that shows a switch."""
+    yield from _commanded(network, controlwords=False)
 
 
 @check("sends-nothing", WARNING, "an enabled TPDO maps nothing", "CiA 301, 7.5.2.38")
@@ -181,6 +191,26 @@ def synchronous_consumer(network: CheckedNetwork) -> NetFound:
         takes, sends = one.takes.communication.transmission_type, one.sends.communication.transmission_type
         if takes is not None and sends is not None and takes <= 240 and sends >= 254:
             yield one.spot, f"it takes over with SYNC (type {takes}), {one.sender} comes with events (type {sends})"
+
+
+def _commanded(network: CheckedNetwork, *, controlwords: bool) -> NetFound:
+    """What is no command and goes to a controlword, else to a target or an output."""
+    for one, heard, sent in _pairs(network):
+        producer, consumer = _sides(one)
+        known = consumer.described(heard), producer.described(sent)
+        if is_controlword(heard.index) is controlwords and commanded_by_other(
+            heard.index, known[0], sent.index, known[1]
+        ):
+            yield one.spot, f"{consumer.name(heard)} hears {producer.name(sent)} of {one.sender}"
+
+
+def _sides(one: Heard) -> tuple[LinkSide, LinkSide]:
+    """The producer and the consumer of *one*."""
+    sender, hearer = one.producer, one.consumer
+    return (
+        LinkSide(Endpoint(sender.node_id, one.tpdo), one.sends, sender.profile, sender.dictionary),
+        LinkSide(Endpoint(hearer.node_id, one.rpdo), one.takes, hearer.profile, hearer.dictionary),
+    )
 
 
 def _whole(network: CheckedNetwork) -> Iterator[Heard]:
