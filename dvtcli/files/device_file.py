@@ -62,12 +62,17 @@ def must_describe(dictionary: ObjectDictionary) -> None:
 
 def must_be_whole(read: EdsFile | XddFile) -> None:
     """InputFileError where *read* describes no object, or ends before the last one that its lists name."""
+    must_describe(read.dictionary)
+    must_not_be_cut(read)
+
+
+def must_not_be_cut(read: EdsFile | XddFile) -> None:
+    """InputFileError where *read* ends before the last object that its lists name: what is missing was not left out."""
     from dvtcli.files.eds.reader import EdsFile
 
-    must_describe(read.dictionary)
     if isinstance(read, EdsFile) and (lacks := read.lacks_to_its_end):
         source = read.dictionary.source
-        hint = "get the whole file; `eds check` names each of them, `--eds FILE` takes it as it is"
+        hint = "get the whole file; `eds check` names each of them"
         raise InputFileError(f"{source} is cut short: {lacks}", place=source, hint=hint)
 
 

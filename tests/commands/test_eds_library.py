@@ -538,3 +538,13 @@ def test_what_is_no_file_is_none_of_the_library(offline: Bench) -> None:
     stored_place((1, 2, 3), "folder.eds").mkdir()
     listed = offline.run("eds list --json").document
     assert ([row["name"] for row in listed["files"]], listed["strangers"]) == (["a.eds"], 0)
+
+
+def test_a_file_of_the_library_that_was_damaged_says_what_to_do() -> None:
+    bus = VirtualTimeBus([pump(5)], simulated=False)
+    with Bench((), {"node": 5}, bus=bus) as bench:
+        assert bench.run("eds add made.eds").code == 0
+        (stored,) = folder().glob("*made.eds")
+        stored.write_text("no EDS any more", "ascii")
+        ran = bench.run("read 1017")
+        assert (ran.code, "`eds remove`" in ran.stderr, "--eds FILE" in ran.stderr) == (4, True, True), ran.stderr

@@ -287,3 +287,14 @@ def test_a_fault_takes_everything_back(fault: str, tmp_path: Path) -> None:
         assert ran.code in (1, 5), ran.stderr
         assert "rolled back" in ran.stderr
         assert before == [node.sdo.upload(*place) for place in ((0x1800, 1), (0x1A00, 0), (0x1A00, 1), (0x1017, 0))]
+
+
+def test_a_dcf_that_is_cut_short_is_no_file_of_fewer_settings(tmp_path: Path) -> None:
+    """Its own lists name what is missing; nothing is compared, or written, by the part that is left."""
+    file = made(tmp_path, "generic", "dcf")
+    whole = file.read_text("utf-8")
+    file.write_text(whole[: whole.rindex("\n[1A00]")], "utf-8")
+    with Bench(("generic@5",)) as bench:
+        for line in ("compare", "diff", "plan", "verify", "apply --yes", "clone --yes"):
+            ran = bench.run(f"{line} {file}")
+            assert (ran.code, "is cut short" in ran.stderr) == (4, True), (line, ran.stderr)

@@ -229,7 +229,10 @@ def file_or_family(text: str | Path) -> Path:
 
 
 def read_dictionary(path: Path) -> ObjectDictionary:
-    """The object dictionary of an EDS, DCF, XDD or XDC as it is now; UsageError where there is no such file."""
+    """The object dictionary of an EDS, DCF, XDD or XDC as it is now; UsageError where there is no such file.
+
+    InputFileError where it is none of these; of one in the library with what to do about it.
+    """
     try:
         known = path.stat()
         return _dictionary(path, None if path.is_absolute() else Path.cwd(), known.st_mtime_ns, known.st_size)
@@ -238,6 +241,14 @@ def read_dictionary(path: Path) -> ObjectDictionary:
             f"{path}: {failed.strerror or failed}",
             hint="--eds takes the path of an EDS, DCF, XDD or XDC, or a family of `sim`",
         ) from failed
+    except InputFileError as wrong:
+        from dvtcli.files.device_library.stored_files import folder
+
+        if not wrong.hint and path.parent == folder():
+            wrong.hint = (
+                "it lies in the library: `eds add` the file again, or `eds remove` it; --eds FILE names another"
+            )
+        raise
 
 
 #: a bus has 127 nodes: each file is read once, also where every node has its own

@@ -71,9 +71,11 @@ def held_by(file: str, node_id: int | None = None) -> HeldDevice:
 
 
 def _described(file: str, node_id: int | None) -> HeldDevice:
-    from dvtcli.files.device_file import read_device_file
+    from dvtcli.files.device_file import must_not_be_cut, read_device_file
 
-    dictionary = read_device_file(Path(file)).dictionary
+    read = read_device_file(Path(file))
+    must_not_be_cut(read)
+    dictionary = read.dictionary
     info = dictionary.info
     own_id = info.node_id or node_id
     objects: dict[ObjectAddress, KeptObject] = {}
