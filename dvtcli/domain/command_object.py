@@ -28,6 +28,11 @@ def is_command(index: int, entry: OdEntry | None) -> bool:
     return first in _OF_DRIVES or (first in _OF_OUTPUTS and _is_taken_by_rpdos(entry))
 
 
+def is_standard_command(index: int, entry: OdEntry | None) -> bool:
+    """As `is_command`, of what a standard says it of; a maker's own object may be a setting as well."""
+    return index >= 0x6000 and is_command(index, entry)
+
+
 def is_controlword(index: int) -> bool:
     """Whether the object at *index* is the controlword of an axis (CiA 402-2, 8.4.1)."""
     return 0x6000 <= index <= _LAST and (index - 0x6000) % _AXIS == 0x40
@@ -38,7 +43,7 @@ def commanded_by_other(heard: int, hears: OdEntry | None, sent: int, sends: OdEn
 
     *hears* and *sends* are what files say of them. An object of the same index is meant; a maker's own is not judged.
     """
-    return heard >= 0x6000 and heard != sent and is_command(heard, hears) and not is_command(sent, sends)
+    return heard != sent and is_standard_command(heard, hears) and not is_command(sent, sends)
 
 
 def _is_taken_by_rpdos(entry: OdEntry | None) -> bool:

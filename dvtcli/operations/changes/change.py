@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.command_object import is_standard_command
 from dvtcli.domain.plan import PdoChange, ValueChange, alters
 from dvtcli.domain.rules.producer import producer_findings, sent_by
 from dvtcli.domain.script_line import change_lines
@@ -17,8 +18,9 @@ if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.device.observe import Found
     from dvtcli.domain.meanings import Understood
+    from dvtcli.domain.object_dictionary import OdEntry
     from dvtcli.domain.pdo import Pdo
-    from dvtcli.domain.plan import Change, Plan
+    from dvtcli.domain.plan import Change, Plan, Step
     from dvtcli.domain.request import PdoWant
     from dvtcli.domain.rules import Finding
     from dvtcli.operations.session.session import Session
@@ -97,6 +99,8 @@ def keep_words(node: Node, plan: Plan) -> str:
     policy = node.profile.store
     if not any(policy.needed_for(step.index) for step in plan.steps):
         return ""
+    if all(is_standard_command(step.index, _described(node, step)) for step in plan.steps):
+        return "a command or a target is no setting"
     if policy.instead:
         return f"to keep it, {policy.instead}"
     if node.dictionary is None or not any(node.dictionary.entry(_STORE, one) for one in policy.sub_indices):
@@ -106,6 +110,10 @@ def keep_words(node: Node, plan: Plan) -> str:
     else:
         stores = True
     return "`store` keeps it" if stores else "the device has no 0x1010 that would store it"
+
+
+def _described(node: Node, step: Step) -> OdEntry | None:
+    return node.dictionary.entry(step.index, step.sub_index) if node.dictionary else None
 
 
 def understood(node: Node, changes: Iterable[Change]) -> dict[str, Understood]:
