@@ -53,7 +53,11 @@ def test_what_the_device_has_not_does_not_come_back() -> None:
     Path("made.eds").write_bytes(device_of(2))
     Path("wide.eds").write_bytes(device_of(4))
     with Bench(("made.eds@5",), {"eds": "wide.eds", "node": 5}) as bench:
-        assert bench.run("export nl.cpj").code == 0
+        exported = bench.run("export nl.cpj")
+        assert exported.code == 0
+        (line,) = (one for one in exported.stdout.splitlines() if "left out" in one)  # all of a node in one
+        assert line.startswith("note: node 5: 1802:01 left out: object does not exist")
+        assert line.endswith(" more")
         ran = bench.run("import again.yaml nl.cpj")
         assert (ran.code, "node 5: TPDO3, TPDO4 left out" in ran.stdout) == (0, True), ran
         (node,) = read_network_file(Path("again.yaml")).nodes

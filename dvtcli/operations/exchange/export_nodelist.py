@@ -31,7 +31,8 @@ def export_nodelist(session: Session, file: str, *, twice: bool = False) -> Fact
     ids = session.base.nodes or tuple(row.node for row in find_nodes(session).rows if not row.note)
     if not ids:
         raise NoAnswer("no node answers", hint="look at bit rate and supply: `doctor`, `scan`")
-    nodes = [_listed(session, path, node_id, notes, twice=twice) for node_id in sorted(ids)]
+    said: list[str] = []
+    nodes = [_listed(session, path, node_id, notes, said, twice=twice) for node_id in sorted(ids)]
     untold = [str(one.node_id) for one in nodes if not one.dcf]
     if len(untold) == len(nodes):
         raise UsageError(
@@ -39,23 +40,30 @@ def export_nodelist(session: Session, file: str, *, twice: bool = False) -> Fact
             hint="`eds add FILE` keeps one for every node of its kind, then export again",
         )
     if untold:
-        notes.insert(0, f"node {', '.join(untold)}: no EDS is known, so no DCF; `eds add FILE`, then export again")
+        why = f"node {', '.join(untold)}: no EDS is known, so no DCF; `eds add FILE`, then export again"
+        notes.insert(0, why)
+        said.insert(0, why)
     write_bytes(path, eds_bytes(nodelist_text(Nodelist(path.parent.resolve().name, tuple(nodes)))))
     rows = (
         ("file", file), ("nodes", [{"node": one.node_id, "name": one.name, "dcf": one.dcf or None} for one in nodes]),
         ("notes", notes),
     )  # fmt: skip
     dcfs = sum(bool(one.dcf) for one in nodes)
-    said = [f"{file}: {plural(len(nodes), 'node')}, {plural(dcfs, 'DCF')} beside it"]
-    return Facts("nodelist", rows, (*said, *(f"note: {note}" for note in notes)))
+    first = f"{file}: {plural(len(nodes), 'node')}, {plural(dcfs, 'DCF')} beside it"
+    return Facts("nodelist", rows, (first, *(f"note: {note}" for note in said)))
 
 
-def _listed(session: Session, path: Path, node_id: int, notes: list[str], *, twice: bool) -> ListedNode:
-    """The node, with its DCF written."""
+def _listed(
+    session: Session, path: Path, node_id: int, notes: list[str], said: list[str], *, twice: bool
+) -> ListedNode:
+    """The node, with its DCF written; what is left out is in *notes*, each object, and the first of them in *said*."""
     node = session.node(node_id)
     if node.dictionary is None:
         return ListedNode(node_id, node.title)
     name = f"node{node_id}.dcf"
     done = dict(export_dcf(session, str(path.with_name(name)), node_id, twice=twice).rows)
-    notes += (f"node {node_id}: {one['object']} left out: {one['why']}" for one in done["left_out"])
+    left_out = [f"{one['object']} left out: {one['why']}" for one in done["left_out"]]
+    notes += (f"node {node_id}: {one}" for one in left_out)
+    if left_out:
+        said.append(f"node {node_id}: {several(left_out)}")
     return ListedNode(node_id, node.title, name)
