@@ -13,6 +13,7 @@ from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
 from dvtcli.domain.several import few_bytes
+from dvtcli.domain.value_order import in_order, is_dependent
 
 #: Verify configuration (CiA 301): date and time that stand for what a device holds (`stamp`).
 STAMP = 0x1020
@@ -75,7 +76,10 @@ class PdoChange:
 
 @dataclass(frozen=True, slots=True)
 class ValueChange:
-    """One object that is not part of a PDO, in one step; a stamp that replaces another one goes by way of 0."""
+    """One object that is not part of a PDO, in one step.
+
+    A stamp that replaces another one goes by way of 0, the COB-ID of a service in use by way of one that is not.
+    """
 
     step: Step
 
@@ -85,9 +89,16 @@ class ValueChange:
         return self.step.object
 
     @property
+    def is_dependent(self) -> bool:
+        """Whether it has to be written in an order with others (`value_order`)."""
+        return is_dependent(self.step.index, self.step.sub_index)
+
+    @property
     def steps(self) -> tuple[Step, ...]:
-        """The steps, as of every change."""
+        """The steps, as of every change, where it stands alone."""
         before, after = self.step.before, self.step.after
+        if self.is_dependent:
+            return tuple(in_order((self.step,)))
         if self.step.index != STAMP or not any(before or b"") or not any(after):
             return (self.step,)
         nothing = bytes(len(after))
@@ -122,11 +133,29 @@ class Plan:
     @property
     def steps(self) -> Iterator[Step]:
         """Every step of every change, in order."""
+        return (step for _, step in self.course())
+
+    def course(self) -> Iterator[tuple[Change, Step]]:
+        """Every step in the order in which it is written, each with its change.
+
+        Values that depend on each other stand together where the first of them stands.
+        """
+        dependent = {
+            (change.step.index, change.step.sub_index): change
+            for change in self.changes
+            if isinstance(change, ValueChange) and change.is_dependent
+        }
+        is_done = False
         for change in self.changes:
-            yield from change.steps
+            if not isinstance(change, ValueChange) or not change.is_dependent:
+                yield from ((change, step) for step in change.steps)
+            elif not is_done:
+                is_done = True
+                steps = in_order(one.step for one in dependent.values())
+                yield from ((dependent[step.index, step.sub_index], step) for step in steps)
 
     def __len__(self) -> int:
-        return sum(len(change.steps) for change in self.changes)
+        return sum(1 for _ in self.course())
 
     def reversed(self) -> Plan:
         """The plan that undoes this one."""

@@ -17,6 +17,7 @@ from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Change, PdoChange, Step, ValueChange, plan_pdo
 from dvtcli.domain.ports import SdoReader, SdoTransport
+from dvtcli.domain.value_order import altering, in_order
 from dvtcli.errors import DeviceRefused, NoAnswer, SdoAborted, SdoProtocolError
 
 #: How long a roll-back keeps trying where the node is silent or refuses, and the pause between two tries, in seconds.
@@ -80,11 +81,16 @@ def restore(sdo: SdoTransport, changes: Sequence[Change], *, settles: bool) -> t
     failures: list[Exception] = []
     fillers = _fillers(changes)
     behind = {id(filler) for group in fillers.values() for filler in group}
+    dependent = [one for one in changes if isinstance(one, ValueChange) and one.is_dependent]
+    behind |= {id(one) for one in dependent[:-1]}  # they go with the last of them, in their own order
     for change in reversed(changes):
         if id(change) in behind:
             continue  # goes with its PDO, whose count is in its way
         try:
-            _put_one_back(sdo, change, fillers, settles=settles)
+            if dependent and change is dependent[-1]:
+                _put_dependent_back(sdo, dependent)
+            else:
+                _put_one_back(sdo, change, fillers, settles=settles)
         except NoAnswer:
             raise  # a silent node answers nothing about the others either
         except Exception as failed:  # noqa: BLE001 - the others are put back all the same
@@ -112,6 +118,23 @@ def _put_one_back(
     except SdoAborted as refused:
         if not isinstance(change, PdoChange) or not _otherwise_put_back(sdo, change, refused, settles=settles):
             raise
+
+
+def _put_dependent_back(sdo: SdoTransport, changes: Sequence[ValueChange]) -> None:
+    """Put back what *changes* of values that depend on each other replaced; the first refusal is raised at the end."""
+    known = ((one.step, one.step.before) for one in changes if one.step.before is not None)
+    back = (
+        replace(step, before=sdo.upload(step.index, step.sub_index), after=before, reason="put the old value back")
+        for step, before in known
+    )
+    refused: list[SdoAborted] = []
+    for step in in_order(altering(back)):
+        try:
+            _bring(sdo, step)
+        except SdoAborted as aborted:
+            refused.append(aborted)
+    if refused:
+        raise refused[0]
 
 
 def _otherwise_put_back(sdo: SdoTransport, change: PdoChange, refused: SdoAborted, *, settles: bool) -> bool:

@@ -77,12 +77,11 @@ class Transaction:
     def _run(self) -> None:
         total, done = len(self.plan), 0
         try:
-            for change in self.plan.changes:
+            for change, step in self.plan.course():
                 self._started.append(change)
-                for step in change.steps:
-                    self._stop_if_cancelled(done, total)
-                    done += 1
-                    self._download(step, change, done, total)
+                self._stop_if_cancelled(done, total)
+                done += 1
+                self._download(step, change, done, total)
             self._stop_if_cancelled(done, total)
             observed(self.witness, self._verify)
             self._stop_if_cancelled(done, total)  # the last moment for that: what is complete stays

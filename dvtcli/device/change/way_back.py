@@ -16,6 +16,7 @@ from dvtcli.domain.rules.finding import Finding, warning
 from dvtcli.domain.rules.rule import WARNING, Rule
 from dvtcli.domain.several import several
 from dvtcli.domain.stamp import DATE, TIME, is_own_date
+from dvtcli.domain.value_order import altering
 from dvtcli.errors import SafetyRefusal, UsageError
 
 if TYPE_CHECKING:
@@ -105,14 +106,16 @@ def _stamp_ended(
 def _value_changes(
     node: KnownPdos, pdos: dict[Pdo, PdoConfig], values: dict[tuple[int, int], Step]
 ) -> Iterator[Change]:
+    back: list[Step] = []
     for (index, sub_index), step in values.items():
         before = step.before
         pdo = Pdo.at(index)
         if pdo is not None and _is_filler(pdos.get(pdo) or node.known_pdo(pdo)):
             continue
-        held = None if before is None else node.known_value(index, sub_index)
-        if before is not None and held != before:
-            yield ValueChange(replace(step, before=held, after=before, reason="put the old value back"))
+        if before is not None:
+            held = node.known_value(index, sub_index)
+            back.append(replace(step, before=held, after=before, reason="put the old value back"))
+    return map(ValueChange, altering(back))
 
 
 def _is_filler(config: PdoConfig) -> bool:

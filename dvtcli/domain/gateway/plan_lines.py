@@ -73,8 +73,8 @@ def _commands(nodes: list[NodePlan], around: dict[int, Around]) -> Iterator[str 
         yield node_id, Nmt(NmtCommand.ENTER_PRE_OPERATIONAL)
     for title, phase in zip(_PHASES, phases(one.plan for one in nodes), strict=True):
         for part in phase:
-            for change in part.changes:
-                yield from _writes(part.node_id, change, title)
+            for change, step in part.course():
+                yield from _written(part.node_id, change, step, title)
     for node_id in (one.node_id for one in nodes if one.stores):
         for store in around[node_id].stores:
             yield f"node {node_id}: store"
@@ -84,11 +84,10 @@ def _commands(nodes: list[NodePlan], around: dict[int, Around]) -> Iterator[str 
         yield node_id, Nmt(NmtCommand.START)
 
 
-def _writes(node_id: int, change: Change, title: str) -> Iterable[str | tuple[int, Command]]:
-    for step in change.steps:
-        was = "" if step.before is None else f"; was {_shown(step.before)}"
-        yield f"node {node_id}, {title}, {_plain(change.label)}: {_plain(step.reason)}{was}"
-        yield node_id, _write(step)
+def _written(node_id: int, change: Change, step: Step, title: str) -> Iterable[str | tuple[int, Command]]:
+    was = "" if step.before is None else f"; was {_shown(step.before)}"
+    yield f"node {node_id}, {title}, {_plain(change.label)}: {_plain(step.reason)}{was}"
+    yield node_id, _write(step)
 
 
 def _write(step: Step) -> Write:

@@ -12,6 +12,7 @@ from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dvtcli.device.read_pdos import read_optional
 from dvtcli.device.resolve import resolve, untyped_lengths
 from dvtcli.device.senders import Senders
 from dvtcli.device.unstored import held_unstored
@@ -19,6 +20,7 @@ from dvtcli.device.virtual_pdos import names_objects
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
 from dvtcli.domain.plan import Change, Plan, Step, ValueChange, plan_pdo
+from dvtcli.domain.value_order import SYNC_OVERFLOW, SYNC_PERIOD, altering
 from dvtcli.errors import DvtcliError, InputFileError, NoAnswer, RuleError, SdoProtocolError
 from dvtcli.files.network.file_log import FileLog
 from dvtcli.operations.changes.change import names, understood
@@ -35,6 +37,7 @@ from dvtcli.operations.wanted.wanted_words import NodeWants, node_wants
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.domain.network.wanted_state import NetworkWish, NodeWish, PdoWish
+    from dvtcli.domain.profile import ObjectAddress
     from dvtcli.domain.rules import Finding
     from dvtcli.domain.stamp import Stamp
     from dvtcli.operations.session.session import Session
@@ -185,11 +188,7 @@ def _node_plan(node: Node, wish: NodeWish, wants: NodeWants, senders: Senders, s
     wanted = {pdo: resolve(node, pdo, now[pdo], want, lengths, elsewhere) for pdo, want in wants.pdos.items()}
     senders.after[node.node_id] = {pdo: config.communication.cob_id for pdo, config in wanted.items()}
     held = node.observed(lambda: {place: node.known_value(*place) for place in wants.values})
-    values = [
-        value_change(node, place, held[place], data, wants.reasons.get(place, "write"))
-        for place, data in wants.values.items()
-        if held[place] != data
-    ]
+    values = _values(node, wants, held)
     pdos = [plan_pdo(pdo, now[pdo], want) for pdo, want in wanted.items()]
     changes: tuple[Change, ...] = (*values, *(change for change in pdos if change.steps))
     stamped = stamping(node, stamp, changes)
@@ -201,6 +200,25 @@ def _node_plan(node: Node, wish: NodeWish, wants: NodeWants, senders: Senders, s
         understood=understood(node, plan.changes),
         unstored=_unstored(node, plan) if wish.store else (),
     )  # fmt: skip
+
+
+def _values(node: Node, wants: NodeWants, held: Mapping[ObjectAddress, bytes]) -> list[ValueChange]:
+    """The values that differ; and a SYNC period that is held and has to be 0 while the counter's overflow changes."""
+    wanted = {**_period_kept(node, wants, held), **wants.values}
+    changes = {
+        place: value_change(node, place, held.get(place, data), data, wants.reasons.get(place, "write"))
+        for place, data in wanted.items()
+    }
+    return [changes[step.index, step.sub_index] for step in altering(one.step for one in changes.values())]
+
+
+def _period_kept(node: Node, wants: NodeWants, held: Mapping[ObjectAddress, bytes]) -> Mapping[ObjectAddress, bytes]:
+    """The node's SYNC period, where nobody wants another one and it is in the way of what is wanted."""
+    overflow, period = (SYNC_OVERFLOW, 0), (SYNC_PERIOD, 0)
+    if period in wants.values or held.get(overflow) == wants.values.get(overflow):
+        return {}
+    number = node.observed(lambda: read_optional(node.memory, *period, 4))
+    return {period: number.to_bytes(4, "little")} if number else {}
 
 
 def _unstored(node: Node, plan: Plan) -> tuple[str, ...]:

@@ -16,6 +16,7 @@ from dvtcli.simulator.device.exchange import PdoExchange
 from dvtcli.simulator.device.family import Family
 from dvtcli.simulator.device.heartbeat import CONSUMER_TIMES, Guarded, Heartbeat, HeartbeatConsumer
 from dvtcli.simulator.device.memory import Memory
+from dvtcli.simulator.device.service_cob_ids import ServiceCobIds
 from dvtcli.simulator.device.sync_producer import SYNC_COB_ID, SyncProducer
 
 if TYPE_CHECKING:
@@ -44,7 +45,7 @@ class FrameServices:
         #: how often the device has started so far
         self.starts = 0
         #: those that judge the values of their own objects
-        self.judges = (self._errors, self._sync_producer, self._producers)
+        self.judges = (self._errors, ServiceCobIds(memory), self._sync_producer, self._producers)
         #: what the memory counted when it was last polled, and when it is due if nothing changes
         self._polled_changes = -1
         self._due_s = -_NEVER

@@ -1,0 +1,126 @@
+"""In which order values that depend on each other are written: SYNC, heartbeat consumer, and COB-IDs of services.
+
+Pure, of steps from what is held to what is wanted. Does not know PDOs, which `plan` orders, nor who carries it out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from dvtcli.domain.plan import Step
+
+SYNC_COB_ID, SYNC_PERIOD, SYNC_OVERFLOW = 0x1005, 0x1006, 0x1019
+TIME_COB_ID, EMCY_COB_ID, CONSUMER_TIMES = 0x1012, 0x1014, 0x1016
+#: SDO server and client parameters (CiA 301, 7.5.2.33 and 7.5.2.34), but the default channel, which nobody writes
+SDO_CHANNELS = range(0x1201, 0x1300)
+_SDO_COB_IDS = (1, 2)
+_INVALID, _PRODUCES, _CONSUMES = 1 << 31, 1 << 30, 1 << 31
+#: bits 29 to 0 of a COB-ID: what is frozen while its service uses it
+_FROZEN = 0x3FFF_FFFF
+
+
+def is_dependent(index: int, sub_index: int) -> bool:
+    """Whether an object's value may only be written in an order with others, or by way of another value."""
+    if index in SDO_CHANNELS:
+        return True
+    return index in (SYNC_COB_ID, SYNC_PERIOD, SYNC_OVERFLOW, TIME_COB_ID, EMCY_COB_ID) or (
+        index == CONSUMER_TIMES and sub_index > 0
+    )
+
+
+def in_order(steps: Iterable[Step]) -> list[Step]:
+    """The downloads that bring the objects of *steps*, one step each, to what these want, as CiA 301 allows it.
+
+    What a value of before is in the way of is released first: a service stops before its CAN-ID changes (7.5.2.5,
+    7.5.2.15, 7.5.2.17, 7.5.2.33), the SYNC period is 0 while the counter's overflow changes (7.5.2.22), and of two
+    consumer heartbeat times for one node the old one goes first (7.5.2.19). SYNC is produced once its period is set.
+    Where nothing is released there is one download for each step. Backwards the order is that of the steps reversed.
+    """
+    wanted = list(steps)
+    released = [(step, _released(step, wanted)) for step in wanted if step.index != CONSUMER_TIMES]
+    first = [replace(step, after=data, reason=_RELEASED) for step, data in released if data not in (None, step.after)]
+    early = [step for step, data in released if data == step.after]
+    begun = {(step.index, step.sub_index): step.after for step in first}
+    rest = [
+        replace(step, before=begun.get((step.index, step.sub_index), step.before))
+        for step, data in released
+        if data is None or data != step.after
+    ]
+    consumers = _consumers([step for step in wanted if step.index == CONSUMER_TIMES])
+    stopped = sorted((*first, *early), key=lambda step: step.index != SYNC_COB_ID)
+    return [*stopped, *sorted(rest, key=_rank), *consumers]
+
+
+def altering(steps: Iterable[Step]) -> list[Step]:
+    """Those of *steps* that alter something, and a SYNC period beside an overflow that changes: it has to go."""
+    wanted = list(steps)
+    overflow = any(step.index == SYNC_OVERFLOW and step.before != step.after for step in wanted)
+    return [step for step in wanted if step.before != step.after or (overflow and step.index == SYNC_PERIOD)]
+
+
+_RELEASED = "release it: it is frozen, or in the way"
+
+
+def _released(step: Step, beside: Sequence[Step]) -> bytes | None:
+    """What the object of *step* is to hold before anything else is written; None where it is in nobody's way."""
+    if step.before is None:
+        return None
+    held, wanted = (int.from_bytes(data, "little") for data in (step.before, step.after))
+    if step.index == SYNC_PERIOD:
+        overflow = any(one.index == SYNC_OVERFLOW and one.before != one.after for one in beside)
+        return bytes(len(step.before)) if overflow and held else None
+    stopped = _stopped(step, held)
+    if stopped is None or held in (stopped, wanted):
+        return None
+    if (held ^ wanted) & _FROZEN or wanted == stopped:
+        return stopped.to_bytes(len(step.before), "little")
+    return None
+
+
+def _stopped(step: Step, held: int) -> int | None:
+    """The COB-ID *held* of a service that does not use it; None for what is no such COB-ID."""
+    if step.index == SYNC_COB_ID:
+        return held & ~_PRODUCES
+    if step.index == TIME_COB_ID:
+        return held & ~(_PRODUCES | _CONSUMES)
+    if step.index == EMCY_COB_ID or (step.index in SDO_CHANNELS and step.sub_index in _SDO_COB_IDS):
+        return held | _INVALID
+    return None
+
+
+def _rank(step: Step) -> int:
+    """The overflow before the period, that before SYNC is produced; the node of an SDO channel before its COB-IDs."""
+    if step.index == SYNC_COB_ID:
+        return 2
+    return 1 if step.index == SYNC_PERIOD or _stopped(step, 0) is not None else 0
+
+
+def _consumers(steps: Sequence[Step]) -> Iterator[Step]:
+    """Consumer heartbeat times, each once no other entry waits for its node; where that is a circle one is cleared."""
+    pending = list(steps)
+    while pending:
+        free = (one for one in pending if not any(_is_in_the_way(other, one) for other in pending if other is not one))
+        chosen = next(free, None)
+        if chosen is not None:
+            pending.remove(chosen)
+            yield chosen
+            continue
+        blocking = next(one for one in pending if any(_is_in_the_way(one, two) for two in pending if two is not one))
+        cleared = replace(blocking, after=bytes(len(blocking.after)), reason=_RELEASED)
+        pending[pending.index(blocking)] = replace(blocking, before=cleared.after)
+        yield cleared
+
+
+def _is_in_the_way(other: Step, one: Step) -> bool:
+    """Whether *other* waits, so far, for the node that *one* is to wait for."""
+    node_id = _watched(one.after)
+    return node_id is not None and node_id == _watched(other.before)
+
+
+def _watched(data: bytes | None) -> int | None:
+    """The node-ID of an entry that is used: its time is not 0 (CiA 301, 7.5.2.19)."""
+    raw = int.from_bytes(data or b"", "little")
+    return raw >> 16 & 0xFF if raw & 0xFFFF else None
