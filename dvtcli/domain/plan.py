@@ -13,7 +13,6 @@ from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
 from dvtcli.domain.several import few_bytes
-from dvtcli.domain.value_order import in_order, is_dependent
 
 #: Verify configuration (CiA 301): date and time that stand for what a device holds (`stamp`).
 STAMP = 0x1020
@@ -38,6 +37,10 @@ class Step:
     def object(self) -> str:
         """The object as it is printed and typed: `1A00:01`."""
         return f"{self.index:04X}:{self.sub_index:02X}"
+
+    def otherwise(self, before: bytes | None, after: bytes, reason: str) -> Step:
+        """The same object, from *before* to *after*."""
+        return replace(self, before=before, after=after, reason=reason)
 
     def text(self, data: bytes | None) -> str:
         """*data* of the object as the field writes it: words and indices in hex, counts and times decimal."""
@@ -91,6 +94,8 @@ class ValueChange:
     @property
     def is_dependent(self) -> bool:
         """Whether it has to be written in an order with others (`value_order`)."""
+        from dvtcli.domain.value_order import is_dependent
+
         return is_dependent(self.step.index, self.step.sub_index)
 
     @property
@@ -98,6 +103,8 @@ class ValueChange:
         """The steps, as of every change, where it stands alone."""
         before, after = self.step.before, self.step.after
         if self.is_dependent:
+            from dvtcli.domain.value_order import in_order
+
             return tuple(in_order((self.step,)))
         if self.step.index != STAMP or not any(before or b"") or not any(after):
             return (self.step,)
@@ -150,6 +157,8 @@ class Plan:
             if not isinstance(change, ValueChange) or not change.is_dependent:
                 yield from ((change, step) for step in change.steps)
             elif not is_done:
+                from dvtcli.domain.value_order import in_order
+
                 is_done = True
                 steps = in_order(one.step for one in dependent.values())
                 yield from ((dependent[step.index, step.sub_index], step) for step in steps)

@@ -6,11 +6,37 @@ Pure, of steps from what is held to what is wanted. Does not know PDOs, which `p
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import Protocol, Self, TypeVar
 
-if TYPE_CHECKING:
-    from dvtcli.domain.plan import Step
+
+class Download(Protocol):
+    """A step of a plan."""
+
+    @property
+    def index(self) -> int:
+        """The object's index."""
+
+    @property
+    def sub_index(self) -> int:
+        """Its sub-index."""
+
+    @property
+    def before(self) -> bytes | None:
+        """What it holds; None where that is not known."""
+
+    @property
+    def after(self) -> bytes:
+        """What it is to hold."""
+
+    @property
+    def reason(self) -> str:
+        """What it is for."""
+
+    def otherwise(self, before: bytes | None, after: bytes, reason: str) -> Self:
+        """The same object, from *before* to *after*."""
+
+
+Step = TypeVar("Step", bound=Download)
 
 SYNC_COB_ID, SYNC_PERIOD, SYNC_OVERFLOW = 0x1005, 0x1006, 0x1019
 TIME_COB_ID, EMCY_COB_ID, CONSUMER_TIMES = 0x1012, 0x1014, 0x1016
@@ -41,11 +67,15 @@ def in_order(steps: Iterable[Step]) -> list[Step]:
     """
     wanted = list(steps)
     released = [(step, _released(step, wanted)) for step in wanted if step.index != CONSUMER_TIMES]
-    first = [replace(step, after=data, reason=_RELEASED) for step, data in released if data not in (None, step.after)]
+    first = [
+        step.otherwise(step.before, data, _RELEASED)
+        for step, data in released
+        if data is not None and data != step.after
+    ]
     early = [step for step, data in released if data == step.after]
     begun = {(step.index, step.sub_index): step.after for step in first}
     rest = [
-        replace(step, before=begun.get((step.index, step.sub_index), step.before))
+        step.otherwise(begun.get((step.index, step.sub_index), step.before), step.after, step.reason)
         for step, data in released
         if data is None or data != step.after
     ]
@@ -64,7 +94,7 @@ def altering(steps: Iterable[Step]) -> list[Step]:
 _RELEASED = "release it: it is frozen, or in the way"
 
 
-def _released(step: Step, beside: Sequence[Step]) -> bytes | None:
+def _released(step: Download, beside: Sequence[Download]) -> bytes | None:
     """What the object of *step* is to hold before anything else is written; None where it is in nobody's way."""
     if step.before is None:
         return None
@@ -80,7 +110,7 @@ def _released(step: Step, beside: Sequence[Step]) -> bytes | None:
     return None
 
 
-def _stopped(step: Step, held: int) -> int | None:
+def _stopped(step: Download, held: int) -> int | None:
     """The COB-ID *held* of a service that does not use it; None for what is no such COB-ID."""
     if step.index == SYNC_COB_ID:
         return held & ~_PRODUCES
@@ -91,7 +121,7 @@ def _stopped(step: Step, held: int) -> int | None:
     return None
 
 
-def _rank(step: Step) -> int:
+def _rank(step: Download) -> int:
     """The overflow before the period, that before SYNC is produced; the node of an SDO channel before its COB-IDs."""
     if step.index == SYNC_COB_ID:
         return 2
@@ -109,12 +139,12 @@ def _consumers(steps: Sequence[Step]) -> Iterator[Step]:
             yield chosen
             continue
         blocking = next(one for one in pending if any(_is_in_the_way(one, two) for two in pending if two is not one))
-        cleared = replace(blocking, after=bytes(len(blocking.after)), reason=_RELEASED)
-        pending[pending.index(blocking)] = replace(blocking, before=cleared.after)
+        cleared = blocking.otherwise(blocking.before, bytes(len(blocking.after)), _RELEASED)
+        pending[pending.index(blocking)] = blocking.otherwise(cleared.after, blocking.after, blocking.reason)
         yield cleared
 
 
-def _is_in_the_way(other: Step, one: Step) -> bool:
+def _is_in_the_way(other: Download, one: Download) -> bool:
     """Whether *other* waits, so far, for the node that *one* is to wait for."""
     node_id = _watched(one.after)
     return node_id is not None and node_id == _watched(other.before)

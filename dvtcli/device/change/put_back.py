@@ -17,7 +17,6 @@ from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Change, PdoChange, Step, ValueChange, plan_pdo
 from dvtcli.domain.ports import SdoReader, SdoTransport
-from dvtcli.domain.value_order import altering, in_order
 from dvtcli.errors import DeviceRefused, NoAnswer, SdoAborted, SdoProtocolError
 
 #: How long a roll-back keeps trying where the node is silent or refuses, and the pause between two tries, in seconds.
@@ -122,6 +121,8 @@ def _put_one_back(
 
 def _put_dependent_back(sdo: SdoTransport, changes: Sequence[ValueChange]) -> None:
     """Put back what *changes* of values that depend on each other replaced; the first refusal is raised at the end."""
+    from dvtcli.domain.value_order import altering, in_order
+
     known = ((one.step, one.step.before) for one in changes if one.step.before is not None)
     back = (
         replace(step, before=sdo.upload(step.index, step.sub_index), after=before, reason="put the old value back")

@@ -16,8 +16,7 @@ from dvtcli.simulator.device.exchange import PdoExchange
 from dvtcli.simulator.device.family import Family
 from dvtcli.simulator.device.heartbeat import CONSUMER_TIMES, Guarded, Heartbeat, HeartbeatConsumer
 from dvtcli.simulator.device.memory import Memory
-from dvtcli.simulator.device.service_cob_ids import ServiceCobIds
-from dvtcli.simulator.device.sync_producer import SYNC_COB_ID, SyncProducer
+from dvtcli.simulator.device.sync_producer import SYNC_COB_ID, ServiceCobIds, SyncProducer
 
 if TYPE_CHECKING:
     from dvtcli.simulator.device.vpdo_copies import VirtualPdos

@@ -1,6 +1,6 @@
 """A node that produces SYNC: 0x1005 bit 30, 0x1006 and 0x1019 (CiA 301, 7.5.2.5, 7.5.2.6 and 7.5.2.22).
 
-Time is passed in. Does not know what a SYNC makes a node do.
+And COB-IDs of other services, frozen as that of SYNC is. Time is passed in. Does not know what a SYNC makes a node do.
 """
 
 from __future__ import annotations
@@ -13,6 +13,8 @@ from dvtcli.simulator.device.refusal import Refusal
 SYNC_COB_ID, SYNC_PERIOD, SYNC_OVERFLOW = 0x1005, 0x1006, 0x1019
 _PRODUCES, _EXTENDED = 1 << 30, 1 << 29
 _DEFAULT_CAN_ID = 0x80
+_TIME_COB_ID, _EMCY_COB_ID, _SDO_CHANNELS = 0x1012, 0x1014, range(0x1201, 0x1300)
+_INVALID, _TIME_USED, _FROZEN = 1 << 31, 3 << 30, 0x3FFF_FFFF
 
 
 class SyncProducer:
@@ -67,3 +69,25 @@ class SyncProducer:
             return b""
         self._counter = self._counter % overflow + 1
         return bytes([self._counter])
+
+
+class ServiceCobIds:
+    """COB-IDs of TIME, EMCY and further SDO channels of one device, frozen while the service uses them.
+
+    Source: CiA 301, 7.5.2.15, 7.5.2.17, 7.5.2.33 and 7.5.2.34.
+    """
+
+    def __init__(self, memory: Memory) -> None:
+        self._memory = memory
+
+    def check(self, index: int, sub_index: int, data: bytes) -> None:
+        """Refuse other bits 29 to 0 for a service that goes on using its COB-ID."""
+        if index not in (_TIME_COB_ID, _EMCY_COB_ID) and not (index in _SDO_CHANNELS and sub_index in (1, 2)):
+            return
+        held, wanted = self._memory.number(index, sub_index), int.from_bytes(data, "little")
+        if _is_used(index, held) and _is_used(index, wanted) and (held ^ wanted) & _FROZEN:
+            raise Refusal(Abort.VALUE_RANGE)
+
+
+def _is_used(index: int, raw: int) -> bool:
+    return bool(raw & _TIME_USED) if index == _TIME_COB_ID else not raw & _INVALID
