@@ -266,7 +266,8 @@ def test_f3_long_rpdo_is_applied_by_its_first_bytes() -> None:
 def test_emcy_goes_where_1014_says() -> None:
     device = operational()
     client = Client.on(device)
-    client.write(0x1014, 0, 0xC5, 4)
+    for raw in (0x8000_0081, 0xC5):
+        client.write(0x1014, 0, raw, 4)
     assert [frame.can_id for frame in device.services.receive(Frame(0x201, b""))] == [0xC5]
     client.write(0x1014, 0, 0x80000081, 4)
     assert device.services.receive(Frame(0x201, b"")) == []
