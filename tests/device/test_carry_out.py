@@ -298,7 +298,7 @@ def test_each_step_that_was_taken_is_told_with_its_number(bench: Bench) -> None:
     step = Step(0x1006, 0, bench.device.upload(0x1006, 0), bytes.fromhex("204E0000"), "SYNC every 20 ms")
     carry_out(bench.node, Plan(NODE, (*bench.plan().changes, ValueChange(step))))
     assert [(one.node, one.done, one.total) for one in told] == [(NODE, 1, 2), (NODE, 2, 2)]
-    assert told[1].step is step
+    assert told[1].step == step
 
 
 @pytest.mark.parametrize(("sub_index", "hint"), [(0, "of the count"), (1, "of an entry"), (0x1F, "of an entry")])
