@@ -78,7 +78,11 @@ def test_disabling_is_needed_or_left_out_and_keeps_every_other_bit(pdo: Pdo, pai
     steps = plan_pdo(pdo, a, b).steps
     cob_id_steps = [step for step in steps if (step.index, step.sub_index) == (pdo.communication_index, 1)]
     if not a.enabled:
-        assert len(cob_id_steps) == (a.communication.cob_id != b.communication.cob_id)
+        was, to_be = a.communication, b.communication
+        asks = to_be.transmission_type in (252, 253) and was.transmission_type != to_be.transmission_type
+        allows = to_be.cob_id.rtr_allowed and not was.cob_id.rtr_allowed
+        first_and_last = asks and allows and b.enabled  # RTR is allowed before a type that answers it is set
+        assert len(cob_id_steps) == (was.cob_id != to_be.cob_id) + first_and_last
         return
     live = replace(a.communication, transmission_type=0, event_timer=0)
     frozen = live != replace(b.communication, transmission_type=0, event_timer=0) or a.mapping != b.mapping
